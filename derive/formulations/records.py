@@ -1,0 +1,77 @@
+"""The Equations record: one formulation and one choice of quasi-velocities, as the functions of the generated module.
+
+x = (q, w), v = S w + R c. Every function is f(t, x, u, p); arguments it does not use are absent from its expressions and its code.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from derive.mechanics.records import Named, System
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument slot of the generated functions: t (scalar), x, u or p, and its SX symbols in order."""
+
+    name: str
+    symbols: ca.SX
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """The function is one Newton step: repeat with its first output as the new x until the last output, a scalar residual, is ≤ tolerance."""
+
+    tolerance: float
+    most: int
+
+
+@dataclass(frozen=True)
+class Guard:
+    """A pivot that must stay away from zero: |value| ≥ tolerance, else the function returns status SINGULAR."""
+
+    name: str
+    value: ca.SX
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Result:
+    """One result array of a function, row-major; `value` is dense r × c. Vectors are n × 1 and come out as (n,), 1 × 1 as a scalar slot of one."""
+
+    name: str
+    value: ca.SX
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Function:
+    """`about` is one line for the header, docstring and manifest; `named` are intermediates that name sections of the code."""
+
+    name: str
+    about: str
+    result: Result
+    named: tuple[Named, ...] = ()
+    guards: tuple[Guard, ...] = ()
+    iteration: Iteration | None = None
+    residual: ca.SX | None = None  # of an iteration
+
+
+@dataclass(frozen=True)
+class Equations:
+    system: System
+    formulation: str
+    choice: str
+    reason: str  # why this choice, in one sentence
+    arguments: tuple[Argument, ...]  # t, x, u, p in this order; u and p may be empty
+    functions: tuple[Function, ...]
+    named: tuple[Named, ...]  # S, R, Y, B and what the textbook shows
+    pivots: tuple[str, ...]  # in words, in elimination order
+    w: tuple[str, ...]  # names of the quasi-velocities
+    parameters: tuple[float, ...]  # defaults, in the order of p
+    assumptions: tuple[str, ...] = ()

@@ -1,0 +1,16 @@
+"""Fixed joint: child and parent move as one."""
+
+from derive.joints.records import JointType
+from derive.joints.rotations import IDENTITY
+
+FIXED = JointType(
+    name="fixed",
+    about="welds the child to the parent",
+    coordinates=(),
+    velocities=(),
+    needs_axis=False,
+    rotation=lambda q, axis: IDENTITY,
+    translation=lambda q, axis: [0.0, 0.0, 0.0],
+    motion=lambda q, axis: [],
+    rates=lambda q, v, axis: [],
+)

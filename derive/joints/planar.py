@@ -1,0 +1,48 @@
+"""Planar joint: two translations and a turn; base velocities = linear and angular velocity in the child's frame.
+
+The plane is the one at right angles to the axis, spanned by e1 and e2 = axis × e1: (x, y) for axis z, (x, z) for −y, (y, z) for x.
+"""
+
+from collections.abc import Sequence
+
+from derive.joints.records import JointType, Scalar, Slot, Vector
+from derive.joints.rotations import axis_rotation, cross, rotated, sum_of
+
+
+def _first(axis: Sequence[Scalar]) -> Vector:
+    along_x = all(float(a) == b for a, b in zip(axis, (1.0, 0.0, 0.0)))
+    return [0.0, 1.0, 0.0] if along_x else [1.0, 0.0, 0.0]
+
+
+def _second(axis: Sequence[Scalar]) -> Vector:
+    return cross(axis, _first(axis))
+
+
+def _in_plane(a: Scalar, b: Scalar, axis: Sequence[Scalar]) -> Vector:
+    return sum_of([a * e for e in _first(axis)], [b * e for e in _second(axis)])
+
+
+def _rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
+    velocity = rotated(axis_rotation(axis, q[2]), _in_plane(v[0], v[1], axis))
+    return [_component(velocity, _first(axis)), _component(velocity, _second(axis)), v[2]]
+
+
+def _component(x: Sequence[Scalar], unit: Sequence[Scalar]) -> Scalar:
+    return next(a * e for a, e in zip(x, unit) if float(e) != 0.0)
+
+
+PLANAR = JointType(
+    name="planar",
+    about="moves and turns in a plane; base velocities in the body's frame",
+    coordinates=(Slot("x", "m"), Slot("y", "m"), Slot("angle", "rad")),
+    velocities=(Slot("vx", "m/s"), Slot("vy", "m/s"), Slot("w", "rad/s")),
+    needs_axis=False,
+    rotation=lambda q, axis: axis_rotation(axis, q[2]),
+    translation=lambda q, axis: _in_plane(q[0], q[1], axis),
+    motion=lambda q, axis: [
+        [0.0, 0.0, 0.0, *_first(axis)],
+        [0.0, 0.0, 0.0, *_second(axis)],
+        [*axis, 0.0, 0.0, 0.0],
+    ],
+    rates=_rates,
+)

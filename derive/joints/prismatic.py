@@ -1,0 +1,16 @@
+"""Prismatic joint: slides along the axis; base velocity = the joint rate."""
+
+from derive.joints.records import JointType, Slot
+from derive.joints.rotations import IDENTITY
+
+PRISMATIC = JointType(
+    name="prismatic",
+    about="slides along one axis",
+    coordinates=(Slot("", "m"),),
+    velocities=(Slot("", "m/s"),),
+    needs_axis=True,
+    rotation=lambda q, axis: IDENTITY,
+    translation=lambda q, axis: [q[0] * a for a in axis],
+    motion=lambda q, axis: [[0.0, 0.0, 0.0, *axis]],
+    rates=lambda q, v, axis: [v[0]],
+)

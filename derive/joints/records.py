@@ -1,0 +1,43 @@
+"""What a joint type is: a short table of names and functions.
+
+The child joint frame sits at `translation` with `rotation` in the parent joint frame; its relative twist (ω, v at the joint
+frame's origin), written in the child joint frame, is motion(q, axis) v. Functions take and return lists of SX scalars or
+floats, so that structural zeros stay zeros.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+Scalar = Any  # casadi.SX scalar or float
+Vector = list[Scalar]
+Matrix = list[Vector]
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One coordinate or base velocity: suffix in names such as `base.vx` and its SI unit ("rad", "m", "rad/s", "m/s")."""
+
+    suffix: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class JointType:
+    """`motion` is a list of 6-vectors (angular first), one per velocity; `rates` is q̇ = N(q) v.
+
+    `velocity_slots` with suffix "" are the rate of the coordinate in the same place (base velocity `der(q)`).
+    `needs_axis` says whether a model must, in space, give an axis.
+    """
+
+    name: str
+    about: str
+    coordinates: tuple[Slot, ...]
+    velocities: tuple[Slot, ...]
+    needs_axis: bool
+    rotation: Callable[[Sequence[Scalar], Sequence[Scalar]], Matrix]  # (q, axis) → 3 × 3, parent joint frame ← child joint frame
+    translation: Callable[[Sequence[Scalar], Sequence[Scalar]], Vector]
+    motion: Callable[[Sequence[Scalar], Sequence[Scalar]], list[Vector]]
+    rates: Callable[[Sequence[Scalar], Sequence[Scalar], Sequence[Scalar]], Vector]  # (q, v, axis) → q̇

@@ -1,0 +1,16 @@
+"""Revolute joint: one turn about the axis; base velocity = the joint rate."""
+
+from derive.joints.records import JointType, Slot
+from derive.joints.rotations import axis_rotation
+
+REVOLUTE = JointType(
+    name="revolute",
+    about="turns about one axis",
+    coordinates=(Slot("", "rad"),),
+    velocities=(Slot("", "rad/s"),),
+    needs_axis=True,
+    rotation=lambda q, axis: axis_rotation(axis, q[0]),
+    translation=lambda q, axis: [0.0, 0.0, 0.0],
+    motion=lambda q, axis: [[*axis, 0.0, 0.0, 0.0]],
+    rates=lambda q, v, axis: [v[0]],
+)

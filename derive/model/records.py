@@ -1,0 +1,292 @@
+"""The Model record: what a model file says, with names resolved, units in SI and source spans kept.
+
+Everything is embedded in space: a planar model stores points as (a, b) placed on its two axes, its rotation axis, and one
+moment of inertia; `plane` says so. Formulas stay expression trees (derive.expressions.tree); numbers never replace parameters here.
+Placements say where a joint frame sits in a body: `position` in body coordinates, `rotation` body ← joint frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from derive.expressions.tree import Expression
+
+Vector3 = tuple[Expression, Expression, Expression]
+GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class Span:
+    """Where in the file (1-based line and column; `length` characters from there)."""
+
+    line: int
+    column: int
+    length: int = 1
+
+
+@dataclass(frozen=True)
+class Parameter:
+    name: str
+    value: float
+    unit: str
+    about: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """`owner` is the joint it belongs to, or "" for a coordinate of the analytic form; `about` is for readers."""
+
+    name: str
+    unit: str
+    owner: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """A base velocity: `der(q1)` where it is the rate of a coordinate (`rate_of`), else `joint.vx`, `joint.w` …"""
+
+    name: str
+    unit: str
+    owner: str
+    rate_of: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Placement:
+    position: Vector3
+    rotation: tuple[Vector3, Vector3, Vector3] | None  # rows; None is the identity
+
+
+@dataclass(frozen=True)
+class Body:
+    """Mass (kg), centre of mass (m, body frame), inertia (xx, yy, zz, xy, xz, yz; kg m², tensor entries about the centre of mass)."""
+
+    name: str
+    mass: Expression
+    com: Vector3
+    inertia: tuple[Expression, Expression, Expression, Expression, Expression, Expression]
+    span: Span
+
+
+@dataclass(frozen=True)
+class Joint:
+    """`orientation` is "" or, for a free joint, "quaternion" or an Euler sequence such as "zxy" (intrinsic)."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    at_parent: Placement
+    at_child: Placement
+    axis: Vector3
+    coordinates: tuple[str, ...]
+    velocities: tuple[str, ...]
+    orientation: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Closure:
+    name: str
+    type: str
+    bodies: tuple[str, str]
+    placements: tuple[Placement, Placement]
+    axis: Vector3
+    span: Span
+
+
+@dataclass(frozen=True)
+class Holonomic:
+    """expression(q, t) = 0. `nonideal`: the constraint's own generalised force per coordinate, or () when ideal."""
+
+    name: str
+    expression: Expression
+    nonideal: tuple[Expression, ...]
+    span: Span
+
+
+@dataclass(frozen=True)
+class Nonholonomic:
+    """expression(q, der(q), t) = 0, linear in the rates (checked when loaded)."""
+
+    name: str
+    expression: Expression
+    nonideal: tuple[Expression, ...]
+    span: Span
+
+
+@dataclass(frozen=True)
+class NoSlip:
+    """The body's material point `point` does not move along `direction` (both in body coordinates)."""
+
+    name: str
+    body: str
+    point: Vector3
+    direction: Vector3
+    span: Span
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """A thin disk (centre and unit axis in body coordinates) rolls without slip on the plane through `origin` with `normal` (ground)."""
+
+    name: str
+    body: str
+    centre: Vector3
+    radius: Expression
+    axis: Vector3
+    origin: Vector3
+    normal: Vector3
+    span: Span
+
+
+Constraint = Holonomic | Nonholonomic | NoSlip | Rolling
+
+
+@dataclass(frozen=True)
+class JointSpring:
+    """Generalised force −stiffness (q − rest) on one coordinate."""
+
+    name: str
+    coordinate: str
+    stiffness: Expression
+    rest: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class JointDamper:
+    """Generalised force −coefficient · rate on one coordinate's base velocity."""
+
+    name: str
+    velocity: str
+    coefficient: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class PointSpring:
+    """Along the line between two points: tension stiffness (distance − length) + damping · d(distance)/dt."""
+
+    name: str
+    bodies: tuple[str, str]
+    points: tuple[Vector3, Vector3]
+    stiffness: Expression
+    length: Expression
+    damping: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class Force:
+    """Force (N) on a body's point; components in the ground frame or, `frame` = "body", in the body's."""
+
+    name: str
+    body: str
+    point: Vector3
+    components: Vector3
+    frame: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Torque:
+    name: str
+    body: str
+    components: Vector3
+    frame: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class GeneralisedForce:
+    """Expression added to the force conjugate to one base velocity (a joint's actuator law, or `forces:` of the analytic form)."""
+
+    name: str
+    velocity: str
+    expression: Expression
+    span: Span
+
+
+Load = JointSpring | JointDamper | PointSpring | Force | Torque | GeneralisedForce
+
+
+@dataclass(frozen=True)
+class Input:
+    """An actuator: adds itself to the force conjugate to `velocity`; "" when it only occurs in expressions."""
+
+    name: str
+    velocity: str
+    unit: str
+    about: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Output:
+    """`expression` is a scalar, or a Call of position/velocity/angle/reaction with the body or constraint as a Name."""
+
+    name: str
+    expression: Expression
+    text: str
+    unit: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One choice of quasi-velocities. `kind` is "rows" (named rows, linear in the velocities), "orthonormal" or "auto"."""
+
+    name: str
+    kind: str
+    rows: tuple[tuple[str, Expression], ...]
+    span: Span
+
+
+@dataclass(frozen=True)
+class InitialValue:
+    """A coordinate or base velocity at t = 0. `held` values are kept when the state is made consistent, guesses move."""
+
+    name: str
+    value: Expression
+    held: bool
+    span: Span
+
+
+@dataclass(frozen=True)
+class SteadyMotion:
+    """What is held along a steady motion: coordinate or velocity name → expression of parameters and sweepable names."""
+
+    name: str
+    values: tuple[tuple[str, Expression], ...]
+    sweepable: tuple[str, ...]
+    span: Span
+
+
+@dataclass(frozen=True)
+class Model:
+    name: str
+    description: str
+    file: str
+    text: str
+    plane: str  # "xy", "xz", "yz", or "" in space
+    gravity: Vector3 | None
+    parameters: tuple[Parameter, ...]
+    coordinates: tuple[Coordinate, ...]  # in the order of q
+    velocities: tuple[Velocity, ...]  # in the order of v
+    definitions: tuple[tuple[str, Expression], ...]  # `where:`, each may use the earlier ones
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...]  # parents before children
+    closures: tuple[Closure, ...]
+    constraints: tuple[Constraint, ...]
+    loads: tuple[Load, ...]
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    choices: tuple[Choice, ...]  # never empty: at least one of kind "auto"
+    initial: tuple[InitialValue, ...]
+    steady_motions: tuple[SteadyMotion, ...]
+    kinetic: Expression | None
+    potential: Expression | None

@@ -1,0 +1,57 @@
+# Every target makes its own virtual environment first: a machine with Python 3.11, make and gcc is enough.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+HAMEL  := $(BIN)/hamel
+DEMO   := build/demo
+
+.PHONY: demo test test-slow lint fresh clean
+
+demo: $(VENV)/.run-time
+	$(HAMEL) build models/snake3.yaml -o $(DEMO)/snake3
+	$(HAMEL) verify models/snake3.yaml
+	$(HAMEL) simulate models/snake3.yaml --set tau1=0.01 --time 5 -o $(DEMO)/snake3.csv --plot $(DEMO)/snake3.svg
+	$(HAMEL) build models/four_bar.yaml -o $(DEMO)/four_bar
+	$(HAMEL) verify models/four_bar.yaml
+	$(HAMEL) simulate models/four_bar.yaml --time 10 -o $(DEMO)/four_bar.csv --plot $(DEMO)/four_bar.svg
+	@echo
+	@echo "Modules, motions and plots are in $(DEMO)."
+	@echo "Read   $(DEMO)/snake3/derivation.html"
+	@echo "Look   $(DEMO)/four_bar.svg"
+	@echo "Try    cd $(DEMO) && ../../$(BIN)/python -c 'import four_bar; print(four_bar.__doc__)'"
+
+test: lint
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(VENV)/.test
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+# Rebuild the committed modules after a change of the generator.
+fresh: $(VENV)/.run-time
+	@for name in snake3 four_bar; do $(HAMEL) build models/$$name.yaml -o generated/$$name || exit $$?; done
+
+clean:
+	rm -rf build dist .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find derive codegen hamel tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The stamps are older than pyproject.toml when the dependencies may have changed.
+$(VENV)/.run-time: pyproject.toml | $(BIN)/pip
+	@echo "installing hamel into $(VENV)"
+	@$(PIP) --editable .
+	@touch $@
+
+$(VENV)/.test: pyproject.toml | $(BIN)/pip
+	@echo "installing hamel and its test tools into $(VENV)"
+	@$(PIP) --editable '.[test]'
+	@touch $@ $(VENV)/.run-time
+
+$(BIN)/pip:
+	@$(PYTHON) -c 'import sys; sys.exit("hamel needs Python 3.11 or newer: make PYTHON=python3.11" if sys.version_info < (3, 11) else 0)'
+	@$(PYTHON) -m venv --clear $(VENV)

@@ -1,0 +1,145 @@
+"""The analytic half of a model by SymPy: Lagrange's equations and the derivatives of constraint expressions.
+
+Symbols: t, q, r (= q̇), v, u, p. Joints turn rates into base velocities: q̇ = N v, q̈ = N v̇ + Ṅ v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+
+from derive.expressions import tree
+from derive.model.records import Model
+from hamel.verify.formulas import SYMBOLIC, compiled, evaluated, lookup
+from hamel.verify.states import State
+from hamel.verify.vectors import Array
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Plain real symbols per group, and the table that formulas are read with."""
+
+    t: sympy.Symbol
+    q: tuple[sympy.Symbol, ...]
+    r: tuple[sympy.Symbol, ...]
+    v: tuple[sympy.Symbol, ...]
+    u: tuple[sympy.Symbol, ...]
+    p: tuple[sympy.Symbol, ...]
+    names: dict[str, Any]
+    rates: dict[str, Any]
+
+    def read(self, expression: tree.Expression) -> Any:
+        return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), SYMBOLIC))
+
+    def along(self, expression: Any) -> Any:
+        """Σ ∂e/∂q q̇ + ∂e/∂t: the time derivative less its part in the accelerations."""
+        return sum((sympy.diff(expression, x) * r for x, r in zip(self.q, self.r)), sympy.diff(expression, self.t))
+
+    def function(self, entries: list[Any]) -> Callable[[State], Array]:
+        at = compiled([self.t, self.q, self.r, self.v, self.u, self.p], entries)
+        return lambda s: at(s.t, s.q, s.rates, s.v, s.u, s.p)
+
+
+def symbols(model: Model) -> Symbols:
+    """Symbols for every name of the model; definitions are put in, each in terms of the earlier ones."""
+
+    def column(letter: str, count: int) -> tuple[sympy.Symbol, ...]:
+        return tuple(sympy.Symbol(f"{letter}{i}", real=True) for i in range(count))
+
+    q, r, v = column("q", len(model.coordinates)), column("r", len(model.coordinates)), column("v", len(model.velocities))
+    u, p, t = column("u", len(model.inputs)), column("p", len(model.parameters)), sympy.Symbol("t", real=True)
+    groups = ((model.coordinates, q), (model.velocities, v), (model.inputs, u), (model.parameters, p))
+    names = {"t": t, "pi": sympy.pi} | {item.name: x for items, xs in groups for item, x in zip(items, xs)}
+    result = Symbols(t, q, r, v, u, p, names, {c.name: x for c, x in zip(model.coordinates, r)})
+    for name, expression in model.definitions:
+        names[name] = result.read(expression)
+    return result
+
+
+@dataclass(frozen=True)
+class ConstraintRow:
+    """One row at one state: coefficients (nv) · v̇ = gamma; A v = c; phi for a holonomic row, else None."""
+
+    coefficients: Array
+    gamma: float
+    c: float
+    phi: float | None
+
+
+def holonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], ConstraintRow]:
+    """φ(q, t): φ_q N v̇ = −(φ_q q̇)_q q̇ − 2 φ_qt q̇ − φ_tt − φ_q Ṅ v, c = −φ_t."""
+    phi = s.read(expression)
+    rate = s.along(phi)
+    n = len(s.q)
+    at = s.function([*(sympy.diff(phi, x) for x in s.q), phi, sympy.diff(phi, s.t), s.along(rate)])
+
+    def row(state: State) -> ConstraintRow:
+        values = at(state)
+        gradient, (value, explicit, curvature) = values[:n], values[n:]
+        return ConstraintRow(gradient @ state.N, -curvature - gradient @ state.drift, -explicit, value)
+
+    return row
+
+
+def nonholonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], ConstraintRow]:
+    """e = a(q, t) q̇ + e_v v + b: (a N + e_v) v̇ = −e_q q̇ − e_t − a Ṅ v, c = −b."""
+    e = s.read(expression)
+    still = e.subs(dict.fromkeys((*s.r, *s.v), 0))
+    n = len(s.q)
+    at = s.function([*(sympy.diff(e, x) for x in (*s.r, *s.v)), still, s.along(e)])
+
+    def row(state: State) -> ConstraintRow:
+        values = at(state)
+        a, direct, (b, drift) = values[:n], values[n:-2], values[-2:]
+        return ConstraintRow(a @ state.N + direct, -drift - a @ state.drift, -b, None)
+
+    return row
+
+
+@dataclass(frozen=True)
+class Lagrange:
+    """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
+
+    `power` + `odd` · v̇ is what T + V gains without any force: explicit time, and a T that is not quadratic in the rates.
+    """
+
+    inertia: Array
+    force: Array
+    T: float
+    V: float
+    power: float
+    odd: Array
+
+
+def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
+    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·).
+
+    d(T + V)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t + dG/dt with G = 2 T − q̇·∂T/∂q̇, which vanishes for an ordinary quadratic T.
+    """
+    n, nv = len(s.q), len(s.v)
+    if model.kinetic is None and model.potential is None:
+        nothing = Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, np.zeros(nv))
+        return lambda state: nothing
+    at = s.function(_entries(model, s))
+
+    def evaluate(state: State) -> Lagrange:
+        mass, force, odd, (T, V, power) = np.split(at(state), np.cumsum([n * n, n, n]))
+        mass, N = mass.reshape(n, n), state.N
+        return Lagrange(N.T @ mass @ N, N.T @ (force - mass @ state.drift), T, V, power + odd @ state.drift, N.T @ odd)
+
+    return evaluate
+
+
+def _entries(model: Model, s: Symbols) -> list[Any]:
+    """mass (nq²), force (nq), ∂G/∂q̇ (nq), T, V, and the power that needs neither forces nor accelerations."""
+    T = s.read(model.kinetic) if model.kinetic is not None else sympy.Integer(0)
+    V = s.read(model.potential) if model.potential is not None else sympy.Integer(0)
+    momenta = [sympy.diff(T, r) for r in s.r]
+    mass = [sympy.diff(momentum, r) for momentum in momenta for r in s.r]
+    force = [sympy.diff(T - V, x) - s.along(momentum) for x, momentum in zip(s.q, momenta)]
+    G = 2 * T - sum(momentum * r for momentum, r in zip(momenta, s.r))
+    return [*mass, *force, *(sympy.diff(G, r) for r in s.r), T, V, sympy.diff(V - T, s.t) + s.along(G)]

@@ -1,0 +1,155 @@
+"""Applied forces in maximal coordinates z = (v, twist of each body), their potential energy and their power."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from derive.model.records import (
+    GROUND,
+    Body,
+    Force,
+    GeneralisedForce,
+    JointDamper,
+    JointSpring,
+    Load,
+    Model,
+    PointSpring,
+    Torque,
+)
+from hamel.verify.rows import Layout, nonideal_force
+from hamel.verify.states import State, inertia_tensor
+from hamel.verify.vectors import Array, cross, skew
+
+
+@dataclass(frozen=True)
+class Applied:
+    """Forces along z (nz): `conservative` follow from V (J), `other` do not; power = other · z (W)."""
+
+    conservative: Array
+    other: Array
+    V: float
+
+
+def nothing(place: Layout) -> Applied:
+    return Applied(np.zeros(place.size), np.zeros(place.size), 0.0)
+
+
+def applied(model: Model, place: Layout, state: State) -> Applied:
+    """Gravity, loads, inputs and the constraints' own nonideal forces, summed."""
+    gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
+    parts = [_weight(gravity, body, place, state) for body in model.bodies]
+    parts += [_load(load, model, place, state) for load in model.loads]
+    parts.append(_drive(model, place, state))
+    return Applied(
+        sum((part.conservative for part in parts), np.zeros(place.size)),
+        sum((part.other for part in parts), np.zeros(place.size)),
+        sum(part.V for part in parts),
+    )
+
+
+def _weight(gravity: Array, body: Body, place: Layout, state: State) -> Applied:
+    """Force m g at the centre of mass; V = −m g · r."""
+    frame, weight = state.frames[body.name], state.value(body.mass) * gravity
+    arm = frame.point(state.vector(body.com))
+    force = np.zeros(place.size)
+    force[place.twist(body.name)] = _wrench(arm, weight)
+    return Applied(force, np.zeros(place.size), -float(weight @ (frame.origin + arm)))
+
+
+def _wrench(arm: Array, force: Array) -> Array:
+    """(moment about the origin, force) of a force at `arm`."""
+    return np.concatenate([cross(arm, force), force])
+
+
+def _drive(model: Model, place: Layout, state: State) -> Applied:
+    """Inputs on the velocity they are conjugate to, and nonideal constraint forces."""
+    other = np.zeros(place.size)
+    other[: place.nv] = nonideal_force(model, state)
+    for item, value in zip(model.inputs, state.u):
+        if item.velocity:
+            other[_velocity(model, item.velocity)] += value
+    return Applied(np.zeros(place.size), other, 0.0)
+
+
+def _velocity(model: Model, name: str) -> int:
+    return [velocity.name for velocity in model.velocities].index(name)
+
+
+def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
+    match load:
+        case JointSpring():
+            return _joint_spring(load, model, place, state)
+        case JointDamper():
+            index = _velocity(model, load.velocity)
+            return _along(place, index, -state.value(load.coefficient) * state.v[index])
+        case GeneralisedForce():
+            return _along(place, _velocity(model, load.velocity), state.value(load.expression))
+        case PointSpring():
+            return _point_spring(load, place, state)
+        case Force():
+            arm = state.frames[load.body].point(state.vector(load.point))
+            return _on_body(place, load.body, _wrench(arm, _components(load, state)))
+        case Torque():
+            return _on_body(place, load.body, np.concatenate([_components(load, state), np.zeros(3)]))
+
+
+def _along(place: Layout, index: int, value: float) -> Applied:
+    other = np.zeros(place.size)
+    other[index] = value
+    return Applied(np.zeros(place.size), other, 0.0)
+
+
+def _on_body(place: Layout, body: str, wrench: Array) -> Applied:
+    other = np.zeros(place.size)
+    if body != GROUND:
+        other[place.twist(body)] = wrench
+    return Applied(np.zeros(place.size), other, 0.0)
+
+
+def _components(load: Force | Torque, state: State) -> Array:
+    components = state.vector(load.components)
+    return state.frames[load.body].rotation @ components if load.frame == "body" else components
+
+
+def _joint_spring(spring: JointSpring, model: Model, place: Layout, state: State) -> Applied:
+    """V = ½ k (q − rest)², force −k (q − rest) along the coordinate, Nᵀ of it along v."""
+    index = [coordinate.name for coordinate in model.coordinates].index(spring.coordinate)
+    stiffness, stretch = state.value(spring.stiffness), state.q[index] - state.value(spring.rest)
+    force = np.zeros(place.size)
+    force[: place.nv] = -stiffness * stretch * state.N[index]
+    return Applied(force, np.zeros(place.size), 0.5 * stiffness * stretch**2)
+
+
+def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
+    """Tension k (d − length) + damping ḋ along the line between the points; V = ½ k (d − length)²."""
+    frames = [state.frames[body] for body in spring.bodies]
+    arms = [frame.point(state.vector(point)) for frame, point in zip(frames, spring.points)]
+    line = frames[1].origin + arms[1] - frames[0].origin - arms[0]
+    distance = np.linalg.norm(line)
+    unit = line / distance
+    rate = unit @ (frames[1].speed(arms[1]) - frames[0].speed(arms[0]))
+    stiffness, stretch = state.value(spring.stiffness), distance - state.value(spring.length)
+    pull, drag = np.zeros(place.size), np.zeros(place.size)
+    for body, sign, arm in zip(spring.bodies, (1.0, -1.0), arms):
+        if body != GROUND:
+            pull[place.twist(body)] += sign * stiffness * stretch * _wrench(arm, unit)
+            drag[place.twist(body)] += sign * state.value(spring.damping) * rate * _wrench(arm, unit)
+    return Applied(pull, drag, float(0.5 * stiffness * stretch**2))
+
+
+def body_inertia(body: Body, state: State) -> tuple[Array, Array]:
+    """Newton–Euler of one body about its origin, ground axes: 6 × 6 inertia, and the velocity-dependent wrench 6.
+
+    J α + m c × a and m (a + α × c), with ω × J ω and m ω × (ω × c).
+    """
+    frame, mass = state.frames[body.name], state.value(body.mass)
+    c = frame.point(state.vector(body.com))
+    about_com = frame.rotation @ inertia_tensor(state, body) @ frame.rotation.T
+    about_origin = about_com + mass * ((c @ c) * np.eye(3) - np.outer(c, c))
+    inertia = np.block([[about_origin, mass * skew(c)], [-mass * skew(c), mass * np.eye(3)]])
+    gyroscopic = np.concatenate(
+        [cross(frame.omega, about_origin @ frame.omega), mass * cross(frame.omega, cross(frame.omega, c))]
+    )
+    return inertia, gyroscopic

@@ -1,0 +1,152 @@
+"""The independent reference: Newton–Euler equations of every body with multipliers, solved as numbers.
+
+Made from the Model alone. Unknowns: ż = (v̇, acceleration of each body) and a multiplier for each joint and constraint row,
+
+    [K  Gᵀ] [ ż]   [F]        K: analytic inertia and body inertias, F: all forces less the velocity-dependent ones,
+    [G  0 ] [−μ] = [γ]        G: joint rows above constraint rows, μ = (joint wrenches, λ).
+
+Nothing here passes through derive.mechanics, derive.joints or CasADi.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from derive.model.records import Model
+from hamel.verify.analytic import Lagrange, lagrange, symbols
+from hamel.verify.loads import Applied, applied, body_inertia
+from hamel.verify.rows import Layout, Rows, constraint_rows, joint_rows, layout, stacked
+from hamel.verify.saddle import condition_of, rank_of, saddle, solved
+from hamel.verify.states import STILL, State, state
+from hamel.verify.vectors import Array
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A model made ready for evaluation; `lagrange` and `constraints` are compiled once."""
+
+    model: Model
+    place: Layout
+    constraints: Callable[[State], Rows]
+    lagrange: Callable[[State], Lagrange]
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Velocity level at one state: twists = J v (6 nb × nv), A v = c, φ; `drift` are the twist rates at v̇ = 0."""
+
+    N: Array
+    J: Array
+    drift: Array
+    A: Array
+    c: Array
+    beta: Array
+    phi: Array
+
+    def violation(self, v: Array) -> Array:
+        return self.A @ v - self.c
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the reference says at one state. vdot nv, lam nc, wrenches nj × 6 (moment, force on the child, ground axes)."""
+
+    vdot: Array
+    qdot: Array
+    lam: Array
+    wrenches: Array
+    kinematics: Kinematics
+    M: Array  # nv × nv, Jᵀ K J
+    force: Array  # nv, Q − h: M v̇ = force + Aᵀ λ
+    T: float
+    V: float
+    power: float  # d(T + V)/dt = power + λᵀ c
+    rank: int  # of A
+    condition: float  # of [M Aᵀ; A 0] with rows and columns scaled to like size
+    residual: float  # of the solved system, relative
+
+    @property
+    def constraint_force(self) -> Array:
+        """Aᵀ λ, unique even where λ is not."""
+        return self.kinematics.A.T @ self.lam
+
+
+def reference(model: Model) -> Reference:
+    """Differentiate the analytic parts with SymPy and compile them."""
+    s = symbols(model)
+    return Reference(model, layout(model), constraint_rows(model, s), lagrange(model, s))
+
+
+def defaults(model: Model) -> Array:
+    """The parameters' own values, in the model's order."""
+    return np.array([parameter.value for parameter in model.parameters])
+
+
+def state_of(ref: Reference, t: float, q: Array, v: Array, u: Array | None = None, p: Array | None = None) -> State:
+    """The state (t, q, v, u, p) spelled out; missing inputs are zero, missing parameters their defaults."""
+    u = np.zeros(len(ref.model.inputs)) if u is None else u
+    p = defaults(ref.model) if p is None else p
+    return state(ref.model, float(t), *(np.asarray(x, dtype=float) for x in (q, v, u, p)))
+
+
+def kinematics(ref: Reference, s: State) -> Kinematics:
+    """Eliminate the joint rows: twists and twist rates as functions of v and v̇, then the constraint rows in v."""
+    nv = ref.place.nv
+    joints, rows = _joints(ref, s), ref.constraints(s)
+    inverse = np.linalg.solve(joints.coefficients[:, nv:], np.column_stack([-joints.coefficients[:, :nv], joints.gamma]))
+    J, drift = inverse[:, :nv], inverse[:, nv]
+    over_v, over_twists = rows.coefficients[:, :nv], rows.coefficients[:, nv:]
+    return Kinematics(s.N, J, drift, over_v + over_twists @ J, rows.c, rows.gamma - over_twists @ drift, rows.phi)
+
+
+def energies(ref: Reference, s: State) -> tuple[float, float]:
+    """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body and the analytic T; gravity, springs and the analytic V."""
+    analytic = ref.lagrange(s)
+    T = sum(0.5 * twist @ (inertia @ twist) for twist, inertia, _ in _bodies(ref, s))
+    return float(T) + analytic.T, applied(ref.model, ref.place, s).V + analytic.V
+
+
+def evaluate(ref: Reference, s: State) -> Outcome:
+    """Solve for v̇, the joint wrenches and λ at one state."""
+    analytic, loads = ref.lagrange(s), applied(ref.model, ref.place, s)
+    joints, rows, kin = _joints(ref, s), ref.constraints(s), kinematics(ref, s)
+    K, F = _newton_euler(ref, s, analytic, loads)
+    G, gamma = np.vstack([joints.coefficients, rows.coefficients]), np.concatenate([joints.gamma, rows.gamma])
+    rank = rank_of(kin.A)
+    solution, residual = solved(saddle(K, G), np.concatenate([F, gamma]), redundant=rank < len(kin.A))
+    nv, nz = ref.place.nv, ref.place.size
+    zdot, multipliers = solution[:nz], -solution[nz:]
+    wrenches, lam = np.split(multipliers, [len(joints.gamma)])
+    M = K[:nv, :nv] + kin.J.T @ K[nv:, nv:] @ kin.J
+    force = F[:nv] + kin.J.T @ (F[nv:] - K[nv:, nv:] @ kin.drift)
+    z = np.concatenate([s.v, kin.J @ s.v])
+    power = float(loads.other @ z + analytic.power + analytic.odd @ zdot[:nv])
+    T, V = energies(ref, s)
+    condition = condition_of(saddle(M, kin.A))
+    return Outcome(zdot[:nv], s.rates, lam, wrenches.reshape(-1, 6), kin, M, force, T, V, power, rank, condition, residual)
+
+
+def _joints(ref: Reference, s: State) -> Rows:
+    return stacked([joint_rows(seat, ref.place, s) for seat in s.seats], ref.place.size)
+
+
+def _bodies(ref: Reference, s: State) -> list[tuple[Array, Array, Array]]:
+    """(twist, inertia, velocity-dependent wrench) of every body."""
+    frames = [s.frames.get(body.name, STILL) for body in ref.model.bodies]
+    twists = [np.concatenate([frame.omega, frame.velocity]) for frame in frames]
+    return [(twist, *body_inertia(body, s)) for twist, body in zip(twists, ref.model.bodies)]
+
+
+def _newton_euler(ref: Reference, s: State, analytic: Lagrange, loads: Applied) -> tuple[Array, Array]:
+    """K (nz × nz) and F (nz)."""
+    nv = ref.place.nv
+    K, F = np.zeros((ref.place.size, ref.place.size)), loads.conservative + loads.other
+    K[:nv, :nv], F[:nv] = analytic.inertia, F[:nv] + analytic.force
+    for body, (_, inertia, gyroscopic) in zip(ref.model.bodies, _bodies(ref, s)):
+        block = ref.place.twist(body.name)
+        K[block, block] = inertia
+        F[block] -= gyroscopic
+    return K, F

@@ -1,0 +1,5 @@
+"""`python -m hamel` is the command `hamel`."""
+
+from hamel.cli import main
+
+main()

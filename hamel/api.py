@@ -1,0 +1,119 @@
+"""The verbs as functions. Each takes the path of a model file, returns a record of hamel.records, and raises HamelError."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from hamel import records
+from hamel.pipeline import Constants
+
+if TYPE_CHECKING:
+    from derive.formulations.records import Equations
+
+QUICK_STATES = 20  # what `build` verifies at; `verify` does more
+Model = str | Path
+
+
+def check(path: Model) -> records.Checked:
+    """Read a model, form its mechanics and make its initial state consistent, without generating anything."""
+    from hamel.verbs.check import run
+
+    return run(path)
+
+
+def build(
+    path: Model,
+    *,
+    choice: str | None = None,
+    out: str | Path | None = None,
+    constants: Constants = (),
+    functions: Collection[str] | None = None,
+    formulation: str = "quasi_velocities",
+) -> records.Built:
+    """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
+
+    `constants` names the parameters to bake in ("all" for every one); `out` defaults to generated/<model>.
+    """
+    from hamel.verbs.build import run
+
+    return run(path, choice, out, constants, functions, formulation, QUICK_STATES)
+
+
+def verify(
+    path: Model, *, choice: str | None = None, states: int = 100, seed: int = 0, constants: Constants = ()
+) -> records.Verified:
+    """Compare a choice (all of the file's when none is named) with an independent derivation at random admissible states."""
+    from hamel.verbs.verify import run
+
+    return run(path, choice, states, seed, constants)
+
+
+def simulate(
+    path: Model,
+    *,
+    choice: str | None = None,
+    time: float = 10.0,
+    step: float | None = None,
+    rtol: float = 1e-10,
+    atol: float | None = None,
+    values: Mapping[str, float | str] | None = None,
+    out: str | Path | None = None,
+    plot: str | Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> records.Simulated:
+    """Integrate from the consistent initial state. `values` sets initial values, parameters and (constant) inputs by name."""
+    from hamel.verbs.simulate import run
+
+    return run(path, choice, time, step, rtol, atol, values or {}, out, plot, progress)
+
+
+def derive(path: Model, *, choice: str | None = None, out: str | Path | None = None) -> records.Derived:
+    """Write the derivation as derivation.html and derivation.tex into `out` (default: the current folder)."""
+    from hamel.verbs.derive import run
+
+    return run(path, choice, Path(out or "."))
+
+
+def choices(path: Model) -> records.Choices:
+    """The candidates for the quasi-velocities, ranked, and why."""
+    from hamel.verbs.choices import run
+
+    return run(path)
+
+
+def list(path: Model | None = None) -> records.Listed:
+    """Everything hamel knows by name; with a model, everything that model names."""
+    from hamel.verbs.list import run
+
+    return run(path)
+
+
+def explain(path: Model, *, choice: str | None = None, constants: Constants = ()) -> records.Explained:
+    """Why the module of a choice looks as it does: choice, pivots, what the passes saved, what was left out."""
+    from hamel.verbs.explain import run
+
+    return run(path, choice, constants)
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of model files, for editors."""
+    from hamel.verbs.schema import run
+
+    return run()
+
+
+def load(folder: str | Path) -> ModuleType:
+    """The generated module in `folder` (it can also be imported like any package)."""
+    from hamel.pipeline import load_module
+
+    return load_module(Path(folder))
+
+
+def equations(path: Model, *, choice: str | None = None, constants: Constants = ()) -> Equations:
+    """The Equations record of a choice, for those who want the expressions themselves."""
+    from hamel.pipeline import equations_of
+
+    return equations_of(path, choice, constants)

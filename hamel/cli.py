@@ -1,0 +1,185 @@
+"""The command line: click options around the verbs of hamel.api; records go out as text for people or, with --json, as one object.
+
+Only click is imported until a verb runs.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import click
+
+import hamel
+from hamel import failures
+
+Function = Callable[..., Any]
+
+EPILOG = (
+    "Exit codes: 0 ok, 1 model error, 2 assumption violated, 3 toolchain missing or output not writable, 4 verification failed, "
+    "64 wrong usage, 70 internal error, 130 interrupted."
+)
+
+
+@click.group(epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(hamel.__version__, prog_name="hamel")
+def group() -> None:
+    """Explicit equations of motion from a model file: derived, compiled, verified."""
+
+
+def verb(function: Function) -> click.Command:
+    """Make a command of a function that returns a record: `--json` prints the record, else the verb's `show` does."""
+    name = function.__name__.rstrip("_")
+
+    @functools.wraps(function)
+    def run(as_json: bool, debug: bool, **options: Any) -> None:
+        record = function(**options)
+        _print(name, record, as_json, options)
+        if getattr(record, "passed", True) is False:
+            raise click.exceptions.Exit(failures.VERIFICATION)
+
+    run = click.option("--debug", is_flag=True, help="Show the traceback of an error.")(run)
+    run = click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(run)
+    return group.command(name)(run)
+
+
+def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> None:
+    if as_json:
+        _print_json(record)
+        return
+    from rich.console import Console
+
+    # Piped text is not cut to the width of a terminal that is not there.
+    console = Console(markup=False, highlight=False, emoji=False, soft_wrap=not sys.stdout.isatty())
+    if not sys.stdout.isatty():
+        console.width = 160
+    shown = importlib.import_module(f"hamel.verbs.{name}")
+    shown.show(record, console)
+    if options.get("explain"):
+        shown.explain(record, console)
+
+
+def _print_json(record: Any) -> None:
+    import json
+
+    from hamel.records import as_json
+
+    click.echo(json.dumps(as_json(record), allow_nan=False))
+
+
+MODEL = click.argument("model")
+CHOICE = click.option("--choice", metavar="NAME", help="The choice of quasi-velocities (default: the file's first).")
+CONSTANTS = click.option(
+    "--constants", metavar="all|a,b", default="", help="Parameters to bake in as numbers (default: none, all stay arguments)."
+)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name for name in (part.strip() for part in text.split(",")) if name)
+
+
+def _constants(text: str) -> Any:
+    return "all" if text.strip() == "all" else _names(text)
+
+
+@verb
+@MODEL
+def check(model: str) -> Any:
+    """Read MODEL and say what mechanical system it is."""
+    return hamel.check(model)
+
+
+@verb
+@MODEL
+@CHOICE
+@click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
+@CONSTANTS
+@click.option("--functions", metavar="a,b", default="", help="Emit these functions only (default: all the model has use for).")
+@click.option("--explain", is_flag=True, help="Also print what each pass saved and what was left out.")
+def build(model: str, choice: str | None, out: str | None, constants: str, functions: str, explain: bool) -> Any:
+    """Derive, compile and quickly verify a module of MODEL."""
+    return hamel.build(model, choice=choice, out=out, constants=_constants(constants), functions=_names(functions) or None)
+
+
+@verb
+@MODEL
+@click.option("--choice", metavar="NAME", help="Verify this choice of quasi-velocities only (default: all of the file's).")
+@click.option("--states", type=click.IntRange(1, 1_000_000), default=100, show_default=True, help="Random admissible states per choice.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@CONSTANTS
+def verify(model: str, choice: str | None, states: int, seed: int, constants: str) -> Any:
+    """Compare MODEL's code with an independent derivation."""
+    return hamel.verify(model, choice=choice, states=states, seed=seed, constants=_constants(constants))
+
+
+@verb
+@MODEL
+@CHOICE
+@click.option("--time", "--until", "time", type=float, default=10.0, show_default=True, metavar="S", help="The last time, in seconds.")
+@click.option("--step", type=float, metavar="S", help="Time between rows of the output (default: a five-hundredth of the time).")
+@click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance of a step.")
+@click.option("--atol", type=float, help="Absolute tolerance of a step (default: a hundredth of rtol).")
+@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Initial value, parameter or input; may be repeated.")
+@click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv or FILE.npz.")
+@click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
+def simulate(model: str, settings: Sequence[str], **options: Any) -> Any:
+    """Integrate MODEL from its consistent initial state."""
+    from hamel.progress import bar
+
+    values = dict(_setting(text) for text in settings)
+    with bar(options["time"]) as progress:
+        return hamel.simulate(model, values=values, progress=progress, **options)
+
+
+def _setting(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name.strip() and equals and value.strip()):
+        raise click.BadParameter(f"'{text}' is not NAME=VALUE", param_hint="--set")
+    return name.strip(), value.strip()
+
+
+@verb
+@MODEL
+@CHOICE
+@click.option("-o", "--out", metavar="DIR", help="Where derivation.html and derivation.tex go (default: here).")
+def derive(model: str, choice: str | None, out: str | None) -> Any:
+    """Write the derivation of MODEL to read."""
+    return hamel.derive(model, choice=choice, out=out)
+
+
+@verb
+@MODEL
+def choices(model: str) -> Any:
+    """Rank MODEL's choices of quasi-velocities, and say why."""
+    return hamel.choices(model)
+
+
+@verb
+@click.argument("model", required=False)
+def list_(model: str | None) -> Any:
+    """Name all that hamel knows, or all that MODEL names."""
+    return hamel.list(model)
+
+
+@verb
+@MODEL
+@CHOICE
+@CONSTANTS
+def explain(model: str, choice: str | None, constants: str) -> Any:
+    """Say why MODEL's module looks as it does."""
+    return hamel.explain(model, choice=choice, constants=_constants(constants))
+
+
+@verb
+def schema() -> Any:
+    """Print the JSON Schema of model files."""
+    return hamel.schema()
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command `hamel`; ends the process with a documented exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    sys.exit(failures.guarded(lambda: group.main(given, prog_name="hamel", standalone_mode=False), given))

@@ -1,0 +1,97 @@
+"""The road from a model file to a verified module on one page; every stage is timed, and imported when it is reached.
+
+    model.yaml → derive.model → derive.mechanics → derive.formulations → codegen.passes → codegen.build → hamel.verify
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from codegen.program import Program
+    from derive.formulations.records import Equations
+    from derive.model.records import Model
+
+MARK = "manifest.json"  # a folder with this file is one that hamel made
+Constants = Collection[str] | Literal["all"]
+
+
+@dataclass
+class Clock:
+    """Seconds per stage, in the order the stages ran."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
+
+
+def equations_of(
+    path: str | Path, choice: str | None = None, constants: Constants = (), formulation: str = "quasi_velocities", clock: Clock | None = None
+) -> Equations:
+    """Model file → Equations of one formulation and choice; the first choice of the file when none is named."""
+    clock = clock or Clock()
+    with clock("model"):
+        from derive.model import load
+
+        model = load(path)
+    return equations_of_model(model, choice, constants, formulation, clock)
+
+
+def equations_of_model(
+    model: Model, choice: str | None = None, constants: Constants = (), formulation: str = "quasi_velocities", clock: Clock | None = None
+) -> Equations:
+    """Model → System → Equations."""
+    clock = clock or Clock()
+    with clock("mechanics"):
+        from derive.mechanics import system
+
+        mechanics = system(model, constants)
+    with clock("formulation"):
+        from derive.formulations import equations
+
+        return equations(mechanics, choice, formulation)
+
+
+def program_of(equations: Equations, functions: Collection[str] | None = None, clock: Clock | None = None) -> Program:
+    """Equations → Program: the straight-line statements of each function, counted."""
+    with (clock or Clock())("passes"):
+        from codegen.passes import program
+
+        return program(equations, functions)
+
+
+def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None) -> Any:
+    """Program → folder: text of all targets, compiled."""
+    with (clock or Clock())("code"):
+        from codegen.build import build
+
+        return build(program, folder, extra=extra)
+
+
+def load_module(folder: Path) -> ModuleType:
+    """The generated module in `folder`."""
+    from codegen.loader import load
+
+    return load(folder)
+
+
+@contextmanager
+def temporary_module(equations: Equations) -> Iterator[ModuleType]:
+    """A module that is needed for the length of a command; codegen's cache keeps what was compiled."""
+    with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
+        place = Path(folder) / equations.system.model.name
+        emit(program_of(equations), place, {})
+        yield load_module(place)

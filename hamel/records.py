@@ -1,0 +1,163 @@
+"""What the verbs return. The fields are the keys of `--json`; nothing here imports more than the standard library."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A model that is a mechanical system. `rank` is that of the constraint rows at the consistent initial state."""
+
+    model: str
+    file: str
+    bodies: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    velocities: tuple[str, ...]
+    constraints: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    outputs: tuple[str, ...]
+    choices: tuple[str, ...]
+    rank: int
+    degrees_of_freedom: int
+    moved: Mapping[str, float]  # what the initial state's guesses were moved by
+    assumptions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Built:
+    """A module on disk. `seconds` is the time of each stage, `left_out` what this model has no use for."""
+
+    model: str
+    choice: str
+    reason: str
+    folder: Path
+    verified: bool
+    operations: Mapping[str, int]
+    seconds: Mapping[str, float]
+    quasi_velocities: tuple[str, ...]
+    left_out: tuple[str, ...]
+    ledger: tuple[Mapping[str, Any], ...]
+    compiled: bool
+
+
+@dataclass(frozen=True)
+class CheckLine:
+    name: str
+    value: float
+    tolerance: float
+    passed: bool
+
+
+@dataclass(frozen=True)
+class Verified:
+    """The checks of every choice that was asked for; names start with the choice."""
+
+    model: str
+    passed: bool
+    checks: tuple[CheckLine, ...]
+    states: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Derived:
+    model: str
+    choice: str
+    reason: str
+    html: Path
+    tex: Path
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """One candidate for the quasi-velocities, as `auto` sees it."""
+
+    name: str
+    kind: str
+    taken: bool
+    pivots: tuple[str, ...]
+    smallest_pivot: float
+    condition: float
+    operations: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Choices:
+    """The candidates, best first; `default` is what `build` takes when no choice is given."""
+
+    model: str
+    default: str
+    choices: tuple[Ranking, ...]
+
+
+@dataclass(frozen=True)
+class Explained:
+    """Why the module of a choice looks as it does."""
+
+    model: str
+    choice: str
+    reason: str
+    pivots: tuple[str, ...]
+    quasi_velocities: tuple[str, ...]
+    operations: Mapping[str, int]
+    ledger: tuple[Mapping[str, Any], ...]
+    left_out: tuple[str, ...]
+    assumptions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Known:
+    """A name with one line about it."""
+
+    name: str
+    about: str
+
+
+@dataclass(frozen=True)
+class Listed:
+    """Everything hamel knows by name, or everything one model names, by kind."""
+
+    kinds: Mapping[str, tuple[Known, ...]]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A motion and how far it can be trusted. The arrays are in `motion` and are left out of `--json`."""
+
+    model: str
+    choice: str
+    time: float
+    steps: int
+    rejected: int
+    seconds: float
+    position_violation: float  # max |φ|
+    velocity_violation: float  # max |A v − c|
+    energy_balance: float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy met
+    moved: Mapping[str, float]
+    final: Mapping[str, float]
+    file: Path | None
+    plot: Path | None
+    motion: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
+
+
+def as_json(record: Any) -> Any:
+    """The record as JSON values; what JSON has no number for (inf, nan) becomes null."""
+    if is_dataclass(record):
+        return {f.name: as_json(getattr(record, f.name)) for f in fields(record) if f.metadata.get("json", True)}
+    if isinstance(record, Mapping):
+        return {str(key): as_json(value) for key, value in record.items()}
+    if isinstance(record, list | tuple):
+        return [as_json(item) for item in record]
+    if isinstance(record, Path):
+        return str(record)
+    if isinstance(record, float) or hasattr(record, "item"):
+        number = record.item() if hasattr(record, "item") else record
+        return number if not isinstance(number, float) or math.isfinite(number) else None
+    return record

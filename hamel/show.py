@@ -1,0 +1,43 @@
+"""Pieces that several verbs print: counts, durations, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def operations(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items())
+
+
+def durations(seconds: Mapping[str, float]) -> str:
+    return ", ".join(f"{stage} {value:.2f} s" for stage, value in seconds.items())
+
+
+def number(value: float) -> str:
+    """Two digits are enough for an error, none for a zero."""
+    return "0" if value == 0 else f"{value:.2g}"
+
+
+def table(console: Console, headings: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[int] = ()) -> None:
+    """A plain table; the columns with an index in `right` are numbers."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    made = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for index, heading in enumerate(headings):
+        made.add_column(heading, justify="right" if index in right else "left", overflow="fold")
+    for row in rows:
+        made.add_row(*row)
+    console.print(made)
+
+
+def ledger(entries: Sequence[Mapping[str, Any]], left_out: Sequence[str], console: Console) -> None:
+    """What each pass did to each function, and what this model had no use for."""
+    rows = [(e["function"], e["step"], str(e["before"]), str(e["after"]), str(e["before"] - e["after"])) for e in entries]
+    table(console, ("function", "pass", "before", "after", "saved"), rows, right=(2, 3, 4))
+    for line in left_out:
+        console.print(f"left out: {line}")

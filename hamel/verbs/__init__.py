@@ -1,0 +1,1 @@
+"""One verb, one file: `run` does it and returns a record, `show` tells a person about the record."""

@@ -1,0 +1,29 @@
+"""derive: write the derivation to read, as a web page and as LaTeX."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hamel.pipeline import equations_of
+from hamel.records import Derived
+from hamel.staging import write_text
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def run(path: str | Path, choice: str | None, folder: Path) -> Derived:
+    from derive.textbook import html, latex
+
+    equations = equations_of(path, choice)
+    pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
+    write_text(pages["html"], html(equations))
+    write_text(pages["tex"], latex(equations))
+    return Derived(equations.system.model.name, equations.choice, equations.reason, **pages)
+
+
+def show(record: Derived, console: Console) -> None:
+    console.print(f"{record.model}, choice {record.choice}: {record.reason}")
+    console.print(f"  read    {record.html}")
+    console.print(f"  typeset {record.tex}")

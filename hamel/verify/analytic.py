@@ -13,10 +13,17 @@ import numpy as np
 import sympy
 
 from derive.expressions import tree
-from derive.model.records import Model
-from hamel.verify.formulas import SYMBOLIC, compiled, evaluated, lookup
+from derive.model.records import Holonomic, Model, Nonholonomic
+from hamel.verify.formulas import NUMERIC, evaluated, lookup
+from hamel.verify.loads import Lagrange
+from hamel.verify.rows import ConstraintRow
 from hamel.verify.states import State
 from hamel.verify.vectors import Array
+
+SYMBOLIC: dict[str, Callable[..., Any]] = {
+    **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
+    "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -40,8 +47,10 @@ class Symbols:
         return sum((sympy.diff(expression, x) * r for x, r in zip(self.q, self.r)), sympy.diff(expression, self.t))
 
     def function(self, entries: list[Any]) -> Callable[[State], Array]:
-        at = compiled([self.t, self.q, self.r, self.v, self.u, self.p], entries)
-        return lambda s: at(s.t, s.q, s.rates, s.v, s.u, s.p)
+        """The entries at a state, as one flat array (SymPy's code with shared subexpressions)."""
+        arguments = [self.t, self.q, self.r, self.v, self.u, self.p]
+        at = sympy.lambdify(arguments, [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True)
+        return lambda s: np.array(at(s.t, s.q, s.rates, s.v, s.u, s.p), dtype=float)
 
 
 def symbols(model: Model) -> Symbols:
@@ -60,14 +69,9 @@ def symbols(model: Model) -> Symbols:
     return result
 
 
-@dataclass(frozen=True)
-class ConstraintRow:
-    """One row at one state: coefficients (nv) · v̇ = gamma; A v = c; phi for a holonomic row, else None."""
-
-    coefficients: Array
-    gamma: float
-    c: float
-    phi: float | None
+def row(item: Holonomic | Nonholonomic, s: Symbols) -> Callable[[State], ConstraintRow]:
+    """The row of a constraint given as a formula."""
+    return holonomic_row(item.expression, s) if isinstance(item, Holonomic) else nonholonomic_row(item.expression, s)
 
 
 def holonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], ConstraintRow]:
@@ -100,46 +104,28 @@ def nonholonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State
     return row
 
 
-@dataclass(frozen=True)
-class Lagrange:
-    """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
-
-    `power` + `odd` · v̇ is what T + V gains without any force: explicit time, and a T that is not quadratic in the rates.
-    """
-
-    inertia: Array
-    force: Array
-    T: float
-    V: float
-    power: float
-    odd: Array
-
-
 def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
     """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·).
 
     d(T + V)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t + dG/dt with G = 2 T − q̇·∂T/∂q̇, which vanishes for an ordinary quadratic T.
     """
-    n, nv = len(s.q), len(s.v)
-    if model.kinetic is None and model.potential is None:
-        nothing = Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, np.zeros(nv))
-        return lambda state: nothing
+    n = len(s.q)
     at = s.function(_entries(model, s))
 
     def evaluate(state: State) -> Lagrange:
-        mass, force, odd, (T, V, power) = np.split(at(state), np.cumsum([n * n, n, n]))
+        mass, force, odd, (T, V, power, explicit) = np.split(at(state), np.cumsum([n * n, n, n]))
         mass, N = mass.reshape(n, n), state.N
-        return Lagrange(N.T @ mass @ N, N.T @ (force - mass @ state.drift), T, V, power + odd @ state.drift, N.T @ odd)
+        return Lagrange(N.T @ mass @ N, N.T @ (force - mass @ state.drift), T, V, power, explicit + odd @ state.drift, N.T @ odd)
 
     return evaluate
 
 
 def _entries(model: Model, s: Symbols) -> list[Any]:
-    """mass (nq²), force (nq), ∂G/∂q̇ (nq), T, V, and the power that needs neither forces nor accelerations."""
+    """mass (nq²), force (nq), ∂G/∂q̇ (nq), T, V, ∂V/∂t and dG/dt − ∂T/∂t less its part in q̈."""
     T = s.read(model.kinetic) if model.kinetic is not None else sympy.Integer(0)
     V = s.read(model.potential) if model.potential is not None else sympy.Integer(0)
     momenta = [sympy.diff(T, r) for r in s.r]
     mass = [sympy.diff(momentum, r) for momentum in momenta for r in s.r]
     force = [sympy.diff(T - V, x) - s.along(momentum) for x, momentum in zip(s.q, momenta)]
     G = 2 * T - sum(momentum * r for momentum, r in zip(momenta, s.r))
-    return [*mass, *force, *(sympy.diff(G, r) for r in s.r), T, V, sympy.diff(V - T, s.t) + s.along(G)]
+    return [*mass, *force, *(sympy.diff(G, r) for r in s.r), T, V, sympy.diff(V, s.t), s.along(G) - sympy.diff(T, s.t)]

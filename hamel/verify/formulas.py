@@ -1,13 +1,12 @@
-"""Formulas of the model as numbers and, where a derivative is needed, as SymPy expressions: nothing of CasADi in between."""
+"""Formulas of the model over any kind of number: the reference's own reading of the expression trees."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import reduce
 from typing import Any
 
 import numpy as np
-import sympy
 
 from derive.expressions import tree
 
@@ -18,10 +17,6 @@ NUMERIC: dict[str, Callable[..., Any]] = {
     "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "asinh": np.arcsinh, "acosh": np.arccosh, "atanh": np.arctanh,
     "exp": np.exp, "log": np.log, "ln": np.log, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign, "hypot": np.hypot,
     "min": lambda *x: min(x), "max": lambda *x: max(x), "floor": np.floor, "ceil": np.ceil,
-}  # fmt: skip
-SYMBOLIC: dict[str, Callable[..., Any]] = {
-    **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
-    "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max, "ceil": sympy.ceiling, "hypot": lambda x, y: sympy.sqrt(x**2 + y**2),
 }  # fmt: skip
 
 
@@ -64,11 +59,3 @@ def _power(base: Any, exponent: Any) -> Any:
 def lookup(names: Mapping[str, Any], rates: Mapping[str, Any]) -> Leaf:
     """Leaves from two tables: names (coordinates, parameters, inputs, definitions, t) and rates der(q)."""
     return lambda node: rates[node.name] if isinstance(node, tree.Rate) else names[node.name]
-
-
-def compiled(arguments: Sequence[Any], entries: Sequence[Any]) -> Callable[..., np.ndarray]:
-    """A NumPy function of `arguments` that returns the entries as one flat array (SymPy's code, shared subexpressions)."""
-    if not entries:
-        return lambda *values: np.zeros(0)
-    function = sympy.lambdify(arguments, [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True)
-    return lambda *values: np.array(function(*values), dtype=float)

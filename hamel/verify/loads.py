@@ -32,8 +32,20 @@ class Applied:
     V: float
 
 
-def nothing(place: Layout) -> Applied:
-    return Applied(np.zeros(place.size), np.zeros(place.size), 0.0)
+@dataclass(frozen=True)
+class Lagrange:
+    """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
+
+    `power` is ∂V/∂t; `explicit` + `odd` · v̇ is what T gains by itself: explicit time, and terms not quadratic in the rates.
+    """
+
+    inertia: Array
+    force: Array
+    T: float
+    V: float
+    power: float
+    explicit: float
+    odd: Array
 
 
 def applied(model: Model, place: Layout, state: State) -> Applied:
@@ -69,12 +81,17 @@ def _drive(model: Model, place: Layout, state: State) -> Applied:
     other[: place.nv] = nonideal_force(model, state)
     for item, value in zip(model.inputs, state.u):
         if item.velocity:
-            other[_velocity(model, item.velocity)] += value
+            other[: place.nv] += value * _conjugate(model, state, item.velocity)
     return Applied(np.zeros(place.size), other, 0.0)
 
 
-def _velocity(model: Model, name: str) -> int:
-    return [velocity.name for velocity in model.velocities].index(name)
+def _conjugate(model: Model, state: State, velocity: str) -> Array:
+    """g with g · v the velocity that a force is conjugate to: a base velocity, or the rate der(q) of any coordinate."""
+    for j, item in enumerate(model.velocities):
+        if item.name == velocity or (item.rate_of and velocity == f"der({item.rate_of})"):
+            return np.eye(len(model.velocities))[j]
+    coordinates = [f"der({coordinate.name})" for coordinate in model.coordinates]
+    return state.N[coordinates.index(velocity)]
 
 
 def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
@@ -82,10 +99,10 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
         case JointSpring():
             return _joint_spring(load, model, place, state)
         case JointDamper():
-            index = _velocity(model, load.velocity)
-            return _along(place, index, -state.value(load.coefficient) * state.v[index])
+            direction = _conjugate(model, state, load.velocity)
+            return _along(place, -state.value(load.coefficient) * (direction @ state.v) * direction)
         case GeneralisedForce():
-            return _along(place, _velocity(model, load.velocity), state.value(load.expression))
+            return _along(place, state.value(load.expression) * _conjugate(model, state, load.velocity))
         case PointSpring():
             return _point_spring(load, place, state)
         case Force():
@@ -95,10 +112,8 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(place, load.body, np.concatenate([_components(load, state), np.zeros(3)]))
 
 
-def _along(place: Layout, index: int, value: float) -> Applied:
-    other = np.zeros(place.size)
-    other[index] = value
-    return Applied(np.zeros(place.size), other, 0.0)
+def _along(place: Layout, force: Array) -> Applied:
+    return Applied(np.zeros(place.size), np.concatenate([force, np.zeros(place.size - place.nv)]), 0.0)
 
 
 def _on_body(place: Layout, body: str, wrench: Array) -> Applied:

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
-from derive.model.records import Model
-from hamel.verify.analytic import Lagrange, lagrange, symbols
-from hamel.verify.loads import Applied, applied, body_inertia
+from derive.model.records import Holonomic, Model, Nonholonomic
+from hamel.verify.loads import Applied, Lagrange, applied, body_inertia
 from hamel.verify.rows import Layout, Rows, constraint_rows, joint_rows, layout, stacked
 from hamel.verify.saddle import condition_of, rank_of, saddle, solved
 from hamel.verify.states import STILL, State, state
@@ -63,7 +63,8 @@ class Outcome:
     force: Array  # nv, Q − h: M v̇ = force + Aᵀ λ
     T: float
     V: float
-    power: float  # d(T + V)/dt = power + λᵀ c
+    power: float  # of all forces without a potential, and ∂V/∂t: d(T + V)/dt = power + λᵀ c + explicit
+    explicit: float  # what T gains by itself: explicit time, terms not quadratic in the rates
     rank: int  # of A
     condition: float  # of [M Aᵀ; A 0] with rows and columns scaled to like size
     residual: float  # of the solved system, relative
@@ -75,9 +76,24 @@ class Outcome:
 
 
 def reference(model: Model) -> Reference:
-    """Differentiate the analytic parts with SymPy and compile them."""
-    s = symbols(model)
-    return Reference(model, layout(model), constraint_rows(model, s), lagrange(model, s))
+    """Differentiate what the model gives as formulas with SymPy, once; a pure mechanism never loads SymPy."""
+    analytic = model.kinetic is not None or model.potential is not None
+    formulas = any(isinstance(item, Holonomic | Nonholonomic) for item in model.constraints)
+    if not (analytic or formulas):
+        return Reference(model, layout(model), constraint_rows(model, _no_formulas), lambda s: _no_energies(len(s.v)))
+    from hamel.verify import analytic as by_formula
+
+    s = by_formula.symbols(model)
+    energies_of = by_formula.lagrange(model, s) if analytic else lambda state: _no_energies(len(state.v))
+    return Reference(model, layout(model), constraint_rows(model, lambda item: by_formula.row(item, s)), energies_of)
+
+
+def _no_formulas(item: object) -> NoReturn:
+    raise AssertionError(f"{item} is a formula")
+
+
+def _no_energies(nv: int) -> Lagrange:
+    return Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, 0.0, np.zeros(nv))
 
 
 def defaults(model: Model) -> Array:
@@ -123,10 +139,12 @@ def evaluate(ref: Reference, s: State) -> Outcome:
     M = K[:nv, :nv] + kin.J.T @ K[nv:, nv:] @ kin.J
     force = F[:nv] + kin.J.T @ (F[nv:] - K[nv:, nv:] @ kin.drift)
     z = np.concatenate([s.v, kin.J @ s.v])
-    power = float(loads.other @ z + analytic.power + analytic.odd @ zdot[:nv])
+    power, explicit = float(loads.other @ z) + analytic.power, float(analytic.explicit + analytic.odd @ zdot[:nv])
     T, V = energies(ref, s)
     condition = condition_of(saddle(M, kin.A))
-    return Outcome(zdot[:nv], s.rates, lam, wrenches.reshape(-1, 6), kin, M, force, T, V, power, rank, condition, residual)
+    return Outcome(
+        zdot[:nv], s.rates, lam, wrenches.reshape(-1, 6), kin, M, force, T, V, power, explicit, rank, condition, residual
+    )
 
 
 def _joints(ref: Reference, s: State) -> Rows:

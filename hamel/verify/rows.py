@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from derive.expressions import tree
-from derive.model.records import GROUND, Closure, Holonomic, Model, Nonholonomic, NoSlip, Rolling
-from hamel.verify.analytic import ConstraintRow, Symbols, holonomic_row, nonholonomic_row
+from derive.model.records import GROUND, Closure, Constraint, Holonomic, Model, Nonholonomic, NoSlip, Rolling
 from hamel.verify.states import Frame, Seat, State
 from hamel.verify.vectors import UNIT, Array, cross, skew
 
@@ -26,6 +25,16 @@ class Rows:
     gamma: Array
     c: Array
     phi: Array
+
+
+@dataclass(frozen=True)
+class ConstraintRow:
+    """One row over v from a formula: coefficients (nv) · v̇ = gamma, A v = c; phi for a holonomic row, else None."""
+
+    coefficients: Array
+    gamma: float
+    c: float
+    phi: float | None
 
 
 @dataclass(frozen=True)
@@ -149,26 +158,29 @@ def _unit(x: Array, x_rate: Array) -> tuple[Array, Array]:
 RowsOf = Callable[[State], Rows]
 
 
-def constraint_rows(model: Model, s: Symbols) -> RowsOf:
-    """All constraint rows in the model's order: closures first, then constraints."""
+def constraint_rows(
+    model: Model, expression_row: Callable[[Holonomic | Nonholonomic], Callable[[State], ConstraintRow]]
+) -> RowsOf:
+    """All constraint rows in the model's order, closures first; `expression_row` differentiates what is given as a formula."""
     place = layout(model)
-    parts = [_rows_of(item, model, place, s) for item in (*model.closures, *model.constraints)]
+
+    def rows_of(item: Closure | Constraint) -> RowsOf:
+        if isinstance(item, Holonomic | Nonholonomic):
+            return _embedded(expression_row(item), place)
+        return lambda state: _physical_rows(item, model, place, state)
+
+    parts = [rows_of(item) for item in (*model.closures, *model.constraints)]
     return lambda state: stacked([part(state) for part in parts], place.size)
 
 
-def _rows_of(item: object, model: Model, place: Layout, s: Symbols) -> RowsOf:
+def _physical_rows(item: Closure | NoSlip | Rolling, model: Model, place: Layout, state: State) -> Rows:
     match item:
         case Closure():
-            return lambda state: closure_rows(item, model, place, state)
+            return closure_rows(item, model, place, state)
         case NoSlip():
-            return lambda state: no_slip_row(item, place, state)
+            return no_slip_row(item, place, state)
         case Rolling():
-            return lambda state: rolling_rows(item, place, state)
-        case Holonomic():
-            return _embedded(holonomic_row(item.expression, s), place)
-        case Nonholonomic():
-            return _embedded(nonholonomic_row(item.expression, s), place)
-    raise NotImplementedError(f"the reference does not know constraints of type {type(item).__name__}")
+            return rolling_rows(item, place, state)
 
 
 def _embedded(row: Callable[[State], ConstraintRow], place: Layout) -> RowsOf:

@@ -1,0 +1,43 @@
+"""Comparison of arrays over many states, component by component, each against its own typical size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hamel.verify.vectors import Array
+
+FLOOR = 1e-3  # a component counts as at least this part of the largest component's typical size …
+SMALL = 1e-6  # … and as at least this in SI units, so that the roundoff of a quantity that is zero is not compared with itself
+
+
+def sizes(values: Array, floor: float = FLOOR) -> Array:
+    """For states × k values: what size an error in each is to be compared with, max(|value|, its median, the floors)."""
+    typical = np.median(np.abs(values), axis=0)
+    least = max(SMALL, floor * float(np.max(typical, initial=0.0)))
+    return np.maximum(np.abs(values), np.maximum(typical, least))
+
+
+def worst(errors: Array | Sequence[float]) -> float:
+    """The largest entry; infinite where one is not a number, zero where there is none."""
+    errors = np.abs(np.asarray(errors, dtype=float))
+    if not errors.size:
+        return 0.0
+    return float("inf") if np.isnan(errors).any() else float(errors.max())
+
+
+def deviation(got: Sequence[Array], wanted: Sequence[Array], relax: Sequence[float] | None = None) -> float:
+    """Worst relative error over the states, each state's error divided by `relax` (a condition number)."""
+    left, right = (np.array([np.ravel(x) for x in side], dtype=float) for side in (got, wanted))
+    if left.shape != right.shape:
+        return float("inf")
+    weights = np.ones(len(left)) if relax is None else np.asarray(relax, dtype=float)
+    with np.errstate(invalid="ignore"):
+        return worst((left - right) / sizes(right) / weights[:, None])
+
+
+def slope(function, step: float) -> Array:
+    """Derivative at 0 by five points, error O(step⁴): (8 (f₁ − f₋₁) − (f₂ − f₋₂)) / 12 step."""
+    f = {k: np.asarray(function(k * step), dtype=float) for k in (-2, -1, 1, 2)}
+    return (8.0 * (f[1] - f[-1]) - (f[2] - f[-2])) / (12.0 * step)

@@ -1,0 +1,37 @@
+"""What verification says. The fields are the keys of `--json`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Check:
+    """One rung at all states: `value` is the worst relative error met, `about` says against what and why the tolerance."""
+
+    name: str
+    value: float
+    tolerance: float
+    passed: bool
+    about: str
+
+
+@dataclass(frozen=True)
+class Verification:
+    """All checks of one choice of quasi-velocities at `states` random admissible states."""
+
+    model: str
+    choice: str
+    passed: bool
+    checks: tuple[Check, ...]
+    states: int
+    seed: int
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        return tuple(check for check in self.checks if not check.passed)
+
+    def as_json(self) -> dict[str, Any]:
+        """{"model", "choice", "passed", "checks": [{"name", "value", "tolerance", "passed", "about"}], "states", "seed"}."""
+        return asdict(self)

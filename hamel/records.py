@@ -25,7 +25,7 @@ class Checked:
     choices: tuple[str, ...]
     rank: int
     degrees_of_freedom: int
-    moved: Mapping[str, float]  # what the initial state's guesses were moved by
+    moved: Mapping[str, Mapping[str, float]]  # held initial values that had to give way: given and used
     assumptions: tuple[str, ...]
 
 
@@ -80,7 +80,7 @@ class Ranking:
 
     name: str
     kind: str
-    taken: bool
+    rows: tuple[str, ...]
     pivots: tuple[str, ...]
     smallest_pivot: float
     condition: float
@@ -140,7 +140,7 @@ class Simulated:
     position_violation: float  # max |φ|
     velocity_violation: float  # max |A v − c|
     energy_balance: float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy met
-    moved: Mapping[str, float]
+    moved: Mapping[str, Mapping[str, float]]
     final: Mapping[str, float]
     file: Path | None
     plot: Path | None

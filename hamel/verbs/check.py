@@ -1,0 +1,66 @@
+"""check: read a model, form its mechanics, make its initial state consistent; nothing is generated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hamel.records import Checked
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from derive.mechanics.records import System
+
+RANK = 1e-9  # singular values below this fraction of the largest are zero: constraints of exact models are far from it
+
+
+def run(path: str | Path) -> Checked:
+    from derive.mechanics import system
+    from derive.mechanics.initial import initial_state
+    from derive.model import load
+
+    model = load(path)
+    mechanics = system(model)
+    initial = initial_state(mechanics)
+    rank = _rank(mechanics, initial.q)
+    return Checked(
+        model=model.name,
+        file=model.file,
+        bodies=tuple(body.name for body in model.bodies),
+        coordinates=tuple(coordinate.name for coordinate in model.coordinates),
+        velocities=tuple(velocity.name for velocity in model.velocities),
+        constraints=tuple(row.name for row in mechanics.rows),
+        inputs=tuple(given.name for given in model.inputs),
+        parameters=tuple(parameter.name for parameter in model.parameters),
+        outputs=tuple(output.name for output in model.outputs),
+        choices=tuple(choice.name for choice in model.choices),
+        rank=rank,
+        degrees_of_freedom=len(model.velocities) - rank,
+        moved=moved_by(initial.moved),
+        assumptions=mechanics.assumptions,
+    )
+
+
+def moved_by(moved: Iterable[tuple[str, float, float]]) -> dict[str, dict[str, float]]:
+    """Held initial values that had to give way, by name."""
+    return {name: {"given": given, "used": used} for name, given, used in moved}
+
+
+def _rank(mechanics: System, q: Any) -> int:
+    """Rank of A at the configuration q, t = 0, with the file's parameters."""
+    import casadi as ca
+    import numpy as np
+
+    rows = ca.Function("A", [mechanics.t, mechanics.q, mechanics.p], [ca.densify(mechanics.A)])
+    values = np.linalg.svd(np.asarray(rows(0.0, q, list(mechanics.parameters))), compute_uv=False)
+    return int(np.sum(values > RANK * values[0])) if values.size else 0
+
+
+def show(record: Checked, console: Console) -> None:
+    size = f"{len(record.velocities)} velocities, {len(record.constraints)} constraints of rank {record.rank}"
+    freedom = f"{record.degrees_of_freedom} degree{'s' if record.degrees_of_freedom != 1 else ''} of freedom"
+    console.print(f"{record.model}: ok, {size}, {freedom}; choices {', '.join(record.choices)}")
+    for name, by in record.moved.items():
+        console.print(f"  initial {name} = {by['given']:.6g} cannot be kept, {by['used']:.6g} is used")

@@ -1,0 +1,41 @@
+"""explain: why the module of a choice looks as it does."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hamel.pipeline import Constants, equations_of, program_of
+from hamel.records import Explained
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def run(path: str | Path, choice: str | None, constants: Constants) -> Explained:
+    equations = equations_of(path, choice, constants)
+    program = program_of(equations)
+    return Explained(
+        model=program.name,
+        choice=program.choice,
+        reason=program.reason,
+        pivots=program.pivots,
+        quasi_velocities=program.quasi_velocities,
+        operations={kernel.name: kernel.operations["total"] for kernel in program.kernels},
+        ledger=tuple(asdict(entry) for entry in program.ledger),
+        left_out=program.left_out,
+        assumptions=program.assumptions,
+    )
+
+
+def show(record: Explained, console: Console) -> None:
+    from hamel.show import ledger, operations
+
+    console.print(f"{record.model}, choice {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}")
+    for pivot in record.pivots:
+        console.print(f"pivot: {pivot}")
+    for assumption in record.assumptions:
+        console.print(f"assumed: {assumption}")
+    console.print(f"operations: {operations(record.operations)}")
+    ledger(record.ledger, record.left_out, console)

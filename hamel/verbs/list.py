@@ -1,0 +1,121 @@
+"""list: everything hamel knows by name, or everything one model names, a line each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hamel.records import Known, Listed
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from derive.model.records import Model
+
+
+def run(path: str | Path | None) -> Listed:
+    return Listed(_known()) if path is None else Listed(_named(path))
+
+
+def _known() -> dict[str, tuple[Known, ...]]:
+    """From the registries the stages loop over themselves, so that nothing can be missing here."""
+    from codegen.targets import TARGETS
+    from derive.formulations import FORMULATIONS
+    from derive.joints import JOINTS
+    from derive.model import schema
+
+    shape = schema()
+    return {
+        "joints": _abouts(JOINTS),
+        "closures": tuple(_enumerated(shape, "ClosureEntry")),
+        "constraints": tuple(_entries(shape, "constraints")),
+        "loads": tuple(_entries(shape, "loads")),
+        "formulations": _abouts(FORMULATIONS),
+        "targets": _abouts(TARGETS),
+    }
+
+
+def _abouts(registry: Iterable[Any]) -> tuple[Known, ...]:
+    return tuple(Known(item.name, item.about) for item in registry)
+
+
+def _enumerated(shape: dict[str, Any], entry: str) -> Iterator[Known]:
+    """The joint types an entry of the schema accepts."""
+    from derive.joints import JOINTS
+
+    accepted = shape["$defs"][entry]["properties"]["type"]["enum"]
+    return (Known(joint.name, f"closes a loop: {joint.about}") for joint in JOINTS if joint.name in accepted)
+
+
+def _entries(shape: dict[str, Any], section: str) -> Iterator[Known]:
+    """The kinds of entry a section of a model file accepts; an entry without `type` is known by its first key."""
+    for reference in _references(shape["properties"][section]):
+        entry = shape["$defs"][reference.rsplit("/", 1)[-1]]
+        kind = entry["properties"].get("type", {}).get("const") or entry["required"][0]
+        yield Known(kind, " ".join(entry.get("description", "").split()))
+
+
+def _references(node: Any) -> Iterator[str]:
+    if isinstance(node, dict):
+        if isinstance(node.get("$ref"), str):
+            yield node["$ref"]
+        for value in node.values():
+            yield from _references(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from _references(value)
+
+
+def _named(path: str | Path) -> dict[str, tuple[Known, ...]]:
+    from derive.model import load
+
+    model = load(path)
+    kinds = {
+        "parameters": (Known(p.name, _line(f"{p.value:.6g} {p.unit}", p.about)) for p in model.parameters),
+        "bodies": (Known(body.name, "body") for body in model.bodies),
+        "joints": (Known(j.name, f"{j.type}, {j.parent} to {j.child}: {', '.join(j.coordinates)}") for j in model.joints),
+        "closures": (Known(c.name, f"{c.type}, {' and '.join(c.bodies)}") for c in model.closures),
+        "constraints": (Known(c.name, _kind(c)) for c in model.constraints),
+        "loads": (Known(load.name, _kind(load)) for load in model.loads),
+        "inputs": (Known(i.name, _line(f"{i.velocity or 'used in formulas'}, {i.unit}", i.about)) for i in model.inputs),
+        "outputs": (Known(o.name, _line(o.text, o.unit)) for o in model.outputs),
+        "coordinates": (Known(c.name, c.unit) for c in model.coordinates),
+        "velocities": (Known(v.name, v.unit) for v in model.velocities),
+        "choices": _choices(model),
+        "functions": _functions(model),
+    }
+    listed = {kind: tuple(names) for kind, names in kinds.items()}
+    return {kind: names for kind, names in listed.items() if names}
+
+
+def _line(*parts: str) -> str:
+    return ", ".join(part for part in parts if part)
+
+
+def _kind(item: object) -> str:
+    """NoSlip → "no slip": the records are named after what they are."""
+    name = type(item).__name__
+    return "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
+
+
+def _choices(model: Model) -> Iterator[Known]:
+    for choice in model.choices:
+        yield Known(choice.name, ", ".join(name for name, _ in choice.rows) or choice.kind)
+
+
+def _functions(model: Model) -> Iterator[Known]:
+    """The functions of the generated module: all of the model's first choice."""
+    from hamel.pipeline import equations_of_model
+
+    for function in equations_of_model(model).functions:
+        if function.result.value.numel():
+            yield Known(function.name, function.about)
+
+
+def show(record: Listed, console: Console) -> None:
+    width = max((len(item.name) for names in record.kinds.values() for item in names), default=0)
+    for kind, names in record.kinds.items():
+        console.print(kind)
+        for item in names:
+            console.print(f"  {item.name:<{width}}  {item.about}".rstrip())

@@ -7,6 +7,7 @@ Numbers are already in SI units. Names are resolved by derive.model, never here.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 
@@ -86,3 +87,56 @@ Expression = Number | Name | Rate | Sum | Product | Quotient | Power | Negative 
 
 ZERO = Number(0.0)
 ONE = Number(1.0)
+
+
+def children(expression: Expression) -> tuple[Expression, ...]:
+    """The direct operands, left to right."""
+    match expression:
+        case Sum(terms):
+            return terms
+        case Product(factors):
+            return factors
+        case Quotient(numerator, denominator):
+            return (numerator, denominator)
+        case Power(base, exponent):
+            return (base, exponent)
+        case Negative(argument):
+            return (argument,)
+        case Call(_, arguments):
+            return arguments
+        case Vector(entries):
+            return entries
+    return ()
+
+
+def walk(expression: Expression) -> Iterator[Expression]:
+    """Every node, operands before the node they belong to; no recursion."""
+    stack = [(expression, False)]
+    while stack:
+        node, expanded = stack.pop()
+        if expanded or not (operands := children(node)):
+            yield node
+            continue
+        stack.append((node, True))
+        stack.extend((operand, False) for operand in reversed(operands))
+
+
+def rebuilt(expression: Expression, leaf: Callable[[Expression], Expression]) -> Expression:
+    """The same tree with every leaf replaced by leaf(leaf)."""
+    operands = tuple(rebuilt(operand, leaf) for operand in children(expression))
+    match expression:
+        case Sum(_, at):
+            return Sum(operands, at)
+        case Product(_, at):
+            return Product(operands, at)
+        case Quotient(_, _, at):
+            return Quotient(operands[0], operands[1], at)
+        case Power(_, _, at):
+            return Power(operands[0], operands[1], at)
+        case Negative(_, at):
+            return Negative(operands[0], at)
+        case Call(function, _, at):
+            return Call(function, operands, at)
+        case Vector(_, at):
+            return Vector(operands, at)
+    return leaf(expression)

@@ -1,0 +1,42 @@
+"""The model language: YAML text → Model. Nothing heavy is imported before a model is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from derive.diagnostics import Diagnostic, ModelError
+from derive.model.records import Model
+
+__all__ = ["Model", "load", "load_text", "schema"]
+
+
+def load(path: str | Path) -> Model:
+    """The Model of a file; ModelError with file, line and column of everything wrong with it."""
+    from derive.model.document import LARGEST, decoded
+
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(LARGEST + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise ModelError(Diagnostic(str(path), message=f"cannot be read: {reason}")) from None
+    return load_text(decoded(content, str(path)), str(path))
+
+
+def load_text(text: str, file: str = "<text>") -> Model:
+    """The same for text in memory; `file` is its name in messages."""
+    from derive.model.build import built
+    from derive.model.document import Source, parsed
+    from derive.model.structure import structured
+
+    source = Source(text, file)
+    return built(structured(parsed(source), source), source)
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of a model file, for editors."""
+    from derive.joints import JOINTS
+    from derive.model.schema import json_schema
+
+    return json_schema(tuple(joint.name for joint in JOINTS))

@@ -1,0 +1,113 @@
+"""What is said when something is wrong: one message with file, line, column, what was expected and the nearest known name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+WINDOW = 160  # characters of a source line that are shown at most
+SHOWN = 20  # problems printed at once
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One problem. Lines and columns count from 1; line 0 means that there is no place in a file to point at."""
+
+    file: str = ""
+    line: int = 0
+    column: int = 0
+    length: int = 1
+    message: str = ""
+    expected: str = ""
+    hint: str = ""
+    source_line: str = ""
+
+    def __str__(self) -> str:
+        return "\n".join([self.headline(), *self._excerpt(), *self._advice()])
+
+    def headline(self) -> str:
+        """The one-line form, `file:line:column: error: message`."""
+        place = f"{self.file}:{self.line}:{self.column}: " if self.line else (f"{self.file}: " if self.file else "")
+        return f"{place}error: {self.message}"
+
+    def _excerpt(self) -> list[str]:
+        if not self.line or not self.source_line.strip():
+            return []
+        first = max(0, self.column - 1 - WINDOW // 2)
+        shown = self.source_line[first : first + WINDOW]
+        before = shown[: self.column - 1 - first]
+        # a tab under a tab keeps the caret below the place it points at
+        padding = "".join("\t" if c == "\t" else " " for c in before)
+        width = max(1, min(self.length, len(shown) - len(before)))
+        return [f"  {shown}", f"  {padding}{'^' * width}"]
+
+    def _advice(self) -> list[str]:
+        expected = [f"  expected: {self.expected}"] if self.expected else []
+        return expected + ([f"  {self.hint}"] if self.hint else [])
+
+
+class HamelError(Exception):
+    """Base of all errors that are somebody's to mend: `diagnostics` say what and where, `exit_code` is the command's."""
+
+    exit_code = 1
+
+    def __init__(self, problems: str | Diagnostic | Iterable[Diagnostic], hint: str = "") -> None:
+        if isinstance(problems, str):
+            problems = Diagnostic(message=problems, hint=hint)
+        self.diagnostics: tuple[Diagnostic, ...] = (problems,) if isinstance(problems, Diagnostic) else tuple(problems)
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        shown = [str(problem) for problem in self.diagnostics[:SHOWN]]
+        left = len(self.diagnostics) - len(shown)
+        return "\n".join(shown + ([f"… and {left} more"] if left else []))
+
+    def __reduce__(self) -> tuple[type[HamelError], tuple[tuple[Diagnostic, ...]]]:
+        return type(self), (self.diagnostics,)  # so that it survives the way back from a worker process
+
+
+class ModelError(HamelError):
+    """The model file does not say a mechanical system."""
+
+    exit_code = 1
+
+
+class AssumptionError(HamelError):
+    """The model is readable, but what a method assumes does not hold for it."""
+
+    exit_code = 2
+
+
+class ToolchainError(HamelError):
+    """A compiler, a header or a writable folder is missing."""
+
+    exit_code = 3
+
+
+class VerificationError(HamelError):
+    """The generated equations do not agree with the reference."""
+
+    exit_code = 4
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str | None:
+    """The known name that was probably meant, or None."""
+    known = list(dict.fromkeys(candidates))
+    for candidate in known:  # wrong case is the commonest slip, and difflib sees `X` and `x` as strangers
+        if candidate.lower() == name.lower() and candidate != name:
+            return candidate
+    found = difflib.get_close_matches(name[:80], known, n=1, cutoff=0.6)
+    return found[0] if found else None
+
+
+def did_you_mean(name: str, candidates: Iterable[str]) -> str:
+    """The hint "did you mean 'x'?", or nothing where no known name is near."""
+    near = nearest(name, candidates)
+    return f"did you mean '{near}'?" if near else ""
+
+
+def listed(names: Iterable[str], most: int = 12) -> str:
+    """Names for the `expected` line, cut where a reader stops reading."""
+    known = list(dict.fromkeys(names))
+    return ", ".join(known[:most]) + (f", … ({len(known)} in all)" if len(known) > most else "")

@@ -1,0 +1,179 @@
+"""Evaluation of a tree over any kind of number: floats, CasADi graphs, SymPy expressions.
+
+A table of functions makes the difference. Besides the functions of FUNCTIONS it may hold "number", which turns a float
+into a constant of the library (SymPy wants exact ones).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from derive.expressions import tree
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.tree import Expression
+
+Functions = Mapping[str, Callable[..., Any]]
+
+
+def value(expression: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions) -> Any:
+    """The value of a tree; `names` and `rates` (by coordinate) give the values of Name and Rate. A Vector gives a list."""
+    match expression:
+        case tree.Number(number):
+            return functions["number"](number) if "number" in functions else number
+        case tree.Name(name):
+            return names[name]
+        case tree.Rate(name):
+            return rates[name]
+        case tree.Power(base, exponent):
+            return _power(value(base, names, rates, functions), exponent, names, rates, functions)
+    operands = [value(operand, names, rates, functions) for operand in tree.children(expression)]
+    return _applied(expression, operands, functions)
+
+
+def _applied(expression: Expression, operands: list[Any], functions: Functions) -> Any:
+    match expression:
+        case tree.Sum():
+            return _sum(operands)
+        case tree.Product():
+            return _product(operands)
+        case tree.Quotient():
+            return operands[0] / operands[1]
+        case tree.Negative():
+            return -operands[0]
+        case tree.Call(function):
+            return functions[function](*operands)
+    return operands
+
+
+def _sum(terms: Sequence[Any]) -> Any:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def _product(factors: Sequence[Any]) -> Any:
+    total = factors[0]
+    for factor in factors[1:]:
+        total = total * factor
+    return total
+
+
+def _power(
+    base: Any, exponent: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions
+) -> Any:
+    if isinstance(exponent, tree.Number):
+        if exponent.value == 0.5:
+            return functions["sqrt"](base)
+        if exponent.value.is_integer() and abs(exponent.value) < 2**31:
+            return base ** int(exponent.value)  # x**2 is a square, x**2.0 a call of pow
+    return base ** value(exponent, names, rates, functions)
+
+
+def number(expression: Expression, names: Mapping[str, float], text: str = "") -> float:
+    """The float value of a tree without rates; FormulaError where it has none."""
+    try:
+        result = value(expression, names, {}, float_functions())
+    except (ArithmeticError, ValueError):
+        result = math.nan
+    if isinstance(result, float) and math.isfinite(result):
+        return result
+    raise FormulaError("the value is not a finite number", text, expression.at)
+
+
+def is_constant(expression: Expression) -> bool:
+    """Whether the tree holds no names and no rates."""
+    return not any(isinstance(node, tree.Name | tree.Rate) for node in tree.walk(expression))
+
+
+def check_constants(expression: Expression, text: str) -> None:
+    """Refuse constant parts such as 9**9**9, 1/0 or sqrt(-1) where they stand. All arithmetic is on floats."""
+    stack: list[tuple[tree.Expression, float | None]] = []
+    for node in tree.walk(expression):
+        count = len(tree.children(node))
+        operands = [known for _, known in stack[len(stack) - count :]] if count else []
+        if count:
+            del stack[len(stack) - count :]
+        stack.append((node, _constant(node, operands, text)))
+
+
+def _constant(node: Expression, operands: list[float | None], text: str) -> float | None:
+    if isinstance(node, tree.Number):
+        return node.value
+    known = [operand for operand in operands if operand is not None]
+    if isinstance(node, tree.Quotient) and operands[1] == 0.0:
+        raise FormulaError("division by zero", text, node.denominator.at)
+    if isinstance(node, tree.Vector) or len(known) < len(operands) or not operands:
+        return None
+    if isinstance(node, tree.Call) and node.function not in float_functions():
+        return None
+    return _folded(node, known, text)
+
+
+def _folded(node: Expression, operands: list[float], text: str) -> float:
+    try:
+        if isinstance(node, tree.Power):
+            result = operands[0] ** operands[1]
+        else:
+            result = _applied(node, operands, float_functions())
+    except (ArithmeticError, ValueError):
+        result = math.nan
+    if isinstance(result, complex) or not math.isfinite(result):
+        raise FormulaError("the value is not a finite number", text, node.at, "a real number below 1.8e308")
+    return float(result)
+
+
+_FLOAT: dict[str, Callable[..., Any]] = {
+    name: getattr(math, name)
+    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+} | {"abs": abs, "min": min, "max": max, "sign": lambda x: float((x > 0) - (x < 0))}
+
+
+def float_functions() -> Functions:
+    """The table for Python floats."""
+    return _FLOAT
+
+
+def casadi_functions() -> Functions:
+    """The table for casadi.SX."""
+    import casadi as ca
+
+    same = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign")
+    return {name: getattr(ca, name) for name in same} | {
+        "abs": ca.fabs,
+        "min": lambda *x: _folded_over(ca.fmin, x),
+        "max": lambda *x: _folded_over(ca.fmax, x),
+    }
+
+
+def _folded_over(function: Callable[[Any, Any], Any], arguments: Sequence[Any]) -> Any:
+    result = arguments[0]
+    for argument in arguments[1:]:
+        result = function(result, argument)
+    return result
+
+
+def sympy_functions() -> Functions:
+    """The table for SymPy, with short decimals as exact fractions."""
+    import sympy as sp
+
+    same = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign")
+    return {name: getattr(sp, name) for name in same} | {
+        "abs": sp.Abs,
+        "min": sp.Min,
+        "max": sp.Max,
+        "number": _exact,
+    }
+
+
+def _exact(number: float) -> Any:
+    import sympy as sp
+
+    if number == math.pi:
+        return sp.pi
+    if number.is_integer() and abs(number) < 1e15:
+        return sp.Integer(int(number))
+    text = repr(number)
+    return sp.Rational(text) if len(text) <= 8 and "e" not in text else sp.Float(number, 17)

@@ -1,0 +1,47 @@
+"""The functions a formula may call: a whitelist, with how each treats units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Function:
+    """`arity` is (least, most). `units`: "number" takes and gives plain numbers, "same" keeps the unit of its arguments,
+    "root" halves it, "ratio" takes equal units and gives a number, "sign" takes any and gives a number."""
+
+    name: str
+    arity: tuple[int, int]
+    units: str
+    about: str
+
+
+_TABLE = (
+    Function("sin", (1, 1), "number", "sine of an angle"),
+    Function("cos", (1, 1), "number", "cosine of an angle"),
+    Function("tan", (1, 1), "number", "tangent of an angle"),
+    Function("asin", (1, 1), "number", "angle with the given sine"),
+    Function("acos", (1, 1), "number", "angle with the given cosine"),
+    Function("atan", (1, 1), "number", "angle with the given tangent"),
+    Function("atan2", (2, 2), "ratio", "angle of the point (second, first)"),
+    Function("sinh", (1, 1), "number", "hyperbolic sine"),
+    Function("cosh", (1, 1), "number", "hyperbolic cosine"),
+    Function("tanh", (1, 1), "number", "hyperbolic tangent"),
+    Function("exp", (1, 1), "number", "exponential"),
+    Function("log", (1, 1), "number", "natural logarithm"),
+    Function("sqrt", (1, 1), "root", "square root"),
+    Function("abs", (1, 1), "same", "magnitude"),
+    Function("sign", (1, 1), "sign", "-1, 0 or 1"),
+    Function("min", (2, 16), "same", "the smallest"),
+    Function("max", (2, 16), "same", "the largest"),
+)
+FUNCTIONS = {function.name: function for function in _TABLE}
+
+# What an output may also say; the first argument is the name of a body, or of a closure or constraint.
+_OUTPUT_TABLE = (
+    Function("position", (1, 2), "output", "where a point of a body is, in the ground frame"),
+    Function("velocity", (1, 2), "output", "velocity of a point of a body, in the ground frame"),
+    Function("angle", (1, 1), "output", "how far a planar body is turned"),
+    Function("reaction", (1, 1), "output", "multipliers of a closure or constraint"),
+)
+OUTPUT_FUNCTIONS = {function.name: function for function in _OUTPUT_TABLE}

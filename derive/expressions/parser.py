@@ -1,0 +1,352 @@
+"""Text of a formula → expression tree: a precedence parser with a whitelist grammar. Nothing is ever evaluated as Python.
+
+    sum     = product (("+" | "-") product)*
+    product = unary (("*" | "/") unary)*
+    unary   = ("+" | "-")* power
+    power   = atom [("**" | "^") unary]                      right-associative, and binds tighter than a minus
+    atom    = number [unit] | name | "der" "(" name ")" | function "(" sum ("," sum)* ")" | "(" sum ")" | "[" sum, … "]"
+    unit    = symbol ["^" integer] (("*" | "/") symbol ["^" integer])*
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from typing import NamedTuple, NoReturn
+
+from derive.diagnostics import did_you_mean, listed
+from derive.expressions import tree
+from derive.expressions.evaluate import check_constants
+from derive.expressions.functions import FUNCTIONS, Function
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.tree import Expression
+from derive.expressions.units import UNITS, Unit, compound
+
+NESTING = 60  # brackets, calls and exponents inside each other
+HEIGHT = 120  # levels of the finished tree: everything downstream may recurse over it
+LONGEST = 1 << 20  # characters
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*)"
+    r"|(?P<sign>\*\*|[-+*/^(),\[\]])|(?P<end>$)|(?P<other>.))",
+    re.DOTALL,
+)
+
+
+class _Token(NamedTuple):
+    kind: str
+    text: str
+    at: int
+
+
+def expression(
+    text: str,
+    names: Collection[str] = (),
+    functions: Mapping[str, Function] = FUNCTIONS,
+    vectors: bool = False,
+) -> Expression:
+    """The tree of a formula. `names` are the model's own, which a unit symbol may not be mistaken for."""
+    parser = _Parser(text, names, functions, vectors)
+    result = parser.sum()
+    parser.finish()
+    _check_height(result, text)
+    check_constants(result, text)
+    return result
+
+
+def unit(text: str) -> Unit:
+    """A unit on its own, such as `N*m`; "1" and "" are the plain number."""
+    parser = _Parser(text, (), {}, False)
+    if parser.token.text == "1":
+        parser.take()
+        parts = [] if parser.token.kind == "end" else parser.unit_tail(parser.token.at)
+    else:
+        parts = [] if parser.token.kind == "end" else parser.unit_parts()
+    parser.finish()
+    return compound(parts)
+
+
+def quantity(text: str) -> tree.Number | None:
+    """A number with its unit and nothing else; None where the text is anything else."""
+    parser = _Parser(text, (), {}, False)
+    sign = -1.0 if parser.token.text == "-" else 1.0
+    if parser.token.text in ("-", "+"):
+        parser.take()
+    if parser.token.kind != "number":
+        return None
+    try:
+        number = parser.number()
+        parser.finish()
+    except FormulaError:
+        return None
+    return tree.Number(sign * number.value, number.unit)
+
+
+class _Parser:
+    def __init__(self, text: str, names: Collection[str], functions: Mapping[str, Function], vectors: bool) -> None:
+        self.text, self.names, self.functions, self.vectors = text, names, functions, vectors
+        if len(text) > LONGEST:
+            raise FormulaError(f"a formula of {len(text)} characters", expected=f"at most {LONGEST}")
+        self.depth = 0
+        self.token = self._read(0)
+
+    def sum(self) -> Expression:
+        at = self.token.at
+        terms = [self._signed_product()]
+        while self.token.text in ("+", "-"):
+            terms.append(self._signed_product())
+        return terms[0] if len(terms) == 1 else tree.Sum(tuple(terms), at)
+
+    def finish(self) -> None:
+        if self.token.kind != "end":
+            self._refuse_follower()
+
+    def _signed_product(self) -> Expression:
+        at, minus = self.token.at, self._signs()
+        result = self._product()
+        return _negated(result, at) if minus else result
+
+    def _signs(self) -> bool:
+        minus = False
+        while self.token.text in ("+", "-"):
+            minus ^= self.take().text == "-"
+        return minus
+
+    def _product(self) -> Expression:
+        at = self.token.at
+        factors = [self._unary()]
+        while self.token.text in ("*", "/"):
+            if self.take().text == "*":
+                factors.append(self._unary())
+            else:
+                factors = [tree.Quotient(_product_of(factors, at), self._denominator(), at)]
+        return _product_of(factors, at)
+
+    def _denominator(self) -> Expression:
+        start = self.token
+        result = self._unary()
+        if start.kind == "number" and isinstance(result, tree.Number) and result.unit:
+            # `1/2 kg` reads as 1/(2 kg) by the rules and as half a kilogram by eye: let the author say which
+            self._refuse("a number with a unit right after '/' can be read two ways", start.at, "(2 kg) in brackets, or 0.5 kg")
+        return result
+
+    def _unary(self) -> Expression:
+        at, minus = self.token.at, self._signs()
+        result = self._power()
+        return _negated(result, at) if minus else result
+
+    def _power(self) -> Expression:
+        at = self.token.at
+        base = self._atom()
+        if self.token.text not in ("**", "^"):
+            return base
+        self._enter(self.take())
+        exponent = self._unary()
+        self.depth -= 1
+        return tree.Power(base, exponent, at)
+
+    def _atom(self) -> Expression:
+        token = self.token
+        if token.kind == "number":
+            return self.number()
+        if token.kind == "name":
+            return self._named()
+        if token.text == "(":
+            return self._bracketed(")")[0]
+        if token.text == "[" and self.vectors:
+            return tree.Vector(tuple(self._bracketed("]", many=True)), token.at)
+        if token.text == "[":
+            self._refuse("a list inside a formula", token.at, "a number, a name, a function or a bracket")
+        self._refuse_token(token, "a number, a name, a function or a bracket")
+
+    def number(self) -> tree.Number:
+        token = self.take()
+        value = _finite(token, self.text)
+        if self.token.kind != "name":
+            return tree.Number(value, "", token.at)
+        given = compound(self.unit_parts())
+        scaled = value * given.factor
+        if not math.isfinite(scaled):
+            self._refuse("the number is too large", token.at, "a magnitude below 1.8e308 in SI units")
+        return tree.Number(scaled, given.si, token.at)
+
+    def unit_parts(self) -> list[tuple[str, int]]:
+        parts = [self._unit_symbol(1)]
+        return parts + self.unit_tail(self.token.at)
+
+    def unit_tail(self, at: int) -> list[tuple[str, int]]:
+        parts = []
+        while self.token.text in ("*", "/") and self._unit_follows():
+            sign = 1 if self.take().text == "*" else -1
+            parts.append(self._unit_symbol(sign))
+        return parts
+
+    def _unit_follows(self) -> bool:
+        following = self._read(self._end)
+        if following.kind != "name" or following.text not in UNITS or self._read(self._after(following)).text == "(":
+            return False
+        if following.text in self.names:
+            self._refuse(
+                f"'{following.text}' can be the unit or the model's own name here",
+                following.at,
+                "the number with its unit in brackets, such as (2 kg)*g, or a parameter for the number",
+            )
+        return True
+
+    def _unit_symbol(self, sign: int) -> tuple[str, int]:
+        token = self.token
+        if token.kind != "name" or token.text not in UNITS:
+            self._refuse_unit(token)
+        self.take()
+        return token.text, sign * self._unit_exponent()
+
+    def _unit_exponent(self) -> int:
+        if self.token.text not in ("^", "**"):
+            return 1
+        self.take()
+        minus = self._signs()
+        token = self.take()
+        if token.kind != "number" or not token.text.isdigit() or len(token.text) > 1:
+            self._refuse("the power of a unit is not a small whole number", token.at, "such as s^2")
+        return -int(token.text) if minus else int(token.text)
+
+    def _refuse_unit(self, token: _Token) -> NoReturn:
+        if token.text in self.names or token.text in self.functions or token.text == "der":
+            self._refuse(f"'{token.text}' stands directly after a number", token.at, "an operator, such as 2*x")
+        split = _split_unit(token.text)
+        hint = f"did you mean '{split}'?" if split else did_you_mean(token.text, UNITS)
+        self._refuse(f"unknown unit '{token.text}'", token.at, listed(UNITS, 8), hint)
+
+    def _named(self) -> Expression:
+        token = self.take()
+        if self.token.text != "(":
+            if token.text in self.functions or token.text == "der":
+                self._refuse(f"the function '{token.text}' has no argument", token.at, f"{token.text}(…)")
+            return tree.Number(math.pi, "", token.at) if token.text == "pi" else tree.Name(token.text, token.at)
+        if token.text == "der":
+            return self._rate(token)
+        if token.text not in self.functions:
+            self._refuse_function(token)
+        return self._call(token)
+
+    def _refuse_function(self, token: _Token) -> NoReturn:
+        if token.text in self.names:
+            self._refuse(f"'{token.text}' is not a function", token.at, "an operator before the bracket, such as 2*(…)")
+        known = [*self.functions, "der"]
+        self._refuse(f"unknown function '{token.text}'", token.at, listed(known, 24), did_you_mean(token.text, known))
+
+    def _rate(self, token: _Token) -> tree.Rate:
+        self.take()
+        name = self.take()
+        if name.kind != "name" or self.token.text != ")":
+            self._refuse("der() takes the name of one coordinate", name.at, "der(q)")
+        self.take()
+        return tree.Rate(name.text, token.at)
+
+    def _call(self, token: _Token) -> tree.Call:
+        arguments = self._bracketed(")", many=True)
+        least, most = self.functions[token.text].arity
+        if not least <= len(arguments) <= most:
+            wanted = str(least) if least == most else f"{least} to {most}"
+            given = f"{len(arguments)} argument{'s' * (len(arguments) != 1)}"
+            self._refuse(f"{token.text}() does not take {given}", token.at, f"{wanted} argument{'s' * (wanted != '1')}")
+        return tree.Call(token.text, tuple(arguments), token.at)
+
+    def _bracketed(self, closing: str, many: bool = False) -> list[Expression]:
+        opening = self.take()
+        self._enter(opening)
+        entries = [self.sum()]
+        while many and self.token.text == ",":
+            self.take()
+            entries.append(self.sum())
+        if self.token.text != closing:
+            self._refuse_unclosed(opening, closing)
+        self.take()
+        self.depth -= 1
+        return entries
+
+    def _refuse_unclosed(self, opening: _Token, closing: str) -> NoReturn:
+        if self.token.kind == "end":
+            self._refuse(f"'{opening.text}' is never closed", opening.at, f"'{closing}'")
+        self._refuse_follower(closing)
+
+    def _refuse_follower(self, closing: str = "") -> NoReturn:
+        after = f"an operator or '{closing}'" if closing else "an operator or the end of the formula"
+        if self.token.kind == "name" and self.token.text in UNITS:
+            self._refuse(f"unexpected '{self.token.text}'", self.token.at, after, "a unit stands directly after a number")
+        self._refuse_token(self.token, after)
+
+    def _refuse_token(self, token: _Token, expected: str) -> NoReturn:
+        if token.kind == "end":
+            self._refuse("the formula ends too early" if self.text.strip() else "the formula is empty", token.at, expected)
+        kind = f"unexpected character {token.text!r}" if token.kind == "other" else f"unexpected '{token.text}'"
+        self._refuse(kind, token.at, expected)
+
+    def _enter(self, token: _Token) -> None:
+        self.depth += 1
+        if self.depth > NESTING:
+            self._refuse("the formula is nested too deeply", token.at, f"at most {NESTING} levels", "name a part in `where:`")
+
+    def _refuse(self, message: str, at: int, expected: str = "", hint: str = "") -> NoReturn:
+        raise FormulaError(message, self.text, at, expected, hint)
+
+    def take(self) -> _Token:
+        token = self.token
+        self.token = self._read(self._end)
+        return token
+
+    @property
+    def _end(self) -> int:
+        return self._after(self.token)
+
+    @staticmethod
+    def _after(token: _Token) -> int:
+        return token.at + len(token.text)
+
+    def _read(self, at: int) -> _Token:
+        found = _TOKEN.match(self.text, at)
+        if found is None or found.lastgroup is None:
+            return _Token("end", "", len(self.text))
+        kind = found.lastgroup
+        return _Token(kind, found.group(kind), found.start(kind))
+
+
+def _negated(argument: Expression, at: int) -> Expression:
+    if isinstance(argument, tree.Number):
+        return tree.Number(-argument.value, argument.unit, at)
+    return argument.argument if isinstance(argument, tree.Negative) else tree.Negative(argument, at)
+
+
+def _product_of(factors: list[Expression], at: int) -> Expression:
+    return factors[0] if len(factors) == 1 else tree.Product(tuple(factors), at)
+
+
+def _finite(token: _Token, text: str) -> float:
+    value = float(token.text)
+    if math.isinf(value):
+        raise FormulaError("the number is too large", text, token.at, "a magnitude below 1.8e308")
+    mantissa = re.split("[eE]", token.text)[0]
+    if value == 0.0 and mantissa.strip("0."):
+        raise FormulaError("the number is too small to tell from zero", text, token.at, "0, or a magnitude above 5e-324")
+    return value
+
+
+def _split_unit(text: str) -> str:
+    """`Nm` → `N*m`: two symbols run together."""
+    for cut in range(1, len(text)):
+        if text[:cut] in UNITS and text[cut:] in UNITS:
+            return f"{text[:cut]}*{text[cut:]}"
+    return ""
+
+
+def _check_height(expression: Expression, text: str) -> None:
+    heights: list[int] = []  # a stack of finished operands, in the order `walk` leaves them
+    for node in tree.walk(expression):
+        count = len(tree.children(node))
+        below = max(heights[len(heights) - count :], default=0) if count else 0
+        if below >= HEIGHT:
+            raise FormulaError("the formula is nested too deeply", text, node.at, hint="name a part in `where:`")
+        del heights[len(heights) - count :]
+        heights.append(below + 1)

@@ -1,0 +1,98 @@
+"""Document → Model: names first, then the formulas that use them, then the whole."""
+
+from __future__ import annotations
+
+from derive.expressions.tree import ZERO, Expression, Number
+from derive.model import frames, loads, mechanism, motions, ties
+from derive.model.document import Scalar, Source
+from derive.model.frames import Frame, Names
+from derive.model.names import module_objection
+from derive.model.reader import Reader
+from derive.model.records import Load, Model, Span, Vector3
+from derive.model.schema import Document
+from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME
+from derive.model.space import Space
+
+LONGEST_TEXT = 64 << 10
+
+
+def built(document: Document, source: Source) -> Model:
+    """The Model of a document; ModelError with every problem in it."""
+    reader = Reader(source, Space(document.plane or ""))
+    _check_head(reader, document)
+    joints, names = _names(reader, document)
+    reader.finish()
+    model = _model(reader, document, joints, names)
+    reader.finish()
+    return model
+
+
+def _check_head(reader: Reader, document: Document) -> None:
+    if found := module_objection(document.model.text):
+        reader.report(document.model.span, *found)
+    if document.description is not None and len(document.description.text) > LONGEST_TEXT:
+        reader.report(document.description.span, "a description of more than 64 KiB", "one or two sentences")
+    if not document.joints and not document.coordinates:
+        reader.report(Span(1, 1), "the model has nothing that moves", "bodies and joints, or coordinates and kinetic")
+
+
+def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
+    parameters = frames.parameters(reader, document)
+    found = [frame for key, entry in document.joints.items() if (frame := frames.frame(reader, key, entry))]
+    coordinates, velocities = frames.analytic_coordinates(reader, document)
+    if len(found) == len(document.joints):
+        found = mechanism.ordered(reader, document, found)
+    coordinates = tuple(c for frame in found for c in frame.coordinates) + coordinates
+    velocities = tuple(v for frame in found for v in frame.velocities) + velocities
+    frames.enter(reader, coordinates, velocities)
+    inputs = frames.inputs(reader, document, velocities)
+    frames.check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))
+    reader.finish()
+    return found, Names(parameters, coordinates, velocities, inputs, frames.definitions(reader, document))
+
+
+def _model(reader: Reader, document: Document, joints: list[Frame], names: Names) -> Model:
+    return Model(
+        name=document.model.text,
+        description=document.description.text if document.description else "",
+        file=reader.source.file,
+        text=reader.source.text,
+        plane=reader.space.plane,
+        gravity=_gravity(reader, document),
+        parameters=names.parameters,
+        coordinates=names.coordinates,
+        velocities=names.velocities,
+        definitions=names.definitions,
+        bodies=tuple(mechanism.body(reader, key, entry) for key, entry in document.bodies.items()),
+        joints=tuple(mechanism.joint(reader, frame) for frame in joints),
+        closures=tuple(mechanism.closure(reader, document, key, entry) for key, entry in document.closures.items()),
+        constraints=tuple(ties.constraint(reader, document, names, key, entry) for key, entry in document.constraints.items()),
+        loads=_loads(reader, document, names),
+        inputs=names.inputs,
+        outputs=tuple(motions.output(reader, document, names, key, scalar) for key, scalar in document.outputs.items()),
+        choices=motions.choices(reader, document),
+        initial=motions.initial(reader, document),
+        steady_motions=tuple(motions.steady_motion(reader, key, entry) for key, entry in document.steady_motion.items()),
+        kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),
+        potential=_energy(reader, document.potential, "a potential energy", frozenset({PARAMETER, COORDINATE, TIME})),
+    )
+
+
+def _gravity(reader: Reader, document: Document) -> Vector3 | None:
+    """None where it is absent or zero, so that nothing downstream carries zeros about."""
+    vector = reader.point(document.gravity, "gravity", "m/s^2")
+    nothing = all(isinstance(component, Number) and component.value == 0.0 for component in vector)
+    return None if nothing else vector
+
+
+def _loads(reader: Reader, document: Document, names: Names) -> tuple[Load, ...]:
+    found = [loads.load(reader, document, names, key, entry) for key, entry in document.loads.items()]
+    found += [loads.generalised_force(reader, names, key, scalar) for key, scalar in document.forces.items()]
+    return tuple(entry for entry in found if entry is not None)
+
+
+def _energy(reader: Reader, scalar: Scalar | None, where: str, allowed: frozenset[str]) -> Expression | None:
+    if scalar is None:
+        return None
+    formula = reader.formula(scalar, where, allowed, unit="J")
+    return None if formula == ZERO else formula

@@ -1,0 +1,228 @@
+"""YAML text → plain nodes with places: what stands in the file, before anything is made of it.
+
+Every scalar stays text (no YAML 1.1 surprises: `no`, `1e3` and `1:30` are what they look like). Built from the event stream, not
+with `compose`: the depth is bounded before a deep file can hurt, and aliases, tags and duplicate keys are refused where they stand.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import yaml
+
+from derive.diagnostics import Diagnostic, ModelError
+from derive.model.records import Span
+
+LARGEST = 4 << 20  # bytes
+DEEPEST = 32  # levels
+_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+_CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
+_PLAIN_TAGS = {None, "!"} | {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "map", "seq")}
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A piece of text and where it stands. `exact`: offsets in the text are offsets in the line."""
+
+    text: str
+    span: Span
+    exact: bool
+    plain: bool
+
+    def at(self, offset: int, length: int = 1) -> Span:
+        """The place of a character of the text; its beginning where the text was folded or escaped."""
+        return Span(self.span.line, self.span.column + offset, max(1, length)) if self.exact else self.span
+
+
+class Key(str):
+    """A mapping's key with its place."""
+
+    span: Span
+
+    def __new__(cls, text: str, span: Span) -> Key:
+        key = super().__new__(cls, text)
+        key.span = span
+        return key
+
+
+class Items(list[Any]):
+    """A YAML list with its place."""
+
+    def __init__(self, entries: list[Any], span: Span) -> None:
+        super().__init__(entries)
+        self.span = span
+
+
+class Entries(dict[Key, Any]):
+    """A YAML mapping with its place."""
+
+    def __init__(self, entries: dict[Key, Any], span: Span) -> None:
+        super().__init__(entries)
+        self.span = span
+
+    def key(self, name: str) -> Key:
+        """The key as it stands in the file."""
+        return next(key for key in self if key == name)
+
+
+Node = Scalar | Items | Entries
+
+
+class Source:
+    """The text of a model file, and messages that point into it."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text, self.file = text, file
+        self.lines = _BREAK.split(text)
+
+    def diagnostic(self, span: Span, message: str, expected: str = "", hint: str = "") -> Diagnostic:
+        line = self.lines[span.line - 1] if 0 < span.line <= len(self.lines) else ""
+        return Diagnostic(self.file, span.line, span.column, span.length, message, expected, hint, line)
+
+    def refuse(self, span: Span, message: str, expected: str = "", hint: str = "") -> NoReturn:
+        raise ModelError(self.diagnostic(span, message, expected, hint))
+
+    def place(self, offset: int) -> Span:
+        """Line and column of a character offset in the whole text."""
+        before = _BREAK.split(self.text[:offset])
+        return Span(len(before), len(before[-1]) + 1)
+
+
+def decoded(content: bytes, file: str) -> str:
+    """The text of a file's bytes; ModelError where they are not UTF-8 or too many."""
+    if len(content) > LARGEST:
+        raise ModelError(Diagnostic(file, message=f"the file has {len(content)} bytes", expected=f"at most {LARGEST} bytes"))
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        source = Source(content[: error.start].decode("utf-8-sig", "replace"), file)
+        source.refuse(source.place(len(source.text)), "the file is not UTF-8 text", "text saved as UTF-8")
+
+
+def parsed(source: Source) -> Entries:
+    """The mapping a model file holds."""
+    if len(source.text) > LARGEST:
+        raise ModelError(Diagnostic(source.file, message="the text is too long", expected=f"at most {LARGEST} characters"))
+    if bad := _CONTROL.search(source.text):
+        source.refuse(source.place(bad.start()), f"the control character {bad.group()!a} in the file", "printable text")
+    try:
+        node = _Builder(source).document()
+    except yaml.MarkedYAMLError as error:
+        _refuse_yaml(source, error)
+    except yaml.YAMLError as error:
+        source.refuse(Span(1, 1), f"not valid YAML: {error}".splitlines()[0])
+    if node is None or (isinstance(node, Scalar) and not node.text):
+        source.refuse(Span(1, 1), "the file is empty", "a mapping that starts with `model: a_name`")
+    if not isinstance(node, Entries):
+        source.refuse(_opening(node.span), f"{described(node)} at the top of the file", "a mapping that starts with `model: a_name`")
+    return node
+
+
+def described(node: Any) -> str:
+    """What kind of thing stands there, for messages."""
+    if isinstance(node, Items):
+        return "a list"
+    if isinstance(node, Entries):
+        return "a mapping"
+    return "nothing" if isinstance(node, Scalar) and node.plain and not node.text else "text"
+
+
+def _opening(span: Span) -> Span:
+    return Span(span.line, span.column, 1)
+
+
+def _refuse_yaml(source: Source, error: yaml.MarkedYAMLError) -> NoReturn:
+    mark = error.problem_mark or error.context_mark
+    span = Span(mark.line + 1, mark.column + 1) if mark else Span(1, 1)
+    line = source.lines[span.line - 1] if span.line <= len(source.lines) else ""
+    if "\t" in line[: len(line) - len(line.lstrip())]:
+        source.refuse(Span(span.line, line.index("\t") + 1), "a tab in the indentation", "spaces")
+    since = ""
+    if error.context and error.context_mark and error.context_mark.line + 1 != span.line:
+        since = f" ({error.context} that starts on line {error.context_mark.line + 1})"
+    source.refuse(span, f"not valid YAML: {error.problem or error.context}{since}", _yaml_advice(error.problem or ""))
+
+
+def _yaml_advice(problem: str) -> str:
+    if "mapping values are not allowed" in problem:
+        return "quotes around a text that holds ': '"
+    if "cannot start any token" in problem:
+        return "quotes around a text that starts with such a character"
+    return "',' or '}'" if "',' or '}'" in problem else ""
+
+
+class _Builder:
+    """Nodes from parser events."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        loader = getattr(yaml, "CLoader", yaml.Loader)
+        self.events: Iterator[Any] = iter(yaml.parse(source.text, Loader=loader))
+
+    def document(self) -> Node | None:
+        node = None
+        for event in self.events:
+            if isinstance(event, yaml.DocumentStartEvent) and node is not None:
+                self.source.refuse(_span(event), "a second document in the file", "one model per file")
+            if isinstance(event, yaml.NodeEvent):
+                node = self.node(event, 0)
+        return node
+
+    def node(self, event: Any, depth: int) -> Node:
+        span = _span(event)
+        if isinstance(event, yaml.AliasEvent):
+            self.source.refuse(span, f"an alias '*{event.anchor}'", "the value itself: aliases are not part of the model language")
+        if event.tag not in _PLAIN_TAGS:
+            self.source.refuse(span, f"a tag '{event.tag}'", "a plain value: tags are not part of the model language")
+        if depth > DEEPEST:
+            self.source.refuse(span, "the file is nested too deeply", f"at most {DEEPEST} levels")
+        if isinstance(event, yaml.ScalarEvent):
+            return self.scalar(event)
+        if isinstance(event, yaml.SequenceStartEvent):
+            return Items(self.items(depth), span)
+        return Entries(self.entries(depth), span)
+
+    def items(self, depth: int) -> list[Node]:
+        entries = []
+        while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
+            entries.append(self.node(event, depth + 1))
+        return entries
+
+    def entries(self, depth: int) -> dict[Key, Node]:
+        entries: dict[Key, Node] = {}
+        places: dict[str, Span] = {}
+        while not isinstance(event := next(self.events), yaml.MappingEndEvent):
+            key = self.key(event)
+            if key in places:
+                first = places[key]
+                self.source.refuse(key.span, f"'{key}' is given twice; first on line {first.line}, column {first.column}", "one of the two")
+            places[key] = key.span
+            entries[key] = self.node(next(self.events), depth + 1)
+        return entries
+
+    def key(self, event: Any) -> Key:
+        node = self.node(event, 0) if isinstance(event, yaml.ScalarEvent | yaml.AliasEvent) else None
+        if not isinstance(node, Scalar):
+            self.source.refuse(_span(event), "a list or a mapping as a key", "a name")
+        return Key(node.text, node.span)
+
+    def scalar(self, event: Any) -> Scalar:
+        text, span = event.value, _span(event)
+        if bad := _CONTROL.search(text):
+            self.source.refuse(span, f"the control character {bad.group()!a} in a text", "printable text")
+        plain = not event.style  # None or "", as the parser has it
+        shift = 0 if plain else 1
+        line = self.source.lines[span.line - 1] if span.line <= len(self.source.lines) else ""
+        start = span.column - 1 + shift
+        exact = line[start : start + len(text)] == text
+        length = max(1, len(text)) if exact else span.length
+        return Scalar(text, Span(span.line, span.column + (shift if exact else 0), length), exact, plain)
+
+
+def _span(event: Any) -> Span:
+    start, end = event.start_mark, event.end_mark
+    length = end.column - start.column if end.line == start.line else 1
+    return Span(start.line + 1, start.column + 1, max(1, length))

@@ -1,0 +1,261 @@
+"""Choices of quasi-velocities, initial states, steady motions and outputs."""
+
+from __future__ import annotations
+
+from derive.diagnostics import did_you_mean, listed
+from derive.expressions import tree
+from derive.expressions.dimensions import UNKNOWN, infer
+from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import expression
+from derive.expressions.tree import ZERO, Expression
+from derive.expressions.units import pretty
+from derive.model.document import Items, Key, Scalar
+from derive.model.frames import Names
+from derive.model.names import identifier, objection
+from derive.model.reader import Reader
+from derive.model.records import Choice, InitialValue, Output, Span, SteadyMotion
+from derive.model.schema import Document
+from derive.model.scope import ANYTHING, COORDINATE, PARAMETER, ROW, VELOCITY, Symbol
+from derive.model.space import ORIGIN
+from derive.model.ties import velocity_degree
+
+AUTO = Choice("auto", "auto", (), Span(1, 1))
+KINDS = ("orthonormal", "auto")
+Rows = list[tuple[str, Expression, Span]]
+
+
+def choices(reader: Reader, document: Document) -> tuple[Choice, ...]:
+    """The declared choices of quasi-velocities; `auto` where there are none."""
+    found = tuple(_choice(reader, key, entry) for key, entry in document.quasi_velocities.items())
+    return found or (AUTO,)
+
+
+def _choice(reader: Reader, key: Key, entry: Scalar | Items | dict[Key, Scalar]) -> Choice:
+    name = str(key)
+    if name not in KINDS:
+        reader.name(key)
+    if isinstance(entry, Scalar):
+        return Choice(name, reader.word(entry, KINDS, "kind of choice") or "auto", (), key.span)
+    rows = _named_rows(reader, entry) if isinstance(entry, dict) else _listed_rows(reader, entry)
+    if not rows:
+        reader.report(key.span, f"the choice '{key}' has no rows", "formulas linear in the velocities, orthonormal, or auto")
+    return Choice(name, "rows", tuple((row, formula) for row, formula, _ in rows), key.span)
+
+
+def _named_rows(reader: Reader, entry: dict[Key, Scalar]) -> Rows:
+    rows = [(reader.name(key), _row(reader, scalar), key.span) for key, scalar in entry.items()]
+    taken = {identifier(name): name for name, symbol in reader.scope.symbols.items() if symbol.kinds != {VELOCITY}}
+    for name, _, span in rows:
+        if identifier(name) in taken:
+            reader.report(span, f"the quasi-velocity '{name}' has the name of {_kind(reader, taken[identifier(name)])}", "another name")
+    _check_twice(reader, rows)
+    return rows
+
+
+def _kind(reader: Reader, name: str) -> str:
+    kinds = reader.scope.symbols[name].kinds
+    return next(iter(kinds)) if len(kinds) == 1 else "a definition"
+
+
+def _listed_rows(reader: Reader, entry: Items) -> Rows:
+    taken = {identifier(name) for name in reader.scope.symbols}
+    rows: Rows = []
+    for number, scalar in enumerate(entry, 1):
+        formula = _row(reader, scalar)
+        rows.append((_row_name(formula, number, taken), formula, scalar.span))
+    _check_twice(reader, rows)
+    return rows
+
+
+def _row_name(formula: Expression, number: int, taken: set[str]) -> str:
+    """A readable name: q1_dot for der(q1), base_vx for base.vx, else w and its number."""
+    match formula:
+        case tree.Rate(name):
+            natural = f"{name}_dot"
+        case tree.Name(name):
+            return identifier(name)
+        case _:
+            natural = f"w{number}"
+    while natural in taken:
+        natural += "_w"
+    return natural
+
+
+def _check_twice(reader: Reader, rows: Rows) -> None:
+    for index, (name, formula, span) in enumerate(rows):
+        same = [other for other, earlier, _ in rows[:index] if earlier == formula]
+        if same:
+            reader.report(span, f"the row '{name}' is the same as the row '{same[0]}'", "independent rows")
+        elif any(identifier(other) == identifier(name) for other, _, _ in rows[:index]):
+            reader.report(span, f"two rows are called '{name}'", "another name")
+
+
+def _row(reader: Reader, scalar: Scalar) -> Expression:
+    before = len(reader.problems)
+    formula = reader.formula(scalar, "a quasi-velocity", ROW)
+    lowest, highest = velocity_degree(reader, formula)
+    if len(reader.problems) > before or lowest == highest == 1:
+        return formula
+    if highest <= 0:
+        problem = "a quasi-velocity without velocities"
+    elif highest > 1:
+        problem = "a quasi-velocity that is not linear in the velocities"
+    else:
+        problem = "a quasi-velocity with a part that holds no velocity"
+    reader.report(scalar.span, problem, "a formula linear in der(q) and the base velocities")
+    return formula
+
+
+def initial(reader: Reader, document: Document) -> tuple[InitialValue, ...]:
+    """Values at t = 0, held or, under `guess`, only a start."""
+    found: dict[str, InitialValue] = {}
+    for key, entry in document.initial.items():
+        if isinstance(entry, Scalar):
+            _initial(reader, key, entry, True, found)
+        elif key != "guess":
+            reader.report(key.span, f"a mapping under '{key}'", "a number, or a mapping under `guess`")
+        else:
+            for inner, scalar in entry.items():
+                _initial(reader, inner, scalar, False, found)
+    return tuple(found.values())
+
+
+def _initial(reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[str, InitialValue]) -> None:
+    if key == "guess":
+        reader.report(scalar.span, "text under 'guess'", "a mapping of names to numbers")
+        return
+    name = state_name(reader, key)
+    if name is None:
+        return
+    if name in found:
+        first = found[name].span
+        both = "" if found[name].held == held else ": held and guessed"
+        reader.report(key.span, f"'{key}' is given twice{both}; first on line {first.line}, column {first.column}", "one of the two")
+        return
+    value = reader.formula(scalar, f"the initial {key}", unit=_unit(reader, name))
+    reader.value(value, scalar)
+    found[name] = InitialValue(name, value, held, key.span)
+
+
+def state_name(reader: Reader, key: Key) -> str | None:
+    """The coordinate, rate or base velocity that a key such as `q1`, `der(q1)` or `base.vx` names, in its canonical spelling."""
+    scalar = Scalar(str(key), key.span, True, True)
+    scope = reader.scope
+    try:
+        node = expression(scalar.text)
+        known = [name for name, symbol in scope.symbols.items() if symbol.kinds in ({COORDINATE}, {VELOCITY})]
+        if not isinstance(node, tree.Name | tree.Rate):
+            raise FormulaError(f"'{key}' is not a coordinate or velocity", str(key), 0, listed(known))
+        if isinstance(node, tree.Rate):
+            return f"der({scope.resolved(node, ROW, '', str(key)).name})"  # type: ignore[union-attr]
+        name = f"der({scope.aliases[node.name]})" if node.name in scope.aliases else node.name
+        if name not in known:
+            message = f"'{key}' is not a coordinate or velocity" if name in scope.symbols else f"unknown coordinate or velocity '{key}'"
+            raise FormulaError(message, str(key), 0, listed(known), did_you_mean(name, known))
+    except FormulaError as error:
+        reader.fault(scalar, error)
+        return None
+    return name
+
+
+def _unit(reader: Reader, name: str) -> str | None:
+    dimension = reader.scope.symbols[name].dimension
+    return pretty(dimension) if isinstance(dimension, tuple) else None
+
+
+def steady_motion(reader: Reader, key: Key, entry: dict[Key, Scalar]) -> SteadyMotion:
+    """What is held along a steady motion. Names the model does not know are free: they can be swept."""
+    reader.name(key)
+    sweepable: dict[str, None] = {}
+    values: dict[str, Expression] = {}
+    for state, scalar in entry.items():
+        name = state_name(reader, state)
+        if name is None:
+            continue
+        if name in values:
+            reader.report(state.span, f"'{state}' is given twice", "one of the two")
+        sweepable |= dict.fromkeys(_free_names(reader, scalar))
+        values[name] = _with_free_names(reader, scalar, sweepable, _unit(reader, name))
+    return SteadyMotion(str(key), tuple(values.items()), tuple(sweepable), key.span)
+
+
+def _free_names(reader: Reader, scalar: Scalar) -> list[str]:
+    try:
+        nodes = list(tree.walk(expression(scalar.text, names=reader.scope.symbols)))
+    except FormulaError:
+        return []  # reported by `formula`
+    names = [node.name for node in nodes if isinstance(node, tree.Name) and node.name not in reader.scope.symbols]
+    return [name for name in names if objection(name) is None]
+
+
+def _with_free_names(reader: Reader, scalar: Scalar, free: dict[str, None], unit: str | None) -> Expression:
+    symbols = reader.scope.symbols
+    added = {name: Symbol(frozenset({PARAMETER}), UNKNOWN) for name in free if name not in symbols}
+    symbols |= added
+    formula = reader.formula(scalar, "a steady motion", unit=unit)
+    for name in added:
+        del symbols[name]
+    return formula
+
+
+def output(reader: Reader, document: Document, names: Names, key: Key, scalar: Scalar) -> Output:
+    """A formula, or position, velocity, angle or reaction of something."""
+    reader.name(key)
+    try:
+        parsed = expression(scalar.text, reader.scope.symbols, FUNCTIONS | OUTPUT_FUNCTIONS, vectors=True)
+        formula, unit = _output(reader, document, parsed, scalar.text)
+    except FormulaError as error:
+        reader.fault(scalar, error)
+        formula, unit = ZERO, ""
+    return Output(str(key), formula, scalar.text, _angle_unit(formula, names) or unit, key.span)
+
+
+def _output(reader: Reader, document: Document, parsed: Expression, text: str) -> tuple[Expression, str]:
+    if isinstance(parsed, tree.Call) and parsed.function in OUTPUT_FUNCTIONS:
+        return _geometric(reader, document, parsed, text)
+    for node in tree.walk(parsed):
+        if isinstance(node, tree.Vector) or (isinstance(node, tree.Call) and node.function in OUTPUT_FUNCTIONS):
+            what = f"{node.function}()" if isinstance(node, tree.Call) else "a list"
+            raise FormulaError(f"{what} inside a formula", text, node.at, "position(…), velocity(…), angle(…) or reaction(…) alone")
+    resolved = reader.scope.resolved(parsed, ANYTHING, "an output", text)
+    dimension = infer(resolved, reader.scope.dimensions, text)
+    return resolved, pretty(dimension) if isinstance(dimension, tuple) else ""
+
+
+def _geometric(reader: Reader, document: Document, call: tree.Call, text: str) -> tuple[Expression, str]:
+    subject, *rest = call.arguments
+    known = [*document.closures, *document.constraints] if call.function == "reaction" else list(document.bodies)
+    what = "closure or constraint" if call.function == "reaction" else "body"
+    if not isinstance(subject, tree.Name) or subject.name not in known:
+        name = subject.name if isinstance(subject, tree.Name) else text[subject.at :]
+        raise FormulaError(f"unknown {what} '{name}'", text, subject.at, listed(known), did_you_mean(name, known))
+    if call.function == "angle" and not reader.space.plane:
+        raise FormulaError("angle() of a body in space", text, call.at, "a coordinate: only planar bodies have one angle")
+    if call.function in ("angle", "reaction"):
+        return call, "rad" if call.function == "angle" else ""
+    return _with_point(reader, call, subject, rest, text), "m" if call.function == "position" else "m/s"
+
+
+def _with_point(reader: Reader, call: tree.Call, subject: Expression, rest: list[Expression], text: str) -> Expression:
+    """The call with its point in space; the body's origin when left out."""
+    if not rest:
+        return tree.Call(call.function, (subject, tree.Vector(ORIGIN, call.at)), call.at)
+    point, size = rest[0], reader.space.size
+    if not isinstance(point, tree.Vector) or len(point.entries) != size:
+        raise FormulaError("the second argument is not a point", text, point.at, f"[{', '.join(reader.space.letters)}]")
+    entries = []
+    for entry in point.entries:
+        resolved = reader.scope.resolved(entry, frozenset({PARAMETER}), "a point", text)
+        reader.check_unit(resolved, "a point", "m", text)
+        entries.append(resolved)
+    return tree.Call(call.function, (subject, tree.Vector(reader.space.embedded(entries), point.at)), call.at)
+
+
+def _angle_unit(formula: Expression, names: Names) -> str:
+    """A coordinate or velocity on its own keeps its unit, for rad and rad/s are not seen in dimensions."""
+    if isinstance(formula, tree.Name | tree.Rate):
+        wanted = f"der({formula.name})" if isinstance(formula, tree.Rate) else formula.name
+        return next((entry.unit for entry in (*names.coordinates, *names.velocities) if entry.name == wanted), "")
+    return ""
+

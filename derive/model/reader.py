@@ -1,0 +1,183 @@
+"""Formulas, points and directions of a file → trees with resolved names and checked units.
+
+A Reader collects problems instead of stopping at the first: a bad formula is reported and read as zero, and `finish` raises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.expressions import tree
+from derive.expressions.dimensions import Inferred, infer
+from derive.expressions.evaluate import is_constant, number
+from derive.expressions.functions import FUNCTIONS, Function
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import expression, quantity, unit
+from derive.expressions.tree import ZERO, Expression
+from derive.expressions.units import ENERGY, NUMBER, TIME, named, pretty, product_of, quotient_of
+from derive.model.document import Items, Key, Scalar, Source
+from derive.model.names import objection
+from derive.model.records import Span, Vector3
+from derive.model.scope import CONSTANT, Scope
+from derive.model.space import ORIGIN, Space, normalised
+
+ANY_UNIT = None
+
+
+class Reader:
+    """`values`: defaults of the parameters and of what follows from them alone, for checks that need numbers."""
+
+    def __init__(self, source: Source, space: Space) -> None:
+        self.source, self.space = source, space
+        self.scope = Scope()
+        self.values: dict[str, float] = {}
+        self.problems: list[Diagnostic] = []
+
+    def report(self, span: Span, message: str, expected: str = "", hint: str = "") -> None:
+        """Note a problem and go on."""
+        self.problems.append(self.source.diagnostic(span, message, expected, hint))
+
+    def finish(self) -> None:
+        """Raise what was noted."""
+        if self.problems:
+            raise ModelError(sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)))
+
+    def fault(self, scalar: Scalar, error: FormulaError) -> None:
+        """Note a formula's error at its place in the file."""
+        message, expected, hint = error.detail
+        self.report(scalar.at(error.at, error.length), message, expected, hint)
+
+    def word(self, scalar: Scalar, known: Iterable[str], what: str) -> str | None:
+        """A name out of `known`, or None after reporting it with the nearest."""
+        candidates = list(known)
+        if scalar.text in candidates:
+            return scalar.text
+        self.report(scalar.span, f"unknown {what} '{scalar.text}'", listed(candidates), did_you_mean(scalar.text, candidates))
+        return None
+
+    def name(self, key: Key | Scalar) -> str:
+        """A name that the model introduces; reported where it cannot be one."""
+        text = key.text if isinstance(key, Scalar) else str(key)
+        if found := objection(text):
+            self.report(key.span, *found)
+        return text
+
+    def unit(self, scalar: Scalar) -> str:
+        """A unit on its own, in SI; the model's numbers are in SI, so only coherent units can be declared."""
+        try:
+            given = unit(scalar.text)
+        except FormulaError as error:
+            self.fault(scalar, error)
+            return ""
+        if given.factor != 1.0:
+            self.report(scalar.span, f"'{scalar.text}' is not an SI unit", given.si, f"the generated functions use SI: write {given.si}")
+        return given.si
+
+    def formula(
+        self,
+        scalar: Scalar,
+        where: str,
+        allowed: frozenset[str] = CONSTANT,
+        unit: str | None = ANY_UNIT,
+        functions: dict[str, Function] = FUNCTIONS,
+    ) -> Expression:
+        """A scalar formula; `where` names the place ("a mass") for messages, `unit` is the SI unit it must have."""
+        try:
+            return self._formula(scalar, where, allowed, unit, functions)
+        except FormulaError as error:
+            self.fault(scalar, error)
+            return ZERO
+
+    def _formula(
+        self, scalar: Scalar, where: str, allowed: frozenset[str], wanted: str | None, functions: dict[str, Function]
+    ) -> Expression:
+        plain = quantity(scalar.text)
+        if plain is not None and plain.unit and wanted is not None and _fits(_dimension(plain.unit), _dimension(wanted)):
+            return plain  # the unit is right, so its symbols are units even where the model has parameters called m or s
+        text = scalar.text
+        parsed = expression(text, names=self.scope.symbols, functions=functions)
+        resolved = self.scope.resolved(parsed, allowed, where, text)
+        self.check_unit(resolved, where, wanted, text)
+        return resolved
+
+    def check_unit(self, resolved: Expression, where: str, wanted: str | None, text: str) -> Inferred:
+        """FormulaError where a resolved formula does not have the wanted unit, or mixes units."""
+        found = infer(resolved, self.scope.dimensions, text)
+        if wanted is not None and not _fits(found, _dimension(wanted)):
+            given = named(found) if isinstance(found, tuple) else ""
+            raise FormulaError(f"{where} in {given}", text, _first_place(text), wanted or "a plain number or an angle")
+        return found
+
+    def value(self, formula: Expression, scalar: Scalar) -> float | None:
+        """The number a formula of parameters has with their defaults; None where it was reported or has none."""
+        if any(isinstance(n, tree.Name) and n.name not in self.values or isinstance(n, tree.Rate) for n in tree.walk(formula)):
+            return None
+        try:
+            return number(formula, self.values, scalar.text)
+        except FormulaError as error:
+            self.fault(scalar, error)
+            return None
+
+    def point(self, items: Items | None, where: str, unit: str | None = "m", allowed: frozenset[str] = CONSTANT) -> Vector3:
+        """Components on the model's axes → a vector in space; the origin when left out."""
+        if items is None:
+            return ORIGIN
+        if not self.sized(items, self.space.size, where):
+            return ORIGIN
+        return self.space.embedded([self.formula(entry, where, allowed, unit) for entry in items])
+
+    def sized(self, items: Items, size: int, where: str) -> bool:
+        if len(items) == size:
+            return True
+        kind = f"a planar model, plane: {self.space.plane}" if self.space.plane else "space"
+        letters = ", ".join(self.space.letters[:size]) if size == self.space.size else ", ".join("…" * size)
+        self.report(items.span, f"{where} with {len(items)} component{'s' * (len(items) != 1)}", f"{size} in {kind}: [{letters}]")
+        return False
+
+    def direction(self, node: Scalar | Items, where: str, constant: bool = True) -> Vector3:
+        """A direction as a letter, `-x`, or components; of length one where it is constant, which `constant` demands."""
+        if isinstance(node, Scalar):
+            return self._letter(node, where)
+        if not self.sized(node, self.space.size, where):
+            return self.space.normal
+        given = self.space.embedded([self.formula(entry, where) for entry in node])
+        if not all(is_constant(component) for component in given):
+            if constant:
+                self.report(node.span, f"{where} that depends on parameters", "numbers", "turn the joint's frame with `angle` or `rpy`")
+            return given
+        return self._normalised(given, node.span, where)
+
+    def _letter(self, scalar: Scalar, where: str) -> Vector3:
+        text = scalar.text.replace("+", "")
+        known = [sign + letter for letter in self.space.letters for sign in ("", "-")]
+        if text not in known:
+            self.report(scalar.span, f"{where} '{scalar.text}'", f"{', '.join(self.space.letters)}, with or without a minus, or a list")
+            return self.space.normal
+        return self.space.along(text)
+
+    def _normalised(self, given: Vector3, span: Span, where: str) -> Vector3:
+        a, b, c = (number(component, {}) for component in given)
+        found = normalised((a, b, c))
+        if found is None:
+            self.report(span, f"{where} of length zero", "a direction")
+        return found or self.space.normal
+
+
+def _dimension(text: str) -> Any:
+    return unit(text).dimension
+
+
+def _fits(found: Inferred, wanted: Inferred) -> bool:
+    return not isinstance(found, tuple) or found == wanted
+
+
+def _first_place(text: str) -> int:
+    return len(text) - len(text.lstrip())
+
+
+def force_unit(unit_of_velocity: str) -> str:
+    """The unit of the force conjugate to a velocity: N for m/s, N*m for rad/s."""
+    coordinate = product_of(_dimension(unit_of_velocity), TIME)
+    return "N*m" if coordinate == NUMBER else pretty(quotient_of(ENERGY, coordinate))

@@ -1,0 +1,115 @@
+"""The names a formula may use, what each is, and where which kinds are allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from derive.diagnostics import did_you_mean, listed
+from derive.expressions import tree
+from derive.expressions.dimensions import Inferred
+from derive.expressions.linearity import FREE, Degree
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.tree import Expression
+
+# kinds of names, and sets of them for the places where formulas stand
+PARAMETER, COORDINATE, VELOCITY, INPUT, TIME = "a parameter", "a coordinate", "a velocity", "an input", "time"
+CONSTANT = frozenset({PARAMETER})
+POSITION = frozenset({PARAMETER, COORDINATE, TIME})
+ROW = frozenset({PARAMETER, COORDINATE, VELOCITY})
+MOTION = POSITION | {VELOCITY}
+ANYTHING = MOTION | {INPUT}
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """`kinds` is what the name is, or, for a definition, what its formula uses; `because` names one culprit of each kind."""
+
+    kinds: frozenset[str]
+    dimension: Inferred
+    degree: Degree = FREE
+    because: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass
+class Scope:
+    """`symbols` by name; the rate of a coordinate as "der(q)". `aliases`: J.w → the coordinate whose rate it is."""
+
+    symbols: dict[str, Symbol] = field(default_factory=dict)
+    aliases: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def dimensions(self) -> dict[str, Inferred]:
+        return {name: symbol.dimension for name, symbol in self.symbols.items()}
+
+    @property
+    def degrees(self) -> dict[str, Degree]:
+        return {name: symbol.degree for name, symbol in self.symbols.items()}
+
+    def names(self, allowed: frozenset[str] = ANYTHING) -> list[str]:
+        """The names that may be used where `allowed` kinds may."""
+        return [name for name, symbol in self.symbols.items() if symbol.kinds <= allowed]
+
+    def coordinates(self) -> list[str]:
+        return [name for name, symbol in self.symbols.items() if symbol.kinds == {COORDINATE}]
+
+    def resolved(self, expression: Expression, allowed: frozenset[str], where: str, text: str) -> Expression:
+        """The formula with aliases replaced; FormulaError at a name that is unknown or out of place."""
+        aliased = False
+        for node in tree.walk(expression):
+            if isinstance(node, tree.Name):
+                aliased |= node.name in self.aliases
+                self._check_name(node, allowed, where, text)
+            elif isinstance(node, tree.Rate):
+                self._check_rate(node, allowed, where, text)
+        return tree.rebuilt(expression, self._without_alias) if aliased else expression
+
+    def _without_alias(self, leaf: Expression) -> Expression:
+        if isinstance(leaf, tree.Name) and leaf.name in self.aliases:
+            return tree.Rate(self.aliases[leaf.name], leaf.at)
+        return leaf
+
+    def _check_name(self, node: tree.Name, allowed: frozenset[str], where: str, text: str) -> None:
+        name = f"der({self.aliases[node.name]})" if node.name in self.aliases else node.name
+        if name not in self.symbols:
+            known = [known for known in self.names(allowed) if "(" not in known]
+            raise FormulaError(f"unknown name '{node.name}'", text, node.at, listed(known), did_you_mean(node.name, known))
+        self._check_kind(node.name, self.symbols[name], node.at, allowed, where, text)
+
+    def _check_rate(self, node: tree.Rate, allowed: frozenset[str], where: str, text: str) -> None:
+        known = self.coordinates()
+        at = text.find(node.name, node.at + 3) if node.name in text[node.at + 3 :] else node.at
+        if node.name in self.symbols and node.name not in known:
+            raise FormulaError(f"der() of '{node.name}', which is not a coordinate", text, at, listed(known))
+        if node.name not in known:
+            raise FormulaError(f"unknown coordinate '{node.name}'", text, at, listed(known), did_you_mean(node.name, known))
+        self._check_kind(f"der({node.name})", self.symbols[f"der({node.name})"], node.at, allowed, where, text)
+
+    def _check_kind(self, name: str, symbol: Symbol, at: int, allowed: frozenset[str], where: str, text: str) -> None:
+        wrong = sorted(symbol.kinds - allowed)
+        if not wrong:
+            return
+        culprit = dict(symbol.because).get(wrong[0], "")
+        what = f"'{name}' is {wrong[0]}" if not culprit else f"'{name}' uses '{culprit}', {wrong[0]},"
+        hint = "a formula with rates goes under `nonholonomic:`" if wrong[0] == VELOCITY and allowed == POSITION else ""
+        raise FormulaError(f"{what} and cannot stand in {where}", text, at, _allowed_words(allowed), hint)
+
+
+def _allowed_words(allowed: frozenset[str]) -> str:
+    plural = {PARAMETER: "parameters", COORDINATE: "coordinates", VELOCITY: "velocities", INPUT: "inputs", TIME: "t"}
+    words = [word for kind, word in plural.items() if kind in allowed]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def used(expression: Expression, scope: Scope) -> dict[str, str]:
+    """Kind → one name of that kind which the (resolved) formula uses, through definitions too."""
+    found: dict[str, str] = {}
+    for node in tree.walk(expression):
+        if isinstance(node, tree.Name | tree.Rate):
+            name = f"der({node.name})" if isinstance(node, tree.Rate) else node.name
+            symbol = scope.symbols[name]
+            for kind in symbol.kinds:
+                found.setdefault(kind, dict(symbol.because).get(kind, name))
+    return found
+
+

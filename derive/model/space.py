@@ -1,0 +1,104 @@
+"""Planes and directions: how two components become three, and which way a planar model turns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from derive.expressions.tree import ONE, ZERO, Expression, Number
+from derive.model.records import Vector3
+
+_LETTERS = "xyz"
+_NORMALS = {"xy": (0.0, 0.0, 1.0), "xz": (0.0, -1.0, 0.0), "yz": (1.0, 0.0, 0.0), "": (0.0, 0.0, 1.0)}
+ORIGIN: Vector3 = (ZERO, ZERO, ZERO)
+Rotation = tuple[Vector3, Vector3, Vector3]
+
+
+@dataclass(frozen=True)
+class Space:
+    """`plane` is "xy", "xz", "yz", or "" in space."""
+
+    plane: str
+
+    @property
+    def letters(self) -> str:
+        return self.plane or _LETTERS
+
+    @property
+    def size(self) -> int:
+        """Components of a point."""
+        return len(self.letters)
+
+    @property
+    def normal(self) -> Vector3:
+        """The axis of a planar model, so that angles grow from its first to its second axis; z in space."""
+        return constant_vector(_NORMALS[self.plane])
+
+    @property
+    def normal_index(self) -> int:
+        return next(i for i, component in enumerate(_NORMALS[self.plane]) if component)
+
+    def embedded(self, components: list[Expression]) -> Vector3:
+        """Components on the axes of the plane as a vector in space."""
+        entries: list[Expression] = [ZERO, ZERO, ZERO]
+        for letter, component in zip(self.letters, components):
+            entries[_LETTERS.index(letter)] = component
+        return (entries[0], entries[1], entries[2])
+
+    def along(self, letter: str) -> Vector3:
+        """The unit vector of an axis, `x` or `-x`."""
+        sign = -1.0 if letter.startswith("-") else 1.0
+        entries = [sign if letter.endswith(axis) else 0.0 for axis in _LETTERS]
+        return constant_vector((entries[0], entries[1], entries[2]))
+
+
+def constant_vector(components: tuple[float, float, float]) -> Vector3:
+    a, b, c = (_constant(component) for component in components)
+    return (a, b, c)
+
+
+def _constant(number: float) -> Expression:
+    return ZERO if number == 0.0 else ONE if number == 1.0 else Number(number)
+
+
+def normalised(components: tuple[float, float, float]) -> Vector3 | None:
+    """The unit vector along numbers, exact along the axes; None for the zero vector."""
+    length = math.hypot(*components)
+    if length == 0.0:
+        return None
+    a, b, c = (component / length for component in components)
+    return constant_vector((a, b, c))
+
+
+def turned_about(axis: tuple[float, float, float], angle: float) -> Rotation | None:
+    """Rotation matrix (Rodrigues); None for the identity."""
+    s, c = _sine_cosine(angle)
+    if s == 0.0 and c == 1.0:
+        return None
+    x, y, z = axis
+    skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+    rows = [
+        constant_vector(tuple(c * (i == j) + s * skew[i][j] + (1.0 - c) * axis[i] * axis[j] for j in range(3)))  # type: ignore[arg-type]
+        for i in range(3)
+    ]
+    return (rows[0], rows[1], rows[2])
+
+
+def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Rotation | None:
+    """Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF; None for the identity."""
+    (sr, cr), (sp, cp), (sy, cy) = _sine_cosine(roll), _sine_cosine(pitch), _sine_cosine(yaw)
+    if (sr, cr, sp, cp, sy, cy) == (0.0, 1.0, 0.0, 1.0, 0.0, 1.0):
+        return None
+    return (
+        constant_vector((cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr)),
+        constant_vector((sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr)),
+        constant_vector((-sp, cp * sr, cp * cr)),
+    )
+
+
+def _sine_cosine(angle: float) -> tuple[float, float]:
+    """Exact at multiples of a right angle, so that structural zeros stay zeros."""
+    quarter = angle / (math.pi / 2.0)
+    if abs(quarter - round(quarter)) < 1e-14 * max(1.0, abs(quarter)):
+        return ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))[round(quarter) % 4]
+    return math.sin(angle), math.cos(angle)

@@ -1,0 +1,105 @@
+"""Nodes of the file → Document: pydantic checks the shape, and its findings become messages with a place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import ValidationError
+
+from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.model.document import Entries, Items, Key, Node, Scalar, Source, described
+from derive.model.records import Span
+from derive.model.schema import Document
+
+
+def structured(node: Entries, source: Source) -> Document:
+    """The Document of a file; ModelError with every problem of shape in it."""
+    try:
+        return Document.model_validate(node)
+    except ValidationError as error:
+        problems = [found for details in error.errors() for found in _diagnostics(details, node, source)]
+        raise ModelError(sorted(set(problems), key=lambda d: (d.line, d.column))) from None
+
+
+def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagnostic]:
+    key, found = _walk(node, details["loc"])
+    span = found.span if not isinstance(found, Entries | Items) or key is None else key.span
+    kind, context = details["type"], details.get("ctx", {})
+    if kind == "unknown_key":
+        yield from _unknown_keys(found, context, source)
+    elif kind == "missing":
+        missing = details["loc"][-1]
+        yield source.diagnostic(span, f"{_owner(key)} has no '{missing}'", f"the key '{missing}'")
+    elif kind == "literal_error":
+        word = found.text if isinstance(found, Scalar) else ""
+        yield source.diagnostic(span, f"unknown {key} '{word}'", context["expected"].replace("'", ""))
+    elif kind == "union_tag_invalid":
+        yield _wrong_type(found, context, span, source)
+    elif kind == "union_tag_not_found":
+        yield _not_one_of(key, found, details, span, source)
+    elif kind == "not_a_mapping":
+        yield source.diagnostic(found.span, _instead(key, found), f"a mapping with {listed(context['keys'])}")
+    else:
+        yield source.diagnostic(found.span, _instead(key, found), _EXPECTED.get(kind, details["msg"]))
+
+
+_EXPECTED = {
+    "is_instance_of": "a text or a number",
+    "dict_type": "a mapping",
+    "not_a_list": "a list in [ ]",
+    "list_type": "a list in [ ]",
+    "too_short": "two points, [[…], […]]",
+    "too_long": "two points, [[…], […]]",
+}
+
+
+def _walk(node: Node, loc: tuple[Any, ...]) -> tuple[Key | None, Any]:
+    """The key nearest to the place, and what stands there; steps that are tags of pydantic unions are passed over."""
+    key, found = None, node
+    for step in loc:
+        if isinstance(found, Entries) and step in found:
+            key, found = found.key(step), found[step]
+        elif isinstance(found, Items) and isinstance(step, int) and step < len(found):
+            found = found[step]
+    return key, found
+
+
+def _owner(key: Key | None) -> str:
+    return f"'{key}'" if key is not None else "the model"
+
+
+def _instead(key: Key | None, found: Node) -> str:
+    return f"{described(found)} under '{key}'" if key is not None else f"{described(found)} as the model"
+
+
+def _unknown_keys(found: Entries, context: dict[str, Any], source: Source) -> Iterator[Diagnostic]:
+    for name in context["unknown"]:
+        span = found.key(name).span
+        yield source.diagnostic(span, f"unknown key '{name}'", listed(context["keys"], 24), did_you_mean(name, context["keys"]))
+
+
+def _tags(context: dict[str, Any]) -> list[str]:
+    return [tag.strip("'<> ") for tag in context["expected_tags"].split(", ")]
+
+
+def _wrong_type(found: Any, context: dict[str, Any], span: Span, source: Source) -> Diagnostic:
+    known = _tags(context)
+    word = found.get("type") if isinstance(found, Entries) else None
+    if not isinstance(word, Scalar):
+        return source.diagnostic(span, f"{described(found)} here", listed(known))
+    return source.diagnostic(word.span, f"unknown type '{word.text}'", listed(known), did_you_mean(word.text, known))
+
+
+def _not_one_of(key: Key | None, found: Any, details: Any, span: Span, source: Source) -> Diagnostic:
+    section = details["loc"][0]
+    if section in ("constraints", "loads") and isinstance(found, Entries):
+        wanted = {"constraints": "holonomic:, nonholonomic:, type: no_slip or type: rolling", "loads": "type: spring, damper, force …"}
+        return source.diagnostic(span, f"{_owner(key)} does not say what it is", wanted[section])
+    expected = {
+        "parameters": "a number with its unit, such as 0.2 m",
+        "coordinates": "a unit, such as m or rad",
+        "quasi_velocities": "a list or mapping of formulas, orthonormal, or auto",
+        "initial": "a number, or a mapping under `guess`",
+    }.get(section, "a formula or a list")
+    return source.diagnostic(found.span, _instead(key, found), expected)

@@ -1,0 +1,107 @@
+"""Constraints: formulas that stay zero, points that do not slip, disks that roll."""
+
+from __future__ import annotations
+
+import math
+
+from derive.expressions.linearity import degree
+from derive.expressions.tree import ZERO, Expression
+from derive.model.document import Items, Key, Scalar
+from derive.model.frames import Names
+from derive.model.mechanism import some_body
+from derive.model.reader import Reader, force_unit
+from derive.model.records import Constraint, Holonomic, NoSlip, Nonholonomic, Rolling
+from derive.model.schema import Document, HolonomicEntry, NoSlipEntry, NonholonomicEntry, RollingEntry
+from derive.model.scope import ANYTHING, COORDINATE, MOTION, POSITION, VELOCITY, used
+
+
+def constraint(reader: Reader, document: Document, names: Names, key: Key, entry: object) -> Constraint:
+    """One constraint of the file."""
+    reader.name(key)
+    match entry:
+        case HolonomicEntry():
+            return Holonomic(str(key), _holonomic(reader, entry.holonomic), _nonideal(reader, names, key, entry.nonideal), key.span)
+        case NonholonomicEntry():
+            formula = _nonholonomic(reader, entry.nonholonomic)
+            return Nonholonomic(str(key), formula, _nonideal(reader, names, key, entry.nonideal), key.span)
+        case NoSlipEntry():
+            return _no_slip(reader, document, key, entry)
+        case RollingEntry():
+            return _rolling(reader, document, key, entry)
+    raise AssertionError(entry)
+
+
+def _holonomic(reader: Reader, scalar: Scalar) -> Expression:
+    before = len(reader.problems)
+    formula = reader.formula(scalar, "a holonomic constraint", POSITION)
+    if len(reader.problems) == before and COORDINATE not in used(formula, reader.scope):
+        reader.report(scalar.span, "a holonomic constraint without coordinates", "a formula of coordinates that stays zero")
+    return formula
+
+
+def _nonholonomic(reader: Reader, scalar: Scalar) -> Expression:
+    before = len(reader.problems)
+    formula = reader.formula(scalar, "a nonholonomic constraint", MOTION)
+    highest = velocity_degree(reader, formula).highest
+    if len(reader.problems) > before:
+        return formula
+    if highest <= 0:
+        hint = "a formula without rates goes under `holonomic:`"
+        reader.report(scalar.span, "a nonholonomic constraint without rates", "a formula linear in the rates der(q)", hint)
+    elif highest > 1:
+        how = "not linear" if math.isinf(highest) else f"of degree {highest:g}"
+        reader.report(scalar.span, f"the constraint is {how} in the rates", "a formula linear in the rates der(q)")
+    return formula
+
+
+def velocity_degree(reader: Reader, formula: Expression):
+    """Lowest and highest degree of a formula in rates and base velocities."""
+    velocities = [name for name, symbol in reader.scope.symbols.items() if symbol.kinds == {VELOCITY}]
+    return degree(formula, velocities, reader.scope.degrees)
+
+
+def _nonideal(reader: Reader, names: Names, key: Key, given: Items | dict[Key, Scalar] | None) -> tuple[Expression, ...]:
+    """The constraint's own generalised force, one formula per coordinate of the model."""
+    if given is None:
+        return ()
+    units = {coordinate.name: force_unit(f"{coordinate.unit or '1'}/s") for coordinate in names.coordinates}
+    if isinstance(given, Items):
+        if len(given) != len(units):
+            reader.report(given.span, f"{len(given)} nonideal forces of '{key}'", f"one for each of {', '.join(units)}")
+        given = dict(zip(map(_as_key, units, [key] * len(units)), given))
+    for name in given:
+        if name not in units:
+            reader.word(Scalar(str(name), name.span, True, True), units, "coordinate")
+    found = {str(n): reader.formula(s, "a generalised force", ANYTHING, units[n]) for n, s in given.items() if n in units}
+    return tuple(found.get(name, ZERO) for name in units)
+
+
+def _as_key(name: str, place: Key) -> Key:
+    return Key(name, place.span)
+
+
+def _no_slip(reader: Reader, document: Document, key: Key, entry: NoSlipEntry) -> NoSlip:
+    body = some_body(reader, document, entry.body, ground=False)
+    point = reader.point(entry.at, "a point")
+    return NoSlip(str(key), body, point, reader.direction(entry.direction, "a direction", constant=False), key.span)
+
+
+def _rolling(reader: Reader, document: Document, key: Key, entry: RollingEntry) -> Rolling:
+    disk = entry.shape.disk
+    if disk.axis is None and not reader.space.plane:
+        reader.report(key.span, f"the disk of '{key}' has no axis", "axis: x, y, z or a list of numbers")
+    across = reader.space.normal if disk.axis is None or reader.space.plane else reader.direction(disk.axis, "an axis")
+    radius = reader.formula(disk.radius, "a radius", unit="m")
+    size = reader.value(radius, disk.radius)
+    if size is not None and size <= 0.0:
+        reader.report(disk.radius.span, f"the radius of '{key}' is {size:g} m", "more than zero")
+    return Rolling(
+        name=str(key),
+        body=some_body(reader, document, entry.body, ground=False),
+        centre=reader.point(entry.at, "a point"),
+        radius=radius,
+        axis=across,
+        origin=reader.point(entry.plane.origin, "a point"),
+        normal=reader.direction(entry.plane.normal, "a normal"),
+        span=key.span,
+    )

@@ -51,3 +51,12 @@ def condition_of(matrix: Array) -> float:
     singular = np.linalg.svd(D[:, None] * matrix * D, compute_uv=False)
     nonzero = singular[singular > 1e-14 * singular[0]]
     return float(nonzero[0] / nonzero[-1])
+
+
+def row_condition(Y: Array) -> float:
+    """Condition of a square matrix with its rows scaled to unit length; infinite when it is singular."""
+    if not Y.size:
+        return 1.0
+    lengths = np.linalg.norm(Y, axis=1, keepdims=True)
+    singular = np.linalg.svd(Y / np.where(lengths > 0.0, lengths, 1.0), compute_uv=False)
+    return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float("inf")

@@ -1,0 +1,81 @@
+"""Identities between matrices that hold whatever the model is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hamel.verify.checks.rung import Rung
+from hamel.verify.compare import deviation, worst
+from hamel.verify.evidence import Evidence
+from hamel.verify.reference import energies, state_of
+from hamel.verify.vectors import Array
+
+
+def symmetric(e: Evidence) -> float:
+    return worst([worst(t.M - t.M.T) / max(worst(t.M), 1e-300) for t in e.terms])
+
+
+def semidefinite(e: Evidence) -> float:
+    """How far the smallest eigenvalue of M, scaled to a unit diagonal, is below zero."""
+    return worst([max(0.0, -_least_eigenvalue(t.M)) for t in e.terms])
+
+
+def _least_eigenvalue(M: Array) -> float:
+    size = np.sqrt(np.maximum(np.diag(M), 0.0))
+    size = np.where(size > 0.0, size, 1.0)
+    return float(np.linalg.eigvalsh((M + M.T) / np.outer(size, size) / 2.0).min(initial=0.0))
+
+
+def kinetic(e: Evidence) -> float | None:
+    """T = ½ vᵀ M v, where the reference says that T is a quadratic form at all: T(2 v) = 4 T(v)."""
+    if not _quadratic(e):
+        return None
+    return deviation([np.array([0.5 * s.v @ t.M @ s.v]) for s, t in zip(e.samples, e.terms)], [np.array([t.T]) for t in e.terms])
+
+
+def _quadratic(e: Evidence) -> bool:
+    for s in e.samples[:3]:
+        T, _ = energies(e.reference, state_of(e.reference, s.t, s.q, 2.0 * s.v, s.u, s.full))
+        if abs(T - 4.0 * s.outcome.T) > 1e-9 * (1.0 + abs(T)):
+            return False
+    return True
+
+
+def inverse(e: Evidence, left: str, right: str) -> float | None:
+    """left · right against the identity (A R, B S) or zero (A S, B R), relative to |left| |right| and per condition of Y."""
+    first, second = _rows(e, left), e.named(right)
+    if first is None or second is None:
+        return None
+    errors = [_product_error(a, b, (left, right) in (("A", "R"), ("B", "S"))) for a, b in zip(first, second)]
+    return worst([error / condition for error, condition in zip(errors, e.conditions)])
+
+
+def _rows(e: Evidence, name: str) -> list[Array] | None:
+    return [t.A for t in e.terms] if name == "A" else e.named(name)
+
+
+def _product_error(left: Array, right: Array, identity: bool) -> float:
+    wanted = np.eye(len(left)) if identity else np.zeros((len(left), right.shape[1]))
+    size = 1.0 + np.linalg.norm(left, axis=1, keepdims=True) * np.linalg.norm(right, axis=0, keepdims=True)
+    return worst((left @ right - wanted) / size)
+
+
+def roundtrip(e: Evidence) -> float:
+    """(q, v) → x → (q, v)."""
+    nq = len(e.samples[0].q)
+    back = [np.concatenate([x[:nq], v]) for x, v in zip(e.x, e.velocities)]
+    return deviation(back, [np.concatenate([s.q, s.v]) for s in e.samples], e.conditions)
+
+
+def _product_rung(left: str, right: str) -> Rung:
+    name = f"{left} {right} = {int((left, right) in (('A', 'R'), ('B', 'S')))}"
+    return Rung(name, 1e-12, "block inverse of Y = [A; B], per condition number", lambda e: inverse(e, left, right))
+
+
+RUNGS = (
+    Rung("M symmetric", 1e-13, "M = Mᵀ", symmetric),
+    Rung("M semidefinite", 1e-12, "no negative eigenvalue", semidefinite),
+    Rung("T = ½ vᵀ M v", 1e-11, "kinetic energy is the mass matrix's quadratic form", kinetic),
+    *(_product_rung(left, right) for left in "AB" for right in "SR"),
+    Rung("x ↔ (q, v)", 1e-12, "state and velocity undo each other on A v = c, per condition number", roundtrip),
+)

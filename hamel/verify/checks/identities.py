@@ -1,0 +1,117 @@
+"""Identities along the motion: derivatives by differences of the quantities themselves, energy balance, and projection."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hamel.verify.checks.rung import Rung
+from hamel.verify.compare import slope, worst
+from hamel.verify.evidence import Evidence, Sample, Terms
+from hamel.verify.reference import energies, state_of
+from hamel.verify.vectors import Array
+
+BALANCE = 1e-8  # tolerance of the power balance; roundoff of the differences is kept below it
+
+
+def step(s: Sample, vdot: Array) -> float:
+    """A time in which the state changes by about 1e-3: differences of fourth order then err by about 1e-12."""
+    return 1e-3 / max(1.0, worst(s.outcome.qdot), worst(vdot) ** 0.5)
+
+
+def energy_rate(e: Evidence) -> float:
+    """d(T + V)/dt of the reference's energies along (q̇, v̇) against power + λᵀ c, relative to the powers at work."""
+    return worst([_balance(e, s, t, vdot) for s, t, vdot in zip(e.samples, e.terms, e.vdot)])
+
+
+def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
+    def energy(time: float) -> Array:
+        return np.array(sum(energies(e.reference, state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full))))
+
+    h, o = step(s, vdot), s.outcome
+    gain = float(slope(energy, h))
+    flows = np.abs(o.force) @ np.abs(s.v) + np.abs(o.constraint_force) @ np.abs(s.v) + np.abs(s.v) @ np.abs(t.M @ vdot)
+    noise = 1e-15 * (abs(o.T) + abs(o.V) + abs(flows) * h) / h
+    missing = gain - t.power - o.lam @ o.kinematics.c - o.explicit
+    return float(missing / (1e-6 + flows + noise / BALANCE))
+
+
+def _moved(s: Sample, vdot: Array, time: float) -> tuple[Array, Array]:
+    return s.q + time * s.outcome.qdot, s.v + time * vdot
+
+
+def rows_rate(e: Evidence) -> float | None:
+    """d(A v − c)/dt = 0 along the motion, A and c evaluated beside it: finds a wrong Ȧ v in β."""
+    if not len(e.terms[0].A):
+        return None
+    return worst([_drift(e, s, t, vdot) for s, t, vdot in zip(e.samples, e.terms, e.vdot)])
+
+
+def _drift(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
+    def violation(time: float) -> Array:
+        q, v = _moved(s, vdot, time)
+        there = e.terms_at(s.t + time, q, v, s.u, s.p)
+        return there.A @ v - there.c
+
+    drift = slope(violation, step(s, vdot))
+    return worst(drift / (1.0 + np.abs(t.beta) + np.abs(t.A) @ np.abs(vdot)))
+
+
+def beta_rate(e: Evidence) -> float | None:
+    """d(A v − c)/dt at held v equals −β: β is the derivative of the rows and not only what the motion needs."""
+    if not len(e.terms[0].A):
+        return None
+    return worst([_beta(e, s, t) for s, t in zip(e.samples, e.terms)])
+
+
+def _beta(e: Evidence, s: Sample, t: Terms) -> float:
+    def violation(time: float) -> Array:
+        there = e.terms_at(s.t + time, s.q + time * t.qdot, s.v, s.u, s.p)
+        return there.A @ s.v - there.c
+
+    rate = slope(violation, step(s, s.v))
+    return worst((rate + t.beta) / (1.0 + np.abs(t.beta) + np.linalg.norm(s.v) ** 2))
+
+
+def positions_rate(e: Evidence) -> float | None:
+    """dφ/dt = (A v − c) of the holonomic rows, at velocities that need not be admissible."""
+    if not len(e.terms[0].phi):
+        return None
+    rng = np.random.default_rng(1)
+    return worst([_gap_rate(e, s, rng.normal(size=len(s.v))) for s in e.samples])
+
+
+def _gap_rate(e: Evidence, s: Sample, v: Array) -> float:
+    here = e.terms_at(s.t, s.q, v, s.u, s.p)
+    holonomic = [row for row, about in enumerate(e.system.rows) if about.position >= 0]
+    order = [e.system.rows[row].position for row in holonomic]
+
+    def gap(time: float) -> Array:
+        return e.terms_at(s.t + time, s.q + time * here.qdot, v, s.u, s.p).phi
+
+    rate = slope(gap, 1e-3 / max(1.0, worst(here.qdot)))[order]
+    wanted = (here.A @ v - here.c)[holonomic]
+    return worst((rate - wanted) / (1.0 + np.abs(here.A[holonomic]) @ np.abs(v)))
+
+
+def projection(e: Evidence) -> float | None:
+    """`project` from a disturbed state: φ and A v − c of the reference vanish again."""
+    if not e.graph.has("project") or not (len(e.terms[0].phi) or len(e.terms[0].A)):
+        return None
+    rng = np.random.default_rng(2)
+    return worst([_projected(e, s, x + 1e-3 * rng.uniform(-1, 1, len(x))) for s, x in zip(e.samples, e.x)])
+
+
+def _projected(e: Evidence, s: Sample, x: Array) -> float:
+    x = e.graph.iterated("project", s.t, x, s.u, s.p)
+    there = state_of(e.reference, s.t, x[: len(s.q)], e.graph("velocity", s.t, x, s.u, s.p), s.u, s.full)
+    k = e.kinematics(there)
+    return max(worst(k.phi) / (1.0 + worst(s.q)), worst(k.violation(there.v) / (1.0 + np.abs(k.A) @ np.abs(there.v))))
+
+
+RUNGS = (
+    Rung("d(T + V)/dt", BALANCE, "power balance with the reference's energies; differences of fourth order", energy_rate),
+    Rung("d(A v − c)/dt = 0", 1e-8, "along the motion; differences of fourth order", rows_rate),
+    Rung("β = −Ȧ v + ċ", 1e-8, "rows differentiated at held v; differences of fourth order", beta_rate),
+    Rung("φ̇ = A v − c", 1e-8, "positions differentiated along any velocity; differences of fourth order", positions_rate),
+    Rung("project", 1e-10, "φ = 0 and A v = c after a disturbance of 1e-3, by the reference's rows", projection),
+)

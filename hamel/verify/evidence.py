@@ -1,0 +1,217 @@
+"""What the checks look at: at each random admissible state the reference, the system's terms and the equations' functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+
+import casadi as ca
+import numpy as np
+
+from derive.formulations.records import Equations, Function
+from derive.mechanics import sampling
+from derive.mechanics.records import System
+from hamel.verify.reference import Kinematics, Outcome, Reference, evaluate, kinematics, state_of
+from hamel.verify.saddle import row_condition
+from hamel.verify.states import State
+from hamel.verify.vectors import Array
+
+VARIED = 0.2  # parameters that are arguments vary by this part of their value
+TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "power")
+VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One state with the reference's outcome; `p` are the system's own parameters, `full` all of the model's."""
+
+    t: float
+    q: Array
+    v: Array
+    u: Array
+    p: Array
+    full: Array
+    state: State
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The System's terms as arrays at one state; names as in derive.mechanics.records."""
+
+    qdot: Array
+    N: Array
+    M: Array
+    h: Array
+    Q: Array
+    phi: Array
+    A: Array
+    c: Array
+    beta: Array
+    T: float
+    V: float
+    power: float
+
+
+TermsAt = Callable[[float, Array, Array, Array, Array], Terms]
+
+
+def terms(system: System) -> TermsAt:
+    """(t, q, v, u, p) → Terms, evaluated by CasADi."""
+    columns = [ca.densify(ca.SX(getattr(system, name))) for name in TERMS]
+    function = ca.Function("terms", [system.t, system.q, system.v, system.u, system.p], columns)
+
+    def at(t: float, q: Array, v: Array, u: Array, p: Array) -> Terms:
+        found = {name: np.array(x) for name, x in zip(TERMS, function(t, q, v, u, p))}
+        flat = {name: found[name].ravel() for name in VECTORS}
+        T, V, power = (float(found[name][0, 0]) for name in ("T", "V", "power"))
+        return Terms(N=found["N"], M=found["M"], A=found["A"], **flat, T=T, V=V, power=power)
+
+    return at
+
+
+def samples(system: System, reference: Reference, count: int, seed: int) -> tuple[Sample, ...]:
+    """Random admissible states of derive.mechanics.sampling, each evaluated by the reference."""
+    found = sampling.states(system, count, seed, parameters=VARIED)
+    return tuple(_sample(system, reference, *row) for row in zip(found.t, found.q, found.v, found.u, found.p))
+
+
+def _sample(system: System, reference: Reference, t: float, q: Array, v: Array, u: Array, p: Array) -> Sample:
+    full = all_parameters(system, p)
+    state = state_of(reference, float(t), q, v, u, full)
+    return Sample(float(t), q, v, u, p, full, state, evaluate(reference, state))
+
+
+def all_parameters(system: System, p: Array) -> Array:
+    """The model's parameters in order: those of p where the system takes them, defaults for the rest."""
+    rest = iter(p)
+    return np.array([x.value if x.name in system.constants else next(rest) for x in system.model.parameters], dtype=float)
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The functions of one choice as CasADi evaluates them, and v with its rate along ẋ."""
+
+    equations: Equations
+    functions: Mapping[str, ca.Function]
+    named: Mapping[str, ca.Function]  # S, R, Y, B … as functions of (t, x, u, p)
+    residuals: Mapping[str, ca.Function]  # of the functions that are iterated
+    motion: ca.Function  # (t, x, u, p) → v, v̇
+
+    def __call__(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
+        """The result of a function at one state, as the generated module shapes it."""
+        return shaped(np.array(self.functions[name](t, x, u, p)))
+
+    def iterated(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
+        """The result of a function that is one Newton step, repeated as the generated module repeats it."""
+        function = next(function for function in self.equations.functions if function.name == name)
+        if function.iteration is None:
+            return self(name, t, x, u, p)
+        for _ in range(function.iteration.most):
+            x, residual = self(name, t, x, u, p), float(self.residuals[name](t, x, u, p))
+            if residual <= function.iteration.tolerance:
+                break
+        return x
+
+    def has(self, name: str) -> bool:
+        return name in self.functions
+
+
+def shaped(value: Array) -> Array:
+    """n × 1 as (n,)."""
+    return value[:, 0] if value.shape[1] == 1 else value
+
+
+def graph(equations: Equations) -> Graph:
+    """Compile nothing: CasADi's virtual machine runs the graph itself."""
+    slots = {argument.name: argument.symbols for argument in equations.arguments}
+    arguments = _slots(slots)
+    results = {f.name: ca.densify(f.result.value) for f in equations.functions}
+    functions = {f.name: ca.Function(f.name, _slots(slots, f), [results[f.name]]) for f in equations.functions}
+    along = ca.vertcat(slots["t"], slots["x"])
+    rate = ca.jtimes(results["velocity"], along, ca.vertcat(1, results["dynamics"]))
+    named = {item.name: ca.Function(item.name, arguments, [ca.densify(item.value)]) for item in equations.named}
+    stops = {f.name: ca.Function(f.name, _slots(slots, f), [f.residual]) for f in equations.functions if f.residual is not None}
+    return Graph(equations, functions, named, stops, ca.Function("motion", arguments, [results["velocity"], ca.densify(rate)]))
+
+
+def _slots(slots: Mapping[str, ca.SX], function: Function | None = None) -> list[ca.SX]:
+    """t, x, u, p as columns, empty ones for what the model has not; x as the function wants it."""
+    columns = [slots.get(name, ca.SX(0, 1)) for name in ("t", "x", "u", "p")]
+    if function is not None and function.x is not None:
+        columns[1] = function.x.symbols
+    return columns
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Everything about one choice at all states. Arrays are computed when a check first asks for them."""
+
+    system: System
+    reference: Reference
+    samples: tuple[Sample, ...]
+    terms_at: TermsAt
+    graph: Graph
+    others: tuple[Graph, ...]
+    module: ModuleType | None
+
+    @cached_property
+    def terms(self) -> tuple[Terms, ...]:
+        return tuple(self.terms_at(s.t, s.q, s.v, s.u, s.p) for s in self.samples)
+
+    @cached_property
+    def x(self) -> tuple[Array, ...]:
+        """The states (q, w) of this choice."""
+        return self.states_of(self.graph)
+
+    @cached_property
+    def vdot(self) -> tuple[Array, ...]:
+        """v̇ as the choice's ẋ has it: the derivative of v(t, x) along ẋ."""
+        return self.accelerations_of(self.graph)
+
+    @cached_property
+    def conditions(self) -> list[float]:
+        return self.conditions_of(self.graph)
+
+    def conditions_of(self, graph: Graph) -> list[float]:
+        """Condition of the augmented system times that of the choice's own Y = [A; B]: how much roundoff may grow."""
+        own = self.named("Y", graph) or [np.eye(1)] * len(self.samples)
+        return [s.outcome.condition * max(1.0, row_condition(Y)) for s, Y in zip(self.samples, own)]
+
+    @cached_property
+    def velocities(self) -> tuple[Array, ...]:
+        """v as the choice has it at its own states."""
+        return self.results("velocity")
+
+    def kinematics(self, state: State) -> Kinematics:
+        """The reference's kinematics at another state."""
+        return kinematics(self.reference, state)
+
+    @property
+    def redundant(self) -> bool:
+        return any(s.outcome.rank < len(s.outcome.lam) for s in self.samples)
+
+    def states_of(self, graph: Graph) -> tuple[Array, ...]:
+        return tuple(graph("state", s.t, np.concatenate([s.q, s.v]), s.u, s.p) for s in self.samples)
+
+    def accelerations_of(self, graph: Graph) -> tuple[Array, ...]:
+        rows = zip(self.samples, self.states_of(graph))
+        return tuple(np.array(graph.motion(s.t, x, s.u, s.p)[1]).ravel() for s, x in rows)
+
+    def arguments_of(self, name: str) -> tuple[Array, ...]:
+        """The x that a function takes: (q, v) for `state`, (q, w) for every other."""
+        return tuple(np.concatenate([s.q, s.v]) for s in self.samples) if name == "state" else self.x
+
+    def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:
+        """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of that name."""
+        graph = graph or self.graph
+        if name not in graph.named:
+            return None
+        rows = zip(self.samples, self.states_of(graph))
+        return [np.array(graph.named[name](s.t, x, s.u, s.p)) for s, x in rows]
+
+    def results(self, name: str) -> tuple[Array, ...]:
+        """A function of this choice at every state."""
+        return tuple(self.graph(name, s.t, x, s.u, s.p) for s, x in zip(self.samples, self.x))

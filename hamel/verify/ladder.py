@@ -1,0 +1,62 @@
+"""`verification`: the whole ladder for one choice of quasi-velocities, on one page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from types import ModuleType
+
+from derive.formulations.records import Equations
+from derive.model.records import Model
+from hamel.verify.checks import RUNGS
+from hamel.verify.checks.rung import Rung
+from hamel.verify.evidence import Evidence, graph, samples, terms
+from hamel.verify.records import Check, Verification
+from hamel.verify.reference import Reference, reference
+
+ENOUGH = 0.5  # at least this part of the states asked for must be found
+
+
+def verification(
+    model: Model,
+    equations: Equations,
+    module: ModuleType | None = None,
+    states: int = 100,
+    seed: int = 0,
+    others: Collection[Equations] = (),
+) -> Verification:
+    """Compare one choice, and its generated module, with the independent reference at random admissible states.
+
+    `others` are further choices of the same model: v̇ must not depend on the choice.
+    """
+    seen = evidence(reference(model), equations, module, states, seed, others)
+    checks = (_enough(len(seen.samples), states), *(_check(rung, seen) for rung in RUNGS if seen.samples))
+    found = tuple(check for check in checks if check is not None)
+    return Verification(model.name, equations.choice, all(c.passed for c in found), found, len(seen.samples), seed)
+
+
+def evidence(
+    ref: Reference,
+    equations: Equations,
+    module: ModuleType | None = None,
+    states: int = 100,
+    seed: int = 0,
+    others: Collection[Equations] = (),
+) -> Evidence:
+    """What the rungs look at."""
+    system = equations.system
+    seen = samples(system, ref, states, seed)
+    return Evidence(system, ref, seen, terms(system), graph(equations), tuple(graph(other) for other in others), module)
+
+
+def _enough(found: int, wanted: int) -> Check:
+    missing = 1.0 - found / wanted
+    return Check("states found", missing, ENOUGH, missing <= ENOUGH, "share of the states asked for that could not be closed")
+
+
+def _check(rung: Rung, seen: Evidence) -> Check | None:
+    error = rung.error(seen)
+    if error is None:
+        return None
+    value = math.inf if math.isnan(error) else float(error)
+    return Check(rung.name, value, rung.tolerance, value <= rung.tolerance, rung.about)

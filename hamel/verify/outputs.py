@@ -1,0 +1,58 @@
+"""Outputs by the reference's kinematics: formulas, and points, velocities and angles of bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from derive.expressions import tree
+from derive.model.records import Model, Output
+from hamel.verify.states import Frame, State
+from hamel.verify.vectors import Array
+
+AXES = {"x": 0, "y": 1, "z": 2}
+
+
+def outputs(model: Model, state: State) -> Array:
+    """All outputs in order, points as two (planar) or three components."""
+    return np.concatenate([np.zeros(0), *(_output(model, state, output) for output in model.outputs)])
+
+
+def nearest_turn(model: Model, wanted: Array, got: Array) -> Array:
+    """`wanted` with whole turns added to the angles of bodies so that they are nearest to `got`."""
+    turns = np.round((np.ravel(got) - wanted) / (2.0 * np.pi))
+    return wanted + 2.0 * np.pi * np.where(_angles(model), turns, 0.0)
+
+
+def _angles(model: Model) -> Array:
+    """Which entries of the outputs are angles of bodies."""
+    marks = []
+    for output in model.outputs:
+        function = output.expression.function if isinstance(output.expression, tree.Call) else ""
+        marks += [function == "angle"] * (len(model.plane or "xyz") if function in ("position", "velocity") else 1)
+    return np.array(marks, dtype=bool)
+
+
+def _output(model: Model, state: State, output: Output) -> Array:
+    formula = output.expression
+    if not (isinstance(formula, tree.Call) and formula.function in ("position", "velocity", "angle")):
+        return np.array([state.value(formula)])
+    body = formula.arguments[0]
+    frame = state.frames[body.name] if isinstance(body, tree.Name) else Frame(*np.zeros((4, 3)))
+    axes = [AXES[letter] for letter in model.plane or "xyz"]
+    if formula.function == "angle":
+        return np.array([_angle(state, frame, axes)])
+    arm = frame.point(_point(state, formula, axes))
+    return (frame.origin + arm if formula.function == "position" else frame.speed(arm))[axes]
+
+
+def _point(state: State, formula: tree.Call, axes: list[int]) -> Array:
+    point = np.zeros(3)
+    if len(formula.arguments) > 1 and isinstance(formula.arguments[1], tree.Vector):
+        point[axes] = state.vector(formula.arguments[1].entries)
+    return point
+
+
+def _angle(state: State, frame: Frame, axes: list[int]) -> float:
+    """From the plane's first axis towards its second, in (−π, π]."""
+    first = frame.rotation[:, axes[0]]
+    return float(np.arctan2(first[axes[1]], first[axes[0]]))

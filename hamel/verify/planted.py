@@ -1,0 +1,108 @@
+"""Planted errors: systems and functions with one thing wrong, to see that the ladder goes red for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import casadi as ca
+
+from derive.formulations.records import Equations, Function
+from derive.mechanics.records import System
+
+SWAPPED = {
+    ca.OP_ADD: ca.OP_SUB, ca.OP_SUB: ca.OP_ADD, ca.OP_MUL: ca.OP_DIV, ca.OP_DIV: ca.OP_MUL,
+    ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN, ca.OP_SQ: ca.OP_TWICE, ca.OP_TWICE: ca.OP_SQ,
+}  # fmt: skip
+LEAVES = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
+
+
+def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
+    """(what is wrong, the system with it): one per term of the equations, where the model has the term."""
+    still = ca.substitute(system.h, system.v, ca.SX.zeros(system.v.numel()))
+    errors = {
+        "gravity": ("h", system.h - 2 * _one_entry(still)),
+        "velocity products": ("h", system.h - 2 * _one_entry(system.h - still)),
+        "applied force": ("Q", system.Q - 2 * _one_entry(system.Q)),
+        "mass": ("M", _with_first(system.M, 1.001)),
+        "kinematics": ("N", -system.N),
+        "rates": ("qdot", _with_first(system.qdot, -1.0)),
+        "position": ("phi", system.phi + _one_entry(0.001 * system.phi * system.q[0]) if system.phi.numel() else system.phi),
+        "constraint row": ("A", _with_first(system.A, -1.0)),
+        "constraint value": ("c", -system.c),
+        "constraint drift": ("beta", system.beta - 2 * _one_entry(system.beta)),
+        "kinetic energy": ("T", 1.001 * system.T),
+        "potential energy": ("V", -system.V),
+        "power": ("power", -system.power),
+    }
+    for name, (term, value) in errors.items():
+        if not _same(value, getattr(system, term)):
+            yield name, replace(system, **{term: value})
+
+
+def _one_entry(column: ca.SX) -> ca.SX:
+    """The column with all but its first nonzero entry left out."""
+    found = [i for i in range(column.numel()) if not ca.SX(column[i]).is_zero()]
+    result = ca.SX.zeros(column.numel())
+    if found:
+        result[found[0]] = column[found[0]]
+    return result
+
+
+def _with_first(matrix: ca.SX, factor: float) -> ca.SX:
+    """The matrix with its first nonzero entry multiplied."""
+    result = ca.SX(matrix)
+    for i in range(result.size1()):
+        for j in range(result.size2()):
+            if not ca.SX(result[i, j]).is_zero():
+                result[i, j] = factor * result[i, j]
+                return result
+    return result
+
+
+def _same(a: ca.SX, b: ca.SX) -> bool:
+    return ca.SX(a - b).is_zero()
+
+
+def wrong_functions(equations: Equations, name: str) -> Iterator[tuple[str, Equations]]:
+    """The equations with one operation of one function changed: + for −, × for ÷, sine for cosine, x² for 2 x."""
+    function = next(function for function in equations.functions if function.name == name)
+    for index, wrong in mutants(function.result.value):
+        changed = replace(function, result=replace(function.result, value=wrong))
+        yield f"{name}, instruction {index}", _with_function(equations, changed)
+
+
+def _with_function(equations: Equations, changed: Function) -> Equations:
+    functions = tuple(changed if function.name == changed.name else function for function in equations.functions)
+    return replace(equations, functions=functions)
+
+
+def mutants(value: ca.SX) -> Iterator[tuple[int, ca.SX]]:
+    """(instruction index, the expression with that operation swapped), for every operation that has a counterpart."""
+    symbols = ca.vertcat(*ca.symvar(value))
+    program = ca.Function("program", [symbols], [ca.densify(value)])
+    for index in range(program.n_instructions()):
+        if program.instruction_id(index) in SWAPPED:
+            yield index, _replayed(program, symbols, index, value)
+
+
+def _replayed(program: ca.Function, symbols: ca.SX, wrong: int, like: ca.SX) -> ca.SX:
+    """The expression rebuilt instruction by instruction, number `wrong` with its counterpart."""
+    work: dict[int, ca.SX] = {}
+    results = ca.SX.zeros(like.numel())
+    for index in range(program.n_instructions()):
+        operation, into = program.instruction_id(index), program.instruction_output(index)
+        operands = program.instruction_input(index)
+        if operation == ca.OP_OUTPUT:
+            results[into[1]] = work[operands[0]]
+        elif operation == ca.OP_INPUT:
+            work[into[0]] = symbols[operands[1]]
+        elif operation == ca.OP_CONST:
+            work[into[0]] = ca.SX(program.instruction_constant(index))
+        else:
+            work[into[0]] = _applied(SWAPPED[operation] if index == wrong else operation, [work[i] for i in operands])
+    return ca.reshape(results, like.size1(), like.size2())
+
+
+def _applied(operation: int, operands: list[ca.SX]) -> ca.SX:
+    return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)

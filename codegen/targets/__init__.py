@@ -1,0 +1,13 @@
+"""The targets, in the order they are emitted. To add one: a file with a Target, and its line here."""
+
+from codegen.targets.c import C
+from codegen.targets.example import EXAMPLE
+from codegen.targets.extension import EXTENSION
+from codegen.targets.manifest import MANIFEST
+from codegen.targets.numpy import NUMPY
+from codegen.targets.package import PACKAGE
+from codegen.targets.records import Target
+
+TARGETS: tuple[Target, ...] = (C, EXTENSION, NUMPY, PACKAGE, EXAMPLE, MANIFEST)
+
+__all__ = ["TARGETS", "Target"]

@@ -1,0 +1,35 @@
+"""load: import a generated folder by its path."""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from derive.diagnostics import ToolchainError
+
+_loads = itertools.count(1)
+
+
+def load(folder: str | os.PathLike[str]) -> ModuleType:
+    """The module in `folder`, under a name of its own, so that several versions live side by side."""
+    place = Path(os.path.abspath(folder))
+    if not (place / "__init__.py").is_file():
+        raise ToolchainError(f"{place} is not a generated module: it has no __init__.py")
+    number = next(_loads)
+    name = f"hamel_generated_{number}_{place.name}"
+    # the dynamic linker takes a library for loaded when it knows the path; a rebuilt one needs another spelling
+    spelling = f"{place}{'/.' * number}" if os.name == "posix" else str(place)
+    spec = importlib.util.spec_from_file_location(name, f"{spelling}/__init__.py", submodule_search_locations=[spelling])
+    assert spec is not None and spec.loader is not None  # a path that ends in .py always has a loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module

@@ -1,0 +1,243 @@
+"""The expression graph that the passes rewrite: hash-consed n-ary sums and products with constants kept on the edges.
+
+A reference is (factor, node). Signs and constant factors live on the references, so x − y and y − x, 2x and −3x share one
+node; a sum is stored with leading factor 1. Node 0 is the number one, so a constant c is the reference (c, 0). Node ids are
+given in the order of creation: operands come before what uses them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+Reference = tuple[float, int]
+ONE = 0
+ZERO: Reference = (0.0, ONE)
+NEARLY = 8 * 2.220446049250313e-16  # factors closer than this, relatively, differ by rounding only
+
+ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign"})
+EVEN = frozenset({"cos", "cosh", "fabs"})
+CALLS: dict[str, Callable[..., float] | None] = {
+    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos,
+    "atan": math.atan, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "asinh": math.asinh, "acosh": math.acosh,
+    "atanh": math.atanh, "exp": math.exp, "log": math.log, "expm1": math.expm1, "log1p": math.log1p, "erf": math.erf,
+    "fabs": abs, "floor": math.floor, "ceil": math.ceil, "pow": math.pow, "atan2": math.atan2, "hypot": math.hypot,
+    "fmin": min, "fmax": max, "copysign": math.copysign, "fmod": math.fmod,
+    "sign": None, "lt": None, "le": None, "eq": None, "ne": None, "and": None, "or": None, "not": None, "where": None,
+}  # fmt: skip
+
+
+class Graph:
+    """Nodes are tuples: ("one",), ("input", argument, index), ("literal", text) for inf and nan,
+    ("sum", ((node, factor), …)), ("product", ((node, exponent), …)), ("call", function, (reference, …))."""
+
+    def __init__(self) -> None:
+        self.nodes: list[tuple[Any, ...]] = [("one",)]
+        self._ids: dict[tuple[Any, ...], int] = {("one",): ONE}
+
+    def node(self, key: tuple[Any, ...]) -> int:
+        """The id of a node, made on first use."""
+        found = self._ids.get(key)
+        if found is None:
+            found = self._ids[key] = len(self.nodes)
+            self.nodes.append(key)
+        return found
+
+    def input(self, argument: str, index: int) -> Reference:
+        return (1.0, self.node(("input", argument, index)))
+
+    def constant(self, value: float) -> Reference:
+        """A number; inf and nan are kept apart from arithmetic."""
+        if math.isfinite(value):
+            return (float(value), ONE)
+        return (1.0, self.node(("literal", repr(float(value)))))
+
+    def sum(self, terms: Iterable[Reference]) -> Reference:
+        """Σ factor · node, equal nodes merged, scaled so that its first factor is 1."""
+        merged: dict[int, float] = {}
+        for factor, node in terms:
+            merged[node] = nearly_sum(merged[node], factor) if node in merged else factor
+        kept = sorted((node, factor) for node, factor in merged.items() if factor != 0.0)
+        if not kept:
+            return ZERO
+        if len(kept) == 1:
+            return (kept[0][1], kept[0][0])
+        scale = _leading(kept)
+        return (scale, self.node(("sum", tuple((node, snapped(factor / scale)) for node, factor in kept))))
+
+    def product(self, factors: Iterable[tuple[Reference, int]]) -> Reference:
+        """Π reference^exponent; constants move to the reference."""
+        scale = 1.0
+        merged: dict[int, int] = {}
+        for (factor, node), exponent in factors:
+            scale *= _power(factor, exponent)
+            if node != ONE:
+                merged[node] = merged.get(node, 0) + exponent
+        if scale == 0.0:
+            return ZERO
+        kept = sorted((node, exponent) for node, exponent in merged.items() if exponent != 0)
+        return self._scaled_product(scale, kept)
+
+    def _scaled_product(self, scale: float, kept: list[tuple[int, int]]) -> Reference:
+        if not math.isfinite(scale):
+            kept = sorted([*kept, (self.constant(scale)[1], 1)])
+            scale = 1.0
+        if not kept:
+            return (scale, ONE)
+        if len(kept) == 1 and kept[0][1] == 1:
+            return (scale, kept[0][0])
+        return (scale, self.node(("product", tuple(kept))))
+
+    def call(self, function: str, operands: Sequence[Reference]) -> Reference:
+        """A function of references; signs leave odd and even functions, constants are evaluated."""
+        if all(node == ONE for _, node in operands):
+            value = _evaluate(function, [factor for factor, _ in operands])
+            if value is not None:
+                return self.constant(value)
+        sign, operands = _signs(function, tuple(operands))
+        if function == "fabs" and operands[0][0] != 1.0:
+            sign, operands = operands[0][0], ((1.0, operands[0][1]),)
+        return (sign, self.node(("call", function, operands)))
+
+    def operands(self, node: int) -> list[int]:
+        """The nodes that a node is computed from (the number one excluded)."""
+        kind, *rest = self.nodes[node]
+        if kind in ("sum", "product"):
+            return [other for other, _ in rest[0] if other != ONE]
+        if kind == "call":
+            return [other for _, other in rest[1] if other != ONE]
+        return []
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Where the entries of a named intermediate are in the graph: (entry label, reference)."""
+
+    name: str
+    about: str
+    entries: tuple[tuple[str, Reference], ...]
+
+
+@dataclass(frozen=True)
+class Work:
+    """One function on its way through the passes: a graph, the references to be computed, and named places in it."""
+
+    graph: Graph
+    roots: tuple[Reference, ...]
+    marks: tuple[Mark, ...]
+
+
+def scaled(factor: float, reference: Reference) -> Reference:
+    """factor · reference."""
+    return (factor * reference[0], reference[1])
+
+
+def nearly_sum(a: float, b: float) -> float:
+    """a + b, but 0 where the two differ by rounding only."""
+    total = a + b
+    return 0.0 if abs(total) <= NEARLY * max(abs(a), abs(b)) else total
+
+
+def snapped(factor: float) -> float:
+    """The factor, or the whole number it differs from by rounding only."""
+    nearest = round(factor) if abs(factor) < 1e15 else 0
+    return float(nearest) if nearest and abs(factor - nearest) <= NEARLY * abs(factor) else factor
+
+
+def live(work: Work) -> list[int]:
+    """Nodes that the roots need, in increasing order."""
+    seen = {node for _, node in work.roots}
+    stack = sorted(seen)
+    while stack:
+        for other in work.graph.operands(stack.pop()):
+            if other not in seen:
+                seen.add(other)
+                stack.append(other)
+    seen.discard(ONE)
+    return sorted(seen)
+
+
+def uses(work: Work, nodes: Iterable[int]) -> dict[int, int]:
+    """How often each node is used, the roots' own uses included."""
+    count: dict[int, int] = {}
+    for node in nodes:
+        for other in work.graph.operands(node):
+            count[other] = count.get(other, 0) + 1
+    for _, node in work.roots:
+        count[node] = count.get(node, 0) + 1
+    return count
+
+
+Rule = Callable[[Graph, int, dict[int, Reference]], Reference]
+
+
+def rewrite(work: Work, rule: Rule) -> Work:
+    """A new graph in which each live node became rule(new graph, node, earlier results). Marks follow where they survive."""
+    graph = Graph()
+    done: dict[int, Reference] = {ONE: (1.0, ONE)}
+    for node in live(work):
+        done[node] = rule(graph, node, done)
+    roots = tuple(scaled(factor, done[node]) for factor, node in work.roots)
+    return Work(graph, roots, tuple(_follow(mark, done) for mark in work.marks))
+
+
+def copied(work: Work, graph: Graph, node: int, done: dict[int, Reference]) -> Reference:
+    """The node as it was, over rewritten operands."""
+    kind, *rest = work.graph.nodes[node]
+    if kind == "sum":
+        return graph.sum(scaled(factor, done[other]) for other, factor in rest[0])
+    if kind == "product":
+        return graph.product((done[other], exponent) for other, exponent in rest[0])
+    if kind == "call":
+        return graph.call(rest[0], [scaled(factor, done[other]) for factor, other in rest[1]])
+    return (1.0, graph.node(work.graph.nodes[node]))
+
+
+def _follow(mark: Mark, done: dict[int, Reference]) -> Mark:
+    kept = tuple((label, scaled(factor, done[node])) for label, (factor, node) in mark.entries if node in done)
+    return Mark(mark.name, mark.about, kept)
+
+
+def _leading(kept: list[tuple[int, float]]) -> float:
+    """The factor that a sum is divided by: that of its first term that is not the constant."""
+    return kept[0][1] if kept[0][0] != ONE else kept[1][1]
+
+
+def _power(factor: float, exponent: int) -> float:
+    if factor == 0.0 and exponent < 0:
+        return math.copysign(math.inf, factor) if exponent % 2 else math.inf
+    try:
+        return factor**exponent
+    except OverflowError:
+        return math.inf
+
+
+def _signs(function: str, operands: tuple[Reference, ...]) -> tuple[float, tuple[Reference, ...]]:
+    if operands[0][0] < 0 and function in ODD:
+        return -1.0, ((-operands[0][0], operands[0][1]),)
+    if operands[0][0] < 0 and function in EVEN:
+        return 1.0, ((-operands[0][0], operands[0][1]),)
+    return 1.0, operands
+
+
+def _evaluate(function: str, values: Sequence[float]) -> float | None:
+    evaluate = CALLS[function] or _LOGIC.get(function)
+    try:
+        return float(evaluate(*values)) if evaluate else None
+    except (ValueError, OverflowError, ZeroDivisionError):
+        return None
+
+
+_LOGIC: dict[str, Callable[..., float]] = {
+    "sign": lambda a: (a > 0) - (a < 0),
+    "lt": lambda a, b: a < b,
+    "le": lambda a, b: a <= b,
+    "eq": lambda a, b: a == b,
+    "ne": lambda a, b: a != b,
+    "and": lambda a, b: bool(a and b),
+    "or": lambda a, b: bool(a or b),
+    "not": lambda a: not a,
+    "where": lambda a, b: b if a else 0.0,
+}

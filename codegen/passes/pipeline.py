@@ -1,0 +1,145 @@
+"""program: the pipeline from Equations to Program. Each pass is Work → Work; the ledger says what each one did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+
+from codegen.passes.graph import Work
+from codegen.passes.lower import Code, Lowered, lower
+from codegen.passes.names import Names, identifier
+from codegen.passes.schedule import schedule
+from codegen.passes.trace import trace
+from codegen.program import KINDS, Argument, Entry, Kernel, Loop, Pivot, Program
+from derive.diagnostics import HamelError
+from derive.formulations.records import Equations, Function
+
+PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = ()
+
+_KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
+
+
+def program(equations: Equations, functions: Sequence[str] | None = None) -> Program:
+    """The Program of the named functions (all when None)."""
+    arguments = _arguments(equations)
+    chosen = _chosen(equations, functions)
+    kernels, ledger = [], []
+    for function in chosen:
+        kernel, entries = _kernel(equations, function, arguments)
+        kernels.append(kernel)
+        ledger += entries
+    model = equations.system.model
+    return Program(
+        name=identifier(model.name),
+        description=model.description,
+        formulation=equations.formulation,
+        choice=equations.choice,
+        reason=equations.reason,
+        pivots=equations.pivots,
+        quasi_velocities=equations.w,
+        assumptions=equations.assumptions,
+        constants=equations.system.constants,
+        arguments=arguments,
+        kernels=tuple(kernels),
+        ledger=tuple(ledger),
+        left_out=_left_out(equations, arguments, kernels),
+    )
+
+
+def _chosen(equations: Equations, functions: Sequence[str] | None) -> list[Function]:
+    """The functions asked for; those with an empty result have no code."""
+    known = {function.name: function for function in equations.functions}
+    for name in functions or ():
+        if name not in known:
+            raise HamelError(f"this model has no function {name!r}; it has {', '.join(known)}")
+    chosen = known.values() if functions is None else [known[name] for name in dict.fromkeys(functions)]
+    return [function for function in chosen if function.result.value.numel()]
+
+
+def _arguments(equations: Equations) -> tuple[Argument, ...]:
+    names = Names()
+    found = []
+    for argument in equations.arguments:
+        local = tuple(names(identifier(label)) if argument.name != "t" else "t" for label in argument.labels)
+        defaults = equations.parameters if argument.name == "p" else ()
+        found.append(Argument(argument.name, argument.labels, local, argument.units, defaults))
+    return tuple(found)
+
+
+def _left_out(equations: Equations, arguments: Sequence[Argument], kernels: Sequence[Kernel]) -> tuple[str, ...]:
+    """Functions that were not asked for or are empty, and arguments that no function uses."""
+    made = {kernel.name for kernel in kernels}
+    used = {name for kernel in kernels for name in kernel.uses}
+    functions = [f"function {f.name}" for f in equations.functions if f.name not in made]
+    return (*functions, *(f"argument {a.name}" for a in arguments if a.name not in used))
+
+
+def _kernel(equations: Equations, function: Function, arguments: Sequence[Argument]) -> tuple[Kernel, list[Entry]]:
+    size = function.result.value.numel()
+    work, raw = trace(_symbols(equations), _roots(function), [(n.name, n.about, n.value) for n in function.named])
+    work, entries = _improve(function, work, raw, size)
+    lowered = lower(work, _loose(function, size))
+    return _finish(function, lowered, work, arguments, size), entries
+
+
+def _symbols(equations: Equations) -> list[tuple[str, ca.SX]]:
+    return [(argument.name, argument.symbols) for argument in equations.arguments]
+
+
+def _roots(function: Function) -> list[ca.SX]:
+    """Result entries row by row, then guards, then the residual."""
+    entries = ca.densify(ca.vec(function.result.value.T))
+    residual = [] if function.residual is None else [function.residual]
+    return [entries, *(guard.value for guard in function.guards), *residual]
+
+
+def _loose(function: Function, size: int) -> range:
+    return range(size, size + len(function.guards))
+
+
+def _improve(function: Function, work: Work, raw: int, size: int) -> tuple[Work, list[Entry]]:
+    before = count(lower(work, _loose(function, size)).code)["total"]
+    entries = [Entry(function.name, "fold", raw, before)]
+    for name, improve in PASSES:
+        work = improve(work)
+        after = count(lower(work, _loose(function, size)).code)["total"]
+        entries.append(Entry(function.name, name, before, after))
+        before = after
+    return work, entries
+
+
+def _finish(function: Function, lowered: Lowered, work: Work, arguments: Sequence[Argument], size: int) -> Kernel:
+    inputs = {(argument.name, i): name for argument in arguments for i, name in enumerate(argument.names)}
+    free = Names([*Names().taken, *inputs.values(), identifier(function.result.name)])
+    done = schedule(lowered, work.marks, f"{function.result.name}: {function.about}", inputs, free)
+    guards = [
+        Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance)
+        for guard, value, factor in zip(function.guards, done.roots[size:], lowered.factors[size:])
+    ]
+    loop = function.iteration and Loop(function.iteration.tolerance, function.iteration.most, done.roots[-1])
+    rows, columns = function.result.value.shape
+    return Kernel(
+        name=function.name,
+        about=function.about,
+        result=function.result.name,
+        shape=(rows,) if columns == 1 else (rows, columns),
+        labels=function.result.labels,
+        units=function.result.units,
+        uses=tuple(a.name for a in arguments if any(load.argument == a.name for load in done.loads)),
+        loads=done.loads,
+        sections=done.sections,
+        outputs=done.roots[:size],
+        guards=tuple(guards),
+        loop=loop,
+        operations=count(lowered.code),
+    )
+
+
+def count(code: Code) -> dict[str, int]:
+    """Operations of each kind. A negation is a sign, not an operation, and is not counted."""
+    counts: dict[str, int] = dict.fromkeys(KINDS, 0)
+    for operation in code.operations:
+        if operation.name not in ("input", "neg"):
+            counts[_KIND.get(operation.name, "other")] += 1
+    return {**counts, "total": sum(counts.values())}

@@ -1,0 +1,153 @@
+"""schedule: order operations under the headings of the textbook, give them names, and nest what is used once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from codegen.passes.graph import Mark
+from codegen.passes.lower import Code, Lowered, Operation
+from codegen.program import Expression, Load, Section, Statement
+
+_NESTED = 11  # names, numbers and operators that one nested expression may hold
+
+
+@dataclass(frozen=True)
+class Scheduled:
+    loads: tuple[Load, ...]
+    sections: tuple[Section, ...]
+    roots: tuple[Expression, ...]
+
+
+def schedule(
+    lowered: Lowered, marks: Sequence[Mark], title: str, inputs: dict[tuple[str, int], str], free: Callable[[str], str]
+) -> Scheduled:
+    """inputs names argument entries; free(wanted) makes a name that is not taken; `title` heads what belongs to no mark."""
+    roots = [root for root in lowered.roots if isinstance(root, int)]
+    wanted = _reachable(lowered.code, roots)
+    groups = []
+    done = {i for i in wanted if lowered.code.operations[i].name == "input"}
+    for heading, starts in [*_headings(lowered, marks, wanted), (title, roots)]:
+        group = _depth_first(lowered.code, starts, done)
+        if group:
+            groups.append((heading, group))
+    names = _names(lowered, marks, wanted)
+    nested = _nested(lowered.code, groups, roots, names)
+    return _write(lowered, wanted, groups, names, nested, inputs, free)
+
+
+def _reachable(code: Code, roots: Sequence[int]) -> set[int]:
+    seen, stack = set(roots), list(roots)
+    while stack:
+        for operand in _inner(code.operations[stack.pop()]):
+            if operand not in seen:
+                seen.add(operand)
+                stack.append(operand)
+    return seen
+
+
+def _inner(operation: Operation) -> list[int]:
+    if operation.name == "input":
+        return []
+    return [operand for operand in operation.operands if isinstance(operand, int)]
+
+
+def _headings(lowered: Lowered, marks: Sequence[Mark], wanted: set[int]) -> list[tuple[str, list[int]]]:
+    headings = []
+    for mark in marks:
+        starts = [lowered.places[node][0] for _, (_, node) in mark.entries if node in lowered.places]
+        headings.append((f"{mark.name}: {mark.about}", [i for i in starts if isinstance(i, int) and i in wanted]))
+    return headings
+
+
+def _depth_first(code: Code, starts: Sequence[int], done: set[int]) -> list[int]:
+    """What the starts need and `done` does not hold, operands first: values are used soon after they are made."""
+    order: list[int] = []
+    for start in starts:
+        stack = [(start, False)]
+        while stack:
+            i, ready = stack.pop()
+            if i in done:
+                continue
+            if ready:
+                done.add(i)
+                order.append(i)
+            else:
+                stack.append((i, True))
+                stack += [(operand, False) for operand in reversed(_inner(code.operations[i])) if operand not in done]
+    return order
+
+
+def _names(lowered: Lowered, marks: Sequence[Mark], present: set[int]) -> dict[int, str]:
+    """Names worth having: entries of named matrices, sines and cosines of a coordinate."""
+    names: dict[int, str] = {}
+    for mark in marks:
+        for label, (factor, node) in mark.entries:
+            operand, scale = lowered.places.get(node, (0.0, 1.0))
+            if isinstance(operand, int) and operand in present and factor == scale:
+                names.setdefault(operand, label)
+    return names
+
+
+def _nested(code: Code, groups: Sequence[tuple[str, list[int]]], roots: Sequence[int], names: dict[int, str]) -> set[int]:
+    """Operations used once, in the section they stand in, become part of the expression that uses them."""
+    count: dict[int, int] = {}
+    user: dict[int, int] = {}
+    home = {i: k for k, (_, group) in enumerate(groups) for i in group}
+    for i in home:
+        for operand in _inner(code.operations[i]):
+            count[operand] = count.get(operand, 0) + 1
+            user[operand] = i
+    for root in roots:
+        count[root] = count.get(root, 0) + 2
+    return _fitting(code, home, lambda i: count[i] == 1 and i not in names and home[user[i]] == home[i])
+
+
+def _fitting(code: Code, home: dict[int, int], once: Callable[[int], bool]) -> set[int]:
+    size: dict[int, int] = {}
+    nested: set[int] = set()
+    for i in sorted(home):
+        size[i] = 1 + sum(size.get(operand, 1) for operand in code.operations[i].operands if isinstance(operand, int | float))
+        if once(i) and size[i] <= _NESTED:
+            nested.add(i)
+        else:
+            size[i] = 1
+    return nested
+
+
+def _write(
+    lowered: Lowered, wanted: set[int], groups: Sequence[tuple[str, list[int]]], names: dict[int, str], nested: set[int],
+    inputs: dict[tuple[str, int], str], free: Callable[[str], str],
+) -> Scheduled:  # fmt: skip
+    loads = _loads(lowered, wanted, inputs)
+    expressions: dict[int, Expression] = {i: load.name for i, load in loads.items()}
+    sections = []
+    for heading, group in groups:
+        statements = []
+        for i in group:
+            value = _expression(lowered.code.operations[i], expressions)
+            expressions[i] = value if i in nested else free(names.get(i) or _trig_name(value) or "z")
+            if i not in nested:
+                statements.append(Statement(str(expressions[i]), value))
+        sections.append(Section(heading, tuple(statements)))
+    roots = tuple(expressions[root] if isinstance(root, int) else root for root in lowered.roots)
+    return Scheduled(tuple(sorted(loads.values(), key=_slot)), tuple(sections), roots)
+
+
+def _loads(lowered: Lowered, wanted: set[int], inputs: dict[tuple[str, int], str]) -> dict[int, Load]:
+    slots = {i: lowered.code.operations[i].operands for i in sorted(wanted) if lowered.code.operations[i].name == "input"}
+    return {i: Load(inputs[str(name), int(entry)], str(name), int(entry)) for i, (name, entry) in slots.items()}
+
+
+def _slot(load: Load) -> tuple[int, int]:
+    return "txup".index(load.argument), load.index
+
+
+def _expression(operation: Operation, expressions: dict[int, Expression]) -> Expression:
+    return (operation.name, *(expressions[o] if isinstance(o, int) else o for o in operation.operands))
+
+
+def _trig_name(value: Expression) -> str | None:
+    if isinstance(value, tuple) and value[0] in ("sin", "cos") and isinstance(value[1], str):
+        return f"{value[0]}_{value[1]}"
+    return None

@@ -1,0 +1,145 @@
+"""The Program record: what the generated module computes, statement by statement, in no particular language.
+
+An expression is a local name (str), a number (float) or a tuple (operation, operand, …) of expressions. The operations are
+add, sub, mul, div, neg and the calls listed in `codegen.passes.graph.CALLS`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+Expression = str | float | tuple
+
+OK, SINGULAR, NOT_CONVERGED, NOT_FINITE = range(4)
+STATUS = ("ok", "singular", "not_converged", "not_finite")
+KINDS = ("add", "multiply", "divide", "sqrt", "sin", "cos", "other")
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument slot t, x, u or p. `names` are identifiers made from the labels; `defaults` are given for p alone."""
+
+    name: str
+    labels: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    defaults: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Statement:
+    """`name` = `value`; every name is assigned once."""
+
+    name: str
+    value: Expression
+
+
+@dataclass(frozen=True)
+class Section:
+    """Statements under one heading, such as "M: joint-space mass matrix"."""
+
+    title: str
+    statements: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
+class Load:
+    """The local `name` stands for entry `index` of argument `argument`."""
+
+    name: str
+    argument: str
+    index: int
+
+
+@dataclass(frozen=True)
+class Pivot:
+    """|value| < tolerance makes the function return SINGULAR.
+
+    `value` is computed up to a constant; for the quantity called `name` the bound is `limit`.
+    """
+
+    name: str
+    value: Expression
+    tolerance: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Repeat with the result as the new x until `residual` ≤ tolerance, at most `most` times."""
+
+    tolerance: float
+    most: int
+    residual: Expression
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """One generated function. `outputs` are the entries of the result, row-major; `shape` is (n,) or (r, c)."""
+
+    name: str
+    about: str
+    result: str
+    shape: tuple[int, ...]
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    uses: tuple[str, ...]  # which of t, x, u, p occur
+    loads: tuple[Load, ...]
+    sections: tuple[Section, ...]
+    outputs: tuple[Expression, ...]
+    guards: tuple[Pivot, ...]
+    loop: Loop | None
+    operations: Mapping[str, int]  # of each kind and "total"
+
+    @property
+    def singular(self) -> str:
+        """What status SINGULAR means here, in words."""
+        return "singular: " + " or ".join(f"|{guard.name}| < {guard.limit:g}" for guard in self.guards)
+
+    @property
+    def not_converged(self) -> str:
+        """What status NOT_CONVERGED means here, in words."""
+        return f"not converged to {self.loop.tolerance:g} in {self.loop.most} steps" if self.loop else "not converged"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the ledger: what one pass did to one function."""
+
+    function: str
+    step: str
+    before: int
+    after: int
+
+
+@dataclass(frozen=True)
+class Program:
+    name: str
+    description: str
+    formulation: str
+    choice: str
+    reason: str
+    pivots: tuple[str, ...]
+    quasi_velocities: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    constants: tuple[str, ...]  # parameters that were baked in
+    arguments: tuple[Argument, ...]
+    kernels: tuple[Kernel, ...]
+    ledger: tuple[Entry, ...] = ()
+    left_out: tuple[str, ...] = ()  # functions and arguments this model has no use for
+    nominal: tuple[float, ...] = ()  # a state to show in examples; any when empty
+
+    @property
+    def fingerprint(self) -> str:
+        """Tells programs apart: the same text for the same program on every machine."""
+        return hashlib.sha256(repr(self).encode()).hexdigest()[:32]
+
+    def argument(self, name: str) -> Argument:
+        """The argument slot called `name`."""
+        return next(argument for argument in self.arguments if argument.name == name)
+
+    def kernel(self, name: str) -> Kernel:
+        """The function called `name`."""
+        return next(kernel for kernel in self.kernels if kernel.name == name)

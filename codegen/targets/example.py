@@ -1,0 +1,21 @@
+"""example.c: a program that calls the generated C, to copy from."""
+
+from __future__ import annotations
+
+from codegen import text
+from codegen.program import Program
+from codegen.targets.records import Target
+
+
+def files(program: Program) -> dict[str, str]:
+    """example.c: the state derivative at one state, or the first function where there is none."""
+    names = [kernel.name for kernel in program.kernels]
+    if not names:
+        return {}
+    shown = program.kernel("dynamics" if "dynamics" in names else names[0])
+    states = program.nominal or tuple(0.1 * (i + 1) for i in range(len(program.argument("x").names)))
+    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "kernel": shown, "states": states}
+    return {"example.c": text.render("example.c.j2", **data)}
+
+
+EXAMPLE = Target("example", "a C program that uses the module", files)

@@ -1,0 +1,16 @@
+"""The CPython extension around the C source: FASTCALL functions for one state, a gufunc for many."""
+
+from __future__ import annotations
+
+from codegen import text
+from codegen.program import Program
+from codegen.targets.records import Target
+
+
+def files(program: Program) -> dict[str, str]:
+    """NAME_module.c."""
+    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
+    return {f"{program.name}_module.c": text.render("module.c.j2", **data)}
+
+
+EXTENSION = Target("extension", "CPython extension module", files)

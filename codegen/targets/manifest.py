@@ -1,0 +1,56 @@
+"""manifest.json: what is in the folder, for programs."""
+
+from __future__ import annotations
+
+import json
+
+from codegen.program import Argument, Kernel, Program
+from codegen.targets.records import Target
+
+
+def files(program: Program) -> dict[str, str]:
+    """manifest.json without the hashes of the files, which the build adds when all of them are known."""
+    return {"manifest.json": json.dumps(_manifest(program), indent=1, ensure_ascii=True) + "\n"}
+
+
+def _manifest(program: Program) -> dict[str, object]:
+    return {
+        "generator": "hamel",
+        "model": program.name,
+        "description": program.description,
+        "formulation": program.formulation,
+        "choice": program.choice,
+        "reason": program.reason,
+        "pivots": list(program.pivots),
+        "quasi_velocities": list(program.quasi_velocities),
+        "assumptions": list(program.assumptions),
+        "constants": list(program.constants),
+        "left_out": list(program.left_out),
+        "program": program.fingerprint,
+        "arguments": {argument.name: _argument(argument) for argument in program.arguments},
+        "functions": {kernel.name: _function(kernel) for kernel in program.kernels},
+        "operations": {kernel.name: kernel.operations["total"] for kernel in program.kernels},
+        "operations_by_kind": {kernel.name: dict(kernel.operations) for kernel in program.kernels},
+        "ledger": [[e.function, e.step, e.before, e.after] for e in program.ledger],
+    }
+
+
+def _argument(argument: Argument) -> dict[str, object]:
+    described: dict[str, object] = {"labels": list(argument.labels), "names": list(argument.names), "units": list(argument.units)}
+    return {**described, "defaults": list(argument.defaults)} if argument.name == "p" else described
+
+
+def _function(kernel: Kernel) -> dict[str, object]:
+    return {
+        "about": kernel.about,
+        "arguments": list(kernel.uses),
+        "result": kernel.result,
+        "shape": list(kernel.shape),
+        "labels": list(kernel.labels),
+        "units": list(kernel.units),
+        "guards": [{"name": guard.name, "limit": guard.limit} for guard in kernel.guards],
+        "iteration": {"tolerance": kernel.loop.tolerance, "most": kernel.loop.most} if kernel.loop else None,
+    }
+
+
+MANIFEST = Target("manifest", "manifest.json", files)

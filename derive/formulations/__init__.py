@@ -1,0 +1,5 @@
+"""Equations of motion: formulations and choices of quasi-velocities, System → Equations."""
+
+from derive.formulations.equations import FORMULATIONS, choices, equations
+
+__all__ = ["FORMULATIONS", "choices", "equations"]

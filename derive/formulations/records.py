@@ -51,7 +51,10 @@ class Result:
 
 @dataclass(frozen=True)
 class Function:
-    """`about` is one line for the header, docstring and manifest; `named` are intermediates that name sections of the code."""
+    """`about` is one line for the header, docstring and manifest; `named` are intermediates that name sections of the code.
+
+    `x` replaces the x slot of the arguments where the function takes something else there (`state` takes q and v).
+    """
 
     name: str
     about: str
@@ -60,6 +63,7 @@ class Function:
     guards: tuple[Guard, ...] = ()
     iteration: Iteration | None = None
     residual: ca.SX | None = None  # of an iteration
+    x: Argument | None = None
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Fixed joint: child and parent move as one."""
 
 from derive.joints.records import JointType
-from derive.joints.rotations import IDENTITY
 
 FIXED = JointType(
     name="fixed",
@@ -9,7 +8,7 @@ FIXED = JointType(
     coordinates=(),
     velocities=(),
     needs_axis=False,
-    rotation=lambda q, axis: IDENTITY,
+    rotation=lambda q, axis: (),
     translation=lambda q, axis: [0.0, 0.0, 0.0],
     motion=lambda q, axis: [],
     rates=lambda q, v, axis: [],

@@ -6,29 +6,15 @@ for a sequence i, j, k about different axes N is regular away from θ₂ = ±90�
 
 from collections.abc import Sequence
 
-
-from derive.joints.records import JointType, Matrix, Scalar, Slot, Vector
-from derive.joints.rotations import cross, dot, euler_rotation, principal_rotation, rotated, transpose
-
-_UNIT = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
-
-
-def _angle_axes(sequence: str, angles: Sequence[Scalar]) -> list[Vector]:
-    """The three rotation axes in the body frame, so that ω = Σ axisᵢ θ̇ᵢ."""
-    third = transpose(principal_rotation(sequence[2], angles[2]))
-    second = transpose(principal_rotation(sequence[1], angles[1]))
-    return [
-        rotated(third, rotated(second, _UNIT[sequence[0]])),
-        rotated(third, _UNIT[sequence[1]]),
-        _UNIT[sequence[2]],
-    ]
+from derive.joints.records import JointType, Rotation, Scalar, Slot, Vector
+from derive.joints.rotations import UNIT, cross, dot, euler_rotation, matrix, principal_rotation, rotated, transpose
 
 
 def _angle_rates(sequence: str, angles: Sequence[Scalar], omega: Sequence[Scalar]) -> Vector:
     """θ̇ from ω: θ̇₁ and θ̇₂ along the dual axes, taken in the frame before the last turn where they are single components."""
     before = rotated(principal_rotation(sequence[2], angles[2]), omega)
-    first = rotated(transpose(principal_rotation(sequence[1], angles[1])), _UNIT[sequence[0]])
-    second, third = _UNIT[sequence[1]], _UNIT[sequence[2]]
+    first = rotated(transpose(principal_rotation(sequence[1], angles[1])), UNIT[sequence[0]])
+    second, third = UNIT[sequence[1]], UNIT[sequence[2]]
     across = cross(second, third)  # first = a across + b third, and a vanishes at the singular attitude
     theta1 = dot(across, before) / dot(across, first)
     return [theta1, dot(second, before), dot(third, before) - dot(third, first) * theta1]
@@ -37,11 +23,11 @@ def _angle_rates(sequence: str, angles: Sequence[Scalar], omega: Sequence[Scalar
 def free_joint(sequence: str) -> JointType:
     """The free joint with Euler angles of the given intrinsic sequence, such as "zxy"."""
 
-    def rotation(q: Sequence[Scalar], axis: Sequence[Scalar]) -> Matrix:
+    def rotation(q: Sequence[Scalar], axis: Sequence[Scalar]) -> Rotation:
         return euler_rotation(sequence, q[3:])
 
     def rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
-        return [*rotated(rotation(q, axis), v[:3]), *_angle_rates(sequence, q[3:], v[3:])]
+        return [*rotated(matrix(rotation(q, axis)), v[:3]), *_angle_rates(sequence, q[3:], v[3:])]
 
     return JointType(
         name="free",
@@ -51,7 +37,7 @@ def free_joint(sequence: str) -> JointType:
         needs_axis=False,
         rotation=rotation,
         translation=lambda q, axis: list(q[:3]),
-        motion=lambda q, axis: [[0.0, 0.0, 0.0, *_UNIT[s]] for s in "xyz"] + [[*_UNIT[s], 0.0, 0.0, 0.0] for s in "xyz"],
+        motion=lambda q, axis: [[0.0, 0.0, 0.0, *UNIT[s]] for s in "xyz"] + [[*UNIT[s], 0.0, 0.0, 0.0] for s in "xyz"],
         rates=rates,
     )
 

@@ -1,12 +1,12 @@
 """Planar joint: two translations and a turn; base velocities = linear and angular velocity in the child's frame.
 
-The plane is the one at right angles to the axis, spanned by e1 and e2 = axis × e1: (x, y) for axis z, (x, z) for −y, (y, z) for x.
+The plane is at right angles to the axis, spanned by e1 and e2 = axis × e1: (x, y) for axis z, (x, z) for −y, (y, z) for x.
 """
 
 from collections.abc import Sequence
 
 from derive.joints.records import JointType, Scalar, Slot, Vector
-from derive.joints.rotations import axis_rotation, cross, rotated, sum_of
+from derive.joints.rotations import axis_rotation, cross, rotated, sum_of, turn
 
 
 def _first(axis: Sequence[Scalar]) -> Vector:
@@ -37,7 +37,7 @@ PLANAR = JointType(
     coordinates=(Slot("x", "m"), Slot("y", "m"), Slot("angle", "rad")),
     velocities=(Slot("vx", "m/s"), Slot("vy", "m/s"), Slot("w", "rad/s")),
     needs_axis=False,
-    rotation=lambda q, axis: axis_rotation(axis, q[2]),
+    rotation=lambda q, axis: turn(axis, q[2]),
     translation=lambda q, axis: _in_plane(q[0], q[1], axis),
     motion=lambda q, axis: [
         [0.0, 0.0, 0.0, *_first(axis)],

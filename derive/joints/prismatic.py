@@ -1,7 +1,6 @@
 """Prismatic joint: slides along the axis; base velocity = the joint rate."""
 
 from derive.joints.records import JointType, Slot
-from derive.joints.rotations import IDENTITY
 
 PRISMATIC = JointType(
     name="prismatic",
@@ -9,7 +8,7 @@ PRISMATIC = JointType(
     coordinates=(Slot("", "m"),),
     velocities=(Slot("", "m/s"),),
     needs_axis=True,
-    rotation=lambda q, axis: IDENTITY,
+    rotation=lambda q, axis: (),
     translation=lambda q, axis: [q[0] * a for a in axis],
     motion=lambda q, axis: [[0.0, 0.0, 0.0, *axis]],
     rates=lambda q, v, axis: [v[0]],

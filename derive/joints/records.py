@@ -17,6 +17,24 @@ Matrix = list[Vector]
 
 
 @dataclass(frozen=True)
+class Turn:
+    """A factor of a rotation: the turn by `angle` about a constant unit axis."""
+
+    axis: tuple[float, float, float]
+    angle: Scalar
+
+
+@dataclass(frozen=True)
+class Still:
+    """A factor of a rotation: a matrix that is no single turn (a constant placement, a quaternion's matrix)."""
+
+    matrix: Matrix
+
+
+Rotation = tuple[Turn | Still, ...]  # product from left to right
+
+
+@dataclass(frozen=True)
 class Slot:
     """One coordinate or base velocity: suffix in names such as `base.vx` and its SI unit ("rad", "m", "rad/s", "m/s")."""
 
@@ -37,7 +55,7 @@ class JointType:
     coordinates: tuple[Slot, ...]
     velocities: tuple[Slot, ...]
     needs_axis: bool
-    rotation: Callable[[Sequence[Scalar], Sequence[Scalar]], Matrix]  # (q, axis) → 3 × 3, parent joint frame ← child joint frame
+    rotation: Callable[[Sequence[Scalar], Sequence[Scalar]], Rotation]  # (q, axis) → parent joint frame ← child joint frame
     translation: Callable[[Sequence[Scalar], Sequence[Scalar]], Vector]
     motion: Callable[[Sequence[Scalar], Sequence[Scalar]], list[Vector]]
     rates: Callable[[Sequence[Scalar], Sequence[Scalar], Sequence[Scalar]], Vector]  # (q, v, axis) → q̇

@@ -1,7 +1,7 @@
 """Revolute joint: one turn about the axis; base velocity = the joint rate."""
 
 from derive.joints.records import JointType, Slot
-from derive.joints.rotations import axis_rotation
+from derive.joints.rotations import turn
 
 REVOLUTE = JointType(
     name="revolute",
@@ -9,7 +9,7 @@ REVOLUTE = JointType(
     coordinates=(Slot("", "rad"),),
     velocities=(Slot("", "rad/s"),),
     needs_axis=True,
-    rotation=lambda q, axis: axis_rotation(axis, q[0]),
+    rotation=lambda q, axis: turn(axis, q[0]),
     translation=lambda q, axis: [0.0, 0.0, 0.0],
     motion=lambda q, axis: [[*axis, 0.0, 0.0, 0.0]],
     rates=lambda q, v, axis: [v[0]],

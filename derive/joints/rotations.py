@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from derive.joints.records import Matrix, Scalar, Vector
+from derive.joints.records import Matrix, Rotation, Scalar, Still, Turn, Vector
 
 IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
@@ -14,30 +14,61 @@ IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 def axis_rotation(axis: Sequence[Scalar], angle: Scalar) -> Matrix:
     """Rodrigues: R = cos θ 1 + sin θ [e]× + (1 − cos θ) e eᵀ for a unit axis e."""
     s, c = ca.sin(angle), ca.cos(angle)
+    for letter, unit in UNIT.items():
+        if tuple(axis) == unit:
+            return principal_rotation(letter, angle)
     x, y, z = axis
     cross = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-    return [
-        [(c if i == j else 0.0) + cross[i][j] * s + _versine(axis[i] * axis[j], c) for j in range(3)] for i in range(3)
-    ]
+    return [[(c if i == j else 0.0) + cross[i][j] * s + _versine(axis[i] * axis[j], c) for j in range(3)] for i in range(3)]
 
 
 def _versine(weight: Scalar, c: Scalar) -> Scalar:
-    if _is(weight, 0.0):
+    if is_zero(weight):
         return 0.0
     return weight * (1.0 - c)
 
 
-def _is(value: Scalar, number: float) -> bool:
-    if isinstance(value, float | int):
-        return value == number
-    return value.is_constant() and float(value) == number
+def is_zero(value: Scalar) -> bool:
+    """Exactly zero, as a float or as a CasADi constant."""
+    return value == 0 if isinstance(value, float | int) else value.is_constant() and float(value) == 0
 
 
-def euler_rotation(sequence: str, angles: Sequence[Scalar]) -> Matrix:
+UNIT: dict[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def euler_rotation(sequence: str, angles: Sequence[Scalar]) -> Rotation:
     """Intrinsic rotations about the letters of `sequence`, first letter first: R = R₁(θ₁) R₂(θ₂) R₃(θ₃)."""
+    return tuple(Turn(UNIT[letter], angle) for letter, angle in zip(sequence, angles))
+
+
+def turn(axis: Sequence[Scalar], angle: Scalar) -> Rotation:
+    """One turn; about −x, −y or −z it is written as the opposite turn about x, y or z, which merges and has no products."""
+    unit = (float(axis[0]), float(axis[1]), float(axis[2]))
+    opposite = (-unit[0] + 0.0, -unit[1] + 0.0, -unit[2] + 0.0)
+    return (Turn(opposite, -angle),) if opposite in UNIT.values() else (Turn(unit, angle),)
+
+
+def inverse(rotation: Rotation) -> Rotation:
+    return tuple(Turn(f.axis, -f.angle) if isinstance(f, Turn) else Still(transpose(f.matrix)) for f in reversed(rotation))
+
+
+def merged(*rotations: Rotation) -> Rotation:
+    """The product, with neighbouring turns about one axis made one: along parallel axes angles add, no matrix is multiplied."""
+    result: list[Turn | Still] = []
+    for factor in (f for rotation in rotations for f in rotation):
+        last = result[-1] if result else None
+        if isinstance(factor, Turn) and isinstance(last, Turn) and factor.axis == last.axis:
+            result[-1] = Turn(last.axis, last.angle + factor.angle)
+        else:
+            result.append(factor)
+    return tuple(result)
+
+
+def matrix(rotation: Rotation) -> Matrix:
     result = IDENTITY
-    for letter, angle in zip(sequence, angles):
-        result = product(result, principal_rotation(letter, angle))
+    for factor in rotation:
+        turned = axis_rotation(factor.axis, factor.angle) if isinstance(factor, Turn) else factor.matrix
+        result = turned if result is IDENTITY else product(result, turned)
     return result
 
 
@@ -67,7 +98,7 @@ def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
     """Σ aᵢ bᵢ, leaving out products with an exact zero."""
     total: Scalar = 0.0
     for x, y in zip(a, b):
-        if not (_is(x, 0.0) or _is(y, 0.0)):
+        if not (is_zero(x) or is_zero(y)):
             total = total + x * y
     return total
 

@@ -6,10 +6,12 @@ Symbols are plain SX columns, never functions of time. Parameters that were made
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
+from derive.joints.records import Matrix, Rotation, Scalar, Vector
+from derive.mechanics.symbols import Symbols
 from derive.model.records import Model
 
 
@@ -24,7 +26,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Row:
-    """One scalar constraint. `position` is its index in φ, or −1 for a nonholonomic row."""
+    """One scalar constraint. `position` is its index in φ, or −1 for a nonholonomic row; `unit` is that of A v."""
 
     name: str
     position: int
@@ -32,77 +34,109 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Link:
-    """A body as the recursions see it, in its own frame (origin at the model's body origin).
+class Inertia:
+    """Of a link about its frame's origin, in its frame: mass, first moment m·c, and the 3 × 3 tensor about the origin."""
 
-    parent is an index into the links, −1 for the ground. R: parent ← body rotation; r: the body's origin in the parent frame;
-    H: 6 × k columns, the relative twist (ω, v at the body's origin, body frame) is H v[columns]; H_rate: Ḣ v, 6. mass, com (3) and inertia (3 × 3, about com) in the body frame.
+    mass: Scalar
+    moment: Vector
+    tensor: Matrix
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body, with everything fixed to it, as the recursions see it: in its own frame, twist taken at its origin.
+
+    `rotation`: parent ← link; `a`: the joint point in the parent's frame; `b`: the same point in the link's frame;
+    `motion`: per joint velocity the relative (ω, v) at the joint point in the link's frame; `columns`: their indices in v.
+    `turns_about`: 0, 1 or 2 where the joint is one turn about that axis of the link's frame, else −1.
     """
 
     name: str
-    parent: int
-    R: ca.SX
-    r: ca.SX
-    H: ca.SX
-    H_rate: ca.SX
+    parent: int  # index of the parent link, −1 for the ground
+    rotation: Rotation
+    R: Matrix
+    a: Vector
+    b: Vector
+    motion: tuple[Vector, ...]
     columns: tuple[int, ...]
-    mass: ca.SX
-    com: ca.SX
-    inertia: ca.SX
-    force: ca.SX  # applied force and moment about the origin, body frame: (n, f), 6; gravity not included
+    turns_about: int
+    inertia: Inertia
+
+
+@dataclass(frozen=True)
+class Place:
+    """A body as part of a link: body frame in the link's frame."""
+
+    link: int
+    rotation: Rotation
+    position: Vector
 
 
 @dataclass(frozen=True)
 class TwistTerm:
-    """coefficients (1 × 6) · twist of a link, in that link's frame; `rate` is d(coefficients)/dt."""
+    """direction · (v + ω × point) + moment · ω of a link, all in its frame.
+
+    `fixed` says what directions are fixed to while the row is differentiated: "body" (constant in the link's frame),
+    "ground" (they turn against the link), or "state" (the rates of direction, point and moment are given, in q and v).
+    """
 
     link: int
-    coefficients: ca.SX
-    rate: ca.SX
+    direction: Vector
+    point: Vector
+    moment: Vector
+    fixed: str = "body"
+    direction_rate: Vector = field(default_factory=list)
+    point_rate: Vector = field(default_factory=list)
+    moment_rate: Vector = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class RowForm:
-    """A velocity row as the elimination reads it: Σ twist terms + coefficients · v = value; its rate is Σ … = rate.
+    """A velocity row as the elimination reads it: Σ twist terms + Σ coefficients[j] v_j = value, and its derivative.
 
-    Where `terms` is empty the row is `coefficients` alone. `combination` are the weights of the rows of A it is made of.
+    For the derivative, the v-part and the value contribute `rate` = d(value)/dt − d(coefficients)/dt v, in (t, q, v).
     """
 
+    name: str
     terms: tuple[TwistTerm, ...]
-    coefficients: ca.SX  # 1 × nv
-    coefficients_rate: ca.SX  # 1 × nv, d/dt
-    value: ca.SX
-    value_rate: ca.SX
+    coefficients: tuple[tuple[int, Scalar], ...] = ()
+    value: Scalar = 0.0
+    rate: Scalar = 0.0
 
 
 @dataclass(frozen=True)
 class System:
+    """See the module's first lines; `blocks` are the constraint rows grouped, each in several equivalent ways of writing."""
+
     model: Model
+    symbols: Symbols
     constants: tuple[str, ...]  # parameters that are numbers here
     t: ca.SX
     q: ca.SX
     v: ca.SX
     u: ca.SX
     p: ca.SX  # the remaining parameters
+    parameters: tuple[float, ...]  # their defaults
     qdot: ca.SX  # N v
     N: ca.SX
     M: ca.SX
-    h: ca.SX
-    Q: ca.SX
+    h: ca.SX  # velocity products, gravity and `potential`
+    Q: ca.SX  # everything applied: springs, dampers, inputs, forces, nonideal constraint forces
     phi: ca.SX
     A: ca.SX
     c: ca.SX
     beta: ca.SX
     T: ca.SX
     V: ca.SX
-    power: ca.SX  # of all forces that are not −∂V/∂q: d(T + V)/dt = power + λᵀ c
-    outputs: tuple[tuple[str, ca.SX], ...]
+    power: ca.SX  # of what is in Q and not −∂V/∂q, so that d(T + V)/dt = power + λᵀ c + explicit time
+    outputs: tuple[tuple[str, ca.SX, str], ...]  # name, value, unit
     rows: tuple[Row, ...]
     links: tuple[Link, ...]
-    forms: tuple[tuple[RowForm, ...], ...]  # equivalent ways to write the constraint rows, block by block
-    M_extra: ca.SX  # what the links do not carry (analytic kinetic energy), nv × nv
+    places: tuple[tuple[str, Place], ...]  # body name → where it is
+    blocks: tuple[tuple[tuple[RowForm, ...], ...], ...]
+    definite: bool  # M is positive definite at the nominal values
+    M_extra: ca.SX  # nv × nv, of the kinetic energy that is not in the links
     h_extra: ca.SX
-    Q_extra: ca.SX
-    gravity: ca.SX
+    gravity: Vector
     names: tuple[Named, ...]
     assumptions: tuple[str, ...]

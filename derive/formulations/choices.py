@@ -1,0 +1,334 @@
+"""Which quasi-velocities: the user's rows, an orthonormal basis, or the best partition of the base velocities.
+
+`auto` ranks candidates by three criteria, in this order: pivots that are numbers or parameters alone (they can never
+vanish), the conditioning of [A; B] over sampled consistent states, and the operations of ẋ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from itertools import product as cartesian
+from math import comb
+
+import casadi as ca
+import numpy as np
+
+from derive.diagnostics import AssumptionError, Diagnostic
+from derive.formulations.elimination import Dependent
+from derive.formulations.orthonormal import orthonormal
+from derive.formulations.quasi_velocities import Explicit, explicit
+from derive.formulations.reduction import Reduction, by_elimination
+from derive.mechanics.constraints import velocity_row
+from derive.mechanics.records import RowForm, System
+from derive.mechanics.sampling import States, kinematics, states
+from derive.model.records import Choice, Span
+
+SAMPLES = 40
+MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
+MOST_WAYS = 16
+FINALISTS = 5
+RANK = 1e-9
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """One candidate: how it was judged. `condition` is the median, `worst` the largest cond [A; B] over the sampled states."""
+
+    name: str
+    kind: str
+    rows: tuple[str, ...]
+    constant_pivots: bool
+    condition: float
+    worst: float
+    operations: int
+    pivots: tuple[str, ...]
+    verdict: str
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A choice carried through to its explicit equations, with the reason it was taken."""
+
+    ranking: Ranking
+    reduction: Reduction
+    explicit: Explicit
+    reason: str
+
+
+@dataclass(frozen=True)
+class Workshop:
+    """The system with what every choice needs to know of it: sampled states and the rank of A."""
+
+    system: System
+
+    @cached_property
+    def sampled(self) -> States:
+        return states(self.system, SAMPLES)
+
+    @cached_property
+    def rows(self) -> list[np.ndarray]:
+        """A at the sampled states, each row scaled to length one."""
+        solver, s = kinematics(self.system), self.sampled
+        return [_scaled(solver.velocities(t, q, p)[0]) for t, q, p in zip(s.t, s.q, s.p)]
+
+    @cached_property
+    def rank(self) -> int:
+        """The rank of A that all but a few sampled states agree on."""
+        ranks = [int(np.linalg.matrix_rank(A, tol=RANK)) for A in self.rows if A.size]
+        return int(np.median(ranks)) if ranks else 0
+
+    @property
+    def freedom(self) -> int:
+        return self.system.v.numel() - self.rank
+
+
+def _scaled(A: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(A, axis=1, keepdims=True)
+    return A / np.where(length > 0, length, 1.0)
+
+
+def workshop(system: System) -> Workshop:
+    """Raises AssumptionError where no consistent state can be found to look at."""
+    found = Workshop(system)
+    if not len(found.sampled.t):
+        message = "no configuration near the initial values satisfies the constraints"
+        raise AssumptionError(Diagnostic(file=system.model.file, message=message))
+    return found
+
+
+def resolved(shop: Workshop, choice: Choice) -> Resolved:
+    """The choice of the given declaration, carried through. Raises AssumptionError where it is no choice."""
+    match choice.kind:
+        case "orthonormal":
+            return _orthonormal(shop, choice)
+        case "auto":
+            return _best(shop, choice)
+        case _:
+            return _declared(shop, choice)
+
+
+def _declared(shop: Workshop, choice: Choice) -> Resolved:
+    rows = speed_rows(shop.system, choice)
+    if len(rows) != shop.freedom:
+        raise _refused(
+            shop.system,
+            choice,
+            f"choice '{choice.name}' has {_counted(len(rows), 'speed')}, "
+            f"but the system has {_counted(shop.freedom, 'degree')} of freedom",
+            f"{shop.freedom} independent rows",
+        )
+    try:
+        return _carried(shop, choice.name, "rows", rows, "it was asked for")
+    except Dependent as problem:
+        raise _refused(
+            shop.system,
+            choice,
+            f"choice '{choice.name}': the speed '{problem.speed}' depends on the constraints and the other speeds "
+            f"at every sampled state ({_culprits(shop, rows)})",
+            "speeds that, with the constraint rows, determine all velocities; `auto` finds such a set",
+        ) from None
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def _culprits(shop: Workshop, rows: Sequence[RowForm]) -> str:
+    """The constraints that take part in the dependency: the left null vector of [A; B] at a sampled state."""
+    B = _numeric_rows(shop, rows)
+    Y = np.vstack([shop.rows[0], _scaled(B[0])])
+    weights = np.abs(np.linalg.svd(Y)[0][:, -1])
+    names = [row.name for row in shop.system.rows] + [row.name for row in rows]
+    return "with " + ", ".join(n for n, x in zip(names, weights) if x > 1e-6)
+
+
+def _numeric_rows(shop: Workshop, rows: Sequence[RowForm]) -> list[np.ndarray]:
+    system, s = shop.system, shop.sampled
+    matrix = ca.densify(_matrix(rows, system.v.numel()))
+    function = ca.Function("B", [system.t, system.q, system.p], [matrix])
+    return [np.asarray(function(t, q, p)) for t, q, p in zip(s.t, s.q, s.p)]
+
+
+def _matrix(rows: Sequence[RowForm], nv: int) -> ca.SX:
+    B = ca.SX(len(rows), nv)
+    for k, row in enumerate(rows):
+        for j, coefficient in row.coefficients:
+            B[k, j] = coefficient
+    return B
+
+
+def speed_rows(system: System, choice: Choice) -> list[RowForm]:
+    """The declared speeds as rows over the base velocities. Raises AssumptionError where one is not homogeneous in them."""
+    result = []
+    for name, expression in choice.rows:
+        velocity = ca.substitute(ca.SX(system.symbols.scalar(expression)), system.symbols.qd, system.qdot)
+        coefficients, value, rate = velocity_row(system.symbols, system.qdot, velocity)
+        offset = ca.simplify(ca.SX(value))
+        if not (offset.is_constant() and float(offset) == 0):
+            message = f"the speed '{name}' of choice '{choice.name}' has a part without velocities"
+            raise _refused(system, choice, message, "a sum of velocities with coefficients that depend on position")
+        result.append(RowForm(name, (), coefficients, 0.0, rate))
+    return result
+
+
+def _carried(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reason: str) -> Resolved:
+    """The elimination in every way of writing the constraint blocks; the fewest operations among the safest pivots win."""
+    names = tuple(row.name for row in rows)
+    found = [_one_way(shop, names, rows, ways) for ways in _ways(shop.system)]
+    reduction, equations = min(found, key=lambda x: (not x[0].constant_pivots, len(x[0].guards), x[1].operations))
+    ranking = _ranking(shop, name, kind, names, reduction, equations)
+    return Resolved(ranking, reduction, equations, reason)
+
+
+def _one_way(shop: Workshop, names: tuple[str, ...], rows: Sequence[RowForm], ways: Sequence[int]) -> tuple[Reduction, Explicit]:
+    reduction = by_elimination(shop.system, names, rows, ways, shop.sampled)
+    return reduction, explicit(shop.system, reduction)
+
+
+def _ways(system: System) -> list[tuple[int, ...]]:
+    """Index of the way of writing per block: all combinations while they are few, else the same way for all blocks."""
+    counts = [len(block) for block in system.blocks]
+    if np.prod(counts, dtype=float) <= MOST_WAYS:
+        return list(cartesian(*[range(n) for n in counts]))
+    return [tuple(min(k, n - 1) for n in counts) for k in range(max(counts))]
+
+
+def _ranking(shop: Workshop, name: str, kind: str, rows: tuple[str, ...], reduction: Reduction, equations: Explicit) -> Ranking:
+    system, s = shop.system, shop.sampled
+    function = ca.Function("B", [system.t, system.q, system.p], [ca.densify(reduction.B)])
+    B = [np.asarray(function(t, q, p)) for t, q, p in zip(s.t, s.q, s.p)]
+    conditions = _conditions(shop, B)
+    count, pivots = equations.operations, reduction.pivots
+    return Ranking(name, kind, rows, reduction.constant_pivots, *conditions, count, pivots, equations.gathered)
+
+
+def _conditions(shop: Workshop, B: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Median and largest condition number of [A; B], rows scaled to length one."""
+    found = []
+    for A, rows in zip(shop.rows, B):
+        values = np.linalg.svd(np.vstack([A, _scaled(rows)]))[1]
+        least = values[shop.system.v.numel() - 1] if len(values) >= shop.system.v.numel() else 0.0
+        found.append(values[0] / max(least, 1e-300) if values.size else 1.0)
+    return float(np.median(found)), float(np.max(found))
+
+
+def _orthonormal(shop: Workshop, choice: Choice) -> Resolved:
+    reduction = orthonormal(shop.system, independent_rows(shop), shop.sampled)
+    equations = explicit(shop.system, reduction)
+    ranking = _ranking(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
+    return Resolved(ranking, reduction, equations, "it was asked for: [A; B] is as well conditioned as A allows")
+
+
+def independent_rows(shop: Workshop) -> tuple[int, ...]:
+    """Constraint rows kept, first come first kept, judged at all sampled states together."""
+    kept: list[int] = []
+    for i in range(len(shop.system.rows)):
+        trial = [*kept, i]
+        if sum(np.linalg.matrix_rank(A[trial], tol=RANK) == len(trial) for A in shop.rows) > len(shop.rows) / 2:
+            kept = trial
+    return tuple(kept)
+
+
+def _best(shop: Workshop, choice: Choice) -> Resolved:
+    """The winner of the ranking, with the reason in words."""
+    ranked = ranked_partitions(shop)
+    if not ranked:
+        message = "no set of base velocities is independent of the constraints at the sampled states"
+        raise _refused(shop.system, choice, message, "a well-posed constraint set, or the choice `orthonormal`")
+    best = ranked[0]
+    return Resolved(best.ranking, best.reduction, best.explicit, _in_words(best.ranking, [x.ranking for x in ranked[1:]]))
+
+
+def ranked_partitions(shop: Workshop) -> list[Resolved]:
+    """Sets of base velocities (and the user's own rows) that determine the rest, best first."""
+    finalists = sorted(_candidates(shop), key=lambda x: x[0])[:FINALISTS]
+    carried = [_try(shop, name, rows) for _, name, rows in finalists]
+    carried += [_try(shop, c.name, tuple(speed_rows(shop.system, c))) for c in shop.system.model.choices if _fits(shop, c)]
+    unique = {x.ranking.rows: x for x in reversed([y for y in carried if y is not None])}
+    return sorted(unique.values(), key=lambda x: _score(x.ranking))
+
+
+def _fits(shop: Workshop, choice: Choice) -> bool:
+    return choice.kind == "rows" and len(choice.rows) == shop.freedom
+
+
+def _try(shop: Workshop, name: str, rows: tuple[RowForm, ...]) -> Resolved | None:
+    try:
+        return _carried(shop, name, "rows", rows, "")
+    except Dependent:
+        return None
+
+
+def _score(ranking: Ranking) -> tuple:
+    return not ranking.constant_pivots, round(np.log10(ranking.worst) / 1.5), ranking.operations
+
+
+def _candidates(shop: Workshop) -> list[tuple[tuple[float, int], str, tuple[RowForm, ...]]]:
+    """Partitions with the worst condition number each: all of them while they are few, else the pivoted one."""
+    nv, nw = shop.system.v.numel(), shop.freedom
+    subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(shop)
+    result = []
+    for subset in subsets:
+        rows = tuple(RowForm(_speed_name(shop.system, j), (), ((j, 1.0),)) for j in subset)
+        worst = _conditions(shop, [np.eye(nv)[list(subset)]] * len(shop.rows))[1]
+        result.append(((round(np.log10(worst), 1), subset[0] if subset else 0), " ".join(r.name for r in rows), rows))
+    return result
+
+
+def _pivoted(shop: Workshop) -> list[tuple[int, ...]]:
+    """Greedy: columns of the sampled A with the largest smallest remainder become dependent, the others stay free.
+
+    Two preferences: with all columns equal, and with the first velocities of the tree kept free.
+    """
+    nv = shop.system.v.numel()
+    return list(dict.fromkeys(_greedy(shop, 1.0 + slope * np.arange(nv) / nv) for slope in (0.0, 1.0, 10.0)))
+
+
+def _greedy(shop: Workshop, weight: np.ndarray) -> tuple[int, ...]:
+    matrices = [A[list(independent_rows(shop))].copy() for A in shop.rows]
+    free = list(range(shop.system.v.numel()))
+    for _ in range(shop.rank):
+        sizes = np.min([np.linalg.norm(A, axis=0) for A in matrices], axis=0) * weight
+        j = max(free, key=lambda k: (round(float(sizes[k]), 6), k))
+        free.remove(j)
+        matrices = [_deflated(A, j) for A in matrices]
+    return tuple(free)
+
+
+def _deflated(A: np.ndarray, j: int) -> np.ndarray:
+    length = np.linalg.norm(A[:, j])
+    unit = A[:, j] / length if length > 0 else A[:, j]
+    return A - np.outer(unit, unit @ A)
+
+
+def _speed_name(system: System, j: int) -> str:
+    velocity = system.model.velocities[j]
+    return f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
+
+
+def _in_words(best: Ranking, others: Sequence[Ranking]) -> str:
+    speeds = ", ".join(best.rows)
+    if not best.rows:
+        return "the constraints leave nothing to choose"
+    text = f"w = ({speeds}): " + _qualities(best)
+    if others:
+        text += f"; next was ({', '.join(others[0].rows)}): {_qualities(others[0])}"
+    return text
+
+
+def _qualities(ranking: Ranking) -> str:
+    safe = "no pivot can vanish" if ranking.constant_pivots else "a pivot varies with the configuration"
+    return f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states, about {ranking.operations} operations"
+
+
+def _refused(system: System, choice: Choice, message: str, expected: str) -> AssumptionError:
+    return AssumptionError(_at(system, choice.span, message, expected))
+
+
+def _at(system: System, span: Span, message: str, expected: str) -> Diagnostic:
+    lines = system.model.text.splitlines()
+    source = lines[span.line - 1] if 0 < span.line <= len(lines) else ""
+    return Diagnostic(system.model.file, span.line, span.column, span.length, message, expected, "", source)

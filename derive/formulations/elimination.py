@@ -1,0 +1,318 @@
+"""Choosing quasi-velocities is choosing how to eliminate: Y v = [c; w] solved from base to tip.
+
+Every link's twist is carried as a linear form over w and the base velocities that are not known yet; a constraint or speed
+row is solved for one of those as soon as all it speaks of has been reached. The rates v̇ follow by the same walk with the
+same pivots, so no inverse is ever differentiated. (Velocity transformation: Jerkovsky 1978; Kane & Levinson 1985; the
+pivot sequence is the block inversion of Mirtaheri & Zohoor, carried out one row at a time.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import casadi as ca
+import numpy as np
+
+from derive.joints.records import Scalar
+from derive.mechanics.forms import ONE, Form, Key, constant, total, value
+from derive.mechanics.motion import (
+    REST,
+    STILL,
+    Numbers,
+    Twist,
+    child_numbers,
+    joint_part,
+    parent_part,
+    row_form,
+    row_products,
+    shifted,
+    twist,
+    velocity_products,
+    with_products,
+)
+from derive.mechanics.records import Link, RowForm, System
+from derive.mechanics.sampling import States
+
+VANISHES = 1e-11  # a coefficient this small, relative to the largest seen, counts as zero
+SHORT = 3  # a twist component with at most so many terms is cheaper from its form than by recursion
+
+
+class Dependent(Exception):
+    """A speed row says nothing new: `speed` depends on the constraint rows before it."""
+
+    def __init__(self, speed: str) -> None:
+        super().__init__(speed)
+        self.speed = speed
+
+
+@dataclass(frozen=True)
+class Step:
+    """Row `row` is solved for `key`; `grade` is 0 for a number, 1 for parameters only, 2 for a pivot that varies."""
+
+    row: int
+    key: Key
+    grade: int
+    pivot: Scalar
+    least: float  # smallest |pivot| over the sampled states
+    largest: float
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """v = S w + (values at w = 0), v̇ = S ẇ + σ, and the same for every link's twist."""
+
+    speeds: tuple[Form, ...]  # of each base velocity, over ("w", k) and ONE
+    v: list[Scalar]
+    sigma: list[Scalar]
+    twists: list[Twist]
+    numbers: list[Numbers]
+    rates: list[Numbers]  # of the links' twists at ẇ = 0
+    steps: tuple[Step, ...]
+    redundant: tuple[str, ...]
+    row_names: tuple[str, ...]
+
+
+@dataclass
+class _Walk:
+    """One walk over the tree, on velocities or on their rates."""
+
+    system: System
+    rows: Sequence[RowForm]
+    sides: Sequence[Form]  # what each row equals
+    known: dict[int, Form]  # base velocities given outright
+    twists: list[Twist] = field(default_factory=list)
+    joints: dict[int, Form] = field(default_factory=dict)
+    solved: dict[Key, Form] = field(default_factory=dict)
+
+    def resolved(self, form: Form) -> Form:
+        """The form with solved keys replaced, as often as needed."""
+        while any(key in self.solved for key in form):
+            parts = [(c, self.solved[k]) if k in self.solved else (c, {k: 1.0}) for k, c in form.items()]
+            form = total(parts)
+        return form
+
+    def resolved_twist(self, i: int) -> Twist:
+        if i < 0:
+            return REST
+        omega, velocity = self.twists[i]
+        self.twists[i] = ([self.resolved(f) for f in omega], [self.resolved(f) for f in velocity])
+        return self.twists[i]
+
+    def enter(self, link: Link, before: Twist) -> None:
+        """The next link, its joint velocities known outright or unknown."""
+        axis = link.turns_about
+        if axis >= 0 and link.columns[0] not in self.known:
+            self._enter_turning(link, before, axis)
+            return
+        for j in link.columns:
+            self.joints[j] = self.known.get(j, {("v", j): 1.0})
+        self.twists.append(twist(link, before, joint_part(link, [self.joints[j] for j in link.columns])))
+
+    def _enter_turning(self, link: Link, before: Twist, axis: int) -> None:
+        """The unknown is the link's own spin about the joint, not the joint's rate: it then stands alone in the twist."""
+        j, sign = link.columns[0], link.motion[0][axis]
+        spin: Form = {("v", j): 1.0}
+        self.joints[j] = total([(1.0 / sign, spin), (-1.0 / sign, before[0][axis])])
+        omega = [spin if i == axis else form for i, form in enumerate(before[0])]
+        self.twists.append((omega, shifted(link, omega, before[1])))
+
+    def residual(self, index: int, extra: Scalar = 0.0) -> Form:
+        """Row minus its side, with everything solved so far put in."""
+        row = self.rows[index]
+        form = row_form(row, {term.link: self.resolved_twist(term.link) for term in row.terms}, self.joints)
+        return self.resolved(total([(1.0, form), (-1.0, self.sides[index]), (1.0, constant(extra))]))
+
+    def solve(self, residual: Form, key: Key) -> None:
+        weight = -1.0 / residual[key]
+        self.solved[key] = total([(weight, {k: c for k, c in residual.items() if k != key})])
+
+
+def elimination(system: System, rows: Sequence[RowForm], speeds: Sequence[RowForm], w: ca.SX, sampled: States) -> Elimination:
+    """Solve constraint `rows` and speed rows (whose values are w) for all base velocities.
+
+    Raises Dependent where a speed depends on the constraints and on the speeds before it.
+    """
+    everything = [*rows, *speeds]
+    outright = {s.coefficients[0][0]: k for k, s in enumerate(speeds) if _single(s)}
+    sides = [constant(row.value) for row in rows] + [{("w", k): 1.0} for k in range(len(speeds))]
+    waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
+    known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
+    walk = _Walk(system, everything, sides, known)
+    plan, redundant = _velocities(walk, waiting, len(rows), sampled)
+    values = {("w", k): w[k] for k in range(len(speeds))}
+    forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
+    v = [value(form, values) for form in forms]
+    twists = [walk.resolved_twist(i) for i in range(len(system.links))]
+    numbers = _numbers(system.links, twists, v, values)
+    rates = _rates(system, walk, plan, numbers, v)
+    sigma = [rates.resolved(rates.joints[j]).get(ONE, 0.0) for j in range(system.v.numel())]
+    bias = [rates.resolved_twist(i) for i in range(len(system.links))]
+    names = tuple(row.name for row in everything)
+    done = tuple(step for stage in plan for step in stage)
+    return Elimination(tuple(forms), v, sigma, twists, numbers, [_at_rest(x) for x in bias], done, redundant, names)
+
+
+def _single(row: RowForm) -> bool:
+    """A speed that is a number times one base velocity."""
+    return len(row.coefficients) == 1 and not row.terms and isinstance(_number(row.coefficients[0][1]), float)
+
+
+def _number(x: Scalar) -> Scalar:
+    return float(x) if not isinstance(x, ca.SX) or x.is_constant() else x
+
+
+def _velocities(walk: _Walk, waiting: list[int], constraints: int, sampled: States) -> tuple[list[list[Step]], tuple[str, ...]]:
+    """The walk over velocities; the pivots it finds, link by link, are the plan of the second walk."""
+    judge = _Judge(walk.system, sampled)
+    redundant: list[str] = []
+    plan = [_stage(walk, waiting, -1, constraints, judge, redundant)]
+    for i, link in enumerate(walk.system.links):
+        walk.enter(link, parent_part(link, walk.resolved_twist(link.parent)))
+        plan.append(_stage(walk, waiting, i, constraints, judge, redundant))
+    return plan, tuple(redundant)
+
+
+def _stage(walk: _Walk, waiting: list[int], reached: int, constraints: int, judge: _Judge, redundant: list[str]) -> list[Step]:
+    """Solve every row that is ready once link `reached` is there, best pivot first."""
+    if reached < 0:
+        _enter_free_velocities(walk)
+    steps: list[Step] = []
+    while ready := [i for i in waiting if _is_ready(walk, walk.rows[i], reached)]:
+        residuals = {i: walk.residual(i) for i in ready}
+        best = judge.best(residuals)
+        if best is None:
+            for i in ready:
+                _idle(walk, i, residuals[i], constraints, judge, redundant)
+                waiting.remove(i)
+            return steps
+        walk.solve(residuals[best.row], best.key)
+        waiting.remove(best.row)
+        steps.append(best)
+    return steps
+
+
+def _enter_free_velocities(walk: _Walk) -> None:
+    """Velocities that belong to no link: coordinates of the analytic form."""
+    carried = {j for link in walk.system.links for j in link.columns}
+    for j in range(walk.system.v.numel()):
+        if j not in carried:
+            walk.joints[j] = walk.known.get(j, {("v", j): 1.0})
+
+
+def _is_ready(walk: _Walk, row: RowForm, reached: int) -> bool:
+    return all(t.link <= reached for t in row.terms) and all(j in walk.joints for j, _ in row.coefficients)
+
+
+def _idle(walk: _Walk, index: int, residual: Form, constraints: int, judge: _Judge, redundant: list[str]) -> None:
+    """A row without a pivot: it repeats earlier rows, or it contradicts the choice of speeds."""
+    if index >= constraints:
+        raise Dependent(walk.rows[index].name)
+    involved = [key for key in residual if key[0] == "w" and judge.size(residual[key])[1] > VANISHES]
+    if involved:
+        raise Dependent(walk.rows[constraints + involved[0][1]].name)
+    redundant.append(walk.rows[index].name)
+
+
+def _rates(system: System, first: _Walk, plan: list[list[Step]], numbers: list[Numbers], v: list[Scalar]) -> _Walk:
+    """The second walk: rates at ẇ = 0, with the velocity products beside the same forms and the same pivots."""
+    symbols, sides = ca.vertcat(*v), []
+    for row in first.rows:
+        rate = row.rate if not isinstance(row.rate, ca.SX) else ca.substitute(row.rate, system.v, symbols)
+        sides.append(constant(rate))
+    walk = _Walk(system, first.rows, sides, {j: {} for j in first.known})
+    here = [_in_numbers(row, system, symbols) for row in first.rows]
+    _enter_free_velocities(walk)
+    _follow(walk, plan[0], here, numbers)
+    for i, link in enumerate(system.links):
+        parent = numbers[link.parent] if link.parent >= 0 else STILL
+        products = velocity_products(link, parent, [v[j] for j in link.columns])
+        walk.enter(link, with_products(parent_part(link, walk.resolved_twist(link.parent)), products))
+        _follow(walk, plan[i + 1], here, numbers)
+    return walk
+
+
+def _in_numbers(row: RowForm, system: System, v: ca.SX) -> RowForm:
+    """The row with the base velocities inside its rates replaced by their values."""
+    terms = tuple(
+        replace(
+            term,
+            direction_rate=_substituted(term.direction_rate, system, v),
+            point_rate=_substituted(term.point_rate, system, v),
+            moment_rate=_substituted(term.moment_rate, system, v),
+        )
+        if term.fixed == "state"
+        else term
+        for term in row.terms
+    )
+    return replace(row, terms=terms)
+
+
+def _substituted(vector: list[Scalar], system: System, v: ca.SX) -> list[Scalar]:
+    return [ca.substitute(x, system.v, v) if isinstance(x, ca.SX) else x for x in vector]
+
+
+def _follow(walk: _Walk, steps: Sequence[Step], rows: Sequence[RowForm], numbers: list[Numbers]) -> None:
+    for step in steps:
+        products = row_products(rows[step.row], numbers)
+        walk.solve(walk.residual(step.row, products), step.key)
+
+
+def _at_rest(x: Twist) -> Numbers:
+    return [f.get(ONE, 0.0) for f in x[0]], [f.get(ONE, 0.0) for f in x[1]]
+
+
+def _numbers(links: Sequence[Link], twists: list[Twist], v: list[Scalar], values: dict[Key, Scalar]) -> list[Numbers]:
+    """Every link's twist as numbers: from its form where that is short, else by the recursion."""
+    result: list[Numbers] = []
+    for link, forms in zip(links, twists):
+        parent = result[link.parent] if link.parent >= 0 else STILL
+        by_recursion = child_numbers(link, parent, [v[j] for j in link.columns])
+        result.append((_chosen(forms[0], by_recursion[0], values), _chosen(forms[1], by_recursion[1], values)))
+    return result
+
+
+def _chosen(forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, Scalar]) -> list[Scalar]:
+    return [value(form, values) if len(form) <= SHORT else x for form, x in zip(forms, numbers)]
+
+
+class _Judge:
+    """Sizes of coefficients over sampled consistent states."""
+
+    def __init__(self, system: System, sampled: States) -> None:
+        self.symbols = [system.t, system.q, system.p]
+        self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
+        self.p = system.p
+
+    def size(self, x: Scalar) -> tuple[float, float, int]:
+        """Least and largest |x| over the samples, and the grade."""
+        if not isinstance(x, ca.SX) or x.is_constant():
+            return abs(float(x)), abs(float(x)), 0
+        found = np.abs(np.asarray(ca.Function("x", self.symbols, [x])(*self.samples))).ravel()
+        varies = ca.depends_on(x, ca.vertcat(*self.symbols[:2]))
+        return float(np.min(found)), float(np.max(found)), 2 if varies else 1
+
+    def best(self, residuals: dict[int, Form]) -> Step | None:
+        """The best pivot among the rows: numbers first, then parameters, then what stays farthest from zero."""
+        best: tuple[tuple, Step] | None = None
+        for i, form in residuals.items():
+            for key in form:
+                if key[0] != "v":
+                    continue
+                least, largest, grade = self.size(form[key])
+                if largest <= VANISHES or not np.isfinite(largest):
+                    continue
+                score = (grade, -round(np.log10(max(least / largest, 1e-12))) if grade else 0, len(form), -least)
+                if best is None or score < best[0]:
+                    best = score, Step(i, key, grade, form[key], least, largest)
+        return best[1] if best else None
+
+
+def transformation(found: Elimination, nw: int) -> ca.SX:
+    """S as an nv × nw matrix, zeros not stored."""
+    result = ca.SX(len(found.speeds), nw)
+    for j, form in enumerate(found.speeds):
+        for key, coefficient in form.items():
+            if key[0] == "w":
+                result[j, key[1]] = coefficient
+    return result

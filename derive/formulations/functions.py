@@ -1,0 +1,217 @@
+"""The functions of the generated module that do not depend on the formulation: what v, λ and ẋ are is handed in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from derive.formulations.multipliers import bordered_solution
+from derive.formulations.records import Argument, Function, Guard, Iteration, Result
+from derive.joints.records import Vector
+from derive.mechanics.records import Named, System
+
+CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ
+MOST_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a formulation found, over (t, q, w, u, p)."""
+
+    w: ca.SX
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    B: ca.SX
+    v: ca.SX
+    qdot: ca.SX
+    wdot: ca.SX
+    lam: ca.SX
+    guards: tuple[Guard, ...]
+    named: tuple[Named, ...]
+    kept: tuple[int, ...]
+    projects_velocity: bool
+
+
+def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
+    """t, x = (q, w), u, p."""
+    model = system.model
+    free = [x for x in model.parameters if x.name not in system.constants]
+    return (
+        Argument("t", system.t, ("t",), ("s",)),
+        Argument(
+            "x",
+            ca.vertcat(system.q, motion.w),
+            (*(c.name for c in model.coordinates), *motion.names),
+            (*(c.unit for c in model.coordinates), *motion.units),
+        ),
+        Argument("u", system.u, tuple(i.name for i in model.inputs), tuple(i.unit for i in model.inputs)),
+        Argument("p", system.p, tuple(x.name for x in free), tuple(x.unit for x in free)),
+    )
+
+
+def functions(system: System, motion: Motion) -> tuple[Function, ...]:
+    """In the order they stand in the generated code; what the scene has no use for is absent."""
+    found = [
+        _dynamics(system, motion),
+        _mass(system),
+        _bias(system, motion),
+        _constraints(system, motion),
+        _project(system, motion),
+        _reactions(system, motion),
+        _energy(system, motion),
+        _power(system, motion),
+        _outputs(system, motion),
+        _velocity(system, motion),
+        _state(system, motion),
+    ]
+    return tuple(function for function in found if function is not None)
+
+
+def _at(system: System, motion: Motion, expression: ca.SX) -> ca.SX:
+    """An expression of v over w."""
+    return ca.substitute(expression, system.v, motion.v)
+
+
+def _dynamics(system: System, motion: Motion) -> Function:
+    labels = [f"der({c.name})" for c in system.model.coordinates] + [f"der({name})" for name in motion.names]
+    units = [_per_second(c.unit) for c in system.model.coordinates] + [_per_second(u) for u in motion.units]
+    value = ca.vertcat(motion.qdot, motion.wdot)
+    result = Result("xdot", value, tuple(labels), tuple(units))
+    about = "state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)"
+    return Function("dynamics", about, result, motion.named, motion.guards)
+
+
+def _per_second(unit: str) -> str:
+    if unit.endswith("/s"):
+        return f"{unit}^2"
+    return f"{unit}/s" if unit and unit != "1" else "1/s"
+
+
+def _mass(system: System) -> Function:
+    names = tuple(v.name for v in system.model.velocities)
+    return Function("mass", "mass matrix M(q) of the base velocities v, nv × nv", Result("M", ca.densify(system.M), names, ()))
+
+
+def _bias(system: System, motion: Motion) -> Function:
+    names = tuple(v.name for v in system.model.velocities)
+    about = "bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"
+    return Function("bias", about, Result("h", _at(system, motion, system.h), names, ()), guards=_used(motion, system.h, system))
+
+
+def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...]:
+    """The guards matter where v does, because v = S w + R c needs the pivots."""
+    return motion.guards if ca.depends_on(expression, system.v) else ()
+
+
+def _constraints(system: System, motion: Motion) -> Function | None:
+    if not system.rows:
+        return None
+    velocity = ca.mtimes(system.A, system.v) - system.c
+    positions = [row.name for row in system.rows if row.position >= 0]
+    labels = (*(f"phi {name}" for name in positions), *(f"velocity {row.name}" for row in system.rows))
+    value = ca.vertcat(system.phi, _at(system, motion, velocity))
+    about = "constraint violation: φ(q, t), then A v − c row by row"
+    return Function("constraints", about, Result("violation", value, labels, ()), guards=_used(motion, velocity, system))
+
+
+def _project(system: System, motion: Motion) -> Function | None:
+    """One Newton step onto φ = 0, nearest in the metric of M (or of 1 where M is singular): δ = −M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ φ."""
+    closing = [i for i in motion.kept if system.rows[i].position >= 0]
+    if not closing and not (motion.projects_velocity and motion.kept):
+        return None
+    q = system.q + _position_step(system, closing) if closing else system.q
+    violation = [system.phi[system.rows[i].position] for i in closing]
+    w = motion.w
+    if motion.projects_velocity:
+        w, rest = _velocity_step(system, motion)
+        violation += rest
+    residual = _largest(violation)
+    about = "nearest consistent state: q on φ = 0" + (", v on A v = c" if motion.projects_velocity else ", w kept")
+    labels = (*(c.name for c in system.model.coordinates), *motion.names)
+    step = Result("x", ca.vertcat(q, w), labels, ())
+    return Function("project", about, step, iteration=Iteration(CLOSED, MOST_STEPS), residual=residual)
+
+
+def _position_step(system: System, closing: list[int]) -> ca.SX:
+    phi = [system.phi[system.rows[i].position] for i in closing]
+    nothing: Vector = [0.0] * system.v.numel()
+    step, _ = bordered_solution(metric(system), system.A[closing, :], nothing, [-x for x in phi])
+    return ca.substitute(system.qdot, system.v, ca.vertcat(*step))
+
+
+def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
+    rows = list(motion.kept)
+    violation = _at(system, motion, ca.mtimes(system.A[rows, :], system.v) - system.c[rows])
+    entries = [violation[i] for i in range(len(rows))]
+    step, _ = bordered_solution(metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries])
+    return motion.w + ca.mtimes(motion.B, ca.vertcat(*step)), entries
+
+
+def metric(system: System) -> ca.SX:
+    """M where it is positive definite for certain (no massless direction shows at the nominal values), else 1."""
+    return system.M if system.definite else ca.SX.eye(system.v.numel())
+
+
+def _largest(entries: list[ca.SX]) -> ca.SX:
+    result = ca.SX(0)
+    for x in entries:
+        result = ca.fmax(result, ca.fabs(x))
+    return result
+
+
+def _reactions(system: System, motion: Motion) -> Function | None:
+    if not system.rows:
+        return None
+    about = "multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row"
+    names = tuple(row.name for row in system.rows)
+    return Function("reactions", about, Result("lam", motion.lam, names, ()), guards=motion.guards)
+
+
+def _energy(system: System, motion: Motion) -> Function:
+    value = ca.vertcat(_at(system, motion, system.T), system.V)
+    about = "kinetic and potential energy T, V"
+    return Function("energy", about, Result("energy", value, ("T", "V"), ("J", "J")), guards=_used(motion, system.T, system))
+
+
+def _power(system: System, motion: Motion) -> Function:
+    """d(T + V)/dt = Q·v of the forces without potential + λᵀ c of constraints that move."""
+    power = _at(system, motion, system.power)
+    moving = [i for i in range(len(system.rows)) if not (system.c[i].is_constant() and float(system.c[i]) == 0)]
+    for i in moving:
+        power = power + motion.lam[i] * system.c[i]
+    guards = motion.guards if moving else _used(motion, system.power, system)
+    return Function(
+        "power", "power of forces without potential: d(T + V)/dt", Result("power", power, ("power",), ("W",)), guards=guards
+    )
+
+
+def _outputs(system: System, motion: Motion) -> Function | None:
+    if not system.outputs:
+        return None
+    labels, units, values = [], [], []
+    for name, value, unit in system.outputs:
+        count = value.numel()
+        labels += [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
+        units += [unit] * count
+        values.append(_at(system, motion, value))
+    value = ca.vertcat(*values)
+    result = Result("y", value, tuple(labels), tuple(units))
+    return Function("outputs", "the model's outputs", result, guards=motion.guards)
+
+
+def _velocity(system: System, motion: Motion) -> Function:
+    names, units = tuple(v.name for v in system.model.velocities), tuple(v.unit for v in system.model.velocities)
+    return Function("velocity", "base velocities v = S w + R c", Result("v", motion.v, names, units), guards=motion.guards)
+
+
+def _state(system: System, motion: Motion) -> Function:
+    """(q, v) → x: w = B v."""
+    model = system.model
+    labels = (*(c.name for c in model.coordinates), *(v.name for v in model.velocities))
+    units = (*(c.unit for c in model.coordinates), *(v.unit for v in model.velocities))
+    taken = Argument("x", ca.vertcat(system.q, system.v), labels, units)
+    value = ca.vertcat(system.q, ca.mtimes(motion.B, system.v))
+    states = (*(c.name for c in model.coordinates), *motion.names)
+    result = Result("x", value, states, (*(c.unit for c in model.coordinates), *motion.units))
+    return Function("state", "state x = (q, w) from (q, v): w = B v", result, x=taken)

@@ -1,0 +1,83 @@
+"""A choice of quasi-velocities carried through: v = S w + v₀, v̇ = S ẇ + σ, with B v = w, pivots and guards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from derive.formulations.elimination import Elimination, Step, elimination, transformation
+from derive.formulations.records import Guard
+from derive.mechanics.records import RowForm, System
+from derive.mechanics.sampling import States
+
+SINGULAR = 1e-9  # guard: smallest |pivot| relative to the largest over the sampled states
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """`walked` is the elimination where there was one; without it the links' twists follow from v alone."""
+
+    names: tuple[str, ...]
+    w: ca.SX
+    B: ca.SX
+    S: ca.SX
+    v: ca.SX
+    sigma: ca.SX
+    walked: Elimination | None
+    guards: tuple[Guard, ...]
+    pivots: tuple[str, ...]
+    kept: tuple[int, ...]  # indices of the constraint rows that are independent
+    constant_pivots: bool
+
+
+def by_elimination(
+    system: System, names: tuple[str, ...], speeds: Sequence[RowForm], ways: Sequence[int], sampled: States
+) -> Reduction:
+    """The reduction for speed rows, with the constraint blocks written in the given ways."""
+    rows = [row for block, way in zip(system.blocks, ways) for row in block[way]]
+    w = symbols_for(names)
+    found = elimination(system, rows, speeds, w, sampled)
+    return Reduction(
+        names=names,
+        w=w,
+        B=_matrix(speeds, system.v.numel()),
+        S=transformation(found, len(names)),
+        v=ca.vertcat(*found.v) if found.v else ca.SX(0, 1),
+        sigma=ca.vertcat(*found.sigma) if found.sigma else ca.SX(0, 1),
+        walked=found,
+        guards=tuple(_guard(found, step) for step in found.steps if step.grade == 2),
+        pivots=tuple(_in_words(system, found, step) for step in found.steps),
+        kept=tuple(i for i, row in enumerate(rows) if row.name not in found.redundant),
+        constant_pivots=all(step.grade < 2 for step in found.steps),
+    )
+
+
+def symbols_for(names: Sequence[str]) -> ca.SX:
+    return ca.vertcat(*[ca.SX.sym(name) for name in names]) if names else ca.SX(0, 1)
+
+
+def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
+    B = ca.SX(len(speeds), nv)
+    for k, speed in enumerate(speeds):
+        for j, coefficient in speed.coefficients:
+            B[k, j] = coefficient
+    return B
+
+
+def _guard(found: Elimination, step: Step) -> Guard:
+    return Guard(f"pivot of {found.row_names[step.row]}", ca.SX(step.pivot), SINGULAR * step.largest)
+
+
+def _in_words(system: System, found: Elimination, step: Step) -> str:
+    kind = ("a number", "parameters only", "varies")[step.grade]
+    extent = "" if step.grade < 2 else f", {step.least:.2g} … {step.largest:.2g} over the sampled states"
+    return f"{found.row_names[step.row]} gives {_unknown(system, step.key[1])} ({kind}{extent})"
+
+
+def _unknown(system: System, j: int) -> str:
+    link = next((x for x in system.links if j in x.columns), None)
+    if link is not None and link.turns_about >= 0:
+        return f"the angular velocity of {link.name}"
+    return system.model.velocities[j].name

@@ -1,0 +1,47 @@
+"""The analytic form: kinetic and potential energy given as formulas of q, q̇ and t (Lagrange's equations by differentiation)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from derive.diagnostics import Diagnostic, ModelError
+from derive.mechanics.symbols import Symbols
+from derive.model.records import Model
+
+
+@dataclass(frozen=True)
+class Lagrangian:
+    """M, h conjugate to v (h holds the potential's forces too), and the energies over (t, q, v)."""
+
+    M: ca.SX
+    h: ca.SX
+    T: ca.SX
+    V: ca.SX
+
+
+def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
+    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q in q̇, carried over to v by q̇ = N v: M = Nᵀ M_q N, h = Nᵀ (h_q + M_q Ṅ v).
+
+    Raises ModelError where T is not quadratic in the rates.
+    """
+    nq, nv = s.q.numel(), s.v.numel()
+    T = ca.SX(s.scalar(model.kinetic)) if model.kinetic is not None else ca.SX(0)
+    V = ca.SX(s.scalar(model.potential)) if model.potential is not None else ca.SX(0)
+    momentum = ca.gradient(T, s.qd) if nq else ca.SX(0, 1)
+    M = ca.jacobian(momentum, s.qd)
+    if ca.depends_on(M, s.qd):
+        raise ModelError(Diagnostic(file=model.file, message="the kinetic energy is not quadratic in the rates der(…)"))
+    along = ca.vertcat(s.t, s.q)
+    h = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - ca.gradient(T - V, s.q)
+    N = ca.jacobian(qdot, s.v)
+    turning = ca.jtimes(qdot, s.q, qdot)  # Ṅ v
+    if nq != nv or not _is_identity(N):
+        h = ca.mtimes(N.T, ca.substitute(h, s.qd, qdot) + ca.mtimes(M, turning))
+        M = ca.mtimes(N.T, ca.mtimes(M, N))
+    return Lagrangian(M, ca.substitute(h, s.qd, qdot), ca.substitute(T, s.qd, qdot), V)
+
+
+def _is_identity(N: ca.SX) -> bool:
+    return N.is_square() and bool((N - ca.SX.eye(N.size1())).is_zero())

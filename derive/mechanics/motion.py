@@ -1,0 +1,115 @@
+"""Twists and their rates from base to tip, as linear forms.
+
+In a link's own frame, with ω_p, v_p of the parent, the joint point at a (parent) and b (link), relative twist (ω_J, v_J):
+    ω = Rᵀ ω_p + ω_J            u = Rᵀ (v_p + ω_p × a) + v_J            v = u − ω × b
+Rates of these components (not of the vectors):
+    ω̇ = Rᵀ ω̇_p − ω_J × Rᵀ ω_p + H_ω v̇
+    u̇ = Rᵀ (v̇_p + ω̇_p × a) + Rᵀ ω_p × v_J − ω_J × Rᵀ (v_p + ω_p × a) + H_v v̇
+so that velocities and their rates have the same coefficients and differ by velocity products alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from derive.joints.records import Scalar, Vector
+from derive.joints.rotations import cross, dot, sum_of
+from derive.mechanics.forms import Form, added, constant, crossed, dotted, rotated, total
+from derive.mechanics.links import carried
+from derive.mechanics.records import Link, RowForm, TwistTerm
+
+Twist = tuple[list[Form], list[Form]]  # three forms of ω, three of v
+Numbers = tuple[Vector, Vector]
+
+REST: Twist = ([{}, {}, {}], [{}, {}, {}])
+STILL: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class Products:
+    """The velocity products in a link's rates: what stands beside Rᵀ(…) and H v̇."""
+
+    angular: Vector
+    linear: Vector
+
+
+def parent_part(link: Link, parent: Twist) -> Twist:
+    """Rᵀ ω_p and Rᵀ (v_p + ω_p × a) as forms."""
+    omega, velocity = parent
+    return rotated(link.R, omega), rotated(link.R, added(velocity, crossed(omega, link.a)))
+
+
+def joint_part(link: Link, joint: Sequence[Form]) -> Twist:
+    """H v_J as forms, from one form per joint velocity."""
+    weights = [[column[i] for column in link.motion] for i in range(6)]
+    forms = [total(zip(row, joint)) for row in weights]
+    return forms[:3], forms[3:]
+
+
+def twist(link: Link, before: Twist, joint: Twist) -> Twist:
+    """The link's twist at its own origin from what the parent hands on and what the joint adds."""
+    omega = added(before[0], joint[0])
+    at_joint = added(before[1], joint[1])
+    return omega, shifted(link, omega, at_joint)
+
+
+def shifted(link: Link, omega: list[Form], at_joint: list[Form]) -> list[Form]:
+    """u − ω × b."""
+    return added(at_joint, crossed(omega, [-x for x in link.b]))
+
+
+def velocity_products(link: Link, parent: Numbers, joint_velocities: Vector) -> Products:
+    """−ω_J × Rᵀ ω_p and Rᵀ ω_p × v_J − ω_J × Rᵀ (v_p + ω_p × a), from the velocities' values."""
+    omega, velocity = carried(parent, link.R, link.a)
+    relative = [dot([column[i] for column in link.motion], joint_velocities) for i in range(6)]
+    turn, slide = relative[:3], relative[3:]
+    return Products(cross(omega, turn), sum_of(cross(omega, slide), cross(velocity, turn)))
+
+
+def with_products(before: Twist, products: Products) -> Twist:
+    return (
+        added(before[0], [constant(x) for x in products.angular]),
+        added(before[1], [constant(x) for x in products.linear]),
+    )
+
+
+def child_numbers(link: Link, parent: Numbers, joint_velocities: Vector) -> Numbers:
+    """The link's twist in numbers, by the same recursion."""
+    before = carried(parent, link.R, link.a)
+    relative = [dot([column[i] for column in link.motion], joint_velocities) for i in range(6)]
+    omega = sum_of(before[0], relative[:3])
+    at_joint = sum_of(before[1], relative[3:])
+    return omega, sum_of(at_joint, cross(link.b, omega))
+
+
+def row_form(row: RowForm, twists: Mapping[int, Twist], joints: dict[int, Form]) -> Form:
+    """Σ direction · (v + ω × point) + moment · ω + Σ coefficients v, as one form (the row's value is not in it)."""
+    parts = [(1.0, _term_form(term, twists[term.link])) for term in row.terms if term.link >= 0]
+    parts += [(coefficient, joints[j]) for j, coefficient in row.coefficients]
+    return total(parts)
+
+
+def _term_form(term: TwistTerm, motion: Twist) -> Form:
+    omega, velocity = motion
+    at_point = added(velocity, crossed(omega, term.point))
+    return total([(1.0, dotted(term.direction, at_point)), (1.0, dotted(term.moment, omega))])
+
+
+def row_products(row: RowForm, numbers: Sequence[Numbers]) -> Scalar:
+    """What the turning of the directions and the moving of the points add to the row's rate.
+
+    A direction n fixed in the ground turns with ṅ = −ω × n in the link, so ṅ·x = n·(ω × x) for the point's velocity x.
+    """
+    result: Scalar = 0.0
+    for term in row.terms:
+        if term.link < 0 or term.fixed == "body":
+            continue
+        omega, velocity = numbers[term.link]
+        at_point = sum_of(velocity, cross(omega, term.point))
+        if term.fixed == "ground":
+            result = result + dot(term.direction, cross(omega, at_point))
+        else:
+            moving = dot(term.direction, cross(omega, term.point_rate)) + dot(term.moment_rate, omega)
+            result = result + dot(term.direction_rate, at_point) + moving
+    return result

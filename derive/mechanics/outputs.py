@@ -1,0 +1,59 @@
+"""Outputs of a model: formulas, and points, velocities and angles of bodies."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.expressions.tree import Call, Name, Vector
+from derive.joints.records import Turn
+from derive.joints.records import Vector as Numbers
+from derive.joints.rotations import merged
+from derive.mechanics.constraints import IN_PLANE, Scene
+from derive.mechanics.tree import ground_point, relative_rotation
+from derive.model.records import Output
+
+BODY_FUNCTIONS = ("position", "velocity", "angle")
+
+
+def outputs(scene: Scene) -> tuple[tuple[str, ca.SX, str], ...]:
+    """(name, value, unit) of each output; points have as many components as the model has dimensions."""
+    return tuple((output.name, _output(scene, output), output.unit) for output in scene.model.outputs)
+
+
+def _output(scene: Scene, output: Output) -> ca.SX:
+    formula = output.expression
+    if isinstance(formula, Call) and formula.function in BODY_FUNCTIONS:
+        return _of_body(scene, formula)
+    return scene.over_v(ca.SX(scene.symbols.scalar(formula)))
+
+
+def _of_body(scene: Scene, call: Call) -> ca.SX:
+    body = call.arguments[0]
+    assert isinstance(body, Name)  # the loader saw to it
+    if call.function == "angle":
+        return ca.SX(_angle(scene, body.name))
+    point = _point(scene, call)
+    ground = ground_point(scene.places[body.name], point, scene.positions, scene.rotations)
+    position = ca.vertcat(*[ground[k] for k in IN_PLANE[scene.model.plane]])
+    return position if call.function == "position" else scene.rate(position)
+
+
+def _point(scene: Scene, call: Call) -> Numbers:
+    """The body point of a call, embedded in space; the body's origin when none is given."""
+    if len(call.arguments) < 2:
+        return [0.0, 0.0, 0.0]
+    entries = call.arguments[1]
+    assert isinstance(entries, Vector)
+    given = scene.symbols.vector(entries.entries)
+    result = [0.0, 0.0, 0.0]
+    for k, x in zip(IN_PLANE[scene.model.plane], given):
+        result[k] = x
+    return result
+
+
+def _angle(scene: Scene, body: str) -> ca.SX:
+    """The angle of a planar body against the ground, counter-clockwise from the plane's first to its second axis."""
+    place = scene.places[body]
+    chain = merged(relative_rotation(scene.links, -1, place.link), place.rotation)
+    turned = sum((f.angle for f in chain if isinstance(f, Turn)), ca.SX(0))
+    return -turned if scene.model.plane == "xz" else turned

@@ -1,0 +1,112 @@
+"""Random admissible states: φ(q, t) = 0 by Gauss–Newton from a random start, then v on A v = c, at random t, u, p."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from derive.expressions.evaluate import number
+from derive.mechanics.records import System
+
+TRIES = 40  # random starts per state before giving up
+CLOSED = 1e-12
+
+
+@dataclass(frozen=True)
+class States:
+    """Arrays with one row per state."""
+
+    t: np.ndarray  # (k,)
+    q: np.ndarray  # (k, nq)
+    v: np.ndarray
+    u: np.ndarray
+    p: np.ndarray
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """φ, A, c and N as compiled CasADi functions of (t, q, p)."""
+
+    phi: ca.Function
+    rows: ca.Function
+
+    def positions(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """φ and its Jacobian in q."""
+        phi, jacobian = self.phi(t, q, p)
+        return np.asarray(phi).ravel(), np.asarray(jacobian)
+
+    def velocities(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A (nc × nv), c, N (nq × nv)."""
+        A, c, N = self.rows(t, q, p)
+        return np.asarray(A), np.asarray(c).ravel(), np.asarray(N)
+
+
+def kinematics(system: System) -> Kinematics:
+    arguments = [system.t, system.q, system.p]
+    phi = ca.Function("phi", arguments, [ca.densify(system.phi), ca.densify(ca.jacobian(system.phi, system.q))])
+    rows = ca.Function("rows", arguments, [ca.densify(x) for x in (system.A, system.c, system.N)])
+    return Kinematics(phi, rows)
+
+
+def states(system: System, count: int, seed: int = 0, spread: float = 1.0, parameters: float = 0.0) -> States:
+    """`count` admissible states around the model's initial values; fewer where the constraints cannot be met.
+
+    Angles vary by ±spread·π/2, lengths by ±spread·(½ + |value|/2) m; parameters by the relative amount `parameters`.
+    """
+    rng = np.random.default_rng(seed)
+    solver, centre = kinematics(system), nominal(system)
+    found = [s for s in (_state(system, solver, centre, rng, spread, parameters) for _ in range(count)) if s is not None]
+    columns = list(zip(*found)) if found else [[] for _ in range(5)]
+    sizes = (system.q.numel(), system.v.numel(), system.u.numel(), system.p.numel())
+    arrays = [np.array(x, dtype=float).reshape(len(found), n) for x, n in zip(columns[1:], sizes)]
+    return States(np.array(columns[0], dtype=float), *arrays)
+
+
+def nominal(system: System) -> np.ndarray:
+    """The coordinates the model file starts from, guesses included, zero where nothing is said."""
+    names = {x.name: x.value for x in system.model.parameters} | {"t": 0.0}
+    given = {x.name: number(x.value, names) for x in system.model.initial}
+    return np.array([given.get(c.name, 0.0) for c in system.model.coordinates])
+
+
+def _state(system: System, solver: Kinematics, centre: np.ndarray, rng: np.random.Generator, spread: float, vary: float):
+    for attempt in range(TRIES):
+        t = rng.uniform(0.0, 2.0) if ca.depends_on(_everything(system), system.t) else 0.0
+        p = np.array(system.parameters) * (1 + vary * rng.uniform(-1, 1, len(system.parameters)))
+        narrowed = spread * 0.8 ** (attempt // 4)
+        q = closed(solver, t, centre + _scatter(system, centre, rng, narrowed), p)
+        if q is not None:
+            return t, q, _velocity(solver, t, q, p, rng), rng.normal(size=system.u.numel()), p
+    return None
+
+
+def _everything(system: System) -> ca.SX:
+    return ca.vertcat(system.phi, system.c, ca.vec(ca.densify(system.A)), system.h, system.Q, system.V, system.qdot)
+
+
+def _scatter(system: System, centre: np.ndarray, rng: np.random.Generator, spread: float) -> np.ndarray:
+    width = np.array([np.pi / 2 if c.unit == "rad" else 0.5 + abs(x) / 2 for c, x in zip(system.model.coordinates, centre)])
+    return spread * width * rng.uniform(-1, 1, len(centre)) if len(centre) else np.zeros(0)
+
+
+def closed(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, free: np.ndarray | None = None) -> np.ndarray | None:
+    """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that fails."""
+    weights = np.ones(len(q)) if free is None else free.astype(float)
+    for _ in range(60):
+        phi, J = solver.positions(t, q, p)
+        if not np.all(np.isfinite(phi)):
+            return None
+        scale = 1.0 + float(np.max(np.abs(q), initial=0.0))
+        if np.max(np.abs(phi), initial=0.0) <= CLOSED * scale:
+            return q
+        step = -weights * np.linalg.lstsq(J * weights, phi, rcond=1e-10)[0]
+        q = q + step * min(1.0, 0.7 * scale / (1e-300 + float(np.max(np.abs(step), initial=0.0))))
+    return None
+
+
+def _velocity(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    A, c, _ = solver.velocities(t, q, p)
+    v = rng.normal(size=A.shape[1])
+    return v - np.linalg.lstsq(A, A @ v - c, rcond=1e-10)[0] if len(c) else v

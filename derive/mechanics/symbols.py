@@ -1,0 +1,59 @@
+"""The symbols of a system and what every name in a formula stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import casadi as ca
+
+from derive.expressions.evaluate import casadi_functions, value
+from derive.expressions.tree import Expression
+from derive.joints.records import Scalar, Vector
+from derive.model.records import Model
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """t, q, v, u, p as SX columns; `qd` stands for q̇ while formulas are read and is replaced by N v afterwards."""
+
+    t: ca.SX
+    q: ca.SX
+    v: ca.SX
+    u: ca.SX
+    p: ca.SX
+    defaults: tuple[float, ...]  # of p
+    qd: ca.SX
+    names: dict[str, Scalar]
+    rates: dict[str, Scalar]
+
+    def scalar(self, expression: Expression) -> Scalar:
+        """The formula over these symbols; a float where only numbers and constant parameters occur."""
+        result = value(expression, self.names, self.rates, casadi_functions())
+        return float(result) if not isinstance(result, ca.SX) or result.is_constant() else result
+
+    def vector(self, entries: tuple[Expression, ...]) -> Vector:
+        return [self.scalar(entry) for entry in entries]
+
+
+def symbols(model: Model, constants: Collection[str]) -> Symbols:
+    t, u = ca.SX.sym("t"), _column([i.name for i in model.inputs])
+    q, qd = _column([c.name for c in model.coordinates]), _column([f"d_{c.name}" for c in model.coordinates])
+    v = _column([x.name for x in model.velocities])
+    free = [x for x in model.parameters if x.name not in constants]
+    p = _column([x.name for x in free])
+    names: dict[str, Scalar] = {x.name: float(x.value) for x in model.parameters}
+    names |= {x.name: p[i] for i, x in enumerate(free)}
+    names |= {x.name: q[i] for i, x in enumerate(model.coordinates)}
+    names |= {x.name: v[i] for i, x in enumerate(model.velocities)}
+    names |= {x.name: u[i] for i, x in enumerate(model.inputs)}
+    names["t"] = t
+    rates: dict[str, Scalar] = {x.name: qd[i] for i, x in enumerate(model.coordinates)}
+    result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates)
+    for name, expression in model.definitions:
+        names[name] = result.scalar(expression)
+    return result
+
+
+def _column(names: list[str]) -> ca.SX:
+    return ca.vertcat(*[ca.SX.sym(name) for name in names]) if names else ca.SX(0, 1)

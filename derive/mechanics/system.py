@@ -1,0 +1,234 @@
+"""Model → System: one page that says in which order the mechanics is written down."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import casadi as ca
+import numpy as np
+
+from derive.joints import joint_type
+from derive.joints.records import Matrix, Scalar, Vector
+from derive.joints.rotations import is_zero
+from derive.mechanics.analytic import Lagrangian, lagrangian
+from derive.mechanics.constraints import Block, Scene, blocks
+from derive.mechanics.forms import ONE, Form
+from derive.mechanics.links import links_and_places
+from derive.mechanics.loads import Applied, applied
+from derive.mechanics.motion import (
+    REST,
+    Numbers,
+    Twist,
+    joint_part,
+    parent_part,
+    row_form,
+    row_products,
+    twist,
+    velocity_products,
+    with_products,
+)
+from derive.mechanics.outputs import outputs
+from derive.mechanics.records import Link, RowForm, System
+from derive.mechanics.symbols import Symbols, symbols
+from derive.mechanics.tree import (
+    gravities,
+    gravity_energy,
+    ground_positions,
+    ground_rotations,
+    inertia_force,
+    joint_forces,
+    kinetic_energy,
+    mass_matrix,
+    path,
+    twists,
+)
+from derive.model.records import Model
+
+REST_NUMBERS: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+
+
+def system(model: Model, constants: Collection[str] | str = ()) -> System:
+    """The mechanics of a model. `constants` names the parameters to bake in as numbers ("all" for every one).
+
+    Raises ModelError where the kinetic energy is not quadratic in the rates.
+    """
+    every = tuple(x.name for x in model.parameters)
+    baked = every if constants == "all" else tuple(name for name in every if name in constants)
+    s = symbols(model, baked)
+    links, places = links_and_places(model, s)
+    qdot = _qdot(model, s)
+    rotations = ground_rotations(links)
+    positions = ground_positions(links, rotations)
+    numbers = twists(links, _entries(s.v))
+    scene = Scene(model, s, qdot, links, places, rotations, positions, [list(n[0]) for n in numbers])
+    found = blocks(scene)
+    loads, extra = applied(scene), lagrangian(model, s, qdot)
+    g = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
+    return _assembled(scene, baked, numbers, found, loads, extra, g)
+
+
+def _assembled(
+    scene: Scene,
+    baked: tuple[str, ...],
+    numbers: list[Numbers],
+    found: list[Block],
+    loads: Applied,
+    extra: Lagrangian,
+    g: Vector,
+) -> System:
+    model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
+    M = _matrix(mass_matrix(links, nv), nv, nv) + extra.M
+    h = ca.vertcat(*_bias(scene, numbers, g, nv)) + extra.h
+    A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
+    phi = ca.vertcat(*[x for block in found for x in block.phi]) if any(b.phi for b in found) else ca.SX(0, 1)
+    T = ca.SX(kinetic_energy(links, numbers)) + extra.T
+    V = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g)) + extra.V + loads.energy
+    nonideal = _nonideal(scene, found)
+    N = ca.jacobian(scene.qdot, s.v)
+    Q = loads.force + nonideal - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
+    power = ca.dot(loads.force + nonideal, s.v) + ca.jtimes(V, s.t, ca.SX(1))
+    result = System(
+        model=model,
+        symbols=s,
+        constants=baked,
+        t=s.t,
+        q=s.q,
+        v=s.v,
+        u=s.u,
+        p=s.p,
+        parameters=s.defaults,
+        qdot=scene.qdot,
+        N=N,
+        M=M,
+        h=h,
+        Q=Q,
+        phi=phi,
+        A=A,
+        c=c,
+        beta=beta,
+        T=T,
+        V=V,
+        power=power,
+        outputs=outputs(scene),
+        rows=tuple(row for block in found for row in block.rows),
+        links=links,
+        places=tuple(scene.places.items()),
+        blocks=tuple(block.ways for block in found),
+        definite=_is_definite(M, s),
+        M_extra=extra.M,
+        h_extra=extra.h,
+        gravity=g,
+        names=(),
+        assumptions=_assumptions(model, s, extra),
+    )
+    return result
+
+
+def _entries(column: ca.SX) -> list[Scalar]:
+    return [column[i] for i in range(column.numel())]
+
+
+def _matrix(rows: Matrix, n: int, m: int) -> ca.SX:
+    """Sparse: exact zeros are not stored."""
+    result = ca.SX(n, m)
+    for i, row in enumerate(rows):
+        for j, x in enumerate(row):
+            if not is_zero(x):
+                result[i, j] = x
+    return result
+
+
+def _qdot(model: Model, s: Symbols) -> ca.SX:
+    """N v, joint by joint; a coordinate of the analytic form has its own rate as base velocity."""
+    rates: dict[str, Scalar] = {v.rate_of: s.names[v.name] for v in model.velocities if v.rate_of}
+    for joint in model.joints:
+        kind = joint_type(joint.type, joint.orientation)
+        q = [s.names[name] for name in joint.coordinates]
+        v = [s.names[name] for name in joint.velocities]
+        rates |= dict(zip(joint.coordinates, kind.rates(q, v, s.vector(joint.axis))))
+    return ca.vertcat(*[rates[c.name] for c in model.coordinates])
+
+
+def _bias(scene: Scene, numbers: list[Numbers], g: Vector, nv: int) -> list[Scalar]:
+    """Newton–Euler with v̇ = 0: velocity products and gravity."""
+    down = gravities(scene.links, scene.rotations, g)
+    rates = bias_rates(scene.links, numbers, _entries(scene.symbols.v), [0.0] * nv)
+    wrenches = [inertia_force(*args) for args in zip([x.inertia for x in scene.links], numbers, rates, down)]
+    return joint_forces(scene.links, wrenches, nv)
+
+
+def bias_rates(links: Sequence[Link], numbers: Sequence[Numbers], v: Sequence[Scalar], vdot: Sequence[Scalar]) -> list[Numbers]:
+    """Rates of all twists for given v̇, by the recursion of derive.mechanics.motion over numbers."""
+    result: list[Twist] = []
+    for link in links:
+        parent = numbers[link.parent] if link.parent >= 0 else REST_NUMBERS
+        before = parent_part(link, result[link.parent] if link.parent >= 0 else REST)
+        products = velocity_products(link, parent, [v[j] for j in link.columns])
+        joint: list[Form] = [{} if is_zero(vdot[j]) else {ONE: vdot[j]} for j in link.columns]
+        result.append(twist(link, with_products(before, products), joint_part(link, joint)))
+    return [([f.get(ONE, 0.0) for f in x[0]], [f.get(ONE, 0.0) for f in x[1]]) for x in result]
+
+
+def _rows(scene: Scene, numbers: list[Numbers], rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """A, c and β = −(d A/dt) v + dc/dt from the rows, over the base velocities."""
+    nv = scene.symbols.v.numel()
+    needed = {i for row in rows for term in row.terms for i in path(scene.links, term.link)}
+    speeds, rates = _twist_forms(scene, numbers, needed)
+    joints: dict[int, Form] = {j: {("v", j): 1.0} for j in range(nv)}
+    A, c, beta = ca.SX(len(rows), nv), ca.SX.zeros(len(rows)), ca.SX.zeros(len(rows))
+    for i, row in enumerate(rows):
+        for (_, j), coefficient in row_form(row, speeds, joints).items():
+            A[i, j] = coefficient
+        moving = row_form(row, rates, joints).get(ONE, 0.0)
+        c[i] = row.value
+        beta[i] = row.rate - moving - row_products(row, numbers)
+    return A, c, beta
+
+
+def _twist_forms(scene: Scene, numbers: list[Numbers], needed: set[int]) -> tuple[dict[int, Twist], dict[int, Twist]]:
+    """Twists and their rates over the base velocities, for the links that some row speaks of and what carries them."""
+    speeds: dict[int, Twist] = {}
+    rates: dict[int, Twist] = {}
+    for i in sorted(needed):
+        link = scene.links[i]
+        above = (speeds[link.parent], rates[link.parent]) if link.parent >= 0 else (REST, REST)
+        parent = numbers[link.parent] if link.parent >= 0 else REST_NUMBERS
+        joint = joint_part(link, [{("v", j): 1.0} for j in link.columns])
+        products = velocity_products(link, parent, [scene.symbols.v[j] for j in link.columns])
+        speeds[i] = twist(link, parent_part(link, above[0]), joint)
+        rates[i] = twist(link, with_products(parent_part(link, above[1]), products), joint)
+    return speeds, rates
+
+
+def _nonideal(scene: Scene, found: list[Block]) -> ca.SX:
+    """The constraints' own generalised forces, given conjugate to q̇, carried over to v."""
+    force = ca.SX.zeros(scene.symbols.q.numel())
+    for block in found:
+        if block.nonideal:
+            force = force + ca.vertcat(*block.nonideal)
+    return ca.mtimes(ca.jacobian(scene.qdot, scene.symbols.v).T, force)
+
+
+def _assumptions(model: Model, s: Symbols, extra: Lagrangian) -> tuple[str, ...]:
+    if model.kinetic is not None and not (extra.T - 0.5 * ca.bilin(extra.M, s.v, s.v)).is_zero() and ca.depends_on(extra.T, s.t):
+        return ("the kinetic energy depends on time: the energy balance leaves its explicit part out",)
+    return ()
+
+
+def _is_definite(M: ca.SX, s: Symbols) -> bool:
+    """Whether M has a Cholesky factor at a few random configurations with the default parameters."""
+    if not M.size1():
+        return True
+    function = ca.Function("M", [s.t, s.q, s.p], [ca.densify(M)])
+    rng, p = np.random.default_rng(0), s.defaults
+    least = [_smallest_ratio(np.asarray(function(0.0, rng.normal(size=s.q.numel()), p))) for _ in range(4)]
+    return min(least) > 1e-13
+
+
+def _smallest_ratio(M: np.ndarray) -> float:
+    """Smallest eigenvalue of M scaled to a unit diagonal; 0 where a diagonal entry vanishes."""
+    diagonal = np.diag(M)
+    if not np.all(np.isfinite(M)) or np.any(diagonal <= 0):
+        return 0.0
+    scale = 1 / np.sqrt(diagonal)
+    return float(np.linalg.eigvalsh(M * np.outer(scale, scale))[0])

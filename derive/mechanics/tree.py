@@ -1,0 +1,182 @@
+"""Recursions over the tree of links: poses, Newton–Euler bias (tip to base), composite-body mass matrix, energies.
+
+Sources: Luh, Walker, Paul 1980 (recursive Newton–Euler); Walker, Orin 1982 (composite bodies); written in link frames with
+first moments, after Khalil, so that a link turning about a fixed axis costs one product.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from derive.joints.records import Matrix, Rotation, Scalar, Vector
+from derive.joints.rotations import IDENTITY, cross, dot, inverse, matrix, merged, product, rotated, sum_of, transpose
+from derive.mechanics.links import moved, summed
+from derive.mechanics.motion import STILL, Numbers, child_numbers
+from derive.mechanics.records import Inertia, Link, Place
+
+Wrench = tuple[Vector, Vector]  # moment about the link's origin, force
+
+
+def path(links: Sequence[Link], i: int) -> list[int]:
+    """Indices from the root to link i; empty for the ground."""
+    result: list[int] = []
+    while i >= 0:
+        result.append(i)
+        i = links[i].parent
+    return result[::-1]
+
+
+def relative_rotation(links: Sequence[Link], to: int, of: int) -> Rotation:
+    """Frame `to` ← frame `of`, through their nearest common carrier; −1 is the ground."""
+    down, up = path(links, of), path(links, to)
+    shared = sum(1 for _ in _common(down, up))
+    back = merged(*[links[i].rotation for i in up[shared:]])
+    there = merged(*[links[i].rotation for i in down[shared:]])
+    return merged(inverse(back), there)
+
+
+def _common(a: Sequence[int], b: Sequence[int]) -> list[int]:
+    return [x for x, y in zip(a, b) if x == y]
+
+
+def ground_rotations(links: Sequence[Link]) -> list[Matrix]:
+    """Ground ← link for every link: one turn where all turns about it are parallel, else the product with its parent's."""
+    chains: list[Rotation] = []
+    result: list[Matrix] = []
+    for link in links:
+        chain = merged(chains[link.parent] if link.parent >= 0 else (), link.rotation)
+        carrier = result[link.parent] if link.parent >= 0 else IDENTITY
+        result.append(matrix(chain) if len(chain) <= 1 or carrier is IDENTITY else product(carrier, link.R))
+        chains.append(chain)
+    return result
+
+
+def ground_positions(links: Sequence[Link], rotations: Sequence[Matrix]) -> list[Vector]:
+    """Of the links' origins: r = r_p + R_p a − R b."""
+    result: list[Vector] = []
+    for link, R in zip(links, rotations):
+        carrier = (result[link.parent], rotations[link.parent]) if link.parent >= 0 else ([0.0, 0.0, 0.0], IDENTITY)
+        joint = sum_of(carrier[0], rotated(carrier[1], link.a))
+        result.append([x - y for x, y in zip(joint, rotated(R, link.b))])
+    return result
+
+
+def ground_point(place: Place, point: Vector, positions: Sequence[Vector], rotations: Sequence[Matrix]) -> Vector:
+    """A body point in the ground frame."""
+    inside = link_point(place, point)
+    if place.link < 0:
+        return inside
+    return sum_of(positions[place.link], rotated(rotations[place.link], inside))
+
+
+def link_point(place: Place, point: Vector) -> Vector:
+    return sum_of(place.position, rotated(matrix(place.rotation), point))
+
+
+def link_direction(place: Place, direction: Vector) -> Vector:
+    return rotated(matrix(place.rotation), direction)
+
+
+def twists(links: Sequence[Link], v: Sequence[Scalar]) -> list[Numbers]:
+    """(ω, v) of every link for the base velocities v."""
+    result: list[Numbers] = []
+    for link in links:
+        parent = result[link.parent] if link.parent >= 0 else STILL
+        result.append(child_numbers(link, parent, [v[j] for j in link.columns]))
+    return result
+
+
+def momentum(body: Inertia, twist: Numbers) -> Wrench:
+    """(I ω + mc × v, m v + ω × mc)."""
+    omega, velocity = twist
+    angular = sum_of([dot(row, omega) for row in body.tensor], cross(body.moment, velocity))
+    return angular, sum_of([dot([body.mass], [x]) for x in velocity], cross(omega, body.moment))
+
+
+def inertia_force(body: Inertia, twist: Numbers, rate: Numbers, gravity: Vector) -> Wrench:
+    """Newton–Euler at the link's origin: with a = v̇ + ω × v − g,
+    f = m a + ω̇ × mc + ω × (ω × mc),  n = I ω̇ + ω × I ω + mc × a.
+    """
+    (omega, velocity), (alpha, apparent) = twist, rate
+    a = [x - y for x, y in zip(sum_of(apparent, cross(omega, velocity)), gravity)]
+    force = sum_of([dot([body.mass], [x]) for x in a], cross(alpha, body.moment))
+    force = sum_of(force, cross(omega, cross(omega, body.moment)))
+    spin = [dot(row, omega) for row in body.tensor]
+    moment = sum_of([dot(row, alpha) for row in body.tensor], cross(omega, spin))
+    return sum_of(moment, cross(body.moment, a)), force
+
+
+def handed_down(link: Link, wrench: Wrench) -> tuple[Wrench, Wrench]:
+    """A wrench at the link's origin: at the joint point in the link's frame, and at the parent's origin in the parent's frame."""
+    moment, force = wrench
+    at_joint = ([x - y for x, y in zip(moment, cross(link.b, force))], force)
+    turned = rotated(link.R, at_joint[0]), rotated(link.R, force)
+    return at_joint, (sum_of(turned[0], cross(link.a, turned[1])), turned[1])
+
+
+def joint_forces(links: Sequence[Link], wrenches: Sequence[Wrench], nv: int) -> list[Scalar]:
+    """Hᵀ (n, f) summed from tip to base: the generalised forces that equal the given wrenches."""
+    carried = [(list(n), list(f)) for n, f in wrenches]
+    result: list[Scalar] = [0.0] * nv
+    for i in reversed(range(len(links))):
+        link = links[i]
+        at_joint, below = handed_down(link, carried[i])
+        for column, j in zip(link.motion, link.columns):
+            result[j] = dot(column, [*at_joint[0], *at_joint[1]])
+        if link.parent >= 0:
+            n, f = carried[link.parent]
+            carried[link.parent] = (sum_of(n, below[0]), sum_of(f, below[1]))
+    return result
+
+
+def composite_inertias(links: Sequence[Link]) -> list[Inertia]:
+    """Each link's inertia with everything that hangs on it."""
+    result = [link.inertia for link in links]
+    for i in reversed(range(len(links))):
+        link = links[i]
+        if link.parent >= 0:
+            at_joint = moved(result[i], IDENTITY, [-x for x in link.b])
+            result[link.parent] = summed(result[link.parent], moved(at_joint, link.R, link.a))
+    return result
+
+
+def mass_matrix(links: Sequence[Link], nv: int) -> Matrix:
+    """Composite-body M, nv × nv; entries of links on different branches stay exact zeros."""
+    result: Matrix = [[0.0] * nv for _ in range(nv)]
+    for i, (link, body) in enumerate(zip(links, composite_inertias(links))):
+        for column, j in zip(link.motion, link.columns):
+            omega, slide = list(column[:3]), list(column[3:])
+            at_origin = (omega, sum_of(slide, cross(link.b, omega)))
+            _fill(result, links, i, j, momentum(body, at_origin))
+    return result
+
+
+def _fill(result: Matrix, links: Sequence[Link], i: int, j: int, wrench: Wrench) -> None:
+    while i >= 0:
+        at_joint, below = handed_down(links[i], wrench)
+        for column, k in zip(links[i].motion, links[i].columns):
+            result[j][k] = result[k][j] = dot(column, [*at_joint[0], *at_joint[1]])
+        i, wrench = links[i].parent, below
+
+
+def kinetic_energy(links: Sequence[Link], numbers: Sequence[Numbers]) -> Scalar:
+    """½ Σ (ω·n + v·f) with the momenta (n, f)."""
+    result: Scalar = 0.0
+    for link, twist in zip(links, numbers):
+        n, f = momentum(link.inertia, twist)
+        result = result + 0.5 * (dot(twist[0], n) + dot(twist[1], f))
+    return result
+
+
+def gravity_energy(links: Sequence[Link], positions: Sequence[Vector], rotations: Sequence[Matrix], g: Vector) -> Scalar:
+    """−Σ g · (m r + R mc)."""
+    result: Scalar = 0.0
+    for link, r, R in zip(links, positions, rotations):
+        moment = sum_of([dot([link.inertia.mass], [x]) for x in r], rotated(R, link.inertia.moment))
+        result = result - dot(g, moment)
+    return result
+
+
+def gravities(links: Sequence[Link], rotations: Sequence[Matrix], g: Vector) -> list[Vector]:
+    """Rᵀ g, the gravity vector in every link's frame."""
+    return [rotated(transpose(R), g) for R in rotations]

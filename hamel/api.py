@@ -32,14 +32,16 @@ def build(
     constants: Constants = (),
     functions: Collection[str] | None = None,
     formulation: str = "quasi_velocities",
+    numpy: bool = False,
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
-    `constants` names the parameters to bake in ("all" for every one); `out` defaults to generated/<model>.
+    `constants` names the parameters to bake in ("all" for every one); `out` defaults to generated/<model>. Without a C compiler
+    this raises ToolchainError, unless `numpy` says that a module that runs on NumPy will do.
     """
     from hamel.verbs.build import run
 
-    return run(path, choice, out, constants, functions, formulation, QUICK_STATES)
+    return run(path, choice, out, constants, functions, formulation, QUICK_STATES, numpy)
 
 
 def verify(

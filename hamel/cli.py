@@ -98,16 +98,19 @@ def check(model: str) -> Any:
 @click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
 @CONSTANTS
 @click.option("--functions", metavar="a,b", default="", help="Emit these functions only (default: all the model has use for).")
+@click.option("--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy.")
 @click.option("--explain", is_flag=True, help="Also print what each pass saved and what was left out.")
-def build(model: str, choice: str | None, out: str | None, constants: str, functions: str, explain: bool) -> Any:
+def build(model: str, constants: str, functions: str, explain: bool, **options: Any) -> Any:
     """Derive, compile and quickly verify a module of MODEL."""
-    return hamel.build(model, choice=choice, out=out, constants=_constants(constants), functions=_names(functions) or None)
+    return hamel.build(model, constants=_constants(constants), functions=_names(functions) or None, **options)
 
 
 @verb
 @MODEL
 @click.option("--choice", metavar="NAME", help="Verify this choice of quasi-velocities only (default: all of the file's).")
-@click.option("--states", type=click.IntRange(1, 1_000_000), default=100, show_default=True, help="Random admissible states per choice.")
+@click.option(
+    "--states", type=click.IntRange(1, 1_000_000), default=100, show_default=True, help="Random admissible states per choice."
+)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @CONSTANTS
 def verify(model: str, choice: str | None, states: int, seed: int, constants: str) -> Any:
@@ -118,11 +121,15 @@ def verify(model: str, choice: str | None, states: int, seed: int, constants: st
 @verb
 @MODEL
 @CHOICE
-@click.option("--time", "--until", "time", type=float, default=10.0, show_default=True, metavar="S", help="The last time, in seconds.")
+@click.option(
+    "--time", "--until", "time", type=float, default=10.0, show_default=True, metavar="S", help="The last time, in seconds."
+)
 @click.option("--step", type=float, metavar="S", help="Time between rows of the output (default: a five-hundredth of the time).")
 @click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance of a step.")
 @click.option("--atol", type=float, help="Absolute tolerance of a step (default: a hundredth of rtol).")
-@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Initial value, parameter or input; may be repeated.")
+@click.option(
+    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Initial value, parameter or input; may be repeated."
+)
 @click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv or FILE.npz.")
 @click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
 def simulate(model: str, settings: Sequence[str], **options: Any) -> Any:

@@ -81,4 +81,6 @@ def _check_neighbours() -> None:
     for package in (derive, codegen):
         found = os.path.dirname(os.path.dirname(os.path.abspath(package.__file__ or "")))
         if found != home:
-            raise ToolchainError(f"the package '{package.__name__}' in {found} hides hamel's own", hint=f"pip uninstall {package.__name__}")
+            raise ToolchainError(
+                f"the package '{package.__name__}' in {found} hides hamel's own", hint=f"pip uninstall {package.__name__}"
+            )

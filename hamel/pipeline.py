@@ -1,6 +1,6 @@
 """The road from a model file to a verified module on one page; every stage is timed, and imported when it is reached.
 
-    model.yaml → derive.model → derive.mechanics → derive.formulations → codegen.passes → codegen.build → hamel.verify
+model.yaml → derive.model → derive.mechanics → derive.formulations → codegen.passes → codegen.build → hamel.verify
 """
 
 from __future__ import annotations
@@ -39,7 +39,11 @@ class Clock:
 
 
 def equations_of(
-    path: str | Path, choice: str | None = None, constants: Constants = (), formulation: str = "quasi_velocities", clock: Clock | None = None
+    path: str | Path,
+    choice: str | None = None,
+    constants: Constants = (),
+    formulation: str = "quasi_velocities",
+    clock: Clock | None = None,
 ) -> Equations:
     """Model file → Equations of one formulation and choice; the first choice of the file when none is named."""
     clock = clock or Clock()
@@ -51,7 +55,11 @@ def equations_of(
 
 
 def equations_of_model(
-    model: Model, choice: str | None = None, constants: Constants = (), formulation: str = "quasi_velocities", clock: Clock | None = None
+    model: Model,
+    choice: str | None = None,
+    constants: Constants = (),
+    formulation: str = "quasi_velocities",
+    clock: Clock | None = None,
 ) -> Equations:
     """Model → System → Equations."""
     clock = clock or Clock()

@@ -82,10 +82,11 @@ class Ranking:
     kind: str
     rows: tuple[str, ...]
     pivots: tuple[str, ...]
-    smallest_pivot: float
-    condition: float
-    operations: int
-    reason: str
+    constant_pivots: bool
+    condition: float  # cond [A; B], median over sampled consistent states
+    worst: float
+    operations: int  # of ẋ
+    verdict: str
 
 
 @dataclass(frozen=True)

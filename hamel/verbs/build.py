@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Collection
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hamel.pipeline import MARK, Clock, Constants, emit, equations_of, load_module, program_of
+from derive.diagnostics import ToolchainError, VerificationError
+from hamel.pipeline import Clock, Constants, emit, equations_of, load_module, program_of
 from hamel.records import Built
-from hamel.staging import staged_folder
+from hamel.verify import verification
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from codegen.program import Program
     from derive.formulations.records import Equations
 
 
@@ -25,28 +28,31 @@ def run(
     functions: Collection[str] | None,
     formulation: str,
     states: int,
+    numpy: bool,
 ) -> Built:
     clock = Clock()
     equations = equations_of(path, choice, constants, formulation, clock)
-    name = equations.system.model.name
-    folder = Path(out) if out else Path("generated") / name
     program = program_of(equations, functions, clock)
-    with staged_folder(folder, MARK) as made:
-        emit(program, made, _pages(equations, clock), clock)
-        _confirm(equations, made, states, clock)
-    return Built(
-        model=name,
-        choice=equations.choice,
-        reason=equations.reason,
-        folder=folder,
-        verified=True,
-        operations={kernel.name: kernel.operations["total"] for kernel in program.kernels},
-        seconds=clock.seconds,
-        quasi_velocities=program.quasi_velocities,
-        left_out=program.left_out,
-        ledger=tuple(asdict(entry) for entry in program.ledger),
-        compiled=True,
-    )
+    _confirm(equations, program, states, numpy, clock)
+    folder = Path(out) if out else Path("generated") / program.name
+    # What was verified is in the cache by now, so that this does not compile again.
+    made = emit(program, folder, _pages(equations, clock), clock)
+    return _record(program, folder, made.compiled, clock)
+
+
+def _confirm(equations: Equations, program: Program, states: int, numpy: bool, clock: Clock) -> None:
+    """Compile out of sight, and raise unless the module agrees with the independent derivation."""
+    with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as trial:
+        made = emit(program, Path(trial) / program.name, {}, clock)
+        if not (made.compiled or numpy):
+            raise ToolchainError(made.message, hint="or build with --numpy: the module then runs on NumPy until it is compiled")
+        with clock("verify"):
+            module = load_module(made.folder)
+            found = verification(equations.system.model, equations, module, states=states)
+    failed = [check for check in found.checks if not check.passed]
+    if failed:
+        lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
+        raise VerificationError(f"{program.name}, choice {program.choice}: verification failed, nothing is written: {lines}")
 
 
 def _pages(equations: Equations, clock: Clock) -> dict[str, str]:
@@ -56,30 +62,26 @@ def _pages(equations: Equations, clock: Clock) -> dict[str, str]:
         return {"derivation.html": html(equations)}
 
 
-def _confirm(equations: Equations, folder: Path, states: int, clock: Clock) -> None:
-    """Raise VerificationError unless the compiled module agrees with the independent derivation."""
-    with clock("verify"):
-        from hamel.verify import verification
-
-        module = load_module(folder)
-        found = verification(equations.system.model, equations, module, states=states)
-    refuse(found.checks, f"the module of {equations.system.model.name}, choice {equations.choice}, is not written")
-
-
-def refuse(checks: Collection, consequence: str) -> None:
-    """Raise VerificationError naming the checks that fail, if any."""
-    failed = [check for check in checks if not check.passed]
-    if failed:
-        from derive.diagnostics import VerificationError
-
-        lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
-        raise VerificationError(f"verification failed, {consequence}: {lines}")
+def _record(program: Program, folder: Path, compiled: bool, clock: Clock) -> Built:
+    return Built(
+        model=program.name,
+        choice=program.choice,
+        reason=program.reason,
+        folder=folder,
+        verified=True,
+        operations={kernel.name: kernel.operations["total"] for kernel in program.kernels},
+        seconds=clock.seconds,
+        quasi_velocities=program.quasi_velocities,
+        left_out=program.left_out,
+        ledger=tuple(asdict(entry) for entry in program.ledger),
+        compiled=compiled,
+    )
 
 
 def show(record: Built, console: Console) -> None:
     from hamel.show import durations, operations
 
-    console.print(f"{record.model}: built and verified {record.folder}")
+    console.print(f"{record.model}: built and verified {record.folder}{'' if record.compiled else ' (NumPy only, not compiled)'}")
     console.print(f"  choice      {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}")
     console.print(f"  operations  {operations(record.operations)}")
     console.print(f"  time        {durations(record.seconds)}")

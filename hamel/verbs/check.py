@@ -6,6 +6,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import casadi as ca
+import numpy as np
+
+from derive.mechanics import system
+from derive.mechanics.initial import initial_state
+from derive.model import load
 from hamel.records import Checked
 
 if TYPE_CHECKING:
@@ -17,10 +23,6 @@ RANK = 1e-9  # singular values below this fraction of the largest are zero: cons
 
 
 def run(path: str | Path) -> Checked:
-    from derive.mechanics import system
-    from derive.mechanics.initial import initial_state
-    from derive.model import load
-
     model = load(path)
     mechanics = system(model)
     initial = initial_state(mechanics)
@@ -50,9 +52,6 @@ def moved_by(moved: Iterable[tuple[str, float, float]]) -> dict[str, dict[str, f
 
 def _rank(mechanics: System, q: Any) -> int:
     """Rank of A at the configuration q, t = 0, with the file's parameters."""
-    import casadi as ca
-    import numpy as np
-
     rows = ca.Function("A", [mechanics.t, mechanics.q, mechanics.p], [ca.densify(mechanics.A)])
     values = np.linalg.svd(np.asarray(rows(0.0, q, list(mechanics.parameters))), compute_uv=False)
     return int(np.sum(values > RANK * values[0])) if values.size else 0

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from derive.formulations import choices
+from derive.mechanics import system
+from derive.model import load
 from hamel.records import Choices, Ranking
 
 if TYPE_CHECKING:
@@ -12,24 +16,19 @@ if TYPE_CHECKING:
 
 
 def run(path: str | Path) -> Choices:
-    from derive.formulations import choices
-    from derive.mechanics import system
-    from derive.model import load
-
     model = load(path)
-    rankings = tuple(
-        Ranking(r.name, r.kind, tuple(r.rows), tuple(r.pivots), float(r.smallest_pivot), float(r.condition), r.operations, r.reason)
-        for r in choices(system(model))
-    )
-    return Choices(model.name, model.choices[0].name, rankings)
+    names = [field.name for field in fields(Ranking)]
+    ranked = tuple(Ranking(*(getattr(found, name) for name in names)) for found in choices(system(model)))
+    return Choices(model.name, model.choices[0].name, ranked)
 
 
 def show(record: Choices, console: Console) -> None:
-    from hamel.show import number, table
+    from hamel.show import table
 
     rows = [
-        (r.name, ", ".join(r.rows), "; ".join(r.pivots), number(r.smallest_pivot), number(r.condition), str(r.operations), r.reason)
-        for r in record.choices
+        (r.name, ", ".join(r.rows), f"{r.condition:.3g}", f"{r.worst:.3g}", str(r.operations), r.verdict) for r in record.choices
     ]
-    table(console, ("choice", "speeds", "pivots", "smallest", "condition", "operations", "verdict"), rows, right=(3, 4, 5))
+    table(console, ("choice", "speeds", "condition", "worst", "operations", "verdict"), rows, right=(2, 3, 4))
+    for pivot in record.choices[0].pivots if record.choices else ():
+        console.print(f"{record.choices[0].name}: {pivot}")
     console.print(f"{record.model}: '{record.default}' is built when no choice is given")

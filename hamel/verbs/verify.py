@@ -5,8 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from derive.formulations import equations
+from derive.mechanics import system
+from derive.model import load
 from hamel.pipeline import Constants, temporary_module
 from hamel.records import CheckLine, Verified
+from hamel.verify import verification
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,10 +28,6 @@ def run(path: str | Path, choice: str | None, states: int, seed: int, constants:
 
 def _candidates(path: str | Path, choice: str | None, constants: Constants) -> dict[str, Equations]:
     """The equations of every choice of the file, and of `choice` when it is none of them."""
-    from derive.formulations import equations
-    from derive.mechanics import system
-    from derive.model import load
-
     model = load(path)
     mechanics = system(model, constants)
     names = [declared.name for declared in model.choices]
@@ -37,12 +37,10 @@ def _candidates(path: str | Path, choice: str | None, constants: Constants) -> d
 
 
 def _checks(name: str, candidates: dict[str, Equations], states: int, seed: int) -> list[CheckLine]:
-    from hamel.verify import verification
-
-    equations = candidates[name]
+    chosen = candidates[name]
     others = tuple(other for key, other in candidates.items() if key != name)
-    with temporary_module(equations) as module:
-        found = verification(equations.system.model, equations, module, states=states, seed=seed, others=others)
+    with temporary_module(chosen) as module:
+        found = verification(chosen.system.model, chosen, module, states=states, seed=seed, others=others)
     return [CheckLine(f"{name}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed)) for c in found.checks]
 
 

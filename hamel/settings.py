@@ -1,0 +1,77 @@
+"""`--set name=value`: initial values, parameters and constant inputs by name, with units, checked as in a model file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from derive.diagnostics import ModelError, did_you_mean, listed
+
+if TYPE_CHECKING:
+    from derive.model.records import Model
+
+
+@dataclass(frozen=True)
+class Settings:
+    """`initial`: coordinates, `der(q)` and base velocities that are held; `parameters` and `inputs`: all of the model's."""
+
+    initial: dict[str, float]
+    parameters: dict[str, float]
+    inputs: dict[str, float]
+
+
+def settings(model: Model, values: Mapping[str, float | str]) -> Settings:
+    """The model's own values with `values` put in; formulas may use the parameters as they are in the file."""
+    parameters = {p.name: p.value for p in model.parameters}
+    inputs = {i.name: 0.0 for i in model.inputs}
+    initial: dict[str, float] = {}
+    units = _units(model)
+    given = {"".join(name.split()): value for name, value in values.items()}
+    found = {name: _value(name, value, units, parameters) for name, value in given.items()}
+    for name, value in found.items():
+        place = next((table for table in (parameters, inputs) if name in table), initial)
+        place[name] = value
+    return Settings(initial, parameters, inputs)
+
+
+def _units(model: Model) -> dict[str, str]:
+    """Unit of everything that can be set."""
+    units = {item.name: item.unit for item in (*model.parameters, *model.inputs, *model.coordinates, *model.velocities)}
+    rates = {f"der({c.name})": f"{c.unit or 1}/s" for c in model.coordinates}
+    return rates | units
+
+
+def _value(name: str, value: float | str, units: Mapping[str, str], parameters: Mapping[str, float]) -> float:
+    if name not in units:
+        raise ModelError(_unknown(name, units))
+    if isinstance(value, str):
+        return _parsed(name, value, units[name], parameters)
+    if not math.isfinite(value):
+        raise ModelError(f"{name} is set to {value}, which is not a finite number")
+    return float(value)
+
+
+def _unknown(name: str, units: Mapping[str, str]) -> str:
+    near = did_you_mean(name, units)
+    return f"'{name}' is set, but it is no initial value, parameter or input of this model; {near or f'it has {listed(units)}'}"
+
+
+def _parsed(name: str, text: str, unit: str, parameters: Mapping[str, float]) -> float:
+    from derive.expressions import tree
+    from derive.expressions.dimensions import infer
+    from derive.expressions.evaluate import number
+    from derive.expressions.parser import expression
+    from derive.expressions.parser import unit as parsed_unit
+
+    formula = expression(text, parameters)
+    strange = [
+        node.name for node in tree.walk(formula) if isinstance(node, tree.Name | tree.Rate) and node.name not in parameters
+    ]
+    if strange:
+        raise ModelError(f"{name} is set to '{text}', but '{strange[0]}' is no parameter")
+    dimension = infer(formula, {}, text)
+    if isinstance(dimension, tuple) and dimension != parsed_unit(unit).dimension:
+        raise ModelError(f"{name} is set to '{text}', which is no quantity in {unit or 'plain numbers'}")
+    return number(formula, parameters, text)

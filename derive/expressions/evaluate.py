@@ -61,9 +61,7 @@ def _product(factors: Sequence[Any]) -> Any:
     return total
 
 
-def _power(
-    base: Any, exponent: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions
-) -> Any:
+def _power(base: Any, exponent: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions) -> Any:
     if isinstance(exponent, tree.Number):
         if exponent.value == 0.5:
             return functions["sqrt"](base)
@@ -114,10 +112,8 @@ def _constant(node: Expression, operands: list[float | None], text: str) -> floa
 
 def _folded(node: Expression, operands: list[float], text: str) -> float:
     try:
-        if isinstance(node, tree.Power):
-            result = operands[0] ** operands[1]
-        else:
-            result = _applied(node, operands, float_functions())
+        power = isinstance(node, tree.Power)
+        result = operands[0] ** operands[1] if power else _applied(node, operands, float_functions())
     except (ArithmeticError, ValueError):
         result = math.nan
     if isinstance(result, complex) or not math.isfinite(result):

@@ -25,9 +25,7 @@ NONLINEAR = Degree(0, math.inf)
 _NOTHING = Degree(math.inf, -math.inf)  # a sum without terms: the number zero
 
 
-def degree(
-    expression: Expression, velocities: Collection[str] = (), definitions: Mapping[str, Degree] | None = None
-) -> Degree:
+def degree(expression: Expression, velocities: Collection[str] = (), definitions: Mapping[str, Degree] | None = None) -> Degree:
     """Degree in all rates der(q) and in the names in `velocities`; `definitions` gives the degree of defined names."""
     stack: list[Degree] = []
     for node in tree.walk(expression):
@@ -40,9 +38,7 @@ def degree(
     return FREE if result == _NOTHING else result
 
 
-def _of(
-    node: Expression, operands: list[Degree], velocities: Collection[str], definitions: Mapping[str, Degree]
-) -> Degree:
+def _of(node: Expression, operands: list[Degree], velocities: Collection[str], definitions: Mapping[str, Degree]) -> Degree:
     match node:
         case tree.Number(value):
             return _NOTHING if value == 0.0 else FREE

@@ -1,11 +1,11 @@
 """Text of a formula → expression tree: a precedence parser with a whitelist grammar. Nothing is ever evaluated as Python.
 
-    sum     = product (("+" | "-") product)*
-    product = unary (("*" | "/") unary)*
-    unary   = ("+" | "-")* power
-    power   = atom [("**" | "^") unary]                      right-associative, and binds tighter than a minus
-    atom    = number [unit] | name | "der" "(" name ")" | function "(" sum ("," sum)* ")" | "(" sum ")" | "[" sum, … "]"
-    unit    = symbol ["^" integer] (("*" | "/") symbol ["^" integer])*
+sum     = product (("+" | "-") product)*
+product = unary (("*" | "/") unary)*
+unary   = ("+" | "-")* power
+power   = atom [("**" | "^") unary]                      right-associative, and binds tighter than a minus
+atom    = number [unit] | name | "der" "(" name ")" | function "(" sum ("," sum)* ")" | "(" sum ")" | "[" sum, … "]"
+unit    = symbol ["^" integer] (("*" | "/") symbol ["^" integer])*
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class _Parser:
 
     def _product(self) -> Expression:
         at = self.token.at
-        factors = [self._unary()]
+        factors: list[Expression] = [self._unary()]
         while self.token.text in ("*", "/"):
             if self.take().text == "*":
                 factors.append(self._unary())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from derive.expressions.tree import ZERO, Expression, Number
-from derive.model import frames, loads, mechanism, motions, ties
+from derive.model import actuators, definitions, frames, loads, mechanism, motions, ties
+from derive.model.collisions import check_collisions
 from derive.model.document import Scalar, Source
 from derive.model.frames import Frame, Names
 from derive.model.names import module_objection
@@ -37,7 +38,7 @@ def _check_head(reader: Reader, document: Document) -> None:
 
 
 def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
-    parameters = frames.parameters(reader, document)
+    parameters = definitions.parameters(reader, document)
     found = [frame for key, entry in document.joints.items() if (frame := frames.frame(reader, key, entry))]
     coordinates, velocities = frames.analytic_coordinates(reader, document)
     if len(found) == len(document.joints):
@@ -45,10 +46,10 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     coordinates = tuple(c for frame in found for c in frame.coordinates) + coordinates
     velocities = tuple(v for frame in found for v in frame.velocities) + velocities
     frames.enter(reader, coordinates, velocities)
-    inputs = frames.inputs(reader, document, velocities)
-    frames.check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))
+    inputs = actuators.inputs(reader, document, velocities)
+    check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))
     reader.finish()
-    return found, Names(parameters, coordinates, velocities, inputs, frames.definitions(reader, document))
+    return found, Names(parameters, coordinates, velocities, inputs, definitions.definitions(reader, document))
 
 
 def _model(reader: Reader, document: Document, joints: list[Frame], names: Names) -> Model:

@@ -1,13 +1,13 @@
 """YAML text → plain nodes with places: what stands in the file, before anything is made of it.
 
-Every scalar stays text (no YAML 1.1 surprises: `no`, `1e3` and `1:30` are what they look like). Built from the event stream, not
-with `compose`: the depth is bounded before a deep file can hurt, and aliases, tags and duplicate keys are refused where they stand.
+Every scalar stays text (no YAML 1.1 surprises: `no`, `1e3` and `1:30` are what they look like). Built from the event stream,
+not with `compose`: the depth is bounded before a deep file can hurt; aliases, tags and duplicate keys are refused where they are.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -56,16 +56,16 @@ class Items(list[Any]):
         self.span = span
 
 
-class Entries(dict[Key, Any]):
-    """A YAML mapping with its place."""
+class Entries(dict[str, Any]):
+    """A YAML mapping with its place; its keys are Keys."""
 
-    def __init__(self, entries: dict[Key, Any], span: Span) -> None:
+    def __init__(self, entries: Mapping[Any, Any], span: Span) -> None:
         super().__init__(entries)
         self.span = span
 
     def key(self, name: str) -> Key:
         """The key as it stands in the file."""
-        return next(key for key in self if key == name)
+        return next(key for key in self if isinstance(key, Key) and key == name)
 
 
 Node = Scalar | Items | Entries
@@ -117,7 +117,9 @@ def parsed(source: Source) -> Entries:
     if node is None or (isinstance(node, Scalar) and not node.text):
         source.refuse(Span(1, 1), "the file is empty", "a mapping that starts with `model: a_name`")
     if not isinstance(node, Entries):
-        source.refuse(_opening(node.span), f"{described(node)} at the top of the file", "a mapping that starts with `model: a_name`")
+        source.refuse(
+            _opening(node.span), f"{described(node)} at the top of the file", "a mapping that starts with `model: a_name`"
+        )
     return node
 
 
@@ -174,7 +176,9 @@ class _Builder:
     def node(self, event: Any, depth: int) -> Node:
         span = _span(event)
         if isinstance(event, yaml.AliasEvent):
-            self.source.refuse(span, f"an alias '*{event.anchor}'", "the value itself: aliases are not part of the model language")
+            self.source.refuse(
+                span, f"an alias '*{event.anchor}'", "the value itself: aliases are not part of the model language"
+            )
         if event.tag not in _PLAIN_TAGS:
             self.source.refuse(span, f"a tag '{event.tag}'", "a plain value: tags are not part of the model language")
         if depth > DEEPEST:
@@ -198,7 +202,9 @@ class _Builder:
             key = self.key(event)
             if key in places:
                 first = places[key]
-                self.source.refuse(key.span, f"'{key}' is given twice; first on line {first.line}, column {first.column}", "one of the two")
+                self.source.refuse(
+                    key.span, f"'{key}' is given twice; first on line {first.line}, column {first.column}", "one of the two"
+                )
             places[key] = key.span
             entries[key] = self.node(next(self.events), depth + 1)
         return entries

@@ -5,8 +5,9 @@ from __future__ import annotations
 from derive.expressions.parser import unit as parsed_unit
 from derive.expressions.tree import ZERO, Expression, Negative
 from derive.expressions.units import pretty, quotient_of
+from derive.model.actuators import velocity_of
 from derive.model.document import Items, Key, Scalar
-from derive.model.frames import Names, velocity_of
+from derive.model.frames import Names
 from derive.model.mechanism import bodies, some_body
 from derive.model.reader import Reader, force_unit
 from derive.model.records import (
@@ -101,7 +102,9 @@ def _refuse(reader: Reader, key: Key, entry: object, fields: tuple[str, ...], wh
         value = getattr(entry, name)
         if value is not None:
             span = value.span if isinstance(value, Scalar | Items) else value[0].span
-            reader.report(span, f"'{name}' of '{key}' belongs to a load {where}", "between: [body, body] with at: [[…], […]], or a joint")
+            reader.report(
+                span, f"'{name}' of '{key}' belongs to a load {where}", "between: [body, body] with at: [[…], […]], or a joint"
+            )
 
 
 def _two_points(

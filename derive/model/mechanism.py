@@ -204,7 +204,9 @@ def axis(reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str, 
     turns = kind in ("revolute", "planar")
     if entry.axis is None:
         if needed and not (space.plane and turns):
-            reader.report(key.span, f"the {kind} joint '{key}' has no axis", f"axis: {', '.join(space.letters)} or a list of numbers")
+            reader.report(
+                key.span, f"the {kind} joint '{key}' has no axis", f"axis: {', '.join(space.letters)} or a list of numbers"
+            )
         return space.normal
     if kind in ("fixed", "free"):
         reader.report(entry.axis.span, f"an axis of a {kind} joint", "no axis")
@@ -223,7 +225,12 @@ def _turning_axis(reader: Reader, node: Scalar | Items, kind: str) -> Vector3:
 def _spatial_axis(reader: Reader, node: Scalar | Items, kind: str) -> Vector3:
     given = reader.direction(node, "an axis")
     if kind == "planar" and _numbers(given) not in ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)):
-        reader.report(node.span, "the axis of a planar joint", "x, -y or z: the planes (y, z), (x, z) and (x, y)", "turn the joint's frame with `rpy`")
+        reader.report(
+            node.span,
+            "the axis of a planar joint",
+            "x, -y or z: the planes (y, z), (x, z) and (x, y)",
+            "turn the joint's frame with `rpy`",
+        )
     return given
 
 

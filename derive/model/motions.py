@@ -48,7 +48,9 @@ def _named_rows(reader: Reader, entry: dict[Key, Scalar]) -> Rows:
     taken = {identifier(name): name for name, symbol in reader.scope.symbols.items() if symbol.kinds != {VELOCITY}}
     for name, _, span in rows:
         if identifier(name) in taken:
-            reader.report(span, f"the quasi-velocity '{name}' has the name of {_kind(reader, taken[identifier(name)])}", "another name")
+            reader.report(
+                span, f"the quasi-velocity '{name}' has the name of {_kind(reader, taken[identifier(name)])}", "another name"
+            )
     _check_twice(reader, rows)
     return rows
 
@@ -131,7 +133,9 @@ def _initial(reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[s
     if name in found:
         first = found[name].span
         both = "" if found[name].held == held else ": held and guessed"
-        reader.report(key.span, f"'{key}' is given twice{both}; first on line {first.line}, column {first.column}", "one of the two")
+        reader.report(
+            key.span, f"'{key}' is given twice{both}; first on line {first.line}, column {first.column}", "one of the two"
+        )
         return
     value = reader.formula(scalar, f"the initial {key}", unit=_unit(reader, name))
     reader.value(value, scalar)
@@ -151,7 +155,9 @@ def state_name(reader: Reader, key: Key) -> str | None:
             return f"der({scope.resolved(node, ROW, '', str(key)).name})"  # type: ignore[union-attr]
         name = f"der({scope.aliases[node.name]})" if node.name in scope.aliases else node.name
         if name not in known:
-            message = f"'{key}' is not a coordinate or velocity" if name in scope.symbols else f"unknown coordinate or velocity '{key}'"
+            message = (
+                f"'{key}' is not a coordinate or velocity" if name in scope.symbols else f"unknown coordinate or velocity '{key}'"
+            )
             raise FormulaError(message, str(key), 0, listed(known), did_you_mean(name, known))
     except FormulaError as error:
         reader.fault(scalar, error)
@@ -217,7 +223,9 @@ def _output(reader: Reader, document: Document, parsed: Expression, text: str) -
     for node in tree.walk(parsed):
         if isinstance(node, tree.Vector) or (isinstance(node, tree.Call) and node.function in OUTPUT_FUNCTIONS):
             what = f"{node.function}()" if isinstance(node, tree.Call) else "a list"
-            raise FormulaError(f"{what} inside a formula", text, node.at, "position(…), velocity(…), angle(…) or reaction(…) alone")
+            raise FormulaError(
+                f"{what} inside a formula", text, node.at, "position(…), velocity(…), angle(…) or reaction(…) alone"
+            )
     resolved = reader.scope.resolved(parsed, ANYTHING, "an output", text)
     dimension = infer(resolved, reader.scope.dimensions, text)
     return resolved, pretty(dimension) if isinstance(dimension, tuple) else ""
@@ -258,4 +266,3 @@ def _angle_unit(formula: Expression, names: Names) -> str:
         wanted = f"der({formula.name})" if isinstance(formula, tree.Rate) else formula.name
         return next((entry.unit for entry in (*names.coordinates, *names.velocities) if entry.name == wanted), "")
     return ""
-

@@ -10,19 +10,25 @@ from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS
 
 LONGEST = 60
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
-_C = frozenset(
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_C = _words(
     """alignas alignof auto bool break case char const constexpr continue default do double else enum extern false float for goto
     if inline int long nullptr register restrict return short signed sizeof static static_assert struct switch thread_local true
-    typedef typeof typeof_unqual union unsigned void volatile while asm fortran""".split()
+    typedef typeof typeof_unqual union unsigned void volatile while asm fortran"""
 )
-_CPP = frozenset(
+_CPP = _words(
     """and and_eq bitand bitor catch char8_t char16_t char32_t class co_await co_return co_yield compl concept const_cast consteval
     constinit decltype delete dynamic_cast explicit export friend mutable namespace new noexcept not not_eq operator or or_eq
     private protected public reinterpret_cast requires static_cast template this throw try typeid typename using virtual wchar_t
-    xor xor_eq""".split()
+    xor xor_eq"""
 )
 # macros that gcc or the headers of generated code define
-_MACROS = frozenset("NULL EOF NAN INFINITY HUGE_VAL errno assert linux unix main offsetof signbit isnan isinf isfinite".split())
+_MACROS = _words("NULL EOF NAN INFINITY HUGE_VAL errno assert linux unix main offsetof signbit isnan isinf isfinite")
 LANGUAGE = frozenset({"t", "pi", "der", "ground", "guess", *FUNCTIONS, *OUTPUT_FUNCTIONS})
 _MODULES = frozenset({"numpy", "hamel", "derive", "codegen", "casadi", "sympy"}) | sys.stdlib_module_names
 
@@ -35,7 +41,10 @@ def identifier(name: str) -> str:
 def objection(name: str) -> tuple[str, str] | None:
     """Why a name cannot be used and what was expected, or None."""
     if not _WORD.match(name) or len(name) > LONGEST:
-        return f"{name[:LONGEST]!r} is not a name", f"a letter, then letters, digits and underscores; at most {LONGEST} characters"
+        return (
+            f"{name[:LONGEST]!r} is not a name",
+            f"a letter, then letters, digits and underscores, at most {LONGEST}",
+        )
     if "__" in name or name.endswith("_"):
         return f"'{name}' is not a name", "no double and no trailing underscore: generated names use them"
     if name in LANGUAGE:
@@ -43,7 +52,10 @@ def objection(name: str) -> tuple[str, str] | None:
     if keyword.iskeyword(name):
         return f"'{name}' is a keyword of Python", "another name: it becomes a name in the generated module"
     if name in _C or name in _CPP:
-        return f"'{name}' is a keyword of {'C' if name in _C else 'C++'}", "another name: it becomes a name in the generated module"
+        return (
+            f"'{name}' is a keyword of {'C' if name in _C else 'C++'}",
+            "another name: it becomes a name in the generated module",
+        )
     if name in _MACROS:
         return f"'{name}' is defined by C headers", "another name: it becomes a name in the generated module"
     return None

@@ -6,7 +6,6 @@ A Reader collects problems instead of stopping at the first: a bad formula is re
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.expressions import tree
@@ -16,7 +15,7 @@ from derive.expressions.functions import FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
 from derive.expressions.tree import ZERO, Expression
-from derive.expressions.units import ENERGY, NUMBER, TIME, named, pretty, product_of, quotient_of
+from derive.expressions.units import ENERGY, NUMBER, TIME, Dimension, named, pretty, product_of, quotient_of
 from derive.model.document import Items, Key, Scalar, Source
 from derive.model.names import objection
 from derive.model.records import Span, Vector3
@@ -72,7 +71,9 @@ class Reader:
             self.fault(scalar, error)
             return ""
         if given.factor != 1.0:
-            self.report(scalar.span, f"'{scalar.text}' is not an SI unit", given.si, f"the generated functions use SI: write {given.si}")
+            self.report(
+                scalar.span, f"'{scalar.text}' is not an SI unit", given.si, f"the generated functions use SI: write {given.si}"
+            )
         return given.si
 
     def formula(
@@ -94,7 +95,7 @@ class Reader:
         self, scalar: Scalar, where: str, allowed: frozenset[str], wanted: str | None, functions: dict[str, Function]
     ) -> Expression:
         plain = quantity(scalar.text)
-        if plain is not None and plain.unit and wanted is not None and _fits(_dimension(plain.unit), _dimension(wanted)):
+        if plain is not None and plain.unit and wanted is not None and _fits(dimension_of(plain.unit), dimension_of(wanted)):
             return plain  # the unit is right, so its symbols are units even where the model has parameters called m or s
         text = scalar.text
         parsed = expression(text, names=self.scope.symbols, functions=functions)
@@ -105,14 +106,14 @@ class Reader:
     def check_unit(self, resolved: Expression, where: str, wanted: str | None, text: str) -> Inferred:
         """FormulaError where a resolved formula does not have the wanted unit, or mixes units."""
         found = infer(resolved, self.scope.dimensions, text)
-        if wanted is not None and not _fits(found, _dimension(wanted)):
+        if wanted is not None and not _fits(found, dimension_of(wanted)):
             given = named(found) if isinstance(found, tuple) else ""
             raise FormulaError(f"{where} in {given}", text, _first_place(text), wanted or "a plain number or an angle")
         return found
 
     def value(self, formula: Expression, scalar: Scalar) -> float | None:
         """The number a formula of parameters has with their defaults; None where it was reported or has none."""
-        if any(isinstance(n, tree.Name) and n.name not in self.values or isinstance(n, tree.Rate) for n in tree.walk(formula)):
+        if any((isinstance(n, tree.Name) and n.name not in self.values) or isinstance(n, tree.Rate) for n in tree.walk(formula)):
             return None
         try:
             return number(formula, self.values, scalar.text)
@@ -145,7 +146,9 @@ class Reader:
         given = self.space.embedded([self.formula(entry, where) for entry in node])
         if not all(is_constant(component) for component in given):
             if constant:
-                self.report(node.span, f"{where} that depends on parameters", "numbers", "turn the joint's frame with `angle` or `rpy`")
+                self.report(
+                    node.span, f"{where} that depends on parameters", "numbers", "turn the joint's frame with `angle` or `rpy`"
+                )
             return given
         return self._normalised(given, node.span, where)
 
@@ -153,7 +156,9 @@ class Reader:
         text = scalar.text.replace("+", "")
         known = [sign + letter for letter in self.space.letters for sign in ("", "-")]
         if text not in known:
-            self.report(scalar.span, f"{where} '{scalar.text}'", f"{', '.join(self.space.letters)}, with or without a minus, or a list")
+            self.report(
+                scalar.span, f"{where} '{scalar.text}'", f"{', '.join(self.space.letters)}, with or without a minus, or a list"
+            )
             return self.space.normal
         return self.space.along(text)
 
@@ -165,8 +170,9 @@ class Reader:
         return found or self.space.normal
 
 
-def _dimension(text: str) -> Any:
-    return unit(text).dimension
+def dimension_of(written: str) -> Dimension:
+    """The dimension of a unit's text; "" is the plain number."""
+    return unit(written).dimension if written else NUMBER
 
 
 def _fits(found: Inferred, wanted: Inferred) -> bool:
@@ -179,5 +185,5 @@ def _first_place(text: str) -> int:
 
 def force_unit(unit_of_velocity: str) -> str:
     """The unit of the force conjugate to a velocity: N for m/s, N*m for rad/s."""
-    coordinate = product_of(_dimension(unit_of_velocity), TIME)
+    coordinate = product_of(dimension_of(unit_of_velocity), TIME)
     return "N*m" if coordinate == NUMBER else pretty(quotient_of(ENERGY, coordinate))

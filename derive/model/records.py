@@ -1,7 +1,7 @@
 """The Model record: what a model file says, with names resolved, units in SI and source spans kept.
 
 Everything is embedded in space: a planar model stores points as (a, b) placed on its two axes, its rotation axis, and one
-moment of inertia; `plane` says so. Formulas stay expression trees (derive.expressions.tree); numbers never replace parameters here.
+moment of inertia; `plane` says so. Formulas stay expression trees (derive.expressions.tree); parameters stay parameters here.
 Placements say where a joint frame sits in a body: `position` in body coordinates, `rotation` body ← joint frame.
 """
 
@@ -62,7 +62,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Body:
-    """Mass (kg), centre of mass (m, body frame), inertia (xx, yy, zz, xy, xz, yz; kg m², tensor entries about the centre of mass)."""
+    """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz about the centre of mass)."""
 
     name: str
     mass: Expression
@@ -131,7 +131,7 @@ class NoSlip:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A thin disk (centre and unit axis in body coordinates) rolls without slip on the plane through `origin` with `normal` (ground)."""
+    """A thin disk (centre, unit axis in body coordinates) rolls without slip on the plane through `origin`, normal to `normal`."""
 
     name: str
     body: str
@@ -203,7 +203,7 @@ class Torque:
 
 @dataclass(frozen=True)
 class GeneralisedForce:
-    """Expression added to the force conjugate to one base velocity (a joint's actuator law, or `forces:` of the analytic form)."""
+    """Expression added to the force conjugate to one base velocity (a joint's force law, or `forces:` of the analytic form)."""
 
     name: str
     velocity: str

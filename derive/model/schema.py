@@ -94,10 +94,12 @@ PointOrPair = Annotated[
     _kind(**{"a pair of points": _is_pair, "a point": _is_list}),
 ]
 Direction = Annotated[
-    Annotated[Formula, Tag("<x, y or z>")] | Annotated[Point, Tag("<a list>")], _kind(**{"x, y or z": _is_scalar, "a list": _is_list})
+    Annotated[Formula, Tag("<x, y or z>")] | Annotated[Point, Tag("<a list>")],
+    _kind(**{"x, y or z": _is_scalar, "a list": _is_list}),
 ]
 FormulaOrList = Annotated[
-    Annotated[Formula, Tag("<a formula>")] | Annotated[Point, Tag("<a list>")], _kind(**{"a formula": _is_scalar, "a list": _is_list})
+    Annotated[Formula, Tag("<a formula>")] | Annotated[Point, Tag("<a list>")],
+    _kind(**{"a formula": _is_scalar, "a list": _is_list}),
 ]
 PerCoordinate = Annotated[
     Annotated[Point, Tag("<a list>")] | Annotated[dict[Name, Formula], Tag("<a mapping>")],
@@ -156,11 +158,15 @@ class JointEntry(Entry):
     type: Formula = Field(description="Kind of joint.")
     parent: Formula = Field(description="A body, or ground.")
     child: Formula = Field(description="A body; each is the child of one joint.")
-    at: PointOrPair | None = Field(None, description="Where the joint is: a point of the parent, or one of the parent and one of the child.")
+    at: PointOrPair | None = Field(
+        None, description="Where the joint is: a point of the parent, or one of the parent and one of the child."
+    )
     angle: Formula | None = Field(None, description="Planar models: how far the joint's frame is turned in the parent.")
     rpy: Point | None = Field(None, description="In space: roll, pitch, yaw of the joint's frame in the parent.")
     axis: Direction | None = Field(None, description="Direction in the joint's frame: x, y, z or a list of numbers.")
-    coordinate: Formula | None = Field(None, description="Name of the joint's one coordinate; the joint's own name when left out.")
+    coordinate: Formula | None = Field(
+        None, description="Name of the joint's one coordinate; the joint's own name when left out."
+    )
     coordinates: Point | None = Field(None, description="Names of the joint's coordinates.")
     position: Point | None = Field(None, description="Free joint: names of the three position coordinates.")
     orientation: OrientationEntry | None = Field(None, description="Free joint: Euler sequence and names of the angles.")
@@ -359,7 +365,9 @@ class Document(Entry):
 
     model: Formula = Field(description="Name of the model; the generated module and its functions carry it.")
     description: Formula | None = Field(None, description="One or two sentences for readers.")
-    plane: Literal["xy", "xz", "yz"] | None = Field(None, description="For planar models: the plane. Points have two components then.")
+    plane: Literal["xy", "xz", "yz"] | None = Field(
+        None, description="For planar models: the plane. Points have two components then."
+    )
     gravity: Point | None = Field(None, description="Acceleration of gravity in the ground frame.")
     parameters: dict[Name, Parameter] = Field({}, description="Names for numbers, with units.")
     coordinates: dict[Name, Coordinate] = Field({}, description="Coordinates of the analytic form, with units.")
@@ -373,9 +381,12 @@ class Document(Entry):
     forces: dict[Name, Formula] = Field({}, description="Generalised forces of the analytic form, per coordinate.")
     loads: dict[Name, Load] = Field({}, description="Springs, dampers, forces, torques and force laws.")
     inputs: dict[Name, InputEntry] = Field({}, description="Actuators.")
-    outputs: dict[Name, Formula] = Field({}, description="Formulas, position(body, point), velocity(body, point), angle(body), reaction(name).")
+    outputs: dict[Name, Formula] = Field(
+        {}, description="Formulas, position(body, point), velocity(body, point), angle(body), reaction(name)."
+    )
     quasi_velocities: dict[Name, Choice] = Field(
-        {}, description="Choices of quasi-velocities: a list or mapping of formulas linear in the velocities, orthonormal, or auto."
+        {},
+        description="Choices of quasi-velocities: a list or mapping of formulas linear in the velocities, orthonormal, or auto.",
     )
     initial: dict[Name, Initial] = Field({}, description="State at t = 0; values under `guess` may move to make it consistent.")
     steady_motion: dict[Name, dict[Name, Formula]] = Field({}, description="What is held along a steady motion.")
@@ -394,7 +405,7 @@ def json_schema(joint_types: tuple[str, ...]) -> dict[str, Any]:
     definitions = schema["$defs"]
     for owner in ("JointEntry", "ClosureEntry"):
         definitions[owner]["properties"]["type"] |= {"type": "string", "enum": list(joint_types)}
-    for kind, owner in (("no_slip", "NoSlipEntry"), ("rolling", "RollingEntry")) + _LOADS:
+    for kind, owner in (("no_slip", "NoSlipEntry"), ("rolling", "RollingEntry"), *_LOADS):
         definitions[owner]["properties"]["type"] = {"const": kind, "description": "Kind of entry."}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "hamel model"}
 

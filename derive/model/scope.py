@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from derive.diagnostics import did_you_mean, listed
@@ -111,5 +110,3 @@ def used(expression: Expression, scope: Scope) -> dict[str, str]:
             for kind in symbol.kinds:
                 found.setdefault(kind, dict(symbol.because).get(kind, name))
     return found
-
-

@@ -32,8 +32,8 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
         missing = details["loc"][-1]
         yield source.diagnostic(span, f"{_owner(key)} has no '{missing}'", f"the key '{missing}'")
     elif kind == "literal_error":
-        word = found.text if isinstance(found, Scalar) else ""
-        yield source.diagnostic(span, f"unknown {key} '{word}'", context["expected"].replace("'", ""))
+        what = f"unknown {key} '{found.text}'" if isinstance(found, Scalar) else _instead(key, found)
+        yield source.diagnostic(found.span, what, context["expected"].replace("'", ""))
     elif kind == "union_tag_invalid":
         yield _wrong_type(found, context, span, source)
     elif kind == "union_tag_not_found":
@@ -41,10 +41,10 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
     elif kind == "not_a_mapping":
         yield source.diagnostic(found.span, _instead(key, found), f"a mapping with {listed(context['keys'])}")
     else:
-        yield source.diagnostic(found.span, _instead(key, found), _EXPECTED.get(kind, details["msg"]))
+        yield source.diagnostic(found.span, _instead(key, found), _EXPECTED.get(kind, str(details["msg"])))
 
 
-_EXPECTED = {
+_EXPECTED: dict[str, str] = {
     "is_instance_of": "a text or a number",
     "dict_type": "a mapping",
     "not_a_list": "a list in [ ]",
@@ -73,7 +73,7 @@ def _instead(key: Key | None, found: Node) -> str:
     return f"{described(found)} under '{key}'" if key is not None else f"{described(found)} as the model"
 
 
-def _unknown_keys(found: Entries, context: dict[str, Any], source: Source) -> Iterator[Diagnostic]:
+def _unknown_keys(found: Any, context: dict[str, Any], source: Source) -> Iterator[Diagnostic]:
     for name in context["unknown"]:
         span = found.key(name).span
         yield source.diagnostic(span, f"unknown key '{name}'", listed(context["keys"], 24), did_you_mean(name, context["keys"]))
@@ -94,7 +94,10 @@ def _wrong_type(found: Any, context: dict[str, Any], span: Span, source: Source)
 def _not_one_of(key: Key | None, found: Any, details: Any, span: Span, source: Source) -> Diagnostic:
     section = details["loc"][0]
     if section in ("constraints", "loads") and isinstance(found, Entries):
-        wanted = {"constraints": "holonomic:, nonholonomic:, type: no_slip or type: rolling", "loads": "type: spring, damper, force …"}
+        wanted = {
+            "constraints": "holonomic:, nonholonomic:, type: no_slip or type: rolling",
+            "loads": "type: spring, damper, force …",
+        }
         return source.diagnostic(span, f"{_owner(key)} does not say what it is", wanted[section])
     expected = {
         "parameters": "a number with its unit, such as 0.2 m",

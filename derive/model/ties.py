@@ -10,8 +10,8 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader, force_unit
-from derive.model.records import Constraint, Holonomic, NoSlip, Nonholonomic, Rolling
-from derive.model.schema import Document, HolonomicEntry, NoSlipEntry, NonholonomicEntry, RollingEntry
+from derive.model.records import Constraint, Holonomic, Nonholonomic, NoSlip, Rolling
+from derive.model.schema import Document, HolonomicEntry, NonholonomicEntry, NoSlipEntry, RollingEntry
 from derive.model.scope import ANYTHING, COORDINATE, MOTION, POSITION, VELOCITY, used
 
 
@@ -20,7 +20,9 @@ def constraint(reader: Reader, document: Document, names: Names, key: Key, entry
     reader.name(key)
     match entry:
         case HolonomicEntry():
-            return Holonomic(str(key), _holonomic(reader, entry.holonomic), _nonideal(reader, names, key, entry.nonideal), key.span)
+            return Holonomic(
+                str(key), _holonomic(reader, entry.holonomic), _nonideal(reader, names, key, entry.nonideal), key.span
+            )
         case NonholonomicEntry():
             formula = _nonholonomic(reader, entry.nonholonomic)
             return Nonholonomic(str(key), formula, _nonideal(reader, names, key, entry.nonideal), key.span)

@@ -1,0 +1,34 @@
+"""Two things with one name, or names that become one identifier in generated code."""
+
+from __future__ import annotations
+
+from derive.model.frames import Names
+from derive.model.names import identifier
+from derive.model.reader import Reader
+from derive.model.records import Span
+from derive.model.schema import Document
+
+
+def check_collisions(reader: Reader, document: Document, names: Names) -> None:
+    """Two things with one name, or names that become one identifier in C."""
+    places = [("parameter", p.name, p.span) for p in names.parameters]
+    places += [("coordinate", c.name, c.span) for c in names.coordinates]
+    places += [("input", u.name, u.span) for u in names.inputs]
+    places += [("definition", str(key), key.span) for key in document.where]
+    places += [("velocity", v.name, v.span) for v in names.velocities if not v.rate_of]
+    _check_distinct(reader, places)
+    ties = [("joint", str(key), key.span) for key in document.joints]
+    ties += [("closure", str(key), key.span) for key in document.closures]
+    ties += [("constraint", str(key), key.span) for key in document.constraints]
+    _check_distinct(reader, ties)
+
+
+def _check_distinct(reader: Reader, places: list[tuple[str, str, Span]]) -> None:
+    seen: dict[str, tuple[str, str, Span]] = {}
+    for kind, name, span in places:
+        mapped = identifier(name)
+        if mapped in seen:
+            other, first, place = seen[mapped]
+            same = f"the name of a {other}" if first == name else f"like the {other} '{first}' in generated code"
+            reader.report(span, f"the {kind} '{name}' is {same}, line {place.line}, column {place.column}", "another name")
+        seen.setdefault(mapped, (kind, name, span))

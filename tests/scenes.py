@@ -1,0 +1,20 @@
+"""Models that several tests share."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+MODELS = ROOT / "models"
+
+SPATIAL_CHAIN = """
+model: spatial_chain
+gravity: [0.5, -1 m/s^2, -9.81 m/s^2]
+parameters: {l: 0.4 m, m: 1.3 kg, d: 0.2 m}
+bodies:
+  a: {mass: m, com: [0.1 m, l/3, -0.05 m], inertia: [0.02, 0.03, 0.04, 0.002, -0.003, 0.001]}
+  b: {mass: 2*m, com: [0, 0.07 m, 0.2 m], inertia: [0.05, 0.03, 0.06, 0.001, 0.002, -0.004]}
+  c: {mass: 0.7 kg, com: [d, 0, 0.03 m], inertia: [0.01, 0.012, 0.013, 0, 0.001, 0]}
+joints:
+  A: {type: revolute, parent: ground, child: a, at: [0.1 m, 0, 0.2 m], axis: [1, 2, 2], coordinate: q1}
+  B: {type: prismatic, parent: a, child: b, at: [[0, l, 0], [0.1 m, 0, 0]], axis: [0.6, 0, 0.8], coordinate: s}
+  C: {type: revolute, parent: b, child: c, at: [[0, l, 0], [0.05 m, 0.02 m, 0]], axis: y, coordinate: q3}
+"""

@@ -46,9 +46,11 @@ def _output(model: Model, state: State, output: Output) -> Array:
 
 
 def _point(state: State, formula: tree.Call, axes: list[int]) -> Array:
+    """The body point of a call in body coordinates, in space; the body's origin when none is given."""
     point = np.zeros(3)
     if len(formula.arguments) > 1 and isinstance(formula.arguments[1], tree.Vector):
-        point[axes] = state.vector(formula.arguments[1].entries)
+        entries = formula.arguments[1].entries
+        point[axes if len(entries) == len(axes) else [0, 1, 2]] = state.vector(entries)
     return point
 
 

@@ -113,7 +113,7 @@ def _write(folder: Path, files: Mapping[str, str]) -> None:
 
 def _keep_others(place: Path, fresh: Path) -> None:
     """Files that people added to the folder stay in it."""
-    made = {*_listed(place), "manifest.json", "__pycache__"}
+    made = {*_listed(place), "manifest.json", "__pycache__", *(path.name for path in fresh.iterdir())}
     for path in sorted(place.iterdir()) if place.is_dir() else []:
         if (
             path.name not in made

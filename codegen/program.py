@@ -85,6 +85,7 @@ class Kernel:
     shape: tuple[int, ...]
     labels: tuple[str, ...]
     units: tuple[str, ...]
+    x: Argument  # the state, or what stands in its place for this function
     uses: tuple[str, ...]  # which of t, x, u, p occur
     loads: tuple[Load, ...]
     sections: tuple[Section, ...]

@@ -19,7 +19,7 @@ NEARLY = 8 * 2.220446049250313e-16  # factors closer than this, relatively, diff
 
 ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign"})
 EVEN = frozenset({"cos", "cosh", "fabs"})
-CALLS: dict[str, Callable[..., float] | None] = {
+CALLS: dict[str, Callable[..., Any] | None] = {
     "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos,
     "atan": math.atan, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "asinh": math.asinh, "acosh": math.acosh,
     "atanh": math.atanh, "exp": math.exp, "log": math.log, "expm1": math.expm1, "log1p": math.log1p, "erf": math.erf,

@@ -13,6 +13,7 @@ from codegen.passes.schedule import schedule
 from codegen.passes.trace import trace
 from codegen.program import KINDS, Argument, Entry, Kernel, Loop, Pivot, Program
 from derive.diagnostics import HamelError
+from derive.formulations import records
 from derive.formulations.records import Equations, Function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = ()
@@ -22,11 +23,11 @@ _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt":
 
 def program(equations: Equations, functions: Sequence[str] | None = None) -> Program:
     """The Program of the named functions (all when None)."""
-    arguments = _arguments(equations)
+    arguments = _arguments(equations.arguments, equations.parameters)
     chosen = _chosen(equations, functions)
     kernels, ledger = [], []
     for function in chosen:
-        kernel, entries = _kernel(equations, function, arguments)
+        kernel, entries = _kernel(equations, function)
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
@@ -57,14 +58,18 @@ def _chosen(equations: Equations, functions: Sequence[str] | None) -> list[Funct
     return [function for function in chosen if function.result.value.numel()]
 
 
-def _arguments(equations: Equations) -> tuple[Argument, ...]:
+def _arguments(slots: Sequence[records.Argument], parameters: tuple[float, ...]) -> tuple[Argument, ...]:
     names = Names()
     found = []
-    for argument in equations.arguments:
-        local = tuple(names(identifier(label)) if argument.name != "t" else "t" for label in argument.labels)
-        defaults = equations.parameters if argument.name == "p" else ()
-        found.append(Argument(argument.name, argument.labels, local, argument.units, defaults))
+    for slot in slots:
+        local = tuple(names(identifier(label)) if slot.name != "t" else "t" for label in slot.labels)
+        found.append(Argument(slot.name, slot.labels, local, slot.units, parameters if slot.name == "p" else ()))
     return tuple(found)
+
+
+def _slots(equations: Equations, function: Function) -> tuple[records.Argument, ...]:
+    """t, x, u, p as this function takes them: its own x may be something else than the state."""
+    return tuple(function.x if slot.name == "x" and function.x is not None else slot for slot in equations.arguments)
 
 
 def _left_out(equations: Equations, arguments: Sequence[Argument], kernels: Sequence[Kernel]) -> tuple[str, ...]:
@@ -75,16 +80,14 @@ def _left_out(equations: Equations, arguments: Sequence[Argument], kernels: Sequ
     return (*functions, *(f"argument {a.name}" for a in arguments if a.name not in used))
 
 
-def _kernel(equations: Equations, function: Function, arguments: Sequence[Argument]) -> tuple[Kernel, list[Entry]]:
+def _kernel(equations: Equations, function: Function) -> tuple[Kernel, list[Entry]]:
     size = function.result.value.numel()
-    work, raw = trace(_symbols(equations), _roots(function), [(n.name, n.about, n.value) for n in function.named])
+    slots = _slots(equations, function)
+    symbols = [(slot.name, slot.symbols) for slot in slots]
+    work, raw = trace(symbols, _roots(function), [(n.name, n.about, n.value) for n in function.named])
     work, entries = _improve(function, work, raw, size)
     lowered = lower(work, _loose(function, size))
-    return _finish(function, lowered, work, arguments, size), entries
-
-
-def _symbols(equations: Equations) -> list[tuple[str, ca.SX]]:
-    return [(argument.name, argument.symbols) for argument in equations.arguments]
+    return _finish(function, lowered, work, _arguments(slots, equations.parameters), size), entries
 
 
 def _roots(function: Function) -> list[ca.SX]:
@@ -126,6 +129,7 @@ def _finish(function: Function, lowered: Lowered, work: Work, arguments: Sequenc
         shape=(rows,) if columns == 1 else (rows, columns),
         labels=function.result.labels,
         units=function.result.units,
+        x=next(argument for argument in arguments if argument.name == "x"),
         uses=tuple(a.name for a in arguments if any(load.argument == a.name for load in done.loads)),
         loads=done.loads,
         sections=done.sections,

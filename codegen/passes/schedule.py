@@ -107,7 +107,7 @@ def _fitting(code: Code, home: dict[int, int], once: Callable[[int], bool]) -> s
     size: dict[int, int] = {}
     nested: set[int] = set()
     for i in sorted(home):
-        size[i] = 1 + sum(size.get(operand, 1) for operand in code.operations[i].operands if isinstance(operand, int | float))
+        size[i] = 1 + sum(size.get(operand, 1) for operand in code.operations[i].operands)
         if once(i) and size[i] <= _NESTED:
             nested.add(i)
         else:

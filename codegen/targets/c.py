@@ -20,7 +20,7 @@ class Body:
     outputs: tuple[str, ...]
     guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
     unused: tuple[str, ...]
-    checked: tuple[str, ...]  # arguments that are searched for values that are not finite
+    checked: tuple[tuple[str, int], ...]  # arguments and sizes that are searched for values that are not finite
     residual: str
 
 
@@ -30,12 +30,13 @@ def files(program: Program) -> dict[str, str]:
         "program": program,
         "prefix": program.name,
         "PREFIX": program.name.upper(),
-        "bodies": [_body(k) for k in program.kernels],
+        "bodies": [_body(program, kernel) for kernel in program.kernels],
     }
     return {f"{program.name}.h": text.render("header.h.j2", **data), f"{program.name}.c": text.render("source.c.j2", **data)}
 
 
-def _body(kernel: Kernel) -> Body:
+def _body(program: Program, kernel: Kernel) -> Body:
+    sizes = {argument.name: len(argument.names) for argument in program.arguments} | {"x": len(kernel.x.names)}
     return Body(
         kernel=kernel,
         size=len(kernel.outputs),
@@ -43,7 +44,7 @@ def _body(kernel: Kernel) -> Body:
         outputs=tuple(_output(kernel, i) for i in range(len(kernel.outputs))),
         guards=tuple((_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in kernel.guards),
         unused=tuple(name for name in "txup" if name not in kernel.uses),
-        checked=tuple(name for name in "xup" if name in kernel.uses),
+        checked=tuple((name, sizes[name]) for name in "xup" if name in kernel.uses),
         residual=_value(kernel.loop.residual) if kernel.loop else "",
     )
 

@@ -13,7 +13,7 @@ def files(program: Program) -> dict[str, str]:
     if not names:
         return {}
     shown = program.kernel("dynamics" if "dynamics" in names else names[0])
-    states = program.nominal or tuple(0.1 * (i + 1) for i in range(len(program.argument("x").names)))
+    states = program.nominal or tuple(0.1 * (i + 1) for i in range(len(shown.x.names)))
     data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "kernel": shown, "states": states}
     return {"example.c": text.render("example.c.j2", **data)}
 

@@ -44,6 +44,7 @@ def _function(kernel: Kernel) -> dict[str, object]:
     return {
         "about": kernel.about,
         "arguments": list(kernel.uses),
+        "x": list(kernel.x.labels),
         "result": kernel.result,
         "shape": list(kernel.shape),
         "labels": list(kernel.labels),

@@ -1,4 +1,4 @@
-"""The command line: click options around the verbs of hamel.api; records go out as text for people or, with --json, as one object.
+"""The command line: click options around the verbs of hamel.api; records go out as text or, with --json, as one object.
 
 Only click is imported until a verb runs.
 """

@@ -78,7 +78,7 @@ def program_of(equations: Equations, functions: Collection[str] | None = None, c
     with (clock or Clock())("passes"):
         from codegen.passes import program
 
-        return program(equations, functions)
+        return program(equations, None if functions is None else tuple(functions))
 
 
 def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None) -> Any:

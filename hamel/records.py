@@ -158,7 +158,6 @@ def as_json(record: Any) -> Any:
         return [as_json(item) for item in record]
     if isinstance(record, Path):
         return str(record)
-    if isinstance(record, float) or hasattr(record, "item"):
-        number = record.item() if hasattr(record, "item") else record
-        return number if not isinstance(number, float) or math.isfinite(number) else None
+    if isinstance(record, float):  # NumPy's float64 is one
+        return float(record) if math.isfinite(record) else None
     return record

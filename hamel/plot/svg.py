@@ -88,8 +88,9 @@ def _legend(panel: Panel, top: float) -> list[str]:
     for index, curve in enumerate(panel.curves[:room]):
         y = top + 14 + 18 * index
         colour = COLOURS[index % len(COLOURS)]
-        parts.append(f'<line x1="{WIDTH - RIGHT + 10}" x2="{WIDTH - RIGHT + 30}" y1="{y - 4}" y2="{y - 4}" stroke="{colour}" stroke-width="2"/>')
-        parts.append(_text(WIDTH - RIGHT + 36, y, curve.label))
+        left = WIDTH - RIGHT + 10
+        parts.append(f'<line x1="{left}" x2="{left + 20}" y1="{y - 4}" y2="{y - 4}" stroke="{colour}" stroke-width="2"/>')
+        parts.append(_text(left + 26, y, curve.label))
     if len(panel.curves) > room:
         parts.append(_text(WIDTH - RIGHT + 36, top + HEIGHT + 14, f"and {len(panel.curves) - room} more"))
     return parts

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.mechanics import system
 from derive.model import load
@@ -16,24 +18,27 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from derive.formulations.records import Equations
+    from derive.mechanics.records import System
 
 
 def run(path: str | Path, choice: str | None, states: int, seed: int, constants: Constants) -> Verified:
-    candidates = _candidates(path, choice, constants)
-    wanted = candidates if choice is None else {choice: candidates[choice]}
-    checks = [check for name in wanted for check in _checks(name, candidates, states, seed)]
-    model = next(iter(candidates.values())).system.model.name
-    return Verified(model, all(check.passed for check in checks), tuple(checks), states, seed)
-
-
-def _candidates(path: str | Path, choice: str | None, constants: Constants) -> dict[str, Equations]:
-    """The equations of every choice of the file, and of `choice` when it is none of them."""
     model = load(path)
     mechanics = system(model, constants)
-    names = [declared.name for declared in model.choices]
-    if choice is not None and choice not in names:
-        names.insert(0, choice)
-    return {name: equations(mechanics, name) for name in names}
+    declared = [each.name for each in model.choices]
+    wanted = declared if choice is None else [choice]
+    candidates = {name: equations(mechanics, name) for name in wanted}
+    candidates |= _usable(mechanics, [name for name in declared if name not in wanted])
+    checks = [check for name in wanted for check in _checks(name, candidates, states, seed)]
+    return Verified(model.name, all(check.passed for check in checks), tuple(checks), states, seed)
+
+
+def _usable(mechanics: System, names: list[str]) -> dict[str, Equations]:
+    """Choices that were not asked for serve as references, where they are choices at all."""
+    found = {}
+    for name in names:
+        with suppress(AssumptionError):
+            found[name] = equations(mechanics, name)
+    return found
 
 
 def _checks(name: str, candidates: dict[str, Equations], states: int, seed: int) -> list[CheckLine]:
@@ -45,9 +50,24 @@ def _checks(name: str, candidates: dict[str, Equations], states: int, seed: int)
 
 
 def show(record: Verified, console: Console) -> None:
+    """One row per check, one column per choice: the worst relative error met."""
     from hamel.show import number, table
 
-    rows = [(c.name, number(c.value), number(c.tolerance), "ok" if c.passed else "FAILED") for c in record.checks]
-    table(console, ("check", "value", "tolerance", ""), rows, right=(1, 2))
+    values = {tuple(check.name.split(": ", 1)): check for check in record.checks}
+    choices, names = (list(dict.fromkeys(key[i] for key in values)) for i in (0, 1))
+    rows = []
+    for name in names:
+        found = [values.get((choice, name)) for choice in choices]
+        limit = next(check.tolerance for check in found if check)
+        rows.append((name, *(_cell(check) for check in found), number(limit)))
+    table(console, ("check", *choices, "tolerance"), rows, right=range(1, len(choices) + 2))
     good = sum(check.passed for check in record.checks)
     console.print(f"{record.model}: {good} of {len(record.checks)} checks passed at {record.states} random states per choice")
+
+
+def _cell(check: CheckLine | None) -> str:
+    from hamel.show import number
+
+    if check is None:
+        return "–"
+    return number(check.value) if check.passed else f"FAILED {number(check.value)}"

@@ -1,0 +1,62 @@
+"""The README is executed: its model is built by its command and driven by its control loop, its tables are true."""
+
+import contextlib
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from hamel import failures
+from hamel.cli import group, main
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def sled(tmp_path_factory):
+    """The folder after the README's model was saved and its build command was run."""
+    folder = tmp_path_factory.mktemp("readme")
+    (folder / "sled.yaml").write_text(blocks("yaml")[0])
+    command = next(block for block in blocks("sh") if block.startswith("hamel build"))
+    with contextlib.chdir(folder), pytest.raises(SystemExit) as ended:
+        main(command.split()[1:])
+    assert ended.value.code == 0
+    return folder
+
+
+def test_the_model_is_short():
+    assert len(blocks("yaml")[0].splitlines()) <= 21
+    assert len(blocks("python")[0].splitlines()) <= 11
+
+
+def test_the_control_loop_reaches_its_heading(sled, monkeypatch):
+    monkeypatch.chdir(sled)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    names: dict = {}
+    exec(blocks("python")[0], names)
+    x = dict(zip(names["sled"].states, names["x"]))
+    assert tuple(x) == ("x", "y", "heading", "speed", "spin")
+    assert x["heading"] == pytest.approx(1.0, abs=1e-3)
+    assert x["speed"] == pytest.approx(1.5 / 2, rel=1e-2)  # push against snow
+
+
+def test_every_verb_and_exit_code_is_in_the_tables():
+    verbs = set(re.findall(r"^\| `hamel (\w+)", README, re.MULTILINE))
+    assert verbs == set(group.commands)
+    codes = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
+    assert codes >= {0, 1, 2, 3, failures.VERIFICATION, failures.USAGE, failures.INTERNAL, failures.INTERRUPTED}
+
+
+def test_make_targets_and_pictures_exist():
+    makefile = (ROOT / "Makefile").read_text()
+    for target in re.findall(r"^make ([\w-]+)", README, re.MULTILINE):
+        assert f"\n{target}:" in makefile
+    for path in re.findall(r"\]\(([^)#:]+)\)", README):
+        assert os.path.exists(ROOT / path), path

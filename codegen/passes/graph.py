@@ -15,7 +15,8 @@ from typing import Any
 Reference = tuple[float, int]
 ONE = 0
 ZERO: Reference = (0.0, ONE)
-NEARLY = 8 * 2.220446049250313e-16  # factors closer than this, relatively, differ by rounding only
+EPSILON = 2.220446049250313e-16
+NEARLY = 8 * EPSILON  # factors closer than this, relatively, differ by rounding only
 
 ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign"})
 EVEN = frozenset({"cos", "cosh", "fabs"})
@@ -35,6 +36,7 @@ class Graph:
 
     def __init__(self) -> None:
         self.nodes: list[tuple[Any, ...]] = [("one",)]
+        self.natural: dict[int, float] = {}  # the factor with which a sum was first met: its own numbers, undivided
         self._ids: dict[tuple[Any, ...], int] = {("one",): ONE}
 
     def node(self, key: tuple[Any, ...]) -> int:
@@ -65,7 +67,9 @@ class Graph:
         if len(kept) == 1:
             return (kept[0][1], kept[0][0])
         scale = _leading(kept)
-        return (scale, self.node(("sum", tuple((node, snapped(factor / scale)) for node, factor in kept))))
+        node = self.node(("sum", tuple((node, snapped(factor / scale)) for node, factor in kept)))
+        self.natural.setdefault(node, abs(scale))
+        return (scale, node)
 
     def product(self, factors: Iterable[tuple[Reference, int]]) -> Reference:
         """Π reference^exponent; constants move to the reference."""
@@ -141,9 +145,9 @@ def nearly_sum(a: float, b: float) -> float:
 
 
 def snapped(factor: float) -> float:
-    """The factor, or the whole number it differs from by rounding only."""
-    nearest = round(factor) if abs(factor) < 1e15 else 0
-    return float(nearest) if nearest and abs(factor - nearest) <= NEARLY * abs(factor) else factor
+    """The factor, or the short decimal it differs from by rounding only: 14.715 for 14.715000000000002."""
+    short = float(f"{factor:.12g}")
+    return short if abs(factor - short) <= 2 * EPSILON * abs(factor) else factor
 
 
 def live(work: Work) -> list[int]:
@@ -170,15 +174,20 @@ def uses(work: Work, nodes: Iterable[int]) -> dict[int, int]:
     return count
 
 
-Rule = Callable[[Graph, int, dict[int, Reference]], Reference]
+Rule = Callable[[Graph, int, dict[int, Reference]], Reference | None]
 
 
 def rewrite(work: Work, rule: Rule) -> Work:
-    """A new graph in which each live node became rule(new graph, node, earlier results). Marks follow where they survive."""
+    """A new graph in which each live node became rule(new graph, node, earlier results), None where its user needs no node of it.
+
+    Marks follow where their nodes survive.
+    """
     graph = Graph()
     done: dict[int, Reference] = {ONE: (1.0, ONE)}
     for node in live(work):
-        done[node] = rule(graph, node, done)
+        found = rule(graph, node, done)
+        if found is not None:
+            done[node] = found
     roots = tuple(scaled(factor, done[node]) for factor, node in work.roots)
     return Work(graph, roots, tuple(_follow(mark, done) for mark in work.marks))
 

@@ -83,7 +83,7 @@ def _scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, floa
     for node in reversed(nodes):
         kind, *rest = work.graph.nodes[node]
         if kind == "sum":
-            scales[node] = _sum_scale(rest[0], wanted[node])
+            scales[node] = _sum_scale(rest[0], wanted[node], work.graph.natural[node])
             _want_terms(rest[0], scales[node], wanted)
         elif kind == "product":
             scales[node] = _product_scale(work.graph, rest[0], wanted[node], used)
@@ -99,15 +99,16 @@ def _distinct(factors: Iterable[float]) -> int:
     return len({abs(factor) for factor in factors} - {1.0})
 
 
-def _sum_scale(terms: Sequence[tuple[int, float]], wants: Sequence[float]) -> float:
+def _sum_scale(terms: Sequence[tuple[int, float]], wants: Sequence[float], natural: float) -> float:
+    """The cheapest scale; among equals the one with the numbers that the derivation had."""
     factors = [factor for node, factor in terms if node != ONE]
-    candidates = [1.0, *dict.fromkeys(abs(want) for want in wants)]
+    candidates = [natural, 1.0, *dict.fromkeys(abs(want) for want in wants)]
     if len(set(factors)) <= _WIDE:
         candidates += dict.fromkeys(snapped(1.0 / abs(factor)) for factor in factors)
 
-    def cost(scale: float) -> tuple[int, bool]:
+    def cost(scale: float) -> int:
         inside = _distinct(snapped(scale * factor) for factor in factors)
-        return inside + _distinct(snapped(want / scale) for want in wants), scale not in wants
+        return inside + _distinct(snapped(want / scale) for want in wants)
 
     best = min(candidates, key=cost)
     return -best if _prefers_negative(wants) and any(factor < 0 for _, factor in terms) else best

@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 
 import casadi as ca
 
+from codegen.passes.factor import factor
 from codegen.passes.graph import Work
 from codegen.passes.lower import Code, Lowered, lower
 from codegen.passes.names import Names, identifier
+from codegen.passes.share import share
 from codegen.passes.schedule import schedule
 from codegen.passes.trace import trace
 from codegen.program import KINDS, Argument, Entry, Kernel, Loop, Pivot, Program
@@ -16,7 +18,7 @@ from derive.diagnostics import HamelError
 from derive.formulations import records
 from derive.formulations.records import Equations, Function
 
-PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = ()
+PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share), ("factor", factor), ("share", share))
 
 _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
 

@@ -1,0 +1,155 @@
+"""factor: flatten sums and products that are used once, then take common factors out: a x + b x → (a + b) x.
+
+A node with several users is never opened, so nothing that is shared is computed twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from codegen.passes.graph import ONE, Graph, Reference, Work, copied, live, rewrite, scaled, uses
+
+Factors = tuple[tuple[int, int], ...]  # (node, exponent), …
+Term = tuple[float, Factors]
+
+
+def factor(work: Work) -> Work:
+    """Every sum flattened and factored."""
+    opened = _opened(work)
+
+    def rule(graph: Graph, node: int, done: dict[int, Reference]) -> Reference | None:
+        if node in opened:
+            return None  # its user does it
+        kind = work.graph.nodes[node][0]
+        if kind == "sum":
+            return factored(graph, _terms(work, graph, node, done, opened))
+        if kind == "product":
+            return _rejoined(graph, _open_product(work, node, done, opened))
+        return copied(work, graph, node, done)
+
+    return rewrite(work, rule)
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """Where a node is used last, and how."""
+
+    user: str
+    exponent: int
+
+
+def _opened(work: Work) -> set[int]:
+    """Sums used once in a sum, products used once in a sum or as a plain factor of a product."""
+    nodes = live(work)
+    count = uses(work, nodes)
+    spots: dict[int, _Spot] = {}
+    for node in nodes:
+        kind, *rest = work.graph.nodes[node]
+        if kind in ("sum", "product"):
+            for other, exponent in rest[0]:
+                spots[other] = _Spot(kind, exponent if kind == "product" else 1)
+    rooted = {node for _, node in work.roots}
+    return {n for n in nodes if count[n] == 1 and n not in rooted and n in spots and _opens(work.graph.nodes[n][0], spots[n])}
+
+
+def _opens(kind: str, spot: _Spot) -> bool:
+    return kind == "product" or (kind == "sum" and spot.user == "sum") if spot.user != "call" else False
+
+
+def _terms(work: Work, graph: Graph, node: int, done: dict[int, Reference], opened: set[int]) -> list[Term]:
+    """The terms of a flattened sum over the new graph."""
+    terms: list[Term] = []
+    stack = [(node, 1.0)]
+    while stack:
+        current, outer = stack.pop()
+        for other, own in reversed(work.graph.nodes[current][1]):
+            kind = work.graph.nodes[other][0]
+            if other in opened and kind == "sum":
+                stack.append((other, outer * own))
+            elif other in opened and kind == "product":
+                terms.append(_merged(outer * own, _open_product(work, other, done, opened)))
+            else:
+                terms.append(_term(graph, scaled(outer * own, done[other])))
+    return _collected(terms)
+
+
+def _term(graph: Graph, reference: Reference) -> Term:
+    """A node as a term; what has become a product since is opened no further."""
+    return (reference[0], () if reference[1] == ONE else ((reference[1], 1),))
+
+
+def _open_product(work: Work, node: int, done: dict[int, Reference], opened: set[int]) -> list[tuple[Reference, int]]:
+    """The factors of a flattened product over the new graph."""
+    factors = []
+    stack = [(node, 1)]
+    while stack:
+        current, outer = stack.pop()
+        for other, own in work.graph.nodes[current][1]:
+            if other in opened:
+                stack.append((other, outer * own))
+            else:
+                factors.append((done[other], outer * own))
+    return factors
+
+
+def _rejoined(graph: Graph, factors: Iterable[tuple[Reference, int]]) -> Reference:
+    return graph.product(factors)
+
+
+def _merged(outer: float, factors: Iterable[tuple[Reference, int]]) -> Term:
+    merged: dict[int, int] = {}
+    for (value, node), exponent in factors:
+        outer *= value**exponent
+        if node != ONE:
+            merged[node] = merged.get(node, 0) + exponent
+    return outer, tuple(sorted((node, exponent) for node, exponent in merged.items() if exponent))
+
+
+def _collected(terms: Iterable[Term]) -> list[Term]:
+    """Equal products added up."""
+    sums: dict[Factors, float] = {}
+    for value, factors in terms:
+        sums[factors] = sums.get(factors, 0.0) + value
+    return [(value, factors) for factors, value in sums.items() if value != 0.0]
+
+
+# ---- common factors
+
+
+def factored(graph: Graph, terms: Sequence[Term]) -> Reference:
+    """The sum of the terms, the factor that saves most taken out first."""
+    best = _best_factor(terms)
+    if best is None:
+        return graph.sum(_product(graph, term) for term in terms)
+    inside = [(value, _without(factors, best)) for value, factors in terms if _holds(factors, best)]
+    outside = [term for term in terms if not _holds(term[1], best)]
+    taken = graph.product([(factored(graph, inside), 1), ((1.0, best[0]), best[1])])
+    if not outside:
+        return taken
+    return factored(graph, [*outside, _term(graph, taken)])
+
+
+def _product(graph: Graph, term: Term) -> Reference:
+    return scaled(term[0], graph.product(((1.0, node), exponent) for node, exponent in term[1]))
+
+
+def _best_factor(terms: Sequence[Term]) -> tuple[int, int] | None:
+    """(node, ±1) whose extraction saves most multiplications or divisions; None where none saves any."""
+    saved: dict[tuple[int, int], int] = {}
+    for value, factors in terms:
+        degree = sum(abs(exponent) for _, exponent in factors) - (abs(value) == 1.0)
+        for node, exponent in factors:
+            key = (node, 1 if exponent > 0 else -1)
+            saved[key] = saved.get(key, -1) + min(1, degree)
+    best = min(saved, key=lambda key: (-saved[key], key), default=None)
+    return best if best is not None and saved[best] > 0 else None
+
+
+def _holds(factors: Factors, wanted: tuple[int, int]) -> bool:
+    return any(node == wanted[0] and exponent * wanted[1] > 0 for node, exponent in factors)
+
+
+def _without(factors: Factors, taken: tuple[int, int]) -> Factors:
+    lowered = ((node, exponent - taken[1] if node == taken[0] else exponent) for node, exponent in factors)
+    return tuple((node, exponent) for node, exponent in lowered if exponent)

@@ -1,0 +1,128 @@
+"""share: pairs of terms or factors that several sums or products have in common are computed once."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator
+
+from codegen.passes.graph import ONE, Graph, Reference, Work, copied, live, rewrite, snapped
+
+Pair = tuple[int, int, float]  # two nodes and the ratio of their factors; in products the ratio is 1 (above) or −1 (below)
+_WIDE = 48  # in wider sums and products only neighbours are looked at
+
+
+def share(work: Work) -> Work:
+    """Common pairs of products, then common pairs of sums, each the most frequent first."""
+    return _share(_share(work, "product"), "sum")
+
+
+def _share(work: Work, kind: str) -> Work:
+    members: dict[int, dict[int, float]] = {}
+    for node in live(work):
+        if work.graph.nodes[node][0] == kind:
+            members[node] = {other: float(value) for other, value in work.graph.nodes[node][1] if other != ONE}
+    extracted = _extract(members, len(work.graph.nodes), _product_pairs if kind == "product" else _sum_pairs)
+    return _rebuild(work, kind, members, extracted) if extracted else work
+
+
+def _product_pairs(members: dict[int, float]) -> Iterator[Pair]:
+    """Pairs above the line, pairs below it, and squares."""
+    items = sorted(members.items())
+    for i, (a, p) in enumerate(items):
+        if abs(p) >= 2:
+            yield a, a, 1.0 if p > 0 else -1.0
+        for b, q in items[i + 1 : (None if len(items) <= _WIDE else i + 2)]:
+            if p * q > 0:
+                yield a, b, 1.0 if p > 0 else -1.0
+
+
+def _sum_pairs(members: dict[int, float]) -> Iterator[Pair]:
+    items = sorted(members.items())
+    for i, (a, p) in enumerate(items):
+        for b, q in items[i + 1 : (None if len(items) <= _WIDE else i + 2)]:
+            yield a, b, snapped(q / p)
+
+
+def _extract(
+    members: dict[int, dict[int, float]], fresh: int, pairs: Callable[[dict[int, float]], Iterator[Pair]]
+) -> dict[int, Pair]:
+    """Replace the most frequent pair by a new member, again and again. Returns what the new members stand for."""
+    where: dict[Pair, set[int]] = {}
+    for node, inside in members.items():
+        for pair in pairs(inside):
+            where.setdefault(pair, set()).add(node)
+    heap = [(-len(nodes), pair) for pair, nodes in where.items() if len(nodes) > 1]
+    heapq.heapify(heap)
+    extracted: dict[int, Pair] = {}
+    while heap:
+        size, pair = heapq.heappop(heap)
+        nodes = where.get(pair, set())
+        if len(nodes) < 2 or len(nodes) != -size:
+            if len(nodes) > 1:
+                heapq.heappush(heap, (-len(nodes), pair))
+            continue
+        extracted[fresh] = pair
+        for node in sorted(nodes):
+            _replace(members[node], node, pair, fresh, where, pairs, heap)
+        fresh += 1
+    return extracted
+
+
+def _replace(
+    inside: dict[int, float],
+    node: int,
+    pair: Pair,
+    fresh: int,
+    where: dict[Pair, set[int]],
+    pairs: Callable[[dict[int, float]], Iterator[Pair]],
+    heap: list[tuple[int, Pair]],
+) -> None:
+    """In one sum or product: the pair out, the new member in; the counts follow."""
+    for old in pairs(inside):
+        where[old].discard(node)
+    if pairs is _product_pairs:
+        _take_factors(inside, pair, fresh)
+    else:
+        inside[fresh] = inside.pop(pair[0])
+        del inside[pair[1]]
+    for new in pairs(inside):
+        found = where.setdefault(new, set())
+        found.add(node)
+        if fresh in new[:2] and len(found) > 1:
+            heapq.heappush(heap, (-len(found), new))
+
+
+def _take_factors(inside: dict[int, float], pair: Pair, fresh: int) -> None:
+    for taken in pair[:2]:
+        inside[taken] -= pair[2]
+        if not inside[taken]:
+            del inside[taken]
+    inside[fresh] = inside.get(fresh, 0.0) + pair[2]
+
+
+def _rebuild(work: Work, kind: str, members: dict[int, dict[int, float]], extracted: dict[int, Pair]) -> Work:
+    made: dict[int, Reference] = {}
+
+    def found(graph: Graph, member: int, done: dict[int, Reference]) -> Reference:
+        """A member in the new graph; extracted pairs are made when first needed."""
+        if member not in extracted:
+            return done[member]
+        if member not in made:
+            a, b, ratio = extracted[member]
+            left, right = found(graph, a, done), found(graph, b, done)
+            if kind == "product":
+                made[member] = graph.product([(left, 1), (right, 1)])
+            else:
+                made[member] = graph.sum([left, (ratio * right[0], right[1])])
+        return made[member]
+
+    def rule(graph: Graph, node: int, done: dict[int, Reference]) -> Reference:
+        if node not in members:
+            return copied(work, graph, node, done)
+        parts = [(found(graph, member, done), value) for member, value in members[node].items()]
+        if kind == "product":
+            return graph.product((reference, int(value)) for reference, value in parts)
+        constant = [(value, ONE) for other, value in work.graph.nodes[node][1] if other == ONE]
+        return graph.sum([*constant, *((value * factor, other) for (factor, other), value in parts)])
+
+    return rewrite(work, rule)

@@ -181,6 +181,13 @@ class Evidence:
         return [s.outcome.condition * max(1.0, row_condition(Y)) for s, Y in zip(self.samples, own)]
 
     @cached_property
+    def disturbed(self) -> tuple[State, ...]:
+        """The states with q moved off the constraints by up to 0.1, the same way every time."""
+        rng = np.random.default_rng(0)
+        moved = [s.q + 0.1 * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
+        return tuple(state_of(self.reference, s.t, q, s.v, s.u, s.full) for s, q in zip(self.samples, moved))
+
+    @cached_property
     def velocities(self) -> tuple[Array, ...]:
         """v as the choice has it at its own states."""
         return self.results("velocity")

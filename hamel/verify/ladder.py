@@ -30,8 +30,7 @@ def verification(
     `others` are further choices of the same model: v̇ must not depend on the choice.
     """
     seen = evidence(reference(model), equations, module, states, seed, others)
-    checks = (_enough(len(seen.samples), states), *(_check(rung, seen) for rung in RUNGS if seen.samples))
-    found = tuple(check for check in checks if check is not None)
+    found = (_enough(len(seen.samples), states), *climbed(seen))
     return Verification(model.name, equations.choice, all(c.passed for c in found), found, len(seen.samples), seed)
 
 
@@ -47,6 +46,12 @@ def evidence(
     system = equations.system
     seen = samples(system, ref, states, seed)
     return Evidence(system, ref, seen, terms(system), graph(equations), tuple(graph(other) for other in others), module)
+
+
+def climbed(seen: Evidence) -> tuple[Check, ...]:
+    """Every rung that applies, at the states of the evidence."""
+    checks = [_check(rung, seen) for rung in RUNGS if seen.samples]
+    return tuple(check for check in checks if check is not None)
 
 
 def _enough(found: int, wanted: int) -> Check:

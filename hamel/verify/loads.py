@@ -25,11 +25,22 @@ from hamel.verify.vectors import Array, cross, skew
 
 @dataclass(frozen=True)
 class Applied:
-    """Forces along z (nz): `conservative` follow from V (J), `other` do not; power = other · z (W)."""
+    """Forces along z (nz): `weight` and `springs` follow from V (J), `other` do not; power = other · z (W)."""
 
-    conservative: Array
+    weight: Array
+    springs: Array
     other: Array
     V: float
+
+    @property
+    def total(self) -> Array:
+        return self.weight + self.springs + self.other
+
+
+def _only(place: Layout, V: float = 0.0, **forces: Array) -> Applied:
+    """The forces named, zeros for the rest."""
+    zero = np.zeros(place.size)
+    return Applied(**{"weight": zero, "springs": zero, "other": zero} | forces, V=V)
 
 
 @dataclass(frozen=True)
@@ -54,11 +65,8 @@ def applied(model: Model, place: Layout, state: State) -> Applied:
     parts = [_weight(gravity, body, place, state) for body in model.bodies]
     parts += [_load(load, model, place, state) for load in model.loads]
     parts.append(_drive(model, place, state))
-    return Applied(
-        sum((part.conservative for part in parts), np.zeros(place.size)),
-        sum((part.other for part in parts), np.zeros(place.size)),
-        sum(part.V for part in parts),
-    )
+    weight, springs, other = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("weight", "springs", "other"))
+    return Applied(weight, springs, other, sum(part.V for part in parts))
 
 
 def _weight(gravity: Array, body: Body, place: Layout, state: State) -> Applied:
@@ -67,7 +75,7 @@ def _weight(gravity: Array, body: Body, place: Layout, state: State) -> Applied:
     arm = frame.point(state.vector(body.com))
     force = np.zeros(place.size)
     force[place.twist(body.name)] = _wrench(arm, weight)
-    return Applied(force, np.zeros(place.size), -float(weight @ (frame.origin + arm)))
+    return _only(place, -float(weight @ (frame.origin + arm)), weight=force)
 
 
 def _wrench(arm: Array, force: Array) -> Array:
@@ -82,7 +90,7 @@ def _drive(model: Model, place: Layout, state: State) -> Applied:
     for item, value in zip(model.inputs, state.u):
         if item.velocity:
             other[: place.nv] += value * _conjugate(model, state, item.velocity)
-    return Applied(np.zeros(place.size), other, 0.0)
+    return _only(place, other=other)
 
 
 def _conjugate(model: Model, state: State, velocity: str) -> Array:
@@ -113,14 +121,14 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
 
 
 def _along(place: Layout, force: Array) -> Applied:
-    return Applied(np.zeros(place.size), np.concatenate([force, np.zeros(place.size - place.nv)]), 0.0)
+    return _only(place, other=np.concatenate([force, np.zeros(place.size - place.nv)]))
 
 
 def _on_body(place: Layout, body: str, wrench: Array) -> Applied:
     other = np.zeros(place.size)
     if body != GROUND:
         other[place.twist(body)] = wrench
-    return Applied(np.zeros(place.size), other, 0.0)
+    return _only(place, other=other)
 
 
 def _components(load: Force | Torque, state: State) -> Array:
@@ -134,7 +142,7 @@ def _joint_spring(spring: JointSpring, model: Model, place: Layout, state: State
     stiffness, stretch = state.value(spring.stiffness), state.q[index] - state.value(spring.rest)
     force = np.zeros(place.size)
     force[: place.nv] = -stiffness * stretch * state.N[index]
-    return Applied(force, np.zeros(place.size), 0.5 * stiffness * stretch**2)
+    return _only(place, 0.5 * stiffness * stretch**2, springs=force)
 
 
 def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
@@ -151,7 +159,7 @@ def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
         if body != GROUND:
             pull[place.twist(body)] += sign * stiffness * stretch * _wrench(arm, unit)
             drag[place.twist(body)] += sign * state.value(spring.damping) * rate * _wrench(arm, unit)
-    return Applied(pull, drag, float(0.5 * stiffness * stretch**2))
+    return _only(place, float(0.5 * stiffness * stretch**2), springs=pull, other=drag)
 
 
 def body_inertia(body: Body, state: State) -> tuple[Array, Array]:

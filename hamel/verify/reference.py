@@ -60,7 +60,8 @@ class Outcome:
     wrenches: Array
     kinematics: Kinematics
     M: Array  # nv × nv, Jᵀ K J
-    force: Array  # nv, Q − h: M v̇ = force + Aᵀ λ
+    h: Array  # nv, velocity products, gravity and the model's `potential`
+    Q: Array  # nv, everything else that is applied: M v̇ + h = Q + Aᵀ λ
     T: float
     V: float
     power: float  # of all forces without a potential, and ∂V/∂t: d(T + V)/dt = power + λᵀ c + explicit
@@ -68,6 +69,11 @@ class Outcome:
     rank: int  # of A
     condition: float  # of [M Aᵀ; A 0] with rows and columns scaled to like size
     residual: float  # of the solved system, relative
+
+    @property
+    def force(self) -> Array:
+        """Q − h."""
+        return self.Q - self.h
 
     @property
     def constraint_force(self) -> Array:
@@ -137,14 +143,21 @@ def evaluate(ref: Reference, s: State) -> Outcome:
     zdot, multipliers = solution[:nz], -solution[nz:]
     wrenches, lam = np.split(multipliers, [len(joints.gamma)])
     M = K[:nv, :nv] + kin.J.T @ K[nv:, nv:] @ kin.J
-    force = F[:nv] + kin.J.T @ (F[nv:] - K[nv:, nv:] @ kin.drift)
+    Q = loads.springs + loads.other
+    h = _over_v(kin, Q - F) + kin.J.T @ K[nv:, nv:] @ kin.drift
     z = np.concatenate([s.v, kin.J @ s.v])
     power, explicit = float(loads.other @ z) + analytic.power, float(analytic.explicit + analytic.odd @ zdot[:nv])
     T, V = energies(ref, s)
-    condition = condition_of(saddle(M, kin.A))
     return Outcome(
-        zdot[:nv], s.rates, lam, wrenches.reshape(-1, 6), kin, M, force, T, V, power, explicit, rank, condition, residual
-    )
+        vdot=zdot[:nv], qdot=s.rates, lam=lam, wrenches=wrenches.reshape(-1, 6), kinematics=kin, M=M, h=h, Q=_over_v(kin, Q),
+        T=T, V=V, power=power, explicit=explicit, rank=rank, condition=condition_of(saddle(M, kin.A)), residual=residual,
+    )  # fmt: skip
+
+
+def _over_v(kin: Kinematics, force: Array) -> Array:
+    """Generalised force along v of a force along z: f_v + Jᵀ f_twists."""
+    nv = kin.J.shape[1]
+    return force[:nv] + kin.J.T @ force[nv:]
 
 
 def _joints(ref: Reference, s: State) -> Rows:
@@ -161,7 +174,7 @@ def _bodies(ref: Reference, s: State) -> list[tuple[Array, Array, Array]]:
 def _newton_euler(ref: Reference, s: State, analytic: Lagrange, loads: Applied) -> tuple[Array, Array]:
     """K (nz × nz) and F (nz)."""
     nv = ref.place.nv
-    K, F = np.zeros((ref.place.size, ref.place.size)), loads.conservative + loads.other
+    K, F = np.zeros((ref.place.size, ref.place.size)), loads.total
     K[:nv, :nv], F[:nv] = analytic.inertia, F[:nv] + analytic.force
     for body, (_, inertia, gyroscopic) in zip(ref.model.bodies, _bodies(ref, s)):
         block = ref.place.twist(body.name)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import deviation, sizes, worst
 from hamel.verify.evidence import Evidence, Graph, Sample, Terms
 from hamel.verify.outputs import nearest_turn, outputs
-from hamel.verify.reference import kinematics, state_of
+from hamel.verify.reference import state_of
 from hamel.verify.saddle import saddle, solved
+from hamel.verify.states import State
 from hamel.verify.vectors import Array
 
 
@@ -26,12 +29,19 @@ def _violation(s: Sample) -> float:
 
 
 def rates(e: Evidence) -> float:
-    return deviation([t.qdot for t in e.terms], [s.outcome.qdot for s in e.samples])
+    """q̇, N, and the first half of ẋ."""
+    wanted = [s.outcome.qdot for s in e.samples]
+    ours = [t.qdot for t in e.terms], [x[: len(rate)] for x, rate in zip(e.results("dynamics"), wanted)]
+    matrices = deviation([t.N for t in e.terms], [s.outcome.kinematics.N for s in e.samples])
+    return max(matrices, *(deviation(got, wanted, e.conditions) for got in ours))
 
 
 def mass(e: Evidence) -> float:
     """|M − M_ref|ᵢⱼ against √(Mᵢᵢ Mⱼⱼ), so that light parts count as much as heavy ones."""
-    return worst([_mass_error(t.M, s.outcome.M) for t, s in zip(e.terms, e.samples)])
+    found = worst([_mass_error(t.M, s.outcome.M) for t, s in zip(e.terms, e.samples)])
+    if not e.graph.has("mass"):
+        return found
+    return max(found, worst([_mass_error(M, s.outcome.M) for M, s in zip(e.results("mass"), e.samples)]))
 
 
 def _mass_error(got: Array, wanted: Array) -> float:
@@ -40,19 +50,42 @@ def _mass_error(got: Array, wanted: Array) -> float:
     return worst((got - wanted) / size)
 
 
-def force(e: Evidence) -> float:
-    """Q − h: velocity products, gravity, loads, inputs and nonideal forces together."""
-    return deviation([t.Q - t.h for t in e.terms], [s.outcome.force for s in e.samples])
+def bias(e: Evidence) -> float:
+    """h: velocity products, gravity and the model's own potential; also the function `bias`."""
+    wanted = [s.outcome.h for s in e.samples]
+    return max(deviation([t.h for t in e.terms], wanted), _function(e, "bias", wanted))
+
+
+def applied(e: Evidence) -> float:
+    """Q: loads, inputs and nonideal forces."""
+    return deviation([t.Q for t in e.terms], [s.outcome.Q for s in e.samples])
+
+
+def _function(e: Evidence, name: str, wanted: Sequence[Array]) -> float:
+    """A function of the choice against the reference, where the choice has it."""
+    return deviation(e.results(name), wanted, e.conditions) if e.graph.has(name) else 0.0
 
 
 def positions(e: Evidence) -> float:
     """φ off the constraint surface, where it is not zero."""
-    rng, got, wanted = np.random.default_rng(0), [], []
-    for s in e.samples:
-        q = s.q + 0.1 * rng.uniform(-1, 1, len(s.q))
-        got.append(e.terms_at(s.t, q, s.v, s.u, s.p).phi)
-        wanted.append(kinematics(e.reference, state_of(e.reference, s.t, q, s.v, s.u, s.full)).phi)
-    return deviation(got, wanted)
+    got = [e.terms_at(d.t, d.q, d.v, s.u, s.p).phi for d, s in zip(e.disturbed, e.samples)]
+    return deviation(got, [e.kinematics(d).phi for d in e.disturbed])
+
+
+def violation(e: Evidence) -> float | None:
+    """The function `constraints`, φ above A v − c, off the constraint surface and at the choice's own velocities there."""
+    if not e.graph.has("constraints"):
+        return None
+    return worst([_violation_error(e, *row) for row in zip(e.samples, e.x, e.disturbed, e.conditions)])
+
+
+def _violation_error(e: Evidence, s: Sample, x: Array, disturbed: State, condition: float) -> float:
+    moved = np.concatenate([disturbed.q, x[len(s.q) :]])
+    there = state_of(e.reference, s.t, disturbed.q, e.graph("velocity", s.t, moved, s.u, s.p), s.u, s.full)
+    k = e.kinematics(there)
+    wanted = np.concatenate([k.phi, k.violation(there.v)])
+    size = np.concatenate([1e-3 + np.abs(k.phi), 1.0 + np.abs(k.A) @ np.abs(there.v)])
+    return worst((e.graph("constraints", s.t, moved, s.u, s.p) - wanted) / size) / condition
 
 
 def velocities(e: Evidence) -> float:
@@ -70,8 +103,8 @@ def accelerations(e: Evidence) -> float:
 
 
 def energies(e: Evidence) -> float:
-    got = [np.array([t.T, t.V]) for t in e.terms]
-    return deviation(got, [np.array([s.outcome.T, s.outcome.V]) for s in e.samples])
+    wanted = [np.array([s.outcome.T, s.outcome.V]) for s in e.samples]
+    return max(deviation([np.array([t.T, t.V]) for t in e.terms], wanted), _function(e, "energy", wanted))
 
 
 def motion(e: Evidence) -> float:
@@ -123,10 +156,12 @@ def results(e: Evidence) -> float | None:
 
 RUNGS = (
     Rung("states admissible", 1e-9, "reference: φ = 0 and A v = c, relative; Newton stops at 1e-12", admissible),
-    Rung("q̇ = N v", 1e-12, "reference: rates of the coordinates", rates),
+    Rung("q̇ = N v", 1e-11, "reference: rates of the coordinates, in the system and in ẋ", rates),
     Rung("M", 1e-11, "reference: Jᵀ K J of the maximal coordinates, entries against √(Mᵢᵢ Mⱼⱼ)", mass),
-    Rung("Q − h", 1e-9, "reference: forces less velocity products; sums that may cancel", force),
+    Rung("h", 1e-9, "reference: velocity products, gravity, potential; sums that may cancel", bias),
+    Rung("Q", 1e-9, "reference: loads, inputs, nonideal forces; sums that may cancel", applied),
     Rung("φ", 1e-11, "reference: positions off the constraint surface", positions),
+    Rung("constraints", 1e-11, "reference: φ and A v − c off the constraint surface, per condition number", violation),
     Rung("A, c", 1e-11, "reference: constraint rows", velocities),
     Rung("β", 1e-9, "reference: A v̇ = β; sums that may cancel", accelerations),
     Rung("T, V", 1e-10, "reference: energies; V may cancel", energies),

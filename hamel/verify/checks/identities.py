@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import slope, worst
+from hamel.verify.compare import deviation, slope, worst
 from hamel.verify.evidence import Evidence, Sample, Terms
-from hamel.verify.reference import energies, state_of
+from hamel.verify.reference import energies, evaluate, state_of
+from hamel.verify.saddle import saddle, solved
 from hamel.verify.vectors import Array
 
 BALANCE = 1e-8  # tolerance of the power balance; roundoff of the differences is kept below it
@@ -20,10 +21,13 @@ def step(s: Sample, vdot: Array) -> float:
 
 def energy_rate(e: Evidence) -> float:
     """d(T + V)/dt of the reference's energies along (q̇, v̇) against power + λᵀ c, relative to the powers at work."""
-    return worst([_balance(e, s, t, vdot) for s, t, vdot in zip(e.samples, e.terms, e.vdot)])
+    names = ("power",) if e.graph.has("power") else ()
+    ours = [t.power + s.outcome.lam @ s.outcome.kinematics.c for s, t in zip(e.samples, e.terms)]
+    claims = [ours, *([float(y[0]) for y in e.results(name)] for name in names)]
+    return worst([_balance(e, *row) for row in zip(e.samples, e.terms, e.vdot, zip(*claims))])
 
 
-def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
+def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float, ...]) -> float:
     def energy(time: float) -> Array:
         return np.array(sum(energies(e.reference, state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full))))
 
@@ -31,8 +35,7 @@ def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
     gain = float(slope(energy, h))
     flows = np.abs(o.force) @ np.abs(s.v) + np.abs(o.constraint_force) @ np.abs(s.v) + np.abs(s.v) @ np.abs(t.M @ vdot)
     noise = 1e-15 * (abs(o.T) + abs(o.V) + abs(flows) * h) / h
-    missing = gain - t.power - o.lam @ o.kinematics.c - o.explicit
-    return float(missing / (1e-6 + flows + noise / BALANCE))
+    return worst((gain - o.explicit - np.array(claims)) / (1e-6 + flows + noise / BALANCE))
 
 
 def _moved(s: Sample, vdot: Array, time: float) -> tuple[Array, Array]:
@@ -108,10 +111,32 @@ def _projected(e: Evidence, s: Sample, x: Array) -> float:
     return max(worst(k.phi) / (1.0 + worst(s.q)), worst(k.violation(there.v) / (1.0 + np.abs(k.A) @ np.abs(there.v))))
 
 
+def newton_step(e: Evidence) -> float | None:
+    """One step of `project` is q − N δ, δ = W Aᵀ (A W Aᵀ)⁻¹ φ of least length in the metric W⁻¹ = M, or 1 where M is singular."""
+    if not e.graph.has("project") or e.redundant or not len(e.terms[0].phi):
+        return None
+    return min(_newton(e, by_mass) for by_mass in (True, False))
+
+
+def _newton(e: Evidence, by_mass: bool) -> float:
+    rng, got, wanted = np.random.default_rng(2), [], []
+    holonomic = [i for i, row in enumerate(e.system.rows) if row.position >= 0]
+    for s, x in zip(e.samples, e.x):
+        x = x + 1e-3 * rng.uniform(-1, 1, len(x))
+        o = evaluate(e.reference, state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full))
+        k, metric = o.kinematics, o.M if by_mass else np.eye(len(s.v))
+        right = np.concatenate([np.zeros(len(s.v)), -k.phi])
+        step, _ = solved(saddle(metric, k.A[holonomic]), right, redundant=True)
+        got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
+        wanted.append(k.N @ step[: len(s.v)])
+    return deviation(got, wanted, e.conditions)
+
+
 RUNGS = (
     Rung("d(T + V)/dt", BALANCE, "power balance with the reference's energies; differences of fourth order", energy_rate),
     Rung("d(A v − c)/dt = 0", 1e-8, "along the motion; differences of fourth order", rows_rate),
     Rung("β = −Ȧ v + ċ", 1e-8, "rows differentiated at held v; differences of fourth order", beta_rate),
     Rung("φ̇ = A v − c", 1e-8, "positions differentiated along any velocity; differences of fourth order", positions_rate),
+    Rung("project, one step", 1e-10, "Newton step of least length in the metric of M (or 1), per condition number", newton_step),
     Rung("project", 1e-10, "φ = 0 and A v = c after a disturbance of 1e-3, by the reference's rows", projection),
 )

@@ -161,15 +161,11 @@ def _matrix(rows: Sequence[RowForm], nv: int) -> ca.SX:
 
 
 def speed_rows(system: System, choice: Choice) -> list[RowForm]:
-    """The declared speeds as rows over the base velocities. Raises AssumptionError where one is not homogeneous in them."""
+    """The declared speeds as rows over the base velocities; the loader has seen to it that they are linear and homogeneous."""
     result = []
     for name, expression in choice.rows:
         velocity = ca.substitute(ca.SX(system.symbols.scalar(expression)), system.symbols.qd, system.qdot)
-        coefficients, value, rate = velocity_row(system.symbols, system.qdot, velocity)
-        offset = ca.simplify(ca.SX(value))
-        if not (offset.is_constant() and float(offset) == 0):
-            message = f"the speed '{name}' of choice '{choice.name}' has a part without velocities"
-            raise _refused(system, choice, message, "a sum of velocities with coefficients that depend on position")
+        coefficients, _, rate = velocity_row(system.symbols, system.qdot, velocity)
         result.append(RowForm(name, (), coefficients, 0.0, rate))
     return result
 

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from derive.joints.records import Scalar
+from derive.joints.rotations import is_zero
 from derive.mechanics.forms import ONE, Form, Key, constant, total, value
 from derive.mechanics.motion import (
     REST,
@@ -33,6 +34,8 @@ from derive.mechanics.motion import (
 )
 from derive.mechanics.records import Link, RowForm, System
 from derive.mechanics.sampling import States
+from derive.mechanics.solve import SAFE, Block, best_block, small_inverse
+from derive.mechanics.tree import path
 
 VANISHES = 1e-11  # a coefficient this small, relative to the largest seen, counts as zero
 SHORT = 3  # a twist component with at most so many terms is cheaper from its form than by recursion
@@ -48,14 +51,12 @@ class Dependent(Exception):
 
 @dataclass(frozen=True)
 class Step:
-    """Row `row` is solved for `key`; `grade` is 0 for a number, 1 for parameters only, 2 for a pivot that varies."""
+    """`rows` are solved for `keys` together; `pivot` is the determinant, `block` says how it behaves over the samples."""
 
-    row: int
-    key: Key
-    grade: int
+    rows: tuple[int, ...]
+    keys: tuple[Key, ...]
     pivot: Scalar
-    least: float  # smallest |pivot| over the sampled states
-    largest: float
+    block: Block
 
 
 @dataclass(frozen=True)
@@ -123,9 +124,13 @@ class _Walk:
         form = row_form(row, {term.link: self.resolved_twist(term.link) for term in row.terms}, self.joints)
         return self.resolved(total([(1.0, form), (-1.0, self.sides[index]), (1.0, constant(extra))]))
 
-    def solve(self, residual: Form, key: Key) -> None:
-        weight = -1.0 / residual[key]
-        self.solved[key] = total([(weight, {k: c for k, c in residual.items() if k != key})])
+    def solve(self, residuals: Sequence[Form], keys: Sequence[Key]) -> Scalar:
+        """Put each key as a form of the others: keys = −(block)⁻¹ rest. Returns the block's determinant."""
+        inverse, determinant = small_inverse([[form.get(key, 0.0) for key in keys] for form in residuals])
+        rests = [{k: c for k, c in form.items() if k not in keys} for form in residuals]
+        for key, row in zip(keys, inverse):
+            self.solved[key] = total((-weight, rest) for weight, rest in zip(row, rests))
+        return determinant
 
 
 def elimination(system: System, rows: Sequence[RowForm], speeds: Sequence[RowForm], w: ca.SX, sampled: States) -> Elimination:
@@ -186,10 +191,24 @@ def _stage(walk: _Walk, waiting: list[int], reached: int, constraints: int, judg
                 _idle(walk, i, residuals[i], constraints, judge, redundant)
                 waiting.remove(i)
             return steps
-        walk.solve(residuals[best.row], best.key)
-        waiting.remove(best.row)
-        steps.append(best)
+        rows, keys, block = best
+        if block.grade == 2 and block.quality < SAFE and _others_may_help(walk, waiting, ready, residuals):
+            return steps
+        steps.append(Step(rows, keys, walk.solve([residuals[i] for i in rows], keys), block))
+        for i in rows:
+            waiting.remove(i)
     return steps
+
+
+def _others_may_help(walk: _Walk, waiting: list[int], ready: list[int], residuals: dict[int, Form]) -> bool:
+    """Whether a row that is not ready yet will speak of the same unknowns: then a pivot that comes near zero can wait for it."""
+    unknown = {key[1] for form in residuals.values() for key in form if key[0] == "v"}
+    return any(unknown & _speaks_of(walk.system, walk.rows[i]) for i in waiting if i not in ready)
+
+
+def _speaks_of(system: System, row: RowForm) -> set[int]:
+    carried = {j for term in row.terms for i in path(system.links, term.link) for j in system.links[i].columns}
+    return carried | {j for j, _ in row.coefficients}
 
 
 def _enter_free_velocities(walk: _Walk) -> None:
@@ -208,7 +227,7 @@ def _idle(walk: _Walk, index: int, residual: Form, constraints: int, judge: _Jud
     """A row without a pivot: it repeats earlier rows, or it contradicts the choice of speeds."""
     if index >= constraints:
         raise Dependent(walk.rows[index].name)
-    involved = [key for key in residual if key[0] == "w" and judge.size(residual[key])[1] > VANISHES]
+    involved = [key for key in residual if key[0] == "w" and judge.size(residual[key]) > VANISHES]
     if involved:
         raise Dependent(walk.rows[constraints + involved[0][1]].name)
     redundant.append(walk.rows[index].name)
@@ -254,8 +273,7 @@ def _substituted(vector: list[Scalar], system: System, v: ca.SX) -> list[Scalar]
 
 def _follow(walk: _Walk, steps: Sequence[Step], rows: Sequence[RowForm], numbers: list[Numbers]) -> None:
     for step in steps:
-        products = row_products(rows[step.row], numbers)
-        walk.solve(walk.residual(step.row, products), step.key)
+        walk.solve([walk.residual(i, row_products(rows[i], numbers)) for i in step.rows], step.keys)
 
 
 def _at_rest(x: Twist) -> Numbers:
@@ -277,35 +295,37 @@ def _chosen(forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, 
 
 
 class _Judge:
-    """Sizes of coefficients over sampled consistent states."""
+    """Coefficients at sampled consistent states."""
 
     def __init__(self, system: System, sampled: States) -> None:
         self.symbols = [system.t, system.q, system.p]
         self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
-        self.p = system.p
+        self.count = len(sampled.t)
 
-    def size(self, x: Scalar) -> tuple[float, float, int]:
-        """Least and largest |x| over the samples, and the grade."""
-        if not isinstance(x, ca.SX) or x.is_constant():
-            return abs(float(x)), abs(float(x)), 0
-        found = np.abs(np.asarray(ca.Function("x", self.symbols, [x])(*self.samples))).ravel()
-        varies = ca.depends_on(x, ca.vertcat(*self.symbols[:2]))
-        return float(np.min(found)), float(np.max(found)), 2 if varies else 1
+    def values(self, entries: Sequence[Scalar]) -> np.ndarray:
+        """(samples, entries)."""
+        column = ca.vertcat(*[ca.SX(x) for x in entries])
+        function = ca.Function("x", self.symbols, [column])
+        return np.asarray(function.map(self.count)(*self.samples)).reshape(len(entries), self.count, order="F").T
 
-    def best(self, residuals: dict[int, Form]) -> Step | None:
-        """The best pivot among the rows: numbers first, then parameters, then what stays farthest from zero."""
-        best: tuple[tuple, Step] | None = None
-        for i, form in residuals.items():
-            for key in form:
-                if key[0] != "v":
-                    continue
-                least, largest, grade = self.size(form[key])
-                if largest <= VANISHES or not np.isfinite(largest):
-                    continue
-                score = (grade, -round(np.log10(max(least / largest, 1e-12))) if grade else 0, len(form), -least)
-                if best is None or score < best[0]:
-                    best = score, Step(i, key, grade, form[key], least, largest)
-        return best[1] if best else None
+    def size(self, x: Scalar) -> float:
+        """Largest |x| over the samples."""
+        return float(np.max(np.abs(self.values([x]))))
+
+    def best(self, residuals: dict[int, Form]) -> tuple[tuple[int, ...], tuple[Key, ...], Block] | None:
+        """The best pivot among the rows and their unknowns."""
+        rows = list(residuals)
+        keys = sorted({key for form in residuals.values() for key in form if key[0] == "v"})
+        if not keys:
+            return None
+        entries = [residuals[i].get(key, 0.0) for i in rows for key in keys]
+        values = self.values(entries).reshape(self.count, len(rows), len(keys))
+        stored = np.array([not is_zero(x) for x in entries]).reshape(len(rows), len(keys))
+        numbers = np.array([not isinstance(x, ca.SX) or x.is_constant() for x in entries]).reshape(len(rows), len(keys))
+        block = best_block(values, stored, numbers)
+        if block is None:
+            return None
+        return tuple(rows[i] for i in block.rows), tuple(keys[j] for j in block.columns), block
 
 
 def transformation(found: Elimination, nw: int) -> ca.SX:

@@ -16,7 +16,7 @@ from derive.formulations.records import Equations
 from derive.formulations.reduction import Reduction
 from derive.joints.records import Vector
 from derive.mechanics.records import Named, System
-from derive.mechanics.solve import lu_solution, pivot_order, scalars
+from derive.mechanics.solve import Block, lu_solution, pivot_order, scalars
 from derive.model.records import Choice
 
 
@@ -106,7 +106,7 @@ def _multipliers(shop: Workshop, reduction: Reduction, residual: ca.SX) -> ca.SX
     return lam
 
 
-def _pivots(shop: Workshop, matrix: ca.SX) -> list[tuple[int, int]]:
+def _pivots(shop: Workshop, matrix: ca.SX) -> list[Block]:
     system, s = shop.system, shop.sampled
     function = ca.Function("Y", [system.t, system.q, system.p], [ca.densify(matrix)])
     values = np.array([np.asarray(function(t, q, p)) for t, q, p in zip(s.t, s.q, s.p)])

@@ -47,10 +47,10 @@ def by_elimination(
         v=ca.vertcat(*found.v) if found.v else ca.SX(0, 1),
         sigma=ca.vertcat(*found.sigma) if found.sigma else ca.SX(0, 1),
         walked=found,
-        guards=tuple(_guard(found, step) for step in found.steps if step.grade == 2),
+        guards=tuple(_guard(found, step) for step in found.steps if step.block.grade == 2),
         pivots=tuple(_in_words(system, found, step) for step in found.steps),
         kept=tuple(i for i, row in enumerate(rows) if row.name not in found.redundant),
-        constant_pivots=all(step.grade < 2 for step in found.steps),
+        constant_pivots=all(step.block.grade < 2 for step in found.steps),
     )
 
 
@@ -67,13 +67,16 @@ def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
 
 
 def _guard(found: Elimination, step: Step) -> Guard:
-    return Guard(f"pivot of {found.row_names[step.row]}", ca.SX(step.pivot), SINGULAR * step.largest)
+    names = ", ".join(found.row_names[i] for i in step.rows)
+    return Guard(f"pivot of {names}", ca.SX(step.pivot), SINGULAR * step.block.largest)
 
 
 def _in_words(system: System, found: Elimination, step: Step) -> str:
-    kind = ("a number", "parameters only", "varies")[step.grade]
-    extent = "" if step.grade < 2 else f", {step.least:.2g} … {step.largest:.2g} over the sampled states"
-    return f"{found.row_names[step.row]} gives {_unknown(system, step.key[1])} ({kind}{extent})"
+    rows = " and ".join(found.row_names[i] for i in step.rows)
+    unknowns = " and ".join(_unknown(system, key[1]) for key in step.keys)
+    block = step.block
+    kind = ("a number", "cannot vanish", f"varies, {block.least:.2g} … {block.largest:.2g} over the sampled states")[block.grade]
+    return f"{rows} {'give' if len(step.rows) > 1 else 'gives'} {unknowns} (pivot: {kind})"
 
 
 def _unknown(system: System, j: int) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from derive.joints.records import Matrix, Scalar, Vector
-from derive.joints.rotations import cross, dot, matrix, rotated, sum_of, transpose
+from derive.joints.rotations import IDENTITY, cross, dot, matrix, rotated, sum_of, transpose
 from derive.mechanics.links import placement
 from derive.mechanics.records import Link, Place, Row, RowForm, TwistTerm
 from derive.mechanics.symbols import Symbols
@@ -152,7 +152,8 @@ def _no_slip(scene: Scene, constraint: NoSlip) -> Block:
 def _rolling(scene: Scene, constraint: Rolling) -> Block:
     """Thin disk on a plane: contact at d = −(n − (n·e) e)/|…| below the centre, in the disk.
 
-    φ = n·(P − origin); the material point at P does not move along n, t₁ = e × n/|…| (forward) and t₂ = n × t₁.
+    φ = n·(P − origin); the material point at P does not move along n, t₁ = e × n/|…| (forward) and t₂ = n × t₁, or, which
+    is the same, along the axes of the body's own frame.
     """
     s = scene.symbols
     place = scene.places[constraint.body]
@@ -168,7 +169,9 @@ def _rolling(scene: Scene, constraint: Rolling) -> Block:
     phi = _height(scene, place, point, normal, s.vector(constraint.origin))
     names = [f"{constraint.name}.{k}" for k in ("normal", "forward", "sideways")]
     rows = tuple(_moving_row(scene, name, place.link, d, point) for name, d in zip(names, (n, forward, cross(n, forward))))
-    return Block(tuple(Row(name, 0 if i == 0 else -1, "m/s") for i, name in enumerate(names)), (phi,), (rows,))
+    along_body = tuple(_moving_row(scene, f"{constraint.name} {k}", place.link, d, point) for k, d in zip("xyz", IDENTITY))
+    marks = tuple(Row(name, 0 if i == 0 else -1, "m/s") for i, name in enumerate(names))
+    return Block(marks, (phi,), (rows, along_body))
 
 
 def _height(scene: Scene, place: Place, point: Vector, normal: Vector, origin: Vector) -> ca.SX:

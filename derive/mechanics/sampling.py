@@ -53,7 +53,7 @@ def kinematics(system: System) -> Kinematics:
 def states(system: System, count: int, seed: int = 0, spread: float = 1.0, parameters: float = 0.0) -> States:
     """`count` admissible states around the model's initial values; fewer where the constraints cannot be met.
 
-    Angles vary by ±spread·π/2, lengths by ±spread·(½ + |value|/2) m; parameters by the relative amount `parameters`.
+    Angles vary by ±spread·π, lengths by ±spread·(½ + |value|/2) m; parameters by the relative amount `parameters`.
     """
     rng = np.random.default_rng(seed)
     solver, centre = kinematics(system), nominal(system)
@@ -87,7 +87,7 @@ def _everything(system: System) -> ca.SX:
 
 
 def _scatter(system: System, centre: np.ndarray, rng: np.random.Generator, spread: float) -> np.ndarray:
-    width = np.array([np.pi / 2 if c.unit == "rad" else 0.5 + abs(x) / 2 for c, x in zip(system.model.coordinates, centre)])
+    width = np.array([np.pi if c.unit == "rad" else 0.5 + abs(x) / 2 for c, x in zip(system.model.coordinates, centre)])
     return spread * width * rng.uniform(-1, 1, len(centre)) if len(centre) else np.zeros(0)
 
 

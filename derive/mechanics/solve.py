@@ -1,19 +1,28 @@
 """Linear systems written out: no loops, no pivoting at run time, structural zeros skipped.
 
-`ldl_solution` for symmetric positive (or quasi-) definite matrices in a given order; `lu_solution` with a pivot order that
-`pivot_order` finds beforehand: constant pivots first, then those that stay farthest from zero over sampled matrices.
+`ldl_solution` for symmetric positive (or quasi-) definite matrices in a given order; `lu_solution` with pivot blocks that
+`pivot_order` finds beforehand: numbers first, then what stays farthest from zero over sampled matrices.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, islice
+from itertools import product as cartesian
 
 import casadi as ca
 import numpy as np
 
 from derive.joints.records import Matrix, Scalar, Vector
-from derive.joints.rotations import is_zero
+from derive.joints.rotations import cross, dot, is_zero
+
+SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
+BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred
+ALONE = 10.0  # a ratio this many times its median says that one pivot vanishes where the other does not
+VANISHES = 1e-11  # relative size that counts as zero
+SAME = 1e-9  # relative variation that counts as none
+MOST = 3000  # candidate blocks looked at
 
 
 def scalars(matrix: ca.SX) -> Matrix:
@@ -61,83 +70,160 @@ def _back(b: Vector, A: Matrix, order: Sequence[int], weights: Sequence[dict[int
                 b[k] = b[k] - factor * b[i]
 
 
-def lu_solution(A: Matrix, sides: Sequence[Vector], pivots: Sequence[tuple[int, int]]) -> Solution:
-    """A x = b by Gauss elimination with the given (row, column) pivots."""
+@dataclass(frozen=True)
+class Block:
+    """A pivot of one to three rows and columns, with |determinant| over the samples; `grade` 0: numbers, 1: the same at
+    every sample, 2: varying."""
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    least: float
+    largest: float
+    grade: int
+
+    @property
+    def quality(self) -> float:
+        return self.least / self.largest
+
+
+def lu_solution(A: Matrix, sides: Sequence[Vector], pivots: Sequence[Block]) -> Solution:
+    """A x = b by Gauss elimination with the given pivot blocks."""
     rows = [list(row) for row in A]
     right = [list(b) for b in sides]
-    for step, (r, c) in enumerate(pivots):
-        for i, _ in pivots[step + 1 :]:
-            if is_zero(rows[i][c]):
-                continue
-            factor = rows[i][c] / rows[r][c]
-            for _, j in pivots[step + 1 :]:
-                if not is_zero(rows[r][j]):
-                    rows[i][j] = rows[i][j] - factor * rows[r][j]
+    inverses: list[Matrix] = []
+    determinants: Vector = []
+    for step, block in enumerate(pivots):
+        later = pivots[step + 1 :]
+        columns = [j for x in later for j in x.columns]
+        inverted, determinant = small_inverse([[rows[r][c] for c in block.columns] for r in block.rows])
+        for i in (i for x in later for i in x.rows):
+            factors = [dot(x, [rows[i][c] for c in block.columns]) for x in zip(*inverted)]
+            for j in columns:
+                rows[i][j] = rows[i][j] - dot(factors, [rows[r][j] for r in block.rows])
             for b in right:
-                if not is_zero(b[r]):
-                    b[i] = b[i] - factor * b[r]
-    return Solution([_substituted(rows, b, pivots) for b in right], [rows[r][c] for r, c in pivots])
+                b[i] = b[i] - dot(factors, [b[r] for r in block.rows])
+        inverses.append(inverted)
+        determinants.append(determinant)
+    return Solution([_substituted(rows, b, pivots, inverses) for b in right], determinants)
 
 
-def _substituted(rows: Matrix, b: Vector, pivots: Sequence[tuple[int, int]]) -> Vector:
+def _substituted(rows: Matrix, b: Vector, pivots: Sequence[Block], inverses: Sequence[Matrix]) -> Vector:
     x: Vector = [0.0] * len(b)
-    for step, (r, c) in reversed(list(enumerate(pivots))):
-        rest = b[r]
-        for _, j in pivots[step + 1 :]:
-            if not is_zero(rows[r][j]) and not is_zero(x[j]):
-                rest = rest - rows[r][j] * x[j]
-        x[c] = 0.0 if is_zero(rest) else rest / rows[r][c]
+    for step, (block, inverted) in reversed(list(enumerate(zip(pivots, inverses)))):
+        later = [j for y in pivots[step + 1 :] for j in y.columns]
+        rest = [b[r] - dot([rows[r][j] for j in later], [x[j] for j in later]) for r in block.rows]
+        for c, row in zip(block.columns, inverted):
+            x[c] = dot(row, rest)
     return x
 
 
-def pivot_order(samples: np.ndarray, structure: np.ndarray, constant: np.ndarray) -> list[tuple[int, int]]:
-    """Pivots for matrices of one pattern: `samples` (k, n, n) values, `structure` and `constant` (n, n) flags.
+def small_inverse(A: Matrix) -> tuple[Matrix, Scalar]:
+    """Inverse and determinant of a 1 × 1, 2 × 2 or 3 × 3 matrix, by cofactors: regular wherever the determinant is."""
+    if len(A) == 1:
+        return [[1.0 / A[0][0]]], A[0][0]
+    if len(A) == 2:
+        (a, b), (c, d) = A
+        determinant = dot([a, b], [d, -c])
+        weight = 1.0 / determinant
+        return [[dot([d], [weight]), dot([-b], [weight])], [dot([-c], [weight]), dot([a], [weight])]], determinant
+    columns = [cross(A[1], A[2]), cross(A[2], A[0]), cross(A[0], A[1])]
+    determinant = dot(A[0], columns[0])
+    weight = 1.0 / determinant
+    return [[dot([columns[j][i]], [weight]) for j in range(3)] for i in range(3)], determinant
 
-    Greedy: a constant entry before a varying one, then the largest smallest |pivot| over the samples (each sample's
-    matrix scaled by rows), then the least fill. Raises ZeroDivisionError where every remaining pivot vanishes somewhere everywhere.
+
+def best_block(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray) -> Block | None:
+    """The safest pivot of matrices of one pattern, `values` (samples, rows, columns); None where all vanish.
+
+    A number before what varies; a single entry that stays away from zero before a block of two or three whose determinant
+    does: so a rotation between two unknowns is inverted as a whole and not divided by its cosine.
     """
-    values, fixed = samples.copy(), constant & structure
-    pattern = structure.copy()
-    rows, columns = list(range(values.shape[1])), list(range(values.shape[2]))
-    chosen: list[tuple[int, int]] = []
-    while rows:
-        r, c = _best(values, pattern, fixed, rows, columns)
-        chosen.append((r, c))
-        rows.remove(r)
-        columns.remove(c)
-        _eliminate(values, pattern, fixed, rows, columns, (r, c))
-    return chosen
-
-
-def _best(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, rows: list[int], columns: list[int]) -> tuple[int, int]:
-    size = np.abs(values)
-    scale = np.maximum(size[:, rows][:, :, columns].max(axis=2), 1e-300)
-    best, score = None, None
-    for a, r in enumerate(rows):
-        for c in columns:
-            if not pattern[r, c]:
-                continue
-            least = float(np.min(size[:, r, c] / scale[:, a]))
-            fill = (pattern[r, columns].sum() - 1) * (pattern[rows, c].sum() - 1)
-            trial = (bool(fixed[r, c]) and least > 1e-3, round(np.log10(max(least, 1e-14))), -fill)
-            if np.max(size[:, r, c]) > 0 and (score is None or trial > score):
-                best, score = (r, c), trial
-    if best is None:
-        raise ZeroDivisionError("the matrix is singular at every sampled state")
+    scale = np.max(np.abs(values), initial=0.0)
+    singles = [x for r, c in zip(*np.nonzero(pattern)) if (x := _block(values, fixed, (r,), (c,), scale)) is not None]
+    if not singles:
+        return None
+    fill = {(r, c): (pattern[r].sum() - 1) * (pattern[:, c].sum() - 1) for r, c in zip(*np.nonzero(pattern))}
+    best = min(singles, key=lambda x: (x.grade == 2, -round(x.quality, 2), fill[x.rows[0], x.columns[0]], -x.least))
+    for size in (2, 3):
+        if best.grade < 2 or best.quality >= SAFE:
+            break
+        larger = _best_of_size(values, pattern, fixed, size, scale)
+        if larger is not None and (larger.quality > BETTER * best.quality or _vanishes_alone(values, best, larger)):
+            best = larger
     return best
 
 
-def _eliminate(
-    values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, rows: list[int], columns: list[int], at: tuple[int, int]
-) -> None:
-    r, c = at
-    pivot = np.where(values[:, r, c] == 0, np.nan, values[:, r, c])
-    for i in rows:
-        if not pattern[i, c]:
+def _vanishes_alone(values: np.ndarray, small: Block, large: Block) -> bool:
+    """Whether `small` comes near zero where `large` does not: then the ratio of their determinants runs away there."""
+    if not set(small.rows) <= set(large.rows) or not set(small.columns) <= set(large.columns):
+        return False
+    ratio = _sizes(values, large.rows, large.columns) / np.maximum(_sizes(values, small.rows, small.columns), 1e-300)
+    return float(np.max(ratio)) > ALONE * float(np.median(ratio))
+
+
+def _sizes(values: np.ndarray, rows: tuple[int, ...], columns: tuple[int, ...]) -> np.ndarray:
+    """|determinant| of a block at every sample."""
+    entries = values[np.ix_(range(len(values)), rows, columns)]
+    return np.abs(np.linalg.det(entries)) if len(rows) > 1 else np.abs(entries[:, 0, 0])
+
+
+def _best_of_size(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, size: int, scale: float) -> Block | None:
+    found = None
+    choices = islice(cartesian(combinations(range(values.shape[1]), size), combinations(range(values.shape[2]), size)), MOST)
+    for rows, columns in choices:
+        if not (pattern[np.ix_(rows, columns)].any(axis=0).all() and pattern[np.ix_(rows, columns)].any(axis=1).all()):
             continue
-        factor = np.nan_to_num(values[:, i, c] / pivot)
-        for j in columns:
-            if pattern[r, j]:
-                fixed[i, j] = fixed[i, j] and fixed[i, c] and fixed[r, j] and fixed[r, c] and pattern[i, j]
-                pattern[i, j] = True
-                values[:, i, j] -= factor * values[:, r, j]
+        block = _block(values, fixed, rows, columns, scale)
+        if block is not None and (found is None or (block.grade, -block.quality) < (found.grade, -found.quality)):
+            found = block
+    return found
+
+
+def _block(values: np.ndarray, fixed: np.ndarray, rows: tuple[int, ...], columns: tuple[int, ...], scale: float) -> Block | None:
+    size = _sizes(values, rows, columns)
+    least, largest = float(np.min(size)), float(np.max(size))
+    if not np.isfinite(largest) or largest <= VANISHES * scale ** len(rows):
+        return None
+    numbers = bool(fixed[np.ix_(rows, columns)].all())
+    grade = 0 if numbers else 1 if largest - least <= SAME * largest else 2
+    return Block(tuple(int(r) for r in rows), tuple(int(c) for c in columns), least, largest, grade)
+
+
+def pivot_order(samples: np.ndarray, structure: np.ndarray, constant: np.ndarray) -> list[Block]:
+    """Pivot blocks for square matrices of one pattern: `samples` (k, n, n), `structure` and `constant` (n, n) flags.
+
+    Greedy by `best_block`. Raises ZeroDivisionError where what is left is singular at every sample.
+    """
+    values, fixed, pattern = samples.copy(), constant & structure, structure.copy()
+    rows, columns = list(range(values.shape[1])), list(range(values.shape[2]))
+    chosen: list[Block] = []
+    while rows:
+        inside = np.ix_(rows, columns)
+        found = best_block(values[np.ix_(range(len(values)), rows, columns)], pattern[inside], fixed[inside])
+        if found is None:
+            raise ZeroDivisionError("the matrix is singular at every sampled state")
+        r, c = tuple(rows[i] for i in found.rows), tuple(columns[j] for j in found.columns)
+        chosen.append(Block(r, c, found.least, found.largest, found.grade))
+        rows, columns = [i for i in rows if i not in r], [j for j in columns if j not in c]
+        _eliminate(values, pattern, fixed, rows, columns, chosen[-1])
+    return chosen
+
+
+def _eliminate(
+    values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, rows: list[int], columns: list[int], block: Block
+) -> None:
+    r, c = list(block.rows), list(block.columns)
+    touched = [i for i in rows if pattern[i, c].any()]
+    reached = [j for j in columns if pattern[r, j].any()]
+    if not touched or not reached:
+        return
+    every = range(len(values))
+    inverse = np.linalg.pinv(values[np.ix_(every, r, c)])
+    change = values[np.ix_(every, touched, c)] @ inverse @ values[np.ix_(every, r, reached)]
+    values[np.ix_(every, touched, reached)] -= change
+    numbers = fixed[np.ix_(r, c)].all()
+    for i in touched:
+        for j in reached:
+            plain = fixed[i, c].all() and fixed[r, j].all() and (fixed[i, j] or not pattern[i, j])
+            fixed[i, j] = bool(numbers and plain)
+            pattern[i, j] = True

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, copied, live, rewrite, scaled, uses
+from codegen.passes.graph import ONE, Graph, Reference, Work, copied, live, nearly_sum, rewrite, scaled, uses
 
 Factors = tuple[tuple[int, int], ...]  # (node, exponent), …
 Term = tuple[float, Factors]
@@ -23,9 +23,9 @@ def factor(work: Work) -> Work:
             return None  # its user does it
         kind = work.graph.nodes[node][0]
         if kind == "sum":
-            return factored(graph, _terms(work, graph, node, done, opened))
+            return factored(graph, pythagoras(graph, _terms(work, graph, node, done, opened)))
         if kind == "product":
-            return _rejoined(graph, _open_product(work, node, done, opened))
+            return graph.product(_open_product(work, node, done, opened))
         return copied(work, graph, node, done)
 
     return rewrite(work, rule)
@@ -75,8 +75,12 @@ def _terms(work: Work, graph: Graph, node: int, done: dict[int, Reference], open
 
 
 def _term(graph: Graph, reference: Reference) -> Term:
-    """A node as a term; what has become a product since is opened no further."""
-    return (reference[0], () if reference[1] == ONE else ((reference[1], 1),))
+    """A node as a term. Of products only squares of a sine or cosine are opened, for they may meet their like."""
+    factor, node = reference
+    inside = graph.nodes[node][1] if graph.nodes[node][0] == "product" else ()
+    if len(inside) == 1 and inside[0][1] == 2 and _angle(graph, inside[0][0]):
+        return factor, tuple(inside)
+    return factor, () if node == ONE else ((node, 1),)
 
 
 def _open_product(work: Work, node: int, done: dict[int, Reference], opened: set[int]) -> list[tuple[Reference, int]]:
@@ -91,10 +95,6 @@ def _open_product(work: Work, node: int, done: dict[int, Reference], opened: set
             else:
                 factors.append((done[other], outer * own))
     return factors
-
-
-def _rejoined(graph: Graph, factors: Iterable[tuple[Reference, int]]) -> Reference:
-    return graph.product(factors)
 
 
 def _merged(outer: float, factors: Iterable[tuple[Reference, int]]) -> Term:
@@ -112,6 +112,42 @@ def _collected(terms: Iterable[Term]) -> list[Term]:
     for value, factors in terms:
         sums[factors] = sums.get(factors, 0.0) + value
     return [(value, factors) for factors, value in sums.items() if value != 0.0]
+
+
+# ---- sin² + cos² = 1
+
+
+def pythagoras(graph: Graph, terms: Sequence[Term]) -> list[Term]:
+    """a y sin² + b y cos² → b y + (a − b) y sin², with whatever y; y − y sin² → y cos²."""
+    sums = {factors: value for value, factors in terms}
+    for _, factors in terms:
+        for node, exponent in factors:
+            if exponent >= 2 and factors in sums:
+                _square(graph, sums, factors, node)
+    return [(value, factors) for factors, value in sums.items() if value != 0.0]
+
+
+def _square(graph: Graph, sums: dict[Factors, float], factors: Factors, node: int) -> None:
+    other = _angle(graph, node)
+    if other is None:
+        return
+    rest = _without(_without(factors, (node, 1)), (node, 1))
+    twin = tuple(sorted([*rest, (other, 2)]))
+    if twin in sums:
+        value = sums.pop(twin)
+        sums[factors] = nearly_sum(sums[factors], -value)
+        sums[rest] = nearly_sum(sums.get(rest, 0.0), value)
+    elif rest in sums and nearly_sum(sums[rest], sums[factors]) == 0.0:
+        sums[twin] = sums.pop(rest)
+        del sums[factors]
+
+
+def _angle(graph: Graph, node: int) -> int | None:
+    """For sin θ the node cos θ and the other way round, where the graph has it."""
+    kind, *rest = graph.nodes[node]
+    if kind != "call" or rest[0] not in ("sin", "cos"):
+        return None
+    return graph.find(("call", "cos" if rest[0] == "sin" else "sin", rest[1]))
 
 
 # ---- common factors

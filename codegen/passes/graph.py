@@ -7,6 +7,7 @@ given in the order of creation: operands come before what uses them.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -47,6 +48,10 @@ class Graph:
             self.nodes.append(key)
         return found
 
+    def find(self, key: tuple[Any, ...]) -> int | None:
+        """The id of a node if there is one."""
+        return self._ids.get(key)
+
     def input(self, argument: str, index: int) -> Reference:
         return (1.0, self.node(("input", argument, index)))
 
@@ -79,10 +84,21 @@ class Graph:
             scale *= _power(factor, exponent)
             if node != ONE:
                 merged[node] = merged.get(node, 0) + exponent
+        self._cancel(merged)
         if scale == 0.0:
             return ZERO
         kept = sorted((node, exponent) for node, exponent in merged.items() if exponent != 0)
         return self._scaled_product(scale, kept)
+
+    def _cancel(self, merged: dict[int, int]) -> None:
+        """Open products among the factors that another factor cancels against: l · (sin / l)."""
+        for node in list(merged):
+            outer = merged[node]
+            inside = self.nodes[node][1] if self.nodes[node][0] == "product" else ()
+            if any(merged.get(other, 0) * inner * outer < 0 for other, inner in inside):
+                del merged[node]
+                for other, inner in inside:
+                    merged[other] = merged.get(other, 0) + inner * outer
 
     def _scaled_product(self, scale: float, kept: list[tuple[int, int]]) -> Reference:
         if not math.isfinite(scale):
@@ -144,6 +160,7 @@ def nearly_sum(a: float, b: float) -> float:
     return 0.0 if abs(total) <= NEARLY * max(abs(a), abs(b)) else total
 
 
+@functools.lru_cache(maxsize=1 << 16)
 def snapped(factor: float) -> float:
     """The factor, or the short decimal it differs from by rounding only: 14.715 for 14.715000000000002."""
     short = float(f"{factor:.12g}")

@@ -27,17 +27,17 @@ class Code:
     """Operations in an order that computes operands first. `inputs` and repeated operations occur once."""
 
     operations: list[Operation] = field(default_factory=list)
-    index: dict[Operation, int] = field(default_factory=dict)
+    index: dict[tuple[object, ...], int] = field(default_factory=dict)
 
     def put(self, name: str, *operands: Any) -> int:
         """The index of an operation, appended when it is new."""
         if name in ("add", "mul") and _order(operands[0]) > _order(operands[1]):
             operands = operands[::-1]
-        operation = Operation(name, operands)
-        if operation not in self.index:
-            self.index[operation] = len(self.operations)
-            self.operations.append(operation)
-        return self.index[operation]
+        key = (name, *operands, *map(type, operands))  # Python takes operation 2 and the number 2.0 for the same
+        if key not in self.index:
+            self.index[key] = len(self.operations)
+            self.operations.append(Operation(name, operands))
+        return self.index[key]
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,9 @@ def _distinct(factors: Iterable[float]) -> int:
 def _sum_scale(terms: Sequence[tuple[int, float]], wants: Sequence[float], natural: float) -> float:
     """The cheapest scale; among equals the one with the numbers that the derivation had."""
     factors = [factor for node, factor in terms if node != ONE]
+    sign = -1.0 if _prefers_negative(wants) and any(factor < 0 for _, factor in terms) else 1.0
+    if natural == 1.0 and not _distinct(factors) and not _distinct(wants):
+        return sign
     candidates = [natural, 1.0, *dict.fromkeys(abs(want) for want in wants)]
     if len(set(factors)) <= _WIDE:
         candidates += dict.fromkeys(snapped(1.0 / abs(factor)) for factor in factors)
@@ -110,8 +113,7 @@ def _sum_scale(terms: Sequence[tuple[int, float]], wants: Sequence[float], natur
         inside = _distinct(snapped(scale * factor) for factor in factors)
         return inside + _distinct(snapped(want / scale) for want in wants)
 
-    best = min(candidates, key=cost)
-    return -best if _prefers_negative(wants) and any(factor < 0 for _, factor in terms) else best
+    return sign * min(candidates, key=cost)
 
 
 def _prefers_negative(wants: Sequence[float]) -> bool:
@@ -158,6 +160,33 @@ def _want_terms(terms: Sequence[tuple[int, float]], scale: float, wanted: dict[i
             wanted[node].append(size if len(members) == 1 else 1.0)
 
 
+def _free(factors: Sequence[tuple[int, int]], scales: dict[int, float]) -> float:
+    """The scale that a product has when its factors are multiplied as they are."""
+    free = 1.0
+    for node, exponent in factors:
+        free *= scales.get(node, 1.0) ** exponent
+    return free
+
+
+def _partners(graph: Graph, scales: dict[int, float]) -> dict[int, int]:
+    """For products with a constant: the factor to multiply by it first, where that is of use to several products."""
+    sizes: dict[int, float] = {}
+    where: dict[tuple[float, int], list[int]] = {}
+    for product in sorted(scales):
+        kind, *rest = graph.nodes[product]
+        if kind == "product":
+            sizes[product] = abs(snapped(scales[product] / _free(rest[0], scales)))
+            for node, exponent in rest[0] if sizes[product] != 1.0 else ():
+                if exponent == 1:
+                    where.setdefault((sizes[product], node), []).append(product)
+    partners: dict[int, int] = {}
+    for (_, node), products in sorted(where.items(), key=lambda item: (-len(item[1]), item[0])):
+        fresh = [product for product in products if product not in partners]
+        if len(fresh) > 1:
+            partners.update(dict.fromkeys(fresh, node))
+    return partners
+
+
 # ---- the operations themselves
 
 
@@ -169,13 +198,14 @@ class _Maker:
         self.scales = scales
         self.code = Code()
         self.places: dict[int, tuple[Operand, float]] = {ONE: (1.0, 1.0)}
+        self.partners = _partners(graph, scales)
 
     def make(self, node: int) -> None:
         kind, *rest = self.graph.nodes[node]
         if kind == "sum":
             self.places[node] = self._sum(rest[0], self.scales[node])
         elif kind == "product":
-            self.places[node] = (self._product(rest[0], self.scales[node]), self.scales[node])
+            self.places[node] = (self._product(node, rest[0], self.scales[node]), self.scales[node])
         elif kind == "call":
             self.places[node] = (self.code.put(rest[0], *(self.value(operand) for operand in rest[1])), 1.0)
         elif kind == "input":
@@ -235,11 +265,14 @@ class _Maker:
             return sign, self.code.put("add", left, right)
         return 1.0, self.code.put("sub", left, right) if sign > 0 else self.code.put("sub", right, left)
 
-    def _product(self, factors: Sequence[tuple[int, int]], scale: float) -> Operand:
+    def _product(self, product: int, factors: Sequence[tuple[int, int]], scale: float) -> Operand:
         above, below = [], []
         for node, exponent in factors:
             operand, own = self.places[node]
             scale /= own**exponent
+            if node == self.partners.get(product):
+                size = abs(snapped(self.scales[product] / _free(factors, self.scales)))
+                operand, scale = self._times(size, operand), scale / size
             (above if exponent > 0 else below).append((operand, abs(exponent)))
         return self._quotient(above, below, snapped(scale))
 

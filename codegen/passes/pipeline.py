@@ -10,15 +10,17 @@ from codegen.passes.factor import factor
 from codegen.passes.graph import Work
 from codegen.passes.lower import Code, Lowered, lower
 from codegen.passes.names import Names, identifier
-from codegen.passes.share import share
 from codegen.passes.schedule import schedule
+from codegen.passes.share import share
 from codegen.passes.trace import trace
 from codegen.program import KINDS, Argument, Entry, Kernel, Loop, Pivot, Program
 from derive.diagnostics import HamelError
 from derive.formulations import records
 from derive.formulations.records import Equations, Function
 
-PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share), ("factor", factor), ("share", share))
+PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
+ROUNDS = 4  # as long as a round of passes helps
+LARGE = 20_000  # operations from which one round, counted once, has to do
 
 _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
 
@@ -104,14 +106,27 @@ def _loose(function: Function, size: int) -> range:
 
 
 def _improve(function: Function, work: Work, raw: int, size: int) -> tuple[Work, list[Entry]]:
-    before = count(lower(work, _loose(function, size)).code)["total"]
-    entries = [Entry(function.name, "fold", raw, before)]
-    for name, improve in PASSES:
-        work = improve(work)
-        after = count(lower(work, _loose(function, size)).code)["total"]
-        entries.append(Entry(function.name, name, before, after))
-        before = after
-    return work, entries
+    """Rounds of passes; the best result wins, for a pass may cost something that a later one does not regain."""
+
+    def total(candidate: Work) -> int:
+        return count(lower(candidate, _loose(function, size)).code)["total"]
+
+    best, least = work, total(work)
+    entries = [Entry(function.name, "fold", raw, least)]
+    if least > LARGE:
+        for _, improve in PASSES:
+            work = improve(work)
+        return work, [*entries, Entry(function.name, "factor and share", least, total(work))]
+    for _ in range(ROUNDS):
+        start = least
+        for name, improve in PASSES:
+            work = improve(work)
+            entries.append(Entry(function.name, name, entries[-1].after, total(work)))
+            if entries[-1].after < least:
+                best, least = work, entries[-1].after
+        if least == start:
+            break
+    return best, [*entries, Entry(function.name, "choose", entries[-1].after, least)]
 
 
 def _finish(function: Function, lowered: Lowered, work: Work, arguments: Sequence[Argument], size: int) -> Kernel:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 WINDOW = 160  # characters of a source line that are shown at most
 SHOWN = 20  # problems printed at once
+COMPARED = 500  # names looked at for "did you mean"
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class VerificationError(HamelError):
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
     """The known name that was probably meant, or None."""
-    known = list(dict.fromkeys(candidates))
+    known = [known for known in dict.fromkeys(candidates) if _similar_length(known, name)][:COMPARED]
     for candidate in known:  # wrong case is the commonest slip, and difflib sees `X` and `x` as strangers
         if candidate.lower() == name.lower() and candidate != name:
             return candidate
@@ -111,3 +112,7 @@ def listed(names: Iterable[str], most: int = 12) -> str:
     """Names for the `expected` line, cut where a reader stops reading."""
     known = list(dict.fromkeys(names))
     return ", ".join(known[:most]) + (f", … ({len(known)} in all)" if len(known) > most else "")
+
+
+def _similar_length(a: str, b: str) -> bool:
+    return abs(len(a) - len(b)) <= 2 + len(b) // 2

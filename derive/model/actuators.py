@@ -21,7 +21,7 @@ def inputs(reader: Reader, document: Document, velocities: tuple[Velocity, ...])
         if entry.unit is not None:
             written = _checked_unit(reader, entry.unit, written)
         known = dimension_of(written) if target or entry.unit is not None else UNKNOWN
-        reader.scope.symbols[name] = Symbol(frozenset({INPUT}), known)
+        reader.scope.add(name, Symbol(frozenset({INPUT}), known))
         found.append(Input(name, target.name if target else "", written, entry.about.text if entry.about else "", key.span))
     return tuple(found)
 

@@ -9,7 +9,7 @@ from derive.model.document import Scalar, Source
 from derive.model.frames import Frame, Names
 from derive.model.names import module_objection
 from derive.model.reader import Reader
-from derive.model.records import Load, Model, Span, Vector3
+from derive.model.records import Load, Model, Vector3
 from derive.model.schema import Document
 from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME
 from derive.model.space import Space
@@ -33,8 +33,10 @@ def _check_head(reader: Reader, document: Document) -> None:
         reader.report(document.model.span, *found)
     if document.description is not None and len(document.description.text) > LONGEST_TEXT:
         reader.report(document.description.span, "a description of more than 64 KiB", "one or two sentences")
-    if not document.joints and not document.coordinates:
-        reader.report(Span(1, 1), "the model has nothing that moves", "bodies and joints, or coordinates and kinetic")
+    if document.coordinates and document.kinetic is None:
+        reader.report(
+            next(iter(document.coordinates)).span, "coordinates without a kinetic energy", "kinetic: a formula of their rates"
+        )
 
 
 def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
@@ -45,6 +47,8 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
         found = mechanism.ordered(reader, document, found)
     coordinates = tuple(c for frame in found for c in frame.coordinates) + coordinates
     velocities = tuple(v for frame in found for v in frame.velocities) + velocities
+    if not coordinates and not reader.problems:
+        reader.report(document.model.span, "the model has nothing that moves", "bodies with joints, or coordinates with kinetic")
     frames.enter(reader, coordinates, velocities)
     inputs = actuators.inputs(reader, document, velocities)
     check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))

@@ -11,12 +11,13 @@ from derive.expressions.linearity import degree
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
 from derive.expressions.tree import Expression
+from derive.expressions.units import TIME as TIME_DIMENSION
 from derive.expressions.units import pretty
 from derive.model.document import Key, Scalar
 from derive.model.reader import Reader
 from derive.model.records import Parameter
 from derive.model.schema import Document, ParameterEntry
-from derive.model.scope import ANYTHING, PARAMETER, TIME, VELOCITY, Symbol, used
+from derive.model.scope import ANYTHING, PARAMETER, TIME, Symbol, used
 
 
 def parameters(reader: Reader, document: Document) -> tuple[Parameter, ...]:
@@ -29,7 +30,7 @@ def _parameter(reader: Reader, key: Key, entry: Scalar | ParameterEntry) -> Para
     about = "" if isinstance(entry, Scalar) or entry.about is None else entry.about.text
     value, written, dimension = _number(reader, scalar)
     name = reader.name(key)
-    reader.scope.symbols[name] = Symbol(frozenset({PARAMETER}), dimension)
+    reader.scope.add(name, Symbol(frozenset({PARAMETER}), dimension))
     reader.values[name] = value
     return Parameter(name, value, written, about, key.span)
 
@@ -59,17 +60,18 @@ def _no_names(parsed: Expression, text: str) -> None:
 
 def definitions(reader: Reader, document: Document) -> tuple[tuple[str, Expression], ...]:
     """`where:` in dependency order."""
-    reader.scope.symbols["t"] = Symbol(frozenset({TIME}), unit("s").dimension)
+    reader.scope.add("t", Symbol(frozenset({TIME}), TIME_DIMENSION))
     entries = {str(key): (key, scalar) for key, scalar in document.where.items()}
-    parsed = {reader.name(key): _parsed(reader, scalar, entries) for key, scalar in document.where.items()}
+    names = {*reader.scope.symbols, *entries}
+    parsed = {reader.name(key): _parsed(scalar, names, entries) for key, scalar in document.where.items()}
     order = _order(reader, parsed, entries)
     return tuple((name, _definition(reader, name, entries[name][1])) for name in order)
 
 
-def _parsed(reader: Reader, scalar: Scalar, entries: dict[str, tuple[Key, Scalar]]) -> set[str]:
+def _parsed(scalar: Scalar, names: set[str], entries: dict[str, tuple[Key, Scalar]]) -> set[str]:
     """The definitions a definition uses; errors are reported when it is read in its turn."""
     try:
-        nodes = tree.walk(expression(scalar.text, names=[*reader.scope.symbols, *entries]))
+        nodes = tree.walk(expression(scalar.text, names=names))
     except FormulaError:
         return set()
     return {node.name for node in nodes if isinstance(node, tree.Name) and node.name in entries}
@@ -79,7 +81,7 @@ def _order(reader: Reader, uses: dict[str, set[str]], entries: dict[str, tuple[K
     try:
         return list(TopologicalSorter(uses).static_order())
     except CycleError as error:
-        circle: list[str] = list(reversed(error.args[1]))
+        circle = _from_first(list(reversed(error.args[1])), list(entries))
         reader.report(
             entries[circle[0]][0].span,
             f"'{circle[0]}' is defined by itself: {' → '.join(circle[:10])}",
@@ -87,6 +89,12 @@ def _order(reader: Reader, uses: dict[str, set[str]], entries: dict[str, tuple[K
         )
         reader.finish()
         raise AssertionError("unreachable") from None
+
+
+def _from_first(circle: list[str], order: list[str]) -> list[str]:
+    """The circle, closed, told from its first definition in the file."""
+    start = min(range(len(circle) - 1), key=lambda i: order.index(circle[i]))
+    return circle[start:-1] + circle[: start + 1]
 
 
 def _definition(reader: Reader, name: str, scalar: Scalar) -> Expression:
@@ -97,9 +105,10 @@ def _definition(reader: Reader, name: str, scalar: Scalar) -> Expression:
         dimension = infer(formula, scope.dimensions, scalar.text)
     except FormulaError:
         dimension = UNKNOWN  # reported by `formula`
-    velocities = [known for known, symbol in scope.symbols.items() if symbol.kinds == {VELOCITY}]
-    high = degree(formula, velocities, scope.degrees)
-    scope.symbols[name] = Symbol(frozenset(kinds), UNKNOWN if dimension == BARE else dimension, high, tuple(kinds.items()))
+    known = UNKNOWN if dimension == BARE else dimension
+    degrees = degree(formula, definitions=scope.degrees)
+    scope.add(name, Symbol(frozenset(kinds), known, degrees, tuple(kinds.items())))
+    reader.definitions.add(name)
     if kinds.keys() <= {PARAMETER} and (value := reader.value(formula, scalar)) is not None:
         reader.values[name] = value
     return formula

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from derive.expressions.linearity import Degree
-from derive.expressions.parser import unit
 from derive.expressions.tree import Expression
 from derive.model.document import Items, Key, Scalar
 from derive.model.reader import Reader, dimension_of
@@ -138,13 +137,17 @@ def analytic_coordinates(reader: Reader, document: Document) -> tuple[tuple[Coor
 
 def enter(reader: Reader, coordinates: tuple[Coordinate, ...], velocities: tuple[Velocity, ...]) -> None:
     """Put coordinates, rates and base velocities into the scope, with J.w and J.v for joints that have one rate."""
-    symbols = reader.scope.symbols
+    scope = reader.scope
     for coordinate in coordinates:
-        symbols.setdefault(coordinate.name, Symbol(frozenset({COORDINATE}), dimension_of(coordinate.unit)))
-        rate = unit(f"{coordinate.unit or '1'}/s").dimension
-        symbols.setdefault(f"der({coordinate.name})", Symbol(frozenset({VELOCITY}), rate, Degree(1, 1)))
+        scope.add(coordinate.name, Symbol(frozenset({COORDINATE}), dimension_of(coordinate.unit), unit=coordinate.unit))
+        rate = f"{coordinate.unit or '1'}/s"
+        scope.add(f"der({coordinate.name})", _moving(rate))
     for velocity in velocities:
-        symbols.setdefault(velocity.name, Symbol(frozenset({VELOCITY}), dimension_of(velocity.unit), Degree(1, 1)))
+        scope.add(velocity.name, _moving(velocity.unit))
         if velocity.rate_of and velocity.owner:
             letter = "w" if velocity.unit == "rad/s" else "v"
-            reader.scope.aliases[f"{velocity.owner}.{letter}"] = velocity.rate_of
+            scope.aliases[f"{velocity.owner}.{letter}"] = velocity.rate_of
+
+
+def _moving(unit: str) -> Symbol:
+    return Symbol(frozenset({VELOCITY}), dimension_of(unit), Degree(1, 1), unit=unit)

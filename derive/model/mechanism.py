@@ -23,7 +23,7 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
     com = reader.point(entry.com, "a centre of mass")
     inertia = POINT_MASS if entry.inertia is None else _inertia(reader, entry.inertia)
     _check_mass(reader, key, entry, mass, inertia)
-    return Body(reader.name(key), mass, com, inertia, key.span)
+    return Body(str(key), mass, com, inertia, key.span)
 
 
 def _inertia(reader: Reader, node: Scalar | Items) -> Inertia:
@@ -85,6 +85,7 @@ def _principal(moments: list[float]) -> tuple[float, float, float]:
 def ordered(reader: Reader, document: Document, frames: list[Frame]) -> list[Frame]:
     """The joints, parents before children; reports what is not a tree from the ground."""
     by_child: dict[str, Frame] = {}
+    before = len(reader.problems)
     for frame in frames:
         _check_ends(reader, document, frame)
         child = frame.entry.child
@@ -93,7 +94,10 @@ def ordered(reader: Reader, document: Document, frames: list[Frame]) -> list[Fra
             problem = f"'{child.text}' is already the child of the joint '{other}', line {other.span.line}"
             reader.report(child.span, problem, "one joint per child", "a joint that closes a loop goes under `closures:`")
         by_child.setdefault(child.text, frame)
-    _check_bodies(reader, document, by_child)
+    for key in document.bodies:
+        reader.name(key)
+    if len(reader.problems) == before:  # else most of it would be said twice
+        _check_bodies(reader, document, by_child)
     return _by_depth(frames, by_child)
 
 
@@ -109,34 +113,36 @@ def _check_ends(reader: Reader, document: Document, frame: Frame) -> None:
 
 
 def _check_bodies(reader: Reader, document: Document, by_child: dict[str, Frame]) -> None:
+    grounded = {GROUND}
     for key in document.bodies:
         if key not in by_child:
             hint = f"a {'planar' if reader.space.plane else 'free'} joint lets it move freely"
             reader.report(key.span, f"no joint carries the body '{key}'", f"a joint with child: {key}", hint)
-        elif not _reaches_ground(key, by_child):
+        elif not _reaches_ground(key, by_child, grounded):
             reader.report(key.span, f"the body '{key}' is not connected to the ground", "a chain of joints from the ground")
 
 
-def _reaches_ground(name: str, by_child: dict[str, Frame]) -> bool:
+def _reaches_ground(name: str, by_child: dict[str, Frame], grounded: set[str]) -> bool:
     seen: set[str] = set()
-    while name in by_child and name not in seen:
+    while name in by_child and name not in seen and name not in grounded:
         seen.add(name)
         name = by_child[name].entry.parent.text
-    return name not in seen  # a name that nothing carries is reported for itself
+    if name in seen:
+        return False
+    grounded |= seen  # a name that nothing carries is reported for itself, not for those it carries
+    return True
 
 
 def _by_depth(frames: list[Frame], by_child: dict[str, Frame]) -> list[Frame]:
-    placed, result, waiting = {GROUND}, [], list(frames)
-    while waiting:
-        ready = [frame for frame in waiting if frame.entry.parent.text in placed or frame.entry.parent.text not in by_child]
-        if not ready:
-            return result + waiting  # a circle, reported already
-        for frame in waiting:
-            if frame.entry.parent.text in placed or frame in ready:
-                placed.add(frame.entry.child.text)
-                result.append(frame)
-        waiting = [frame for frame in waiting if frame not in result]
-    return result
+    """The order of the file, but each joint after the one that carries its parent."""
+    placed: dict[str, Frame] = {}
+    for frame in frames:
+        chain = []
+        while frame is not None and frame.name not in placed and len(chain) < len(frames):
+            chain.append(frame)
+            frame = by_child.get(frame.entry.parent.text)
+        placed |= {link.name: link for link in reversed(chain)}
+    return list(placed.values())
 
 
 def joint(reader: Reader, frame: Frame) -> Joint:
@@ -238,7 +244,8 @@ def closure(reader: Reader, document: Document, key: Key, entry: ClosureEntry) -
     """A joint that closes a loop."""
     from derive.joints import JOINTS
 
-    kinds = {kind.name: kind for kind in JOINTS if kind.name != "free"}
+    useless = ("free", "planar") if reader.space.plane else ("free",)
+    kinds = {kind.name: kind for kind in JOINTS if kind.name not in useless}
     kind = reader.word(entry.type, kinds, "type of closure") or "revolute"
     first, second = bodies(reader, document, key, entry.between)
     at_first, at_second = reader.point(entry.at[0], "a point"), reader.point(entry.at[1], "a point")

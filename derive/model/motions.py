@@ -137,7 +137,7 @@ def _initial(reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[s
             key.span, f"'{key}' is given twice{both}; first on line {first.line}, column {first.column}", "one of the two"
         )
         return
-    value = reader.formula(scalar, f"the initial {key}", unit=_unit(reader, name))
+    value = reader.of_parameters(scalar, f"the initial {key}", unit=reader.scope.symbols[name].unit)
     reader.value(value, scalar)
     found[name] = InitialValue(name, value, held, key.span)
 
@@ -165,11 +165,6 @@ def state_name(reader: Reader, key: Key) -> str | None:
     return name
 
 
-def _unit(reader: Reader, name: str) -> str | None:
-    dimension = reader.scope.symbols[name].dimension
-    return pretty(dimension) if isinstance(dimension, tuple) else None
-
-
 def steady_motion(reader: Reader, key: Key, entry: dict[Key, Scalar]) -> SteadyMotion:
     """What is held along a steady motion. Names the model does not know are free: they can be swept."""
     reader.name(key)
@@ -182,7 +177,7 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Scalar]) -> SteadyM
         if name in values:
             reader.report(state.span, f"'{state}' is given twice", "one of the two")
         sweepable |= dict.fromkeys(_free_names(reader, scalar))
-        values[name] = _with_free_names(reader, scalar, sweepable, _unit(reader, name))
+        values[name] = _with_free_names(reader, scalar, sweepable, reader.scope.symbols[name].unit)
     return SteadyMotion(str(key), tuple(values.items()), tuple(sweepable), key.span)
 
 
@@ -195,13 +190,13 @@ def _free_names(reader: Reader, scalar: Scalar) -> list[str]:
     return [name for name in names if objection(name) is None]
 
 
-def _with_free_names(reader: Reader, scalar: Scalar, free: dict[str, None], unit: str | None) -> Expression:
-    symbols = reader.scope.symbols
-    added = {name: Symbol(frozenset({PARAMETER}), UNKNOWN) for name in free if name not in symbols}
-    symbols |= added
+def _with_free_names(reader: Reader, scalar: Scalar, free: dict[str, None], unit: str) -> Expression:
+    added = [name for name in free if name not in reader.scope.symbols]
+    for name in added:
+        reader.scope.add(name, Symbol(frozenset({PARAMETER}), UNKNOWN))
     formula = reader.formula(scalar, "a steady motion", unit=unit)
     for name in added:
-        del symbols[name]
+        reader.scope.remove(name)
     return formula
 
 
@@ -255,7 +250,7 @@ def _with_point(reader: Reader, call: tree.Call, subject: Expression, rest: list
     entries = []
     for entry in point.entries:
         resolved = reader.scope.resolved(entry, frozenset({PARAMETER}), "a point", text)
-        reader.check_unit(resolved, "a point", "m", text)
+        reader.check_unit(resolved, "a point", "m", text, entry.at)
         entries.append(resolved)
     return tree.Call(call.function, (subject, tree.Vector(reader.space.embedded(entries), point.at)), call.at)
 

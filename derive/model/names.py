@@ -22,10 +22,10 @@ _C = _words(
     typedef typeof typeof_unqual union unsigned void volatile while asm fortran"""
 )
 _CPP = _words(
-    """and and_eq bitand bitor catch char8_t char16_t char32_t class co_await co_return co_yield compl concept const_cast consteval
-    constinit decltype delete dynamic_cast explicit export friend mutable namespace new noexcept not not_eq operator or or_eq
-    private protected public reinterpret_cast requires static_cast template this throw try typeid typename using virtual wchar_t
-    xor xor_eq"""
+    """and and_eq bitand bitor catch char8_t char16_t char32_t class co_await co_return co_yield compl concept const_cast
+    consteval constinit decltype delete dynamic_cast explicit export friend mutable namespace new noexcept not not_eq
+    operator or or_eq private protected public reinterpret_cast requires static_cast template this throw try typeid
+    typename using virtual wchar_t xor xor_eq"""
 )
 # macros that gcc or the headers of generated code define
 _MACROS = _words("NULL EOF NAN INFINITY HUGE_VAL errno assert linux unix main offsetof signbit isnan isinf isfinite")

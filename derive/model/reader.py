@@ -5,6 +5,7 @@ A Reader collects problems instead of stopping at the first: a bad formula is re
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
@@ -14,7 +15,7 @@ from derive.expressions.evaluate import is_constant, number
 from derive.expressions.functions import FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
-from derive.expressions.tree import ZERO, Expression
+from derive.expressions.tree import Expression, Number
 from derive.expressions.units import ENERGY, NUMBER, TIME, Dimension, named, pretty, product_of, quotient_of
 from derive.model.document import Items, Key, Scalar, Source
 from derive.model.names import objection
@@ -23,6 +24,8 @@ from derive.model.scope import CONSTANT, Scope
 from derive.model.space import ORIGIN, Space, normalised
 
 ANY_UNIT = None
+ANGLE = "a plain number or an angle"
+UNREAD = tree.Name("?")  # stands for a formula that was reported; it has no value, so nothing more is said about it
 
 
 class Reader:
@@ -32,6 +35,7 @@ class Reader:
         self.source, self.space = source, space
         self.scope = Scope()
         self.values: dict[str, float] = {}
+        self.definitions: set[str] = set()
         self.problems: list[Diagnostic] = []
 
     def report(self, span: Span, message: str, expected: str = "", hint: str = "") -> None:
@@ -89,26 +93,44 @@ class Reader:
             return self._formula(scalar, where, allowed, unit, functions)
         except FormulaError as error:
             self.fault(scalar, error)
-            return ZERO
+            return UNREAD
 
     def _formula(
         self, scalar: Scalar, where: str, allowed: frozenset[str], wanted: str | None, functions: dict[str, Function]
     ) -> Expression:
         plain = quantity(scalar.text)
-        if plain is not None and plain.unit and wanted is not None and _fits(dimension_of(plain.unit), dimension_of(wanted)):
-            return plain  # the unit is right, so its symbols are units even where the model has parameters called m or s
+        if plain is not None and plain.unit and wanted is not None:
+            return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
         parsed = expression(text, names=self.scope.symbols, functions=functions)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
         return resolved
 
-    def check_unit(self, resolved: Expression, where: str, wanted: str | None, text: str) -> Inferred:
+    def _of_unit(self, plain: Number, text: str, where: str, wanted: str) -> Number:
+        """A number with a unit: where the unit is right its symbols are units, even if the model has parameters called m or s."""
+        if _fits(dimension_of(plain.unit), dimension_of(wanted)):
+            return plain
+        own = [word for word in re.findall(r"[A-Za-z_]\w*", text) if word in self.scope.symbols]
+        hint = f"'{own[-1]}' is read as a unit here; in (2 kg)*{own[-1]} it is the model's own name" if own else ""
+        raise FormulaError(f"{where} in {plain.unit}", text, _first_place(text), wanted or ANGLE, hint)
+
+    def of_parameters(self, scalar: Scalar, where: str, unit: str) -> Expression:
+        """A formula of numbers and parameters alone: for values that are needed without the model around them."""
+        formula = self.formula(scalar, where, unit=unit)
+        for node in tree.walk(formula):
+            if isinstance(node, tree.Name) and node.name in self.definitions:
+                self.report(
+                    scalar.at(node.at, len(node.name)), f"the definition '{node.name}' in {where}", "numbers and parameters"
+                )
+        return formula
+
+    def check_unit(self, resolved: Expression, where: str, wanted: str | None, text: str, at: int | None = None) -> Inferred:
         """FormulaError where a resolved formula does not have the wanted unit, or mixes units."""
         found = infer(resolved, self.scope.dimensions, text)
         if wanted is not None and not _fits(found, dimension_of(wanted)):
             given = named(found) if isinstance(found, tuple) else ""
-            raise FormulaError(f"{where} in {given}", text, _first_place(text), wanted or "a plain number or an angle")
+            raise FormulaError(f"{where} in {given}", text, _first_place(text) if at is None else at, wanted or ANGLE)
         return found
 
     def value(self, formula: Expression, scalar: Scalar) -> float | None:
@@ -144,6 +166,8 @@ class Reader:
         if not self.sized(node, self.space.size, where):
             return self.space.normal
         given = self.space.embedded([self.formula(entry, where) for entry in node])
+        if UNREAD in given:
+            return self.space.normal
         if not all(is_constant(component) for component in given):
             if constant:
                 self.report(

@@ -131,7 +131,7 @@ class NoSlip:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A thin disk (centre, unit axis in body coordinates) rolls without slip on the plane through `origin`, normal to `normal`."""
+    """A thin disk (centre, unit axis in the body) rolls without slip on the plane through `origin`, normal to `normal`."""
 
     name: str
     body: str

@@ -22,28 +22,36 @@ ANYTHING = MOTION | {INPUT}
 
 @dataclass(frozen=True)
 class Symbol:
-    """`kinds` is what the name is, or, for a definition, what its formula uses; `because` names one culprit of each kind."""
+    """`kinds` is what the name is, or, for a definition, what its formula uses; `because` names one culprit of each kind.
+    `unit` is for coordinates and velocities."""
 
     kinds: frozenset[str]
     dimension: Inferred
     degree: Degree = FREE
     because: tuple[tuple[str, str], ...] = ()
+    unit: str = ""
 
 
 @dataclass
 class Scope:
-    """`symbols` by name; the rate of a coordinate as "der(q)". `aliases`: J.w → the coordinate whose rate it is."""
+    """`symbols` by name; the rate of a coordinate as "der(q)". `aliases`: J.w → the coordinate whose rate it is.
+
+    `dimensions` and `degrees` are the same table read by column, kept beside it for large models.
+    """
 
     symbols: dict[str, Symbol] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
+    dimensions: dict[str, Inferred] = field(default_factory=dict)
+    degrees: dict[str, Degree] = field(default_factory=dict)
 
-    @property
-    def dimensions(self) -> dict[str, Inferred]:
-        return {name: symbol.dimension for name, symbol in self.symbols.items()}
+    def add(self, name: str, symbol: Symbol) -> None:
+        """Enter a name. The first of two stays: collisions are reported elsewhere."""
+        if self.symbols.setdefault(name, symbol) is symbol:
+            self.dimensions[name], self.degrees[name] = symbol.dimension, symbol.degree
 
-    @property
-    def degrees(self) -> dict[str, Degree]:
-        return {name: symbol.degree for name, symbol in self.symbols.items()}
+    def remove(self, name: str) -> None:
+        for table in (self.symbols, self.dimensions, self.degrees):
+            del table[name]
 
     def names(self, allowed: frozenset[str] = ANYTHING) -> list[str]:
         """The names that may be used where `allowed` kinds may."""
@@ -106,7 +114,7 @@ def used(expression: Expression, scope: Scope) -> dict[str, str]:
     for node in tree.walk(expression):
         if isinstance(node, tree.Name | tree.Rate):
             name = f"der({node.name})" if isinstance(node, tree.Rate) else node.name
-            symbol = scope.symbols[name]
-            for kind in symbol.kinds:
-                found.setdefault(kind, dict(symbol.because).get(kind, name))
+            symbol = scope.symbols.get(name)
+            for kind in symbol.kinds if symbol else ():
+                found.setdefault(kind, dict(symbol.because).get(kind, name) if symbol else name)
     return found

@@ -40,6 +40,8 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
         yield _not_one_of(key, found, details, span, source)
     elif kind == "not_a_mapping":
         yield source.diagnostic(found.span, _instead(key, found), f"a mapping with {listed(context['keys'])}")
+    elif kind == "not_a_list" and isinstance(details["loc"][-1], int):
+        yield source.diagnostic(found.span, f"{described(found)} in the list under '{key}'", "points in [ ], as in [[…], […]]")
     else:
         yield source.diagnostic(found.span, _instead(key, found), _EXPECTED.get(kind, str(details["msg"])))
 

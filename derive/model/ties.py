@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from derive.expressions.linearity import degree
+from derive.expressions.linearity import Degree, degree
 from derive.expressions.tree import ZERO, Expression
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
@@ -12,7 +12,7 @@ from derive.model.mechanism import some_body
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Constraint, Holonomic, Nonholonomic, NoSlip, Rolling
 from derive.model.schema import Document, HolonomicEntry, NonholonomicEntry, NoSlipEntry, RollingEntry
-from derive.model.scope import ANYTHING, COORDINATE, MOTION, POSITION, VELOCITY, used
+from derive.model.scope import ANYTHING, COORDINATE, MOTION, POSITION, used
 
 
 def constraint(reader: Reader, document: Document, names: Names, key: Key, entry: object) -> Constraint:
@@ -56,10 +56,9 @@ def _nonholonomic(reader: Reader, scalar: Scalar) -> Expression:
     return formula
 
 
-def velocity_degree(reader: Reader, formula: Expression):
+def velocity_degree(reader: Reader, formula: Expression) -> Degree:
     """Lowest and highest degree of a formula in rates and base velocities."""
-    velocities = [name for name, symbol in reader.scope.symbols.items() if symbol.kinds == {VELOCITY}]
-    return degree(formula, velocities, reader.scope.degrees)
+    return degree(formula, definitions=reader.scope.degrees)
 
 
 def _nonideal(reader: Reader, names: Names, key: Key, given: Items | dict[Key, Scalar] | None) -> tuple[Expression, ...]:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hamel import records
 from hamel.pipeline import Constants
-
-if TYPE_CHECKING:
-    from derive.formulations.records import Equations
 
 QUICK_STATES = 20  # what `build` verifies at; `verify` does more
 Model = str | Path
@@ -112,10 +109,3 @@ def load(folder: str | Path) -> ModuleType:
     from hamel.pipeline import load_module
 
     return load_module(Path(folder))
-
-
-def equations(path: Model, *, choice: str | None = None, constants: Constants = ()) -> Equations:
-    """The Equations record of a choice, for those who want the expressions themselves."""
-    from hamel.pipeline import equations_of
-
-    return equations_of(path, choice, constants)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from codegen.program import Program
     from derive.formulations.records import Equations
+    from derive.mechanics.records import System
     from derive.model.records import Model
 
 MARK = "manifest.json"  # a folder with this file is one that hamel made
@@ -64,13 +65,25 @@ def equations_of_model(
     """Model → System → Equations."""
     clock = clock or Clock()
     with clock("mechanics"):
-        from derive.mechanics import system
-
-        mechanics = system(model, constants)
+        mechanics = mechanics_of(model, constants)
     with clock("formulation"):
         from derive.formulations import equations
 
         return equations(mechanics, choice, formulation)
+
+
+def mechanics_of(model: Model, constants: Constants = ()) -> System:
+    """Model → System; ModelError where a constant is no parameter."""
+    from derive.mechanics import system
+
+    known = [parameter.name for parameter in model.parameters]
+    unknown = [name for name in (() if constants == "all" else constants) if name not in known]
+    if unknown:
+        from derive.diagnostics import ModelError, did_you_mean, listed
+
+        near = did_you_mean(unknown[0], known) or f"it has {listed(known)}"
+        raise ModelError(f"'{unknown[0]}' is to be a constant, but {model.name} has no such parameter; {near}")
+    return system(model, constants)
 
 
 def program_of(equations: Equations, functions: Collection[str] | None = None, clock: Clock | None = None) -> Program:

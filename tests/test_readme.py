@@ -3,7 +3,6 @@
 import contextlib
 import os
 import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -37,8 +36,7 @@ def test_the_model_is_short():
 
 
 def test_the_control_loop_reaches_its_heading(sled, monkeypatch):
-    monkeypatch.chdir(sled)
-    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.syspath_prepend(sled / "generated")
     names: dict = {}
     exec(blocks("python")[0], names)
     x = dict(zip(names["sled"].states, names["x"]))

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from derive.mechanics import system
 from derive.mechanics.initial import initial_state
 from derive.model import load
+from hamel.pipeline import mechanics_of
 from hamel.records import Checked
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ RANK = 1e-9  # singular values below this fraction of the largest are zero: cons
 
 def run(path: str | Path) -> Checked:
     model = load(path)
-    mechanics = system(model)
+    mechanics = mechanics_of(model)
     initial = initial_state(mechanics)
     rank = _rank(mechanics, initial.q)
     return Checked(

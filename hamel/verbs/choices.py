@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.formulations import choices
-from derive.mechanics import system
 from derive.model import load
+from hamel.pipeline import mechanics_of
 from hamel.records import Choices, Ranking
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def run(path: str | Path) -> Choices:
     model = load(path)
     names = [field.name for field in fields(Ranking)]
-    ranked = tuple(Ranking(*(getattr(found, name) for name in names)) for found in choices(system(model)))
+    ranked = tuple(Ranking(*(getattr(found, name) for name in names)) for found in choices(mechanics_of(model)))
     return Choices(model.name, model.choices[0].name, ranked)
 
 

@@ -23,7 +23,7 @@ def _known() -> dict[str, tuple[Known, ...]]:
     from codegen.targets import TARGETS
     from derive.formulations import FORMULATIONS
     from derive.joints import JOINTS
-    from derive.model import schema
+    from hamel.verbs.schema import run as schema
 
     shape = schema()
     return {

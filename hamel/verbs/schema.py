@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from derive.joints import JOINTS
+from derive.model.schema import json_schema
+
 if TYPE_CHECKING:
     from rich.console import Console
 
 
 def run() -> dict[str, Any]:
-    from derive.model import schema
-
-    return schema()
+    return json_schema(tuple(joint.name for joint in JOINTS))
 
 
 def show(record: dict[str, Any], console: Console) -> None:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
-from derive.mechanics import system
 from derive.model import load
-from hamel.pipeline import Constants, temporary_module
+from hamel.pipeline import Constants, mechanics_of, temporary_module
 from hamel.records import CheckLine, Verified
 from hamel.verify import verification
 
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 def run(path: str | Path, choice: str | None, states: int, seed: int, constants: Constants) -> Verified:
     model = load(path)
-    mechanics = system(model, constants)
+    mechanics = mechanics_of(model, constants)
     declared = [each.name for each in model.choices]
     wanted = declared if choice is None else [choice]
     candidates = {name: equations(mechanics, name) for name in wanted}

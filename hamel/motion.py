@@ -1,0 +1,175 @@
+"""A motion as arrays: integrated by the generated module, judged by its constraints and energies, written and drawn."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from derive.diagnostics import ModelError
+from hamel.plot import Curve, Panel, draw
+from hamel.staging import staged_file, write_text
+
+if TYPE_CHECKING:
+    from derive.formulations.records import Equations
+
+Writer = Callable[["Motion"], None]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One row per output time in every array; `work` is that of all forces without potential since the first row."""
+
+    title: str
+    t: np.ndarray
+    q: dict[str, np.ndarray]
+    w: dict[str, np.ndarray]
+    v: dict[str, np.ndarray]
+    outputs: dict[str, np.ndarray]
+    units: dict[str, str]
+    T: np.ndarray
+    V: np.ndarray
+    work: np.ndarray
+    phi: np.ndarray  # max |φ| per row
+    slip: np.ndarray  # max |A v − c| per row
+    steps: int
+    rejected: int
+    seconds: float
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Everything by name, as it is written."""
+        energies = {"T": self.T, "V": self.V, "work": self.work}
+        violations = {"position_violation": self.phi, "velocity_violation": self.slip}
+        return {"t": self.t, **self.q, **self.w, **self.v, **self.outputs, **energies, **violations}
+
+    @property
+    def position_violation(self) -> float:
+        return float(np.max(self.phi))
+
+    @property
+    def velocity_violation(self) -> float:
+        return float(np.max(self.slip))
+
+    @property
+    def balance(self) -> np.ndarray:
+        """T + V − (T + V at 0) − work, relative to the largest energy exchanged (V counts from wherever it likes)."""
+        total = self.T + self.V
+        scale = max(np.max(self.T), np.ptp(self.V), np.max(np.abs(self.work)))
+        return (total - total[0] - self.work) / scale if scale > 0 else np.zeros_like(total)
+
+    @property
+    def energy_balance(self) -> float:
+        return float(np.max(np.abs(self.balance)))
+
+
+def integrated(
+    module: ModuleType,
+    equations: Equations,
+    times: np.ndarray,
+    x: np.ndarray,
+    u: np.ndarray,
+    p: np.ndarray,
+    tolerances: tuple[float, float],
+    progress: Callable[[float], None] | None,
+) -> Motion:
+    """The motion from x at times[0] with constant inputs u."""
+    start = time.perf_counter()
+    found = module.simulate(times, x, u, p, rtol=tolerances[0], atol=tolerances[1], progress=progress)
+    return _judged(module, equations, times, found, u, p, time.perf_counter() - start)
+
+
+def _judged(
+    module: ModuleType, equations: Equations, t: np.ndarray, found: Any, u: np.ndarray, p: np.ndarray, seconds: float
+) -> Motion:
+    """What the module's own functions say about every row."""
+    x = found.x
+    results = {function.name: function.result for function in equations.functions}
+    nq, many = equations.system.q.numel(), len(t)
+
+    def named(name: str) -> dict[str, np.ndarray]:
+        made = getattr(module, name, None)
+        return {} if made is None else dict(zip(results[name].labels, made(t, x, u, p).T))
+
+    energies = module.energy(t, x, u, p)
+    violation = np.abs(module.constraints(t, x, u, p)) if hasattr(module, "constraints") else np.zeros((many, 0))
+    closed = equations.system.phi.numel()
+    labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
+    return Motion(
+        title=f"{equations.system.model.name}, choice {equations.choice}",
+        t=t,
+        q=dict(zip(labels[:nq], x[:, :nq].T)),
+        w=dict(zip(labels[nq:], x[:, nq:].T)),
+        v=named("velocity"),
+        outputs=named("outputs"),
+        units=_units(equations),
+        T=energies[:, 0],
+        V=energies[:, 1],
+        work=found.work,
+        phi=np.max(violation[:, :closed], axis=1, initial=0.0),
+        slip=np.max(violation[:, closed:], axis=1, initial=0.0),
+        steps=int(found.steps),
+        rejected=int(found.rejected),
+        seconds=seconds,
+    )
+
+
+def _units(equations: Equations) -> dict[str, str]:
+    x = next(argument for argument in equations.arguments if argument.name == "x")
+    results = [function.result for function in equations.functions if function.name in ("velocity", "outputs")]
+    return {name: unit for source in (x, *results) for name, unit in zip(source.labels, source.units)}
+
+
+def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
+    """What will write the motion; a suffix that nothing writes is refused before anything is computed."""
+    kinds = [(out, _WRITERS, "-o"), (plot, {".svg": write_svg}, "--plot")]
+    return [_writer(Path(place), known, option) for place, known, option in kinds if place]
+
+
+def _writer(place: Path, known: dict[str, Callable[[Motion, Path], None]], option: str) -> Writer:
+    write = known.get(place.suffix.lower())
+    if write is None:
+        raise ModelError(f"{option} {place}: the file must end in {' or '.join(known)}")
+    return lambda motion: write(motion, place)
+
+
+def write_csv(motion: Motion, place: Path) -> None:
+    """A line of names, then a line per row; numbers round-trip."""
+    columns = motion.columns()
+    rows = zip(*(column.tolist() for column in columns.values()))
+    with staged_file(place) as made, made.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(columns) + "\n")
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def write_npz(motion: Motion, place: Path) -> None:
+    """One array per name."""
+    with staged_file(place) as made, made.open("wb") as file:
+        np.savez(file, **motion.columns())  # type: ignore[arg-type]
+
+
+def write_svg(motion: Motion, place: Path) -> None:
+    """Coordinates, quasi-velocities, outputs, energies and violations over time."""
+    groups = [("coordinates", motion.q), ("quasi-velocities", motion.w), ("outputs", motion.outputs)]
+    panels = [panel for about, curves in groups for panel in _by_unit(about, curves, motion.units)]
+    panels.append(_panel("energy (J)", {"T": motion.T, "V": motion.V, "work": motion.work}))
+    errors = {"|φ|": motion.phi, "|A v − c|": motion.slip, "energy, rel.": np.abs(motion.balance)}
+    panels.append(_panel("violation and energy error", {name: e for name, e in errors.items() if np.any(e > 0)}, log=True))
+    write_text(place, draw(motion.title, "t (s)", motion.t.tolist(), panels))
+
+
+def _by_unit(about: str, curves: dict[str, np.ndarray], units: dict[str, str]) -> list[Panel]:
+    """One panel per unit: metres and radians share no axis."""
+    found = dict.fromkeys(units.get(name, "") for name in curves)
+    return [_panel(f"{about} ({unit or '1'})", {n: c for n, c in curves.items() if units.get(n, "") == unit}) for unit in found]
+
+
+def _panel(about: str, curves: dict[str, np.ndarray], log: bool = False) -> Panel:
+    return Panel(about, tuple(Curve(name, values.tolist()) for name, values in curves.items()), log)
+
+
+_WRITERS: dict[str, Callable[[Motion, Path], None]] = {".csv": write_csv, ".npz": write_npz}

@@ -1,0 +1,114 @@
+"""The verbs as functions of `import hamel`."""
+
+import importlib
+import json
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.diagnostics import AssumptionError, HamelError, ToolchainError
+from hamel.records import as_json
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+def test_every_verb_is_a_function():
+    assert all(callable(getattr(hamel, name)) for name in hamel.__all__)
+
+
+def test_the_package_verify_does_not_hide_the_verb():
+    package = importlib.import_module("hamel.verify")
+    assert hamel.verify is not package
+    assert hamel.verify(MODELS / "four_bar.yaml", choice="crank", states=3).passed
+    assert callable(package.verification)
+
+
+def test_build_and_load(tmp_path):
+    built = hamel.build(MODELS / "four_bar.yaml", choice="crank", out=tmp_path / "four_bar", constants="all")
+    module = hamel.load(built.folder)
+    assert (built.choice, built.model) == ("crank", "four_bar")
+    assert module.nx == 4 and module.np_ == 0
+    assert module.dynamics(0.0, np.zeros(module.nx) + 0.5, [0.0]).shape == (4,)
+
+
+def test_constants_by_name(tmp_path):
+    built = hamel.build(MODELS / "snake3.yaml", choice="head", out=tmp_path / "snake3", constants=["l"])
+    assert hamel.load(built.folder).parameters == ("m", "J")
+
+
+def test_only_the_functions_asked_for(tmp_path):
+    built = hamel.build(MODELS / "snake3.yaml", choice="head", out=tmp_path / "snake3", functions=["dynamics", "velocity"])
+    assert set(built.operations) == {"dynamics", "velocity"}
+    assert "function mass" in built.left_out
+
+
+@pytest.mark.parametrize(
+    "options", [{"choice": "none"}, {"constants": ["none"]}, {"functions": ["none"]}], ids=["choice", "constant", "function"]
+)
+def test_names_that_do_not_exist(tmp_path, options):
+    with pytest.raises(HamelError, match="none"):
+        hamel.build(MODELS / "snake3.yaml", out=tmp_path / "snake3", **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_dependent_speeds_are_a_violated_assumption(tmp_path):
+    text = (MODELS / "snake3.yaml").read_text()
+    (tmp_path / "bad.yaml").write_text(text.replace("  best: auto", "  bad: [base.vy, base.w]"))
+    with pytest.raises(AssumptionError, match="bad") as caught:
+        hamel.verify(tmp_path / "bad.yaml", choice="bad")
+    assert caught.value.diagnostics[0].line == text.splitlines().index("  best: auto") + 1
+    assert caught.value.exit_code == 2
+
+
+def test_foreign_folders_are_not_replaced(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ToolchainError):
+        hamel.build(MODELS / "snake3.yaml", out=tmp_path)
+    assert (tmp_path / "notes.txt").exists()
+
+
+def test_choices_say_why():
+    found = hamel.choices(MODELS / "snake3.yaml")
+    best = found.choices[0]
+    assert found.default == "head"
+    assert best.constant_pivots and best.pivots and best.operations > 0
+    assert {choice.name for choice in found.choices} >= {"head"}
+
+
+def test_explain_counts_what_the_passes_saved():
+    found = hamel.explain(MODELS / "four_bar.yaml", choice="crank", constants="all")
+    assert found.operations["dynamics"] > 0
+    assert {entry["function"] for entry in found.ledger} >= {"dynamics"}
+
+
+def test_list_names_everything_a_model_can_hold():
+    known = hamel.list().kinds
+    assert {item.name for item in known["joints"]} >= {"revolute", "prismatic", "planar", "fixed"}
+    assert {item.name for item in known["constraints"]} >= {"holonomic", "nonholonomic", "no_slip"}
+    assert {item.name for item in known["formulations"]} == {"quasi_velocities", "augmented"}
+    assert all(item.name and item.about for items in known.values() for item in items)
+
+
+def test_list_of_a_model():
+    named = hamel.list(MODELS / "four_bar.yaml").kinds
+    assert [item.name for item in named["bodies"]] == ["crank", "coupler", "rocker"]
+    assert "dynamics" in [item.name for item in named["functions"]]
+
+
+def test_schema_accepts_no_unknown_keys():
+    schema = hamel.schema()
+    assert schema["additionalProperties"] is False
+    assert {"bodies", "joints", "quasi_velocities"} <= set(schema["properties"])
+
+
+def test_records_are_json():
+    record = hamel.check(MODELS / "four_bar.yaml")
+    assert json.loads(json.dumps(as_json(record)))["degrees_of_freedom"] == 1
+    assert set(as_json(record)) == {field.name for field in fields(record)}
+
+
+def test_numbers_json_does_not_have_become_null():
+    assert as_json({"a": [float("inf"), np.float64("nan"), np.float64(2.0)]}) == {"a": [None, None, 2.0]}

@@ -1,0 +1,181 @@
+"""The passes change rounding only, and the operations they save are counted."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codegen.passes import program
+from codegen.passes.factor import factor
+from codegen.passes.graph import Work, live
+from codegen.passes.lower import lower
+from codegen.passes.pipeline import PASSES, count
+from codegen.passes.share import share
+from codegen.passes.trace import trace
+from derive.diagnostics import HamelError
+from tests.toy import toy
+
+X = ca.SX.sym("x", 5)
+a, b, c, d, e = (X[i] for i in range(5))
+
+
+def traced(*roots: Any) -> Work:
+    return trace([("x", X)], [ca.SX(root) for root in roots], [])[0]
+
+
+def total(work: Work) -> int:
+    return count(lower(work).code)["total"]
+
+
+def operations(*roots: Any) -> int:
+    """Operations after all passes."""
+    work = traced(*roots)
+    totals = [total(work)]
+    for _ in range(3):
+        for _, improve in PASSES:
+            work = improve(work)
+            totals.append(total(work))
+    return min(totals)
+
+
+def values(work: Work, x: np.ndarray) -> list[float]:
+    """The roots, evaluated through the lowered operations."""
+    lowered = lower(work)
+    done: list[float] = []
+    for operation in lowered.code.operations:
+        done.append(_evaluated(operation.name, operation.operands, done, x))
+    return [done[root] if isinstance(root, int) else root for root in lowered.roots]
+
+
+def _evaluated(name: str, operands: tuple[Any, ...], done: list[float], x: np.ndarray) -> float:
+    if name == "input":
+        return float(x[operands[1]])
+    numbers = [done[o] if isinstance(o, int) else o for o in operands]
+    plain = {"add": lambda p, q: p + q, "sub": lambda p, q: p - q, "mul": lambda p, q: p * q, "div": lambda p, q: p / q}
+    return plain[name](*numbers) if name in plain else -numbers[0] if name == "neg" else getattr(math, name)(*numbers)
+
+
+@pytest.mark.parametrize(
+    ("expression", "most"),
+    [
+        (a * 0 + b * 1 - (-c), 1),
+        ((a - b) * (b - a), 2),
+        (ca.vertcat(a - b, c * (b - a)), 3),
+        (-a * -b, 1),
+        (a - (-b), 1),
+        (2 * (3 * (a * 0.5)), 1),
+        (a * b + a * c, 2),
+        (a * b + a * c + a * d + e, 4),
+        (0.3 * a + 0.3 * b, 2),
+        (a / c + b / c, 2),
+        ((a * 3 + a) / a, 0),
+        (b * (a / b), 0),
+        (ca.sin(a) ** 2 * b + ca.cos(a) ** 2 * b, 0),
+        (b - b * ca.sin(a) ** 2 + ca.cos(a), 4),
+        (ca.vertcat(a * b * c, a * b * d), 3),
+        (ca.vertcat(a + b + c, d - a - b), 3),
+        (ca.vertcat(0.5 * a * b - c, 0.5 * a * c - d), 5),
+        (ca.vertcat(2 * b, b * b, a * b), 3),
+        (ca.sin(-a) + ca.sin(a) + ca.cos(-b) - ca.cos(b), 0),
+    ],
+)
+def test_counts(expression: ca.SX, most: int) -> None:
+    assert operations(*ca.vertsplit(ca.SX(expression))) <= most
+
+
+def leaves() -> st.SearchStrategy[Any]:
+    return st.one_of(st.sampled_from([a, b, c, d, e]), st.sampled_from([0.0, 1.0, -1.0, 2.0, 0.3, 9.81]))
+
+
+def trees() -> st.SearchStrategy[Any]:
+    def grow(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+        return st.one_of(
+            st.tuples(inner, inner).map(lambda p: p[0] + p[1]),
+            st.tuples(inner, inner).map(lambda p: p[0] - p[1]),
+            st.tuples(inner, inner).map(lambda p: p[0] * p[1]),
+            st.tuples(inner, inner).map(lambda p: p[0] / (2 + ca.SX(p[1]) ** 2)),
+            inner.map(lambda p: ca.sin(ca.SX(p))),
+            inner.map(lambda p: ca.cos(ca.SX(p))),
+            inner.map(lambda p: -ca.SX(p)),
+        )
+
+    return st.recursive(leaves(), grow, max_leaves=25)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(trees(), min_size=1, max_size=3))
+def test_passes_change_rounding_only(roots: list[Any]) -> None:
+    roots = [ca.SX(root) for root in roots]
+    x = np.array([0.7, -1.3, 0.4, 2.1, -0.6])
+    expected = np.array(ca.Function("f", [X], [ca.vertcat(*roots)])(x)).ravel()
+    work = trace([("x", X)], roots, [])[0]
+    size = 1 + max((abs(value) for value in _all_values(work, x)), default=0.0)
+    for improve in (factor, share, factor, share):
+        np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)
+        work = improve(work)
+    np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)
+
+
+def _all_values(work: Work, x: np.ndarray) -> list[float]:
+    lowered = lower(work)
+    done: list[float] = []
+    for operation in lowered.code.operations:
+        done.append(_evaluated(operation.name, operation.operands, done, x))
+    return done
+
+
+def test_shared_nodes_are_not_opened() -> None:
+    shared = a * b + c
+    assert operations(shared * d, shared * e, shared) == 4
+
+
+def test_long_chains_are_no_trouble() -> None:
+    total_sum, step = ca.SX(0), ca.SX(1)
+    for i in range(5000):
+        step = ca.sin(step * X[i % 5] + 0.1)
+        total_sum = total_sum + step
+    work = traced(total_sum)
+    assert len(live(share(factor(work)))) > 10_000
+
+
+def test_program_of_toy() -> None:
+    toy_program = program(toy())
+    dynamics = toy_program.kernel("dynamics")
+    assert dynamics.operations["total"] <= 46
+    assert dynamics.operations["total"] == sum(n for kind, n in dynamics.operations.items() if kind != "total")
+    assert dynamics.uses == ("x", "u", "p")
+    titles = [section.title for section in dynamics.sections]
+    assert titles[0] == "M: joint-space mass matrix" and titles[-1].startswith("xdot")
+    assert toy_program.kernel("constant").uses == ()
+    assert {entry.step for entry in toy_program.ledger} >= {"fold", "factor", "share"}
+    assert all(entry.before >= 0 for entry in toy_program.ledger)
+
+
+def test_functions_are_chosen_by_name() -> None:
+    chosen = program(toy(), ["energy"])
+    assert [kernel.name for kernel in chosen.kernels] == ["energy"]
+    assert "function dynamics" in chosen.left_out and "argument t" in chosen.left_out
+    with pytest.raises(HamelError, match="no function 'nonsense'"):
+        program(toy(), ["nonsense"])
+
+
+def test_guard_tolerance_follows_the_scale() -> None:
+    guard = program(toy()).kernel("dynamics").guards[0]
+    assert guard.limit == 1e-12 and 0 < guard.tolerance
+
+
+def test_names_that_would_clash() -> None:
+    equations = toy()
+    labels = ("sin", "x", "while", "der(q1)")
+    argument = SimpleNamespace(**{**vars(equations.arguments[1]), "labels": labels})
+    arguments = (equations.arguments[0], argument, *equations.arguments[2:])
+    renamed: Any = SimpleNamespace(**{**vars(equations), "arguments": arguments})
+    names = program(renamed, ["dynamics", "odd"]).argument("x").names
+    assert len(set(names)) == 4 and not {"sin", "x", "while"} & set(names)

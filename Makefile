@@ -9,10 +9,10 @@ DEMO   := build/demo
 .PHONY: demo test test-slow lint fresh clean
 
 demo: $(VENV)/.run-time
-	$(HAMEL) build models/snake3.yaml -o $(DEMO)/snake3
+	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
 	$(HAMEL) verify models/snake3.yaml
 	$(HAMEL) simulate models/snake3.yaml --set tau1=0.01 --time 5 -o $(DEMO)/snake3.csv --plot $(DEMO)/snake3.svg
-	$(HAMEL) build models/four_bar.yaml -o $(DEMO)/four_bar
+	$(HAMEL) build models/four_bar.yaml --numpy -o $(DEMO)/four_bar
 	$(HAMEL) verify models/four_bar.yaml
 	$(HAMEL) simulate models/four_bar.yaml --time 10 -o $(DEMO)/four_bar.csv --plot $(DEMO)/four_bar.svg
 	@echo

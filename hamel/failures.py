@@ -6,6 +6,7 @@ import json
 import os
 import sys
 import traceback
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -20,6 +21,7 @@ USAGE, INTERNAL, INTERRUPTED, PIPE = 64, 70, 130, 141  # sysexits.h and 128 + si
 
 def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
     """Run `command` and return the exit code; errors go to standard error or, with --json, to standard output as one object."""
+    warnings.formatwarning = lambda message, *place, **more: f"warning: {message}\n"
     try:
         _check_neighbours()
         code = command()

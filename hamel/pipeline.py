@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import tempfile
 import time
+import warnings
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from codegen.build import Built as MadeFolder
     from codegen.program import Program
     from derive.formulations.records import Equations
     from derive.mechanics.records import System
@@ -94,7 +96,7 @@ def program_of(equations: Equations, functions: Collection[str] | None = None, c
         return program(equations, None if functions is None else tuple(functions))
 
 
-def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None) -> Any:
+def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None) -> MadeFolder:
     """Program → folder: text of all targets, compiled."""
     with (clock or Clock())("code"):
         from codegen.build import build
@@ -109,10 +111,18 @@ def load_module(folder: Path) -> ModuleType:
     return load(folder)
 
 
+def load_quietly(made: MadeFolder) -> ModuleType:
+    """The module that was just made; says what to install, instead of what to run in a folder that will be gone."""
+    if made.message:
+        warnings.warn(made.message, RuntimeWarning, stacklevel=3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return load_module(made.folder)
+
+
 @contextmanager
 def temporary_module(equations: Equations) -> Iterator[ModuleType]:
     """A module that is needed for the length of a command; codegen's cache keeps what was compiled."""
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
         place = Path(folder) / equations.system.model.name
-        emit(program_of(equations), place, {})
-        yield load_module(place)
+        yield load_quietly(emit(program_of(equations), place, {}))

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError, did_you_mean, listed
+from derive.expressions import tree
+from derive.expressions.dimensions import infer
+from derive.expressions.evaluate import number
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import expression
+from derive.expressions.parser import unit as parsed_unit
 
 if TYPE_CHECKING:
     from derive.model.records import Model
@@ -59,12 +65,14 @@ def _unknown(name: str, units: Mapping[str, str]) -> str:
 
 
 def _parsed(name: str, text: str, unit: str, parameters: Mapping[str, float]) -> float:
-    from derive.expressions import tree
-    from derive.expressions.dimensions import infer
-    from derive.expressions.evaluate import number
-    from derive.expressions.parser import expression
-    from derive.expressions.parser import unit as parsed_unit
+    """The value of a formula of parameters; what is wrong with it is said of this name."""
+    try:
+        return _evaluated(name, text, unit, parameters)
+    except FormulaError as error:
+        raise ModelError([replace(found, file=f"value of {name}") for found in error.diagnostics]) from None
 
+
+def _evaluated(name: str, text: str, unit: str, parameters: Mapping[str, float]) -> float:
     formula = expression(text, parameters)
     strange = [
         node.name for node in tree.walk(formula) if isinstance(node, tree.Name | tree.Rate) and node.name not in parameters

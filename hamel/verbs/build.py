@@ -8,8 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from codegen.compiler import INSTALL
 from derive.diagnostics import ToolchainError, VerificationError
-from hamel.pipeline import Clock, Constants, emit, equations_of, load_module, program_of
+from hamel.pipeline import Clock, Constants, emit, equations_of, load_quietly, program_of
 from hamel.records import Built
 from hamel.verify import verification
 
@@ -45,9 +46,10 @@ def _confirm(equations: Equations, program: Program, states: int, numpy: bool, c
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as trial:
         made = emit(program, Path(trial) / program.name, {}, clock)
         if not (made.compiled or numpy):
-            raise ToolchainError(made.message, hint="or build with --numpy: the module then runs on NumPy until it is compiled")
+            hint = "or build with --numpy: the module then runs on NumPy until it is compiled"
+            raise ToolchainError(f"no C compiler found: {INSTALL}", hint)
         with clock("verify"):
-            module = load_module(made.folder)
+            module = load_quietly(made)
             found = verification(equations.system.model, equations, module, states=states)
     failed = [check for check in found.checks if not check.passed]
     if failed:

@@ -154,12 +154,21 @@ class _Parser:
         if token.kind == "name":
             return self._named()
         if token.text == "(":
-            return self._bracketed(")")[0]
+            return self._bracketed_quantity() or self._bracketed(")")[0]
         if token.text == "[" and self.vectors:
             return tree.Vector(tuple(self._bracketed("]", many=True)), token.at)
         if token.text == "[":
             self._refuse("a list inside a formula", token.at, "a number, a name, a function or a bracket")
         self._refuse_token(token, "a number, a name, a function or a bracket")
+
+    def _bracketed_quantity(self) -> tree.Number | None:
+        """(0.1 N*m): a number and its unit alone in brackets, whatever the model calls its own things."""
+        start, end = self.token.at, self.text.find(")", self.token.at)
+        found = quantity(self.text[start + 1 : end]) if end > 0 else None
+        if found is None or not found.unit:
+            return None
+        self.token = self._read(end + 1)
+        return tree.Number(found.value, found.unit, start)
 
     def number(self) -> tree.Number:
         token = self.take()
@@ -191,7 +200,7 @@ class _Parser:
             self._refuse(
                 f"'{following.text}' can be the unit or the model's own name here",
                 following.at,
-                "the number with its unit in brackets, such as (2 kg)*g, or a parameter for the number",
+                f"brackets: (2 N*{following.text}) for the unit, (2 N)*{following.text} for the name",
             )
         return True
 

@@ -112,7 +112,7 @@ class Reader:
         if _fits(dimension_of(plain.unit), dimension_of(wanted)):
             return plain
         own = [word for word in re.findall(r"[A-Za-z_]\w*", text) if word in self.scope.symbols]
-        hint = f"'{own[-1]}' is read as a unit here; in (2 kg)*{own[-1]} it is the model's own name" if own else ""
+        hint = f"'{own[-1]}' is read as a unit here; in (2 N)*{own[-1]} it is the model's own name" if own else ""
         raise FormulaError(f"{where} in {plain.unit}", text, _first_place(text), wanted or ANGLE, hint)
 
     def of_parameters(self, scalar: Scalar, where: str, unit: str) -> Expression:

@@ -45,6 +45,15 @@ def test_the_control_loop_reaches_its_heading(sled, monkeypatch):
     assert x["speed"] == pytest.approx(1.5 / 2, rel=1e-2)  # push against snow
 
 
+def test_the_mistake_is_answered_as_shown(sled, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("sled.yaml").write_text((sled / "sled.yaml").read_text().replace("velocity: base.w}", "velocity: base.omega}"))
+    command, said = blocks("console")[0].split("\n", 1)
+    with pytest.raises(SystemExit):
+        main(command.split()[2:])
+    assert capsys.readouterr().err == said
+
+
 def test_every_verb_and_exit_code_is_in_the_tables():
     verbs = set(re.findall(r"^\| `hamel (\w+)", README, re.MULTILINE))
     assert verbs == set(group.commands)

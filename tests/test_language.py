@@ -320,7 +320,8 @@ def test_outputs() -> None:
     model = load_text(
         ARM.replace("child: b", "child: b, at: [0, 0]")
         + "constraints: {c: {holonomic: q - 1}}\n"
-        + 'outputs: {a: position(b), v: "velocity(b, [l, 0])", th: angle(b), r: reaction(c), qq: q, w: der(q), T: m*l^2*der(q)^2}\n'
+        + 'outputs: {a: position(b), v: "velocity(b, [l, 0])", th: angle(b), r: reaction(c), '
+        + "qq: q, w: der(q), T: m*l^2*der(q)^2}\n"
     )
     assert {output.name: output.unit for output in model.outputs} == {
         "a": "m",

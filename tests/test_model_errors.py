@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import AssumptionError, Diagnostic, HamelError, ModelError, ToolchainError, VerificationError, nearest
 from derive.model import Model, load, load_text
 
 MODELS = sorted((Path(__file__).parent.parent / "models").glob("*.yaml"))
@@ -716,3 +716,34 @@ def test_mutated_models(path: Path, data: st.DataObject) -> None:
 def test_any_structure(node: object, data: st.DataObject) -> None:
     section = data.draw(st.sampled_from(SECTIONS))
     readable(json.dumps({"model": "a", section: node, "coordinates": {"x": "m"}}))
+
+
+def test_exit_codes() -> None:
+    codes = [kind("x").exit_code for kind in (HamelError, ModelError, AssumptionError, ToolchainError, VerificationError)]
+    assert codes == [1, 1, 2, 3, 4]
+
+
+def test_a_problem_without_a_place() -> None:
+    assert str(ToolchainError("no C compiler found", hint="install gcc")) == "error: no C compiler found\n  install gcc"
+
+
+def test_the_caret_follows_tabs_and_long_lines_are_cut() -> None:
+    tabbed = Diagnostic("f", 1, 4, 2, "no", source_line="a\tb cd")
+    assert str(tabbed).splitlines()[2] == "   \t ^^"
+    long = str(Diagnostic("f", 1, 5001, 3, "no", source_line="x" * 5000 + "bad" + "y" * 5000)).splitlines()
+    assert len(long[1]) < 200
+    assert long[1][long[2].index("^") :].startswith("bad")
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "expected"),
+    [
+        ("Q1", ["q2", "q1"], "q1"),
+        ("masss", ["mass", "com"], "mass"),
+        ("zzz", ["mass"], None),
+        ("mass", [], None),
+        ("", ["a"], None),
+    ],
+)
+def test_nearest(name: str, known: list[str], expected: str | None) -> None:
+    assert nearest(name, known) == expected

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from derive.joints.records import Still
 from derive.joints.rotations import IDENTITY, axis_rotation, dot, inverse, matrix, merged, product, transpose, turn
 from derive.mechanics import system
 from derive.mechanics.initial import initial_state
@@ -141,10 +142,10 @@ def test_inertia_seen_from_another_frame() -> None:
     body = Inertia(2.0, [0.0, 0.0, 0.0], (half @ half.T).tolist())
     R = np.array(axis_rotation([0.6, 0.0, 0.8], 0.7), dtype=float)
     r = rng.normal(size=3)
-    seen = moved(moved(body, R.tolist(), r.tolist()), R.T.tolist(), (-R.T @ r).tolist())
+    seen = moved(moved(body, (Still(R.tolist()),), r.tolist()), (Still(R.T.tolist()),), (-R.T @ r).tolist())
     np.testing.assert_allclose(np.array(seen.tensor, dtype=float), half @ half.T, atol=1e-12)
     steiner = R @ half @ half.T @ R.T + 2.0 * (r @ r * np.eye(3) - np.outer(r, r))
-    np.testing.assert_allclose(np.array(moved(body, R.tolist(), r.tolist()).tensor, dtype=float), steiner, atol=1e-12)
+    np.testing.assert_allclose(np.array(moved(body, (Still(R.tolist()),), r.tolist()).tensor, dtype=float), steiner, atol=1e-12)
     assert summed(body, body).mass == 4.0
 
 

@@ -6,9 +6,12 @@ A quick estimate for comparing derivations; the figures in manifests are those o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any, TypeVar
 
 import casadi as ca
+
+Nested = TypeVar("Nested", bound=Sequence[Any])
 
 FREE = {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_PARAMETER}
 COMMUTES = {ca.OP_ADD, ca.OP_MUL}
@@ -39,3 +42,14 @@ def _key(function: ca.Function, k: int, op: int, inputs: list[int], slots: dict[
         return op, *inputs
     operands = [slots[i] for i in inputs]
     return op, *(sorted(operands) if op in COMMUTES else operands)
+
+
+def cheapest(candidates: Iterable[Nested]) -> Nested:
+    """Of equivalent results, each a list of scalars or of rows of scalars, the one that needs the fewest operations."""
+    known = list(candidates)
+    return known[0] if len(known) == 1 else min(known, key=lambda entries: operations([], [_column(entries)]))
+
+
+def _column(entries: Sequence[Any]) -> ca.SX:
+    flat = [x for row in entries for x in (row if isinstance(row, list) else [row])]
+    return ca.vertcat(*[ca.SX(x) for x in flat])

@@ -10,19 +10,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product as combinations
+from typing import Any
 
 import casadi as ca
 
-from derive.expressions.counting import operations
+from derive.expressions.counting import cheapest, operations
+from derive.formulations.elimination import Elimination
 from derive.formulations.reduction import Reduction
 from derive.joints.records import Matrix, Scalar, Vector
 from derive.joints.rotations import dot
+from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.forms import Form
 from derive.mechanics.motion import Numbers
-from derive.mechanics.records import Named, System
+from derive.mechanics.records import Inertia, Named, System
 from derive.mechanics.solve import ldl_solution, scalars
-from derive.mechanics.system import bias_rates
-from derive.mechanics.tree import Wrench, gravities, ground_rotations, inertia_force, joint_forces, momentum, twists
+from derive.mechanics.tree import Wrench, gravities, ground_rotations, inertia_force, joint_forces, momentum
+
+MANY = 12  # with more base velocities than this, not every combination is counted
 
 
 @dataclass(frozen=True)
@@ -51,8 +55,16 @@ class Explicit:
 def explicit(system: System, reduction: Reduction) -> Explicit:
     """The explicit equations, gathered in the way that needs the fewest operations."""
     masses, forces = _masses(system, reduction), _forces(system, reduction)
+    if len(masses) * len(forces) > 1 and system.v.numel() > MANY:
+        masses, forces = _only_cheapest(masses), _only_cheapest(forces)
     found = [_solved(system, reduction, f"{a}, {b}", masses[a], forces[b]) for a, b in combinations(masses, forces)]
     return min(found, key=lambda x: x.operations)
+
+
+def _only_cheapest(candidates: dict[str, Any]) -> dict[str, Any]:
+    """For large systems, where all combinations are too many to count, each side is judged by itself."""
+    best = cheapest(candidates.values())
+    return {name: value for name, value in candidates.items() if value is best}
 
 
 def _solved(system: System, reduction: Reduction, gathered: str, mass: Matrix, force: Vector) -> Explicit:
@@ -82,47 +94,58 @@ def _sparse(rows: Matrix) -> ca.SX:
 def _masses(system: System, reduction: Reduction) -> dict[str, Matrix]:
     """Sᵀ M S, by joints and, where the walk gave twists as forms, by links."""
     result = {"mass matrix by joints": scalars(_symmetric_product(reduction.S, system.M))}
-    if reduction.walked is not None and system.links:
-        result["mass matrix by links"] = _mass_by_links(system, reduction)
+    if reduction.walked is not None and system.links and system.rows:
+        for label, inertias in _inertias(system):
+            result[f"mass matrix by links{label}"] = _mass_by_links(system, reduction, inertias)
     return result
+
+
+def _inertias(system: System) -> list[tuple[str, tuple[Inertia, ...]]]:
+    return list(zip(("", " (regrouped inertias)"), system.inertias))
 
 
 def _symmetric_product(S: ca.SX, M: ca.SX) -> ca.SX:
-    return ca.mtimes(S.T, ca.mtimes(M, S))
+    return M if _is_identity(S) else ca.mtimes(S.T, ca.mtimes(M, S))
+
+
+def _is_identity(S: ca.SX) -> bool:
+    return S.is_square() and bool((S - ca.SX.eye(S.size1())).is_zero())
 
 
 def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
-    """Sᵀ (Q − h − M σ), likewise."""
-    motion = _motion(system, reduction)
-    wrenches = _wrenches(system, *motion)
+    """Sᵀ (Q − h − M σ), likewise: with accelerations recomputed from v and σ, or with the rates the rows needed anyway."""
     Q = _at(system, reduction, system.Q - system.h_extra) - ca.mtimes(system.M_extra, reduction.sigma)
-    inertial = _column(joint_forces(system.links, wrenches, system.v.numel()))
-    by_joints = ca.mtimes(reduction.S.T, Q - inertial)
-    result = {"forces by joints": [by_joints[k] for k in range(by_joints.numel())]}
-    if reduction.walked is not None and system.links:
-        applied = ca.mtimes(reduction.S.T, Q)
+    applied = ca.mtimes(reduction.S.T, Q)
+    result: dict[str, Vector] = {}
+    v, sigma = _entries(reduction.v), _entries(reduction.sigma)
+    for label, inertias in _inertias(system):
+        wrenches = newton_euler(system.links, inertias, v, sigma, system.gravity)
+        result[f"forces by joints{label}"] = _by_joints(system, reduction, Q, wrenches)
+        if reduction.walked is None or not system.rows:
+            continue
+        wrenches = _wrenches(system, reduction.walked, inertias)
+        result[f"forces by joints from rates{label}"] = _by_joints(system, reduction, Q, wrenches)
         by_links = _force_by_links(reduction, wrenches)
-        result["forces by links"] = [applied[k] - by_links[k] for k in range(len(by_links))]
+        result[f"forces by links{label}"] = [applied[k] - by_links[k] for k in range(len(by_links))]
     return result
+
+
+def _entries(column: ca.SX) -> Vector:
+    return [column[i] for i in range(column.numel())]
+
+
+def _by_joints(system: System, reduction: Reduction, Q: ca.SX, wrenches: list[Wrench]) -> Vector:
+    inertial = _column(joint_forces(system.links, wrenches, system.v.numel()))
+    return _entries(ca.mtimes(reduction.S.T, Q - inertial))
 
 
 def _at(system: System, reduction: Reduction, expression: ca.SX) -> ca.SX:
     return ca.substitute(expression, system.v, reduction.v)
 
 
-def _motion(system: System, reduction: Reduction) -> tuple[list[Numbers], list[Numbers]]:
-    """Twists and their rates at ẇ = 0 of all links."""
-    if reduction.walked is not None:
-        return reduction.walked.numbers, reduction.walked.rates
-    v = [reduction.v[j] for j in range(reduction.v.numel())]
-    sigma = [reduction.sigma[j] for j in range(reduction.sigma.numel())]
-    numbers = twists(system.links, v)
-    return numbers, bias_rates(system.links, numbers, v, sigma)
-
-
-def _wrenches(system: System, numbers: list[Numbers], rates: list[Numbers]) -> list[Wrench]:
+def _wrenches(system: System, walked: Elimination, inertias: tuple[Inertia, ...]) -> list[Wrench]:
     down = gravities(system.links, ground_rotations(system.links), system.gravity)
-    return [inertia_force(link.inertia, twist, rate, g) for link, twist, rate, g in zip(system.links, numbers, rates, down)]
+    return [inertia_force(*args) for args in zip(inertias, walked.numbers, walked.rates, down)]
 
 
 def _columns(reduction: Reduction, i: int) -> list[Numbers]:
@@ -136,13 +159,13 @@ def _coefficients(forms: list[Form], k: int) -> Vector:
     return [form.get(("w", k), 0.0) for form in forms]
 
 
-def _mass_by_links(system: System, reduction: Reduction) -> Matrix:
+def _mass_by_links(system: System, reduction: Reduction, inertias: tuple[Inertia, ...]) -> Matrix:
     nw = len(reduction.names)
     extra = scalars(_symmetric_product(reduction.S, system.M_extra))
-    for i, link in enumerate(system.links):
+    for i, body in enumerate(inertias):
         columns = _columns(reduction, i)
         for a in range(nw):
-            n, f = momentum(link.inertia, columns[a])
+            n, f = momentum(body, columns[a])
             for b in range(a + 1):
                 extra[a][b] = extra[a][b] + _power(columns[b], (n, f))
     return [[extra[max(a, b)][min(a, b)] for b in range(nw)] for a in range(nw)]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import casadi as ca
+
 from derive.joints import joint_type
-from derive.joints.records import Matrix, Rotation, Scalar, Still, Vector
-from derive.joints.rotations import IDENTITY, cross, dot, inverse, is_zero, matrix, merged, product, rotated, sum_of, transpose
+from derive.joints.records import Matrix, Rotation, Scalar, Still, Turn, Vector
+from derive.joints.rotations import UNIT, cross, dot, inverse, is_zero, matrix, merged, product, rotated, sum_of, transpose
 from derive.mechanics.records import Inertia, Link, Place
 from derive.mechanics.symbols import Symbols
 from derive.model.records import GROUND, Body, Joint, Model, Placement
@@ -89,7 +92,7 @@ def _welded(symbols: Symbols, joint: Joint, carrier: Place) -> Place:
 def _absorb(links: list[Link], place: Place, extra: Inertia) -> None:
     if place.link >= 0:
         link = links[place.link]
-        links[place.link] = replace(link, inertia=summed(link.inertia, moved(extra, matrix(place.rotation), place.position)))
+        links[place.link] = replace(link, inertia=summed(link.inertia, moved(extra, place.rotation, place.position)))
 
 
 def inertia(symbols: Symbols, body: Body) -> Inertia:
@@ -117,22 +120,106 @@ def summed(a: Inertia, b: Inertia) -> Inertia:
     return Inertia(a.mass + b.mass, sum_of(a.moment, b.moment), _added(a.tensor, b.tensor))
 
 
-def moved(i: Inertia, R: Matrix, r: Vector) -> Inertia:
-    """The same inertia seen from a frame in which its own sits with R (frame ← own) at r.
+def moved(i: Inertia, rotation: Rotation, r: Vector) -> Inertia:
+    """The same inertia seen from a frame in which its own sits with `rotation` (frame ← own) at r.
 
-    m' = m, (mc)' = R mc + m r, I' = R I Rᵀ + m [r·r] + 2 r·mc − …: I' = R I Rᵀ − ([r]× [mc']× + [R mc]× [r]×).
+    m' = m,  (mc)' = R mc + m r,  I' = R I Rᵀ − [r]× [(mc)']× − [R mc]× [r]×; upper triangle only, then mirrored.
     """
-    turned = rotated(R, i.moment)
+    turned = rotated(matrix(rotation), i.moment)
     moment = sum_of(turned, _scaled(i.mass, r))
-    tensor = i.tensor if R is IDENTITY else product(product(R, i.tensor), transpose(R))
-    shift = _added(_cross_product(r, moment), _cross_product(turned, r))
-    return Inertia(i.mass, moment, [[x - y for x, y in zip(a, b)] for a, b in zip(tensor, shift)])
+    tensor = i.tensor
+    for factor in reversed(rotation):
+        tensor = _turned_tensor(tensor, factor)
+    return Inertia(i.mass, moment, symmetric(lambda a, b: tensor[a][b] - _shift(r, moment, turned, a, b)))
 
 
-def _cross_product(a: Vector, b: Vector) -> Matrix:
-    """[a]× [b]× = b aᵀ − (a·b) 1."""
-    along = dot(a, b)
-    return [[dot([b[i]], [a[j]]) - (along if i == j else 0.0) for j in range(3)] for i in range(3)]
+def symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
+    """A symmetric 3 × 3 matrix from its upper triangle."""
+    upper = {(a, b): entry(a, b) for a in range(3) for b in range(a, 3)}
+    return [[upper[min(a, b), max(a, b)] for b in range(3)] for a in range(3)]
+
+
+def _shift(r: Vector, moment: Vector, turned: Vector, a: int, b: int) -> Scalar:
+    """Entry of [r]× [moment]× + [turned]× [r]×, with [x]× [y]× = y xᵀ − (x·y) 1."""
+    off = dot([moment[a]], [r[b]]) + dot([r[a]], [turned[b]])
+    if a != b:
+        return off
+    others = [k for k in range(3) if k != a]
+    return -sum((dot([r[k]], [moment[k]]) + dot([turned[k]], [r[k]]) for k in others), 0.0)
+
+
+def _turned_tensor(I: Matrix, factor: Turn | Still) -> Matrix:
+    """R I Rᵀ for one factor of a rotation."""
+    if isinstance(factor, Turn) and factor.axis in UNIT.values():
+        return _spun_tensor(I, factor)
+    R = matrix((factor,))
+    half = product(R, I)
+    return symmetric(lambda a, b: dot(half[a], R[b]))
+
+
+def _spun_tensor(I: Matrix, turn: Turn) -> Matrix:
+    """About a principal axis z with c, s and k = s (Ixx − Iyy) + 2 c Ixy:
+    Ixx' = Ixx − s k,  Iyy' = Iyy + s k,  Ixy' = c k − Ixy,  (Ixz', Iyz') turned like a vector.
+    """
+    z = turn.axis.index(1.0)
+    x, y = (z + 1) % 3, (z + 2) % 3
+    s, c = ca.sin(turn.angle), ca.cos(turn.angle)
+    k = dot([s], [I[x][x] - I[y][y]]) + dot([c], [2.0 * I[x][y]])
+    result = [list(row) for row in I]
+    result[x][x], result[y][y] = I[x][x] - dot([s], [k]), I[y][y] + dot([s], [k])
+    result[x][y] = result[y][x] = dot([c], [k]) - I[x][y]
+    result[x][z] = result[z][x] = dot([c, -s], [I[x][z], I[y][z]])
+    result[y][z] = result[z][y] = dot([s, c], [I[x][z], I[y][z]])
+    return result
+
+
+def regrouped(links: Sequence[Link]) -> tuple[Inertia, ...]:
+    """Inertias with everything a joint cannot feel moved to the link that carries it; M and h stay the same.
+
+    Of a link that turns about z through the joint point: mass, mz and the part diag(Iyy, Iyy, 0) look the same from the
+    carrier at every angle. Of a link that slides: its tensor about the origin. What reaches the ground is dropped.
+    (Gautier & Khalil 1990, base inertial parameters.)
+    """
+    result = [link.inertia for link in links]
+    for i in reversed(range(len(links))):
+        link = links[i]
+        if len(link.columns) != 1:
+            continue
+        common = _unfelt(link, result[i])
+        if common is None:
+            continue
+        result[i] = summed(result[i], _negative(moved(common, (), link.b)))
+        if link.parent >= 0:
+            seen = moved(common, _at_zero(link.rotation), _start(link))
+            result[link.parent] = summed(result[link.parent], seen)
+    return tuple(result)
+
+
+def _unfelt(link: Link, own: Inertia) -> Inertia | None:
+    """The part, about the joint point, that moves with the carrier at every position of the joint."""
+    z = link.turns_about
+    if z < 0:
+        if any(not is_zero(x) for x in link.motion[0][:3]):
+            return None
+        return Inertia(0.0, [0.0] * 3, moved(own, (), [-x for x in link.b]).tensor)
+    at_joint = moved(own, (), [-x for x in link.b])
+    y = (z + 2) % 3
+    across = at_joint.tensor[y][y]
+    tensor = [[across if a == b and a != z else 0.0 for b in range(3)] for a in range(3)]
+    return Inertia(at_joint.mass, [x if k == z else 0.0 for k, x in enumerate(at_joint.moment)], tensor)
+
+
+def _negative(i: Inertia) -> Inertia:
+    return Inertia(-i.mass, [-x for x in i.moment], [[-x for x in row] for row in i.tensor])
+
+
+def _at_zero(rotation: Rotation) -> Rotation:
+    return tuple(f if isinstance(f, Still) else Turn(f.axis, 0.0) for f in rotation)
+
+
+def _start(link: Link) -> Vector:
+    """The joint point in the carrier; a sliding link hands down a tensor alone, for which the place does not matter."""
+    return link.a if link.turns_about >= 0 else [0.0, 0.0, 0.0]
 
 
 def carried(twist: tuple[Vector, Vector], R: Matrix, a: Vector) -> tuple[Vector, Vector]:

@@ -132,6 +132,7 @@ class System:
     outputs: tuple[tuple[str, ca.SX, str], ...]  # name, value, unit
     rows: tuple[Row, ...]
     links: tuple[Link, ...]
+    inertias: tuple[tuple[Inertia, ...], ...]  # equivalent sets: as given, and regrouped across the joints
     places: tuple[tuple[str, Place], ...]  # body name → where it is
     blocks: tuple[tuple[tuple[RowForm, ...], ...], ...]
     definite: bool  # M is positive definite at the nominal values

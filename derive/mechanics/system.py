@@ -7,13 +7,15 @@ from collections.abc import Collection, Sequence
 import casadi as ca
 import numpy as np
 
+from derive.expressions.counting import cheapest
 from derive.joints import joint_type
 from derive.joints.records import Matrix, Scalar, Vector
 from derive.joints.rotations import is_zero
+from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.constraints import Block, Scene, blocks
 from derive.mechanics.forms import ONE, Form
-from derive.mechanics.links import links_and_places
+from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied
 from derive.mechanics.motion import (
     REST,
@@ -28,14 +30,12 @@ from derive.mechanics.motion import (
     with_products,
 )
 from derive.mechanics.outputs import outputs
-from derive.mechanics.records import Link, RowForm, System
+from derive.mechanics.records import Inertia, RowForm, System
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
-    gravities,
     gravity_energy,
     ground_positions,
     ground_rotations,
-    inertia_force,
     joint_forces,
     kinetic_energy,
     mass_matrix,
@@ -77,8 +77,9 @@ def _assembled(
     g: Vector,
 ) -> System:
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
-    M = _matrix(mass_matrix(links, nv), nv, nv) + extra.M
-    h = ca.vertcat(*_bias(scene, numbers, g, nv)) + extra.h
+    inertias = (tuple(link.inertia for link in links), regrouped(links))
+    M = _matrix(cheapest([mass_matrix(links, i, nv) for i in inertias]), nv, nv) + extra.M
+    h = ca.vertcat(*cheapest([_bias(scene, i, g, nv) for i in inertias])) + extra.h
     A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
     phi = ca.vertcat(*[x for block in found for x in block.phi]) if any(b.phi for b in found) else ca.SX(0, 1)
     T = ca.SX(kinetic_energy(links, numbers)) + extra.T
@@ -112,6 +113,7 @@ def _assembled(
         outputs=outputs(scene),
         rows=tuple(row for block in found for row in block.rows),
         links=links,
+        inertias=inertias,
         places=tuple(scene.places.items()),
         blocks=tuple(block.ways for block in found),
         definite=_is_definite(M, s),
@@ -149,24 +151,10 @@ def _qdot(model: Model, s: Symbols) -> ca.SX:
     return ca.vertcat(*[rates[c.name] for c in model.coordinates])
 
 
-def _bias(scene: Scene, numbers: list[Numbers], g: Vector, nv: int) -> list[Scalar]:
+def _bias(scene: Scene, inertias: Sequence[Inertia], g: Vector, nv: int) -> list[Scalar]:
     """Newton–Euler with v̇ = 0: velocity products and gravity."""
-    down = gravities(scene.links, scene.rotations, g)
-    rates = bias_rates(scene.links, numbers, _entries(scene.symbols.v), [0.0] * nv)
-    wrenches = [inertia_force(*args) for args in zip([x.inertia for x in scene.links], numbers, rates, down)]
+    wrenches = newton_euler(scene.links, inertias, _entries(scene.symbols.v), [0.0] * nv, g)
     return joint_forces(scene.links, wrenches, nv)
-
-
-def bias_rates(links: Sequence[Link], numbers: Sequence[Numbers], v: Sequence[Scalar], vdot: Sequence[Scalar]) -> list[Numbers]:
-    """Rates of all twists for given v̇, by the recursion of derive.mechanics.motion over numbers."""
-    result: list[Twist] = []
-    for link in links:
-        parent = numbers[link.parent] if link.parent >= 0 else REST_NUMBERS
-        before = parent_part(link, result[link.parent] if link.parent >= 0 else REST)
-        products = velocity_products(link, parent, [v[j] for j in link.columns])
-        joint: list[Form] = [{} if is_zero(vdot[j]) else {ONE: vdot[j]} for j in link.columns]
-        result.append(twist(link, with_products(before, products), joint_part(link, joint)))
-    return [([f.get(ONE, 0.0) for f in x[0]], [f.get(ONE, 0.0) for f in x[1]]) for x in result]
 
 
 def _rows(scene: Scene, numbers: list[Numbers], rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:

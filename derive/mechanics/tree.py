@@ -129,21 +129,21 @@ def joint_forces(links: Sequence[Link], wrenches: Sequence[Wrench], nv: int) -> 
     return result
 
 
-def composite_inertias(links: Sequence[Link]) -> list[Inertia]:
+def composite_inertias(links: Sequence[Link], inertias: Sequence[Inertia]) -> list[Inertia]:
     """Each link's inertia with everything that hangs on it."""
-    result = [link.inertia for link in links]
+    result = list(inertias)
     for i in reversed(range(len(links))):
         link = links[i]
         if link.parent >= 0:
-            at_joint = moved(result[i], IDENTITY, [-x for x in link.b])
-            result[link.parent] = summed(result[link.parent], moved(at_joint, link.R, link.a))
+            at_joint = moved(result[i], (), [-x for x in link.b])
+            result[link.parent] = summed(result[link.parent], moved(at_joint, link.rotation, link.a))
     return result
 
 
-def mass_matrix(links: Sequence[Link], nv: int) -> Matrix:
+def mass_matrix(links: Sequence[Link], inertias: Sequence[Inertia], nv: int) -> Matrix:
     """Composite-body M, nv × nv; entries of links on different branches stay exact zeros."""
     result: Matrix = [[0.0] * nv for _ in range(nv)]
-    for i, (link, body) in enumerate(zip(links, composite_inertias(links))):
+    for i, (link, body) in enumerate(zip(links, composite_inertias(links, inertias))):
         for column, j in zip(link.motion, link.columns):
             omega, slide = list(column[:3]), list(column[3:])
             at_origin = (omega, sum_of(slide, cross(link.b, omega)))

@@ -14,6 +14,7 @@ from derive.formulations.records import Equations, Function
 from derive.mechanics import sampling
 from derive.mechanics.records import System
 from hamel.verify.reference import Kinematics, Outcome, Reference, evaluate, kinematics, state_of
+from hamel.verify.roundoff import bound
 from hamel.verify.saddle import row_condition
 from hamel.verify.states import State
 from hamel.verify.vectors import Array
@@ -114,6 +115,12 @@ class Graph:
             if residual <= function.iteration.tolerance:
                 break
         return x
+
+    def roundoff(self, name: str) -> ca.Function:
+        """(t, x, u, p) → a bound of the roundoff in a function's result."""
+        function = next(function for function in self.equations.functions if function.name == name)
+        arguments = _slots({argument.name: argument.symbols for argument in self.equations.arguments}, function)
+        return ca.Function("roundoff", arguments, [bound(arguments, ca.densify(function.result.value))])
 
     def has(self, name: str) -> bool:
         return name in self.functions
@@ -218,6 +225,17 @@ class Evidence:
             return None
         rows = zip(self.samples, self.states_of(graph))
         return [np.array(graph.named[name](s.t, x, s.u, s.p)) for s, x in rows]
+
+    @cached_property
+    def expected(self) -> dict[str, tuple[Array, Array]]:
+        """For every function the graph's results and the roundoff in them, states × entries."""
+        return {function.name: self._expected(function.name) for function in self.graph.equations.functions}
+
+    def _expected(self, name: str) -> tuple[Array, Array]:
+        roundoff = self.graph.roundoff(name)
+        rows = [(s.t, x, s.u, s.p) for s, x in zip(self.samples, self.arguments_of(name))]
+        values = [np.ravel(self.graph.iterated(name, *row)) for row in rows]
+        return np.array(values), np.array([np.ravel(np.array(roundoff(*row))) for row in rows])
 
     def results(self, name: str) -> tuple[Array, ...]:
         """A function of this choice at every state."""

@@ -130,12 +130,19 @@ class Program:
     kernels: tuple[Kernel, ...]
     ledger: tuple[Entry, ...] = ()
     left_out: tuple[str, ...] = ()  # functions and arguments this model has no use for
+    positions: int = 0  # leading rows of `constraints` that are position constraints
     nominal: tuple[float, ...] = ()  # a state to show in examples; any when empty
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
         return hashlib.sha256(repr(self).encode()).hexdigest()[:32]
+
+    @property
+    def simulates(self) -> bool:
+        """Is there a state derivative to integrate?"""
+        length = len(self.argument("x").names)
+        return any(kernel.name == "dynamics" and kernel.shape == (length,) for kernel in self.kernels)
 
     def argument(self, name: str) -> Argument:
         """The argument slot called `name`."""

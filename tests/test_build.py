@@ -112,7 +112,7 @@ def test_read_only_parent(small: Program, tmp_path: Path, monkeypatch: pytest.Mo
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(build.tempfile, "mkdtemp", refuse)
-    with pytest.raises(ToolchainError, match="cannot write .*Permission denied") as error:
+    with pytest.raises(ToolchainError, match=r"cannot write .*Permission denied") as error:
         build.build(small, tmp_path / "toy")
     assert "\n" not in error.value.diagnostics[0].message
 

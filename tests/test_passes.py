@@ -168,7 +168,7 @@ def test_functions_are_chosen_by_name() -> None:
 
 def test_guard_tolerance_follows_the_scale() -> None:
     guard = program(toy()).kernel("dynamics").guards[0]
-    assert guard.limit == 1e-12 and 0 < guard.tolerance
+    assert guard.limit == 1e-12 and guard.tolerance > 0
 
 
 def test_names_that_would_clash() -> None:

@@ -36,7 +36,7 @@ def toy(name: str = "toy", description: str = "Two links on a hinge.", about: st
         Argument("u", u, ("tau",), ("N*m",)),
         Argument("p", p, ("l1", "l2", "m"), ("m", "m", "kg")),
     )
-    system: Any = SimpleNamespace(model=SimpleNamespace(name=name, description=description), constants=())
+    system: Any = SimpleNamespace(model=SimpleNamespace(name=name, description=description), constants=(), phi=ca.SX(0, 1))
     return Equations(
         system,
         "quasi-velocities",
@@ -78,3 +78,27 @@ def _odd(t: ca.SX, x: ca.SX) -> ca.SX:
         ca.if_else(a > 0.1, b, t), ca.fmin(a, b), ca.atan2(a, b), ca.sign(c), ca.erf(a), ca.fabs(a) ** 2.5, ca.exp(-b),
         ca.if_else(ca.logic_and(a < b, ca.logic_not(c >= 0)), -a, ca.tanh(c) - ca.asinh(-c)),
     )  # fmt: skip
+
+
+def circle() -> Equations:
+    """A point driven round the unit circle at rate p, with a wall at t = 9 that it cannot pass; power u · b."""
+    t, x, u, p = ca.SX.sym("t"), ca.SX.sym("x", 2), ca.SX.sym("u", 1), ca.SX.sym("p", 1)
+    labels, units = ("a", "b"), ("m", "m")
+    closing = ca.sumsqr(x) - 1
+    wall = 9 - t
+    step = x - closing / (2 * ca.sumsqr(x)) * x
+    rate = ca.vertcat(-p * x[1] + 1e-30 * ca.sqrt(wall), p * x[0])
+    functions = (
+        Function("dynamics", "state derivative", Result("xdot", rate, labels, units), (), (Guard("wall", wall, 1e-9),)),
+        Function("constraints", "violation", Result("violation", closing, ("phi",), ("m^2",))),
+        Function("project", "on the circle", Result("x", step, labels, units), (), (), Iteration(1e-14, 9), ca.fabs(closing)),
+        Function("power", "power", Result("power", u * x[1], ("power",), ("W",))),
+    )
+    arguments = (
+        Argument("t", t, ("t",), ("s",)),
+        Argument("x", x, labels, units),
+        Argument("u", u, ("force",), ("N",)),
+        Argument("p", p, ("rate",), ("rad/s",)),
+    )
+    system: Any = SimpleNamespace(model=SimpleNamespace(name="circle", description="Round and round."), constants=(), phi=closing)
+    return Equations(system, "quasi-velocities", "both", "it is simple", arguments, functions, (), (), ("b",), (2.0,))

@@ -48,6 +48,7 @@ def program(equations: Equations, functions: Sequence[str] | None = None) -> Pro
         arguments=arguments,
         kernels=tuple(kernels),
         ledger=tuple(ledger),
+        positions=equations.system.phi.numel(),
         left_out=_left_out(equations, arguments, kernels),
     )
 

@@ -7,7 +7,8 @@ from codegen.targets.manifest import MANIFEST
 from codegen.targets.numpy import NUMPY
 from codegen.targets.package import PACKAGE
 from codegen.targets.records import Target
+from codegen.targets.simulate import SIMULATE
 
-TARGETS: tuple[Target, ...] = (C, EXTENSION, NUMPY, PACKAGE, EXAMPLE, MANIFEST)
+TARGETS: tuple[Target, ...] = (C, EXTENSION, SIMULATE, NUMPY, PACKAGE, EXAMPLE, MANIFEST)
 
 __all__ = ["TARGETS", "Target"]

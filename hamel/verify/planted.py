@@ -25,6 +25,8 @@ def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
         "velocity products": ("h", system.h - 2 * _one_entry(system.h - still)),
         "applied force": ("Q", system.Q - 2 * _one_entry(system.Q)),
         "mass": ("M", _with_first(system.M, 1.001)),
+        "mass on one side": ("M", _with_one(system.M, 1.001)),
+        "negative mass": ("M", -system.M),
         "kinematics": ("N", -system.N),
         "rates": ("qdot", _with_first(system.qdot, -1.0)),
         "position": ("phi", system.phi + _one_entry(0.001 * system.phi * system.q[0]) if system.phi.numel() else system.phi),
@@ -60,8 +62,26 @@ def _with_first(matrix: ca.SX, factor: float) -> ca.SX:
     return result
 
 
+def _with_one(matrix: ca.SX, factor: float) -> ca.SX:
+    """The matrix with one entry above the diagonal multiplied."""
+    result = ca.SX(matrix)
+    for i in range(result.size1()):
+        for j in range(i + 1, result.size2()):
+            if not ca.SX(result[i, j]).is_zero():
+                result[i, j] = factor * result[i, j]
+                return result
+    return result
+
+
 def _same(a: ca.SX, b: ca.SX) -> bool:
     return ca.SX(a - b).is_zero()
+
+
+def wrong_matrices(equations: Equations) -> Iterator[tuple[str, Equations]]:
+    """The equations with one entry of a shown matrix (S, R, B, …) of the other sign."""
+    for item in equations.named:
+        wrong = replace(item, value=_with_first(item.value, -1.0))
+        yield item.name, replace(equations, named=tuple(wrong if x.name == item.name else x for x in equations.named))
 
 
 def wrong_functions(equations: Equations, name: str) -> Iterator[tuple[str, Equations]]:

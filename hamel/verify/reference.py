@@ -127,7 +127,7 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
 def energies(ref: Reference, s: State) -> tuple[float, float]:
     """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body and the analytic T; gravity, springs and the analytic V."""
     analytic = ref.lagrange(s)
-    T = sum(0.5 * twist @ (inertia @ twist) for twist, inertia, _ in _bodies(ref, s))
+    T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in _bodies(ref, s))
     return float(T) + analytic.T, applied(ref.model, ref.place, s).V + analytic.V
 
 
@@ -135,14 +135,14 @@ def evaluate(ref: Reference, s: State) -> Outcome:
     """Solve for v̇, the joint wrenches and λ at one state."""
     analytic, loads = ref.lagrange(s), applied(ref.model, ref.place, s)
     joints, rows, kin = _joints(ref, s), ref.constraints(s), kinematics(ref, s)
-    K, F = _newton_euler(ref, s, analytic, loads)
+    K, F = inertia(ref, s), _forces(ref, s, analytic, loads)
     G, gamma = np.vstack([joints.coefficients, rows.coefficients]), np.concatenate([joints.gamma, rows.gamma])
     rank = rank_of(kin.A)
     solution, residual = solved(saddle(K, G), np.concatenate([F, gamma]), redundant=rank < len(kin.A))
     nv, nz = ref.place.nv, ref.place.size
     zdot, multipliers = solution[:nz], -solution[nz:]
     wrenches, lam = np.split(multipliers, [len(joints.gamma)])
-    M = K[:nv, :nv] + kin.J.T @ K[nv:, nv:] @ kin.J
+    M = mass(K, kin)
     Q = loads.springs + loads.other
     h = _over_v(kin, Q - F) + kin.J.T @ K[nv:, nv:] @ kin.drift
     z = np.concatenate([s.v, kin.J @ s.v])
@@ -171,13 +171,27 @@ def _bodies(ref: Reference, s: State) -> list[tuple[Array, Array, Array]]:
     return [(twist, *body_inertia(body, s)) for twist, body in zip(twists, ref.model.bodies)]
 
 
-def _newton_euler(ref: Reference, s: State, analytic: Lagrange, loads: Applied) -> tuple[Array, Array]:
-    """K (nz × nz) and F (nz)."""
+def inertia(ref: Reference, s: State) -> Array:
+    """K (nz × nz): analytic inertia and the bodies' own."""
     nv = ref.place.nv
-    K, F = np.zeros((ref.place.size, ref.place.size)), loads.total
-    K[:nv, :nv], F[:nv] = analytic.inertia, F[:nv] + analytic.force
-    for body, (_, inertia, gyroscopic) in zip(ref.model.bodies, _bodies(ref, s)):
+    K = np.zeros((ref.place.size, ref.place.size))
+    K[:nv, :nv] = ref.lagrange(s).inertia
+    for body, (_, own, _) in zip(ref.model.bodies, _bodies(ref, s)):
         block = ref.place.twist(body.name)
-        K[block, block] = inertia
-        F[block] -= gyroscopic
-    return K, F
+        K[block, block] = own
+    return K
+
+
+def mass(K: Array, kin: Kinematics) -> Array:
+    """M (nv × nv) = Jᵀ K J, analytic inertia included."""
+    nv = kin.J.shape[1]
+    return K[:nv, :nv] + kin.J.T @ K[nv:, nv:] @ kin.J
+
+
+def _forces(ref: Reference, s: State, analytic: Lagrange, loads: Applied) -> Array:
+    """F (nz): everything but K ż and the multipliers."""
+    F = np.array(loads.total)
+    F[: ref.place.nv] += analytic.force
+    for body, (_, _, gyroscopic) in zip(ref.model.bodies, _bodies(ref, s)):
+        F[ref.place.twist(body.name)] -= gyroscopic
+    return F

@@ -43,15 +43,11 @@ def _quadratic(e: Evidence) -> bool:
 
 def inverse(e: Evidence, left: str, right: str) -> float | None:
     """left · right against the identity (A R, B S) or zero (A S, B R), relative to |left| |right| and per condition of Y."""
-    first, second = _rows(e, left), e.named(right)
+    first, second = e.named(left), e.named(right)
     if first is None or second is None:
         return None
     errors = [_product_error(a, b, (left, right) in (("A", "R"), ("B", "S"))) for a, b in zip(first, second)]
     return worst([error / condition for error, condition in zip(errors, e.conditions)])
-
-
-def _rows(e: Evidence, name: str) -> list[Array] | None:
-    return [t.A for t in e.terms] if name == "A" else e.named(name)
 
 
 def _product_error(left: Array, right: Array, identity: bool) -> float:

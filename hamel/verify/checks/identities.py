@@ -7,11 +7,11 @@ import numpy as np
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import deviation, slope, worst
 from hamel.verify.evidence import Evidence, Sample, Terms
-from hamel.verify.reference import energies, evaluate, state_of
+from hamel.verify.reference import energies, inertia, mass, state_of
 from hamel.verify.saddle import saddle, solved
 from hamel.verify.vectors import Array
 
-BALANCE = 1e-8  # tolerance of the power balance; roundoff of the differences is kept below it
+DIFFERENCES = 1e-8  # tolerance of what is differentiated by differences; what two step sizes disagree by counts as no error
 
 
 def step(s: Sample, vdot: Array) -> float:
@@ -31,11 +31,10 @@ def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float,
     def energy(time: float) -> Array:
         return np.array(sum(energies(e.reference, state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full))))
 
-    h, o = step(s, vdot), s.outcome
-    gain = float(slope(energy, h))
+    o = s.outcome
+    gain, doubt = slope(energy, step(s, vdot))
     flows = np.abs(o.force) @ np.abs(s.v) + np.abs(o.constraint_force) @ np.abs(s.v) + np.abs(s.v) @ np.abs(t.M @ vdot)
-    noise = 1e-15 * (abs(o.T) + abs(o.V) + abs(flows) * h) / h
-    return worst((gain - o.explicit - np.array(claims)) / (1e-6 + flows + noise / BALANCE))
+    return worst((gain - o.explicit - np.array(claims)) / (1e-6 + flows + doubt / DIFFERENCES))
 
 
 def _moved(s: Sample, vdot: Array, time: float) -> tuple[Array, Array]:
@@ -55,8 +54,8 @@ def _drift(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
         there = e.terms_at(s.t + time, q, v, s.u, s.p)
         return there.A @ v - there.c
 
-    drift = slope(violation, step(s, vdot))
-    return worst(drift / (1.0 + np.abs(t.beta) + np.abs(t.A) @ np.abs(vdot)))
+    drift, doubt = slope(violation, step(s, vdot))
+    return worst(drift / (1.0 + np.abs(t.beta) + np.abs(t.A) @ np.abs(vdot) + doubt / DIFFERENCES))
 
 
 def beta_rate(e: Evidence) -> float | None:
@@ -71,8 +70,8 @@ def _beta(e: Evidence, s: Sample, t: Terms) -> float:
         there = e.terms_at(s.t + time, s.q + time * t.qdot, s.v, s.u, s.p)
         return there.A @ s.v - there.c
 
-    rate = slope(violation, step(s, s.v))
-    return worst((rate + t.beta) / (1.0 + np.abs(t.beta) + np.linalg.norm(s.v) ** 2))
+    rate, doubt = slope(violation, step(s, s.v))
+    return worst((rate + t.beta) / (1.0 + np.abs(t.beta) + doubt / DIFFERENCES))
 
 
 def positions_rate(e: Evidence) -> float | None:
@@ -91,9 +90,9 @@ def _gap_rate(e: Evidence, s: Sample, v: Array) -> float:
     def gap(time: float) -> Array:
         return e.terms_at(s.t + time, s.q + time * here.qdot, v, s.u, s.p).phi
 
-    rate = slope(gap, 1e-3 / max(1.0, worst(here.qdot)))[order]
+    rate, doubt = (x[order] for x in slope(gap, 1e-3 / max(1.0, worst(here.qdot))))
     wanted = (here.A @ v - here.c)[holonomic]
-    return worst((rate - wanted) / (1.0 + np.abs(here.A[holonomic]) @ np.abs(v)))
+    return worst((rate - wanted) / (1.0 + np.abs(here.A[holonomic]) @ np.abs(v) + doubt / DIFFERENCES))
 
 
 def projection(e: Evidence) -> float | None:
@@ -123,8 +122,9 @@ def _newton(e: Evidence, by_mass: bool) -> float:
     holonomic = [i for i, row in enumerate(e.system.rows) if row.position >= 0]
     for s, x in zip(e.samples, e.x):
         x = x + 1e-3 * rng.uniform(-1, 1, len(x))
-        o = evaluate(e.reference, state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full))
-        k, metric = o.kinematics, o.M if by_mass else np.eye(len(s.v))
+        there = state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full)
+        k = e.kinematics(there)
+        metric = mass(inertia(e.reference, there), k) if by_mass else np.eye(len(s.v))
         right = np.concatenate([np.zeros(len(s.v)), -k.phi])
         step, _ = solved(saddle(metric, k.A[holonomic]), right, redundant=True)
         got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
@@ -133,10 +133,10 @@ def _newton(e: Evidence, by_mass: bool) -> float:
 
 
 RUNGS = (
-    Rung("d(T + V)/dt", BALANCE, "power balance with the reference's energies; differences of fourth order", energy_rate),
-    Rung("d(A v − c)/dt = 0", 1e-8, "along the motion; differences of fourth order", rows_rate),
-    Rung("β = −Ȧ v + ċ", 1e-8, "rows differentiated at held v; differences of fourth order", beta_rate),
-    Rung("φ̇ = A v − c", 1e-8, "positions differentiated along any velocity; differences of fourth order", positions_rate),
+    Rung("d(T + V)/dt", DIFFERENCES, "power balance with the reference's energies; differences of fourth order", energy_rate),
+    Rung("d(A v − c)/dt = 0", DIFFERENCES, "along the motion; differences of fourth order", rows_rate),
+    Rung("β = −Ȧ v + ċ", DIFFERENCES, "rows differentiated at held v; differences of fourth order", beta_rate),
+    Rung("φ̇ = A v − c", DIFFERENCES, "positions differentiated along any velocity; differences of fourth order", positions_rate),
     Rung("project, one step", 1e-10, "Newton step of least length in the metric of M (or 1), per condition number", newton_step),
     Rung("project", 1e-10, "φ = 0 and A v = c after a disturbance of 1e-3, by the reference's rows", projection),
 )

@@ -1,17 +1,25 @@
 """Joint types: one file each, one line each in JOINTS."""
 
+from derive.joints.ball import BALL
+from derive.joints.cylindrical import CYLINDRICAL
 from derive.joints.fixed import FIXED
-from derive.joints.free import FREE, free_joint
+from derive.joints.free import FLOATING, FREE, free_joint
 from derive.joints.planar import PLANAR
 from derive.joints.prismatic import PRISMATIC
-from derive.joints.records import JointType
+from derive.joints.records import JointType, Scalar
 from derive.joints.revolute import REVOLUTE
+from derive.joints.screw import SCREW, screw_joint
+from derive.joints.universal import UNIVERSAL
 
-JOINTS = (REVOLUTE, PRISMATIC, PLANAR, FREE, FIXED)
+JOINTS = (REVOLUTE, PRISMATIC, SCREW, CYLINDRICAL, UNIVERSAL, BALL, PLANAR, FREE, FIXED)
 
 
-def joint_type(name: str, orientation: str = "") -> JointType:
-    """The table of a joint type; for a free joint with the Euler sequence `orientation`. Raises KeyError for an unknown name."""
+def joint_type(name: str, orientation: str = "", pitch: Scalar = 1.0) -> JointType:
+    """The table of a joint type; for a free joint with the Euler sequence `orientation` or "quaternion", for a screw with its
+    pitch. Raises KeyError for an unknown name.
+    """
     if name == "free" and orientation:
-        return free_joint(orientation)
+        return FLOATING if orientation == "quaternion" else free_joint(orientation)
+    if name == "screw":
+        return screw_joint(pitch)
     return {joint.name: joint for joint in JOINTS}[name]

@@ -1,11 +1,13 @@
 """Free joint: six degrees of freedom; base velocities = linear and angular velocity in the child's frame.
 
-Position first, then orientation as Euler angles of any sequence (intrinsic). Inverse of ω = Σ axisᵢ θ̇ᵢ in closed form:
+Position first, then orientation as Euler angles of any sequence (intrinsic) or as a unit quaternion (FLOATING). Inverse of ω = Σ axisᵢ θ̇ᵢ in closed form:
 for a sequence i, j, k about different axes N is regular away from θ₂ = ±90°, for i, j, i away from θ₂ = 0.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+from derive.joints.ball import QUATERNION, quaternion_matrix, quaternion_rates, quaternion_rotation
 from derive.joints.records import JointType, Rotation, Scalar, Slot, Vector
 from derive.joints.rotations import UNIT, cross, dot, euler_rotation, matrix, principal_rotation, rotated, transpose
 
@@ -43,3 +45,12 @@ def free_joint(sequence: str) -> JointType:
 
 
 FREE = free_joint("zyx")
+
+FLOATING = replace(
+    FREE,
+    about="six degrees of freedom with a unit quaternion (w, x, y, z); base velocities in the body's frame",
+    coordinates=(*FREE.coordinates[:3], *QUATERNION),
+    rotation=lambda q, axis: quaternion_rotation(q[3:]),
+    rates=lambda q, v, axis: [*rotated(quaternion_matrix(q[3:]), v[:3]), *quaternion_rates(q[3:], v[3:])],
+    unit_from=3,
+)

@@ -46,8 +46,10 @@ class Slot:
 class JointType:
     """`motion` is a list of 6-vectors (angular first), one per velocity; `rates` is q̇ = N(q) v.
 
-    `velocity_slots` with suffix "" are the rate of the coordinate in the same place (base velocity `der(q)`).
-    `needs_axis` says whether a model must, in space, give an axis.
+    Velocities with suffix "" are the rate of the coordinate in the same place (base velocity `der(q)`).
+    `needs_axis` says whether a model must, in space, give an axis. `parts` names the simpler joints of a chain with massless
+    bodies between; the functions are then not used. `unit_from`: index of the first of four coordinates that are a unit
+    quaternion (w, x, y, z), −1 where there is none.
     """
 
     name: str
@@ -59,3 +61,5 @@ class JointType:
     translation: Callable[[Sequence[Scalar], Sequence[Scalar]], Vector]
     motion: Callable[[Sequence[Scalar], Sequence[Scalar]], list[Vector]]
     rates: Callable[[Sequence[Scalar], Sequence[Scalar], Sequence[Scalar]], Vector]  # (q, v, axis) → q̇
+    parts: tuple[str, ...] = ()
+    unit_from: int = -1

@@ -1,0 +1,48 @@
+"""Ball joint: any rotation about a point, as a unit quaternion (w, x, y, z); base velocity = ω in the child's frame.
+
+q̇ = ½ q ∘ (0, ω). The rotation matrix divides by |q|², so that it is orthogonal for every quaternion but zero; the norm
+is a matter for `normalise` and `project`, never for the equations of motion.
+"""
+
+from collections.abc import Sequence
+
+from derive.joints.records import JointType, Matrix, Rotation, Scalar, Slot, Still, Vector
+from derive.joints.rotations import dot
+
+UNIT_VECTORS = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+QUATERNION = tuple(Slot(s, "1") for s in ("qw", "qx", "qy", "qz"))
+SPIN = tuple(Slot(s, "rad/s") for s in ("wx", "wy", "wz"))
+
+
+def quaternion_matrix(q: Sequence[Scalar]) -> Matrix:
+    """R = 1 + (2/|q|²) (w [e]× + [e]× [e]×), e the vector part."""
+    w, x, y, z = q
+    s = 2.0 / dot(q, q)
+    sx, sy, sz = s * x, s * y, s * z
+    wx, wy, wz, xx, xy, xz, yy, yz, zz = w * sx, w * sy, w * sz, x * sx, x * sy, x * sz, y * sy, y * sz, z * sz
+    return [[1.0 - (yy + zz), xy - wz, xz + wy], [xy + wz, 1.0 - (xx + zz), yz - wx], [xz - wy, yz + wx, 1.0 - (xx + yy)]]
+
+
+def quaternion_rotation(q: Sequence[Scalar]) -> Rotation:
+    return (Still(quaternion_matrix(q)),)
+
+
+def quaternion_rates(q: Sequence[Scalar], omega: Sequence[Scalar]) -> Vector:
+    """½ q ∘ (0, ω)."""
+    w, x, y, z = q
+    a, b, c = (0.5 * e for e in omega)
+    return [-(x * a + y * b + z * c), w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
+
+
+BALL = JointType(
+    name="ball",
+    about="any rotation about a point, as a unit quaternion (w, x, y, z)",
+    coordinates=QUATERNION,
+    velocities=SPIN,
+    needs_axis=False,
+    rotation=lambda q, axis: quaternion_rotation(q),
+    translation=lambda q, axis: [0.0, 0.0, 0.0],
+    motion=lambda q, axis: [[*e, 0.0, 0.0, 0.0] for e in UNIT_VECTORS],
+    rates=lambda q, v, axis: quaternion_rates(q, v),
+    unit_from=0,
+)

@@ -1,0 +1,25 @@
+"""Screw joint: turns about an axis and advances along it by `pitch` metres a turn; base velocity = the rate of the angle."""
+
+from math import pi
+
+from derive.joints.records import JointType, Scalar, Slot
+from derive.joints.rotations import turn
+
+
+def screw_joint(pitch: Scalar) -> JointType:
+    """The screw joint with the given advance per turn."""
+    advance = pitch / (2 * pi)
+    return JointType(
+        name="screw",
+        about="turns about an axis and advances along it",
+        coordinates=(Slot("", "rad"),),
+        velocities=(Slot("", "rad/s"),),
+        needs_axis=True,
+        rotation=lambda q, axis: turn(axis, q[0]),
+        translation=lambda q, axis: [advance * q[0] * a for a in axis],
+        motion=lambda q, axis: [[*axis, *(advance * a for a in axis)]],
+        rates=lambda q, v, axis: [v[0]],
+    )
+
+
+SCREW = screw_joint(1.0)

@@ -1,0 +1,15 @@
+"""Universal joint: a turn about `axis` fixed in the parent, then one about `axis2` fixed in the child; two revolute joints."""
+
+from dataclasses import replace
+
+from derive.joints.records import Slot
+from derive.joints.revolute import REVOLUTE
+
+UNIVERSAL = replace(
+    REVOLUTE,
+    name="universal",
+    about="turns about two crossing axes, one fixed in each body",
+    coordinates=(Slot("angle1", "rad"), Slot("angle2", "rad")),
+    velocities=(Slot("", "rad/s"), Slot("", "rad/s")),
+    parts=("revolute", "revolute"),
+)

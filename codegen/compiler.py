@@ -59,7 +59,7 @@ def extension_suffix():
 def compile_folder(folder, name, command):
     """Compile in place; the names of the files made. The extension is left out where headers are missing."""
     folder = pathlib.Path(folder)
-    sources = sorted(path.stem for path in folder.glob(f"{name}*.c") if path.stem != f"{name}_module")
+    sources = [stem for stem in (name, f"{name}_simulate") if (folder / f"{stem}.c").exists()]
     run(folder, [*command, *FLAGS, "-c", *(f"{source}.c" for source in sources)])
     objects = [f"{source}.o" for source in sources]
     made = [f"lib{name}{SUFFIX}"]

@@ -162,9 +162,16 @@ def nearly_sum(a: float, b: float) -> float:
 
 @functools.lru_cache(maxsize=1 << 16)
 def snapped(factor: float) -> float:
-    """The factor, or the short decimal it differs from by rounding only: 14.715 for 14.715000000000002."""
+    """The factor, or the short decimal or fraction it differs from by rounding only: 14.715 for 14.715000000000002."""
     short = float(f"{factor:.12g}")
-    return short if abs(factor - short) <= 2 * EPSILON * abs(factor) else factor
+    if abs(factor - short) <= 2 * EPSILON * abs(factor):
+        return short
+    if 1e-3 < abs(factor) < 1e3:
+        for denominator in (3, 7, 9, 11, 13):
+            near = round(factor * 4 * denominator) / (4 * denominator)
+            if abs(factor - near) <= 2 * EPSILON * abs(factor):
+                return near
+    return factor
 
 
 def live(work: Work) -> list[int]:

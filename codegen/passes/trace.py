@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 
 from codegen.passes.graph import Graph, Mark, Reference, Work, scaled
+from derive.diagnostics import HamelError
 
 _CALLS = {
     "SQRT": "sqrt", "SIN": "sin", "COS": "cos", "TAN": "tan", "ASIN": "asin", "ACOS": "acos", "ATAN": "atan",
@@ -27,13 +28,17 @@ def trace(
     named holds (name, about, matrix): they ride along as further outputs and come back as marks.
     """
     matrices = [ca.densify(ca.vertcat(*roots)), *(ca.densify(ca.vec(value.T)) for _, _, value in named)]
-    function = ca.Function("traced", [symbols for _, symbols in arguments], matrices)
+    symbols = [symbol for _, symbol in arguments]
+    function = ca.Function("traced", symbols, matrices)
     graph, outputs = _run(function, [name for name, _ in arguments])
     marks = (Mark(name, about, _labelled(name, value, found)) for (name, about, value), found in zip(named, outputs[1:]))
-    return Work(graph, tuple(outputs[0]), tuple(marks)), ca.Function("plain", function.sx_in(), [matrices[0]], _FREE).n_nodes()
+    return Work(graph, tuple(outputs[0]), tuple(marks)), _counted(ca.Function("plain", symbols, matrices[:1]))
 
 
-_FREE = {"allow_free": True}
+def _counted(function: ca.Function) -> int:
+    """Instructions that compute something; CasADi's own count before any pass."""
+    free = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_NEG, ca.OP_ASSIGN}
+    return sum(function.instruction_id(k) not in free for k in range(function.n_instructions()))
 
 
 def _labelled(name: str, value: ca.SX, found: Sequence[Reference]) -> tuple[tuple[str, Reference], ...]:
@@ -63,8 +68,15 @@ def _run(function: ca.Function, arguments: Sequence[str]) -> tuple[Graph, list[l
         elif code == ca.OP_CONST:
             register[targets[0]] = graph.constant(function.instruction_constant(k))
         else:
-            register[targets[0]] = _OPERATIONS[code](graph, [register[i] for i in inputs])
+            register[targets[0]] = _operation(code)(graph, [register[i] for i in inputs])
     return graph, outputs
+
+
+def _operation(code: int) -> Operation:
+    if code not in _OPERATIONS:
+        name = next((key[3:].lower() for key in dir(ca) if key.startswith("OP_") and getattr(ca, key) == code), str(code))
+        raise HamelError(f"there is no generated code for CasADi's operation '{name}'")
+    return _OPERATIONS[code]
 
 
 Operation = Callable[[Graph, list[Reference]], Reference]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from derive.expressions.tree import Expression
+from derive.expressions.tree import ONE, ZERO, Expression
 
 Vector3 = tuple[Expression, Expression, Expression]
 GROUND = "ground"
@@ -73,7 +73,11 @@ class Body:
 
 @dataclass(frozen=True)
 class Joint:
-    """`orientation` is "" or, for a free joint, "quaternion" or an Euler sequence such as "zxy" (intrinsic)."""
+    """`orientation` is "" or, for a free joint, "quaternion" or an Euler sequence such as "zxy" (intrinsic).
+
+    `pitch` (m per turn) is a screw's; `axis2` a universal joint's second axis, at right angles to `axis`; `limits` of the
+    first coordinate are for readers, no force comes of them.
+    """
 
     name: str
     type: str
@@ -86,16 +90,23 @@ class Joint:
     velocities: tuple[str, ...]
     orientation: str
     span: Span
+    pitch: Expression = ZERO
+    axis2: Vector3 | None = None
+    limits: tuple[Expression, Expression] | None = None
 
 
 @dataclass(frozen=True)
 class Closure:
+    """A joint that closes a loop; the first body is the joint's parent, `pitch` and `axis2` are as with joints."""
+
     name: str
     type: str
     bodies: tuple[str, str]
     placements: tuple[Placement, Placement]
     axis: Vector3
     span: Span
+    axis2: Vector3 | None = None
+    pitch: Expression = ZERO
 
 
 @dataclass(frozen=True)
@@ -131,7 +142,11 @@ class NoSlip:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A thin disk (centre, unit axis in the body) rolls without slip on the plane through `origin`, normal to `normal`."""
+    """A body rolls without slip on the plane through `origin`, normal to `normal` (ground frame; in the body's: centre, axis).
+
+    `shape`: "disk" (thin: wheel, knife edge), "sphere" (its axis means nothing) or "torus", whose circle of `radius` about
+    the axis carries a tube of the smaller radius `tube`. In a planar model the plane is a line and the disk a circle.
+    """
 
     name: str
     body: str
@@ -141,9 +156,37 @@ class Rolling:
     origin: Vector3
     normal: Vector3
     span: Span
+    shape: str = "disk"
+    tube: Expression = ZERO
 
 
-Constraint = Holonomic | Nonholonomic | NoSlip | Rolling
+@dataclass(frozen=True)
+class Distance:
+    """Two points of two bodies (one may be the ground) stay `length` apart: a massless rod."""
+
+    name: str
+    bodies: tuple[str, str]
+    points: tuple[Vector3, Vector3]
+    length: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class OnSurface:
+    """`surface` vanishes at the body's `point`; its names x, y, z are the point's coordinates in the frame of `frame_body`.
+
+    The three names shadow whatever the model calls x, y or z.
+    """
+
+    name: str
+    body: str
+    point: Vector3
+    frame_body: str
+    surface: Expression
+    span: Span
+
+
+Constraint = Holonomic | Nonholonomic | NoSlip | Rolling | Distance | OnSurface
 
 
 @dataclass(frozen=True)
@@ -211,18 +254,59 @@ class GeneralisedForce:
     span: Span
 
 
-Load = JointSpring | JointDamper | PointSpring | Force | Torque | GeneralisedForce
+@dataclass(frozen=True)
+class Bushing:
+    """Springs and dampers along and about the three axes of the first body's placed frame, towards the second body's.
+
+    Force on the second body −stiffness · displacement − damping · relative velocity, torque −torsion · rotation vector −
+    torsion_damping · relative angular velocity, all in the first frame; the first body gets the opposite.
+    """
+
+    name: str
+    bodies: tuple[str, str]
+    placements: tuple[Placement, Placement]
+    stiffness: Vector3
+    torsion: Vector3
+    damping: Vector3
+    torsion_damping: Vector3
+    span: Span
+
+
+@dataclass(frozen=True)
+class JointFriction:
+    """Generalised force −viscous · v − coulomb · tanh(v/smoothing) on one base velocity."""
+
+    name: str
+    velocity: str
+    viscous: Expression
+    coulomb: Expression
+    smoothing: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class Armature:
+    """Inertia of a rotor as the joint feels it: `inertia` is added to the diagonal of M at one base velocity."""
+
+    name: str
+    velocity: str
+    inertia: Expression
+    span: Span
+
+
+Load = JointSpring | JointDamper | PointSpring | Force | Torque | GeneralisedForce | Bushing | JointFriction | Armature
 
 
 @dataclass(frozen=True)
 class Input:
-    """An actuator: adds itself to the force conjugate to `velocity`; "" when it only occurs in expressions."""
+    """An actuator: adds gear · itself to the force conjugate to `velocity`; "" when it only occurs in expressions."""
 
     name: str
     velocity: str
     unit: str
     about: str
     span: Span
+    gear: Expression = ONE
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,161 @@
+"""Polynomials of the ring back to SymPy, common factors taken out greedily: what most terms share comes first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from fractions import Fraction
+from typing import Any
+
+import sympy
+
+from derive.textbook.ring import Key, Monomial, Poly, Ring, common_factor, common_monomial
+
+DIGITS = 15
+PLAIN = (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48)  # denominators that read better as fractions
+
+
+def number(x: Fraction, decimal: bool) -> sympy.Expr:
+    """A whole number, a plain fraction, else a decimal of at most 15 digits."""
+    if x.denominator == 1 and abs(x.numerator) < 10**DIGITS:
+        return sympy.Integer(x.numerator)
+    short = len(repr(float(x)).replace("-", "").replace("0.", "").lstrip("0")) <= 6
+    if x.denominator in PLAIN and not (decimal and short):
+        return sympy.Rational(x.numerator, x.denominator)
+    return sympy.Float(repr(float(x)), DIGITS)
+
+
+class Composer:
+    """SymPy expressions for a ring's polynomials; `decimal` prefers 0.5 to 1/2 (parameters are numbers)."""
+
+    def __init__(self, ring: Ring, decimal: bool) -> None:
+        self.ring, self.decimal = ring, decimal
+        self.made: dict[int, sympy.Expr] = {}
+
+    def expression(self, poly: Poly) -> sympy.Expr:
+        if not poly:
+            return sympy.Integer(0)
+        keys = list(poly)
+        monomial, trig = common_monomial(keys), _common_trig(keys)
+        factor = common_factor([poly[key] for key in sorted(poly)])
+        if all(x < 0 for x in (v / factor for v in poly.values())):
+            factor = -factor
+        rest = {_divided(key, monomial, trig): x / factor for key, x in poly.items()}
+        outside = [number(factor, self.decimal), *self._factors(monomial), *self._trig(trig)]
+        return sympy.Mul(*outside, self._sum(rest))
+
+    def _sum(self, poly: Poly) -> sympy.Expr:
+        """A sum without common factor: what occurs in most terms is taken out of those."""
+        if len(poly) == 1:
+            ((key, x),) = poly.items()
+            return sympy.Mul(number(x, self.decimal), *self._factors(key[0]), *self._trig(key[1]))
+        if (root := _square_of(poly)) is not None:
+            return self.expression(root) ** 2
+        part = _most_shared(poly)
+        if part is None:
+            return sympy.Add(*[self._sum({key: x}) for key, x in poly.items()])
+        inside = {key: x for key, x in poly.items() if part in _parts(key)}
+        outside = {key: x for key, x in poly.items() if key not in inside}
+        return sympy.Add(self.expression(inside), self._sum_or_factored(outside))
+
+    def _sum_or_factored(self, poly: Poly) -> sympy.Expr:
+        return self.expression(poly) if poly else sympy.Integer(0)
+
+    def _factors(self, monomial: Monomial) -> list[sympy.Expr]:
+        return [self._atom(k) ** e for k, e in monomial]
+
+    def _atom(self, k: int) -> sympy.Expr:
+        if k not in self.made:
+            self.made[k] = self._made(self.ring.atoms[k].kind, self.ring.atoms[k].content)
+        return self.made[k]
+
+    def _made(self, kind: str, content: Any) -> sympy.Expr:
+        if kind == "symbol":
+            return content
+        if kind == "sum":
+            return self.expression(content)
+        if kind == "root":
+            return sympy.sqrt(self.expression(content))
+        return FUNCTIONS[kind](*[self.expression(x) for x in content])
+
+    def _trig(self, trig: tuple) -> list[sympy.Expr]:
+        if not trig:
+            return []
+        angle = sympy.Add(*[number(x, self.decimal) * self._atom(k) for k, x in trig[1]])
+        return [sympy.cos(angle) if trig[0] == "c" else sympy.sin(angle)]
+
+
+def _common_trig(keys: list[Key]) -> tuple:
+    found = {trig for _, trig in keys}
+    return found.pop() if len(found) == 1 else ()
+
+
+def _divided(key: Key, monomial: Monomial, trig: tuple) -> Key:
+    exponents = dict(key[0])
+    for k, e in monomial:
+        exponents[k] -= e
+    return tuple((k, e) for k, e in sorted(exponents.items()) if e), () if trig else key[1]
+
+
+def _parts(key: Key) -> list[tuple]:
+    """What could be taken out of a term: each atom by the sign of its exponent, and its sine or cosine."""
+    return [("atom", k, e > 0) for k, e in key[0]] + ([key[1]] if key[1] else [])
+
+
+def _square_of(poly: Poly) -> Poly | None:
+    """a + b + … of a poly a² + 2ab + b² + …, of two to four symbols."""
+    squares = [(m[0][0], x) for (m, trig), x in poly.items() if not trig and len(m) == 1 and m[0][1] == 2]
+    if len(squares) not in (2, 3, 4) or len(poly) != len(squares) * (len(squares) + 1) // 2 or any(x != 1 for _, x in squares):
+        return None
+    first = min(squares)[0]
+    root = {k: Fraction(1 if k == first or poly.get(_crossed(first, k), 0) > 0 else -1) for k, _ in squares}
+    pairs = [(a, b) for a in root for b in root if a < b]
+    if any(poly.get(_crossed(a, b)) != 2 * root[a] * root[b] for a, b in pairs):
+        return None
+    return {(((k, 1),), ()): x for k, x in root.items()}
+
+
+def _crossed(a: int, b: int) -> Key:
+    return ((min(a, b), 1), (max(a, b), 1)), ()
+
+
+def _most_shared(poly: Poly) -> tuple | None:
+    counts = Counter(part for key in poly for part in _parts(key))
+    best = min(counts.items(), key=lambda item: (-item[1], len(item[0]), item[0]), default=(None, 0))
+    return best[0] if best[1] > 1 else None
+
+
+FUNCTIONS = {
+    "sin": sympy.sin,
+    "cos": sympy.cos,
+    "tan": sympy.tan,
+    "asin": sympy.asin,
+    "acos": sympy.acos,
+    "atan": sympy.atan,
+    "atan2": sympy.atan2,
+    "sinh": sympy.sinh,
+    "cosh": sympy.cosh,
+    "tanh": sympy.tanh,
+    "exp": sympy.exp,
+    "log": sympy.log,
+    "abs": sympy.Abs,
+    "sign": sympy.sign,
+    "min": sympy.Min,
+    "max": sympy.Max,
+    "pow": sympy.Pow,
+    "floor": sympy.floor,
+    "ceil": sympy.ceiling,
+}
+
+
+def operations(expression: sympy.Expr) -> int:
+    """Additions, products, powers and calls."""
+    count = 0
+    waiting = [expression]
+    while waiting:
+        x = waiting.pop()
+        if x.is_Add or x.is_Mul:
+            count += len(x.args) - 1
+        elif not x.is_Atom:
+            count += 1
+        waiting.extend(x.args)
+    return count

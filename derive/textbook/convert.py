@@ -1,0 +1,282 @@
+"""CasADi terms → SymPy expressions to be read: whole where they are short, else over sub-terms that get names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import sympy
+
+from derive.textbook.compose import FUNCTIONS, Composer, number, operations
+from derive.textbook.graph import Graph, Node
+from derive.textbook.ring import Poly, Ring, TooBig, rational
+
+READABLE = 40  # operations in one printed entry
+PIECE = 18  # a sub-term longer than this gets a name
+SHARED = 3  # so does one of at least so many operations that occurs twice
+MOST_PIECES = 48  # a term that would need more sub-terms is not written out
+LARGEST = 6000  # nodes of a term beyond which reading it is not tried
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A named sub-term: where it sits in the graph, its symbol and what it is made of."""
+
+    node: int
+    symbol: sympy.Symbol
+    expression: sympy.Expr
+
+
+class Reader:
+    """Turns terms over fixed symbols into expressions. Terms that were named before are recognised by value."""
+
+    def __init__(self, symbols: ca.SX, names: Sequence[sympy.Symbol], decimal: bool) -> None:
+        self.graph = Graph(symbols)
+        self.names, self.decimal = tuple(names), decimal
+        self.known: dict[int, sympy.Expr] = {}
+        self.pieces = 0
+
+    def whole(self, value: ca.SX, most: int = READABLE) -> list[sympy.Expr] | None:
+        """Every entry over the basic symbols alone, or None where one would have more than `most` operations."""
+        roots = self.graph.read(value)
+        if len(self.graph.below(roots)) > LARGEST:
+            return None
+        found = self._shortest(roots, {})
+        return found if found is not None and all(operations(x) <= most for x in found) else None
+
+    def name(self, value: ca.SX, symbols: Sequence[sympy.Expr]) -> None:
+        """From now on these entries are recognised as these symbols."""
+        for node, symbol in zip(self.graph.read(value), symbols):
+            if self.graph.nodes[node].operands:
+                self.known.setdefault(node, symbol)
+
+    def in_pieces(self, value: ca.SX, fresh: Callable[[int], sympy.Symbol]) -> tuple[list[Piece], list[sympy.Expr]] | None:
+        """The entries over named sub-terms, old and new (their symbols from `fresh`); None where there would be too many."""
+        roots = self.graph.read(value)
+        order = self.graph.below(roots, frozenset(self.known))
+        cuts = self._cuts(order) if len(order) <= LARGEST else None
+        if cuts is None or len(cuts) > MOST_PIECES:
+            return None
+        names: dict[int, sympy.Expr] = {k: self.known[k] for k in order if k in self.known}
+        pieces: list[Piece] = []
+        for k in cuts:
+            self.pieces += 1
+            pieces.append(Piece(k, fresh(self.pieces), self._expressions([k], names)[0]))
+            names[k] = self.known[k] = pieces[-1].symbol
+        return pieces, self._expressions(roots, names)
+
+    def terms(self, nodes: Sequence[int]) -> ca.SX:
+        """The CasADi terms of the given nodes, as a column."""
+        built: dict[int, ca.SX] = {}
+        for k in self.graph.below(nodes):
+            node = self.graph.nodes[k]
+            if node.op == ca.OP_INPUT:
+                built[k] = self.graph.symbols[int(node.number)]
+            elif node.op == ca.OP_CONST:
+                built[k] = ca.SX(node.number)
+            else:
+                operands = [built[i] for i in node.operands]
+                built[k] = ca.SX.unary(node.op, *operands) if len(operands) == 1 else ca.SX.binary(node.op, *operands)
+        return ca.vertcat(*[built[k] for k in nodes])
+
+    def _cuts(self, order: Sequence[int]) -> list[int]:
+        """Nodes to name: shared ones worth it, and those that have grown long."""
+        uses: dict[int, int] = {}
+        for k in order:
+            if k not in self.known:
+                for i in self.graph.nodes[k].operands:
+                    uses[i] = uses.get(i, 0) + 1
+        sizes: dict[int, int] = {}
+        cuts = []
+        for k in order:
+            node = self.graph.nodes[k]
+            if k in self.known or not node.operands:
+                sizes[k] = 0
+                continue
+            sizes[k] = (node.op != ca.OP_NEG) + sum(sizes[i] for i in node.operands)
+            if (uses.get(k, 0) > 1 and sizes[k] >= SHARED) or sizes[k] > PIECE:
+                cuts.append(k)
+                sizes[k] = 0
+        return cuts
+
+    def _expressions(self, roots: Sequence[int], names: dict[int, sympy.Expr]) -> list[sympy.Expr]:
+        plain = self._plain(roots, names)
+        found = self._shortest(roots, names)
+        if found is None:
+            return plain
+        return [min(pair, key=operations) for pair in zip(found, plain)]
+
+    def _shortest(self, roots: Sequence[int], names: dict[int, sympy.Expr]) -> list[sympy.Expr] | None:
+        """The shorter of product and Fourier form, entry by entry; None where neither stays within its budget."""
+        forms = [x for x in (self._formed(roots, names, fourier) for fourier in (False, True)) if x is not None]
+        return [min(entries, key=operations) for entries in zip(*forms)] if forms else None
+
+    def _formed(self, roots: Sequence[int], names: dict[int, sympy.Expr], fourier: bool) -> list[sympy.Expr] | None:
+        ring = Ring(fourier)
+        values: dict[int, Poly] = {}
+        try:
+            for k in self.graph.below(roots, frozenset(names)):
+                values[k] = ring.symbol(names[k]) if k in names else self._poly(ring, self.graph.nodes[k], values)
+            polys = [values[k] if fourier else pythagorean(ring, values[k]) for k in roots]
+        except (TooBig, OverflowError, ValueError, ZeroDivisionError):
+            return None
+        composer = Composer(ring, self.decimal)
+        return [composer.expression(poly) for poly in polys]
+
+    def _poly(self, ring: Ring, node: Node, values: dict[int, Poly]) -> Poly:
+        if node.op == ca.OP_INPUT:
+            return ring.symbol(self.names[int(node.number)])
+        if node.op == ca.OP_CONST:
+            return ring.number(node.number)
+        return _applied(ring, node.op, [values[i] for i in node.operands])
+
+    def _plain(self, roots: Sequence[int], names: dict[int, sympy.Expr]) -> list[sympy.Expr]:
+        """As CasADi has it, operation by operation."""
+        values: dict[int, sympy.Expr] = {}
+        for k in self.graph.below(roots, frozenset(names)):
+            node = self.graph.nodes[k]
+            if k in names:
+                values[k] = names[k]
+            elif node.op == ca.OP_INPUT:
+                values[k] = self.names[int(node.number)]
+            elif node.op == ca.OP_CONST:
+                values[k] = number(rational(node.number), self.decimal)
+            else:
+                values[k] = PLAIN[node.op](*[values[i] for i in node.operands])
+        return [values[k] for k in roots]
+
+
+def _applied(ring: Ring, op: int, x: list[Poly]) -> Poly:
+    if op in _DIVIDES and not ring.fourier:
+        x = [*x[:-1], pythagorean(ring, x[-1])]
+    if op in _RING:
+        return _RING[op](ring, *x)
+    if op not in _CALLS:
+        raise TooBig
+    return ring.call(_CALLS[op], tuple(x))
+
+
+def _powered(ring: Ring, a: Poly, b: Poly) -> Poly:
+    if len(b) == 1 and ((), ()) in b:
+        n = b[(), ()]
+        if n.denominator == 1 and abs(n) <= 8:
+            return ring.power(a, int(n))
+        if n.denominator == 2 and abs(n) <= 8:
+            return ring.power(ring.root(a), int(2 * n))
+    return ring.call("pow", (a, b))
+
+
+def _tangent(ring: Ring, a: Poly) -> Poly:
+    return ring.quotient(ring.sine(a), ring.cosine(a))
+
+
+_RING: dict[int, Callable[..., Poly]] = {
+    ca.OP_ADD: Ring.sum,
+    ca.OP_SUB: lambda ring, a, b: ring.sum(a, b, -1),
+    ca.OP_MUL: Ring.product,
+    ca.OP_DIV: Ring.quotient,
+    ca.OP_INV: Ring.inverse,
+    ca.OP_NEG: lambda ring, a: ring.scaled(a, -1),
+    ca.OP_SQ: lambda ring, a: ring.product(a, a),
+    ca.OP_TWICE: lambda ring, a: ring.scaled(a, 2),
+    ca.OP_SQRT: Ring.root,
+    ca.OP_SIN: Ring.sine,
+    ca.OP_COS: Ring.cosine,
+    ca.OP_TAN: _tangent,
+    ca.OP_POW: _powered,
+    ca.OP_CONSTPOW: _powered,
+    ca.OP_ASSIGN: lambda ring, a: a,
+}
+
+_DIVIDES = {ca.OP_DIV, ca.OP_INV, ca.OP_SQRT}
+_CALLS = {
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_ATAN: "atan",
+    ca.OP_ATAN2: "atan2",
+    ca.OP_SINH: "sinh",
+    ca.OP_COSH: "cosh",
+    ca.OP_TANH: "tanh",
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_FABS: "abs",
+    ca.OP_SIGN: "sign",
+    ca.OP_FMIN: "min",
+    ca.OP_FMAX: "max",
+    ca.OP_FLOOR: "floor",
+    ca.OP_CEIL: "ceil",
+}
+
+
+def _either(condition: sympy.Expr, value: sympy.Expr) -> sympy.Expr:
+    return sympy.Piecewise((value, sympy.Ne(condition, 0)), (0, True))
+
+
+def _truth(relation: Callable[..., sympy.Basic]) -> Callable[..., sympy.Expr]:
+    return lambda a, b: sympy.Piecewise((1, relation(a, b)), (0, True))
+
+
+PLAIN: dict[int, Callable[..., sympy.Expr]] = {
+    ca.OP_ADD: lambda a, b: a + b,
+    ca.OP_SUB: lambda a, b: a - b,
+    ca.OP_MUL: lambda a, b: a * b,
+    ca.OP_DIV: lambda a, b: a / b,
+    ca.OP_INV: lambda a: 1 / a,
+    ca.OP_NEG: lambda a: -a,
+    ca.OP_SQ: lambda a: a**2,
+    ca.OP_TWICE: lambda a: 2 * a,
+    ca.OP_SQRT: sympy.sqrt,
+    ca.OP_SIN: sympy.sin,
+    ca.OP_COS: sympy.cos,
+    ca.OP_TAN: sympy.tan,
+    ca.OP_POW: sympy.Pow,
+    ca.OP_CONSTPOW: sympy.Pow,
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_LT: _truth(sympy.Lt),
+    ca.OP_LE: _truth(sympy.Le),
+    ca.OP_EQ: _truth(sympy.Eq),
+    ca.OP_NE: _truth(sympy.Ne),
+    ca.OP_AND: lambda a, b: sympy.Min(a, b),
+    ca.OP_OR: lambda a, b: sympy.Max(a, b),
+    ca.OP_NOT: lambda a: 1 - a,
+    ca.OP_IF_ELSE_ZERO: _either,
+    ca.OP_FMOD: lambda a, b: a - b * (sympy.sign(a / b) * sympy.floor(sympy.Abs(a / b))),
+    ca.OP_COPYSIGN: lambda a, b: sympy.Abs(a) * sympy.sign(b),
+    ca.OP_HYPOT: lambda a, b: sympy.sqrt(a**2 + b**2),
+    ca.OP_LOG1P: lambda a: sympy.log(1 + a),
+    ca.OP_EXPM1: lambda a: sympy.exp(a) - 1,
+    ca.OP_ERF: sympy.erf,
+    ca.OP_ASINH: sympy.asinh,
+    ca.OP_ACOSH: sympy.acosh,
+    ca.OP_ATANH: sympy.atanh,
+} | {op: FUNCTIONS[name] for op, name in _CALLS.items()}
+
+
+def pythagorean(ring: Ring, poly: Poly) -> Poly:
+    """sin² = 1 − cos² or cos² = 1 − sin², wherever that leaves fewer terms."""
+    for sine, cosine in _pairs(ring):
+        trials = [poly, _replaced(ring, poly, sine, cosine), _replaced(ring, poly, cosine, sine)]
+        poly = min(trials, key=len)
+    return poly
+
+
+def _pairs(ring: Ring) -> list[tuple[int, int]]:
+    """Atoms sin x and cos x of the same x."""
+    cosines = {name[1]: k for name, k in ring.index.items() if name[0] == "cos"}
+    return [(k, cosines[name[1]]) for name, k in ring.index.items() if name[0] == "sin" and name[1] in cosines]
+
+
+def _replaced(ring: Ring, poly: Poly, old: int, new: int) -> Poly:
+    result: Poly = {}
+    for (monomial, trig), x in poly.items():
+        powers = dict(monomial)
+        pairs, odd = divmod(max(powers.get(old, 0), 0), 2)
+        if not pairs:
+            result = ring.sum(result, {(monomial, trig): x})
+            continue
+        powers[old] = odd
+        rest = tuple(sorted((k, e) for k, e in powers.items() if e))
+        square: Poly = {((), ()): rational(1.0), (((new, 2),), ()): rational(-1.0)}
+        result = ring.sum(result, ring.product({(rest, trig): x}, ring.power(square, pairs)))
+    return result

@@ -1,0 +1,76 @@
+"""Equations → Document: the sections in the order a textbook has them."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+
+from derive.formulations.records import Equations
+from derive.textbook import names
+from derive.textbook.author import Author
+from derive.textbook.choice import choice, inverse
+from derive.textbook.given import given
+from derive.textbook.kinematics import components, constraints, coordinates, links
+from derive.textbook.motion import bordered, energies, multipliers, outputs, power, projected, unprojected
+from derive.textbook.records import Document, Math, Text
+
+REFERENCES = (
+    "Mirtaheri, Zohoor: Quasi-velocities definition in Lagrangian multibody dynamics. [A; B] stacked and inverted by blocks.",
+    "Kane, Levinson: Dynamics, Theory and Applications, 1985. Generalised speeds and partial velocities.",
+    "Maggi's equations: the equations of motion projected on the motions that the constraints allow.",
+    "Jerkovsky 1978: the velocity transformation.",
+    "Luh, Walker, Paul 1980: recursive Newton–Euler equations. Walker, Orin 1982: composite bodies.",
+)
+
+
+def derivation(equations: Equations) -> Document:
+    """Every section, formulas numbered throughout."""
+    found = components(equations.system)
+    a = Author(equations, [(x.sx, x.symbol, x.latex) for x in found])
+    given(a)
+    coordinates(a)
+    links(a, found)
+    constraints(a)
+    choice(a)
+    inverse(a)
+    energies(a, found)
+    unprojected(a)
+    if a.free_velocities:
+        bordered(a)
+    else:
+        projected(a)
+    multipliers(a)
+    power(a)
+    outputs(a)
+    _symbols(a)
+    _references(a)
+    return a.document(_title(equations), _subtitle(equations), _version())
+
+
+def _title(equations: Equations) -> str:
+    return f"Equations of motion: {equations.system.model.name}"
+
+
+def _subtitle(equations: Equations) -> str:
+    if equations.formulation == "augmented":
+        return "base velocities and multipliers, the augmented system"
+    return f"explicit, without multipliers; quasi-velocities “{equations.choice}”"
+
+
+def _version() -> str:
+    try:
+        return version("hamel")
+    except PackageNotFoundError:
+        return ""
+
+
+def _symbols(a: Author) -> None:
+    a.section("Symbols")
+    rows = [((Math(x.latex),), (Text(x.about),), (Text(names.unit(x.unit)),)) for x in a.meanings]
+    a.table(("symbol", "meaning", "unit"), rows)
+
+
+def _references(a: Author) -> None:
+    a.section("Sources of the methods")
+    a.items((Text(x),) for x in REFERENCES)
+    for text in a.equations.assumptions:
+        a.say("Assumed: {text}.", text=text)

@@ -1,0 +1,72 @@
+"""CasADi terms as one graph in which equal subexpressions are one node.
+
+SX builds the same expression twice as two nodes; reading every term into one table numbers them by value, so that a named
+term is recognised wherever it occurs again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+_COMMUTES = {ca.OP_ADD, ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX}
+
+
+@dataclass(frozen=True)
+class Node:
+    """`op` is a CasADi operation; OP_INPUT has the symbol's index in `number`, OP_CONST its value."""
+
+    op: int
+    operands: tuple[int, ...] = ()
+    number: float = 0.0
+
+
+@dataclass
+class Graph:
+    """Nodes over fixed symbols (one SX column); operands have smaller indices than what is made of them."""
+
+    symbols: ca.SX
+    nodes: list[Node] = field(default_factory=list)
+    index: dict[Node, int] = field(default_factory=dict)
+
+    def read(self, value: ca.SX) -> list[int]:
+        """The nodes of a term's entries, row by row."""
+        entries = ca.vec(ca.densify(value).T)
+        function = ca.Function("term", [self.symbols], [entries])
+        slots: dict[int, int] = {}
+        found = [0] * entries.numel()
+        for k in range(function.n_instructions()):
+            op, inputs = function.instruction_id(k), function.instruction_input(k)
+            if op == ca.OP_OUTPUT:
+                found[function.instruction_output(k)[1]] = slots[inputs[0]]
+            else:
+                slots[function.instruction_output(k)[0]] = self._number(function, k, op, inputs, slots)
+        return found
+
+    def _number(self, function: ca.Function, k: int, op: int, inputs: Sequence[int], slots: dict[int, int]) -> int:
+        if op == ca.OP_CONST:
+            return self._entered(Node(op, (), function.instruction_constant(k) + 0.0))
+        if op == ca.OP_INPUT:
+            return self._entered(Node(op, (), float(inputs[1])))
+        operands = [slots[i] for i in inputs]
+        return self._entered(Node(op, tuple(sorted(operands) if op in _COMMUTES else operands)))
+
+    def _entered(self, node: Node) -> int:
+        if node not in self.index:
+            self.index[node] = len(self.nodes)
+            self.nodes.append(node)
+        return self.index[node]
+
+    def below(self, roots: Sequence[int], stop: frozenset[int] = frozenset()) -> list[int]:
+        """Everything the roots are made of down to `stop`, operands first."""
+        seen, waiting = set(roots), list(roots)
+        while waiting:
+            k = waiting.pop()
+            if k in stop:
+                continue
+            fresh = [i for i in self.nodes[k].operands if i not in seen]
+            seen.update(fresh)
+            waiting.extend(fresh)
+        return sorted(seen)

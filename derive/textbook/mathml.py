@@ -1,0 +1,47 @@
+"""LaTeX → MathML by latex2mathml, with what browsers need to show it well."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from html import unescape
+
+_WORD = re.compile(r'(?:<m[in](?: mathvariant="normal")?>(?:[^<]|&#x0005F;)</m[in]>){2,}')
+_UPRIGHT = re.compile(r'<mrow>((?:<mi mathvariant="normal">[^<]+</mi>|<mn>[^<]+</mn>)+)</mrow>')
+_BOLD = re.compile(r'<mi mathvariant="bold-italic">([^<]+)</mi>')
+_NAMES = "sin|cos|tan|sinh|cosh|tanh|ln|exp|arcsin|arccos|arctan|atan2|sign|min|max"
+_CALL = re.compile(rf"<m[io]>({_NAMES})</m[io]>(</?\w+>)?")
+_DOT = re.compile(r"<mover>(?=(?:(?!<mover>).)*?<mo>&#x(?:002D9|000A8);</mo></mover>)")
+_BOLD_GREEK = 0x1D6C2 - 0x3B1  # α → bold α
+_BOLD_GREEK_CAPITAL = 0x1D6A8 - 0x391
+
+
+@cache
+def mathml(latex: str, display: bool = False) -> str:
+    """One <math> element."""
+    from latex2mathml.converter import convert
+
+    text = convert(latex)
+    text = _UPRIGHT.sub(lambda m: f"<mi>{_letters(m[1])}</mi>" if len(_letters(m[1])) > 1 else m[0], text)
+    text = _BOLD.sub(lambda m: f"<mi>{_bold(unescape(m[1]))}</mi>", text)
+    text = text.replace("&#x003D5;", "&#x003C6;").replace("<mi>&#x1D5B3;</mi>", '<mi mathvariant="normal">T</mi>')
+    text = _CALL.sub(_called, text)
+    text = re.sub(r"<mo>&#x002D9;</mo></mover>", "<mo>&#x002D9;</mo></mover>", text).replace("<mover>", '<mover accent="true">')
+    style = ' displaystyle="true"' if display else ""
+    return re.sub(r"<math [^>]*>", f"<math{style}>", text, count=1)
+
+
+def _letters(mixed: str) -> str:
+    return re.sub(r"<[^>]+>", "", mixed)
+
+
+def _bold(letter: str) -> str:
+    code = ord(letter)
+    return chr(code + (_BOLD_GREEK if code >= 0x3B1 else _BOLD_GREEK_CAPITAL))
+
+
+def _called(found: re.Match[str]) -> str:
+    """A function's name is an operator with a thin space on both sides, none before a bracket."""
+    after = found[2] or ""
+    space = "0" if after == "<mrow>" else "0.167em"
+    return f'<mo form="prefix" lspace="0.167em" rspace="{space}">{found[1]}</mo>{after}'

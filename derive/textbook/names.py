@@ -1,0 +1,81 @@
+"""Names of a model as LaTeX: Greek by name, digits below, rates with dots, words upright."""
+
+from __future__ import annotations
+
+import re
+
+GREEK = frozenset(
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi psi omega "
+    "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split()
+)
+_SPECIAL = re.compile(r"([_%$#&{}])")
+_INDEXED = re.compile(r"([A-Za-z]+?)_?(\d+)")
+# what the page itself calls t, T, V, P and the entries of its matrices and vectors
+_TAKEN = re.compile(r"(t|T|V|P)|(N|M|A|B|R|S|D|L|h|c|f|F|Q|z|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho)_\{\d+\}")
+
+
+def letter(word: str) -> str:
+    """One letter stays italic, a Greek name becomes the letter, a longer word stands upright."""
+    if word in GREEK:
+        return f"\\{word}"
+    return word if len(word) == 1 else upright(word)
+
+
+def upright(word: str) -> str:
+    return f"\\mathrm{{{_SPECIAL.sub(lambda m: chr(92) + m[1], word)}}}"
+
+
+def symbol(name: str) -> str:
+    """LaTeX of a model's identifier: phi1 → φ₁, l_arm → l with index arm, th → upright th, q1_dot → q̇₁."""
+    if name.endswith("_dot") and len(name) > 4:
+        return dotted(symbol(name[:-4]))
+    found = _parts(name)
+    return upright(name) if _TAKEN.fullmatch(found) else found
+
+
+def _parts(name: str) -> str:
+    if indexed := _INDEXED.fullmatch(name):
+        return f"{letter(indexed[1])}_{{{indexed[2]}}}"
+    stem, _, index = name.partition("_")
+    if stem and index and (len(stem) == 1 or stem in GREEK):
+        return f"{letter(stem)}_{{{letter(index) if len(index) == 1 else upright(index)}}}"
+    return letter(name) if name.isalpha() else upright(name)
+
+
+def dotted(latex: str) -> str:
+    """The time derivative: a dot over the stem, a second one over the first."""
+    if latex.startswith(r"\dot{"):
+        return r"\ddot{" + latex[5:]
+    stem, index = _stem(latex)
+    return f"\\dot{{{stem}}}{index}"
+
+
+def _stem(latex: str) -> tuple[str, str]:
+    """What carries the dot, and the indices after it."""
+    if latex.startswith((r"\mathrm{", r"\mathbf{")):
+        end = latex.index("}") + 1 if "\\_" not in latex else latex.rindex("}") + 1
+        return latex[:end], latex[end:]
+    found = re.match(r"\\?[A-Za-z]+|.", latex)
+    return (found[0], latex[found.end() :]) if found else (latex, "")
+
+
+def velocity(name: str, rate_of: str) -> str:
+    """A base velocity: the rate of a coordinate, or `base.vx` → v_x with the joint above it."""
+    if rate_of:
+        return dotted(symbol(rate_of))
+    owner, _, slot = name.rpartition(".")
+    stem = r"\omega" if slot.startswith("w") else slot[:1]
+    index = f"_{{{slot[1:]}}}" if slot[1:] else ""
+    return f"{stem}{index}^{{{upright(owner) if len(owner) > 1 else owner}}}"
+
+
+def body(name: str) -> str:
+    """A body's name as an index."""
+    return upright(name) if len(name) > 1 else name
+
+
+def unit(text: str) -> str:
+    """kg*m^2/s → kg·m²/s, as text."""
+    powers = {"2": "²", "3": "³", "4": "⁴"}
+    shown = re.sub(r"\^([234])\b", lambda m: powers[m[1]], text).replace("*", "·")
+    return "–" if shown in ("", "1") else shown

@@ -1,0 +1,300 @@
+"""Sums of products with exact coefficients: what trigonometric terms of mechanics collapse in, at bounded cost.
+
+A term is coefficient · monomial of atoms · (1, cos a or sin a). In Fourier form products of sines and cosines become sines
+and cosines of sums, so sin² + cos² = 1 and the addition theorems are applied by adding equal terms; in product form they are
+atoms like any other. Everything that is not polynomial (roots, quotients, calls) is an atom that knows what it is made of.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import gcd, isqrt, lcm
+from typing import Any
+
+Monomial = tuple[tuple[int, int], ...]  # (atom, exponent), sorted
+Trig = tuple  # () or ("c" | "s", ((atom, coefficient), …))
+Key = tuple[Monomial, Trig]
+Poly = dict[Key, Fraction]
+UNIT: Key = ((), ())
+
+
+class TooBig(Exception):
+    """The sum has more terms, or took more work, than is worth printing."""
+
+
+@dataclass(frozen=True)
+class Atom:
+    """`kind` is "symbol" (content: a SymPy symbol), "sum" (a Poly, met as a divisor), "root" (a Poly) or a function's name."""
+
+    kind: str
+    content: Any
+
+
+def frozen(poly: Poly) -> tuple:
+    return tuple(sorted(poly.items()))
+
+
+def rational(x: float) -> Fraction:
+    """The number meant: 1/3 for 0.333…, 981/100 for 9.81; else the shortest decimal that reads back the same."""
+    near = Fraction(x).limit_denominator(1_000_000)
+    return near if abs(float(near) - x) <= 2e-16 * abs(x) else Fraction(repr(x))
+
+
+@dataclass
+class Ring:
+    """Arithmetic with a budget: at most `most` terms a sum, `work` products of terms in all."""
+
+    fourier: bool
+    most: int = 90
+    work: int = 30_000
+    atoms: list[Atom] = field(default_factory=list)
+    index: dict[tuple, int] = field(default_factory=dict)
+
+    def atom(self, kind: str, content: Any, key: Any = None) -> int:
+        name = (kind, content if key is None else key)
+        if name not in self.index:
+            self.index[name] = len(self.atoms)
+            self.atoms.append(Atom(kind, content))
+        return self.index[name]
+
+    def symbol(self, symbol: Any) -> Poly:
+        return {(((self.atom("symbol", symbol), 1),), ()): Fraction(1)}
+
+    def number(self, x: float) -> Poly:
+        return {UNIT: rational(x)} if x else {}
+
+    def sum(self, a: Poly, b: Poly, sign: int = 1) -> Poly:
+        result = dict(a)
+        for key, x in b.items():
+            self._accumulate(result, key, sign * x)
+        return self._checked(result)
+
+    def _accumulate(self, poly: Poly, key: Key, x: Fraction) -> None:
+        total = poly.get(key, 0) + x
+        if total:
+            poly[key] = total
+        else:
+            poly.pop(key, None)
+
+    def _checked(self, poly: Poly) -> Poly:
+        if len(poly) > self.most:
+            raise TooBig
+        return poly
+
+    def scaled(self, a: Poly, k: Fraction) -> Poly:
+        return {key: k * x for key, x in a.items()} if k else {}
+
+    def product(self, a: Poly, b: Poly) -> Poly:
+        self.work -= len(a) * len(b)
+        if self.work < 0:
+            raise TooBig
+        result: Poly = {}
+        for (m, trig), x in a.items():
+            for (n, other), y in b.items():
+                self._add_product(result, _merged(m, n), trig, other, x * y)
+        return self._checked(result)
+
+    def _add_product(self, result: Poly, monomial: Monomial, a: Trig, b: Trig, x: Fraction) -> None:
+        rest, extra = self._tidied(monomial)
+        for trig, sign in _trig_product(a, b):
+            if extra is None:
+                self._accumulate(result, (rest, trig), sign * x)
+                continue
+            for key, y in self.product({(rest, trig): sign * x}, extra).items():
+                self._accumulate(result, key, y)
+
+    def _tidied(self, monomial: Monomial) -> tuple[Monomial, Poly | None]:
+        """Squares of roots and positive powers of sums are multiplied out."""
+        extra: Poly | None = None
+        rest = []
+        for k, e in monomial:
+            kind, content = self.atoms[k].kind, self.atoms[k].content
+            if kind == "sum" and e > 0:
+                extra = self.product(extra or {UNIT: Fraction(1)}, self.power(content, e))
+            elif kind == "root" and abs(e) > 1:
+                whole, odd = int(e / 2), e - 2 * int(e / 2)
+                extra = self.product(extra or {UNIT: Fraction(1)}, self.power(content, whole))
+                rest += [(k, odd)] if odd else []
+            elif kind == "abs" and e < 0 and self._covers(monomial, content[0]):
+                extra = self.product(extra or {UNIT: Fraction(1)}, {(((k, e + 2),) if e != -2 else (), ()): Fraction(1)})
+                extra = self.product(extra, self.power(self.inverse(content[0]), 2))
+            else:
+                rest.append((k, e))
+        return tuple(rest), extra
+
+    def _covers(self, monomial: Monomial, inside: Poly) -> bool:
+        """Whether the monomial holds the square of what stands in |…|, a single atom: x² / |x| is |x|."""
+        ((inner, _),) = inside
+        return len(inner) == 1 and dict(monomial).get(inner[0][0], 0) >= 2 * inner[0][1]
+
+    def power(self, a: Poly, n: int) -> Poly:
+        if n < 0:
+            return self.power(self.inverse(a), -n)
+        result: Poly = {UNIT: Fraction(1)}
+        for _ in range(n):
+            result = self.product(result, a)
+        return result
+
+    def inverse(self, a: Poly) -> Poly:
+        """A single term turns over; a sum becomes an atom to the power −1, its common factor taken out."""
+        if not a:
+            raise TooBig  # a division by zero is not a formula
+        factor, monomial, rest = parted(a)
+        turned = tuple((k, -e) for k, e in monomial)
+        if rest == {UNIT: 1}:
+            return self.product({(turned, ()): 1 / factor}, {UNIT: Fraction(1)})
+        below = self.atom("sum", rest, frozen(rest))
+        return {(_merged(turned, ((below, -1),)), ()): 1 / factor}
+
+    def quotient(self, a: Poly, b: Poly) -> Poly:
+        ratio = _ratio(a, b)
+        return {UNIT: ratio} if ratio is not None else self.product(a, self.inverse(b))
+
+    def root(self, a: Poly) -> Poly:
+        if not a:
+            return {}
+        factor, monomial, rest = parted(a)
+        square = _square_root(factor)
+        inner = self.product({(monomial, ()): Fraction(1) if square else factor}, rest)
+        if inner == {UNIT: 1}:
+            return {UNIT: square or Fraction(1)}
+        if (half := _halved(inner)) is not None:
+            return self.scaled(self.call("abs", (half,)), square or Fraction(1))
+        return {(((self.atom("root", inner, frozen(inner)), 1),), ()): square or Fraction(1)}
+
+    def call(self, name: str, arguments: tuple[Poly, ...]) -> Poly:
+        key = tuple(frozen(x) for x in arguments)
+        return {(((self.atom(name, arguments, key), 1),), ()): Fraction(1)}
+
+    def sine(self, a: Poly) -> Poly:
+        if not a:
+            return {}
+        negative = a[min(a)] < 0
+        turned = self.scaled(a, Fraction(-1)) if negative else a
+        sign = Fraction(-1 if negative else 1)
+        freq = self._frequencies(turned)
+        if self.fourier and freq:
+            return {((), ("s", freq)): sign}
+        return self.scaled(self.call("sin", (turned,)), sign)
+
+    def cosine(self, a: Poly) -> Poly:
+        if not a:
+            return {UNIT: Fraction(1)}
+        turned = self.scaled(a, Fraction(-1)) if a[min(a)] < 0 else a
+        freq = self._frequencies(turned)
+        if self.fourier and freq:
+            return {((), ("c", freq)): Fraction(1)}
+        return self.call("cos", (turned,))
+
+    def _frequencies(self, a: Poly) -> tuple:
+        """((atom, coefficient), …) of a sum of symbols, () for anything else."""
+        found = []
+        for (monomial, trig), x in a.items():
+            if trig or len(monomial) != 1 or monomial[0][1] != 1 or self.atoms[monomial[0][0]].kind != "symbol":
+                return ()
+            found.append((monomial[0][0], x))
+        return _oriented(tuple(sorted(found)))[0]
+
+
+def _merged(a: Monomial, b: Monomial) -> Monomial:
+    if not a or not b:
+        return a or b
+    exponents = dict(a)
+    for k, e in b:
+        exponents[k] = exponents.get(k, 0) + e
+    return tuple(sorted((k, e) for k, e in exponents.items() if e))
+
+
+def _oriented(freq: tuple) -> tuple[tuple, int]:
+    """The frequencies with the first one positive, and the sign that took."""
+    if freq and freq[0][1] < 0:
+        return tuple((k, -x) for k, x in freq), -1
+    return freq, 1
+
+
+_HALF = Fraction(1, 2)
+
+
+def _trig_product(a: Trig, b: Trig) -> list[tuple[Trig, Fraction]]:
+    """Products as sums: cos a cos b = ½ (cos(a − b) + cos(a + b)), and so on."""
+    if not a or not b:
+        return [(a or b, Fraction(1))]
+    less, more = _combined(a[1], b[1], -1), _combined(a[1], b[1], 1)
+    match a[0] + b[0]:
+        case "cc":
+            return [_even(less, _HALF), _even(more, _HALF)]
+        case "ss":
+            return [_even(less, _HALF), _even(more, -_HALF)]
+        case "sc":
+            return [*_odd(more, _HALF), *_odd(less, _HALF)]
+    return [*_odd(more, _HALF), *_odd(less, -_HALF)]
+
+
+def _combined(a: tuple, b: tuple, sign: int) -> tuple:
+    total = dict(a)
+    for k, x in b:
+        total[k] = total.get(k, 0) + sign * x
+    return tuple(sorted((k, x) for k, x in total.items() if x))
+
+
+def _even(freq: tuple, x: Fraction) -> tuple[Trig, Fraction]:
+    return (("c", _oriented(freq)[0]) if freq else (), x)
+
+
+def _odd(freq: tuple, x: Fraction) -> list[tuple[Trig, Fraction]]:
+    turned, sign = _oriented(freq)
+    return [(("s", turned), sign * x)] if freq else []
+
+
+def parted(a: Poly) -> tuple[Fraction, Monomial, Poly]:
+    """factor · monomial · rest: what all terms have in common taken out, the first coefficient of the rest positive."""
+    monomial = common_monomial(list(a))
+    factor = common_factor([a[key] for key in sorted(a)])
+    turned = tuple((k, -e) for k, e in monomial)
+    return factor, monomial, {(_merged(m, turned), trig): x / factor for (m, trig), x in a.items()}
+
+
+def common_monomial(keys: list[Key]) -> Monomial:
+    """Atoms in all terms, each to the power nearest to zero."""
+    shared = dict(keys[0][0])
+    for monomial, _ in keys[1:]:
+        here = dict(monomial)
+        shared = {k: _nearer(e, here[k]) for k, e in shared.items() if k in here and here[k] * e > 0}
+    return tuple(sorted(shared.items()))
+
+
+def _nearer(a: int, b: int) -> int:
+    return a if abs(a) <= abs(b) else b
+
+
+def common_factor(values: list[Fraction]) -> Fraction:
+    """The largest number that leaves small whole coefficients; 1 where the coefficients are no plain fractions."""
+    sign = -1 if values[0] < 0 else 1
+    if len({abs(x) for x in values}) == 1:
+        return values[0]
+    if any(x.denominator > 48 for x in values):
+        return Fraction(sign)
+    return Fraction(sign * gcd(*[x.numerator for x in values]), lcm(*[x.denominator for x in values]))
+
+
+def _ratio(a: Poly, b: Poly) -> Fraction | None:
+    """a / b where that is a number."""
+    if not a or a.keys() != b.keys():
+        return None
+    ratios = {a[key] / b[key] for key in a}
+    return ratios.pop() if len(ratios) == 1 else None
+
+
+def _halved(a: Poly) -> Poly | None:
+    """x of a single term x²."""
+    ((monomial, trig), x), *more = a.items()
+    if more or trig or x != 1 or any(e % 2 for _, e in monomial):
+        return None
+    return {(tuple((k, e // 2) for k, e in monomial), ()): x}
+
+
+def _square_root(x: Fraction) -> Fraction | None:
+    if x <= 0 or isqrt(x.numerator) ** 2 != x.numerator or isqrt(x.denominator) ** 2 != x.denominator:
+        return None
+    return Fraction(isqrt(x.numerator), isqrt(x.denominator))

@@ -1,0 +1,185 @@
+"""SymPy expressions as LaTeX, in the order a person writes: number, parameters, positions, velocities, sums, functions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import sympy
+from sympy.core.function import AppliedUndef
+
+from derive.textbook.compose import operations
+
+LINE = 76  # visible characters in one line of a sum
+CALLED = {
+    "sin": r"\sin",
+    "cos": r"\cos",
+    "tan": r"\tan",
+    "sinh": r"\sinh",
+    "cosh": r"\cosh",
+    "tanh": r"\tanh",
+    "log": r"\ln",
+    "exp": r"\exp",
+    "asin": r"\arcsin",
+    "acos": r"\arccos",
+    "atan": r"\arctan",
+    "Min": r"\min",
+    "Max": r"\max",
+    "atan2": r"\mathrm{atan2}",
+    "sign": r"\mathrm{sign}",
+}
+_COMMAND = re.compile(
+    r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar)(?![A-Za-z])|[{}^_\s]|\\,"
+)
+
+
+class Typesetter:
+    """`names` gives the LaTeX of every symbol, in the order in which symbols stand in a product or sum."""
+
+    def __init__(self, names: Mapping[sympy.Symbol, str]) -> None:
+        self.names = names
+
+    def latex(self, x: sympy.Expr) -> str:
+        return self._sum(x) if x.is_Add else self._product(x)
+
+    def lines(self, x: sympy.Expr, line: int = LINE) -> tuple[str, ...]:
+        """A long sum in pieces of about `line` visible characters, every piece but the first with its sign in front."""
+        pieces: list[str] = []
+        for term in self._signed_terms(x) if x.is_Add else (self.latex(x),):
+            if pieces and width(pieces[-1]) + width(term) <= line:
+                pieces[-1] += term
+            else:
+                pieces.append(term)
+        return tuple(pieces)
+
+    def matrix(self, rows: Sequence[Sequence[sympy.Expr]]) -> str:
+        cells = [" & ".join(self.latex(x) for x in row) for row in rows]
+        return r"\begin{bmatrix} " + r" \\ ".join(cells) + r" \end{bmatrix}"
+
+    def _sum(self, x: sympy.Expr) -> str:
+        return "".join(self._signed_terms(x))
+
+    def _signed_terms(self, x: sympy.Expr) -> list[str]:
+        found = [self._product(term) for term in sorted(x.args, key=self._place_in_sum)]
+        return [found[0], *(f" - {t[1:].lstrip()}" if t.startswith("-") else f" + {t}" for t in found[1:])]
+
+    def _place_in_sum(self, term: sympy.Expr) -> tuple:
+        """Positive terms first, then by the symbols in the order of `names`; plain numbers last."""
+        return term.could_extract_minus_sign(), term.is_Number, self._ranks(term), str(term)
+
+    def _ranks(self, x: sympy.Expr) -> tuple[int, ...]:
+        return tuple(sorted(self._rank(s) for s in x.free_symbols))
+
+    def _rank(self, s: sympy.Basic) -> int:
+        return self._order.get(s, len(self._order))
+
+    @property
+    def _order(self) -> Mapping[sympy.Basic, int]:
+        if len(getattr(self, "_ranking", ())) != len(self.names):
+            self._ranking = {s: i for i, s in enumerate(self.names)}
+        return self._ranking
+
+    def _product(self, x: sympy.Expr) -> str:
+        """Sign, then numerator over denominator."""
+        sign, x = ("-", -x) if _is_negative(x) else ("", x)
+        over, under = _split(x)
+        if not under:
+            return sign + self._juxtaposed(over)
+        return f"{sign}\\frac{{{self._juxtaposed(over)}}}{{{self._juxtaposed(under)}}}"
+
+    def _juxtaposed(self, factors: list[sympy.Expr]) -> str:
+        """Factors side by side with a thin space; a sum stands in brackets unless it stands alone."""
+        if not factors:
+            return "1"
+        if len(factors) == 1:
+            return self._sum(factors[0]) if factors[0].is_Add else self._factor(factors[0])
+        return r" \, ".join(self._factor(f) for f in sorted(factors, key=self._place_in_product))
+
+    def _place_in_product(self, factor: sympy.Expr) -> tuple:
+        base = factor.base if factor.is_Pow else factor
+        kind = 0 if base.is_Number else 1 if base.is_Symbol else 2 if base.is_Add else 3
+        return kind, self._ranks(factor), str(factor)
+
+    def _factor(self, x: sympy.Expr) -> str:
+        if x.is_Symbol:
+            return self.names[x]
+        if x.is_Number:
+            return _number(x)
+        if x.is_Pow:
+            return self._power(x)
+        if x.is_Add or x.is_Mul:
+            return self._bracketed(x)
+        return self._called(x)
+
+    def _bracketed(self, x: sympy.Expr) -> str:
+        return rf"\left({self.latex(x)}\right)"
+
+    def _power(self, x: sympy.Pow) -> str:
+        if x.exp == sympy.Rational(1, 2):
+            return rf"\sqrt{{{self.latex(x.base)}}}"
+        exponent = self.latex(x.exp)
+        if x.base.is_Function and x.exp.is_Integer and x.exp > 0 and str(x.base.func) in ("sin", "cos", "tan"):
+            return self._called(x.base, exponent)
+        if x.base.is_Symbol:
+            return f"{_raisable(self.names[x.base])}^{{{exponent}}}"
+        if x.base.is_Number and not x.base.is_negative and not x.base.is_Rational:
+            return f"{_number(x.base)}^{{{exponent}}}"
+        return f"{self._bracketed(x.base)}^{{{exponent}}}"
+
+    def _called(self, x: sympy.Basic, power: str = "") -> str:
+        name = str(x.func)
+        arguments = ", ".join(self.latex(a) for a in x.args)
+        if isinstance(x, sympy.Abs):
+            return rf"\left|{arguments}\right|"
+        if isinstance(x, sympy.exp):
+            return f"e^{{{arguments}}}"
+        if isinstance(x, sympy.Piecewise | AppliedUndef) or name not in CALLED:
+            return self._otherwise(x)
+        raised = f"^{{{power}}}" if power else ""
+        simple = len(x.args) == 1 and x.args[0].is_Symbol
+        return f"{CALLED[name]}{raised}" + (f" {arguments}" if simple else rf"\left({arguments}\right)")
+
+    def _otherwise(self, x: sympy.Basic) -> str:
+        return sympy.latex(x, symbol_names=dict(self.names))
+
+
+def _raisable(name: str) -> str:
+    """A name that has an index above needs brackets before it is raised to a power."""
+    return rf"\left({name}\right)" if "^" in name else name if name[-1] != "'" else f"{{{name}}}"
+
+
+def _is_negative(x: sympy.Expr) -> bool:
+    return bool((x.is_Number and x.is_negative) or (x.is_Mul and x.args[0].is_Number and x.args[0].is_negative))
+
+
+def _split(x: sympy.Expr) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
+    over: list[sympy.Expr] = []
+    under: list[sympy.Expr] = []
+    for f in x.args if x.is_Mul else (x,):
+        if isinstance(f, sympy.Rational):
+            over += [sympy.Integer(f.p)] if f.p != 1 else []
+            under += [sympy.Integer(f.q)] if f.q != 1 else []
+        elif f.is_Pow and f.exp.is_Number and f.exp.is_negative:
+            under.append(f.base**-f.exp)
+        else:
+            over.append(f)
+    return over, under
+
+
+def _number(x: sympy.Expr) -> str:
+    """Digits that read back as the same number."""
+    if isinstance(x, sympy.Integer):
+        return str(x)
+    if isinstance(x, sympy.Rational):
+        return rf"\frac{{{x.p}}}{{{x.q}}}"
+    mantissa, _, exponent = f"{float(x):.15g}".partition("e")
+    return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+
+
+def width(latex: str) -> int:
+    """About how many characters wide the formula is."""
+    shown = _COMMAND.sub("", latex)
+    return len(re.sub(r"\\[A-Za-z]+", "x", shown))
+
+
+__all__ = ["LINE", "Typesetter", "operations", "width"]

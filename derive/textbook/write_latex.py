@@ -1,0 +1,141 @@
+"""Document → a standalone LaTeX article (pdfLaTeX with amsmath, amssymb, graphicx, longtable)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib.resources import files
+
+from derive.textbook.records import Display, Document, Line, Runs, Table, Text
+from derive.textbook.typeset import width
+
+TEXT_WIDTH = 82  # visible characters of mathematics that fit on a line
+_SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "$": r"\$",
+    "&": r"\&",
+    "#": r"\#",
+    "%": r"\%",
+    "_": r"\_",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "…": r"\ldots{}",
+    "–": "--",
+    "—": "---",
+    "“": "``",
+    "”": "''",
+    "‘": "`",
+    "’": "'",
+    "·": r"\ensuremath{\cdot}",
+    "×": r"\ensuremath{\times}",
+    "−": r"\ensuremath{-}",
+    "±": r"\ensuremath{\pm}",
+    "≤": r"\ensuremath{\le}",
+    "≥": r"\ensuremath{\ge}",
+    "→": r"\ensuremath{\to}",
+    "∂": r"\ensuremath{\partial}",
+    "½": r"\ensuremath{\tfrac{1}{2}}",
+    "²": r"\ensuremath{^{2}}",
+    "³": r"\ensuremath{^{3}}",
+    "⁴": r"\ensuremath{^{4}}",
+    "⁻": r"\ensuremath{^{-}}",
+    "¹": r"\ensuremath{^{1}}",
+    "₁": r"\ensuremath{_{1}}",
+    "₂": r"\ensuremath{_{2}}",
+    "ᵀ": r"\ensuremath{^{\mathsf{T}}}",
+    "°": r"\ensuremath{^{\circ}}",
+    "\u0307": "",  # a dot above that is no letter of its own
+}
+_DOTTED = {"q̇": "q", "v̇": "v", "ẇ": "w", "ẋ": "x", "Ḃ": "B", "Ȧ": "A", "ċ": "c", "Ṡ": "S", "ẏ": "y", "ż": "z"}
+_GREEK = dict(
+    zip(
+        "αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΥΦΨΩ",
+        "alpha beta gamma delta varepsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon varphi chi psi omega "
+        "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split(),
+    )
+)
+_SPECIAL |= {letter: rf"\ensuremath{{\{name}}}" for letter, name in _GREEK.items()}
+
+
+def article(document: Document) -> str:
+    """The same sections as the page, numbered by LaTeX."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        block_start_string="<%",
+        block_end_string="%>",
+        variable_start_string="<<",
+        variable_end_string=">>",
+        comment_start_string="<#",
+        comment_end_string="#>",
+    )
+    template = environment.from_string(files("derive.textbook").joinpath("article.tex.j2").read_text("utf-8"))
+    return template.render(
+        document=document, kind=lambda x: type(x).__name__, escape=escape, runs=_runs, rows=_rows, columns=_columns
+    )
+
+
+def escape(text: str) -> str:
+    """Text that LaTeX prints as it is; letters it has no font for are printed as their code points."""
+    for pair, letter in _DOTTED.items():
+        text = text.replace(pair, f"\ue000{letter}\ue001")
+    return "".join(_escaped(c) for c in text)
+
+
+def _escaped(c: str) -> str:
+    if c == "\ue000":
+        return r"\ensuremath{\dot{"
+    if c == "\ue001":
+        return "}}"
+    if c in _SPECIAL:
+        return _SPECIAL[c]
+    if c in "\t\n\r":
+        return " "
+    known = " " <= c <= "~" or 0xC0 <= ord(c) <= 0x17E  # Latin letters that inputenc and T1 have
+    return c if known else rf"\texttt{{U+{ord(c):04X}}}"
+
+
+def _runs(runs: Runs) -> str:
+    return "".join(escape(run.text) if isinstance(run, Text) else f"${run.latex}$" for run in runs)
+
+
+def _rows(display: Display) -> str:
+    """Lines of an align environment; one number for all of them."""
+    rows = [row for line in display.lines for row in _pieces(line)]
+    return " \\nonumber \\\\\n".join(rows)
+
+
+def _pieces(line: Line) -> Iterable[str]:
+    first, *rest = line.right
+    room = TEXT_WIDTH - width(line.left)
+    yield f"{line.left} &{line.relation} {_fitted(first, room)}"
+    for piece in rest:
+        yield f"&\\quad {_fitted(piece.strip(), room)}"
+
+
+def _fitted(latex: str, room: int) -> str:
+    """Made narrower where it would not fit on the page."""
+    if _columns_wide(latex) <= room:
+        return latex
+    return rf"\resizebox{{{max(room, 20) / TEXT_WIDTH:.2f}\linewidth}}{{!}}{{$\displaystyle {latex}$}}"
+
+
+def _columns_wide(latex: str) -> int:
+    """Of a matrix, its widest row counts with the gaps between columns; of anything else, all of it."""
+    if r"\begin{bmatrix}" not in latex:
+        return width(latex)
+    return max(width(row.replace("&", "xx")) for row in latex.split(r"\\"))
+
+
+def _columns(table: Table) -> str:
+    """Short columns as wide as they are, the last one takes what is left."""
+    share = {2: 0.7, 3: 0.6, 4: 0.4, 5: 0.2}.get(len(table.head), 0.2)
+    return "l" * (len(table.head) - 1) + rf"p{{{share}\linewidth}}"

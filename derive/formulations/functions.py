@@ -116,21 +116,31 @@ def _constraints(system: System, motion: Motion) -> Function | None:
 
 
 def _project(system: System, motion: Motion) -> Function | None:
-    """One Newton step onto φ = 0, nearest in the metric of M (or of 1 where M is singular): δ = −M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ φ."""
+    """One Newton step onto φ = 0, nearest in the metric of M (or of 1 where M is singular): δ = −M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ φ;
+    quaternions are brought to length one.
+    """
     closing = [i for i in motion.kept if system.rows[i].position >= 0]
-    if not closing and not (motion.projects_velocity and motion.kept):
+    if not closing and not system.quaternions and not (motion.projects_velocity and motion.kept):
         return None
     q = system.q + _position_step(system, closing) if closing else system.q
     violation = [system.phi[system.rows[i].position] for i in closing]
     w = motion.w
-    if motion.projects_velocity:
+    if motion.projects_velocity and motion.kept:
         w, rest = _velocity_step(system, motion)
         violation += rest
-    residual = _largest(violation)
+    violation += [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
     about = "nearest consistent state: q on φ = 0" + (", v on A v = c" if motion.projects_velocity else ", w kept")
     labels = (*(c.name for c in system.model.coordinates), *motion.names)
-    step = Result("x", ca.vertcat(q, w), labels, ())
-    return Function("project", about, step, iteration=Iteration(CLOSED, MOST_STEPS), residual=residual)
+    step = Result("x", ca.vertcat(_with_unit_quaternions(system, q), w), labels, ())
+    return Function("project", about, step, iteration=Iteration(CLOSED, MOST_STEPS), residual=_largest(violation))
+
+
+def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:
+    entries = [q[i] for i in range(q.numel())]
+    for start in system.quaternions:
+        length = ca.sqrt(ca.sumsqr(q[start : start + 4]))
+        entries[start : start + 4] = [x / length for x in entries[start : start + 4]]
+    return ca.vertcat(*entries)
 
 
 def _position_step(system: System, closing: list[int]) -> ca.SX:

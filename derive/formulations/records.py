@@ -1,6 +1,6 @@
 """The Equations record: one formulation and one choice of quasi-velocities, as the functions of the generated module.
 
-x = (q, w), v = S w + R c. Every function is f(t, x, u, p); arguments it does not use are absent from its expressions and its code.
+x = (q, w), v = S w + R c. Every function is f(t, x, u, p); arguments it does not use are absent from its expressions and code.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Argument:
 
 @dataclass(frozen=True)
 class Iteration:
-    """The function is one Newton step: repeat with its first output as the new x until the last output, a scalar residual, is ≤ tolerance."""
+    """The function is one Newton step: repeat with its result as the new x until the residual, a scalar, is ≤ tolerance."""
 
     tolerance: float
     most: int
@@ -41,7 +41,7 @@ class Guard:
 
 @dataclass(frozen=True)
 class Result:
-    """One result array of a function, row-major; `value` is dense r × c. Vectors are n × 1 and come out as (n,), 1 × 1 as a scalar slot of one."""
+    """One result array of a function, row-major; `value` is dense r × c. Vectors are n × 1 and come out as (n,)."""
 
     name: str
     value: ca.SX

@@ -1,7 +1,8 @@
 """Free joint: six degrees of freedom; base velocities = linear and angular velocity in the child's frame.
 
-Position first, then orientation as Euler angles of any sequence (intrinsic) or as a unit quaternion (FLOATING). Inverse of ω = Σ axisᵢ θ̇ᵢ in closed form:
-for a sequence i, j, k about different axes N is regular away from θ₂ = ±90°, for i, j, i away from θ₂ = 0.
+Position first, then orientation as Euler angles of any sequence (intrinsic) or as a unit quaternion (FLOATING). Inverse of
+ω = Σ axisᵢ θ̇ᵢ in closed form: for a sequence i, j, k about different axes N is regular away from θ₂ = ±90°, for i, j, i away
+from θ₂ = 0.
 """
 
 from collections.abc import Sequence

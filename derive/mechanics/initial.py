@@ -10,7 +10,7 @@ import numpy as np
 from derive.diagnostics import Diagnostic, ModelError
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
-from derive.mechanics.sampling import Kinematics, closed, kinematics, nominal
+from derive.mechanics.sampling import Kinematics, closed, kinematics, nominal, normalised
 from derive.model.records import Span
 
 AGREES = 1e-9  # relative residual up to which held velocities count as kept
@@ -52,11 +52,12 @@ def _positions(system: System, solver: Kinematics, given: dict[str, float], held
     start = nominal(system)
     for i, c in enumerate(system.model.coordinates):
         start[i] = given.get(c.name, start[i])
+    start = normalised(system, start)
     free = np.array([c.name not in held for c in system.model.coordinates])
     for choice in (free, np.ones(len(start), dtype=bool)):
         q = closed(solver, 0.0, start, p, choice)
         if q is not None:
-            return q
+            return normalised(system, q)
     phi = solver.positions(0.0, start, p)[0]
     worst = int(np.argmax(np.abs(phi)))
     row = next(row.name for row in system.rows if row.position == worst)

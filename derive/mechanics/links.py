@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
+import numpy as np
 
 from derive.joints import joint_type
-from derive.joints.records import Matrix, Rotation, Scalar, Still, Turn, Vector
+from derive.joints.records import JointType, Matrix, Rotation, Scalar, Still, Turn, Vector
 from derive.joints.rotations import UNIT, cross, dot, inverse, is_zero, matrix, merged, product, rotated, sum_of, transpose
 from derive.mechanics.records import Inertia, Link, Place
 from derive.mechanics.symbols import Symbols
@@ -16,6 +17,7 @@ from derive.model.records import GROUND, Body, Joint, Model, Placement
 
 ORIGIN: Vector = [0.0, 0.0, 0.0]
 ON_GROUND = Place(-1, (), ORIGIN)
+NOTHING = Inertia(0.0, [0.0] * 3, [[0.0] * 3 for _ in range(3)])
 
 
 def links_and_places(model: Model, symbols: Symbols) -> tuple[tuple[Link, ...], dict[str, Place]]:
@@ -24,39 +26,94 @@ def links_and_places(model: Model, symbols: Symbols) -> tuple[tuple[Link, ...], 
     links: list[Link] = []
     bodies = {body.name: body for body in model.bodies}
     for joint in model.joints:
-        if joint.velocities:
-            links.append(_link(model, symbols, joint, bodies[joint.child], places[joint.parent]))
-            places[joint.child] = Place(len(links) - 1, (), ORIGIN)
-        else:
-            place = _welded(symbols, joint, places[joint.parent])
-            places[joint.child] = place
-            _absorb(links, place, inertia(symbols, bodies[joint.child]))
+        places[joint.child] = _placed(model, symbols, joint, places[joint.parent], links)
+        _absorb(links, places[joint.child], inertia(symbols, bodies[joint.child]))
     return tuple(links), places
 
 
-def _link(model: Model, symbols: Symbols, joint: Joint, body: Body, carrier: Place) -> Link:
-    kind = joint_type(joint.type, joint.orientation)
+def _placed(model: Model, symbols: Symbols, joint: Joint, carrier: Place, links: list[Link]) -> Place:
+    """Append the joint's links and say where the child sits."""
+    if not joint.velocities:
+        return _welded(symbols, joint, carrier)
+    parts = _parts(model, symbols, joint)
+    on_parent, in_parent = placement(symbols, joint.at_parent)
+    start = sum_of(carrier.position, rotated(matrix(carrier.rotation), in_parent))
+    on_carrier, parent = merged(carrier.rotation, on_parent), carrier.link
+    for part in parts[:-1]:
+        links.append(_link(f"{joint.child} at {joint.name}", parent, on_carrier, start, part, ()))
+        parent, on_carrier, start = len(links) - 1, (), ORIGIN
+    on_child, b = placement(symbols, joint.at_child)
+    last = _link(joint.child, parent, on_carrier, start, parts[-1], on_child)
+    body = _body_in_link(parts[-1], on_child)
+    links.append(replace(last, b=rotated(matrix(body), b)))
+    return Place(len(links) - 1, body, ORIGIN)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A joint, or one of the simpler joints it is a chain of."""
+
+    kind: JointType
+    axis: Vector
+    q: Vector
+    columns: tuple[int, ...]
+
+
+def _parts(model: Model, symbols: Symbols, joint: Joint) -> list[Part]:
+    kind = joint_type(joint.type, joint.orientation, symbols.scalar(joint.pitch))
     axis = symbols.vector(joint.axis)
     q = [symbols.names[name] for name in joint.coordinates]
-    on_parent, in_parent = placement(symbols, joint.at_parent)
-    on_child, b = placement(symbols, joint.at_child)
-    on_carrier = merged(carrier.rotation, on_parent)
-    turned = merged(on_carrier, kind.rotation(q, axis), inverse(on_child))
-    start = sum_of(carrier.position, rotated(matrix(carrier.rotation), in_parent))
-    motion = tuple(_turned_twist(matrix(on_child), column) for column in kind.motion(q, axis))
     columns = tuple(_index(model, name) for name in joint.velocities)
-    return Link(
-        name=body.name,
-        parent=carrier.link,
-        rotation=turned,
-        R=matrix(turned),
-        a=sum_of(start, rotated(matrix(on_carrier), kind.translation(q, axis))),
-        b=b,
-        motion=motion,
-        columns=columns,
-        turns_about=_principal_turn(motion),
-        inertia=inertia(symbols, body),
-    )
+    if not kind.parts:
+        return [Part(kind, axis, q, columns)]
+    axes = (axis, symbols.vector(joint.axis2) if joint.axis2 else axis)
+    return [Part(joint_type(n), e, [q[k]], (columns[k],)) for k, (n, e) in enumerate(zip(kind.parts, axes))]
+
+
+def _link(name: str, parent: int, on_carrier: Rotation, start: Vector, part: Part, on_child: Rotation) -> Link:
+    """A massless link; its frame is the child's body frame or, where the axis is oblique there, one with z along the axis."""
+    if _is_oblique(part, on_child):
+        upright = _aligning(part.axis)
+        to_link = inverse(upright)  # link ← joint frame
+        rotation = merged(on_carrier, upright, part.kind.rotation(part.q, [0.0, 0.0, 1.0]))
+    else:
+        to_link = on_child
+        rotation = merged(on_carrier, part.kind.rotation(part.q, part.axis), inverse(on_child))
+    motion = tuple(_turned_twist(matrix(to_link), column) for column in part.kind.motion(part.q, part.axis))
+    motion = tuple([_exact(x) for x in column] for column in motion)
+    slide = part.kind.translation(part.q, part.axis)
+    a = sum_of(start, rotated(matrix(on_carrier), slide))
+    return Link(name, parent, rotation, matrix(rotation), a, ORIGIN, motion, part.columns, _principal_turn(motion), NOTHING)
+
+
+def _body_in_link(part: Part, on_child: Rotation) -> Rotation:
+    """link ← body."""
+    return merged(inverse(_aligning(part.axis)), inverse(on_child)) if _is_oblique(part, on_child) else ()
+
+
+def _is_oblique(part: Part, on_child: Rotation) -> bool:
+    """Whether the axis of a joint with one axis lies along no axis of the child's frame."""
+    if not part.kind.needs_axis:
+        return False
+    return sum(not is_zero(_exact(x)) for x in rotated(matrix(on_child), part.axis)) > 1
+
+
+def _exact(x: Scalar) -> Scalar:
+    """Rounding errors of a constant direction taken away, so that structural zeros are seen."""
+    if not isinstance(x, float):
+        return x
+    nearest = float(round(x))
+    return nearest if abs(x - nearest) < 1e-14 else x
+
+
+def _aligning(axis: Vector) -> Rotation:
+    """A constant rotation that takes z to the axis; none where the axis is x, y or z already."""
+    unit = np.array([float(x) for x in axis])
+    if np.count_nonzero(unit) == 1:
+        return ()
+    side = np.cross(np.eye(3)[int(np.argmin(np.abs(unit)))], unit)
+    x = side / np.linalg.norm(side)
+    return (Still(np.column_stack([x, np.cross(unit, x), unit]).tolist()),)
 
 
 def _index(model: Model, velocity: str) -> int:
@@ -90,7 +147,7 @@ def _welded(symbols: Symbols, joint: Joint, carrier: Place) -> Place:
 
 
 def _absorb(links: list[Link], place: Place, extra: Inertia) -> None:
-    if place.link >= 0:
+    if place.link >= 0:  # a body without mass has exact zeros, and adding them changes nothing
         link = links[place.link]
         links[place.link] = replace(link, inertia=summed(link.inertia, moved(extra, place.rotation, place.position)))
 

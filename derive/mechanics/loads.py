@@ -8,9 +8,20 @@ import casadi as ca
 
 from derive.joints.records import Vector
 from derive.joints.rotations import rotated
-from derive.mechanics.constraints import Scene
+from derive.mechanics.constraints import Scene, joint_frame
 from derive.mechanics.tree import ground_point, link_direction
-from derive.model.records import Force, GeneralisedForce, JointDamper, JointSpring, Load, PointSpring, Torque
+from derive.model.records import (
+    Armature,
+    Bushing,
+    Force,
+    GeneralisedForce,
+    JointDamper,
+    JointFriction,
+    JointSpring,
+    Load,
+    PointSpring,
+    Torque,
+)
 
 
 @dataclass(frozen=True)
@@ -29,7 +40,8 @@ def applied(scene: Scene) -> Applied:
         energy, force = energy + one.energy, force + one.force
     for item in scene.model.inputs:
         if item.velocity:
-            force = force + along(scene, item.velocity, scene.symbols.names[item.name])
+            gear = scene.symbols.scalar(item.gear)
+            force = force + along(scene, item.velocity, gear * scene.symbols.names[item.name])
     return Applied(energy, scene.over_v(force))
 
 
@@ -61,6 +73,12 @@ def _load(scene: Scene, load: Load) -> Applied:
             return _force(scene, load)
         case Torque():
             return _torque(scene, load)
+        case Bushing():
+            return _bushing(scene, load)
+        case JointFriction():
+            return _joint_friction(scene, load)
+        case Armature():
+            return Applied(ca.SX(0), ca.SX.zeros(scene.symbols.v.numel()))  # an inertia, see `armatures`
         case GeneralisedForce():
             force = ca.SX(scene.symbols.scalar(load.expression))
             return _only(scene, along(scene, load.velocity, force))
@@ -79,10 +97,50 @@ def _joint_spring(scene: Scene, load: JointSpring) -> Applied:
 
 def _joint_damper(scene: Scene, load: JointDamper) -> Applied:
     """−d times the rate."""
-    rate = scene.symbols.rates.get(load.velocity.removeprefix("der(").removesuffix(")"))
-    if rate is None:
-        rate = scene.symbols.names[load.velocity]
-    return _only(scene, along(scene, load.velocity, -scene.symbols.scalar(load.coefficient) * rate))
+    return _only(scene, along(scene, load.velocity, -scene.symbols.scalar(load.coefficient) * _rate(scene, load.velocity)))
+
+
+def _rate(scene: Scene, velocity: str) -> ca.SX:
+    """A base velocity, or the rate of a coordinate, by name."""
+    rate = scene.symbols.rates.get(velocity.removeprefix("der(").removesuffix(")"))
+    return scene.symbols.names[velocity] if rate is None else rate
+
+
+def _joint_friction(scene: Scene, load: JointFriction) -> Applied:
+    """−viscous v − coulomb tanh(v/smoothing): Coulomb friction made smooth."""
+    s, rate = scene.symbols, _rate(scene, load.velocity)
+    force = -s.scalar(load.viscous) * rate - s.scalar(load.coulomb) * ca.tanh(rate / s.scalar(load.smoothing))
+    return _only(scene, along(scene, load.velocity, ca.SX(force)))
+
+
+def _bushing(scene: Scene, load: Bushing) -> Applied:
+    """A soft weld: ½ Σ kᵢ dᵢ² + ½ Σ κᵢ θᵢ² and the dampings, in the first body's joint frame.
+
+    d is the second origin's displacement, θ = ½ Σ aᵢ × bᵢ of the two frames' axes: the rotation vector while it is small.
+    """
+    s = scene.symbols
+    frames = [joint_frame(scene, body, at, ()) for body, at in zip(load.bodies, load.placements)]
+    (start, a), (end, b) = frames
+    turn = 0.5 * sum((ca.cross(x, y) for x, y in zip(a, b)), ca.SX.zeros(3))
+    parts = [(ca.vertcat(*[ca.dot(e, end - start) for e in a]), load.stiffness, load.damping)]
+    parts.append((ca.vertcat(*[ca.dot(e, turn) for e in a]), load.torsion, load.torsion_damping))
+    energy, force = ca.SX(0), ca.SX.zeros(s.v.numel())
+    for deflection, stiffness, damping in parts:
+        energy += 0.5 * ca.dot(ca.vertcat(*s.vector(stiffness)), deflection * deflection)
+        rate = scene.rate(deflection)
+        force -= ca.jtimes(rate, s.v, ca.vertcat(*s.vector(damping)) * rate, True)
+    return Applied(energy, force)
+
+
+def armatures(scene: Scene) -> ca.SX:
+    """Rotor inertias on the diagonal of M: the rotor turns with the joint's base velocity."""
+    result = ca.SX(scene.symbols.v.numel(), scene.symbols.v.numel())
+    names = [v.name for v in scene.model.velocities]
+    for load in scene.model.loads:
+        if isinstance(load, Armature):
+            j = names.index(load.velocity)
+            result[j, j] += scene.symbols.scalar(load.inertia)
+    return result
 
 
 def _point_spring(scene: Scene, load: PointSpring) -> Applied:

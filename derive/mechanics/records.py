@@ -135,6 +135,7 @@ class System:
     inertias: tuple[tuple[Inertia, ...], ...]  # equivalent sets: as given, and regrouped across the joints
     places: tuple[tuple[str, Place], ...]  # body name → where it is
     blocks: tuple[tuple[tuple[RowForm, ...], ...], ...]
+    quaternions: tuple[int, ...]  # where in q a unit quaternion (w, x, y, z) starts
     definite: bool  # M is positive definite at the nominal values
     M_extra: ca.SX  # nv × nv, of the kinetic energy that is not in the links
     h_extra: ca.SX

@@ -68,7 +68,16 @@ def nominal(system: System) -> np.ndarray:
     """The coordinates the model file starts from, guesses included, zero where nothing is said."""
     names = {x.name: x.value for x in system.model.parameters} | {"t": 0.0}
     given = {x.name: number(x.value, names) for x in system.model.initial}
-    return np.array([given.get(c.name, 0.0) for c in system.model.coordinates])
+    return normalised(system, np.array([given.get(c.name, 0.0) for c in system.model.coordinates]))
+
+
+def normalised(system: System, q: np.ndarray) -> np.ndarray:
+    """q with its quaternions divided by their length; a zero one becomes (1, 0, 0, 0)."""
+    result = q.copy()
+    for i in system.quaternions:
+        length = float(np.linalg.norm(q[i : i + 4]))
+        result[i : i + 4] = q[i : i + 4] / length if length > 0 else (1.0, 0.0, 0.0, 0.0)
+    return result
 
 
 def _state(system: System, solver: Kinematics, centre: np.ndarray, rng: np.random.Generator, spread: float, vary: float):
@@ -76,7 +85,8 @@ def _state(system: System, solver: Kinematics, centre: np.ndarray, rng: np.rando
         t = rng.uniform(0.0, 2.0) if ca.depends_on(_everything(system), system.t) else 0.0
         p = np.array(system.parameters) * (1 + vary * rng.uniform(-1, 1, len(system.parameters)))
         narrowed = spread * 0.8 ** (attempt // 4)
-        q = closed(solver, t, centre + _scatter(system, centre, rng, narrowed), p)
+        q = closed(solver, t, normalised(system, centre + _scatter(system, centre, rng, narrowed)), p)
+        q = None if q is None else normalised(system, q)
         if q is not None:
             return t, q, _velocity(solver, t, q, p, rng), rng.normal(size=system.u.numel()), p
     return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -16,7 +17,7 @@ from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.constraints import Block, Scene, blocks
 from derive.mechanics.forms import ONE, Form
 from derive.mechanics.links import links_and_places, regrouped
-from derive.mechanics.loads import Applied, applied
+from derive.mechanics.loads import Applied, applied, armatures
 from derive.mechanics.motion import (
     REST,
     Numbers,
@@ -62,7 +63,7 @@ def system(model: Model, constants: Collection[str] | str = ()) -> System:
     numbers = twists(links, _entries(s.v))
     scene = Scene(model, s, qdot, links, places, rotations, positions, [list(n[0]) for n in numbers])
     found = blocks(scene)
-    loads, extra = applied(scene), lagrangian(model, s, qdot)
+    loads, extra = applied(scene), _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
     g = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
     return _assembled(scene, baked, numbers, found, loads, extra, g)
 
@@ -117,6 +118,7 @@ def _assembled(
         places=tuple(scene.places.items()),
         blocks=tuple(block.ways for block in found),
         definite=_is_definite(M, s),
+        quaternions=_quaternions(model),
         M_extra=extra.M,
         h_extra=extra.h,
         gravity=g,
@@ -124,6 +126,10 @@ def _assembled(
         assumptions=_assumptions(model, s, extra),
     )
     return result
+
+
+def _with_rotors(extra: Lagrangian, rotors: ca.SX, s: Symbols) -> Lagrangian:
+    return replace(extra, M=extra.M + rotors, T=extra.T + 0.5 * ca.bilin(rotors, s.v, s.v))
 
 
 def _entries(column: ca.SX) -> list[Scalar]:
@@ -144,7 +150,9 @@ def _qdot(model: Model, s: Symbols) -> ca.SX:
     """N v, joint by joint; a coordinate of the analytic form has its own rate as base velocity."""
     rates: dict[str, Scalar] = {v.rate_of: s.names[v.name] for v in model.velocities if v.rate_of}
     for joint in model.joints:
-        kind = joint_type(joint.type, joint.orientation)
+        kind = joint_type(joint.type, joint.orientation, s.scalar(joint.pitch))
+        if kind.parts:
+            continue  # all its base velocities are rates of coordinates
         q = [s.names[name] for name in joint.coordinates]
         v = [s.names[name] for name in joint.velocities]
         rates |= dict(zip(joint.coordinates, kind.rates(q, v, s.vector(joint.axis))))
@@ -201,6 +209,12 @@ def _assumptions(model: Model, s: Symbols, extra: Lagrangian) -> tuple[str, ...]
     if model.kinetic is not None and not (extra.T - 0.5 * ca.bilin(extra.M, s.v, s.v)).is_zero() and ca.depends_on(extra.T, s.t):
         return ("the kinetic energy depends on time: the energy balance leaves its explicit part out",)
     return ()
+
+
+def _quaternions(model: Model) -> tuple[int, ...]:
+    names = [c.name for c in model.coordinates]
+    kinds = [(joint, joint_type(joint.type, joint.orientation)) for joint in model.joints]
+    return tuple(names.index(joint.coordinates[kind.unit_from]) for joint, kind in kinds if kind.unit_from >= 0)
 
 
 def _is_definite(M: ca.SX, s: Symbols) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -179,3 +180,14 @@ def test_names_that_would_clash() -> None:
     renamed: Any = SimpleNamespace(**{**vars(equations), "arguments": arguments})
     names = program(renamed, ["dynamics", "odd"]).argument("x").names
     assert len(set(names)) == 4 and not {"sin", "x", "while"} & set(names)
+
+
+@pytest.mark.parametrize(("name", "choice", "most"), [("snake3", "head", 110), ("four_bar", "crank", 75)])
+def test_operation_counts_of_the_founding_examples(name: str, choice: str, most: int) -> None:
+    """The targets are 150 and 120; a hand-made recursion has 131, a hand-made four-bar 80."""
+    from derive.formulations import equations
+    from derive.mechanics import system
+    from derive.model import load
+
+    model = load(Path(__file__).parents[1] / "models" / f"{name}.yaml")
+    assert program(equations(system(model, "all"), choice)).kernel("dynamics").operations["total"] <= most

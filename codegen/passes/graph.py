@@ -167,7 +167,7 @@ def snapped(factor: float) -> float:
     if abs(factor - short) <= 2 * EPSILON * abs(factor):
         return short
     if 1e-3 < abs(factor) < 1e3:
-        for denominator in (3, 7, 9, 11, 13):
+        for denominator in (3, 7, 9, 11, 15):
             near = round(factor * 4 * denominator) / (4 * denominator)
             if abs(factor - near) <= 2 * EPSILON * abs(factor):
                 return near

@@ -79,11 +79,12 @@ def _scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, floa
         if i not in loose:
             wanted[node].append(factor)
     used = uses(work, nodes)
+    named = {node: abs(factor) for mark in work.marks for _, (factor, node) in mark.entries}
     scales: dict[int, float] = {}
     for node in reversed(nodes):
         kind, *rest = work.graph.nodes[node]
         if kind == "sum":
-            scales[node] = _sum_scale(rest[0], wanted[node], work.graph.natural[node])
+            scales[node] = _sum_scale(rest[0], wanted[node], named.get(node, work.graph.natural[node]))
             _want_terms(rest[0], scales[node], wanted)
         elif kind == "product":
             scales[node] = _product_scale(work.graph, rest[0], wanted[node], used)

@@ -5,6 +5,7 @@ import pytest
 
 from derive.model import load_text
 from hamel.verify.compare import slope
+from hamel.verify.joints import joint_motion
 from hamel.verify.reference import Reference, energies, evaluate, kinematics, reference, state_of
 
 ARM = """
@@ -282,8 +283,37 @@ def test_rates_and_their_drift(text):
         np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], frame.omega, atol=1e-9)
 
 
-@pytest.mark.parametrize("plane,axes", [("xy", (0, 1)), ("xz", (0, 2)), ("yz", (1, 2))])
-def test_planes_are_the_same_mechanics(plane, axes):
+JOINTS = {
+    "revolute": (1, 1), "prismatic": (1, 1), "screw": (1, 1), "cylindrical": (2, 2), "planar": (3, 3), "ball": (4, 3),
+    "free": (6, 6), "free xyx": (6, 6), "free quaternion": (7, 6), "fixed": (0, 0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_joint_tables_are_derivatives(name):
+    """Ṙ = R [ω]×, d(translation)/dt = R v for the twist (ω, v) = H v, and drift = d(N v)/dt at held v."""
+    kind, _, orientation = name.partition(" ")
+    at, rng = joint_motion(kind, orientation, 0.3), np.random.default_rng(5)
+    axis = np.array([0.0, 0.0, 1.0]) if kind == "planar" else np.array([0.48, -0.6, 0.64])
+    q, v = rng.uniform(0.2, 0.9, JOINTS[name][0]), rng.normal(size=JOINTS[name][1])
+    if len(q) in (4, 7):
+        q[-4:] /= np.linalg.norm(q[-4:])
+    here = at(q, v, axis)
+    there = lambda time: at(q + time * (here.N @ v), v, axis)  # noqa: E731
+    spin = here.rotation.T @ slope(lambda time: there(time).rotation, 1e-3)[0]
+    twist = here.H @ v
+    np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], twist[:3], atol=1e-10)
+    np.testing.assert_allclose(slope(lambda time: there(time).translation, 1e-3)[0], here.rotation @ twist[3:], atol=1e-10)
+    np.testing.assert_allclose(slope(lambda time: there(time).N @ v, 1e-3)[0], here.drift, atol=1e-9)
+
+
+def test_what_the_reference_does_not_know_it_refuses():
+    with pytest.raises(NotImplementedError, match="hovering"):
+        joint_motion("hovering")
+
+
+@pytest.mark.parametrize("plane", ["xy", "xz", "yz"])
+def test_planes_are_the_same_mechanics(plane):
     turned = SLEIGH.replace("plane: xy", f"plane: {plane}").replace("direction: y", f"direction: {plane[1]}")
     ref = reference(load_text(turned))
     found = evaluate(ref, state_of(ref, 0.0, np.array([0.1, 0.2, 0.9]), np.array([0.7, 0.0, 1.3])))

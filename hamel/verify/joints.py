@@ -35,6 +35,29 @@ def prismatic(q: Array, v: Array, axis: Array) -> Motion:
     return Motion(np.eye(3), q[0] * axis, H, np.eye(1), np.zeros(1))
 
 
+def screw(pitch: float) -> Callable[[Array, Array, Array], Motion]:
+    """Turn about the axis with an advance of `pitch` metres a turn."""
+
+    def motion(q: Array, v: Array, axis: Array) -> Motion:
+        advance = pitch / (2.0 * np.pi) * axis
+        return Motion(turn(axis, q[0]), q[0] * advance, np.concatenate([axis, advance])[:, None], np.eye(1), np.zeros(1))
+
+    return motion
+
+
+def cylindrical(q: Array, v: Array, axis: Array) -> Motion:
+    """Turn about the axis, then slide along it."""
+    H = np.zeros((6, 2))
+    H[:3, 0] = H[3:, 1] = axis
+    return Motion(turn(axis, q[0]), q[1] * axis, H, np.eye(2), np.zeros(2))
+
+
+def ball(q: Array, v: Array, axis: Array) -> Motion:
+    """Quaternion (w, x, y, z) and the angular velocity in the child's frame."""
+    R, spin, drift = _orientation("quaternion", q, v)
+    return Motion(R, np.zeros(3), np.vstack([np.eye(3), np.zeros((3, 3))]), spin, drift)
+
+
 def fixed(q: Array, v: Array, axis: Array) -> Motion:
     return Motion(np.eye(3), np.zeros(3), np.zeros((6, 0)), np.zeros((0, 0)), np.zeros(0))
 
@@ -85,9 +108,17 @@ def _euler(sequence: str, angles: Array, omega: Array) -> tuple[Array, Array, Ar
     return R1 @ R2 @ R3, inverse, -inverse @ (E_rate @ rate)
 
 
-_TABLE = {"revolute": revolute, "prismatic": prismatic, "planar": planar, "fixed": fixed}
+_TABLE = {
+    "revolute": revolute, "prismatic": prismatic, "planar": planar, "fixed": fixed, "cylindrical": cylindrical, "ball": ball,
+}  # fmt: skip
 
 
-def joint_motion(kind: str, orientation: str) -> Callable[[Array, Array, Array], Motion]:
-    """The function (q, v, axis) → Motion of a joint type; KeyError for one the reference does not know."""
-    return free(orientation) if kind == "free" else _TABLE[kind]
+def joint_motion(kind: str, orientation: str = "", pitch: float = 0.0) -> Callable[[Array, Array, Array], Motion]:
+    """The function (q, v, axis) → Motion of a joint type; NotImplementedError for one the reference does not know."""
+    if kind == "free":
+        return free(orientation)
+    if kind == "screw":
+        return screw(pitch)
+    if kind not in _TABLE:
+        raise NotImplementedError(f"the reference has no joint of type {kind!r}")
+    return _TABLE[kind]

@@ -89,7 +89,7 @@ def _drive(model: Model, place: Layout, state: State) -> Applied:
     other[: place.nv] = nonideal_force(model, state)
     for item, value in zip(model.inputs, state.u):
         if item.velocity:
-            other[: place.nv] += value * _conjugate(model, state, item.velocity)
+            other[: place.nv] += state.value(item.gear) * value * _conjugate(model, state, item.velocity)
     return _only(place, other=other)
 
 
@@ -118,6 +118,7 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(place, load.body, _wrench(arm, _components(load, state)))
         case Torque():
             return _on_body(place, load.body, np.concatenate([_components(load, state), np.zeros(3)]))
+    raise NotImplementedError(f"the reference does not know loads of type {type(load).__name__}")
 
 
 def _along(place: Layout, force: Array) -> Applied:

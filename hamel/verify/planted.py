@@ -78,9 +78,9 @@ def _same(a: ca.SX, b: ca.SX) -> bool:
 
 
 def wrong_matrices(equations: Equations) -> Iterator[tuple[str, Equations]]:
-    """The equations with one entry of a shown matrix (S, R, B, …) of the other sign."""
+    """The equations with every entry of one shown matrix (S, R, B, …) off by 1e-6."""
     for item in equations.named:
-        wrong = replace(item, value=_with_first(item.value, -1.0))
+        wrong = replace(item, value=ca.densify(item.value) + 1e-6)
         yield item.name, replace(equations, named=tuple(wrong if x.name == item.name else x for x in equations.named))
 
 

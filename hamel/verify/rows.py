@@ -173,14 +173,15 @@ def constraint_rows(
     return lambda state: stacked([part(state) for part in parts], place.size)
 
 
-def _physical_rows(item: Closure | NoSlip | Rolling, model: Model, place: Layout, state: State) -> Rows:
+def _physical_rows(item: object, model: Model, place: Layout, state: State) -> Rows:
     match item:
         case Closure():
             return closure_rows(item, model, place, state)
         case NoSlip():
             return no_slip_row(item, place, state)
-        case Rolling():
+        case Rolling(shape="disk"):
             return rolling_rows(item, place, state)
+    raise NotImplementedError(f"the reference does not know constraints such as {item}")
 
 
 def _embedded(row: Callable[[State], ConstraintRow], place: Layout) -> RowsOf:

@@ -104,7 +104,8 @@ def _walk(model: Model, numbers: State) -> tuple[Array, Array, dict[str, Frame],
     for joint in model.joints:
         rows, columns = _range(index_q.get(joint.name, [])), _range(index_v.get(joint.name, []))
         axis = numbers.vector(joint.axis)
-        motion = joint_motion(joint.type, joint.orientation)(numbers.q[rows], numbers.v[columns], axis)
+        kind = joint_motion(joint.type, joint.orientation, numbers.value(joint.pitch))
+        motion = kind(numbers.q[rows], numbers.v[columns], axis)
         N[rows, columns], drift[rows] = motion.N, motion.drift
         seat, frame = _step(joint, columns, motion, numbers, frames[joint.parent])
         frames[joint.child] = frame

@@ -1,0 +1,307 @@
+"""The ladder: green on sound models of every kind, and every rung seen red on a planted error."""
+
+import json
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from derive.diagnostics import AssumptionError
+from derive.formulations import equations
+from derive.mechanics import system
+from derive.model import load, load_text
+from hamel.verify import verification
+from hamel.verify.checks import RUNGS
+from hamel.verify.evidence import graph
+from hamel.verify.ladder import evidence
+from hamel.verify.planted import mutants, wrong_functions, wrong_matrices, wrong_systems
+from hamel.verify.reference import reference
+from hamel.verify.roundoff import bound
+from tests.test_reference import ARM, CAR_AXIS, EVERYTHING, PARALLELOGRAM
+
+MODELS = Path(__file__).parent.parent / "models"
+FEW = 6  # states: planted errors show at any of them
+
+REDUNDANT = PARALLELOGRAM + "constraints:\n  same: {holonomic: q1 - q3}\n"
+STANDING = """
+model: standing
+plane: xz
+gravity: [0, -9.81 m/s^2]
+bodies: {a: {mass: 1 kg, com: [0.7, 0.1], inertia: 0.2}, b: {mass: 1 kg, com: [1, 0.2]}}
+joints:
+  A: {type: planar, parent: ground, child: a}
+  B: {type: revolute, parent: a, child: b, at: [1, 0.3], coordinate: q2}
+loads:
+  push: {type: torque, body: b, components: 0.4}
+  rope: {type: spring, between: [ground, b], at: [[3, 0], [0, 0.3]], stiffness: 10, length: 0.4, damping: 0.7}
+outputs: {tip: "position(b, [1 m, 0.2 m])", speed: "velocity(b, [1 m, 0.2 m])", turn: angle(b)}
+"""
+FAMILIES = {
+    "tree": ARM, "rheonomic": CAR_AXIS, "everything": EVERYTHING, "redundant": REDUNDANT, "standing": STANDING,
+}  # fmt: skip
+
+
+def shown(found):
+    return {check.name: check.value for check in found.failed}
+
+
+def everything_of(path):
+    model = load(path)
+    mechanics = system(model)
+    found = {}
+    for choice in model.choices:
+        with suppress(AssumptionError):  # a choice that the constraints refuse has no equations
+            found[choice.name] = equations(mechanics, choice.name)
+    return model, found
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_choice_of_every_model_passes(path):
+    model, choices = everything_of(path)
+    for name, chosen in choices.items():
+        others = [other for key, other in choices.items() if key != name]
+        found = verification(model, chosen, states=20, others=others)
+        assert found.passed, (name, shown(found))
+        assert found.states == 20
+
+
+@pytest.mark.parametrize("formulation", ["quasi_velocities", "augmented"])
+@pytest.mark.parametrize("name", FAMILIES)
+def test_models_of_every_kind_pass(name, formulation):
+    model = load_text(FAMILIES[name])
+    found = verification(model, equations(system(model), None, formulation), states=20)
+    assert found.passed, shown(found)
+
+
+def test_a_hundred_states_and_json():
+    model = load(MODELS / "four_bar.yaml")
+    found = verification(model, equations(system(model), "crank"), states=100)
+    assert found.passed
+    assert found.states == 100
+    record = json.loads(json.dumps(found.as_json()))
+    assert {"model", "passed", "checks"} <= set(record)
+    assert all({"name", "value", "tolerance", "passed"} <= set(check) for check in record["checks"])
+    assert found == verification(model, equations(system(model), "crank"), states=100)
+
+
+def test_baked_constants_pass():
+    model = load(MODELS / "four_bar.yaml")
+    found = verification(model, equations(system(model, "all"), "crank"), states=10)
+    assert found.passed, shown(found)
+
+
+# ---- planted errors -------------------------------------------------------------------------------------------------------
+
+EXPECTED = {  # what is wrong in the system → a rung that must go red
+    "gravity": "h",
+    "velocity products": "h",
+    "applied force": "Q",
+    "mass": "M",
+    "mass on one side": "M symmetric",
+    "negative mass": "M semidefinite",
+    "kinematics": "q̇ = N v",
+    "rates": "q̇ = N v",
+    "position": "φ",
+    "constraint row": "A, c",
+    "constraint drift": "β",
+    "kinetic energy": "T, V",
+    "potential energy": "T, V",
+    "power": "d(T + V)/dt",
+}
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return everything_of(MODELS / "four_bar.yaml")
+
+
+@pytest.fixture(scope="module")
+def seen(four_bar):
+    """Evidence about the crank choice; planted errors replace one part of it."""
+    model, choices = four_bar
+    return evidence(reference(model), choices["crank"], None, FEW, others=[choices["rocker"]])
+
+
+def red(evidence_of, names=None):
+    """The rungs that go red, of those asked for."""
+    with np.errstate(all="ignore"):
+        found = {rung: rung.error(evidence_of) for rung in RUNGS if names is None or rung.name in names}
+    return {rung.name for rung, error in found.items() if error is not None and not error <= rung.tolerance}
+
+
+@pytest.mark.parametrize("name", ["four_bar", "snake3", "rolling_disk", "bead_in_bowl"])
+def test_wrong_terms_of_the_system_are_caught(name):
+    model, choices = everything_of(MODELS / f"{name}.yaml")
+    chosen = next(iter(choices.values()))
+    planted = dict(wrong_systems(chosen.system))
+    assert len(planted) >= 8
+    for what, wrong in planted.items():
+        found = verification(model, replace(chosen, system=wrong), states=FEW)
+        assert EXPECTED[what] in shown(found), what
+
+
+def test_one_error_turns_several_rungs_red():
+    """A wrong Ȧ v or a wrong sign in A is also seen along the motion, without the reference."""
+    model, choices = everything_of(MODELS / "four_bar.yaml")
+    planted = dict(wrong_systems(choices["crank"].system))
+    expected = {
+        "constraint drift": {"v̇ augmented", "β = −Ȧ v + ċ"},
+        "constraint row": {"states admissible", "v̇", "λ", "d(A v − c)/dt = 0", "φ̇ = A v − c"},
+        "mass": {"v̇ augmented", "T = ½ vᵀ M v"},
+        "position": {"φ̇ = A v − c"},
+    }
+    for what, rungs in expected.items():
+        assert rungs <= set(shown(verification(model, replace(choices["crank"], system=planted[what]), states=FEW))), what
+
+
+@pytest.mark.parametrize("name", ["four_bar", "bead_in_bowl"])
+def test_every_changed_operation_of_the_motion_is_caught(name):
+    """All operations of ẋ and λ, one at a time: + for −, × for ÷, sine for cosine, x² for 2 x."""
+    model, choices = everything_of(MODELS / f"{name}.yaml")
+    chosen = next(iter(choices.values()))
+    whole = evidence(reference(model), chosen, None, 3)
+    for function, rungs in (("dynamics", {"v̇", "q̇ = N v"}), ("reactions", {"λ"})):
+        for what, wrong in wrong_functions(chosen, function):
+            assert red(replace(whole, graph=graph(wrong)), rungs), what
+
+
+FUNCTION_RUNGS = {
+    "mass": "M",
+    "bias": "h",
+    "constraints": "constraints",
+    "project": "project, one step",
+    "energy": "T, V",
+    "power": "d(T + V)/dt",
+    "outputs": "outputs",
+    "velocity": "x ↔ (q, v)",
+}
+
+
+@pytest.mark.parametrize("function", FUNCTION_RUNGS)
+def test_changed_operations_of_the_other_functions_are_caught(seen, function):
+    """The last operations of each: those near the result are never without effect."""
+    planted = list(wrong_functions(seen.graph.equations, function))[-3:]
+    assert planted
+    for what, wrong in planted:
+        assert red(replace(seen, graph=graph(wrong)), {FUNCTION_RUNGS[function]}), what
+
+
+def test_wrong_matrices_of_the_page_are_caught(seen):
+    planted = dict(wrong_matrices(seen.graph.equations))
+    caught = {name: red(replace(seen, graph=graph(planted[name]))) for name in ("A", "B", "R", "S")}
+    assert {"A R = 1", "B R = 0"} <= caught["R"]
+    assert {"A S = 0", "B S = 1"} <= caught["S"]
+    assert caught["A"] & {"A S = 0", "A R = 1"}
+    assert caught["B"] & {"B S = 1", "B R = 0"}
+
+
+def test_a_state_that_is_not_the_inverse_of_the_velocity_is_caught(seen):
+    chosen = seen.graph.equations
+    function = next(f for f in chosen.functions if f.name == "state")
+    wrong = replace(function, result=replace(function.result, value=function.result.value * 1.001))
+    functions = tuple(wrong if f.name == "state" else f for f in chosen.functions)
+    assert "x ↔ (q, v)" in red(replace(seen, graph=graph(replace(chosen, functions=functions))))
+
+
+def test_a_projection_that_stops_short_is_caught(seen):
+    chosen = seen.graph.equations
+    function = next(f for f in chosen.functions if f.name == "project")
+    x = next(a.symbols for a in chosen.arguments if a.name == "x")
+    wrong = replace(function, result=replace(function.result, value=x))
+    functions = tuple(wrong if f.name == "project" else f for f in chosen.functions)
+    assert {"project", "project, one step"} <= red(replace(seen, graph=graph(replace(chosen, functions=functions))))
+
+
+def test_another_choice_with_another_motion_is_caught(seen, four_bar):
+    _, choices = four_bar
+    _, wrong = next(iter(wrong_functions(choices["rocker"], "dynamics")))
+    assert red(replace(seen, others=(graph(wrong),))) == {"v̇ of other choices"}
+
+
+def module_of(seen, **instead):
+    """A module that computes what the graph says, but for the functions given."""
+    made = ModuleType("made_for_test")
+    for name in seen.graph.functions:
+        setattr(made, name, instead.get(name, lambda t, x, u, p, n=name: seen.graph.iterated(n, t, x, u, p)))
+    return made
+
+
+SPOILED = {
+    "a little": lambda y: y * (1 + 1e-9),
+    "the sign": np.negative,
+    "not a number": lambda y: y * np.nan,
+    "too short": lambda y: y[1:],
+}
+
+
+@pytest.mark.parametrize("spoil", SPOILED.values(), ids=SPOILED)
+@pytest.mark.parametrize("function", ["dynamics", "project"])
+def test_wrong_code_is_caught(seen, monkeypatch, function, spoil):
+    """In the module as loaded, in its NumPy text and in its ctypes fallback alike."""
+    right = getattr(module_of(seen), function)
+    wrong = module_of(seen, **{function: lambda *arguments: spoil(right(*arguments))})
+    assert red(replace(seen, module=module_of(seen)), {"module = graph"}) == set()
+    assert red(replace(seen, module=wrong), {"module = graph"})
+    for backend, rung in (("_numpy", "NumPy = graph"), ("_library", "ctypes = graph")):
+        monkeypatch.setitem(sys.modules, "made_for_test", module_of(seen))
+        monkeypatch.setitem(sys.modules, f"made_for_test.{backend}", wrong)
+        assert red(replace(seen, module=module_of(seen)), {rung}) == {rung}
+
+
+def test_a_batch_that_differs_is_caught(seen):
+    def batch(t, x, u, p):
+        return np.array([seen.graph("dynamics", *row) for row in zip(t, x, u, p)])
+
+    rungs = {"batch = one by one"}
+    assert red(replace(seen, module=module_of(seen, dynamics=batch)), rungs) == set()
+    assert red(replace(seen, module=module_of(seen, dynamics=lambda *rows: batch(*rows)[::-1])), rungs) == rungs
+
+
+def test_code_that_refuses_a_state_is_caught(seen):
+    def refused(*arguments):
+        raise FloatingPointError("singular")
+
+    assert red(replace(seen, module=module_of(seen, dynamics=refused)), {"module = graph"})
+
+
+def test_states_that_cannot_be_found_are_a_failure():
+    impossible = PARALLELOGRAM + "constraints:\n  never: {holonomic: 2 + cos(q1)}\n"
+    model = load_text(PARALLELOGRAM)
+    chosen = equations(system(model))
+    found = verification(model, replace(chosen, system=system(load_text(impossible))), states=2)
+    assert not found.passed
+    assert [check.name for check in found.failed] == ["states found"]
+
+
+def test_every_rung_has_been_seen_red(seen, four_bar):
+    """Rungs and the test above that turns each red; a new rung needs a planted error of its own."""
+    by_code = {"module = graph", "ctypes = graph", "NumPy = graph", "batch = one by one"}
+    named = {*EXPECTED.values(), *FUNCTION_RUNGS.values(), "v̇", "λ", "v̇ augmented", "v̇ of other choices", "project"}
+    named |= {"states admissible", "A S = 0", "A R = 1", "B S = 1", "B R = 0", "T = ½ vᵀ M v"}
+    named |= {"d(A v − c)/dt = 0", "β = −Ȧ v + ċ", "φ̇ = A v − c"}
+    assert {rung.name for rung in RUNGS} == named | by_code
+
+
+# ---- tools ----------------------------------------------------------------------------------------------------------------
+
+
+def test_mutants_change_one_operation_each():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    value = ca.vertcat(ca.sin(x) * y, x - y)
+    found = [str(wrong) for _, wrong in mutants(value)]
+    assert found == ["[(cos(x)*y), (x-y)]", "[(sin(x)/y), (x-y)]", "[(sin(x)*y), (x+y)]"]
+
+
+def test_roundoff_bound_covers_another_order_of_a_sum():
+    x = ca.SX.sym("x", 6)
+    forwards, backwards = ca.sum1(x), x[5] + x[4] + x[3] + x[2] + x[1] + x[0]
+    at = ca.Function("f", [x], [forwards, backwards, bound([x], ca.densify(forwards))])
+    numbers = [1e16, 1.0, -1e16, 1.0, 3.0, 1e-3]
+    one, other, limit = (float(y) for y in at(numbers))
+    assert one != other
+    assert abs(one - other) <= 2 * limit < 20

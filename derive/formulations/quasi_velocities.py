@@ -18,8 +18,9 @@ from derive.expressions.counting import cheapest, operations
 from derive.formulations.elimination import Elimination
 from derive.formulations.reduction import Reduction
 from derive.joints.records import Matrix, Scalar, Vector
-from derive.joints.rotations import dot
+from derive.joints.rotations import dot, is_zero
 from derive.mechanics.accelerations import newton_euler
+from derive.mechanics.articulated import tree_solution
 from derive.mechanics.forms import Form
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Inertia, Named, System
@@ -58,7 +59,35 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     if len(masses) * len(forces) > 1 and system.v.numel() > MANY:
         masses, forces = _only_cheapest(masses), _only_cheapest(forces)
     found = [_solved(system, reduction, f"{a}, {b}", masses[a], forces[b]) for a, b in combinations(masses, forces)]
+    found += _articulated(system, reduction)
     return min(found, key=lambda x: x.operations)
+
+
+def _articulated(system: System, reduction: Reduction) -> list[Explicit]:
+    """ẇ by the O(n) recursion, where the base velocities of a tree are the quasi-velocities and T is the bodies' alone."""
+    rotors = _diagonal(system.M_extra)
+    if system.rows or not system.links or rotors is None or not _is_identity(reduction.S):
+        return []
+    found = []
+    for label, inertias in _inertias(system):
+        force = _forces_on_tree(system, reduction, inertias)
+        wdot = _column(tree_solution(system.links, inertias, rotors, force).vdot)
+        found.append(_explicit(system, reduction, f"articulated bodies{label}", wdot, system.M, _column(force)))
+    return found
+
+
+def _diagonal(M: ca.SX) -> Vector | None:
+    """The diagonal, or None where something stands beside it."""
+    rows = scalars(M)
+    beside = any(not is_zero(x) for i, row in enumerate(rows) for j, x in enumerate(row) if i != j)
+    return None if beside else [row[i] for i, row in enumerate(rows)]
+
+
+def _forces_on_tree(system: System, reduction: Reduction, inertias: tuple[Inertia, ...]) -> Vector:
+    """Q − h by Newton–Euler with v̇ = 0."""
+    v = _entries(reduction.v)
+    wrenches = newton_euler(system.links, inertias, v, [0.0] * len(v), system.gravity)
+    return _by_joints(system, reduction, _at(system, reduction, system.Q - system.h_extra), wrenches)
 
 
 def _only_cheapest(candidates: dict[str, Any]) -> dict[str, Any]:
@@ -68,19 +97,16 @@ def _only_cheapest(candidates: dict[str, Any]) -> dict[str, Any]:
 
 
 def _solved(system: System, reduction: Reduction, gathered: str, mass: Matrix, force: Vector) -> Explicit:
-    nw = len(force)
-    wdot = _column(ldl_solution(mass, [force], list(reversed(range(nw)))).x[0])
+    """ẇ by an unrolled L D Lᵀ, tip to base."""
+    wdot = _column(ldl_solution(mass, [force], list(reversed(range(len(force))))).x[0])
+    return _explicit(system, reduction, gathered, wdot, _sparse(mass), _column(force))
+
+
+def _explicit(system: System, reduction: Reduction, gathered: str, wdot: ca.SX, mass: ca.SX, force: ca.SX) -> Explicit:
     qdot = ca.substitute(system.qdot, system.v, reduction.v)
     symbols = [system.t, system.q, reduction.w, system.u, system.p]
-    return Explicit(
-        qdot=qdot,
-        wdot=wdot,
-        vdot=ca.mtimes(reduction.S, wdot) + reduction.sigma,
-        mass=_sparse(mass),
-        force=_column(force),
-        operations=operations(symbols, [qdot, wdot]),
-        gathered=gathered,
-    )
+    vdot = ca.mtimes(reduction.S, wdot) + reduction.sigma
+    return Explicit(qdot, wdot, vdot, mass, force, operations(symbols, [qdot, wdot]), gathered)
 
 
 def _column(entries: Vector) -> ca.SX:

@@ -186,7 +186,7 @@ def moved(i: Inertia, rotation: Rotation, r: Vector) -> Inertia:
     moment = sum_of(turned, _scaled(i.mass, r))
     tensor = i.tensor
     for factor in reversed(rotation):
-        tensor = _turned_tensor(tensor, factor)
+        tensor = turned_tensor(tensor, factor)
     return Inertia(i.mass, moment, symmetric(lambda a, b: tensor[a][b] - _shift(r, moment, turned, a, b)))
 
 
@@ -205,7 +205,7 @@ def _shift(r: Vector, moment: Vector, turned: Vector, a: int, b: int) -> Scalar:
     return -sum((dot([r[k]], [moment[k]]) + dot([turned[k]], [r[k]]) for k in others), 0.0)
 
 
-def _turned_tensor(I: Matrix, factor: Turn | Still) -> Matrix:
+def turned_tensor(I: Matrix, factor: Turn | Still) -> Matrix:
     """R I Rᵀ for one factor of a rotation."""
     if isinstance(factor, Turn) and factor.axis in UNIT.values():
         return _spun_tensor(I, factor)

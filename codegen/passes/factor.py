@@ -54,7 +54,8 @@ def _opened(work: Work) -> set[int]:
 
 
 def _opens(kind: str, spot: _Spot) -> bool:
-    return kind == "product" or (kind == "sum" and spot.user == "sum") if spot.user != "call" else False
+    """(a b)² stays, for a² b² needs one multiplication more."""
+    return (kind == "sum" and spot.user == "sum") or (kind == "product" and abs(spot.exponent) == 1)
 
 
 def _terms(work: Work, graph: Graph, node: int, done: dict[int, Reference], opened: set[int]) -> list[Term]:
@@ -155,15 +156,12 @@ def _angle(graph: Graph, node: int) -> int | None:
 
 def factored(graph: Graph, terms: Sequence[Term]) -> Reference:
     """The sum of the terms, the factor that saves most taken out first."""
-    best = _best_factor(terms)
-    if best is None:
-        return graph.sum(_product(graph, term) for term in terms)
-    inside = [(value, _without(factors, best)) for value, factors in terms if _holds(factors, best)]
-    outside = [term for term in terms if not _holds(term[1], best)]
-    taken = graph.product([(factored(graph, inside), 1), ((1.0, best[0]), best[1])])
-    if not outside:
-        return taken
-    return factored(graph, [*outside, _term(graph, taken)])
+    while (best := _best_factor(terms)) is not None:
+        inside = [(value, _without(factors, best)) for value, factors in terms if _holds(factors, best)]
+        outside = [term for term in terms if not _holds(term[1], best)]
+        taken = graph.product([(factored(graph, inside), 1), ((1.0, best[0]), best[1])])
+        terms = [*outside, _term(graph, taken)]
+    return graph.sum(_product(graph, term) for term in terms)
 
 
 def _product(graph: Graph, term: Term) -> Reference:

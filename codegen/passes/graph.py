@@ -77,7 +77,7 @@ class Graph:
         return (scale, node)
 
     def product(self, factors: Iterable[tuple[Reference, int]]) -> Reference:
-        """Π reference^exponent; constants move to the reference."""
+        """Π reference^exponent; constants move to the reference. x / x is 1 even where x = 0: the removable singularity goes."""
         scale = 1.0
         merged: dict[int, int] = {}
         for (factor, node), exponent in factors:

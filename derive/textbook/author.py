@@ -79,7 +79,7 @@ class Author:
         self.t = self._symbol("t", "t")
         for _, symbol, latex in self.extra:
             self.names[symbol] = latex
-        self.typeset = Typesetter(self.names)
+        self.typeset = Typesetter(self.names, len(self.p))
         self.reader = self._reader()
 
     @property
@@ -239,9 +239,10 @@ class Author:
 
     def read(self, value: ca.SX, most: int = READABLE) -> list[sympy.Expr] | None:
         """Entries row by row, whole or over abbreviations, which are then printed; None where neither can be read."""
-        whole = self.reader.whole(value, most)
-        if whole is not None:
-            return whole
+        for named in (False, True):
+            whole = self.reader.whole(value, most, named)
+            if whole is not None:
+                return whole
         found = self.reader.in_pieces(value, lambda k: self.fresh(f"z[{k}]", f"z_{{{k}}}"))
         if found is None:
             return None
@@ -267,7 +268,7 @@ class Author:
             return False
         symbols = [self.fresh(f"{name}[{i + 1}]", f"{stem}_{{{i + 1}}}") for i in range(len(found))]
         shown = [i for i, x in enumerate(found) if x != 0]
-        self.entries[name] = [[x if simple(x) else s] for s, x in zip(symbols, found)]
+        self.entries[name] = [[x if plain(x) else s] for s, x in zip(symbols, found)]
         if shown:
             self.lines(name, [symbols[i] for i in shown], [found[i] for i in shown], ca.densify(value)[shown])
         return True
@@ -327,6 +328,11 @@ class Author:
         latex = self.typeset.latex(found[0])
         self.record(about, latex, (None,), [found], value)
         return Math(latex)
+
+
+def plain(x: sympy.Expr) -> bool:
+    """A number, a symbol or its negative."""
+    return bool(x.is_Number or x.is_Symbol or (-x).is_Symbol)
 
 
 def simple(x: sympy.Expr) -> bool:

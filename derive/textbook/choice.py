@@ -88,11 +88,7 @@ def _pivots(a: Author) -> None:
         "Choosing $\\mathbf{B}$ is choosing how to eliminate. Walking from base to tip, each row is solved as soon as all "
         "velocities in it have been reached; in this order"
     )
-    a.items((Text(_readable(x)),) for x in a.equations.pivots)
-
-
-def _readable(pivot: str) -> str:
-    return pivot[:1].upper() + pivot[1:] + "."
+    a.items((Text(x),) for x in a.equations.pivots)
 
 
 def _guards(a: Author) -> None:
@@ -100,7 +96,8 @@ def _guards(a: Author) -> None:
     dynamics = a.function("dynamics")
     guards: Sequence[Guard] = dynamics.guards if dynamics else ()
     if not guards:
-        a.say("No pivot can vanish, so nothing has to be watched while the motion is integrated.")
+        if a.equations.pivots:
+            a.say("No pivot can vanish, so nothing has to be watched while the motion is integrated.")
         return
     a.say("These quantities must stay away from zero; the generated code watches them and reports where they do not:")
     for k, guard in enumerate(guards):

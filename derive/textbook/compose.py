@@ -119,9 +119,14 @@ def _crossed(a: int, b: int) -> Key:
 
 
 def _most_shared(poly: Poly) -> tuple | None:
+    """A sine or cosine counts double: what it multiplies then stands together, often as a square."""
     counts = Counter(part for key in poly for part in _parts(key))
-    best = min(counts.items(), key=lambda item: (-item[1], len(item[0]), item[0]), default=(None, 0))
+    best = min(counts.items(), key=lambda item: (-_weight(*item), len(item[0]), item[0]), default=(None, 0))
     return best[0] if best[1] > 1 else None
+
+
+def _weight(part: tuple, count: int) -> int:
+    return count if part[0] == "atom" else 2 * count
 
 
 FUNCTIONS = {

@@ -12,7 +12,7 @@ from derive.textbook.compose import FUNCTIONS, Composer, number, operations
 from derive.textbook.graph import Graph, Node
 from derive.textbook.ring import Poly, Ring, TooBig, rational
 
-READABLE = 40  # operations in one printed entry
+READABLE = 52  # operations in one printed entry
 PIECE = 18  # a sub-term longer than this gets a name
 SHARED = 3  # so does one of at least so many operations that occurs twice
 MOST_PIECES = 48  # a term that would need more sub-terms is not written out
@@ -37,12 +37,13 @@ class Reader:
         self.known: dict[int, sympy.Expr] = {}
         self.pieces = 0
 
-    def whole(self, value: ca.SX, most: int = READABLE) -> list[sympy.Expr] | None:
-        """Every entry over the basic symbols alone, or None where one would have more than `most` operations."""
+    def whole(self, value: ca.SX, most: int = READABLE, named: bool = False) -> list[sympy.Expr] | None:
+        """Every entry over the basic symbols (and, `named`, over what has a name already); None where one would have more
+        than `most` operations."""
         roots = self.graph.read(value)
         if len(self.graph.below(roots)) > LARGEST:
             return None
-        found = self._shortest(roots, {})
+        found = self._shortest(roots, self.known if named else {})
         return found if found is not None and all(operations(x) <= most for x in found) else None
 
     def name(self, value: ca.SX, symbols: Sequence[sympy.Expr]) -> None:
@@ -61,9 +62,11 @@ class Reader:
         names: dict[int, sympy.Expr] = {k: self.known[k] for k in order if k in self.known}
         pieces: list[Piece] = []
         for k in cuts:
-            self.pieces += 1
-            pieces.append(Piece(k, fresh(self.pieces), self._expressions([k], names)[0]))
-            names[k] = self.known[k] = pieces[-1].symbol
+            (expression,) = self._expressions([k], names)
+            if operations(expression) > 1:
+                self.pieces += 1
+                pieces.append(Piece(k, fresh(self.pieces), expression))
+                names[k] = self.known[k] = pieces[-1].symbol
         return pieces, self._expressions(roots, names)
 
     def terms(self, nodes: Sequence[int]) -> ca.SX:

@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 import sympy
 from sympy.core.function import AppliedUndef
 
-from derive.textbook.compose import operations
-
 LINE = 76  # visible characters in one line of a sum
 CALLED = {
     "sin": r"\sin",
@@ -28,24 +26,38 @@ CALLED = {
     "atan2": r"\mathrm{atan2}",
     "sign": r"\mathrm{sign}",
 }
+_ENTRY = re.compile(r"[A-Z]\w*\[\d+,\d+\]")  # of a matrix
 _COMMAND = re.compile(
-    r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar)(?![A-Za-z])|[{}^_\s]|\\,"
+    r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar|Bigl|Bigr)(?![A-Za-z])|[{}^_\s]|\\,"
 )
 
 
 class Typesetter:
-    """`names` gives the LaTeX of every symbol, in the order in which symbols stand in a product or sum."""
+    """`names` gives the LaTeX of every symbol, in the order in which symbols stand in a product or sum, parameters first."""
 
-    def __init__(self, names: Mapping[sympy.Symbol, str]) -> None:
-        self.names = names
+    def __init__(self, names: Mapping[sympy.Symbol, str], parameters: int = 0) -> None:
+        self.names, self.parameters = names, parameters
+        self._order: dict[sympy.Basic, int] = {}
 
     def latex(self, x: sympy.Expr) -> str:
         return self._sum(x) if x.is_Add else self._product(x)
 
     def lines(self, x: sympy.Expr, line: int = LINE) -> tuple[str, ...]:
-        """A long sum in pieces of about `line` visible characters, every piece but the first with its sign in front."""
+        """A long sum, or a long sum in brackets, in pieces of about `line` visible characters."""
+        if x.is_Add:
+            return self._gathered(self._signed_terms(x), line)
+        whole = self.latex(x)
+        factor, inside = _bracket(x)
+        if inside is None or width(whole) <= line:
+            return (whole,)
+        terms = self._signed_terms(inside)
+        terms[0] = f"{'' if factor == 1 else '-' if factor == -1 else self.latex(factor)} \\Bigl({terms[0]}"
+        terms[-1] += r"\Bigr)"
+        return self._gathered(terms, line)
+
+    def _gathered(self, terms: Sequence[str], line: int) -> tuple[str, ...]:
         pieces: list[str] = []
-        for term in self._signed_terms(x) if x.is_Add else (self.latex(x),):
+        for term in terms:
             if pieces and width(pieces[-1]) + width(term) <= line:
                 pieces[-1] += term
             else:
@@ -67,17 +79,15 @@ class Typesetter:
         """Positive terms first, then by the symbols in the order of `names`; plain numbers last."""
         return term.could_extract_minus_sign(), term.is_Number, self._ranks(term), str(term)
 
-    def _ranks(self, x: sympy.Expr) -> tuple[int, ...]:
+    def _ranks(self, x: sympy.Expr) -> tuple[tuple[bool, int], ...]:
         return tuple(sorted(self._rank(s) for s in x.free_symbols))
 
-    def _rank(self, s: sympy.Basic) -> int:
-        return self._order.get(s, len(self._order))
-
-    @property
-    def _order(self) -> Mapping[sympy.Basic, int]:
-        if len(getattr(self, "_ranking", ())) != len(self.names):
-            self._ranking = {s: i for i, s in enumerate(self.names)}
-        return self._ranking
+    def _rank(self, s: sympy.Basic) -> tuple[bool, int]:
+        """Parameters, entries of matrices, then everything else as it was declared."""
+        if len(self._order) != len(self.names):
+            self._order = {s: i for i, s in enumerate(self.names)}
+        place = self._order[s]
+        return place >= self.parameters and not _ENTRY.fullmatch(str(s)), place
 
     def _product(self, x: sympy.Expr) -> str:
         """Sign, then numerator over denominator."""
@@ -148,6 +158,13 @@ def _raisable(name: str) -> str:
     return rf"\left({name}\right)" if "^" in name else name if name[-1] != "'" else f"{{{name}}}"
 
 
+def _bracket(x: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr | None]:
+    """factor, sum of factor · sum, where the sum can stand last."""
+    sums = [f for f in x.args if f.is_Add] if x.is_Mul else []
+    rest = sympy.Mul(*[f for f in x.args if not f.is_Add])
+    return (rest, sums[0]) if len(sums) == 1 and not rest.has(sympy.Function) else (x, None)
+
+
 def _is_negative(x: sympy.Expr) -> bool:
     return bool((x.is_Number and x.is_negative) or (x.is_Mul and x.args[0].is_Number and x.args[0].is_negative))
 
@@ -180,6 +197,3 @@ def width(latex: str) -> int:
     """About how many characters wide the formula is."""
     shown = _COMMAND.sub("", latex)
     return len(re.sub(r"\\[A-Za-z]+", "x", shown))
-
-
-__all__ = ["LINE", "Typesetter", "operations", "width"]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -50,12 +51,9 @@ def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> No
     if as_json:
         _print_json(record)
         return
-    from rich.console import Console
+    from hamel.show import page
 
-    # Piped text is not cut to the width of a terminal that is not there.
-    console = Console(markup=False, highlight=False, emoji=False, soft_wrap=not sys.stdout.isatty())
-    if not sys.stdout.isatty():
-        console.width = 160
+    console = page()
     shown = importlib.import_module(f"hamel.verbs.{name}")
     shown.show(record, console)
     if options.get("explain"):
@@ -189,4 +187,7 @@ def schema() -> Any:
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command `hamel`; ends the process with a documented exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
-    sys.exit(failures.guarded(lambda: group.main(given, prog_name="hamel", standalone_mode=False), given))
+    code = failures.guarded(lambda: group.main(given, prog_name="hamel", standalone_mode=False), given)
+    if arguments is None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt
+    sys.exit(code)

@@ -9,15 +9,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+import casadi as ca
 import numpy as np
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import AssumptionError, ModelError
 from hamel.plot import Curve, Panel, draw
+from hamel.records import Crossing
 from hamel.staging import staged_file, write_text
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
 
+MOST_STEPS = 10**9  # enough for a night; Ctrl-C ends it any time
 Writer = Callable[["Motion"], None]
 
 
@@ -39,6 +42,10 @@ class Motion:
     slip: np.ndarray  # max |A v − c| per row
     steps: int
     rejected: int
+    calls: int
+    position_violation: float  # the largest after any step, not only at the rows
+    velocity_violation: float
+    crossings: tuple[Crossing, ...]
     seconds: float
 
     def columns(self) -> dict[str, np.ndarray]:
@@ -46,14 +53,6 @@ class Motion:
         energies = {"T": self.T, "V": self.V, "work": self.work}
         violations = {"position_violation": self.phi, "velocity_violation": self.slip}
         return {"t": self.t, **self.q, **self.w, **self.v, **self.outputs, **energies, **violations}
-
-    @property
-    def position_violation(self) -> float:
-        return float(np.max(self.phi))
-
-    @property
-    def velocity_violation(self) -> float:
-        return float(np.max(self.slip))
 
     @property
     def balance(self) -> np.ndarray:
@@ -79,15 +78,18 @@ def integrated(
 ) -> Motion:
     """The motion from x at times[0] with constant inputs u."""
     start = time.perf_counter()
-    found = module.simulate(times, x, u, p, rtol=tolerances[0], atol=tolerances[1], progress=progress)
-    return _judged(module, equations, times, found, u, p, time.perf_counter() - start)
+    rtol, atol = tolerances
+    try:
+        found = module.simulate(times, x, u, p, rtol=rtol, atol=atol, max_steps=MOST_STEPS, progress=progress)
+    except FloatingPointError as error:
+        hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
+        raise AssumptionError(str(error), hint) from None
+    return _judged(module, equations, found, u, p, time.perf_counter() - start)
 
 
-def _judged(
-    module: ModuleType, equations: Equations, t: np.ndarray, found: Any, u: np.ndarray, p: np.ndarray, seconds: float
-) -> Motion:
+def _judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:
     """What the module's own functions say about every row."""
-    x = found.x
+    t, x = found.t, found.x
     results = {function.name: function.result for function in equations.functions}
     nq, many = equations.system.q.numel(), len(t)
 
@@ -112,10 +114,27 @@ def _judged(
         work=found.work,
         phi=np.max(violation[:, :closed], axis=1, initial=0.0),
         slip=np.max(violation[:, closed:], axis=1, initial=0.0),
-        steps=int(found.steps),
-        rejected=int(found.rejected),
+        steps=found.steps,
+        rejected=found.rejected,
+        calls=found.calls,
+        position_violation=found.position_violation,
+        velocity_violation=found.velocity_violation,
+        crossings=_crossings(equations, t, x, u, p),
         seconds=seconds,
     )
+
+
+def _crossings(equations: Equations, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[Crossing, ...]:
+    """Where a pivot changed its sign between two rows: a step jumped a position in which the equations have no solution."""
+    guards = next(function.guards for function in equations.functions if function.name == "dynamics")
+    if not guards:
+        return ()
+    symbols = [argument.symbols for argument in equations.arguments]
+    pivots = ca.Function("pivots", symbols, [ca.densify(ca.vertcat(*(guard.value for guard in guards)))])
+    many = [np.broadcast_to(values, (len(t), values.size)).T for values in (u, p)]
+    values = np.asarray(pivots(t[np.newaxis, :], x.T, *many))
+    rows, places = np.nonzero(np.diff(np.sign(values), axis=1))
+    return tuple(Crossing(guards[row].name, float(t[place]), float(t[place + 1])) for row, place in zip(rows, places))
 
 
 def _units(equations: Equations) -> dict[str, str]:

@@ -54,18 +54,6 @@ def equations_of(
         from derive.model import load
 
         model = load(path)
-    return equations_of_model(model, choice, constants, formulation, clock)
-
-
-def equations_of_model(
-    model: Model,
-    choice: str | None = None,
-    constants: Constants = (),
-    formulation: str = "quasi_velocities",
-    clock: Clock | None = None,
-) -> Equations:
-    """Model → System → Equations."""
-    clock = clock or Clock()
     with clock("mechanics"):
         mechanics = mechanics_of(model, constants)
     with clock("formulation"):

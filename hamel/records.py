@@ -129,6 +129,15 @@ class Listed:
 
 
 @dataclass(frozen=True)
+class Crossing:
+    """A pivot of the choice vanished between two rows of the output: the motion beyond is not to be trusted."""
+
+    pivot: str
+    after: float
+    before: float
+
+
+@dataclass(frozen=True)
 class Simulated:
     """A motion and how far it can be trusted. The arrays are in `motion` and are left out of `--json`."""
 
@@ -137,10 +146,12 @@ class Simulated:
     time: float
     steps: int
     rejected: int
+    calls: int  # of dynamics
     seconds: float
     position_violation: float  # max |φ|
     velocity_violation: float  # max |A v − c|
-    energy_balance: float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy met
+    energy_balance: float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy exchanged
+    crossings: tuple[Crossing, ...]
     moved: Mapping[str, Mapping[str, float]]
     final: Mapping[str, float]
     file: Path | None

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+WIDE = 160
+
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+def page() -> Console:
+    """Standard output for text that is printed as it is; without a terminal nothing is cut to the width of one."""
+    from rich.console import Console
+
+    class Page(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # rich would end the process with a code of its own
+
+    piped = not sys.stdout.isatty()
+    return Page(markup=False, highlight=False, emoji=False, soft_wrap=piped, width=WIDE if piped else None)
 
 
 def operations(counts: Mapping[str, int]) -> str:

@@ -106,9 +106,10 @@ def _choices(model: Model) -> Iterator[Known]:
 
 def _functions(model: Model) -> Iterator[Known]:
     """The functions of the generated module: all of the model's first choice."""
-    from hamel.pipeline import equations_of_model
+    from derive.formulations import equations
+    from hamel.pipeline import mechanics_of
 
-    for function in equations_of_model(model).functions:
+    for function in equations(mechanics_of(model)).functions:
         if function.result.value.numel():
             yield Known(function.name, function.about)
 

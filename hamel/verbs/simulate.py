@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from derive.diagnostics import ModelError
+from derive.formulations import equations
 from derive.mechanics.initial import Initial, initial_state
+from derive.model import load
 from hamel import motion
-from hamel.pipeline import equations_of, temporary_module
+from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Simulated
-from hamel.settings import Settings, settings
+from hamel.settings import settings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,16 +42,17 @@ def run(
     times = _times(time, step)
     files = motion.writers(out, plot)
     tolerances = _tolerances(rtol, atol)
-    equations = equations_of(path, choice)
-    given = settings(equations.system.model, values)
-    u, p = _constants(equations, given)
-    initial = initial_state(equations.system, given.initial, p)
-    with temporary_module(equations) as module:
+    mechanics = mechanics_of(load(path))
+    given = settings(mechanics.model, values)
+    u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
+    initial = initial_state(mechanics, given.initial, p)
+    chosen = equations(mechanics, choice)
+    with temporary_module(chosen) as module:
         x = module.state(0.0, np.concatenate([initial.q, initial.v]), u, p)
-        found = motion.integrated(module, equations, times, x, u, p, tolerances, progress)
+        found = motion.integrated(module, chosen, times, x, u, p, tolerances, progress)
     for write in files:
         write(found)
-    return _record(equations, initial, found, out, plot)
+    return _record(chosen, initial, found, out, plot)
 
 
 def _times(time: float, step: float | None) -> np.ndarray:
@@ -76,25 +79,21 @@ def _positive(name: str, value: float) -> None:
         raise ModelError(f"{name} is {value}, which is not a positive number")
 
 
-def _constants(equations: Equations, given: Settings) -> tuple[np.ndarray, np.ndarray]:
-    """u and p in the order of the module's arguments."""
-    labels = {argument.name: argument.labels for argument in equations.arguments}
-    return np.array([given.inputs[name] for name in labels["u"]]), np.array([given.parameters[name] for name in labels["p"]])
-
-
 def _record(
-    equations: Equations, initial: Initial, found: motion.Motion, out: str | Path | None, plot: str | Path | None
+    chosen: Equations, initial: Initial, found: motion.Motion, out: str | Path | None, plot: str | Path | None
 ) -> Simulated:
     return Simulated(
-        model=equations.system.model.name,
-        choice=equations.choice,
+        model=chosen.system.model.name,
+        choice=chosen.choice,
         time=float(found.t[-1]),
         steps=found.steps,
         rejected=found.rejected,
+        calls=found.calls,
         seconds=found.seconds,
         position_violation=found.position_violation,
         velocity_violation=found.velocity_violation,
         energy_balance=found.energy_balance,
+        crossings=found.crossings,
         moved={name: {"given": wanted, "used": used} for name, wanted, used in initial.moved},
         final={name: float(values[-1]) for name, values in found.columns().items()},
         file=Path(out) if out else None,
@@ -108,11 +107,16 @@ def show(record: Simulated, console: Console) -> None:
 
     for name, by in record.moved.items():
         console.print(f"initial {name} = {by['given']:.6g} contradicts the constraints, {by['used']:.6g} is used")
-    steps = f"{record.steps} steps, {record.rejected} rejected, {record.seconds:.2f} s"
+    steps = f"{record.steps} steps, {record.rejected} rejected, {record.seconds:.2g} s of computing"
     console.print(f"{record.model}, choice {record.choice}: {record.time:g} s in {steps}")
     console.print(f"  largest |φ|         {number(record.position_violation)}")
     console.print(f"  largest |A v − c|   {number(record.velocity_violation)}")
-    console.print(f"  energy balance      {number(record.energy_balance)} of the largest energy")
+    console.print(f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged")
+    if record.crossings:
+        first, more = record.crossings[0], len(record.crossings) - 1
+        also = f" and {more} more times" if more else ""
+        console.print(f"  SINGULAR: {first.pivot} vanished between {first.after:g} s and {first.before:g} s{also};")
+        console.print("  the motion beyond is not to be trusted; another choice may be regular there, see `hamel choices`")
     for place in (record.file, record.plot):
         if place:
             console.print(f"  wrote {place}")

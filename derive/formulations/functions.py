@@ -10,6 +10,7 @@ from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Guard, Iteration, Result
 from derive.joints.records import Vector
 from derive.mechanics.records import Named, System
+from derive.mechanics.system import inertial_forces
 
 CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ
 MOST_STEPS = 20
@@ -56,6 +57,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _dynamics(system, motion),
         _mass(system),
         _bias(system, motion),
+        _inverse_dynamics(system),
         _constraints(system, motion),
         _project(system, motion),
         _reactions(system, motion),
@@ -97,6 +99,22 @@ def _bias(system: System, motion: Motion) -> Function:
     names = tuple(v.name for v in system.model.velocities)
     about = "bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"
     return Function("bias", about, Result("h", _at(system, motion, system.h), names, ()), guards=_used(motion, system.h, system))
+
+
+def _inverse_dynamics(system: System) -> Function:
+    """(q, v, v̇) → M v̇ + h − Q at u = 0: what actuators and constraints have to supply, by Newton–Euler alone."""
+    model, nv = system.model, system.v.numel()
+    vdot = ca.vertcat(*[ca.SX.sym(f"d_{v.name}") for v in model.velocities]) if nv else ca.SX(0, 1)
+    names = tuple(v.name for v in model.velocities)
+    labels = (*(c.name for c in model.coordinates), *names, *(f"der({name})" for name in names))
+    units = (*(c.unit for c in model.coordinates), *(v.unit for v in model.velocities))
+    taken = Argument(
+        "x", ca.vertcat(system.q, system.v, vdot), labels, (*units, *(_per_second(v.unit) for v in model.velocities))
+    )
+    idle = ca.substitute(system.Q, system.u, ca.SX.zeros(system.u.numel()))
+    value = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot) + system.h_extra - idle
+    about = "forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇)"
+    return Function("inverse_dynamics", about, Result("tau", value, names, ()), x=taken)
 
 
 def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...]:

@@ -39,16 +39,12 @@ def _of_body(scene: Scene, call: Call) -> ca.SX:
 
 
 def _point(scene: Scene, call: Call) -> Numbers:
-    """The body point of a call, embedded in space; the body's origin when none is given."""
+    """The body point of a call, embedded in space by the loader; the body's origin when none is given."""
     if len(call.arguments) < 2:
         return [0.0, 0.0, 0.0]
     entries = call.arguments[1]
     assert isinstance(entries, Vector)
-    given = scene.symbols.vector(entries.entries)
-    result = [0.0, 0.0, 0.0]
-    for k, x in zip(IN_PLANE[scene.model.plane], given):
-        result[k] = x
-    return result
+    return scene.symbols.vector(entries.entries)
 
 
 def _angle(scene: Scene, body: str) -> ca.SX:

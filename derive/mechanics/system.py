@@ -31,7 +31,7 @@ from derive.mechanics.motion import (
     with_products,
 )
 from derive.mechanics.outputs import outputs
-from derive.mechanics.records import Inertia, RowForm, System
+from derive.mechanics.records import Inertia, Link, RowForm, System
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
     gravity_energy,
@@ -80,7 +80,7 @@ def _assembled(
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
     inertias = (tuple(link.inertia for link in links), regrouped(links))
     M = _matrix(cheapest([mass_matrix(links, i, nv) for i in inertias]), nv, nv) + extra.M
-    h = ca.vertcat(*cheapest([_bias(scene, i, g, nv) for i in inertias])) + extra.h
+    h = _newton_euler(links, inertias, _entries(s.v), [0.0] * nv, g) + extra.h
     A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
     phi = ca.vertcat(*[x for block in found for x in block.phi]) if any(b.phi for b in found) else ca.SX(0, 1)
     T = ca.SX(kinetic_energy(links, numbers)) + extra.T
@@ -159,10 +159,17 @@ def _qdot(model: Model, s: Symbols) -> ca.SX:
     return ca.vertcat(*[rates[c.name] for c in model.coordinates])
 
 
-def _bias(scene: Scene, inertias: Sequence[Inertia], g: Vector, nv: int) -> list[Scalar]:
-    """Newton–Euler with v̇ = 0: velocity products and gravity."""
-    wrenches = newton_euler(scene.links, inertias, _entries(scene.symbols.v), [0.0] * nv, g)
-    return joint_forces(scene.links, wrenches, nv)
+def _newton_euler(
+    links: Sequence[Link], sets: Sequence[Sequence[Inertia]], v: Sequence[Scalar], vdot: Sequence[Scalar], g: Vector
+) -> ca.SX:
+    """The joint forces of a motion against gravity, from the cheapest of equivalent sets of inertias."""
+    found = [joint_forces(links, newton_euler(links, inertias, v, vdot, g), len(v)) for inertias in sets]
+    return ca.vertcat(*cheapest(found)) if v else ca.SX(0, 1)
+
+
+def inertial_forces(system: System, vdot: ca.SX) -> ca.SX:
+    """M v̇ + h of the links alone."""
+    return _newton_euler(system.links, system.inertias, _entries(system.v), _entries(vdot), system.gravity)
 
 
 def _rows(scene: Scene, numbers: list[Numbers], rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -215,8 +215,12 @@ class Evidence:
         return tuple(np.array(graph.motion(s.t, x, s.u, s.p)[1]).ravel() for s, x in rows)
 
     def arguments_of(self, name: str) -> tuple[Array, ...]:
-        """The x that a function takes: (q, v) for `state`, (q, w) for every other."""
-        return tuple(np.concatenate([s.q, s.v]) for s in self.samples) if name == "state" else self.x
+        """The x that a function takes: (q, v) for `state`, (q, v, v̇) for `inverse_dynamics`, (q, w) for every other."""
+        if name == "state":
+            return tuple(np.concatenate([s.q, s.v]) for s in self.samples)
+        if name == "inverse_dynamics":
+            return tuple(np.concatenate([s.q, s.v, s.outcome.vdot]) for s in self.samples)
+        return self.x
 
     def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:
         """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of that name."""

@@ -1,0 +1,79 @@
+"""Robot files → models: URDF and MJCF become the text of a model, which is then read like any other.
+
+So errors that the model language finds in a robot are told at the place in the robot's own file.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from derive.model import Model
+    from hamel.importing.robot import Robot
+    from hamel.importing.writing import Written
+
+ROBOTS = (".urdf", ".xml", ".mjcf", ".xacro")
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A robot as a model's text. `left_out` alters the motion, `changed` does not."""
+
+    model: Model
+    text: str
+    kind: str
+    changed: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def load(path: str | Path) -> Model:
+    """The Model of a model file or of a robot file; what a robot loses is warned of."""
+    if Path(path).suffix.lower() not in ROBOTS:
+        from derive.model import load
+
+        return load(path)
+    found = imported(path)
+    for sentence in found.left_out:
+        warnings.warn(f"{path}: left out: {sentence}", RuntimeWarning, stacklevel=2)
+    return found.model
+
+
+def imported(path: str | Path, floating: bool = False) -> Imported:
+    """A URDF or MJCF file as a model; ModelError with places in that file for everything wrong with it."""
+    from hamel.importing.inertias import gather
+    from hamel.importing.writing import text_of
+
+    robot = _robot(path, floating)
+    gather(robot)
+    made = text_of(robot, Path(path).name)
+    return Imported(_model(made, robot, path), made.text, robot.kind, tuple(robot.changed), tuple(robot.left_out))
+
+
+def _robot(path: str | Path, floating: bool) -> Robot:
+    from hamel.importing import mjcf, urdf
+    from hamel.importing.markup import parsed, read
+
+    root = parsed(read(path))
+    if root.tag == "robot":
+        return urdf.robot(root, Path(path).stem, floating)
+    if root.tag == "mujoco":
+        return mjcf.robot(root, Path(path).stem, floating)
+    root.refuse(f"<{root.tag}> is no robot", "<robot> (URDF) or <mujoco> (MJCF)")
+
+
+def _model(made: Written, robot: Robot, path: str | Path) -> Model:
+    """The text read as a model; what is wrong is told where it stands in the robot's file."""
+    from derive.diagnostics import ModelError
+    from derive.model import load_text
+
+    try:
+        return load_text(made.text, str(path))
+    except ModelError as error:
+        found = []
+        for problem in error.diagnostics:
+            origin = made.origins[problem.line - 1] if problem.line else None
+            found.append((origin or robot.root).diagnostic(problem.message, problem.expected, problem.hint))
+        raise ModelError(dict.fromkeys(found)) from None

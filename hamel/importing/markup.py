@@ -1,0 +1,181 @@
+"""XML text → elements with places, read safely: no document type (and so no entities), bounded size, depth and count.
+
+expat is driven directly because the ready-made trees keep no places; the tree is walked and built without recursion.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
+
+from derive.diagnostics import Diagnostic, ModelError
+
+LARGEST = 64 << 20  # bytes
+DEEPEST = 10_000  # levels; a chain of bodies is one level per body in MJCF
+MOST = 2_000_000  # elements
+_DECLARATION = re.compile(rb"""\s*<\?xml[^>]*\bencoding\s*=\s*["']([^"']*)["']""")
+_UTF8 = frozenset({"utf-8", "utf8", "us-ascii", "ascii"})
+
+
+@dataclass(frozen=True)
+class File:
+    """The text of an XML file, and messages that point into it."""
+
+    name: str
+    content: bytes  # UTF-8
+    folder: Path
+
+    def line(self, number: int) -> str:
+        lines = self.content.splitlines()
+        return lines[number - 1].decode("utf-8", "replace") if 0 < number <= len(lines) else ""
+
+    def diagnostic(self, at: int, length: int, message: str, expected: str = "", hint: str = "") -> Diagnostic:
+        """A message about the `length` bytes from offset `at`."""
+        start = self.content.rfind(b"\n", 0, at) + 1
+        stop = self.content.find(b"\n", at)
+        text = self.content[start : stop if stop >= 0 else len(self.content)].decode("utf-8", "replace").rstrip("\r")
+        column = len(self.content[start:at].decode("utf-8", "replace")) + 1
+        return Diagnostic(self.name, self.content.count(b"\n", 0, at) + 1, column, length, message, expected, hint, text)
+
+
+@dataclass(eq=False)
+class Element:
+    """An element with its attributes as text. `at` is the offset of its `<`."""
+
+    tag: str
+    attributes: dict[str, str]
+    file: File
+    at: int
+    children: list[Element] = field(default_factory=list)
+    text: str = ""
+
+    def get(self, name: str, otherwise: str = "") -> str:
+        return self.attributes.get(name, otherwise)
+
+    def all(self, *tags: str) -> list[Element]:
+        """The children of these kinds, in the order of the file."""
+        return [child for child in self.children if child.tag in tags]
+
+    def first(self, tag: str) -> Element | None:
+        return next((child for child in self.children if child.tag == tag), None)
+
+    def walk(self) -> Iterator[Element]:
+        """The element and all below it, in the order of the file."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting.extend(reversed(element.children))
+
+    def diagnostic(self, message: str, expected: str = "", hint: str = "", attribute: str = "") -> Diagnostic:
+        """A message about the element, or about one of its attributes."""
+        at, length = self._place(attribute)
+        return self.file.diagnostic(at, length, message, expected, hint)
+
+    def refuse(self, message: str, expected: str = "", hint: str = "", attribute: str = "") -> NoReturn:
+        raise ModelError(self.diagnostic(message, expected, hint, attribute))
+
+    def _place(self, attribute: str) -> tuple[int, int]:
+        """Offset and length of the attribute's value; of the tag where there is none."""
+        content = self.file.content
+        if attribute in self.attributes:
+            pattern = rb"""[\s"']""" + re.escape(attribute.encode()) + rb"""\s*=\s*(?:"([^"]*)"|'([^']*)')"""
+            if found := re.compile(pattern).search(content, self.at):
+                group = 1 if found.group(1) is not None else 2
+                return found.start(group), max(1, len(found.group(group).decode("utf-8", "replace")))
+        return self.at, len(self.tag) + 1
+
+
+def read(path: str | Path) -> File:
+    """The content of a file; ModelError where it cannot be had as UTF-8 text."""
+    name = str(path)
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(LARGEST + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise ModelError(Diagnostic(name, message=f"cannot be read: {reason}")) from None
+    if len(content) > LARGEST:
+        raise ModelError(Diagnostic(name, message="the file is too large", expected=f"at most {LARGEST >> 20} MiB"))
+    return as_file(content, name, Path(path).parent)
+
+
+def as_file(content: bytes, name: str, folder: Path) -> File:
+    """Content in memory as a File; ModelError where it is not UTF-8."""
+    file = File(name, content.removeprefix(b"\xef\xbb\xbf"), folder)
+    try:
+        file.content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ModelError(file.diagnostic(error.start, 1, "the file is not UTF-8 text", "text saved as UTF-8")) from None
+    declared = _DECLARATION.match(file.content)
+    if declared and declared[1].decode("utf-8", "replace").lower() not in _UTF8 and not file.content.isascii():
+        problem = f"the file says that it is {declared[1].decode()!r} text"
+        raise ModelError(file.diagnostic(declared.start(1), len(declared[1]), problem, "text saved as UTF-8"))
+    return file
+
+
+def parsed(file: File) -> Element:
+    """The root element of a file."""
+    if not file.content.strip():
+        raise ModelError(Diagnostic(file.name, message="the file is empty", expected="a URDF or MJCF robot"))
+    builder = _Builder(file)
+    try:
+        builder.parser.Parse(file.content, True)
+    except expat.ExpatError as error:
+        _refuse_syntax(file, error)
+    assert builder.root is not None  # expat refuses a text without elements
+    return builder.root
+
+
+def _refuse_syntax(file: File, error: expat.ExpatError) -> NoReturn:
+    problem = expat.errors.messages[error.code]
+    start = sum(len(line) for line in file.content.splitlines(keepends=True)[: error.lineno - 1])
+    at = min(start + error.offset, len(file.content))
+    if not file.content.lstrip().startswith(b"<"):
+        raise ModelError(file.diagnostic(at, 1, "the file is not XML", "a URDF or MJCF robot, which starts with `<`"))
+    raise ModelError(file.diagnostic(at, 1, f"not valid XML: {problem}"))
+
+
+class _Builder:
+    """Elements from expat's calls."""
+
+    def __init__(self, file: File) -> None:
+        self.file = file
+        self.root: Element | None = None
+        self.open: list[Element] = []
+        self.count = 0
+        self.parser = expat.ParserCreate("utf-8")
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.CharacterDataHandler = self.characters
+        self.parser.StartDoctypeDeclHandler = self.document_type
+        self.parser.EntityDeclHandler = self.document_type
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, attributes, self.file, self.parser.CurrentByteIndex)
+        self.count += 1
+        if len(self.open) >= DEEPEST:
+            element.refuse("the file is nested too deeply", f"at most {DEEPEST} levels")
+        if self.count > MOST:
+            element.refuse("the file has too many elements", f"at most {MOST}")
+        if self.open:
+            self.open[-1].children.append(element)
+        else:
+            self.root = element
+        self.open.append(element)
+
+    def end(self, tag: str) -> None:
+        self.open.pop()
+
+    def characters(self, text: str) -> None:
+        if self.open and not text.isspace():
+            self.open[-1].text += text
+
+    def document_type(self, *declaration: object) -> None:
+        problem = "a document type, which can declare entities"
+        raise ModelError(self.file.diagnostic(self.parser.CurrentByteIndex, 1, problem, "a file without <!DOCTYPE>"))

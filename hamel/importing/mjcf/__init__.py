@@ -1,0 +1,2 @@
+def robot(root, name, floating):
+    root.refuse("MJCF is not read yet")

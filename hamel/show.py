@@ -51,8 +51,19 @@ def table(console: Console, headings: Sequence[str], rows: Iterable[Sequence[str
 
 
 def ledger(entries: Sequence[Mapping[str, Any]], left_out: Sequence[str], console: Console) -> None:
-    """What each pass did to each function, and what this model had no use for."""
-    rows = [(e["function"], e["step"], str(e["before"]), str(e["after"]), str(e["before"] - e["after"])) for e in entries]
-    table(console, ("function", "pass", "before", "after", "saved"), rows, right=(2, 3, 4))
+    """What the passes did to each function, and what this model had no use for."""
+    rows = [
+        (name, *_summary([e for e in entries if e["function"] == name])) for name in dict.fromkeys(e["function"] for e in entries)
+    ]
+    table(console, ("function", "traced", "emitted", "saved by"), rows, right=(1, 2))
     for line in left_out:
         console.print(f"left out: {line}")
+
+
+def _summary(entries: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
+    """Operations before and after all passes, and what each pass saved over its rounds."""
+    saved: dict[str, int] = {}
+    for entry in entries:
+        saved[entry["step"]] = saved.get(entry["step"], 0) + entry["before"] - entry["after"]
+    steps = ", ".join(f"{step} {count}" for step, count in saved.items() if count)
+    return str(entries[0]["before"]), str(entries[-1]["after"]), steps

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from codegen.compiler import INSTALL
 from derive.diagnostics import ToolchainError, VerificationError
+from derive.textbook import html
 from hamel.pipeline import Clock, Constants, emit, equations_of, load_quietly, program_of
 from hamel.records import Built
 from hamel.verify import verification
@@ -59,10 +60,6 @@ def _confirm(equations: Equations, program: Program, states: int, numpy: bool, c
 
 def _pages(equations: Equations, clock: Clock) -> dict[str, str]:
     with clock("textbook"):
-        try:
-            from derive.textbook import html
-        except ImportError:  # TEMPORARY: until the textbook lands
-            return {}
         return {"derivation.html": html(equations)}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from derive.textbook import html, latex
 from hamel.pipeline import equations_of
 from hamel.records import Derived
 from hamel.staging import write_text
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
 
 
 def run(path: str | Path, choice: str | None, folder: Path) -> Derived:
-    from derive.textbook import html, latex
-
     equations = equations_of(path, choice)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
     write_text(pages["html"], html(equations))

@@ -20,7 +20,8 @@ from derive.diagnostics import AssumptionError, Diagnostic
 from derive.formulations.elimination import Dependent
 from derive.formulations.orthonormal import orthonormal
 from derive.formulations.quasi_velocities import Explicit, explicit
-from derive.formulations.reduction import Reduction, by_elimination
+from derive.formulations.reduction import Reduction, by_elimination, unreduced
+from derive.joints.rotations import is_one
 from derive.mechanics.constraints import velocity_row
 from derive.mechanics.records import RowForm, System
 from derive.mechanics.sampling import States, kinematics, states
@@ -77,6 +78,8 @@ class Workshop:
     @cached_property
     def rank(self) -> int:
         """The rank of A that all but a few sampled states agree on."""
+        if not self.system.rows:
+            return 0
         ranks = [int(np.linalg.matrix_rank(A, tol=RANK)) for A in self.rows if A.size]
         return int(np.median(ranks)) if ranks else 0
 
@@ -93,7 +96,7 @@ def _scaled(A: np.ndarray) -> np.ndarray:
 def workshop(system: System) -> Workshop:
     """Raises AssumptionError where no consistent state can be found to look at."""
     found = Workshop(system)
-    if not len(found.sampled.t):
+    if system.rows and not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
         raise AssumptionError(Diagnostic(file=system.model.file, message=message))
     return found
@@ -173,10 +176,21 @@ def speed_rows(system: System, choice: Choice) -> list[RowForm]:
 def _carried(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reason: str) -> Resolved:
     """The elimination in every way of writing the constraint blocks; the fewest operations among the safest pivots win."""
     names = tuple(row.name for row in rows)
+    if not shop.system.rows and _are_the_base(rows):
+        reduction = unreduced(shop.system, names)
+        equations = explicit(shop.system, reduction)
+        ranking = Ranking(name, kind, names, True, 1.0, 1.0, equations.operations, (), equations.gathered)
+        return Resolved(ranking, reduction, equations, reason)
     found = [_one_way(shop, names, rows, ways) for ways in _ways(shop.system)]
     reduction, equations = min(found, key=lambda x: (not x[0].constant_pivots, len(x[0].guards), x[1].operations))
     ranking = _ranking(shop, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
+
+
+def _are_the_base(rows: Sequence[RowForm]) -> bool:
+    """Whether the speeds are the base velocities themselves, in order."""
+    singles = [row.coefficients[0] for row in rows if len(row.coefficients) == 1]
+    return len(singles) == len(rows) and all(j == k and is_one(x) for k, (j, x) in enumerate(singles))
 
 
 def _one_way(shop: Workshop, names: tuple[str, ...], rows: Sequence[RowForm], ways: Sequence[int]) -> tuple[Reduction, Explicit]:
@@ -269,7 +283,7 @@ def _candidates(shop: Workshop) -> list[tuple[tuple[float, int], str, tuple[RowF
     result = []
     for subset in subsets:
         rows = tuple(RowForm(_speed_name(shop.system, j), (), ((j, 1.0),)) for j in subset)
-        worst = _conditions(shop, [np.eye(nv)[list(subset)]] * len(shop.rows))[1]
+        worst = _conditions(shop, [np.eye(nv)[list(subset)]] * len(shop.rows))[1] if shop.system.rows else 1.0
         result.append(((round(np.log10(worst), 1), subset[0] if subset else 0), " ".join(r.name for r in rows), rows))
     return result
 

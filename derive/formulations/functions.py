@@ -55,7 +55,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
     """In the order they stand in the generated code; what the scene has no use for is absent."""
     found = [
         _dynamics(system, motion),
-        _mass(system),
+        _mass(system) if system.written else None,
         _bias(system, motion),
         _inverse_dynamics(system),
         _constraints(system, motion),

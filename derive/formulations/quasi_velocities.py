@@ -55,12 +55,14 @@ class Explicit:
 
 def explicit(system: System, reduction: Reduction) -> Explicit:
     """The explicit equations, gathered in the way that needs the fewest operations."""
+    recursive = _articulated(system, reduction)
+    if recursive and not system.written:
+        return min(recursive, key=lambda x: x.operations)
     masses, forces = _masses(system, reduction), _forces(system, reduction)
     if len(masses) * len(forces) > 1 and system.v.numel() > MANY:
         masses, forces = _only_cheapest(masses), _only_cheapest(forces)
     found = [_solved(system, reduction, f"{a}, {b}", masses[a], forces[b]) for a, b in combinations(masses, forces)]
-    found += _articulated(system, reduction)
-    return min(found, key=lambda x: x.operations)
+    return min(found + recursive, key=lambda x: x.operations)
 
 
 def _articulated(system: System, reduction: Reduction) -> list[Explicit]:
@@ -119,7 +121,9 @@ def _sparse(rows: Matrix) -> ca.SX:
 
 def _masses(system: System, reduction: Reduction) -> dict[str, Matrix]:
     """Sᵀ M S, by joints and, where the walk gave twists as forms, by links."""
-    result = {"mass matrix by joints": scalars(_symmetric_product(reduction.S, system.M))}
+    result: dict[str, Matrix] = {}
+    if system.written:
+        result["mass matrix by joints"] = scalars(_symmetric_product(reduction.S, system.M))
     if reduction.walked is not None and system.links and system.rows:
         for label, inertias in _inertias(system):
             result[f"mass matrix by links{label}"] = _mass_by_links(system, reduction, inertias)
@@ -127,7 +131,7 @@ def _masses(system: System, reduction: Reduction) -> dict[str, Matrix]:
 
 
 def _inertias(system: System) -> list[tuple[str, tuple[Inertia, ...]]]:
-    return list(zip(("", " (regrouped inertias)"), system.inertias))
+    return list(zip(("", " (regrouped inertias)")[-len(system.inertias) :], system.inertias))
 
 
 def _symmetric_product(S: ca.SX, M: ca.SX) -> ca.SX:

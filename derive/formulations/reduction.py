@@ -54,6 +54,13 @@ def by_elimination(
     )
 
 
+def unreduced(system: System, names: tuple[str, ...]) -> Reduction:
+    """The base velocities of a system without constraints are the quasi-velocities: v = w."""
+    nv, w = system.v.numel(), symbols_for(names)
+    one = ca.SX.eye(nv)
+    return Reduction(names, w, one, one, w, ca.SX(nv, 1), None, (), (), (), True)
+
+
 def symbols_for(names: Sequence[str]) -> ca.SX:
     return ca.vertcat(*[ca.SX.sym(name) for name in names]) if names else ca.SX(0, 1)
 

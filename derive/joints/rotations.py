@@ -36,6 +36,11 @@ def is_zero(value: Scalar) -> bool:
 UNIT: dict[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
+def is_one(value: Scalar) -> bool:
+    """Exactly one, likewise."""
+    return value == 1 if isinstance(value, float | int) else value.is_constant() and float(value) == 1
+
+
 def euler_rotation(sequence: str, angles: Sequence[Scalar]) -> Rotation:
     """Intrinsic rotations about the letters of `sequence`, first letter first: R = R₁(θ₁) R₂(θ₂) R₃(θ₃)."""
     return tuple(Turn(UNIT[letter], angle) for letter, angle in zip(sequence, angles))

@@ -119,7 +119,7 @@ class System:
     parameters: tuple[float, ...]  # their defaults
     qdot: ca.SX  # N v
     N: ca.SX
-    M: ca.SX
+    M: ca.SX  # all zeros where not `written`
     h: ca.SX  # velocity products, gravity and `potential`
     Q: ca.SX  # everything applied: springs, dampers, inputs, forces, nonideal constraint forces
     phi: ca.SX
@@ -135,8 +135,9 @@ class System:
     inertias: tuple[tuple[Inertia, ...], ...]  # equivalent sets: as given, and regrouped across the joints
     places: tuple[tuple[str, Place], ...]  # body name → where it is
     blocks: tuple[tuple[tuple[RowForm, ...], ...], ...]
-    quaternions: tuple[int, ...]  # where in q a unit quaternion (w, x, y, z) starts
+    written: bool  # M is written out; on long chains it is not, its entries grow with the square of the length
     definite: bool  # M is positive definite at the nominal values
+    quaternions: tuple[int, ...]  # where in q a unit quaternion (w, x, y, z) starts
     M_extra: ca.SX  # nv × nv, of the kinetic energy that is not in the links
     h_extra: ca.SX
     gravity: Vector

@@ -57,7 +57,8 @@ def states(system: System, count: int, seed: int = 0, spread: float = 1.0, param
     """
     rng = np.random.default_rng(seed)
     solver, centre = kinematics(system), nominal(system)
-    found = [s for s in (_state(system, solver, centre, rng, spread, parameters) for _ in range(count)) if s is not None]
+    moving = ca.depends_on(_everything(system), system.t)
+    found = [s for s in (_state(system, solver, centre, rng, spread, parameters, moving) for _ in range(count)) if s is not None]
     columns = list(zip(*found)) if found else [[] for _ in range(5)]
     sizes = (system.q.numel(), system.v.numel(), system.u.numel(), system.p.numel())
     arrays = [np.array(x, dtype=float).reshape(len(found), n) for x, n in zip(columns[1:], sizes)]
@@ -80,9 +81,11 @@ def normalised(system: System, q: np.ndarray) -> np.ndarray:
     return result
 
 
-def _state(system: System, solver: Kinematics, centre: np.ndarray, rng: np.random.Generator, spread: float, vary: float):
+def _state(
+    system: System, solver: Kinematics, centre: np.ndarray, rng: np.random.Generator, spread: float, vary: float, moving: bool
+):
     for attempt in range(TRIES):
-        t = rng.uniform(0.0, 2.0) if ca.depends_on(_everything(system), system.t) else 0.0
+        t = rng.uniform(0.0, 2.0) if moving else 0.0
         p = np.array(system.parameters) * (1 + vary * rng.uniform(-1, 1, len(system.parameters)))
         narrowed = spread * 0.8 ** (attempt // 4)
         q = closed(solver, t, normalised(system, centre + _scatter(system, centre, rng, narrowed)), p)

@@ -47,6 +47,9 @@ from derive.model.records import Model
 
 REST_NUMBERS: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 
+MOST_ENTRIES = 10_000  # of M below the diagonal; beyond that only the O(n) recursions are of use
+FEW = 40  # with more links than this, equivalent sets of inertias are not compared
+
 
 def system(model: Model, constants: Collection[str] | str = ()) -> System:
     """The mechanics of a model. `constants` names the parameters to bake in as numbers ("all" for every one).
@@ -68,6 +71,11 @@ def system(model: Model, constants: Collection[str] | str = ()) -> System:
     return _assembled(scene, baked, numbers, found, loads, extra, g)
 
 
+def _inertias(links: Sequence[Link]) -> tuple[tuple[Inertia, ...], ...]:
+    """As given and regrouped; for many links the regrouped ones alone, which are cheaper but for the smallest models."""
+    return (*([tuple(link.inertia for link in links)] if len(links) <= FEW else []), regrouped(links))
+
+
 def _assembled(
     scene: Scene,
     baked: tuple[str, ...],
@@ -78,8 +86,9 @@ def _assembled(
     g: Vector,
 ) -> System:
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
-    inertias = (tuple(link.inertia for link in links), regrouped(links))
-    M = _matrix(cheapest([mass_matrix(links, i, nv) for i in inertias]), nv, nv) + extra.M
+    inertias = _inertias(links)
+    written = sum(len(path(links, i)) for i in range(len(links))) <= MOST_ENTRIES
+    M = _mass(links, inertias, nv) + extra.M if written else ca.SX(nv, nv)
     h = _newton_euler(links, inertias, _entries(s.v), [0.0] * nv, g) + extra.h
     A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
     phi = ca.vertcat(*[x for block in found for x in block.phi]) if any(b.phi for b in found) else ca.SX(0, 1)
@@ -117,7 +126,8 @@ def _assembled(
         inertias=inertias,
         places=tuple(scene.places.items()),
         blocks=tuple(block.ways for block in found),
-        definite=_is_definite(M, s),
+        written=written,
+        definite=not written or _is_definite(M, s),
         quaternions=_quaternions(model),
         M_extra=extra.M,
         h_extra=extra.h,
@@ -126,6 +136,10 @@ def _assembled(
         assumptions=_assumptions(model, s, extra),
     )
     return result
+
+
+def _mass(links: Sequence[Link], sets: Sequence[Sequence[Inertia]], nv: int) -> ca.SX:
+    return _matrix(cheapest([mass_matrix(links, inertias, nv) for inertias in sets]), nv, nv)
 
 
 def _with_rotors(extra: Lagrangian, rotors: ca.SX, s: Symbols) -> Lagrangian:

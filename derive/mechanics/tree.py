@@ -41,13 +41,15 @@ def _common(a: Sequence[int], b: Sequence[int]) -> list[int]:
 
 def ground_rotations(links: Sequence[Link]) -> list[Matrix]:
     """Ground ← link for every link: one turn where all turns about it are parallel, else the product with its parent's."""
-    chains: list[Rotation] = []
+    chains: list[Rotation | None] = []  # None where a product has been taken
     result: list[Matrix] = []
     for link in links:
-        chain = merged(chains[link.parent] if link.parent >= 0 else (), link.rotation)
+        above = chains[link.parent] if link.parent >= 0 else ()
         carrier = result[link.parent] if link.parent >= 0 else IDENTITY
-        result.append(matrix(chain) if len(chain) <= 1 or carrier is IDENTITY else product(carrier, link.R))
-        chains.append(chain)
+        chain = None if above is None else merged(above, link.rotation)
+        short = chain is not None and (len(chain) <= 1 or carrier is IDENTITY)
+        result.append(matrix(chain) if short and chain is not None else product(carrier, link.R))
+        chains.append(chain if short else None)
     return result
 
 

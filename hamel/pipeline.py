@@ -76,6 +76,22 @@ def mechanics_of(model: Model, constants: Constants = ()) -> System:
     return system(model, constants)
 
 
+def usable_choices(mechanics: System) -> tuple[dict[str, Equations], dict[str, str]]:
+    """Equations of every choice of the file, and why the others are refused. The first has to be a choice: it is the default."""
+    from derive.diagnostics import AssumptionError
+    from derive.formulations import equations
+
+    usable, refused = {}, {}
+    for number, choice in enumerate(mechanics.model.choices):
+        try:
+            usable[choice.name] = equations(mechanics, choice.name)
+        except AssumptionError as error:
+            if number == 0:
+                raise
+            refused[choice.name] = str(error)
+    return usable, refused
+
+
 def program_of(equations: Equations, functions: Collection[str] | None = None, clock: Clock | None = None) -> Program:
     """Equations → Program: the straight-line statements of each function, counted."""
     with (clock or Clock())("passes"):

@@ -23,6 +23,7 @@ class Checked:
     parameters: tuple[str, ...]
     outputs: tuple[str, ...]
     choices: tuple[str, ...]
+    refused: Mapping[str, str]  # choices of the file that cannot be built, and why
     rank: int
     degrees_of_freedom: int
     moved: Mapping[str, Mapping[str, float]]  # held initial values that had to give way: given and used
@@ -61,6 +62,7 @@ class Verified:
     model: str
     passed: bool
     checks: tuple[CheckLine, ...]
+    refused: Mapping[str, str]  # choices of the file that cannot be built, and why
     states: int
     seed: int
 

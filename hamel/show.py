@@ -50,6 +50,12 @@ def table(console: Console, headings: Sequence[str], rows: Iterable[Sequence[str
     console.print(made)
 
 
+def refusals(refused: Mapping[str, str], console: Console) -> None:
+    """The choices of the file that are none, and why."""
+    for name, why in refused.items():
+        console.print(f"refused {name}: {why.replace(' error: ', ' ', 1)}")
+
+
 def ledger(entries: Sequence[Mapping[str, Any]], left_out: Sequence[str], console: Console) -> None:
     """What the passes did to each function, and what this model had no use for."""
     rows = [

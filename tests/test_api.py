@@ -63,6 +63,23 @@ def test_dependent_speeds_are_a_violated_assumption(tmp_path):
     assert caught.value.exit_code == 2
 
 
+def test_a_choice_that_is_none_does_not_keep_the_others_from_being_verified(tmp_path):
+    text = (MODELS / "snake3.yaml").read_text()
+    (tmp_path / "bad.yaml").write_text(text.replace("  best: auto", "  bad: [base.vy, base.w]"))
+    assert "bad" in hamel.check(tmp_path / "bad.yaml").refused
+    found = hamel.verify(tmp_path / "bad.yaml", states=3)
+    assert found.passed and "depends on the constraints" in found.refused["bad"]
+    assert not any(check.name.startswith("bad") for check in found.checks)
+
+
+def test_the_first_choice_has_to_be_one(tmp_path):
+    text = (MODELS / "snake3.yaml").read_text()
+    (tmp_path / "bad.yaml").write_text(text.replace("  head:", "  bad: [base.vy, base.w]\n  head:"))
+    for verb in (hamel.check, hamel.verify):
+        with pytest.raises(AssumptionError, match="bad"):
+            verb(tmp_path / "bad.yaml")
+
+
 def test_foreign_folders_are_not_replaced(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(ToolchainError):

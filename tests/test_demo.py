@@ -31,6 +31,4 @@ def test_generated_is_fresh_whatever_the_hash_seed(tmp_path, name, seed):
 @pytest.mark.parametrize("name", FRESH)
 def test_generated_names_no_machine(name):
     said = "\n".join(texts(ROOT / "generated" / name).values())
-    assert str(ROOT) not in said and str(Path.home()) not in said.replace(
-        "/root", "" if Path.home() == Path("/root") else "/root"
-    )
+    assert str(ROOT) not in said and "/home/" not in said

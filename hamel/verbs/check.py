@@ -1,4 +1,4 @@
-"""check: read a model, form its mechanics, make its initial state consistent; nothing is generated."""
+"""check: read a model, form its mechanics, make its initial state consistent, try its choices; nothing is generated."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from derive.mechanics.initial import initial_state
 from derive.model import load
-from hamel.pipeline import mechanics_of
+from hamel.pipeline import mechanics_of, usable_choices
 from hamel.records import Checked
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def run(path: str | Path) -> Checked:
     mechanics = mechanics_of(model)
     initial = initial_state(mechanics)
     rank = _rank(mechanics, initial.q)
+    usable, refused = usable_choices(mechanics)
     return Checked(
         model=model.name,
         file=model.file,
@@ -37,7 +38,8 @@ def run(path: str | Path) -> Checked:
         inputs=tuple(given.name for given in model.inputs),
         parameters=tuple(parameter.name for parameter in model.parameters),
         outputs=tuple(output.name for output in model.outputs),
-        choices=tuple(choice.name for choice in model.choices),
+        choices=tuple(usable),
+        refused=refused,
         rank=rank,
         degrees_of_freedom=len(model.velocities) - rank,
         moved=moved_by(initial.moved),
@@ -58,8 +60,11 @@ def _rank(mechanics: System, q: Any) -> int:
 
 
 def show(record: Checked, console: Console) -> None:
+    from hamel.show import refusals
+
     size = f"{len(record.velocities)} velocities, {len(record.constraints)} constraints of rank {record.rank}"
     freedom = f"{record.degrees_of_freedom} degree{'s' if record.degrees_of_freedom != 1 else ''} of freedom"
     console.print(f"{record.model}: ok, {size}, {freedom}; choices {', '.join(record.choices)}")
+    refusals(record.refused, console)
     for name, by in record.moved.items():
         console.print(f"  initial {name} = {by['given']:.6g} cannot be kept, {by['used']:.6g} is used")

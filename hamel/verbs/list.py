@@ -6,12 +6,30 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from codegen.targets import TARGETS
+from derive.formulations import FORMULATIONS, equations
+from derive.joints import JOINTS
+from derive.model import load, load_text
+from hamel.pipeline import mechanics_of
 from hamel.records import Known, Listed
+from hamel.verbs.schema import run as schema
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from derive.model.records import Model
+
+
+# A model that has every kind of thing a function of the generated module is about.
+_EVERYTHING = """
+model: everything
+coordinates: {x: m, y: m}
+kinetic: (der(x)**2 + der(y)**2)/2 * 1 kg
+constraints: {rod: {holonomic: x**2 + y**2 - 1 m^2}}
+inputs: {push: {coordinate: x}}
+outputs: {height: y}
+initial: {x: 0.6 m, guess: {y: 0.8 m}}
+"""
 
 
 def run(path: str | Path | None) -> Listed:
@@ -20,11 +38,6 @@ def run(path: str | Path | None) -> Listed:
 
 def _known() -> dict[str, tuple[Known, ...]]:
     """From the registries the stages loop over themselves, so that nothing can be missing here."""
-    from codegen.targets import TARGETS
-    from derive.formulations import FORMULATIONS
-    from derive.joints import JOINTS
-    from hamel.verbs.schema import run as schema
-
     shape = schema()
     return {
         "joints": _abouts(JOINTS),
@@ -33,6 +46,7 @@ def _known() -> dict[str, tuple[Known, ...]]:
         "loads": tuple(_entries(shape, "loads")),
         "formulations": _abouts(FORMULATIONS),
         "targets": _abouts(TARGETS),
+        "functions": tuple(_functions(load_text(_EVERYTHING))),
     }
 
 
@@ -42,8 +56,6 @@ def _abouts(registry: Iterable[Any]) -> tuple[Known, ...]:
 
 def _enumerated(shape: dict[str, Any], entry: str) -> Iterator[Known]:
     """The joint types an entry of the schema accepts."""
-    from derive.joints import JOINTS
-
     accepted = shape["$defs"][entry]["properties"]["type"]["enum"]
     return (Known(joint.name, f"closes a loop: {joint.about}") for joint in JOINTS if joint.name in accepted)
 
@@ -68,8 +80,6 @@ def _references(node: Any) -> Iterator[str]:
 
 
 def _named(path: str | Path) -> dict[str, tuple[Known, ...]]:
-    from derive.model import load
-
     model = load(path)
     kinds = {
         "parameters": (Known(p.name, _line(f"{p.value:.6g} {p.unit}", p.about)) for p in model.parameters),
@@ -106,9 +116,6 @@ def _choices(model: Model) -> Iterator[Known]:
 
 def _functions(model: Model) -> Iterator[Known]:
     """The functions of the generated module: all of the model's first choice."""
-    from derive.formulations import equations
-    from hamel.pipeline import mechanics_of
-
     for function in equations(mechanics_of(model)).functions:
         if function.result.value.numel():
             yield Known(function.name, function.about)

@@ -1,0 +1,107 @@
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+name: str
+formulation: str
+choice: str
+nx: Literal[4]
+nu: Literal[1]
+np_: Literal[7]
+states: tuple[str, ...]
+inputs: tuple[str, ...]
+parameters: tuple[str, ...]
+units: dict[str, tuple[str, ...]]
+defaults: NDArray[np.float64]
+status: tuple[str, ...]
+functions: tuple[str, ...]
+backend: Literal["extension", "ctypes", "numpy"]
+
+def dynamics(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): shape (..., 4)."""
+
+def mass(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """mass matrix M(q) of the base velocities v, nv × nv: shape (..., 3, 3)."""
+
+def bias(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: shape (..., 3)."""
+
+def inverse_dynamics(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): shape (..., 3)."""
+
+def constraints(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """constraint violation: φ(q, t), then A v − c row by row: shape (..., 4)."""
+
+def project(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """nearest consistent state: q on φ = 0, w kept: shape (..., 4)."""
+
+def reactions(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: shape (..., 2)."""
+
+def energy(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """kinetic and potential energy T, V: shape (..., 2)."""
+
+def power(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """power of forces without potential: d(T + V)/dt: shape (..., 1)."""
+
+def outputs(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """the model's outputs: shape (..., 2)."""
+
+def velocity(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """base velocities v = S w + R c: shape (..., 3)."""
+
+def state(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """state x = (q, w) from (q, v): w = B v: shape (..., 4)."""
+
+@dataclass(frozen=True)
+class Simulation:
+    t: NDArray[np.float64]
+    x: NDArray[np.float64]
+    work: NDArray[np.float64]
+    steps: int
+    rejected: int
+    calls: int
+    position_violation: float
+    velocity_violation: float
+    status: str
+
+def simulate(
+    t_span: ArrayLike,
+    x: ArrayLike,
+    u: ArrayLike | None = None,
+    p: ArrayLike | None = None,
+    *,
+    rtol: float = 1e-9,
+    atol: float = 1e-11,
+    times: ArrayLike | None = None,
+    max_steps: int = 1_000_000,
+    progress: Callable[[float], object] | None = None,
+) -> Simulation:
+    """The motion from state x at t_span[0] with constant inputs u, at the entries of t_span or at times."""

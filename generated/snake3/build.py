@@ -1,0 +1,104 @@
+"""Compiles a generated folder: the library lib<name> for any language, and the extension module for this Python.
+
+Standard library only. In a generated folder this file is build.py: run it on the machine where the module is to be used.
+No claim of licence is made on this file: 0BSD, see LICENSE.txt.
+"""
+
+import importlib.util
+import os
+import pathlib
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+
+NAME = "snake3"
+FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-fPIC")
+INSTALL = "install one (Debian: `apt install gcc`; macOS: `xcode-select --install`; anywhere: `pip install ziglang`)"
+SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+
+
+class CompileError(Exception):
+    """The compiler said no; its own words are in the message."""
+
+
+def find_compiler():
+    """The command of the first compiler found: $CC, cc, gcc, clang, then the ziglang package; None without one."""
+    if os.environ.get("CC"):
+        command = shlex.split(os.environ["CC"])
+        return command if shutil.which(command[0]) else None
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    return [sys.executable, "-m", "ziglang", "cc"] if importlib.util.find_spec("ziglang") else None
+
+
+def identity(command):
+    """What else a binary depends on: the compiler, its flags, this Python and the NumPy headers."""
+    version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
+    return "\n".join([*command, version.stdout, *FLAGS, sys.platform, sysconfig.get_platform(), extension_suffix(), *headers()])
+
+
+def headers():
+    """Include folders of Python and NumPy; empty where one of them is missing."""
+    try:
+        import numpy
+    except ImportError:
+        return []
+    folders = [sysconfig.get_paths()["include"], numpy.get_include()]
+    wanted = [os.path.join(folders[0], "Python.h"), os.path.join(folders[1], "numpy", "arrayobject.h")]
+    return folders if all(map(os.path.exists, wanted)) else []
+
+
+def extension_suffix():
+    """The end of the file name of extension modules, such as .cpython-311-x86_64-linux-gnu.so."""
+    return sysconfig.get_config_var("EXT_SUFFIX") or ".so"
+
+
+def compile_folder(folder, name, command):
+    """Compile in place; the names of the files made. The extension is left out where headers are missing."""
+    folder = pathlib.Path(folder)
+    sources = [stem for stem in (name, f"{name}_simulate") if (folder / f"{stem}.c").exists()]
+    run(folder, [*command, *FLAGS, "-c", *(f"{source}.c" for source in sources)])
+    objects = [f"{source}.o" for source in sources]
+    made = [f"lib{name}{SUFFIX}"]
+    run(folder, [*command, *shared(), *objects, "-lm", "-o", made[0]])
+    if headers():
+        includes = [f"-I{include}" for include in headers()]
+        made.append(f"_{name}{extension_suffix()}")
+        run(folder, [*command, *FLAGS, *includes, *shared(), f"{name}_module.c", *objects, "-lm", "-o", made[1]])
+    for item in objects:
+        (folder / item).unlink()
+    return made
+
+
+def shared():
+    """Linker options for a shared library that leaves Python's symbols open."""
+    return ["-shared", "-undefined", "dynamic_lookup"] if sys.platform == "darwin" else ["-shared"]
+
+
+def run(folder, command):
+    """Run a command in the folder; what it prints on failure becomes the error."""
+    try:
+        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+    except OSError as error:
+        raise CompileError(f"{command[0]} does not start: {error}") from error
+    if result.returncode:
+        said = (result.stderr or result.stdout).strip()[-4000:]
+        raise CompileError(f"{' '.join(command[:1])} failed with exit code {result.returncode}:\n{said}")
+
+
+def main():
+    command = find_compiler()
+    if command is None:
+        sys.exit(f"no C compiler found: {INSTALL}")
+    try:
+        made = compile_folder(pathlib.Path(__file__).resolve().parent, NAME, command)
+    except CompileError as error:
+        sys.exit(str(error))
+    print("made " + ", ".join(made))
+
+
+if __name__ == "__main__":
+    main()

@@ -208,7 +208,11 @@ def test_inertia_in_space() -> None:
 
 
 def test_massless_bodies_and_point_masses() -> None:
-    assert load_text(ARM.replace("mass: m", "mass: 0").replace("m*l^2/12", "0")).bodies[0].mass == ZERO
+    frame = (
+        ARM.replace("mass: m", "mass: 0").replace("m*l^2/12", "0")
+        + "closures: {C: {type: revolute, between: [b, ground], at: [[l, 0], [l, 0]]}}\n"
+    )
+    assert load_text(frame).bodies[0].mass == ZERO
     assert load_text(ARM.replace(", inertia: m*l^2/12", "")).bodies[0].inertia == (ZERO,) * 6
 
 

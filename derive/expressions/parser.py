@@ -5,7 +5,7 @@ product = unary (("*" | "/") unary)*
 unary   = ("+" | "-")* power
 power   = atom [("**" | "^") unary]                      right-associative, and binds tighter than a minus
 atom    = number [unit] | name | "der" "(" name ")" | function "(" sum ("," sum)* ")" | "(" sum ")" | "[" sum, … "]"
-unit    = symbol ["^" integer] (("*" | "/") symbol ["^" integer])*
+unit    = (symbol ["^" integer] | "1" "/" symbol ["^" integer]) (("*" | "/") symbol ["^" integer])*
 """
 
 from __future__ import annotations
@@ -173,13 +173,24 @@ class _Parser:
     def number(self) -> tree.Number:
         token = self.take()
         value = _finite(token, self.text)
-        if self.token.kind != "name":
+        if self._inverse_unit_follows():
+            self.take()
+            given = compound(self.unit_tail(self.token.at))
+        elif self.token.kind == "name":
+            given = compound(self.unit_parts())
+        else:
             return tree.Number(value, "", token.at)
-        given = compound(self.unit_parts())
         scaled = value * given.factor
         if not math.isfinite(scaled):
             self._refuse("the number is too large", token.at, "a magnitude below 1.8e308 in SI units")
         return tree.Number(scaled, given.si, token.at)
+
+    def _inverse_unit_follows(self) -> bool:
+        """Whether `1/s` stands directly after a number, as in 2 1/s."""
+        if self.token.kind != "number" or self.token.text != "1":
+            return False
+        slash = self._read(self._end)
+        return slash.text == "/" and self._read(self._after(slash)).text in UNITS
 
     def unit_parts(self) -> list[tuple[str, int]]:
         parts = [self._unit_symbol(1)]

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from derive.diagnostics import Diagnostic, ModelError
 from derive.model.records import Model
 
-__all__ = ["Model", "load", "load_text", "schema"]
+__all__ = ["KINDS", "Model", "load", "load_text", "schema"]
+
+if TYPE_CHECKING:
+    KINDS: tuple[tuple[str, str, str], ...]  # (category, name, about) of every joint, closure, constraint and load
+
+
+def __getattr__(name: str) -> Any:
+    if name != "KINDS":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from derive.model.kinds import known
+
+    return known()
 
 
 def load(path: str | Path) -> Model:
@@ -37,6 +48,7 @@ def load_text(text: str, file: str = "<text>") -> Model:
 def schema() -> dict[str, Any]:
     """JSON Schema of a model file, for editors."""
     from derive.joints import JOINTS
+    from derive.model.kinds import CLOSURES
     from derive.model.schema import json_schema
 
-    return json_schema(tuple(joint.name for joint in JOINTS))
+    return json_schema(tuple(joint.name for joint in JOINTS), CLOSURES)

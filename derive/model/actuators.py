@@ -3,27 +3,90 @@
 from __future__ import annotations
 
 from derive.diagnostics import listed
-from derive.expressions.dimensions import UNKNOWN
+from derive.expressions.dimensions import UNKNOWN, infer
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.tree import ONE, Expression
+from derive.expressions.units import NUMBER, TIME, Dimension, pretty, product_of, quotient_of
+from derive.model import algebra
 from derive.model.document import Key, Scalar
+from derive.model.frames import Names
 from derive.model.reader import Reader, dimension_of, force_unit
-from derive.model.records import Input, Velocity
-from derive.model.schema import Document
+from derive.model.records import Armature, Input, Velocity
+from derive.model.schema import Document, InputEntry
 from derive.model.scope import INPUT, Symbol
 
 
 def inputs(reader: Reader, document: Document, velocities: tuple[Velocity, ...]) -> tuple[Input, ...]:
     """The actuators, each with the base velocity it drives."""
+    return tuple(_input(reader, key, entry, velocities) for key, entry in document.inputs.items())
+
+
+def _input(reader: Reader, key: Key, entry: InputEntry, velocities: tuple[Velocity, ...]) -> Input:
+    name = reader.name(key)
+    target = velocity_of(reader, key, entry, velocities, needed=False)
+    gear, written = _gear(reader, key, entry, target)
+    if entry.unit is not None:
+        written = _checked_unit(reader, entry.unit, written)
+    known = dimension_of(written) if target or entry.unit is not None else UNKNOWN
+    reader.scope.add(name, Symbol(frozenset({INPUT}), known))
+    about = entry.about.text if entry.about else ""
+    return Input(name, target.name if target else "", written, about, key.span, gear)
+
+
+def _gear(reader: Reader, key: Key, entry: InputEntry, target: Velocity | None) -> tuple[Expression, str]:
+    """Force at the joint per input, and the unit of the input; a drive from turning to sliding has a gear in 1/m."""
+    if target is None:
+        for name in ("gear", "rotor_inertia"):
+            if (given := getattr(entry, name)) is not None and not _names_a_place(entry):
+                reader.report(
+                    given.span, f"'{name}' of the input '{key}', which drives no joint", "a joint, coordinate or velocity"
+                )
+        return ONE, ""
+    force = force_unit(target.unit)
+    if entry.gear is None:
+        return ONE, force
+    gear = reader.formula(entry.gear, "a gear")
+    if reader.value(gear, entry.gear) == 0.0:
+        reader.report(entry.gear.span, f"the gear of '{key}' is zero", "a number, positive or negative")
+    dimension = _dimension(reader, gear, entry.gear)
+    return gear, force if dimension == NUMBER else pretty(quotient_of(dimension_of(force), dimension))
+
+
+def _names_a_place(entry: InputEntry) -> bool:
+    return any(getattr(entry, way) is not None for way in ("joint", "coordinate", "velocity"))
+
+
+def _dimension(reader: Reader, formula: Expression, scalar: Scalar) -> Dimension:
+    try:
+        found = infer(formula, reader.scope.dimensions, scalar.text)
+    except FormulaError:
+        return NUMBER  # reported by `formula`
+    return found if isinstance(found, tuple) else NUMBER
+
+
+def rotors(reader: Reader, document: Document, names: Names) -> list[Armature]:
+    """Inertias of the actuators' rotors as the joints feel them: rotor inertia times gear squared."""
     found = []
-    for key, entry in document.inputs.items():
-        name = reader.name(key)
-        target = velocity_of(reader, key, entry, velocities, needed=False)
-        written = force_unit(target.unit) if target else ""
-        if entry.unit is not None:
-            written = _checked_unit(reader, entry.unit, written)
-        known = dimension_of(written) if target or entry.unit is not None else UNKNOWN
-        reader.scope.add(name, Symbol(frozenset({INPUT}), known))
-        found.append(Input(name, target.name if target else "", written, entry.about.text if entry.about else "", key.span))
-    return tuple(found)
+    units = {velocity.name: velocity.unit for velocity in names.velocities}
+    for entry, given in zip(document.inputs.values(), names.inputs):
+        if entry.rotor_inertia is None or not given.velocity:
+            continue
+        inertia = per_acceleration(units[given.velocity])
+        gear = _dimension(reader, given.gear, entry.gear or entry.rotor_inertia)
+        own = quotient_of(dimension_of(inertia), product_of(gear, gear))
+        rotor = reader.formula(entry.rotor_inertia, "a rotor's inertia", unit=pretty(own))
+        value = reader.value(rotor, entry.rotor_inertia)
+        if value is not None and value < 0.0:
+            reader.report(entry.rotor_inertia.span, f"the rotor of '{given.name}' has the inertia {value:g}", "zero or more")
+        felt = algebra.times(rotor, given.gear, given.gear)
+        found.append(Armature(f"{given.name}_rotor", given.velocity, felt, given.span))
+    return found
+
+
+def per_acceleration(velocity: str) -> str:
+    """The unit of the inertia conjugate to a velocity: kg for m/s, kg*m^2 for rad/s."""
+    force, rate = dimension_of(force_unit(velocity)), dimension_of(velocity)
+    return pretty(product_of(quotient_of(force, rate), TIME))
 
 
 def _checked_unit(reader: Reader, scalar: Scalar, wanted: str) -> str:

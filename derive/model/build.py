@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from derive.expressions.tree import ZERO, Expression, Number
-from derive.model import actuators, definitions, frames, loads, mechanism, motions, ties
+from derive.model import actuators, bodies, definitions, frames, loads, mechanism, motions, ties
 from derive.model.collisions import check_collisions
 from derive.model.document import Scalar, Source
 from derive.model.frames import Frame, Names
+from derive.model.massless import check_tips
 from derive.model.names import module_objection
 from derive.model.reader import Reader
 from derive.model.records import Load, Model, Vector3
@@ -24,6 +25,8 @@ def built(document: Document, source: Source) -> Model:
     joints, names = _names(reader, document)
     reader.finish()
     model = _model(reader, document, joints, names)
+    reader.finish()
+    check_tips(reader, model)
     reader.finish()
     return model
 
@@ -68,15 +71,15 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         coordinates=names.coordinates,
         velocities=names.velocities,
         definitions=names.definitions,
-        bodies=tuple(mechanism.body(reader, key, entry) for key, entry in document.bodies.items()),
+        bodies=tuple(bodies.body(reader, key, entry) for key, entry in document.bodies.items()),
         joints=tuple(mechanism.joint(reader, frame) for frame in joints),
         closures=tuple(mechanism.closure(reader, document, key, entry) for key, entry in document.closures.items()),
         constraints=tuple(ties.constraint(reader, document, names, key, entry) for key, entry in document.constraints.items()),
-        loads=_loads(reader, document, names),
+        loads=_loads(reader, document, joints, names),
         inputs=names.inputs,
         outputs=tuple(motions.output(reader, document, names, key, scalar) for key, scalar in document.outputs.items()),
         choices=motions.choices(reader, document),
-        initial=motions.initial(reader, document),
+        initial=motions.initial(reader, document, joints),
         steady_motions=tuple(motions.steady_motion(reader, key, entry) for key, entry in document.steady_motion.items()),
         kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),
         potential=_energy(reader, document.potential, "a potential energy", frozenset({PARAMETER, COORDINATE, TIME})),
@@ -90,9 +93,12 @@ def _gravity(reader: Reader, document: Document) -> Vector3 | None:
     return None if nothing else vector
 
 
-def _loads(reader: Reader, document: Document, names: Names) -> tuple[Load, ...]:
-    found = [loads.load(reader, document, names, key, entry) for key, entry in document.loads.items()]
+def _loads(reader: Reader, document: Document, joints: list[Frame], names: Names) -> tuple[Load, ...]:
+    """Those of the joints first, then `loads:`, `forces:` and what the actuators bring along."""
+    found: list[Load | None] = [load for frame in joints for load in loads.in_joint(reader, names, frame)]
+    found += [loads.load(reader, document, names, key, entry) for key, entry in document.loads.items()]
     found += [loads.generalised_force(reader, names, key, scalar) for key, scalar in document.forces.items()]
+    found += actuators.rotors(reader, document, names)
     return tuple(entry for entry in found if entry is not None)
 
 

@@ -31,7 +31,7 @@ def _parameter(reader: Reader, key: Key, entry: Scalar | ParameterEntry) -> Para
     value, written, dimension = _number(reader, scalar)
     name = reader.name(key)
     reader.scope.add(name, Symbol(frozenset({PARAMETER}), dimension))
-    reader.values[name] = value
+    reader.values[name], reader.units[name] = value, written
     return Parameter(name, value, written, about, key.span)
 
 

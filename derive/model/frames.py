@@ -5,16 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from derive.diagnostics import listed
 from derive.expressions.linearity import Degree
 from derive.expressions.tree import Expression
 from derive.model.document import Items, Key, Scalar
 from derive.model.reader import Reader, dimension_of
 from derive.model.records import Coordinate, Input, Parameter, Span, Velocity
-from derive.model.schema import CoordinateEntry, Document, JointEntry
+from derive.model.schema import CoordinateEntry, Document, JointEntry, OrientationEntry
 from derive.model.scope import COORDINATE, VELOCITY, Symbol
 
 if TYPE_CHECKING:  # the joint tables bring casadi along
     from derive.joints.records import JointType
+
+PLANAR_JOINTS = ("revolute", "prismatic", "planar", "fixed")
+QUATERNION = "quaternion"
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,9 @@ def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
     kind = reader.word(entry.type, [joint.name for joint in JOINTS], "type of joint")
     if kind is None:
         return None
-    if reader.space.plane and kind == "free":
-        reader.report(entry.type.span, "a free joint in a planar model", "planar", "a planar joint moves freely in the plane")
+    if reader.space.plane and kind not in PLANAR_JOINTS:
+        hint = "a planar joint moves freely in the plane" if kind == "free" else ""
+        reader.report(entry.type.span, f"a {kind} joint in a planar model", listed(PLANAR_JOINTS), hint)
         return None
     orientation = _orientation(reader, entry) if kind == "free" else ""
     table = joint_type(kind, orientation)
@@ -58,9 +63,25 @@ def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
 
 
 def _orientation(reader: Reader, entry: JointEntry) -> str:
-    if entry.orientation is None:
+    """ "quaternion" or a sequence of Euler angles; zyx where the file does not say."""
+    given = entry.orientation
+    if given is None:
         return "zyx"
-    given = entry.orientation.euler
+    if isinstance(given, Scalar):
+        return reader.word(given, [QUATERNION], "orientation") or "zyx"
+    if given.quaternion is not None:
+        for wrong in (given.euler, given.angles):
+            if wrong is not None:
+                reader.report(wrong.span, "Euler angles beside a quaternion", "one of the two")
+        return QUATERNION
+    if given.euler is None:
+        span = given.angles.span if given.angles is not None else entry.type.span
+        reader.report(span, "an orientation without a sequence", "euler: a sequence such as zxy, or quaternion")
+        return "zyx"
+    return _sequence(reader, given.euler)
+
+
+def _sequence(reader: Reader, given: Scalar) -> str:
     sequence = given.text
     if len(sequence) == 3 and set(sequence) <= set("xyz") and sequence[0] != sequence[1] != sequence[2]:
         return sequence
@@ -88,7 +109,7 @@ def _given_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) 
         return _counted(reader, key, [entry.coordinate], table, entry.coordinate.span)
     if entry.coordinates is not None:
         return _counted(reader, key, list(entry.coordinates), table, entry.coordinates.span)
-    return _free_names(reader, key, entry) if free else []
+    return _free_names(reader, key, entry, table) if free else []
 
 
 def _counted(reader: Reader, key: Key, names: list[Scalar], table: JointType, span: Span) -> list[Scalar]:
@@ -100,17 +121,21 @@ def _counted(reader: Reader, key: Key, names: list[Scalar], table: JointType, sp
     return []
 
 
-def _free_names(reader: Reader, key: Key, entry: JointEntry) -> list[Scalar]:
-    angles = entry.orientation.angles if entry.orientation else None
-    return _three(reader, key, entry.position, "xyz", "position") + _three(
-        reader, key, angles, ("angle1", "angle2", "angle3"), "orientation"
+def _free_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) -> list[Scalar]:
+    """Position first, then the angles or the entries of the quaternion."""
+    given = entry.orientation if isinstance(entry.orientation, OrientationEntry) else None
+    turned = None if given is None else given.quaternion if given.quaternion is not None else given.angles
+    suffixes = [slot.suffix for slot in table.coordinates]
+    return _named(reader, key, entry.position, suffixes[:3], "position") + _named(
+        reader, key, turned, suffixes[3:], "orientation"
     )
 
 
-def _three(reader: Reader, key: Key, names: Items | None, suffixes: str | tuple[str, ...], what: str) -> list[Scalar]:
-    if names is not None and len(names) != 3:
-        reader.report(names.span, f"{len(names)} names for the {what} of '{key}'", "three names")
-    if names is not None and len(names) == 3:
+def _named(reader: Reader, key: Key, names: Items | None, suffixes: list[str], what: str) -> list[Scalar]:
+    if names is not None and len(names) != len(suffixes):
+        wanted = {3: "three names", 4: "four names: w, x, y, z"}[len(suffixes)]
+        reader.report(names.span, f"{len(names)} names for the {what} of '{key}'", wanted)
+    if names is not None and len(names) == len(suffixes):
         return list(names)
     return [Scalar(f"{key}_{suffix}", key.span, False, True) for suffix in suffixes]
 

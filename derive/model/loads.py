@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from derive.expressions.parser import unit as parsed_unit
-from derive.expressions.tree import ZERO, Expression, Negative
+from derive.expressions.tree import ONE, ZERO, Expression, Negative
 from derive.expressions.units import pretty, quotient_of
-from derive.model.actuators import velocity_of
+from derive.model.actuators import per_acceleration, velocity_of
+from derive.model.bushings import bushing
 from derive.model.document import Items, Key, Scalar
-from derive.model.frames import Names
+from derive.model.frames import Frame, Names
 from derive.model.mechanism import bodies, some_body
 from derive.model.reader import Reader, force_unit
 from derive.model.records import (
+    Armature,
     Force,
     GeneralisedForce,
     JointDamper,
+    JointFriction,
     JointSpring,
     Load,
     PointSpring,
@@ -21,7 +26,20 @@ from derive.model.records import (
     Vector3,
     Velocity,
 )
-from derive.model.schema import DamperEntry, Document, ExpressionEntry, ForceEntry, SpringEntry, TorqueEntry
+from derive.model.schema import (
+    ArmatureEntry,
+    BushingEntry,
+    DamperEntry,
+    Document,
+    ExpressionEntry,
+    ForceEntry,
+    FrictionEntry,
+    JointEntry,
+    JointSpringEntry,
+    LawOfFriction,
+    SpringEntry,
+    TorqueEntry,
+)
 from derive.model.scope import ANYTHING
 
 FRAMES = ("ground", "body")
@@ -41,20 +59,56 @@ def load(reader: Reader, document: Document, names: Names, key: Key, entry: obje
             return _torque(reader, document, key, entry)
         case ExpressionEntry():
             return _law(reader, names, key, entry)
+        case BushingEntry():
+            return bushing(reader, document, key, entry)
+        case FrictionEntry():
+            target = velocity_of(reader, key, entry, names.velocities)
+            return None if target is None else _friction(reader, key, str(key), entry, target)
+        case ArmatureEntry():
+            target = velocity_of(reader, key, entry, names.velocities)
+            return None if target is None else _armature(reader, key, str(key), entry.inertia, target)
     raise AssertionError(entry)
+
+
+def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
+    """Spring, damper, friction and armature that the joint itself is given, named after it."""
+    entry, key = frame.entry, frame.name
+    given = [name for name in IN_JOINT if getattr(entry, name) is not None]
+    if not given:
+        return []
+    joint = Scalar(str(key), key.span, True, True)
+    target = velocity_of(reader, key, _At(joint=joint), names.velocities)
+    if target is None:
+        return []
+    return [_in_joint(reader, names, key, entry, name, target) for name in given]
+
+
+def _in_joint(reader: Reader, names: Names, key: Key, entry: JointEntry, kind: str, target: Velocity) -> Load:
+    name, given = f"{key}_{kind}", getattr(entry, kind)
+    if kind == "spring":
+        return _spring_at(reader, names, key, name, given, target.rate_of)
+    if kind == "damper":
+        return _damper_at(reader, key, name, given, target)
+    if kind == "friction":
+        return _friction(reader, key, name, given, target)
+    return _armature(reader, key, name, given, target)
+
+
+IN_JOINT = ("spring", "damper", "friction", "armature")
 
 
 def generalised_force(reader: Reader, names: Names, key: Key, scalar: Scalar) -> GeneralisedForce | None:
     """An entry of `forces:`, added to the force along one coordinate."""
-    target = velocity_of(reader, key, _At(Scalar(str(key), key.span, True, True)), names.velocities)
+    target = velocity_of(reader, key, _At(coordinate=Scalar(str(key), key.span, True, True)), names.velocities)
     if target is None:
         return None
     return GeneralisedForce(f"force_{key}", target.name, _conjugate(reader, scalar, target), key.span)
 
 
+@dataclass(frozen=True)
 class _At:
-    def __init__(self, coordinate: Scalar) -> None:
-        self.coordinate = coordinate
+    joint: Scalar | None = None
+    coordinate: Scalar | None = None
 
 
 def _conjugate(reader: Reader, scalar: Scalar, target: Velocity) -> Expression:
@@ -72,20 +126,60 @@ def _spring(reader: Reader, names: Names, key: Key, entry: SpringEntry) -> Joint
     else:
         target = velocity_of(reader, key, entry, names.velocities)
         name = target.rate_of if target else None
-    if name is None:
-        return None
-    unit = next(coordinate.unit for coordinate in names.coordinates if coordinate.name == name)
+    return None if name is None else _spring_at(reader, names, key, str(key), entry, name)
+
+
+def _spring_at(
+    reader: Reader, names: Names, key: Key, name: str, entry: SpringEntry | JointSpringEntry, coordinate: str
+) -> JointSpring:
+    unit = next(c.unit for c in names.coordinates if c.name == coordinate)
     stiffness = reader.formula(entry.stiffness, "a stiffness", unit=_per(force_unit(f"{unit or '1'}/s"), unit))
-    return JointSpring(str(key), name, stiffness, _optional(reader, entry.rest, "a rest position", unit), key.span)
+    return JointSpring(name, coordinate, stiffness, _optional(reader, entry.rest, "a rest position", unit), key.span)
 
 
 def _damper(reader: Reader, names: Names, key: Key, entry: DamperEntry) -> JointDamper | None:
     _refuse(reader, key, entry, ("at",), "between two points")
     target = velocity_of(reader, key, entry, names.velocities)
-    if target is None:
-        return None
+    return None if target is None else _damper_at(reader, key, str(key), entry.coefficient, target)
+
+
+def _damper_at(reader: Reader, key: Key, name: str, coefficient: Scalar, target: Velocity) -> JointDamper:
     unit = _per(force_unit(target.unit), target.unit)
-    return JointDamper(str(key), target.name, reader.formula(entry.coefficient, "a damping coefficient", unit=unit), key.span)
+    return JointDamper(name, target.name, reader.formula(coefficient, "a damping coefficient", unit=unit), key.span)
+
+
+def _friction(reader: Reader, key: Key, name: str, entry: LawOfFriction, target: Velocity) -> JointFriction:
+    force = force_unit(target.unit)
+    per_rate = _per(force, target.unit)
+    viscous = _not_negative(reader, entry.viscous, f"the viscous friction of '{key}'", "viscous friction", per_rate)
+    coulomb = _not_negative(reader, entry.coulomb, f"the Coulomb friction of '{key}'", "Coulomb friction", force)
+    smoothing = ONE
+    if entry.viscous is None and entry.coulomb is None:
+        reader.report(key.span, f"the friction of '{key}' is empty", "viscous, or coulomb with smoothing")
+    if entry.coulomb is not None and entry.smoothing is None:
+        wanted = f"smoothing: a velocity in {target.unit}, at which tanh(v/smoothing) is three quarters"
+        reader.report(entry.coulomb.span, f"Coulomb friction of '{key}' without smoothing", wanted)
+    if entry.smoothing is not None:
+        smoothing = reader.formula(entry.smoothing, "a velocity", unit=target.unit)
+        value = reader.value(smoothing, entry.smoothing)
+        if value is not None and value <= 0.0:
+            reader.report(entry.smoothing.span, f"the smoothing of '{key}' is {value:g}", "more than zero")
+    return JointFriction(name, target.name, viscous, coulomb, smoothing, key.span)
+
+
+def _not_negative(reader: Reader, scalar: Scalar | None, what: str, where: str, unit: str) -> Expression:
+    if scalar is None:
+        return ZERO
+    formula = reader.formula(scalar, where, unit=unit)
+    value = reader.value(formula, scalar)
+    if value is not None and value < 0.0:
+        reader.report(scalar.span, f"{what} is {value:g}", "zero or more")
+    return formula
+
+
+def _armature(reader: Reader, key: Key, name: str, inertia: Scalar, target: Velocity) -> Armature:
+    unit = per_acceleration(target.unit)
+    return Armature(name, target.name, _not_negative(reader, inertia, f"the armature of '{key}'", "an inertia", unit), key.span)
 
 
 def _per(force: str, motion: str) -> str:

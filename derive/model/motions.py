@@ -10,8 +10,9 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.tree import ZERO, Expression
 from derive.expressions.units import pretty
+from derive.model import quaternions
 from derive.model.document import Items, Key, Scalar
-from derive.model.frames import Names
+from derive.model.frames import Frame, Names
 from derive.model.names import identifier, objection
 from derive.model.reader import Reader
 from derive.model.records import Choice, InitialValue, Output, Span, SteadyMotion
@@ -109,7 +110,7 @@ def _row(reader: Reader, scalar: Scalar) -> Expression:
     return formula
 
 
-def initial(reader: Reader, document: Document) -> tuple[InitialValue, ...]:
+def initial(reader: Reader, document: Document, joints: list[Frame]) -> tuple[InitialValue, ...]:
     """Values at t = 0, held or, under `guess`, only a start."""
     found: dict[str, InitialValue] = {}
     for key, entry in document.initial.items():
@@ -120,6 +121,7 @@ def initial(reader: Reader, document: Document) -> tuple[InitialValue, ...]:
         else:
             for inner, scalar in entry.items():
                 _initial(reader, inner, scalar, False, found)
+    quaternions.normalise(reader, joints, found)
     return tuple(found.values())
 
 

@@ -35,6 +35,7 @@ class Reader:
         self.source, self.space = source, space
         self.scope = Scope()
         self.values: dict[str, float] = {}
+        self.units: dict[str, str] = {}  # of the parameters
         self.definitions: set[str] = set()
         self.problems: list[Diagnostic] = []
 

@@ -6,8 +6,8 @@ that editors complete from.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
 from pydantic_core import PydanticCustomError, core_schema
@@ -52,15 +52,32 @@ class _Listed:
         return {"type": "array", "items": {"type": ["string", "number"]}}
 
 
-def _with_place(value: Any, handler: Callable[[Any], list[Any]]) -> Any:
+class _Nested:
+    """A list that may hold lists; what is in it is checked where it is read."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(_as_list)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": "array"}
+
+
+def _as_list(value: Any) -> Any:
     if not isinstance(value, Items):
         raise PydanticCustomError("not_a_list", "not a list")
-    return Items(handler(value), value.span)
+    return value
+
+
+def _with_place(value: Any, handler: Callable[[Any], list[Any]]) -> Any:
+    return Items(handler(_as_list(value)), value.span)
 
 
 Formula = Annotated[Scalar, _Formula]
 Name = Annotated[Key, _Name]
 Point = Annotated[Items, _Listed]
+Nested = Annotated[Items, _Nested]
 
 
 def _kind(**tags: Callable[[Any], bool]) -> Discriminator:
@@ -81,7 +98,7 @@ def _is_list(value: Any) -> bool:
 
 
 def _is_pair(value: Any) -> bool:
-    return isinstance(value, Items) and any(isinstance(entry, Items) for entry in value)
+    return isinstance(value, Items) and any(isinstance(entry, Items | Entries) for entry in value)
 
 
 def _is_mapping(value: Any) -> bool:
@@ -89,10 +106,6 @@ def _is_mapping(value: Any) -> bool:
 
 
 Pair = Annotated[list[Point], Field(min_length=2, max_length=2)]
-PointOrPair = Annotated[
-    Annotated[Pair, Tag("<a pair of points>")] | Annotated[Point, Tag("<a point>")],
-    _kind(**{"a pair of points": _is_pair, "a point": _is_list}),
-]
 Direction = Annotated[
     Annotated[Formula, Tag("<x, y or z>")] | Annotated[Point, Tag("<a list>")],
     _kind(**{"x, y or z": _is_scalar, "a list": _is_list}),
@@ -134,54 +147,143 @@ class CoordinateEntry(Entry):
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
+class TurnedEntry(Entry):
+    """How a frame is turned; one of the keys."""
+
+    angle: Formula | None = Field(None, description="Planar models: how far the frame is turned.")
+    rpy: Point | None = Field(None, description="In space: roll, pitch, yaw of the frame, as in URDF.")
+    axis_angle: Nested | None = Field(None, description="In space: [axis, angle].")
+    matrix: Nested | None = Field(None, description="In space: the rotation matrix, three rows of numbers.")
+
+
+class SideEntry(TurnedEntry):
+    """Where a joint's frame sits in one of its bodies."""
+
+    position: Point | None = Field(None, description="The point; the body's origin when left out.")
+
+
+Side = Annotated[
+    Annotated[Point, Tag("<a point>")] | Annotated[SideEntry, Tag("<a placed frame>")],
+    _kind(**{"a point": _is_list, "a placed frame": _is_mapping}),
+]
+Sides = Annotated[list[Side], Field(min_length=2, max_length=2)]
+
+
+class SidesEntry(Entry):
+    """Where a joint's frame sits in its parent and in its child."""
+
+    parent: Side | None = Field(None, description="In the parent; its origin when left out.")
+    child: Side | None = Field(None, description="In the child; its origin when left out.")
+
+
+JointPlace = Annotated[
+    Annotated[Sides, Tag("<a pair of points>")]
+    | Annotated[Point, Tag("<a point>")]
+    | Annotated[SidesEntry, Tag("<parent and child>")],
+    _kind(**{"a pair of points": _is_pair, "a point": _is_list, "parent and child": _is_mapping}),
+]
+
+
+class InertiaEntry(Entry):
+    """An inertia tensor with the point and the frame it refers to."""
+
+    tensor: FormulaOrList = Field(description="One, three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz) entries.")
+    about: Formula | None = Field(None, description="com (when left out) or origin: the point the tensor is about.")
+    frame: TurnedEntry | None = Field(None, description="How the tensor's axes are turned in the body.")
+
+
+Inertia = Annotated[
+    Annotated[Formula, Tag("<a formula>")] | Annotated[Point, Tag("<a list>")] | Annotated[InertiaEntry, Tag("<a mapping>")],
+    _kind(**{"a formula": _is_scalar, "a list": _is_list, "a mapping": _is_mapping}),
+]
+
+
 class BodyEntry(Entry):
     """A rigid body."""
 
     mass: Formula = Field(description="Mass; 0 for a body without mass.")
     com: Point | None = Field(None, description="Centre of mass in the body's frame; its origin when left out.")
-    inertia: FormulaOrList | None = Field(
+    inertia: Inertia | None = Field(
         None,
         description="About the centre of mass: one moment in a planar model; in space one (a sphere), three (xx, yy, zz) or six "
-        "(xx, yy, zz, xy, xz, yz, tensor entries). A point mass when left out.",
+        "(xx, yy, zz, xy, xz, yz, tensor entries); or a mapping that says which point and frame it refers to. A point mass when "
+        "left out.",
     )
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
 class OrientationEntry(Entry):
-    euler: Formula = Field(description="Intrinsic sequence of axes, such as zxy.")
+    """Euler angles or a quaternion."""
+
+    euler: Formula | None = Field(None, description="Intrinsic sequence of axes, such as zxy.")
     angles: Point | None = Field(None, description="Names of the three angles.")
+    quaternion: Point | None = Field(None, description="Names of the four entries w, x, y, z.")
 
 
-class JointEntry(Entry):
+Orientation = Annotated[
+    Annotated[Formula, Tag("<quaternion>")] | Annotated[OrientationEntry, Tag("<a mapping>")],
+    _kind(**{"quaternion": _is_scalar, "a mapping": _is_mapping}),
+]
+
+
+class JointSpringEntry(Entry):
+    """A spring in the joint: -stiffness (q - rest)."""
+
+    stiffness: Formula = Field(description="Stiffness.")
+    rest: Formula | None = Field(None, description="Where it is slack; 0 when left out.")
+
+
+class LawOfFriction(Entry):
+    """-viscous v - coulomb tanh(v/smoothing)."""
+
+    viscous: Formula | None = Field(None, description="Force or torque per velocity.")
+    coulomb: Formula | None = Field(None, description="Force or torque of dry friction.")
+    smoothing: Formula | None = Field(None, description="Velocity at which dry friction is three quarters there.")
+
+
+class JointEntry(TurnedEntry):
     """A joint of the tree: it says where the child is in the parent."""
 
     type: Formula = Field(description="Kind of joint.")
     parent: Formula = Field(description="A body, or ground.")
     child: Formula = Field(description="A body; each is the child of one joint.")
-    at: PointOrPair | None = Field(
-        None, description="Where the joint is: a point of the parent, or one of the parent and one of the child."
+    at: JointPlace | None = Field(
+        None,
+        description="Where the joint is: a point of the parent, one of the parent and one of the child, or a mapping with parent "
+        "and child. Keys beside it turn the joint's frame in the parent.",
     )
-    angle: Formula | None = Field(None, description="Planar models: how far the joint's frame is turned in the parent.")
-    rpy: Point | None = Field(None, description="In space: roll, pitch, yaw of the joint's frame in the parent.")
     axis: Direction | None = Field(None, description="Direction in the joint's frame: x, y, z or a list of numbers.")
+    axis2: Direction | None = Field(
+        None, description="Universal joint: the second axis, at right angles to the first, fixed in the child."
+    )
+    pitch: Formula | None = Field(None, description="Screw: advance along the axis per turn, such as 5 mm.")
     coordinate: Formula | None = Field(
         None, description="Name of the joint's one coordinate; the joint's own name when left out."
     )
     coordinates: Point | None = Field(None, description="Names of the joint's coordinates.")
     position: Point | None = Field(None, description="Free joint: names of the three position coordinates.")
-    orientation: OrientationEntry | None = Field(None, description="Free joint: Euler sequence and names of the angles.")
+    orientation: Orientation | None = Field(
+        None, description="Free joint: quaternion, or a mapping with an Euler sequence and names of the angles."
+    )
+    limits: Point | None = Field(None, description="Lowest and highest value of the coordinate, for readers; no force.")
+    spring: JointSpringEntry | None = Field(None, description="A spring in the joint.")
+    damper: Formula | None = Field(None, description="Force or torque per velocity of a damper in the joint.")
+    friction: LawOfFriction | None = Field(None, description="Friction in the joint.")
+    armature: Formula | None = Field(None, description="Inertia of what turns with the joint's motor, as the joint feels it.")
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
-class ClosureEntry(Entry):
+class ClosureEntry(TurnedEntry):
     """A joint that closes a loop."""
 
     type: Formula = Field(description="Kind of joint.")
     between: Point = Field(description="The two bodies.")
-    at: Pair = Field(description="Where the joint is in each of the two.")
-    axis: Direction | None = Field(None, description="Direction in the first body's joint frame.")
-    angle: Formula | None = Field(None, description="Planar models: how far the joint's frame is turned in the first body.")
-    rpy: Point | None = Field(None, description="In space: roll, pitch, yaw of the joint's frame in the first body.")
+    at: Sides = Field(description="Where the joint is in each of the two. Keys beside it turn its frame in the first body.")
+    axis: Direction | None = Field(None, description="Direction in the joint's frame.")
+    axis2: Direction | None = Field(
+        None, description="Universal joint: the second axis, at right angles to the first, fixed in the second body."
+    )
+    pitch: Formula | None = Field(None, description="Screw: advance along the axis per turn, such as 5 mm.")
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
@@ -212,27 +314,94 @@ class NoSlipEntry(Entry):
 
 
 class DiskEntry(Entry):
-    radius: Formula = Field(description="Radius of the disk.")
+    """A thin disk, a wheel."""
+
+    radius: Formula = Field(description="Radius.")
     axis: Direction | None = Field(None, description="Its axis in the body's frame.")
 
 
+class SphereEntry(Entry):
+    """A sphere."""
+
+    radius: Formula = Field(description="Radius.")
+
+
+class TorusEntry(DiskEntry):
+    """A torus: a tube about a circle, such as a tyre."""
+
+    radius: Formula = Field(description="Radius of the circle in the middle of the tube.")
+    tube: Formula = Field(description="Radius of the tube.")
+
+
 class ShapeEntry(Entry):
-    disk: DiskEntry = Field(description="A thin disk.")
+    """One of the keys."""
+
+    disk: DiskEntry | None = Field(None, description="A thin disk.")
+    wheel: DiskEntry | None = Field(None, description="The same as a disk.")
+    knife_edge: DiskEntry | None = Field(None, description="The same as a disk: a wheel with a sharp rim.")
+    sphere: SphereEntry | None = Field(None, description="A sphere.")
+    torus: TorusEntry | None = Field(None, description="A torus.")
 
 
 class PlaneEntry(Entry):
-    normal: Direction = Field(description="Normal of the plane, in the ground frame.")
+    normal: Direction = Field(description="Normal of the plane (in a planar model of the line), in the ground frame.")
     origin: Point | None = Field(None, description="A point of the plane, in the ground frame.")
 
 
 class RollingEntry(Entry):
-    """A disk that rolls without slip on a plane."""
+    """A disk, sphere or torus rolls without slip on a plane; a wheel on a line in a planar model."""
 
     type: Formula
     body: Formula = Field(description="The body.")
-    at: Point | None = Field(None, description="Centre of the disk, in the body's frame; its origin when left out.")
+    at: Point | None = Field(None, description="Centre of the shape, in the body's frame; its origin when left out.")
     shape: ShapeEntry = Field(description="What rolls.")
     plane: PlaneEntry = Field(description="What it rolls on.")
+    about: Formula | None = None
+
+
+class DistanceEntry(Entry):
+    """Two points of two bodies keep their distance: a massless rod."""
+
+    type: Formula
+    between: Point = Field(description="Two bodies.")
+    at: Pair = Field(description="A point of each.")
+    length: Formula = Field(description="The distance.")
+    about: Formula | None = None
+
+
+class OnSurfaceEntry(Entry):
+    """A point of a body stays on a surface (a curve in a planar model) given by a formula of x, y, z."""
+
+    type: Formula
+    body: Formula = Field(description="The body.")
+    at: Point | None = Field(None, description="The point, in the body's frame; its origin when left out.")
+    surface: Formula = Field(description="Formula that is zero on the surface; x, y, z are coordinates in the frame of `of`.")
+    of: Formula | None = Field(None, description="The body the surface is fixed to; ground when left out.")
+    about: Formula | None = None
+
+
+class CouplingEntry(Entry):
+    """Two coordinates move in proportion, first = ratio * second + offset: belt, rack and pinion, mimic joint."""
+
+    type: Formula
+    joints: Point | None = Field(None, description="Two joints with one coordinate each.")
+    coordinates: Point | None = Field(None, description="Two coordinates.")
+    ratio: Formula = Field(description="Rate of the first per rate of the second.")
+    offset: Formula | None = Field(None, description="The first coordinate where the second is zero.")
+    about: Formula | None = None
+
+
+class GearEntry(CouplingEntry):
+    """Two turning joints in gear, first angle = ratio * second + offset; the ratio of external gears is negative."""
+
+
+class PrescribedEntry(Entry):
+    """A coordinate follows a formula of t."""
+
+    type: Formula
+    joint: Formula | None = Field(None, description="A joint with one coordinate.")
+    coordinate: Formula | None = Field(None, description="A coordinate.")
+    motion: Formula = Field(description="The coordinate as a formula of t and parameters.")
     about: Formula | None = None
 
 
@@ -255,7 +424,12 @@ Constraint = Annotated[
     Annotated[HolonomicEntry, Tag("<holonomic>")]
     | Annotated[NonholonomicEntry, Tag("<nonholonomic>")]
     | Annotated[NoSlipEntry, Tag("<no_slip>")]
-    | Annotated[RollingEntry, Tag("<rolling>")],
+    | Annotated[RollingEntry, Tag("<rolling>")]
+    | Annotated[DistanceEntry, Tag("<distance>")]
+    | Annotated[OnSurfaceEntry, Tag("<point_on_surface>")]
+    | Annotated[GearEntry, Tag("<gear>")]
+    | Annotated[CouplingEntry, Tag("<coupling>")]
+    | Annotated[PrescribedEntry, Tag("<prescribed>")],
     _typed("no_slip", by_key=("holonomic", "nonholonomic")),
 ]
 
@@ -320,12 +494,49 @@ class ExpressionEntry(Entry):
     about: Formula | None = None
 
 
+class BushingEntry(Entry):
+    """A soft weld: springs and dampers along and about the three axes of a frame placed on two bodies."""
+
+    type: Formula
+    between: Point = Field(description="Two bodies; the axes are the first one's.")
+    at: Sides | None = Field(None, description="Where the frame sits in each of the two; their origins when left out.")
+    stiffness: FormulaOrList | None = Field(None, description="Force per displacement, one number or one for each axis.")
+    torsion: FormulaOrList | None = Field(None, description="Torque per small angle, one number or one for each axis.")
+    damping: FormulaOrList | None = Field(None, description="Force per velocity, one number or one for each axis.")
+    torsion_damping: FormulaOrList | None = Field(None, description="Torque per rate, one number or one for each axis.")
+    about: Formula | None = None
+
+
+class FrictionEntry(LawOfFriction):
+    """Viscous and dry friction at a joint: -viscous v - coulomb tanh(v/smoothing)."""
+
+    type: Formula
+    joint: Formula | None = Field(None, description="A joint with one coordinate.")
+    coordinate: Formula | None = Field(None, description="A coordinate.")
+    velocity: Formula | None = Field(None, description="A base velocity, such as base.w.")
+    about: Formula | None = None
+
+
+class ArmatureEntry(Entry):
+    """Inertia of a rotor as the joint feels it."""
+
+    type: Formula
+    joint: Formula | None = Field(None, description="A joint with one coordinate.")
+    coordinate: Formula | None = Field(None, description="A coordinate.")
+    velocity: Formula | None = Field(None, description="A base velocity, such as base.w.")
+    inertia: Formula = Field(description="Inertia of the rotor times the square of the gear ratio.")
+    about: Formula | None = None
+
+
 Load = Annotated[
     Annotated[SpringEntry, Tag("<spring>")]
     | Annotated[DamperEntry, Tag("<damper>")]
     | Annotated[ForceEntry, Tag("<force>")]
     | Annotated[TorqueEntry, Tag("<torque>")]
-    | Annotated[ExpressionEntry, Tag("<expression>")],
+    | Annotated[ExpressionEntry, Tag("<expression>")]
+    | Annotated[BushingEntry, Tag("<bushing>")]
+    | Annotated[FrictionEntry, Tag("<friction>")]
+    | Annotated[ArmatureEntry, Tag("<armature>")],
     _typed("spring"),
 ]
 
@@ -336,6 +547,8 @@ class InputEntry(Entry):
     joint: Formula | None = Field(None, description="A joint with one coordinate.")
     coordinate: Formula | None = Field(None, description="A coordinate.")
     velocity: Formula | None = Field(None, description="A base velocity, such as base.vx.")
+    gear: Formula | None = Field(None, description="Force or torque at the joint per input; 1 when left out.")
+    rotor_inertia: Formula | None = Field(None, description="Of the actuator's rotor, which turns `gear` times as fast.")
     unit: Formula | None = Field(None, description="Unit of the input.")
     about: Formula | None = Field(None, description="What it is, for readers.")
 
@@ -399,21 +612,26 @@ class Document(Entry):
         return value
 
 
-def json_schema(joint_types: tuple[str, ...]) -> dict[str, Any]:
+def kinds(section: str) -> Iterator[tuple[str, type[Entry]]]:
+    """The kinds of entry of `constraints` or `loads`: the word or key that tells each, and its class."""
+    union = get_args(Constraint if section == "constraints" else Load)[0]
+    for member in get_args(union):
+        entry, tag = get_args(member)
+        yield tag.tag.strip("<>"), entry
+
+
+def about(entry: type[Entry]) -> str:
+    """What a class of entries says of itself, on one line."""
+    return " ".join((entry.__doc__ or "").split())
+
+
+def json_schema(joint_types: tuple[str, ...], closure_types: tuple[str, ...]) -> dict[str, Any]:
     """JSON Schema of a model file, for editors."""
     schema = Document.model_json_schema()
     definitions = schema["$defs"]
-    for owner in ("JointEntry", "ClosureEntry"):
-        definitions[owner]["properties"]["type"] |= {"type": "string", "enum": list(joint_types)}
-    for kind, owner in (("no_slip", "NoSlipEntry"), ("rolling", "RollingEntry"), *_LOADS):
-        definitions[owner]["properties"]["type"] = {"const": kind, "description": "Kind of entry."}
+    for owner, types in (("JointEntry", joint_types), ("ClosureEntry", closure_types)):
+        definitions[owner]["properties"]["type"] |= {"type": "string", "enum": list(types)}
+    for kind, entry in (*kinds("constraints"), *kinds("loads")):
+        if "type" in entry.model_fields:
+            definitions[entry.__name__]["properties"]["type"] = {"const": kind, "description": "Kind of entry."}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "hamel model"}
-
-
-_LOADS = (
-    ("spring", "SpringEntry"),
-    ("damper", "DamperEntry"),
-    ("force", "ForceEntry"),
-    ("torque", "TorqueEntry"),
-    ("expression", "ExpressionEntry"),
-)

@@ -53,6 +53,17 @@ class Scope:
         for table in (self.symbols, self.dimensions, self.degrees):
             del table[name]
 
+    def put(self, name: str, symbol: Symbol) -> None:
+        """Enter a name over another of the same spelling."""
+        self.symbols[name], self.dimensions[name], self.degrees[name] = symbol, symbol.dimension, symbol.degree
+
+    def only(self, kinds: frozenset[str]) -> Scope:
+        """The part of the scope that holds nothing but the given kinds."""
+        inner = Scope()
+        for name in self.names(kinds):
+            inner.put(name, self.symbols[name])
+        return inner
+
     def names(self, allowed: frozenset[str] = ANYTHING) -> list[str]:
         """The names that may be used where `allowed` kinds may."""
         return [name for name, symbol in self.symbols.items() if symbol.kinds <= allowed]

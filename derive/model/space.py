@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from derive.expressions.tree import ONE, ZERO, Expression, Number
+from derive.expressions.tree import ZERO, Expression, Number
+from derive.model.algebra import Rows, constant, rows
 from derive.model.records import Vector3
 
 _LETTERS = "xyz"
 _NORMALS = {"xy": (0.0, 0.0, 1.0), "xz": (0.0, -1.0, 0.0), "yz": (1.0, 0.0, 0.0), "": (0.0, 0.0, 1.0)}
 ORIGIN: Vector3 = (ZERO, ZERO, ZERO)
-Rotation = tuple[Vector3, Vector3, Vector3]
+Rotation = Rows
+_ZERO = 1e-12
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,8 @@ class Space:
 
 
 def constant_vector(components: tuple[float, float, float]) -> Vector3:
-    a, b, c = (_constant(component) for component in components)
+    a, b, c = (constant(component) for component in components)
     return (a, b, c)
-
-
-def _constant(number: float) -> Expression:
-    return ZERO if number == 0.0 else ONE if number == 1.0 else Number(number)
 
 
 def normalised(components: tuple[float, float, float]) -> Vector3 | None:
@@ -67,33 +65,30 @@ def normalised(components: tuple[float, float, float]) -> Vector3 | None:
     if length == 0.0:
         return None
     a, b, c = (component / length for component in components)
-    return constant_vector((a, b, c))
+    return snapped_row(constant_vector((a, b, c)))
 
 
-def turned_about(axis: tuple[float, float, float], angle: float) -> Rotation | None:
-    """Rotation matrix (Rodrigues); None for the identity."""
+def turned_about(axis: tuple[float, float, float], angle: float) -> Rotation:
+    """Rotation matrix (Rodrigues)."""
     s, c = _sine_cosine(angle)
-    if s == 0.0 and c == 1.0:
-        return None
     x, y, z = axis
     skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
-    rows = [
-        constant_vector(tuple(c * (i == j) + s * skew[i][j] + (1.0 - c) * axis[i] * axis[j] for j in range(3)))  # type: ignore[arg-type]
-        for i in range(3)
-    ]
-    return (rows[0], rows[1], rows[2])
-
-
-def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Rotation | None:
-    """Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF; None for the identity."""
-    (sr, cr), (sp, cp), (sy, cy) = _sine_cosine(roll), _sine_cosine(pitch), _sine_cosine(yaw)
-    if (sr, cr, sp, cp, sy, cy) == (0.0, 1.0, 0.0, 1.0, 0.0, 1.0):
-        return None
-    return (
-        constant_vector((cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr)),
-        constant_vector((sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr)),
-        constant_vector((-sp, cp * sr, cp * cr)),
+    return snapped(
+        rows([[constant(c * (i == j) + s * skew[i][j] + (1.0 - c) * axis[i] * axis[j]) for j in range(3)] for i in range(3)])
     )
+
+
+def snapped(rotation: Rotation) -> Rotation:
+    """Entries within 1e-12 of zero are zero, and a row that has one other entry has ±1: structure survives rounding."""
+    return rows([list(snapped_row(row)) for row in rotation])
+
+
+def snapped_row(row: Vector3) -> Vector3:
+    entries = [ZERO if isinstance(x, Number) and abs(x.value) < _ZERO else x for x in row]
+    if sum(x != ZERO for x in entries) == 1:
+        entries = [constant(math.copysign(1.0, x.value)) if isinstance(x, Number) and x != ZERO else x for x in entries]
+    a, b, c = entries
+    return (a, b, c)
 
 
 def _sine_cosine(angle: float) -> tuple[float, float]:

@@ -93,18 +93,28 @@ def _wrong_type(found: Any, context: dict[str, Any], span: Span, source: Source)
     return source.diagnostic(word.span, f"unknown type '{word.text}'", listed(known), did_you_mean(word.text, known))
 
 
+_SECTIONS = {
+    "constraints": "holonomic:, nonholonomic:, type: no_slip, rolling, distance, gear …",
+    "loads": "type: spring, damper, force …",
+}
+_PLACES = {
+    "at": "a point [ ], two of them, or a mapping",
+    "parent": "a point [ ] or a mapping with position and rpy",
+    "child": "a point [ ] or a mapping with position and rpy",
+    "inertia": "a formula, a list, or a mapping with tensor, about and frame",
+    "orientation": "quaternion, or a mapping with euler and angles",
+    "parameters": "a number with its unit, such as 0.2 m",
+    "coordinates": "a unit, such as m or rad",
+    "quasi_velocities": "a list or mapping of formulas, orthonormal, or auto",
+    "initial": "a number, or a mapping under `guess`",
+}
+
+
 def _not_one_of(key: Key | None, found: Any, details: Any, span: Span, source: Source) -> Diagnostic:
-    section = details["loc"][0]
-    if section in ("constraints", "loads") and isinstance(found, Entries):
-        wanted = {
-            "constraints": "holonomic:, nonholonomic:, type: no_slip or type: rolling",
-            "loads": "type: spring, damper, force …",
-        }
-        return source.diagnostic(span, f"{_owner(key)} does not say what it is", wanted[section])
-    expected = {
-        "parameters": "a number with its unit, such as 0.2 m",
-        "coordinates": "a unit, such as m or rad",
-        "quasi_velocities": "a list or mapping of formulas, orthonormal, or auto",
-        "initial": "a number, or a mapping under `guess`",
-    }.get(section, "a formula or a list")
+    section, last = details["loc"][0], details["loc"][-1]
+    if isinstance(last, int):
+        return source.diagnostic(found.span, f"{described(found)} in the list under '{key}'", "points in [ ], as in [[…], […]]")
+    if section in _SECTIONS and isinstance(found, Entries):
+        return source.diagnostic(span, f"{_owner(key)} does not say what it is", _SECTIONS[section])
+    expected = _PLACES.get(section) or _PLACES.get(last, "a formula or a list")
     return source.diagnostic(found.span, _instead(key, found), expected)

@@ -1,4 +1,4 @@
-"""Constraints: formulas that stay zero, points that do not slip, disks that roll."""
+"""Constraints: formulas that stay zero, and what is said about joints and bodies instead."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import math
 
 from derive.expressions.linearity import Degree, degree
 from derive.expressions.tree import ZERO, Expression
+from derive.model.contacts import contact
+from derive.model.couplings import coupling, prescribed
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
-from derive.model.mechanism import some_body
 from derive.model.reader import Reader, force_unit
-from derive.model.records import Constraint, Holonomic, Nonholonomic, NoSlip, Rolling
-from derive.model.schema import Document, HolonomicEntry, NonholonomicEntry, NoSlipEntry, RollingEntry
+from derive.model.records import Constraint, Holonomic, Nonholonomic
+from derive.model.schema import CouplingEntry, Document, HolonomicEntry, NonholonomicEntry, PrescribedEntry
 from derive.model.scope import ANYTHING, COORDINATE, MOTION, POSITION, used
 
 
@@ -20,17 +21,16 @@ def constraint(reader: Reader, document: Document, names: Names, key: Key, entry
     reader.name(key)
     match entry:
         case HolonomicEntry():
-            return Holonomic(
-                str(key), _holonomic(reader, entry.holonomic), _nonideal(reader, names, key, entry.nonideal), key.span
-            )
+            formula = _holonomic(reader, entry.holonomic)
+            return Holonomic(str(key), formula, _nonideal(reader, names, key, entry.nonideal), key.span)
         case NonholonomicEntry():
             formula = _nonholonomic(reader, entry.nonholonomic)
             return Nonholonomic(str(key), formula, _nonideal(reader, names, key, entry.nonideal), key.span)
-        case NoSlipEntry():
-            return _no_slip(reader, document, key, entry)
-        case RollingEntry():
-            return _rolling(reader, document, key, entry)
-    raise AssertionError(entry)
+        case CouplingEntry():
+            return coupling(reader, names, key, entry)
+        case PrescribedEntry():
+            return prescribed(reader, names, key, entry)
+    return contact(reader, document, key, entry)
 
 
 def _holonomic(reader: Reader, scalar: Scalar) -> Expression:
@@ -79,30 +79,3 @@ def _nonideal(reader: Reader, names: Names, key: Key, given: Items | dict[Key, S
 
 def _as_key(name: str, place: Key) -> Key:
     return Key(name, place.span)
-
-
-def _no_slip(reader: Reader, document: Document, key: Key, entry: NoSlipEntry) -> NoSlip:
-    body = some_body(reader, document, entry.body, ground=False)
-    point = reader.point(entry.at, "a point")
-    return NoSlip(str(key), body, point, reader.direction(entry.direction, "a direction", constant=False), key.span)
-
-
-def _rolling(reader: Reader, document: Document, key: Key, entry: RollingEntry) -> Rolling:
-    disk = entry.shape.disk
-    if disk.axis is None and not reader.space.plane:
-        reader.report(key.span, f"the disk of '{key}' has no axis", "axis: x, y, z or a list of numbers")
-    across = reader.space.normal if disk.axis is None or reader.space.plane else reader.direction(disk.axis, "an axis")
-    radius = reader.formula(disk.radius, "a radius", unit="m")
-    size = reader.value(radius, disk.radius)
-    if size is not None and size <= 0.0:
-        reader.report(disk.radius.span, f"the radius of '{key}' is {size:g} m", "more than zero")
-    return Rolling(
-        name=str(key),
-        body=some_body(reader, document, entry.body, ground=False),
-        centre=reader.point(entry.at, "a point"),
-        radius=radius,
-        axis=across,
-        origin=reader.point(entry.plane.origin, "a point"),
-        normal=reader.direction(entry.plane.normal, "a normal"),
-        span=key.span,
-    )

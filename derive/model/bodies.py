@@ -1,0 +1,124 @@
+"""Bodies: mass, centre of mass and inertia, in whatever frame they were measured, and whether such a body can exist."""
+
+from __future__ import annotations
+
+from derive.expressions.tree import ZERO, Expression, Number
+from derive.model.algebra import Rows, rows, to_centre, turned_tensor
+from derive.model.document import Items, Key, Scalar
+from derive.model.placements import rotation
+from derive.model.reader import Reader
+from derive.model.records import Body, Span, Vector3
+from derive.model.schema import BodyEntry, InertiaEntry
+
+Inertia = tuple[Expression, Expression, Expression, Expression, Expression, Expression]
+POINT_MASS: Inertia = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
+INERTIA_UNIT = "kg*m^2"
+ABOUT = ("com", "origin")
+_SLACK = 1e-9  # relative: a thin disk has Ixx + Izz = Iyy exactly, up to rounding
+
+
+def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
+    """One body, checked with the parameters' defaults."""
+    mass = reader.formula(entry.mass, "a mass", unit="kg")
+    com = reader.point(entry.com, "a centre of mass")
+    inertia = _inertia(reader, entry, mass, com)
+    _check_mass(reader, key, entry, mass, inertia)
+    return Body(str(key), mass, com, inertia, key.span)
+
+
+def _inertia(reader: Reader, entry: BodyEntry, mass: Expression, com: Vector3) -> Inertia:
+    given = entry.inertia
+    if given is None:
+        return POINT_MASS
+    if not isinstance(given, InertiaEntry):
+        return _moments(reader, given)
+    return _carried(reader, given, _moments(reader, given.tensor), mass, com)
+
+
+def _moments(reader: Reader, node: Scalar | Items) -> Inertia:
+    if isinstance(node, Scalar):
+        return _one_moment(reader, reader.formula(node, "a moment of inertia", unit=INERTIA_UNIT))
+    entries = [reader.formula(entry, "a moment of inertia", unit=INERTIA_UNIT) for entry in node]
+    if reader.space.plane and len(entries) == 1:
+        return _one_moment(reader, entries[0])
+    if reader.space.plane or len(entries) not in (3, 6):
+        wanted = "one moment of inertia" if reader.space.plane else "one, three [xx, yy, zz] or six [xx, yy, zz, xy, xz, yz]"
+        reader.report(node.span, f"{len(entries)} moments of inertia", wanted)
+        return POINT_MASS
+    entries += [ZERO] * (6 - len(entries))
+    return (entries[0], entries[1], entries[2], entries[3], entries[4], entries[5])
+
+
+def _one_moment(reader: Reader, moment: Expression) -> Inertia:
+    """About the normal of a planar model; the same about every axis in space."""
+    only = reader.space.normal_index if reader.space.plane else None
+    diagonal = [moment if only in (None, axis) else ZERO for axis in range(3)]
+    return (diagonal[0], diagonal[1], diagonal[2], ZERO, ZERO, ZERO)
+
+
+def _carried(reader: Reader, entry: InertiaEntry, given: Inertia, mass: Expression, com: Vector3) -> Inertia:
+    """A tensor taken in a turned frame, or about the body's origin, as one about the centre of mass in the body's axes."""
+    xx, yy, zz, xy, xz, yz = given
+    tensor = rows([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    turned = None if entry.frame is None else rotation(reader, entry.frame)
+    if turned is not None and not reader.space.plane:
+        tensor = turned_tensor(turned, tensor)
+    if entry.about is not None and reader.word(entry.about, ABOUT, "point") == "origin":
+        tensor = to_centre(tensor, mass, com)
+    return _six(reader, tensor)
+
+
+def _six(reader: Reader, tensor: Rows) -> Inertia:
+    """A planar model keeps the moment about its normal alone."""
+    if reader.space.plane:
+        n = reader.space.normal_index
+        return _one_moment(reader, _in_units(tensor[n][n]))
+    places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    entries = [_in_units(tensor[i][j]) for i, j in places]
+    return (entries[0], entries[1], entries[2], entries[3], entries[4], entries[5])
+
+
+def _in_units(moment: Expression) -> Expression:
+    return Number(moment.value, INERTIA_UNIT) if isinstance(moment, Number) and moment != ZERO else moment
+
+
+def _check_mass(reader: Reader, key: Key, entry: BodyEntry, mass: Expression, inertia: Inertia) -> None:
+    given = reader.value(mass, entry.mass)
+    if given is not None and given < 0.0:
+        reader.report(entry.mass.span, f"the mass of '{key}' is {given:g} kg", "zero or more")
+    if entry.inertia is None:
+        return
+    node = entry.inertia.tensor if isinstance(entry.inertia, InertiaEntry) else entry.inertia
+    scalars = [node] if isinstance(node, Scalar) else list(node)
+    moments = [0.0 if moment == ZERO else reader.value(moment, scalars[0]) for moment in inertia if scalars]
+    numbers = [moment for moment in moments if moment is not None]
+    if len(numbers) == 6:
+        _check_moments(reader, key, node.span, given, numbers, _SLACK * _largest(reader, scalars))
+
+
+def _largest(reader: Reader, scalars: list[Scalar]) -> float:
+    """Of the moments as they stand in the file: rounding in what they are moved to is small against it."""
+    values = [reader.value(reader.formula(scalar, "a moment of inertia"), scalar) for scalar in scalars]
+    return max((abs(value) for value in values if value is not None), default=0.0)
+
+
+def _check_moments(reader: Reader, key: Key, span: Span, mass: float | None, moments: list[float], slack: float) -> None:
+    if mass == 0.0 and max(map(abs, moments)) > slack:
+        reader.report(span, f"'{key}' has inertia but no mass", "inertia 0 for a body without mass")
+    if min(moments[:3]) < -slack:
+        reader.report(span, f"a moment of inertia of '{key}' is {min(moments[:3]):g} kg*m^2", "zero or more")
+    elif not reader.space.plane:
+        low, middle, high = _principal(moments)
+        if low < -slack:
+            reader.report(span, f"a principal moment of inertia of '{key}' is {low:g} kg*m^2", "zero or more")
+        elif low + middle < high - slack:
+            problem = f"no body has the inertia of '{key}': {low:g} + {middle:g} < {high:g} kg*m^2"
+            reader.report(span, problem, "the largest principal moment at most the sum of the other two")
+
+
+def _principal(moments: list[float]) -> tuple[float, float, float]:
+    import numpy as np
+
+    xx, yy, zz, xy, xz, yz = moments
+    low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return float(low), float(middle), float(high)

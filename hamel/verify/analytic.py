@@ -13,10 +13,12 @@ import numpy as np
 import sympy
 
 from derive.expressions import tree
-from derive.model.records import Holonomic, Model, Nonholonomic
+from derive.model.records import Holonomic, Model, Nonholonomic, OnSurface
 from hamel.verify.formulas import NUMERIC, evaluated, lookup
+from hamel.verify.jets import Jet, direction, dot, point
+from hamel.verify.layout import Layout, Rows
 from hamel.verify.loads import Lagrange
-from hamel.verify.rows import ConstraintRow
+from hamel.verify.rows import ConstraintRow, RowsOf, embedded
 from hamel.verify.states import State
 from hamel.verify.vectors import Array
 
@@ -69,9 +71,15 @@ def symbols(model: Model) -> Symbols:
     return result
 
 
-def row(item: Holonomic | Nonholonomic, s: Symbols) -> Callable[[State], ConstraintRow]:
+def rows(item: Holonomic | Nonholonomic | OnSurface, s: Symbols, place: Layout) -> RowsOf:
     """The row of a constraint given as a formula."""
-    return holonomic_row(item.expression, s) if isinstance(item, Holonomic) else nonholonomic_row(item.expression, s)
+    match item:
+        case Holonomic():
+            return embedded(holonomic_row(item.expression, s), place)
+        case Nonholonomic():
+            return embedded(nonholonomic_row(item.expression, s), place)
+        case OnSurface():
+            return surface_row(item, s, place)
 
 
 def holonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], ConstraintRow]:
@@ -102,6 +110,38 @@ def nonholonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State
         return ConstraintRow(a @ state.N + direct, -drift - a @ state.drift, -b, None)
 
     return row
+
+
+def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
+    """φ(X, q, t) with X the point in the carrier's frame: φ_X Ẍ + φ_q q̈ = −(terms of second order in Ẋ, q̇ and t)."""
+    X, R = sympy.symbols("X:3", real=True), sympy.symbols("R:3", real=True)
+    phi = sympy.sympify(evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), SYMBOLIC))
+
+    def along(expression: Any) -> Any:
+        return s.along(expression) + sum(sympy.diff(expression, x) * r for x, r in zip(X, R))
+
+    gradient = [sympy.diff(phi, x) for x in (*X, *s.q)]
+    entries = [*gradient, phi, sympy.diff(phi, s.t), along(along(phi))]
+    at = sympy.lambdify([X, R, s.t, s.q, s.r, s.p], [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True)
+
+    def rows(state: State) -> Rows:
+        inside = _inside(item, place, state)
+        value, rate = ([float(getattr(x, name)) for x in inside] for name in ("value", "rate"))
+        found = np.array(at(value, rate, state.t, state.q, state.rates, state.p), dtype=float)
+        over_point, over_q, (height, explicit, curvature) = found[:3], found[3:-3], found[-3:]
+        coefficients = over_point @ np.array([x.over for x in inside])
+        coefficients[: place.nv] += over_q @ state.N
+        rest = over_point @ np.array([x.rest for x in inside]) + over_q @ state.drift + curvature
+        return Rows(coefficients[None, :], np.array([-rest]), np.array([-explicit]), np.array([height]))
+
+    return rows
+
+
+def _inside(item: OnSurface, place: Layout, state: State) -> list[Jet]:
+    """The point's coordinates in the frame of the body that carries the surface."""
+    here = point(place, state, item.body, state.vector(item.point))
+    gap = here - point(place, state, item.frame_body, np.zeros(3))
+    return [dot(direction(place, state, item.frame_body, axis), gap) for axis in np.eye(3)]
 
 
 def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:

@@ -15,7 +15,7 @@ from derive.mechanics import sampling
 from derive.mechanics.records import System
 from hamel.verify.reference import Kinematics, Outcome, Reference, evaluate, kinematics, state_of
 from hamel.verify.roundoff import bound
-from hamel.verify.saddle import row_condition
+from hamel.verify.saddle import rank_of, row_condition
 from hamel.verify.states import State
 from hamel.verify.vectors import Array
 
@@ -203,6 +203,11 @@ class Evidence:
         """The reference's kinematics at another state."""
         return kinematics(self.reference, state)
 
+    @cached_property
+    def ranks(self) -> list[int]:
+        """The rank of the system's own A at every state."""
+        return [rank_of(t.A) for t in self.terms]
+
     @property
     def redundant(self) -> bool:
         return any(s.outcome.rank < len(s.outcome.lam) for s in self.samples)
@@ -219,7 +224,8 @@ class Evidence:
         if name == "state":
             return tuple(np.concatenate([s.q, s.v]) for s in self.samples)
         if name == "inverse_dynamics":
-            return tuple(np.concatenate([s.q, s.v, s.outcome.vdot]) for s in self.samples)
+            rng = np.random.default_rng(4)  # any v̇ will do, and none should come out as zero
+            return tuple(np.concatenate([s.q, s.v, s.outcome.vdot + rng.normal(size=len(s.v))]) for s in self.samples)
         return self.x
 
     def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:

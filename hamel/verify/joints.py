@@ -1,13 +1,13 @@
 """What each joint does, as numbers: the reference's own table, written from the definitions and not from derive.joints.
 
 In the parent's joint frame the child's joint frame sits at `translation`, turned by `rotation`; its relative twist (ω, v of its
-origin), in the child's joint frame, is H v; q̇ = N v and q̈ = N v̇ + drift. No H here depends on q.
+origin), in the child's joint frame, is H v with the rate H v̇ + bias; q̇ = N v and q̈ = N v̇ + drift.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from hamel.verify.vectors import UNIT, Array, cross, quaternion_product, quatern
 
 @dataclass(frozen=True)
 class Motion:
-    """One joint at one state: rotation 3 × 3, translation 3, H 6 × k, N nq × k, drift nq (= Ṅ v)."""
+    """One joint at one state: rotation 3 × 3, translation 3, H 6 × k, N nq × k, drift nq (= Ṅ v), bias 6 (= Ḣ v)."""
 
     rotation: Array
     translation: Array
     H: Array
     N: Array
     drift: Array
+    bias: Array = field(default_factory=lambda: np.zeros(6))
 
 
 def revolute(q: Array, v: Array, axis: Array) -> Motion:
@@ -50,6 +51,20 @@ def cylindrical(q: Array, v: Array, axis: Array) -> Motion:
     H = np.zeros((6, 2))
     H[:3, 0] = H[3:, 1] = axis
     return Motion(turn(axis, q[0]), q[1] * axis, H, np.eye(2), np.zeros(2))
+
+
+def universal(axis2: Array) -> Callable[[Array, Array, Array], Motion]:
+    """R = R₁ R₂ about `axis` of the parent and `axis2` of the child: ω = R₂ᵀ e₁ q̇₁ + e₂ q̇₂, so Ḣ v = −q̇₂ e₂ × R₂ᵀ e₁ q̇₁."""
+
+    def motion(q: Array, v: Array, axis: Array) -> Motion:
+        second = turn(axis2, q[1])
+        seen = second.T @ axis
+        H = np.zeros((6, 2))
+        H[:3, 0], H[:3, 1] = seen, axis2
+        bias = np.concatenate([-v[1] * v[0] * cross(axis2, seen), np.zeros(3)])
+        return Motion(turn(axis, q[0]) @ second, np.zeros(3), H, np.eye(2), np.zeros(2), bias)
+
+    return motion
 
 
 def ball(q: Array, v: Array, axis: Array) -> Motion:
@@ -113,12 +128,16 @@ _TABLE = {
 }  # fmt: skip
 
 
-def joint_motion(kind: str, orientation: str = "", pitch: float = 0.0) -> Callable[[Array, Array, Array], Motion]:
+def joint_motion(
+    kind: str, orientation: str = "", pitch: float = 0.0, axis2: Array | None = None
+) -> Callable[[Array, Array, Array], Motion]:
     """The function (q, v, axis) → Motion of a joint type; NotImplementedError for one the reference does not know."""
     if kind == "free":
         return free(orientation)
     if kind == "screw":
         return screw(pitch)
+    if kind == "universal" and axis2 is not None:
+        return universal(axis2)
     if kind not in _TABLE:
         raise NotImplementedError(f"the reference has no joint of type {kind!r}")
     return _TABLE[kind]

@@ -8,17 +8,22 @@ import numpy as np
 
 from derive.model.records import (
     GROUND,
+    Armature,
     Body,
+    Bushing,
     Force,
     GeneralisedForce,
     JointDamper,
+    JointFriction,
     JointSpring,
     Load,
     Model,
     PointSpring,
     Torque,
 )
-from hamel.verify.rows import Layout, nonideal_force
+from hamel.verify.jets import Jet, dot, joint_frame, product
+from hamel.verify.layout import Layout
+from hamel.verify.rows import nonideal_force
 from hamel.verify.states import State, inertia_tensor
 from hamel.verify.vectors import Array, cross, skew
 
@@ -109,6 +114,12 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
         case JointDamper():
             direction = _conjugate(model, state, load.velocity)
             return _along(place, -state.value(load.coefficient) * (direction @ state.v) * direction)
+        case JointFriction():
+            return _friction(load, model, place, state)
+        case Armature():
+            return _only(place)  # an inertia
+        case Bushing():
+            return _bushing(load, place, state)
         case GeneralisedForce():
             return _along(place, state.value(load.expression) * _conjugate(model, state, load.velocity))
         case PointSpring():
@@ -144,6 +155,35 @@ def _joint_spring(spring: JointSpring, model: Model, place: Layout, state: State
     force = np.zeros(place.size)
     force[: place.nv] = -stiffness * stretch * state.N[index]
     return _only(place, 0.5 * stiffness * stretch**2, springs=force)
+
+
+def _friction(friction: JointFriction, model: Model, place: Layout, state: State) -> Applied:
+    """−viscous r − coulomb tanh(r/smoothing) along the velocity r."""
+    direction = _conjugate(model, state, friction.velocity)
+    rate = direction @ state.v
+    viscous, coulomb, smoothing = state.vector((friction.viscous, friction.coulomb, friction.smoothing))
+    return _along(place, -(viscous * rate + coulomb * np.tanh(rate / smoothing)) * direction)
+
+
+def _bushing(bushing: Bushing, place: Layout, state: State) -> Applied:
+    """V = ½ Σ k x² over the deflections x; forces −(k x + damping ẋ) ∂ẋ/∂z.
+
+    Deflections: p₂ − p₁ and θ = ½ Σ aᵢ × bᵢ, along the axes aᵢ of the first joint frame.
+    """
+    frames = [joint_frame(place, state, body, at, np.eye(3)) for body, at in zip(bushing.bodies, bushing.placements)]
+    (start, a), (end, b) = frames
+    swung = [product(x, y).scaled(0.5) for x, y in zip(a, b)]
+    shifts, turns = [dot(x, end - start) for x in a], [dot(x, swung[0] + swung[1] + swung[2]) for x in a]
+    stiffness = state.vector((*bushing.stiffness, *bushing.torsion))
+    damping = state.vector((*bushing.damping, *bushing.torsion_damping))
+    return _elastic(place, [*shifts, *turns], stiffness, damping)
+
+
+def _elastic(place: Layout, deflections: list[Jet], stiffness: Array, damping: Array) -> Applied:
+    over = np.array([x.over for x in deflections])
+    value, rate = (np.array([getattr(x, name) for x in deflections]) for name in ("value", "rate"))
+    springs, other = -(stiffness * value) @ over, -(damping * rate) @ over
+    return _only(place, float(0.5 * stiffness @ value**2), springs=springs, other=other)
 
 
 def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:

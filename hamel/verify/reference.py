@@ -16,9 +16,10 @@ from typing import NoReturn
 
 import numpy as np
 
-from derive.model.records import Holonomic, Model, Nonholonomic
+from derive.model.records import Armature, Holonomic, Model, Nonholonomic, OnSurface
+from hamel.verify.layout import Layout, Rows, layout, stacked
 from hamel.verify.loads import Applied, Lagrange, applied, body_inertia
-from hamel.verify.rows import Layout, Rows, constraint_rows, joint_rows, layout, stacked
+from hamel.verify.rows import constraint_rows, joint_rows
 from hamel.verify.saddle import condition_of, rank_of, saddle, solved
 from hamel.verify.states import STILL, State, state
 from hamel.verify.vectors import Array
@@ -84,14 +85,15 @@ class Outcome:
 def reference(model: Model) -> Reference:
     """Differentiate what the model gives as formulas with SymPy, once; a pure mechanism never loads SymPy."""
     analytic = model.kinetic is not None or model.potential is not None
-    formulas = any(isinstance(item, Holonomic | Nonholonomic) for item in model.constraints)
+    formulas = any(isinstance(item, Holonomic | Nonholonomic | OnSurface) for item in model.constraints)
     if not (analytic or formulas):
         return Reference(model, layout(model), constraint_rows(model, _no_formulas), lambda s: _no_energies(len(s.v)))
     from hamel.verify import analytic as by_formula
 
     s = by_formula.symbols(model)
     energies_of = by_formula.lagrange(model, s) if analytic else lambda state: _no_energies(len(state.v))
-    return Reference(model, layout(model), constraint_rows(model, lambda item: by_formula.row(item, s)), energies_of)
+    place = layout(model)
+    return Reference(model, place, constraint_rows(model, lambda item: by_formula.rows(item, s, place)), energies_of)
 
 
 def _no_formulas(item: object) -> NoReturn:
@@ -125,9 +127,9 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
 
 
 def energies(ref: Reference, s: State) -> tuple[float, float]:
-    """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body and the analytic T; gravity, springs and the analytic V."""
+    """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body, rotors and the analytic T; gravity, springs and the analytic V."""
     analytic = ref.lagrange(s)
-    T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in _bodies(ref, s))
+    T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in _bodies(ref, s)) + 0.5 * rotors(ref, s) @ s.v**2
     return float(T) + analytic.T, applied(ref.model, ref.place, s).V + analytic.V
 
 
@@ -172,14 +174,24 @@ def _bodies(ref: Reference, s: State) -> list[tuple[Array, Array, Array]]:
 
 
 def inertia(ref: Reference, s: State) -> Array:
-    """K (nz × nz): analytic inertia and the bodies' own."""
+    """K (nz × nz): analytic inertia, rotors and the bodies' own."""
     nv = ref.place.nv
     K = np.zeros((ref.place.size, ref.place.size))
-    K[:nv, :nv] = ref.lagrange(s).inertia
+    K[:nv, :nv] = ref.lagrange(s).inertia + np.diag(rotors(ref, s))
     for body, (_, own, _) in zip(ref.model.bodies, _bodies(ref, s)):
         block = ref.place.twist(body.name)
         K[block, block] = own
     return K
+
+
+def rotors(ref: Reference, s: State) -> Array:
+    """Inertia of the rotors that turn with each base velocity, nv."""
+    result = np.zeros(ref.place.nv)
+    names = [velocity.name for velocity in ref.model.velocities]
+    for load in ref.model.loads:
+        if isinstance(load, Armature):
+            result[names.index(load.velocity)] += s.value(load.inertia)
+    return result
 
 
 def mass(K: Array, kin: Kinematics) -> Array:

@@ -47,6 +47,7 @@ class Seat:
     twists: Array  # 6 × k, ground axes: (angular, linear at the joint frame)
     omega: Array  # of the child relative to the parent
     velocity: Array  # of the child's joint frame relative to the parent
+    bias: Array  # E Ḣ v
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,8 @@ def _walk(model: Model, numbers: State) -> tuple[Array, Array, dict[str, Frame],
     for joint in model.joints:
         rows, columns = _range(index_q.get(joint.name, [])), _range(index_v.get(joint.name, []))
         axis = numbers.vector(joint.axis)
-        kind = joint_motion(joint.type, joint.orientation, numbers.value(joint.pitch))
+        axis2 = axis if joint.axis2 is None else numbers.vector(joint.axis2)
+        kind = joint_motion(joint.type, joint.orientation, numbers.value(joint.pitch), axis2)
         motion = kind(numbers.q[rows], numbers.v[columns], axis)
         N[rows, columns], drift[rows] = motion.N, motion.drift
         seat, frame = _step(joint, columns, motion, numbers, frames[joint.parent])
@@ -138,7 +140,8 @@ def _step(joint: Joint, columns: slice, motion: Motion, numbers: State, parent: 
     omega = parent.omega + relative[:3]
     velocity = parent.speed(arm_p) + relative[3:] - cross(omega, arm_c)
     frame = Frame(parent.origin + arm_p - arm_c, rotation, omega, velocity)
-    return Seat(joint, columns, arm_p, arm_c, twists, relative[:3], relative[3:]), frame
+    bias = np.concatenate([axes @ motion.bias[:3], axes @ motion.bias[3:]])
+    return Seat(joint, columns, arm_p, arm_c, twists, relative[:3], relative[3:], bias), frame
 
 
 def placed(numbers: State, placement: Placement) -> tuple[Array, Array]:

@@ -102,6 +102,16 @@ def accelerations(e: Evidence) -> float:
     return worst((got - wanted) / sizes(wanted)) if got.shape == wanted.shape else float("inf")
 
 
+def independent(e: Evidence) -> float:
+    """How many independent rows: in A here and there, and as what the choice takes off the base velocities (the median)."""
+    wanted = [s.outcome.rank for s in e.samples]
+    rows = worst([ours - rank for ours, rank in zip(e.ranks, wanted)])
+    equations = e.graph.equations
+    if equations.formulation != "quasi_velocities":
+        return rows
+    return max(rows, abs(len(e.samples[0].v) - len(equations.w) - float(np.median(wanted))))
+
+
 def energies(e: Evidence) -> float:
     wanted = [np.array([s.outcome.T, s.outcome.V]) for s in e.samples]
     return max(deviation([np.array([t.T, t.V]) for t in e.terms], wanted), _function(e, "energy", wanted))
@@ -117,7 +127,7 @@ def multipliers(e: Evidence) -> float | None:
     if not e.graph.has("reactions"):
         return None
     found = e.results("reactions")
-    if e.redundant:
+    if e.redundant:  # λ is not unique then, what it does to the motion is
         forces = [t.A.T @ lam for t, lam in zip(e.terms, found)]
         return deviation(forces, [s.outcome.constraint_force for s in e.samples], e.conditions)
     return deviation(found, [s.outcome.lam for s in e.samples], e.conditions)
@@ -163,6 +173,7 @@ RUNGS = (
     Rung("φ", 1e-11, "reference: positions off the constraint surface", positions),
     Rung("constraints", 1e-11, "reference: φ and A v − c off the constraint surface, per condition number", violation),
     Rung("A, c", 1e-11, "reference: constraint rows", velocities),
+    Rung("rank A", 0.0, "reference: number of independent rows, and of the quasi-velocities they leave", independent),
     Rung("β", 1e-9, "reference: A v̇ = β; sums that may cancel", accelerations),
     Rung("T, V", 1e-10, "reference: energies; V may cancel", energies),
     Rung("v̇", 1e-10, "reference: Newton–Euler in maximal coordinates, per condition number", motion),

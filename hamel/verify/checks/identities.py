@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from derive.mechanics.sampling import normalised
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import deviation, slope, worst
 from hamel.verify.evidence import Evidence, Sample, Terms
@@ -111,7 +112,10 @@ def _projected(e: Evidence, s: Sample, x: Array) -> float:
 
 
 def newton_step(e: Evidence) -> float | None:
-    """One step of `project` is q − N δ, δ = W Aᵀ (A W Aᵀ)⁻¹ φ of least length in the metric W⁻¹ = M, or 1 where M is singular."""
+    """One step of `project` is q − N δ with unit quaternions, δ = W Aᵀ (A W Aᵀ)⁻¹ φ of least length in the metric W⁻¹.
+
+    The metric is M, or 1 where M is singular.
+    """
     if not e.graph.has("project") or e.redundant or not len(e.terms[0].phi):
         return None
     return min(_newton(e, by_mass) for by_mass in (True, False))
@@ -128,7 +132,7 @@ def _newton(e: Evidence, by_mass: bool) -> float:
         right = np.concatenate([np.zeros(len(s.v)), -k.phi])
         step, _ = solved(saddle(metric, k.A[holonomic]), right, redundant=True)
         got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
-        wanted.append(k.N @ step[: len(s.v)])
+        wanted.append(normalised(e.system, x[: len(s.q)] + k.N @ step[: len(s.v)]) - x[: len(s.q)])
     return deviation(got, wanted, e.conditions)
 
 

@@ -1,0 +1,55 @@
+"""Inverse dynamics against the reference, and as the inverse of the dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hamel.verify.checks.rung import Rung
+from hamel.verify.compare import worst
+from hamel.verify.evidence import Evidence, Sample
+from hamel.verify.reference import evaluate, state_of
+from hamel.verify.vectors import Array
+
+
+def any_motion(e: Evidence) -> float | None:
+    """τ = M a + h − Q(u = 0) of the reference, at accelerations a that need not be possible."""
+    if not e.graph.has("inverse_dynamics"):
+        return None
+    return worst([_error(e, s, a, s.outcome.M @ a + s.outcome.h - idle) for s, a, idle in _asked(e)])
+
+
+def _asked(e: Evidence) -> Iterator[tuple[Sample, Array, Array]]:
+    rng = np.random.default_rng(3)
+    return ((s, rng.normal(size=len(s.v)), _idle(e, s)) for s in e.samples)
+
+
+def _idle(e: Evidence, s: Sample) -> Array:
+    """The reference's Q where nothing drives."""
+    return evaluate(e.reference, state_of(e.reference, s.t, s.q, s.v, np.zeros_like(s.u), s.full)).Q
+
+
+def own_motion(e: Evidence) -> float | None:
+    """dynamics ∘ inverse_dynamics = 1: the choice's own v̇ asks for the forces it came from, Q(u) − Q(0) + Aᵀ λ."""
+    if not e.graph.has("inverse_dynamics"):
+        return None
+    driven = (s.outcome.Q - _idle(e, s) + s.outcome.constraint_force for s in e.samples)
+    errors = [_error(e, s, a, force) for s, a, force in zip(e.samples, e.vdot, driven)]
+    return worst([error / condition for error, condition in zip(errors, e.conditions)])
+
+
+def _error(e: Evidence, s: Sample, a: Array, wanted: Array) -> float:
+    """Against the sizes of what is summed, |M| |a| + |h| + |Q| and the forces themselves."""
+    o = s.outcome
+    got = e.graph("inverse_dynamics", s.t, np.concatenate([s.q, s.v, a]), s.u, s.p)
+    size = np.abs(o.M) @ np.abs(a) + np.abs(o.h) + np.abs(o.Q) + np.abs(wanted)
+    return worst((got - wanted) / np.maximum(size, 1e-6 + 1e-3 * size.max(initial=0.0)))
+
+
+RUNGS = (
+    Rung("inverse dynamics", 1e-11, "reference: M v̇ + h − Q at u = 0, for any v̇", any_motion),
+    Rung(
+        "dynamics ∘ inverse", 1e-10, "the forces of the choice's own v̇ are those it came from, per condition number", own_motion
+    ),
+)

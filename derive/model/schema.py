@@ -625,11 +625,11 @@ def about(entry: type[Entry]) -> str:
     return " ".join((entry.__doc__ or "").split())
 
 
-def json_schema(joint_types: tuple[str, ...], closure_types: tuple[str, ...]) -> dict[str, Any]:
-    """JSON Schema of a model file, for editors."""
+def json_schema(joint_types: tuple[str, ...]) -> dict[str, Any]:
+    """JSON Schema of a model file, for editors. Every joint but the free one can close a loop."""
     schema = Document.model_json_schema()
     definitions = schema["$defs"]
-    for owner, types in (("JointEntry", joint_types), ("ClosureEntry", closure_types)):
+    for owner, types in (("JointEntry", joint_types), ("ClosureEntry", [kind for kind in joint_types if kind != "free"])):
         definitions[owner]["properties"]["type"] |= {"type": "string", "enum": list(types)}
     for kind, entry in (*kinds("constraints"), *kinds("loads")):
         if "type" in entry.model_fields:

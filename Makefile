@@ -11,9 +11,11 @@ DEMO   := build/demo
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
 	$(HAMEL) verify models/snake3.yaml
+	$(HAMEL) derive models/snake3.yaml -o $(DEMO)/snake3
 	$(HAMEL) simulate models/snake3.yaml --set tau1=0.01 --time 5 -o $(DEMO)/snake3.csv --plot $(DEMO)/snake3.svg
 	$(HAMEL) build models/four_bar.yaml --numpy -o $(DEMO)/four_bar
 	$(HAMEL) verify models/four_bar.yaml
+	$(HAMEL) derive models/four_bar.yaml -o $(DEMO)/four_bar
 	$(HAMEL) simulate models/four_bar.yaml --time 10 -o $(DEMO)/four_bar.csv --plot $(DEMO)/four_bar.svg
 	@echo
 	@echo "Modules, motions and plots are in $(DEMO)."

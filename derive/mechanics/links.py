@@ -41,7 +41,7 @@ def _placed(model: Model, symbols: Symbols, joint: Joint, carrier: Place, links:
     on_carrier, parent = merged(carrier.rotation, on_parent), carrier.link
     for part in parts[:-1]:
         links.append(_link(f"{joint.child} at {joint.name}", parent, on_carrier, start, part, ()))
-        parent, on_carrier, start = len(links) - 1, (), ORIGIN
+        parent, on_carrier, start = len(links) - 1, _body_in_link(part, ()), ORIGIN
     on_child, b = placement(symbols, joint.at_child)
     last = _link(joint.child, parent, on_carrier, start, parts[-1], on_child)
     body = _body_in_link(parts[-1], on_child)
@@ -75,7 +75,7 @@ def _link(name: str, parent: int, on_carrier: Rotation, start: Vector, part: Par
     if _is_oblique(part, on_child):
         upright = _aligning(part.axis)
         to_link = inverse(upright)  # link ← joint frame
-        rotation = merged(on_carrier, upright, part.kind.rotation(part.q, [0.0, 0.0, 1.0]))
+        rotation = merged(on_carrier, upright, part.kind.rotation(part.q, [0.0, 0.0, 1.0] if upright else part.axis))
     else:
         to_link = on_child
         rotation = merged(on_carrier, part.kind.rotation(part.q, part.axis), inverse(on_child))

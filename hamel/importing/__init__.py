@@ -6,6 +6,7 @@ So errors that the model language finds in a robot are told at the place in the 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,13 +21,14 @@ ROBOTS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 @dataclass(frozen=True)
 class Imported:
-    """A robot as a model's text. `left_out` alters the motion, `changed` does not."""
+    """A robot as a model's text. `left_out` alters the motion, `changed` does not; `joints`: the file's name → the model's."""
 
     model: Model
     text: str
     kind: str
     changed: tuple[str, ...]
     left_out: tuple[str, ...]
+    joints: Mapping[str, str]
 
 
 def load(path: str | Path) -> Model:
@@ -49,7 +51,8 @@ def imported(path: str | Path, floating: bool = False) -> Imported:
     robot = _robot(path, floating)
     gather(robot)
     made = text_of(robot, Path(path).name)
-    return Imported(_model(made, robot, path), made.text, robot.kind, tuple(robot.changed), tuple(robot.left_out))
+    joints = {joint.place.get("name"): joint.name for joint in robot.joints if joint.place is not robot.root}
+    return Imported(_model(made, robot, path), made.text, robot.kind, tuple(robot.changed), tuple(robot.left_out), joints)
 
 
 def _robot(path: str | Path, floating: bool) -> Robot:

@@ -18,6 +18,7 @@ LARGEST = 64 << 20  # bytes
 DEEPEST = 10_000  # levels; a chain of bodies is one level per body in MJCF
 MOST = 2_000_000  # elements
 _DECLARATION = re.compile(rb"""\s*<\?xml[^>]*\bencoding\s*=\s*["']([^"']*)["']""")
+_ATTRIBUTE = re.compile(rb"""\s+([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
 _UTF8 = frozenset({"utf-8", "utf8", "us-ascii", "ascii"})
 
 
@@ -81,12 +82,11 @@ class Element:
 
     def _place(self, attribute: str) -> tuple[int, int]:
         """Offset and length of the attribute's value; of the tag where there is none."""
-        content = self.file.content
-        if attribute in self.attributes:
-            pattern = rb"""[\s"']""" + re.escape(attribute.encode()) + rb"""\s*=\s*(?:"([^"]*)"|'([^']*)')"""
-            if found := re.compile(pattern).search(content, self.at):
-                group = 1 if found.group(1) is not None else 2
-                return found.start(group), max(1, len(found.group(group).decode("utf-8", "replace")))
+        position = self.at + 1 + len(self.tag.encode())
+        while attribute and (found := _ATTRIBUTE.match(self.file.content, position)):
+            if found[1].decode("utf-8", "replace") == attribute:
+                return found.start(2) + 1, max(1, len(found[2].decode("utf-8", "replace")) - 2)
+            position = found.end()
         return self.at, len(self.tag) + 1
 
 

@@ -11,6 +11,7 @@ from hamel.importing.rotations import IDENTITY, ORIGIN, Matrix, Vector, from_rpy
 
 GROUND = "ground"
 ONE_RATE = ("revolute", "prismatic")
+SMOOTHING = 0.01  # rad/s or m/s: where tanh in place of the sign is three quarters there
 BASE_RATES = {"ball": ("wx", "wy", "wz"), "free": ("vx", "vy", "vz", "wx", "wy", "wz"), "planar": ("vx", "vy", "w")}
 
 
@@ -28,7 +29,8 @@ class Body:
 
 @dataclass
 class Joint:
-    """`rpy` is used where a file gives roll, pitch and yaw, else `rotation`: parent ← joint frame. `limits`: for readers."""
+    """`rpy` is used where a file gives roll, pitch and yaw, else `rotation`: parent ← joint frame; `rotation_child`: the same for
+    the child. `spring`: stiffness and rest. `coulomb`: of dry friction."""
 
     name: str
     type: str
@@ -39,7 +41,13 @@ class Joint:
     at_child: Vector = ORIGIN
     rpy: Vector | None = None
     rotation: Matrix = IDENTITY
+    rotation_child: Matrix = IDENTITY
     axis: Vector | None = None
+    limits: tuple[float, float] | None = None
+    spring: tuple[float, float] | None = None
+    damper: float = 0.0
+    coulomb: float = 0.0
+    armature: float = 0.0
     notes: list[str] = field(default_factory=list)
 
     def turn(self) -> Matrix:
@@ -88,7 +96,6 @@ class Robot:
     loads: list[Entry] = field(default_factory=list)
     inputs: list[Entry] = field(default_factory=list)
     initial: list[Entry] = field(default_factory=list)
-    kinetic: list[str] = field(default_factory=list)
     changed: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
@@ -138,5 +145,13 @@ def quoted(text: str) -> str:
 
 
 def counted(number: int, one: str, many: str = "") -> str:
-    """"1 joint", "3 joints"."""
+    """ "1 joint", "3 joints"."""
     return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def dry_friction(robot: Robot) -> None:
+    """Say how Coulomb friction is read."""
+    rubbing = sum(1 for joint in robot.joints if joint.coulomb)
+    if rubbing:
+        how = f"as coulomb*tanh(v/{SMOOTHING:g}), which creeps where dry friction sticks"
+        robot.changed.append(f"Coulomb friction of {counted(rubbing, 'joint')} is read {how}")

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 from hamel.importing.markup import Element
 from hamel.importing.numbers import scalar, vector, written
-from hamel.importing.robot import GROUND, ONE_RATE, Body, Entry, Joint, Reading, Robot, counted, quoted
-from hamel.importing.rotations import Matrix, Vector, about, cross, from_rpy, product, transposed, turned_tensor, unit
+from hamel.importing.robot import GROUND, ONE_RATE, Body, Entry, Joint, Reading, Robot, counted, dry_friction, quoted
+from hamel.importing.rotations import Matrix, Vector, about, cross, from_rpy, product, turned_tensor, unit
 
 TYPES = {
     "revolute": "revolute",
@@ -45,8 +45,12 @@ def robot(root: Element, name: str, floating: bool) -> Robot:
     reading.finish()
     _bodies(reading, tree, result)
     _joints(reading, tree, result, base, floating)
+    if all(joint.type == "fixed" for joint in result.joints) and not reading.problems:
+        hint = "`hamel import --floating` gives the root link a free joint"
+        root.refuse("nothing moves: every joint is fixed, and the root link is fixed to the ground", "a joint that moves", hint)
     _mimics(reading, tree, result)
-    _forces(reading, tree, result)
+    _check_massless(reading, result, {entry.place for entry in result.constraints})
+    _inputs(reading, tree, result)
     reading.finish()
     _notes(reading, root, result)
     return result
@@ -161,8 +165,7 @@ def _joints(reading: Reading, tree: Tree, result: Robot, base: str, floating: bo
         if (made := _joint(reading, tree, element)) is not None:
             tree.made[name] = made
     result.joints.append(Joint(reading.joint_name("base", kind, []), kind, GROUND, tree.bodies[base].name, root))
-    for joint in tree.made.values():
-        result.joints += _planar_chain(reading, joint, result) if joint.type == "planar" else [joint]
+    result.joints += tree.made.values()
     if not floating:
         result.changed.append(f"the root link {quoted(base)} is fixed to the ground; `hamel import --floating` frees it")
 
@@ -181,7 +184,11 @@ def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:
     joint.at, joint.rpy = vector(reading, origin, "xyz"), vector(reading, origin, "rpy")
     if joint.type not in ("fixed", "free"):
         joint.axis = _axis(reading, element)
-    joint.notes += _limits(reading, element, joint)
+    if joint.type == "planar":
+        _planar(joint)
+    if joint.type in ONE_RATE:
+        _limits(reading, element, joint)
+        _dynamics(reading, element, joint)
     return joint
 
 
@@ -194,34 +201,34 @@ def _axis(reading: Reading, element: Element) -> Vector:
     return found or (1.0, 0.0, 0.0)
 
 
-def _limits(reading: Reading, element: Element, joint: Joint) -> list[str]:
-    """Range, effort and speed in words."""
+def _limits(reading: Reading, element: Element, joint: Joint) -> None:
+    """The range as limits, effort and speed in words."""
     limit = element.first("limit")
-    if limit is None or joint.type not in ONE_RATE:
-        return []
-    unit_of, force = ("rad", "N*m") if joint.type == "revolute" else ("m", "N")
-    said = []
+    if limit is None:
+        return
     if element.get("type") != "continuous" and {"lower", "upper"} & limit.attributes.keys():
-        lower, upper = (written(scalar(reading, limit, end)) for end in ("lower", "upper"))
-        said.append(f"{lower} to {upper} {unit_of}")
-    for attribute, suffix in (("effort", force), ("velocity", f"{unit_of}/s")):
-        if attribute in limit.attributes:
-            said.append(f"at most {written(scalar(reading, limit, attribute))} {suffix}")
-    return [", ".join(said)] if said else []
+        joint.limits = (scalar(reading, limit, "lower"), scalar(reading, limit, "upper"))
+    unit_of, force = ("rad", "N*m") if joint.type == "revolute" else ("m", "N")
+    said = [
+        f"{written(scalar(reading, limit, attribute))} {suffix}"
+        for attribute, suffix in (("effort", force), ("velocity", f"{unit_of}/s"))
+        if attribute in limit.attributes
+    ]
+    joint.notes += [f"at most {', '.join(said)}"] if said else []
 
 
-def _planar_chain(reading: Reading, joint: Joint, result: Robot) -> list[Joint]:
-    """A planar joint; where its normal is not x, -y or z, in a turned frame, with a massless body to turn back."""
-    if joint.axis in PLANES or joint.axis is None:
-        return [joint]
-    turn = _onto(joint.axis)
-    carrier = Body(reading.body_name(f"{joint.child}_carrier", []), joint.place)
-    result.bodies.append(carrier)
-    back = Joint(reading.joint_name(f"{joint.name}_frame", "fixed", []), "fixed", carrier.name, joint.child, joint.place)
-    back.rotation = transposed(turn)
-    joint.rpy, joint.rotation = None, product(joint.turn(), turn)
-    joint.axis, joint.child = (0.0, 0.0, 1.0), carrier.name
-    return [joint, back]
+def _dynamics(reading: Reading, element: Element, joint: Joint) -> None:
+    dynamics = element.first("dynamics")
+    if dynamics is not None:
+        joint.damper, joint.coulomb = scalar(reading, dynamics, "damping"), scalar(reading, dynamics, "friction")
+
+
+def _planar(joint: Joint) -> None:
+    """A plane whose normal is not x, -y or z: the joint's frame is turned in both bodies."""
+    if joint.axis not in PLANES and joint.axis is not None:
+        turn = _onto(joint.axis)
+        joint.rotation, joint.rotation_child = product(joint.turn(), turn), turn
+        joint.rpy, joint.axis = None, (0.0, 0.0, 1.0)
 
 
 def _onto(axis: Vector) -> Matrix:
@@ -275,36 +282,54 @@ def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str)
             reading.report(mimic, f"a mimic of the {end.type} joint '{end.name}'", "joints with one coordinate")
             return
     multiplier, offset = scalar(reading, mimic, "multiplier", 1.0), scalar(reading, mimic, "offset")
-    moves = other is not None and other.type != "fixed" and multiplier != 0.0
-    factor = "" if multiplier == 1.0 else f"{written(multiplier)}*"
-    terms = ([f"{factor}{other.name}"] if other and moves else []) + ([written(offset)] if offset else [])
-    text = f"{joint.name} - ({' + '.join(terms)})" if terms else joint.name
-    result.constraints.append(Entry(reading.symbols(f"mimic_{joint.name}", "mimic"), f"{{holonomic: {text}}}", mimic))
+    terms = [f"ratio: {written(multiplier)}"] + ([f"offset: {written(offset)}"] if offset else [])
+    text = f"{{type: coupling, joints: [{joint.name}, {other.name if other else ''}], {', '.join(terms)}}}"
+    if other is None or other.type == "fixed" or multiplier == 0.0:  # nothing to follow: it stays at the offset
+        text = f"{{holonomic: {joint.name} - ({written(offset)})}}"
+    result.constraints.append(Entry(reading.symbols(f"mimic_{joint.name}", "mimic"), text, mimic))
 
 
-def _forces(reading: Reading, tree: Tree, result: Robot) -> None:
-    """Dampers, and an input at every joint that moves by itself."""
+def _check_massless(reading: Reading, result: Robot, mimics: set[Element]) -> None:
+    """Joints that mimic each other move together; report those of which none carries any mass.
+
+    A single joint without mass behind it is for the model language to report; a coupled one passes there.
+    """
+    heavy = _carrying_mass(result)
+    coupled = [joint for joint in result.joints if joint.place.first("mimic") in mimics]
+    leaders = {joint.name: joint for joint in result.joints if joint.type in ONE_RATE}
+    by_file = {joint.place.get("name"): joint for joint in leaders.values()}
+    groups: dict[str, list[Joint]] = {}
+    for joint in coupled:
+        leader = joint
+        while (mimic := leader.place.first("mimic")) in mimics and mimic is not None and mimic.get("joint") in by_file:
+            leader = by_file[mimic.get("joint")]
+        groups.setdefault(leader.name, [leaders[leader.name]]).append(joint)
+    for group in groups.values():
+        if not any(joint.child in heavy for joint in group):
+            names = ", ".join(quoted(joint.place.get("name")) for joint in group[:3])
+            problem = f"the joints {names}{' …' if len(group) > 3 else ''} move together and carry nothing that has mass"
+            reading.report(group[0].place, problem, "links with mass, or fixed joints", attribute="name")
+
+
+def _carrying_mass(result: Robot) -> set[str]:
+    """Bodies that have mass or carry one that has."""
+    above = {joint.child: joint.parent for joint in result.joints}
+    found: set[str] = set()
+    for body in result.bodies:
+        name = body.name if body.mass or any(body.inertia) else GROUND
+        while name != GROUND and name not in found:
+            found.add(name)
+            name = above[name]
+    return found
+
+
+def _inputs(reading: Reading, tree: Tree, result: Robot) -> None:
+    """An input at every joint that moves by itself, named after it."""
     following = {entry.place for entry in result.constraints}
     for joint in tree.made.values():
-        if joint.type not in ONE_RATE:
-            continue
-        _dynamics(reading, joint, result)
-        if joint.place.first("mimic") not in following:
-            name = reading.input_name(f"tau_{joint.name}", [])
+        if joint.type in ONE_RATE and joint.place.first("mimic") not in following:
+            name = reading.symbols(f"tau_{joint.name}", "input")
             result.inputs.append(Entry(name, f"{{joint: {joint.name}}}", joint.place))
-
-
-def _dynamics(reading: Reading, joint: Joint, result: Robot) -> None:
-    dynamics = joint.place.first("dynamics")
-    if dynamics is None:
-        return
-    damping, friction = scalar(reading, dynamics, "damping"), scalar(reading, dynamics, "friction")
-    if damping:
-        name = reading.symbols(f"damping_{joint.name}", "load")
-        text = f"{{type: damper, joint: {joint.name}, coefficient: {written(damping)}}}"
-        result.loads.append(Entry(name, text, dynamics))
-    if friction:
-        joint.notes.append(f"Coulomb friction {written(friction)} left out")
 
 
 def _notes(reading: Reading, root: Element, result: Robot) -> None:
@@ -322,8 +347,6 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
     if ignored:
         tags = ", ".join(f"<{tag}>" for tag in ignored)
         result.changed.append(f"not read: {tags}; inputs are forces and torques at the joints")
-    rubbing = sum("Coulomb" in note for joint in result.joints for note in joint.notes)
-    if rubbing:
-        result.left_out.append(f"Coulomb friction of {counted(rubbing, 'joint')}")
-    if any(joint.first("limit") for joint in root.all("joint")):
-        result.changed.append("limits stand beside the joints as comments: nothing in the equations stops a joint there")
+    if any(joint.limits or joint.notes for joint in result.joints):
+        result.changed.append("limits are there to read: nothing in the equations stops a joint at them")
+    dry_friction(result)

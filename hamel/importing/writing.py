@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from hamel.importing.markup import Element
 from hamel.importing.naming import model_name
 from hamel.importing.numbers import written
-from hamel.importing.robot import Body, Closure, Entry, Joint, Robot
+from hamel.importing.robot import SMOOTHING, Body, Closure, Entry, Joint, Robot
 from hamel.importing.rotations import ORIGIN, Matrix, is_identity, to_rpy, whole_degrees
 
 WIDEST = 32  # names longer than this are not aligned to
@@ -54,8 +54,6 @@ def _sections(robot: Robot) -> list[Line]:
     lines += _section("joints", [(joint.name, _joint(joint), joint.notes, joint.place) for joint in robot.joints])
     lines += _section("closures", [(closure.name, _closure(closure), [], closure.place) for closure in robot.closures])
     lines += _entries("constraints", robot.constraints)
-    if robot.kinetic:
-        lines += [("", None), (f"kinetic: {' + '.join(robot.kinetic)}", robot.root)]
     lines += _entries("loads", robot.loads) + _entries("inputs", robot.inputs) + _entries("initial", robot.initial)
     return lines
 
@@ -92,17 +90,35 @@ def _body(body: Body) -> str:
 
 
 def _joint(joint: Joint) -> str:
-    parts = [f"type: {joint.type}", f"parent: {joint.parent}", f"child: {joint.child}"]
-    if joint.at_child != ORIGIN:
-        parts.append(f"at: [{_vector(joint.at)}, {_vector(joint.at_child)}]")
-    elif joint.at != ORIGIN:
-        parts.append(f"at: {_vector(joint.at)}")
-    parts += _turned(joint.rpy, joint.rotation)
+    parts = [f"type: {joint.type}", f"parent: {joint.parent}", f"child: {joint.child}", *_placed(joint)]
     if joint.axis is not None:
         parts.append(f"axis: {_axis(joint.axis)}")
     if joint.type == "free":
         parts.append("orientation: quaternion")
+    if joint.limits:
+        parts.append(f"limits: {_vector(joint.limits)}")
+    if joint.spring:
+        stiffness, rest = (written(x) for x in joint.spring)
+        parts.append(f"spring: {{stiffness: {stiffness}{f', rest: {rest}' if joint.spring[1] else ''}}}")
+    if joint.damper:
+        parts.append(f"damper: {written(joint.damper)}")
+    if joint.coulomb:
+        parts.append(f"friction: {{coulomb: {written(joint.coulomb)}, smoothing: {written(SMOOTHING)}}}")
+    if joint.armature:
+        parts.append(f"armature: {written(joint.armature)}")
     return _braced(parts)
+
+
+def _placed(joint: Joint) -> list[str]:
+    """Where the joint's frame sits in parent and child."""
+    turned, turned_child = _turned(joint.rpy, joint.rotation), _turned(None, joint.rotation_child)
+    if turned_child:
+        sides = (("parent", joint.at, turned), ("child", joint.at_child, turned_child))
+        placed = (f"{side}: {_braced([f'position: {_vector(at)}', *turn])}" for side, at, turn in sides)
+        return [f"at: {_braced(list(placed))}"]
+    if joint.at_child != ORIGIN:
+        return [f"at: [{_vector(joint.at)}, {_vector(joint.at_child)}]", *turned]
+    return ([f"at: {_vector(joint.at)}"] if joint.at != ORIGIN else []) + turned
 
 
 def _closure(closure: Closure) -> str:

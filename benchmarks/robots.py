@@ -1,0 +1,285 @@
+"""make robots: every URDF of the PyPI package example-robot-data, imported and compared with Pinocchio.
+
+Mass matrix, bias and forward dynamics at random states, relative to the largest entry. Each robot with its root link fixed and
+with a free root. Where joints mimic others, Pinocchio's tree is projected on the independent joints here.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import casadi as ca
+import numpy as np
+
+from codegen.passes import program
+from derive.diagnostics import HamelError
+from derive.formulations import equations
+from derive.formulations.records import Equations
+from derive.mechanics import system
+from hamel.importing import Imported, imported
+
+STATES = 20
+TOLERANCE = 1e-9
+SMOOTHING = 0.01  # of Coulomb friction, as the importer says
+COUNTED = 60  # velocities up to which the operations of dynamics are counted
+OUT = Path("build/robots.json")
+
+
+@dataclass
+class Report:
+    """`verdict`: agreed, refused, wrong, or failed (an error that is nobody's fault but ours)."""
+
+    robot: str
+    base: str
+    verdict: str
+    reason: str = ""
+    velocities: int = 0
+    mimics: int = 0
+    errors: dict[str, float] = field(default_factory=dict)
+    operations: int | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def compared(root: Path, file: Path, floating: bool) -> Report:
+    """One robot, one kind of base."""
+    report = Report(str(file.relative_to(root)), "free" if floating else "fixed", "agreed")
+    try:
+        _compare(file, floating, report)
+    except HamelError as error:
+        report.verdict, report.reason = "refused", error.diagnostics[0].headline().replace(str(file), file.name)
+    except Exception as error:  # the table is to be finished
+        report.verdict, report.reason = "failed", f"{type(error).__name__}: {error}"[:300]
+    return report
+
+
+def _compare(file: Path, floating: bool, report: Report) -> None:
+    with _timed(report, "import"):
+        found = imported(file, floating)
+    with _timed(report, "mechanics"):
+        mechanics = system(found.model, "all")
+    with _timed(report, "formulation"):
+        derived = equations(mechanics)
+    report.velocities, report.mimics = mechanics.v.numel(), len(mechanics.rows)
+    if mechanics.v.numel() <= COUNTED:
+        with _timed(report, "passes"):
+            report.operations = program(derived, ["dynamics"]).kernels[0].operations["total"]
+    peer = Peer(file, floating, found)
+    ours = {name: _function(derived, name) for name in ("mass", "bias", "dynamics", "state")} | {"S": _span(derived)}
+    rng = np.random.default_rng(1)
+    for _ in range(STATES):
+        _check_state(peer, ours, derived, rng, report)
+    worst = max(report.errors, key=lambda name: report.errors[name])
+    if not report.errors[worst] <= TOLERANCE:
+        report.verdict, report.reason = "wrong", f"{worst} differs by {report.errors[worst]:.1e}"
+
+
+class _timed:
+    def __init__(self, report: Report, stage: str) -> None:
+        self.report, self.stage = report, stage
+
+    def __enter__(self) -> None:
+        self.start = time.perf_counter()
+
+    def __exit__(self, *error: object) -> None:
+        self.report.seconds[self.stage] = time.perf_counter() - self.start
+
+
+def _span(derived: Equations) -> ca.Function:
+    """S = ∂v/∂w."""
+    v = next(function for function in derived.functions if function.name == "velocity").result.value
+    x = next(slot for slot in derived.arguments if slot.name == "x").symbols
+    S = ca.jacobian(v, x)[:, derived.system.q.numel() :]
+    return ca.Function("S", [slot.symbols for slot in derived.arguments], [ca.densify(S)])
+
+
+def _function(derived: Equations, name: str) -> ca.Function:
+    chosen = next(function for function in derived.functions if function.name == name)
+    slots = [chosen.x if slot.name == "x" and chosen.x is not None else slot for slot in derived.arguments]
+    return ca.Function(name, [slot.symbols for slot in slots], [ca.densify(chosen.result.value)])
+
+
+@dataclass
+class State:
+    """In Pinocchio's order, and q and v in ours."""
+
+    pin_q: np.ndarray
+    pin_v: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+
+
+class Peer:
+    """Pinocchio's model of the same file, and the way from its joints to ours."""
+
+    def __init__(self, file: Path, floating: bool, found: Imported) -> None:
+        import pinocchio
+
+        self.pin: Any = pinocchio
+        self.model = pinocchio.buildModelFromUrdf(str(file), *([pinocchio.JointModelFreeFlyer()] if floating else []))
+        self.data = self.model.createData()
+        self.joints = list(zip(self.model.names, self.model.joints))[1:]
+        base = next(joint.name for joint in found.model.joints if joint.parent == "ground")
+        self.ours = {name: found.joints.get(name, base) for name, _ in self.joints}
+        self.places = {c.name: i for i, c in enumerate(found.model.coordinates)}
+        owners = [v.owner for v in found.model.velocities]
+        self.columns = np.array([i for name, _ in self.joints for i, o in enumerate(owners) if o == self.ours[name]])
+        self.mimics = mimics(file)
+        self.friction = np.zeros(self.model.nv)
+        rubbing = frictions(file)
+        for name, joint in self.joints:
+            self.friction[joint.idx_v] = rubbing.get(name, 0.0)
+        self.G = self._independent()
+
+    def _independent(self) -> np.ndarray:
+        """v = G · velocities of the joints that move by themselves (Pinocchio's order)."""
+        start = {name: joint.idx_v for name, joint in self.joints}
+        G = np.eye(self.model.nv)
+        for name in self.mimics:
+            if name in start:
+                master, factor, _ = self._master(name)
+                G[start[name]] = 0.0
+                if master in start:
+                    G[start[name], start[master]] = factor
+        return G[:, [i for i in range(self.model.nv) if not any(start.get(name) == i for name in self.mimics)]]
+
+    def _master(self, name: str) -> tuple[str, float, float]:
+        """q = factor · q_master + offset with a master that mimics nothing."""
+        factor, offset = 1.0, 0.0
+        while name in self.mimics:
+            name, k, c = self.mimics[name]
+            offset, factor = offset + factor * c, factor * k
+        return name, factor, offset
+
+    def state(self, rng: np.random.Generator) -> State:
+        """A random state that the mimicking joints share in."""
+        reach = {name: 0.5 if joint.shortname().startswith("JointModelP") else np.pi for name, joint in self.joints}
+        position = {name: rng.uniform(-most, most) for name, most in reach.items()}
+        for name in self.mimics:
+            master, factor, offset = self._master(name)
+            position[name] = factor * position.get(master, 0.0) + offset
+        pin_q, q = np.zeros(self.model.nq), np.zeros(len(self.places))
+        for name, joint in self.joints:
+            self._put(name, joint, position[name], pin_q, q, rng)
+        pin_v = self.G @ rng.normal(size=self.G.shape[1])
+        v = np.zeros(self.model.nv)
+        v[self.columns] = pin_v
+        return State(pin_q, pin_v, q, v)
+
+    def _put(self, name: str, joint: Any, value: float, pin_q: np.ndarray, q: np.ndarray, rng: np.random.Generator) -> None:
+        own = self.ours[name]
+        if joint.nv == 6:
+            place, turn = rng.normal(size=3), rng.normal(size=4)
+            turn /= np.linalg.norm(turn)
+            pin_q[joint.idx_q : joint.idx_q + 7] = [*place, *turn[1:], turn[0]]  # x, y, z, w
+            first = self.places[f"{own}_x"]
+            q[first : first + 7] = [*place, *turn]
+        else:
+            pin_q[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+            q[self.places[own]] = value
+
+    def mass(self, s: State) -> np.ndarray:
+        M = np.triu(self.pin.crba(self.model, self.data, s.pin_q))
+        return M + np.triu(M, 1).T
+
+    def bias(self, s: State) -> np.ndarray:
+        return np.asarray(self.pin.nonLinearEffects(self.model, self.data, s.pin_q, s.pin_v))
+
+    def acceleration(self, s: State, force: np.ndarray) -> np.ndarray:
+        """By `aba`; where joints mimic others, on the independent joints. Pinocchio leaves damping and friction to its user."""
+        total = force - np.asarray(self.model.damping) * s.pin_v - self.friction * np.tanh(s.pin_v / SMOOTHING)
+        if not self.mimics:
+            return np.asarray(self.pin.aba(self.model, self.data, s.pin_q, s.pin_v, total))
+        G = self.G
+        return G @ np.linalg.solve(G.T @ self.mass(s) @ G, G.T @ (total - self.bias(s)))
+
+
+def mimics(file: Path) -> dict[str, tuple[str, float, float]]:
+    """Joint → master, multiplier, offset, read without hamel."""
+    found = {}
+    for joint in ElementTree.parse(file).getroot().findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None and joint.get("type") != "fixed":
+            numbers = float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
+            found[joint.get("name", "")] = (mimic.get("joint", ""), *numbers)
+    return found
+
+
+def frictions(file: Path) -> dict[str, float]:
+    """Joint → Coulomb friction, read without hamel."""
+    joints = ElementTree.parse(file).getroot().findall("joint")
+    found = {joint.get("name", ""): joint.find("dynamics") for joint in joints}
+    return {name: float(dynamics.get("friction", 0.0)) for name, dynamics in found.items() if dynamics is not None}
+
+
+def _check_state(peer: Peer, ours: dict[str, ca.Function], derived: Equations, rng: np.random.Generator, report: Report) -> None:
+    s = peer.state(rng)
+    u = rng.normal(size=len(derived.system.model.inputs)) * 10.0
+    force = np.zeros(peer.model.nv)
+    drives = {given.velocity: u[i] for i, given in enumerate(derived.system.model.inputs)}
+    applied = np.array([drives.get(v.name, 0.0) for v in derived.system.model.velocities])
+    force = applied[peer.columns]
+    x = np.asarray(ours["state"](0.0, np.concatenate([s.q, s.v]), u, [])).ravel()
+    into = np.ix_(peer.columns, peer.columns)
+    M, h = np.asarray(ours["mass"](0.0, x, u, [])), np.asarray(ours["bias"](0.0, x, u, [])).ravel()
+    rates = np.asarray(ours["dynamics"](0.0, x, u, [])).ravel()[len(s.q) :]
+    vdot = np.asarray(ours["S"](0.0, x, u, [])) @ rates  # couplings are constant: S does not turn
+    _note(report, "mass", M[into], peer.mass(s))
+    _note(report, "bias", h[peer.columns], peer.bias(s))
+    _note(report, "dynamics", vdot[peer.columns], peer.acceleration(s, force))
+
+
+def _note(report: Report, name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
+    error = float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs))) if np.all(np.isfinite(ours)) else np.inf
+    report.errors[name] = max(report.errors.get(name, 0.0), error)
+
+
+def robots() -> Path:
+    """Where example-robot-data put its robots, beside the other packages of this Python."""
+    for folder in sys.path:
+        place = Path(folder) / "cmeel.prefix/share/example-robot-data/robots"
+        if place.is_dir():
+            return place
+    raise SystemExit("example-robot-data is not installed: use `make robots`")
+
+
+def reports(root: Path, wanted: str) -> Iterator[Report]:
+    files = [file for file in sorted(root.rglob("*.urdf")) if wanted in str(file)]
+    with ProcessPoolExecutor(max_workers=2, mp_context=get_context("spawn")) as pool:
+        jobs = [pool.submit(compared, root, file, floating) for file in files for floating in (False, True)]
+        for job in jobs:
+            yield job.result()
+
+
+def line(r: Report) -> str:
+    """One row of the table."""
+    errors = " ".join(f"{name} {error:.0e}" for name, error in r.errors.items())
+    seconds = " ".join(f"{name} {s:.2f}" for name, s in r.seconds.items())
+    size = f"{r.velocities:3d} v" + (f", {r.mimics} mimic" if r.mimics else "")
+    return f"{r.verdict:8} {r.robot:60} {r.base:5} {size:14} {r.operations or '':>6} {r.reason or errors}  [{seconds} s]"
+
+
+def main(arguments: list[str]) -> int:
+    found = []
+    for report in reports(robots(), arguments[0] if arguments else ""):
+        found.append(report)
+        print(line(report), flush=True)
+    for base in ("fixed", "free"):
+        verdicts = [report.verdict for report in found if report.base == base]
+        counts = {verdict: verdicts.count(verdict) for verdict in ("agreed", "refused", "wrong", "failed")}
+        print(f"{base} base: {len(verdicts)} robots, " + ", ".join(f"{n} {verdict}" for verdict, n in counts.items()))
+    OUT.parent.mkdir(exist_ok=True)
+    OUT.write_text(json.dumps([asdict(report) for report in found], indent=1) + "\n")
+    return int(any(report.verdict in ("wrong", "failed") for report in found))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

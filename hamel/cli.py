@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import io
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -187,6 +188,9 @@ def schema() -> Any:
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command `hamel`; ends the process with a documented exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without φ gets a question mark, not a traceback
     code = failures.guarded(lambda: group.main(given, prog_name="hamel", standalone_mode=False), given)
     if arguments is None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt

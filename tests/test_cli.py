@@ -229,6 +229,12 @@ def test_closed_pipe():
     assert reading.wait() == failures.PIPE
 
 
+def test_a_terminal_without_greek():
+    environment = {**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}
+    said = subprocess.run([sys.executable, "-m", "hamel", "list"], env=environment, capture_output=True, text=True)
+    assert said.returncode == 0 and said.stderr == "" and "?" in said.stdout
+
+
 def test_interrupted_build_leaves_nothing(tmp_path):
     working = spawn("build", SNAKE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path)
     time.sleep(0.4)

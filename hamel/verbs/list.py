@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from codegen.targets import TARGETS
 from derive.formulations import FORMULATIONS, equations
-from derive.joints import JOINTS
-from derive.model import load, load_text
+from derive.model import KINDS, load, load_text
 from hamel.pipeline import mechanics_of
 from hamel.records import Known, Listed
-from hamel.verbs.schema import run as schema
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,12 +36,11 @@ def run(path: str | Path | None) -> Listed:
 
 def _known() -> dict[str, tuple[Known, ...]]:
     """From the registries the stages loop over themselves, so that nothing can be missing here."""
-    shape = schema()
+    kinds: dict[str, list[Known]] = {}
+    for category, name, about in KINDS:
+        kinds.setdefault(f"{category}s", []).append(Known(name, about))
     return {
-        "joints": _abouts(JOINTS),
-        "closures": tuple(_enumerated(shape, "ClosureEntry")),
-        "constraints": tuple(_entries(shape, "constraints")),
-        "loads": tuple(_entries(shape, "loads")),
+        **{kind: tuple(names) for kind, names in kinds.items()},
         "formulations": _abouts(FORMULATIONS),
         "targets": _abouts(TARGETS),
         "functions": tuple(_functions(load_text(_EVERYTHING))),
@@ -52,31 +49,6 @@ def _known() -> dict[str, tuple[Known, ...]]:
 
 def _abouts(registry: Iterable[Any]) -> tuple[Known, ...]:
     return tuple(Known(item.name, item.about) for item in registry)
-
-
-def _enumerated(shape: dict[str, Any], entry: str) -> Iterator[Known]:
-    """The joint types an entry of the schema accepts."""
-    accepted = shape["$defs"][entry]["properties"]["type"]["enum"]
-    return (Known(joint.name, f"closes a loop: {joint.about}") for joint in JOINTS if joint.name in accepted)
-
-
-def _entries(shape: dict[str, Any], section: str) -> Iterator[Known]:
-    """The kinds of entry a section of a model file accepts; an entry without `type` is known by its first key."""
-    for reference in _references(shape["properties"][section]):
-        entry = shape["$defs"][reference.rsplit("/", 1)[-1]]
-        kind = entry["properties"].get("type", {}).get("const") or entry["required"][0]
-        yield Known(kind, " ".join(entry.get("description", "").split()))
-
-
-def _references(node: Any) -> Iterator[str]:
-    if isinstance(node, dict):
-        if isinstance(node.get("$ref"), str):
-            yield node["$ref"]
-        for value in node.values():
-            yield from _references(value)
-    elif isinstance(node, list):
-        for value in node:
-            yield from _references(value)
 
 
 def _named(path: str | Path) -> dict[str, tuple[Known, ...]]:

@@ -71,9 +71,9 @@ class Workshop:
 
     @cached_property
     def rows(self) -> list[np.ndarray]:
-        """A at the sampled states, each row scaled to length one."""
+        """A at the sampled states, each row divided by its largest length over them."""
         solver, s = kinematics(self.system), self.sampled
-        return [_scaled(solver.velocities(t, q, p)[0]) for t, q, p in zip(s.t, s.q, s.p)]
+        return _scaled([solver.velocities(t, q, p)[0] for t, q, p in zip(s.t, s.q, s.p)])
 
     @cached_property
     def rank(self) -> int:
@@ -88,9 +88,9 @@ class Workshop:
         return self.system.v.numel() - self.rank
 
 
-def _scaled(A: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(A, axis=1, keepdims=True)
-    return A / np.where(length > 0, length, 1.0)
+def _scaled(matrices: Sequence[np.ndarray]) -> list[np.ndarray]:
+    lengths = np.max([np.linalg.norm(A, axis=1, keepdims=True) for A in matrices], axis=0)
+    return [A / np.where(lengths > 0, lengths, 1.0) for A in matrices]
 
 
 def workshop(system: System) -> Workshop:
@@ -141,8 +141,7 @@ def _counted(n: int, what: str) -> str:
 
 def _culprits(shop: Workshop, rows: Sequence[RowForm]) -> str:
     """The constraints that take part in the dependency: the left null vector of [A; B] at a sampled state."""
-    B = _numeric_rows(shop, rows)
-    Y = np.vstack([shop.rows[0], _scaled(B[0])])
+    Y = np.vstack([shop.rows[0], _scaled(_numeric_rows(shop, rows))[0]])
     weights = np.abs(np.linalg.svd(Y)[0][:, -1])
     names = [row.name for row in shop.system.rows] + [row.name for row in rows]
     return "with " + ", ".join(n for n, x in zip(names, weights) if x > 1e-6)
@@ -218,8 +217,8 @@ def _ranking(shop: Workshop, name: str, kind: str, rows: tuple[str, ...], reduct
 def _conditions(shop: Workshop, B: Sequence[np.ndarray]) -> tuple[float, float]:
     """Median and largest condition number of [A; B], rows scaled to length one."""
     found = []
-    for A, rows in zip(shop.rows, B):
-        values = np.linalg.svd(np.vstack([A, _scaled(rows)]))[1]
+    for A, rows in zip(shop.rows, _scaled(B)):
+        values = np.linalg.svd(np.vstack([A, rows]))[1]
         least = values[shop.system.v.numel() - 1] if len(values) >= shop.system.v.numel() else 0.0
         found.append(values[0] / max(least, 1e-300) if values.size else 1.0)
     return float(np.median(found)), float(np.max(found))

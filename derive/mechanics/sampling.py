@@ -12,6 +12,8 @@ from derive.mechanics.records import System
 
 TRIES = 40  # random starts per state before giving up
 CLOSED = 1e-12
+NEWTON = 30  # iterations after which a start counts as hopeless
+LOST, WEAK = 1e-11, 1e-4  # relative singular values of A between these belong to a nearly singular position
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ def states(system: System, count: int, seed: int = 0, spread: float = 1.0, param
     rng = np.random.default_rng(seed)
     solver, centre = kinematics(system), nominal(system)
     moving = ca.depends_on(_everything(system), system.t)
+    spread = spread / (1 + system.phi.numel() / 8) ** 0.5  # far starts of many loops end where loops lie flat
     found = [s for s in (_state(system, solver, centre, rng, spread, parameters, moving) for _ in range(count)) if s is not None]
     columns = list(zip(*found)) if found else [[] for _ in range(5)]
     sizes = (system.q.numel(), system.v.numel(), system.u.numel(), system.p.numel())
@@ -90,9 +93,17 @@ def _state(
         narrowed = spread * 0.8 ** (attempt // 4)
         q = closed(solver, t, normalised(system, centre + _scatter(system, centre, rng, narrowed)), p)
         q = None if q is None else normalised(system, q)
-        if q is not None:
+        if q is not None and _is_regular(solver, t, q, p):
             return t, q, _velocity(solver, t, q, p, rng), rng.normal(size=system.u.numel()), p
     return None
+
+
+def _is_regular(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray) -> bool:
+    """Whether no direction of A is all but lost (redundant rows lose theirs exactly, and do not count)."""
+    A = solver.velocities(t, q, p)[0]
+    sizes = np.linalg.svd(A)[1] if A.size else np.ones(1)
+    relative = sizes / max(float(sizes[0]), 1e-300)
+    return not bool(np.any((relative > LOST) & (relative < WEAK)))
 
 
 def _everything(system: System) -> ca.SX:
@@ -107,7 +118,7 @@ def _scatter(system: System, centre: np.ndarray, rng: np.random.Generator, sprea
 def closed(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, free: np.ndarray | None = None) -> np.ndarray | None:
     """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that fails."""
     weights = np.ones(len(q)) if free is None else free.astype(float)
-    for _ in range(60):
+    for _ in range(NEWTON):
         phi, J = solver.positions(t, q, p)
         if not np.all(np.isfinite(phi)):
             return None

@@ -6,10 +6,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, islice
-from itertools import product as cartesian
 
 import casadi as ca
 import numpy as np
@@ -22,7 +21,7 @@ BETTER = 3.0  # a larger block has to stay this much farther from zero to be pre
 ALONE = 10.0  # a ratio this many times its median says that one pivot vanishes where the other does not
 VANISHES = 1e-11  # relative size that counts as zero
 SAME = 1e-9  # relative variation that counts as none
-MOST = 3000  # candidate blocks looked at
+MOST = 200  # candidate blocks looked at
 
 
 def scalars(matrix: ca.SX) -> Matrix:
@@ -144,10 +143,11 @@ def best_block(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray) -> Bl
         return None
     fill = {(r, c): (pattern[r].sum() - 1) * (pattern[:, c].sum() - 1) for r, c in zip(*np.nonzero(pattern))}
     best = min(singles, key=lambda x: (x.grade == 2, -round(x.quality, 2), fill[x.rows[0], x.columns[0]], -x.least))
+    single = best
     for size in (2, 3):
         if best.grade < 2 or best.quality >= SAFE:
             break
-        larger = _best_of_size(values, pattern, fixed, size, scale)
+        larger = _best_of_size(values, pattern, fixed, single, size)
         if larger is not None and (larger.quality > BETTER * best.quality or _vanishes_alone(values, best, larger)):
             best = larger
     return best
@@ -167,16 +167,27 @@ def _sizes(values: np.ndarray, rows: tuple[int, ...], columns: tuple[int, ...]) 
     return np.abs(np.linalg.det(entries)) if len(rows) > 1 else np.abs(entries[:, 0, 0])
 
 
-def _best_of_size(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, size: int, scale: float) -> Block | None:
+def _best_of_size(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, around: Block, size: int) -> Block | None:
+    """The best block of that size with the row of a poor single pivot, among rows and columns that touch it."""
+    scale = np.max(np.abs(values), initial=0.0)
     found = None
-    choices = islice(cartesian(combinations(range(values.shape[1]), size), combinations(range(values.shape[2]), size)), MOST)
-    for rows, columns in choices:
-        if not (pattern[np.ix_(rows, columns)].any(axis=0).all() and pattern[np.ix_(rows, columns)].any(axis=1).all()):
-            continue
+    for rows, columns in islice(_neighbours(pattern, around.rows[0], size), MOST):
         block = _block(values, fixed, rows, columns, scale)
         if block is not None and (found is None or (block.grade, -block.quality) < (found.grade, -found.quality)):
             found = block
     return found
+
+
+def _neighbours(pattern: np.ndarray, row: int, size: int) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Row sets that share columns with `row`, with the column sets they could be solved for."""
+    touching = [i for i in np.nonzero((pattern & pattern[row]).any(axis=1))[0] if i != row]
+    for others in combinations(touching, size - 1):
+        rows = tuple(sorted((row, *(int(i) for i in others))))
+        columns = np.nonzero(pattern[list(rows)].any(axis=0))[0]
+        for chosen in combinations(columns, size):
+            inside = pattern[np.ix_(rows, chosen)]
+            if inside.any(axis=0).all() and inside.any(axis=1).all():
+                yield rows, tuple(int(j) for j in chosen)
 
 
 def _block(values: np.ndarray, fixed: np.ndarray, rows: tuple[int, ...], columns: tuple[int, ...], scale: float) -> Block | None:

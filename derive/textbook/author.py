@@ -18,7 +18,7 @@ from derive.formulations.records import Equations, Function
 from derive.mechanics.records import System
 from derive.textbook import names
 from derive.textbook.compose import operations
-from derive.textbook.convert import READABLE, Piece, Reader
+from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece, Reader
 from derive.textbook.records import (
     Block,
     Display,
@@ -39,7 +39,7 @@ from derive.textbook.typeset import Typesetter, width
 
 CELL = 26  # a wider entry gets a line of its own before the matrix
 COLUMN = 44  # the same where the matrix has one column
-ROW = 92  # a wider matrix shows its entries by their symbols
+ROW = 74  # a wider matrix shows its entries by their symbols
 BROAD = 12  # more columns than this are not shown as a matrix
 Rows = list[list[sympy.Expr]]
 
@@ -55,12 +55,14 @@ class Meaning:
 
 @dataclass
 class Author:
-    """Collects sections; `entries` holds, for each printed matrix or vector, what later formulas write for its entries."""
+    """Collects sections; `entries` holds, for each printed matrix or vector, what later formulas write for its entries
+    (a symbol, or the entry itself where it is short); `exact` the entries of matrices as they were printed."""
 
     equations: Equations
     extra: Sequence[tuple[ca.SX, sympy.Symbol, str]] = ()
     names: dict[sympy.Symbol, str] = field(default_factory=dict)
     entries: dict[str, Rows] = field(default_factory=dict)
+    exact: dict[str, Rows] = field(default_factory=dict)
     meanings: list[Meaning] = field(default_factory=list)
     printed: list[Printed] = field(default_factory=list)
     laws: list[Law] = field(default_factory=list)
@@ -239,15 +241,24 @@ class Author:
 
     def read(self, value: ca.SX, most: int = READABLE) -> list[sympy.Expr] | None:
         """Entries row by row, whole or over abbreviations, which are then printed; None where neither can be read."""
-        for named in (False, True):
-            whole = self.reader.whole(value, most, named)
-            if whole is not None:
-                return whole
-        found = self.reader.in_pieces(value, lambda k: self.fresh(f"z[{k}]", f"z_{{{k}}}"))
+        bearable = self._whole(value, max(most, BEARABLE))
+        if bearable is not None and all(operations(x) <= most for x in bearable):
+            return bearable
+        found = self.reader.in_pieces(value, self._piece, FEW_PIECES if bearable else MOST_PIECES)
         if found is None:
-            return None
+            return bearable
         self.pieces(found[0], self.reader.terms([x.node for x in found[0]]))
         return found[1]
+
+    def _whole(self, value: ca.SX, most: int) -> list[sympy.Expr] | None:
+        """Over the basic symbols, or over everything that has a name where that is much shorter."""
+        whole, over_names = self.reader.whole(value, most), self.reader.whole(value, most, named=True)
+        if over_names is not None and (whole is None or _much_shorter(over_names, whole)):
+            return over_names
+        return whole
+
+    def _piece(self, k: int) -> sympy.Symbol:
+        return self.fresh(f"z[{k}]", f"z_{{{k}}}")
 
     def scalar(self, name: str, latex: str, value: ca.SX, about: str, unit: str = "") -> sympy.Symbol | None:
         """symbol = expression."""
@@ -291,7 +302,12 @@ class Author:
             symbols = [[symbols[min(i, j)][max(i, j)] for j in range(m)] for i in range(n)]
         shown = self._listed(name, rows, symbols, value, symmetric)
         self.entries[name] = [[x if simple(x) else s for x, s in zip(*pair)] for pair in zip(rows, symbols)]
-        if m <= BROAD:
+        self.exact[name] = rows
+        self.reader.name(value, [x for row in self.entries[name] for x in row])
+        if n * m == 1:
+            if shown[0][0] != symbols[0][0]:
+                self.lines(name, [symbols[0][0]], [rows[0][0]], value)
+        elif m <= BROAD:
             left = [s for row in symbols for s in row]
             latex = self.typeset.matrix(shown)
             self.record(name, f"{bold} = {latex}", left, shown, value)
@@ -328,6 +344,10 @@ class Author:
         latex = self.typeset.latex(found[0])
         self.record(about, latex, (None,), [found], value)
         return Math(latex)
+
+
+def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
+    return sum(map(operations, x)) < 0.6 * sum(map(operations, y))
 
 
 def plain(x: sympy.Expr) -> bool:

@@ -13,10 +13,12 @@ import sympy
 from derive.formulations.records import Guard
 from derive.mechanics.sampling import kinematics, states
 from derive.textbook.author import Author
+from derive.textbook.compose import operations
 from derive.textbook.records import Math, Text
 
 SAMPLES = 12
 MOST_SUBSETS = 300
+WRITTEN_OUT = 14  # operations of a sum that is not abbreviated by the symbols of its coefficients
 
 
 def choice(a: Author) -> None:
@@ -45,7 +47,8 @@ def choice(a: Author) -> None:
     a.mean(r"\mathbf{w},\; \mathbf{B}", "quasi-velocities, w = B v")
     _rows(a)
     _pivots(a)
-    _guards(a)
+    if not _orthonormal(a):
+        _guards(a)
 
 
 def _counted(n: int, one: str, many: str) -> str:
@@ -64,11 +67,13 @@ def _rows(a: Author) -> None:
     if _orthonormal(a):
         a.say(
             "The rows of $\\mathbf{B}$ are an orthonormal basis of the motions that the constraints allow, so that "
-            "$\\mathbf{B}=\\mathbf{S}^{\\mathsf{T}}$ with"
+            "$\\mathbf{B}=\\mathbf{S}^{\\mathsf{T}}$."
         )
+        _guards(a)
+        a.say("The basis vectors are the columns of")
         if a.matrix("S", r"\mathbf{S}", "S", a.named("S")):
-            rows = a.entries["S"]
-            a.entries["B"] = [list(column) for column in zip(*rows)]
+            for table in (a.entries, a.exact):
+                table["B"] = [list(column) for column in zip(*table["S"])]
         return
     a.say("The quasi-velocities are")
     if not a.matrix("B", r"\mathbf{B}", "B", B):
@@ -76,7 +81,7 @@ def _rows(a: Author) -> None:
     own = [k for k, s in enumerate(a.w) if s not in a.v]
     if own:
         a.say("or, row by row,")
-        rows = [sympy.Add(*[x * v for x, v in zip(a.entries["B"][k], a.v)]) for k in own]
+        rows = [shorter(sum_of(a.exact["B"][k], a.v), sum_of(a.entries["B"][k], a.v)) for k in own]
         a.lines("w", [a.w[k] for k in own], rows, a.w_symbols[own])
 
 
@@ -244,12 +249,19 @@ def _velocities(a: Author) -> None:
     if "S" not in a.entries or ("R" not in a.entries and not a.system.c.is_zero()):
         return
     c = [a.entries["c"][i][0] for i in a.kept] if a.has("Y") else []
-    rows = [sum_of(a.entries["S"][j], a.w) + (sum_of(a.entries["R"][j], c) if any(c) else 0) for j in range(len(a.v))]
+    rows = [shorter(sum_of(a.exact["S"][j], a.w), sum_of(a.entries["S"][j], a.w)) for j in range(len(a.v))]
+    if any(c):
+        rows = [x + sum_of(a.entries["R"][j], c) for j, x in enumerate(rows)]
     shown = [j for j, x in enumerate(rows) if x != a.v[j]]
     if shown:
         moving = "" if a.system.c.is_zero() else " + \\mathbf{R}\\,\\mathbf{c}"
         a.say(f"So the base velocities are $\\mathbf{{v}}=\\mathbf{{S}}\\,\\mathbf{{w}}{moving}$, that is")
         a.lines("v", [a.v[j] for j in shown], [rows[j] for j in shown], a.named("v")[shown])
+
+
+def shorter(exact: sympy.Expr, over_symbols: sympy.Expr) -> sympy.Expr:
+    """Written out where that is still short."""
+    return exact if operations(exact) <= WRITTEN_OUT else over_symbols
 
 
 def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:

@@ -8,10 +8,9 @@ from typing import Any
 
 import sympy
 
-from derive.textbook.ring import Key, Monomial, Poly, Ring, common_factor, common_monomial
+from derive.textbook.ring import PLAIN, Key, Monomial, Poly, Ring, TooBig, common_factor, parted
 
 DIGITS = 15
-PLAIN = (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48)  # denominators that read better as fractions
 
 
 def number(x: Fraction, decimal: bool) -> sympy.Expr:
@@ -31,17 +30,43 @@ class Composer:
         self.ring, self.decimal = ring, decimal
         self.made: dict[int, sympy.Expr] = {}
 
+    def shortest(self, poly: Poly) -> sympy.Expr:
+        """Term by term or over a common denominator, whichever has fewer operations."""
+        if not poly:
+            return sympy.Integer(0)
+        factor, monomial, rest = parted(poly)
+        over = sympy.Mul(number(factor, self.decimal), *self._factors(monomial), self._polynomial(rest))
+        return min(self.expression(poly), over, key=operations)
+
+    def _polynomial(self, poly: Poly) -> sympy.Expr:
+        """A sum without divisors, in product or in Fourier form."""
+        found = self.expression(poly)
+        if self.ring.fourier:
+            return found
+        other = Ring(fourier=True)
+        try:
+            turned = self.ring.in_fourier_form(poly, other)
+        except TooBig:
+            return found
+        return min(found, Composer(other, self.decimal).expression(turned), key=operations)
+
     def expression(self, poly: Poly) -> sympy.Expr:
         if not poly:
             return sympy.Integer(0)
         keys = list(poly)
-        monomial, trig = common_monomial(keys), _common_trig(keys)
-        factor = common_factor([poly[key] for key in sorted(poly)])
+        monomial, trig = _shared(keys), _common_trig(keys)
+        factor = self._factor([poly[key] for key in sorted(poly)])
         if all(x < 0 for x in (v / factor for v in poly.values())):
             factor = -factor
         rest = {_divided(key, monomial, trig): x / factor for key, x in poly.items()}
         outside = [number(factor, self.decimal), *self._factors(monomial), *self._trig(trig)]
         return sympy.Mul(*outside, self._sum(rest))
+
+    def _factor(self, values: list[Fraction]) -> Fraction:
+        """Decimals keep their coefficients."""
+        if self.decimal and len({abs(x) for x in values}) > 1:
+            return Fraction(-1 if values[0] < 0 else 1)
+        return common_factor(values)
 
     def _sum(self, poly: Poly) -> sympy.Expr:
         """A sum without common factor: what occurs in most terms is taken out of those."""
@@ -72,9 +97,9 @@ class Composer:
         if kind == "symbol":
             return content
         if kind == "sum":
-            return self.expression(content)
+            return self._polynomial(content)
         if kind == "root":
-            return sympy.sqrt(self.expression(content))
+            return sympy.sqrt(self.shortest(content))
         return FUNCTIONS[kind](*[self.expression(x) for x in content])
 
     def _trig(self, trig: tuple) -> list[sympy.Expr]:
@@ -82,6 +107,15 @@ class Composer:
             return []
         angle = sympy.Add(*[number(x, self.decimal) * self._atom(k) for k, x in trig[1]])
         return [sympy.cos(angle) if trig[0] == "c" else sympy.sin(angle)]
+
+
+def _shared(keys: list[Key]) -> Monomial:
+    """Atoms in all terms with the same sign, each to the power nearest to zero."""
+    shared = dict(keys[0][0])
+    for monomial, _ in keys[1:]:
+        here = dict(monomial)
+        shared = {k: min(e, here[k], key=abs) for k, e in shared.items() if k in here and here[k] * e > 0}
+    return tuple(sorted(shared.items()))
 
 
 def _common_trig(keys: list[Key]) -> tuple:

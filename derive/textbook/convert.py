@@ -12,9 +12,11 @@ from derive.textbook.compose import FUNCTIONS, Composer, number, operations
 from derive.textbook.graph import Graph, Node
 from derive.textbook.ring import Poly, Ring, TooBig, rational
 
-READABLE = 52  # operations in one printed entry
+READABLE = 44  # operations in one printed entry
 PIECE = 18  # a sub-term longer than this gets a name
 SHARED = 3  # so does one of at least so many operations that occurs twice
+BEARABLE = 80  # up to here, where the term would otherwise need many named sub-terms
+FEW_PIECES = 8
 MOST_PIECES = 48  # a term that would need more sub-terms is not written out
 LARGEST = 6000  # nodes of a term beyond which reading it is not tried
 
@@ -49,15 +51,17 @@ class Reader:
     def name(self, value: ca.SX, symbols: Sequence[sympy.Expr]) -> None:
         """From now on these entries are recognised as these symbols."""
         for node, symbol in zip(self.graph.read(value), symbols):
-            if self.graph.nodes[node].operands:
+            if self.graph.nodes[node].operands and symbol.is_Symbol:
                 self.known.setdefault(node, symbol)
 
-    def in_pieces(self, value: ca.SX, fresh: Callable[[int], sympy.Symbol]) -> tuple[list[Piece], list[sympy.Expr]] | None:
+    def in_pieces(
+        self, value: ca.SX, fresh: Callable[[int], sympy.Symbol], most: int = MOST_PIECES
+    ) -> tuple[list[Piece], list[sympy.Expr]] | None:
         """The entries over named sub-terms, old and new (their symbols from `fresh`); None where there would be too many."""
         roots = self.graph.read(value)
         order = self.graph.below(roots, frozenset(self.known))
         cuts = self._cuts(order) if len(order) <= LARGEST else None
-        if cuts is None or len(cuts) > MOST_PIECES:
+        if cuts is None or len(cuts) > most:
             return None
         names: dict[int, sympy.Expr] = {k: self.known[k] for k in order if k in self.known}
         pieces: list[Piece] = []
@@ -121,11 +125,11 @@ class Reader:
         try:
             for k in self.graph.below(roots, frozenset(names)):
                 values[k] = ring.symbol(names[k]) if k in names else self._poly(ring, self.graph.nodes[k], values)
-            polys = [values[k] if fourier else pythagorean(ring, values[k]) for k in roots]
+            polys = [ring.pythagorean(values[k]) for k in roots]
         except (TooBig, OverflowError, ValueError, ZeroDivisionError):
             return None
         composer = Composer(ring, self.decimal)
-        return [composer.expression(poly) for poly in polys]
+        return [composer.shortest(poly) for poly in polys]
 
     def _poly(self, ring: Ring, node: Node, values: dict[int, Poly]) -> Poly:
         if node.op == ca.OP_INPUT:
@@ -151,8 +155,6 @@ class Reader:
 
 
 def _applied(ring: Ring, op: int, x: list[Poly]) -> Poly:
-    if op in _DIVIDES and not ring.fourier:
-        x = [*x[:-1], pythagorean(ring, x[-1])]
     if op in _RING:
         return _RING[op](ring, *x)
     if op not in _CALLS:
@@ -192,7 +194,6 @@ _RING: dict[int, Callable[..., Poly]] = {
     ca.OP_ASSIGN: lambda ring, a: a,
 }
 
-_DIVIDES = {ca.OP_DIV, ca.OP_INV, ca.OP_SQRT}
 _CALLS = {
     ca.OP_ASIN: "asin",
     ca.OP_ACOS: "acos",
@@ -254,32 +255,3 @@ PLAIN: dict[int, Callable[..., sympy.Expr]] = {
     ca.OP_ACOSH: sympy.acosh,
     ca.OP_ATANH: sympy.atanh,
 } | {op: FUNCTIONS[name] for op, name in _CALLS.items()}
-
-
-def pythagorean(ring: Ring, poly: Poly) -> Poly:
-    """sin² = 1 − cos² or cos² = 1 − sin², wherever that leaves fewer terms."""
-    for sine, cosine in _pairs(ring):
-        trials = [poly, _replaced(ring, poly, sine, cosine), _replaced(ring, poly, cosine, sine)]
-        poly = min(trials, key=len)
-    return poly
-
-
-def _pairs(ring: Ring) -> list[tuple[int, int]]:
-    """Atoms sin x and cos x of the same x."""
-    cosines = {name[1]: k for name, k in ring.index.items() if name[0] == "cos"}
-    return [(k, cosines[name[1]]) for name, k in ring.index.items() if name[0] == "sin" and name[1] in cosines]
-
-
-def _replaced(ring: Ring, poly: Poly, old: int, new: int) -> Poly:
-    result: Poly = {}
-    for (monomial, trig), x in poly.items():
-        powers = dict(monomial)
-        pairs, odd = divmod(max(powers.get(old, 0), 0), 2)
-        if not pairs:
-            result = ring.sum(result, {(monomial, trig): x})
-            continue
-        powers[old] = odd
-        rest = tuple(sorted((k, e) for k, e in powers.items() if e))
-        square: Poly = {((), ()): rational(1.0), (((new, 2),), ()): rational(-1.0)}
-        result = ring.sum(result, ring.product({(rest, trig): x}, ring.power(square, pairs)))
-    return result

@@ -113,13 +113,13 @@ def links(a: Author, found: Sequence[Component]) -> None:
         "Walking from base to tip, every link hands its motion to the next: the angular velocity of a link is that of its carrier plus "
         "the joint's, and the velocity of its origin follows through the joint point. In each link's own axes:"
     )
-    known, zero = numbers_in_symbols(system, found), []
+    known = numbers_in_symbols(system, found)
     for i, link in enumerate(system.links):
         parent = known[link.parent] if link.parent >= 0 else STILL
         by_recursion = child_numbers(link, parent, [system.v[j] for j in link.columns])
-        zero += [] if any(x.link == i for x in found) else [link.name]
         _link(a, [x for x in found if x.link == i], [*by_recursion[0], *by_recursion[1]])
-    a.say("Components that are not listed are zero.")
+    if len(found) < 6 * len(system.links):
+        a.say("Components that are not listed are zero.")
     a.mean(r"\omega_{i},\; v_{i}", "angular velocity of link i and velocity of its origin, in its own axes", "rad/s, m/s")
 
 

@@ -10,6 +10,7 @@ _UPRIGHT = re.compile(r'<mrow>((?:<mi mathvariant="normal">[^<]+</mi>|<mn>[^<]+<
 _BOLD = re.compile(r'<mi mathvariant="bold-italic">([^<]+)</mi>')
 _NAMES = "sin|cos|tan|sinh|cosh|tanh|ln|exp|arcsin|arccos|arctan|atan2|sign|min|max"
 _CALL = re.compile(rf"<m[io]>({_NAMES})</m[io]>(</?\w+>)?")
+_RAISED = re.compile(r"(<msup><mo [^>]*>[a-z]+</mo><mrow>(?:(?!</msup>).)*</mrow></msup>)(?!<mrow><mo stretchy)")
 _DIGIT = re.compile(r"\\mathbf\{(\d)\}")  # a digit loses its bold face in latex2mathml
 _BOLD_GREEK = 0x1D6C2 - 0x3B1  # α → bold α
 _BOLD_GREEK_CAPITAL = 0x1D6A8 - 0x391
@@ -29,6 +30,7 @@ def mathml(latex: str, display: bool = False) -> str:
     text = text.replace("<mo>&#x0005B;</mo><mtable>", '<mspace width="0.2em" /><mtable class="matrix">').replace(
         "</mtable><mo>&#x0005D;</mo>", '</mtable><mspace width="0.2em" />'
     )
+    text = _RAISED.sub(r'\1<mspace width="0.167em" />', text)
     style = ' displaystyle="true"' if display else ""
     return re.sub(r"<math [^>]*>", f"<math{style}>", text, count=1)
 

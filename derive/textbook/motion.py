@@ -196,7 +196,11 @@ def _solved(a: Author) -> None:
         )
         return
     if _diagonal(M):
-        a.say("The equations are decoupled, and the explicit equations of motion are")
+        a.say(
+            "The explicit equation of motion is"
+            if n == 1
+            else "The equations are decoupled, and the explicit equations of motion are"
+        )
         return _accelerations(a, [x / M[k][k] for k, x in enumerate(f)])
     if n == 2:
         return _cramer(a, M, f)

@@ -17,6 +17,7 @@ Trig = tuple  # () or ("c" | "s", ((atom, coefficient), …))
 Key = tuple[Monomial, Trig]
 Poly = dict[Key, Fraction]
 UNIT: Key = ((), ())
+PLAIN = frozenset((1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48))  # denominators that read better as fractions
 
 
 class TooBig(Exception):
@@ -46,8 +47,8 @@ class Ring:
     """Arithmetic with a budget: at most `most` terms a sum, `work` products of terms in all."""
 
     fourier: bool
-    most: int = 90
-    work: int = 30_000
+    most: int = 80
+    work: int = 16_000
     atoms: list[Atom] = field(default_factory=list)
     index: dict[tuple, int] = field(default_factory=dict)
 
@@ -141,6 +142,8 @@ class Ring:
         if not a:
             raise TooBig  # a division by zero is not a formula
         factor, monomial, rest = parted(a)
+        if (shorter := self.pythagorean(rest)) != rest:
+            return self.product({(tuple((k, -e) for k, e in monomial), ()): 1 / factor}, self.inverse(shorter))
         turned = tuple((k, -e) for k, e in monomial)
         if rest == {UNIT: 1}:
             return self.product({(turned, ()): 1 / factor}, {UNIT: Fraction(1)})
@@ -154,7 +157,7 @@ class Ring:
     def root(self, a: Poly) -> Poly:
         if not a:
             return {}
-        factor, monomial, rest = parted(a)
+        factor, monomial, rest = parted(self.pythagorean(a))
         square = _square_root(factor)
         inner = self.product({(monomial, ()): Fraction(1) if square else factor}, rest)
         if inner == {UNIT: 1}:
@@ -162,6 +165,52 @@ class Ring:
         if (half := _halved(inner)) is not None:
             return self.scaled(self.call("abs", (half,)), square or Fraction(1))
         return {(((self.atom("root", inner, frozen(inner)), 1),), ()): square or Fraction(1)}
+
+    def pythagorean(self, poly: Poly) -> Poly:
+        """sin² = 1 − cos² or cos² = 1 − sin², as often as that leaves fewer terms."""
+        before = None
+        while before is None or len(poly) < before:
+            before = len(poly)
+            for sine, cosine in self._pairs():
+                poly = min(poly, self._replaced(poly, sine, cosine), self._replaced(poly, cosine, sine), key=len)
+        return poly
+
+    def _pairs(self) -> list[tuple[int, int]]:
+        """Atoms sin x and cos x of the same x; there are none in Fourier form."""
+        cosines = {name[1]: k for name, k in self.index.items() if name[0] == "cos"}
+        return [(k, cosines[name[1]]) for name, k in self.index.items() if name[0] == "sin" and name[1] in cosines]
+
+    def _replaced(self, poly: Poly, old: int, new: int) -> Poly:
+        """Even powers of `old` written with `new`: x² = 1 − y²."""
+        squares = [key for key in poly if any(k == old and e > 1 for k, e in key[0])]
+        result = {key: x for key, x in poly.items() if key not in squares}
+        square: Poly = {UNIT: Fraction(1), (((new, 2),), ()): Fraction(-1)}
+        for monomial, trig in squares:
+            powers = dict(monomial)
+            pairs, powers[old] = divmod(powers[old], 2)
+            rest = tuple(sorted((k, e) for k, e in powers.items() if e))
+            for key, x in self.product({(rest, trig): poly[monomial, trig]}, self.power(square, pairs)).items():
+                self._accumulate(result, key, x)
+        return result
+
+    def in_fourier_form(self, poly: Poly, other: Ring) -> Poly:
+        """The same sum in the ring `other`. Raises TooBig where it holds more than symbols, sines and cosines."""
+        result: Poly = {}
+        for (monomial, _), x in poly.items():
+            term: Poly = {UNIT: x}
+            for k, e in monomial:
+                term = other.product(term, other.power(self._carried(k, other), e))
+            result = other.sum(result, term)
+        return result
+
+    def _carried(self, k: int, other: Ring) -> Poly:
+        kind, content = self.atoms[k].kind, self.atoms[k].content
+        if kind == "symbol":
+            return other.symbol(content)
+        if kind not in ("sin", "cos"):
+            raise TooBig
+        argument = self.in_fourier_form(content[0], other)
+        return other.sine(argument) if kind == "sin" else other.cosine(argument)
 
     def call(self, name: str, arguments: tuple[Poly, ...]) -> Poly:
         key = tuple(frozen(x) for x in arguments)
@@ -256,16 +305,10 @@ def parted(a: Poly) -> tuple[Fraction, Monomial, Poly]:
 
 
 def common_monomial(keys: list[Key]) -> Monomial:
-    """Atoms in all terms, each to the power nearest to zero."""
-    shared = dict(keys[0][0])
-    for monomial, _ in keys[1:]:
-        here = dict(monomial)
-        shared = {k: _nearer(e, here[k]) for k, e in shared.items() if k in here and here[k] * e > 0}
-    return tuple(sorted(shared.items()))
-
-
-def _nearer(a: int, b: int) -> int:
-    return a if abs(a) <= abs(b) else b
+    """Every atom to its lowest power in any term: what is left are true polynomials without a common atom."""
+    powers = [dict(monomial) for monomial, _ in keys]
+    lowest = {k: min(p.get(k, 0) for p in powers) for k in {k for p in powers for k in p}}
+    return tuple(sorted((k, e) for k, e in lowest.items() if e))
 
 
 def common_factor(values: list[Fraction]) -> Fraction:
@@ -273,7 +316,7 @@ def common_factor(values: list[Fraction]) -> Fraction:
     sign = -1 if values[0] < 0 else 1
     if len({abs(x) for x in values}) == 1:
         return values[0]
-    if any(x.denominator > 48 for x in values):
+    if any(x.denominator not in PLAIN for x in values):
         return Fraction(sign)
     return Fraction(sign * gcd(*[x.numerator for x in values]), lcm(*[x.denominator for x in values]))
 

@@ -21,7 +21,7 @@ USAGE, INTERNAL, INTERRUPTED, PIPE = 64, 70, 130, 141  # sysexits.h and 128 + si
 
 def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
     """Run `command` and return the exit code; errors go to standard error or, with --json, to standard output as one object."""
-    warnings.formatwarning = lambda message, *place, **more: f"warning: {message}\n"
+    warnings.formatwarning = _once(set())
     try:
         _check_neighbours()
         code = command()
@@ -44,6 +44,18 @@ def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
         if "--debug" in arguments:
             raise
         return _report((_internal(error),), INTERNAL, arguments)
+
+
+def _once(said: set[str]) -> Callable[..., str]:
+    """Warnings as one line without a place in our sources, each said once."""
+
+    def line(message: Warning | str, *place: Any, **more: Any) -> str:
+        text = f"warning: {message}\n"
+        new = text not in said
+        said.add(text)
+        return text if new else ""
+
+    return line
 
 
 def _usage(error: click.ClickException) -> Diagnostic:

@@ -19,7 +19,7 @@ from codegen.passes.graph import Work, live
 from codegen.passes.lower import lower
 from codegen.passes.pipeline import PASSES, count
 from codegen.passes.share import share
-from codegen.passes.trace import trace
+from codegen.passes.trace import record, trace
 from derive.diagnostics import HamelError
 from tests.toy import toy
 
@@ -28,11 +28,11 @@ a, b, c, d, e = (X[i] for i in range(5))
 
 
 def traced(*roots: Any) -> Work:
-    return trace([("x", X)], [ca.SX(root) for root in roots], [])[0]
+    return trace(record([("x", X)], [ca.SX(root) for root in roots]))
 
 
 def total(work: Work) -> int:
-    return count(lower(work).code)["total"]
+    return count(lower(work).code.operations)["total"]
 
 
 def operations(*roots: Any) -> int:
@@ -116,7 +116,7 @@ def test_passes_change_rounding_only(roots: list[Any]) -> None:
     roots = [ca.SX(root) for root in roots]
     x = np.array([0.7, -1.3, 0.4, 2.1, -0.6])
     expected = np.array(ca.Function("f", [X], [ca.vertcat(*roots)])(x)).ravel()
-    work = trace([("x", X)], roots, [])[0]
+    work = trace(record([("x", X)], roots))
     size = 1 + max((abs(value) for value in _all_values(work, x)), default=0.0)
     for improve in (factor, share, factor, share):
         np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)

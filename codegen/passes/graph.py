@@ -212,8 +212,15 @@ def rewrite(work: Work, rule: Rule) -> Work:
         found = rule(graph, node, done)
         if found is not None:
             done[node] = found
+            _keep_origin(work.graph, node, graph, found)
     roots = tuple(scaled(factor, done[node]) for factor, node in work.roots)
     return Work(graph, roots, tuple(_follow(mark, done) for mark in work.marks))
+
+
+def _keep_origin(old: Graph, node: int, graph: Graph, found: Reference) -> None:
+    """A sum that became another keeps the numbers it was first met with."""
+    if node in old.natural and graph.nodes[found[1]][0] == "sum":
+        graph.natural[found[1]] = abs(snapped(old.natural[node] * found[0]))
 
 
 def copied(work: Work, graph: Graph, node: int, done: dict[int, Reference]) -> Reference:

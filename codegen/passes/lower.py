@@ -6,14 +6,14 @@ few constants as possible. Signs are free inside sums: a term is added or subtra
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, live, snapped, uses
+from codegen.passes.graph import ONE, Graph, Reference, Work, live, snapped
+from codegen.passes.scales import free_scale, scales
 
 Operand = int | float  # the index of an operation, or a constant; of "input" the argument's name and the index
-_WIDE = 16  # sums with more distinct factors than this are not searched for the best scale
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Lowered:
 def lower(work: Work, loose: Sequence[int] = ()) -> Lowered:
     """Operations for all roots; the roots numbered in `loose` may come out times a constant (they are only compared)."""
     nodes = live(work)
-    scales = _scales(work, nodes, set(loose))
-    maker = _Maker(work.graph, scales)
+    found = scales(work, nodes, set(loose))
+    maker = _Maker(work.graph, found)
     for node in nodes:
         maker.make(node)
     roots = [maker.loose(root) if i in loose else (maker.value(root), 1.0) for i, root in enumerate(work.roots)]
@@ -68,115 +68,14 @@ def _order(operand: Operand) -> tuple[int, float]:
     return (0, operand) if isinstance(operand, float) else (1, operand)
 
 
-# ---- which multiple of each node to compute
-
-
-def _scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float]:
-    """From the roots down: every node is told which multiples its users want, chooses one and tells its own operands."""
-    wanted: dict[int, list[float]] = {node: [] for node in nodes}
-    wanted[ONE] = []
-    for i, (factor, node) in enumerate(work.roots):
-        if i not in loose:
-            wanted[node].append(factor)
-    used = uses(work, nodes)
-    named = {node: abs(factor) for mark in work.marks for _, (factor, node) in mark.entries}
-    scales: dict[int, float] = {}
-    for node in reversed(nodes):
-        kind, *rest = work.graph.nodes[node]
-        if kind == "sum":
-            scales[node] = _sum_scale(rest[0], wanted[node], named.get(node, work.graph.natural[node]))
-            _want_terms(rest[0], scales[node], wanted)
-        elif kind == "product":
-            scales[node] = _product_scale(work.graph, rest[0], wanted[node], used)
-            _want_factors(work.graph, rest[0], scales[node], wanted, used)
-        elif kind == "call":
-            for factor, other in rest[1]:
-                wanted[other].append(factor)
-    return scales
-
-
-def _distinct(factors: Iterable[float]) -> int:
-    """How many multiplications by constants a set of factors needs."""
-    return len({abs(factor) for factor in factors} - {1.0})
-
-
-def _sum_scale(terms: Sequence[tuple[int, float]], wants: Sequence[float], natural: float) -> float:
-    """The cheapest scale; among equals the one with the numbers that the derivation had."""
-    factors = [factor for node, factor in terms if node != ONE]
-    sign = -1.0 if _prefers_negative(wants) and any(factor < 0 for _, factor in terms) else 1.0
-    if natural == 1.0 and not _distinct(factors) and not _distinct(wants):
-        return sign
-    candidates = [natural, 1.0, *dict.fromkeys(abs(want) for want in wants)]
-    if len(set(factors)) <= _WIDE:
-        candidates += dict.fromkeys(snapped(1.0 / abs(factor)) for factor in factors)
-
-    def cost(scale: float) -> int:
-        inside = _distinct(snapped(scale * factor) for factor in factors)
-        return inside + _distinct(snapped(want / scale) for want in wants)
-
-    return sign * min(candidates, key=cost)
-
-
-def _prefers_negative(wants: Sequence[float]) -> bool:
-    return sum(1 if want < 0 else -1 for want in wants) > 0
-
-
-def _product_scale(graph: Graph, factors: Sequence[tuple[int, int]], wants: Sequence[float], used: dict[int, int]) -> float:
-    sizes = list(dict.fromkeys(abs(want) for want in wants))
-    reciprocal = all(exponent < 0 for _, exponent in factors)
-
-    def cost(scale: float) -> tuple[float, bool]:
-        own = 0 if scale == 1.0 or reciprocal else 1
-        return own + _distinct(snapped(want / scale) for want in wants), scale not in sizes
-
-    best = min([1.0, *sizes], key=cost)
-    flips = best != 1.0 or reciprocal or _absorber(graph, factors, used, -1.0) is not None
-    return -best if flips and _prefers_negative(wants) else best
-
-
-def _absorber(graph: Graph, factors: Sequence[tuple[int, int]], used: dict[int, int], factor: float) -> int | None:
-    """A factor of a product that takes the constant in: a sum used here alone; for a mere sign one with a minus in it."""
-    for node, exponent in factors:
-        kind, *rest = graph.nodes[node]
-        if kind == "sum" and exponent == 1 and used[node] == 1 and (factor > 0 or any(f < 0 for _, f in rest[0])):
-            return node
-    return None
-
-
-def _want_factors(
-    graph: Graph, factors: Sequence[tuple[int, int]], scale: float, wanted: dict[int, list[float]], used: dict[int, int]
-) -> None:
-    takes = None if scale == 1.0 else _absorber(graph, factors, used, scale)
-    for node, _ in factors:
-        wanted[node].append(scale if node == takes else 1.0)
-
-
-def _want_terms(terms: Sequence[tuple[int, float]], scale: float, wanted: dict[int, list[float]]) -> None:
-    """Terms with a factor of their own may bring it along; a group with the same factor is multiplied once."""
-    groups: dict[float, list[int]] = {}
-    for node, factor in terms:
-        groups.setdefault(abs(snapped(scale * factor)), []).append(node)
-    for size, members in groups.items():
-        for node in members:
-            wanted[node].append(size if len(members) == 1 else 1.0)
-
-
-def _free(factors: Sequence[tuple[int, int]], scales: dict[int, float]) -> float:
-    """The scale that a product has when its factors are multiplied as they are."""
-    free = 1.0
-    for node, exponent in factors:
-        free *= scales.get(node, 1.0) ** exponent
-    return free
-
-
-def _partners(graph: Graph, scales: dict[int, float]) -> dict[int, int]:
+def _partners(graph: Graph, known: dict[int, float]) -> dict[int, int]:
     """For products with a constant: the factor to multiply by it first, where that is of use to several products."""
     sizes: dict[int, float] = {}
     where: dict[tuple[float, int], list[int]] = {}
-    for product in sorted(scales):
+    for product in sorted(known):
         kind, *rest = graph.nodes[product]
         if kind == "product":
-            sizes[product] = abs(snapped(scales[product] / _free(rest[0], scales)))
+            sizes[product] = abs(snapped(known[product] / free_scale(rest[0], known)))
             for node, exponent in rest[0] if sizes[product] != 1.0 else ():
                 if exponent == 1:
                     where.setdefault((sizes[product], node), []).append(product)
@@ -272,7 +171,7 @@ class _Maker:
             operand, own = self.places[node]
             scale /= own**exponent
             if node == self.partners.get(product):
-                size = abs(snapped(self.scales[product] / _free(factors, self.scales)))
+                size = abs(snapped(self.scales[product] / free_scale(factors, self.scales)))
                 operand, scale = self._times(size, operand), scale / size
             (above if exponent > 0 else below).append((operand, abs(exponent)))
         return self._quotient(above, below, snapped(scale))

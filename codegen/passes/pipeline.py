@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 
 from codegen.passes.factor import factor
-from codegen.passes.graph import Work
-from codegen.passes.lower import Code, Lowered, lower
+from codegen.passes.graph import Mark, Work
+from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
-from codegen.passes.schedule import schedule
+from codegen.passes.plain import plain
+from codegen.passes.schedule import reachable, schedule
 from codegen.passes.share import share
-from codegen.passes.trace import trace
+from codegen.passes.trace import Tape, record, trace
 from codegen.program import KINDS, Argument, Entry, Kernel, Loop, Pivot, Program
 from derive.diagnostics import HamelError
 from derive.formulations import records
@@ -20,7 +22,7 @@ from derive.formulations.records import Equations, Function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
-LARGE = 20_000  # operations from which one round, counted once, has to do
+LARGE = 20_000  # operations from which folding and one round of factoring have to do
 
 _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
 
@@ -89,10 +91,9 @@ def _kernel(equations: Equations, function: Function) -> tuple[Kernel, list[Entr
     size = function.result.value.numel()
     slots = _slots(equations, function)
     symbols = [(slot.name, slot.symbols) for slot in slots]
-    work, raw = trace(symbols, _roots(function), [(n.name, n.about, n.value) for n in function.named])
-    work, entries = _improve(function, work, raw, size)
-    lowered = lower(work, _loose(function, size))
-    return _finish(function, lowered, work, _arguments(slots, equations.parameters), size), entries
+    tape = record(symbols, _roots(function), [(n.name, n.about, n.value) for n in function.named])
+    best, entries = _improve(function.name, tape, _loose(function, size))
+    return _finish(function, best, _arguments(slots, equations.parameters), size), entries
 
 
 def _roots(function: Function) -> list[ca.SX]:
@@ -106,37 +107,54 @@ def _loose(function: Function, size: int) -> range:
     return range(size, size + len(function.guards))
 
 
-def _improve(function: Function, work: Work, raw: int, size: int) -> tuple[Work, list[Entry]]:
+@dataclass(frozen=True)
+class _Candidate:
+    """A function as operations, their number (signs are counted apart), and where its named entries are."""
+
+    lowered: Lowered
+    marks: tuple[Mark, ...]
+    total: int
+    signs: int
+
+
+def _candidate(lowered: Lowered, marks: tuple[Mark, ...]) -> _Candidate:
+    operations = needed(lowered)
+    return _Candidate(lowered, marks, count(operations)["total"], sum(operation.name == "neg" for operation in operations))
+
+
+def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entry]]:
     """Rounds of passes; the best result wins, for a pass may cost something that a later one does not regain."""
+    best = _candidate(*plain(tape, loose))
+    entries = [Entry(name, "number", tape.count(), best.total)]
+    for step, found in _tried(trace(tape), loose, best.total > LARGE):
+        entries.append(Entry(name, step, entries[-1].after, found.total))
+        best = min(found, best, key=lambda candidate: (candidate.total, candidate.signs))
+    return best, [*entries, Entry(name, "choose", entries[-1].after, best.total)]
 
-    def total(candidate: Work) -> int:
-        return count(lower(candidate, _loose(function, size)).code)["total"]
 
-    best, least = work, total(work)
-    entries = [Entry(function.name, "fold", raw, least)]
-    if least > LARGE:
-        for _, improve in PASSES:
-            work = improve(work)
-        return work, [*entries, Entry(function.name, "factor and share", least, total(work))]
-    for _ in range(ROUNDS):
+def _tried(work: Work, loose: range, large: bool) -> Iterator[tuple[str, _Candidate]]:
+    """The folded graph, then what each pass makes of it, for as long as a round helps."""
+    found = _candidate(lower(work, loose), work.marks)
+    yield "fold", found
+    least = found.total
+    for _ in range(1 if large else ROUNDS):
         start = least
-        for name, improve in PASSES:
+        for step, improve in PASSES[: 1 if large else None]:
             work = improve(work)
-            entries.append(Entry(function.name, name, entries[-1].after, total(work)))
-            if entries[-1].after < least:
-                best, least = work, entries[-1].after
+            found = _candidate(lower(work, loose), work.marks)
+            least = min(least, found.total)
+            yield step, found
         if least == start:
-            break
-    return best, [*entries, Entry(function.name, "choose", entries[-1].after, least)]
+            return
 
 
-def _finish(function: Function, lowered: Lowered, work: Work, arguments: Sequence[Argument], size: int) -> Kernel:
+def _finish(function: Function, best: _Candidate, arguments: Sequence[Argument], size: int) -> Kernel:
     inputs = {(argument.name, i): name for argument in arguments for i, name in enumerate(argument.names)}
     free = Names([*Names().taken, *inputs.values(), identifier(function.result.name)])
-    done = schedule(lowered, work.marks, f"{function.result.name}: {function.about}", inputs, free)
+    done = schedule(best.lowered, best.marks, f"{function.result.name}: {function.about}", inputs, free)
     guards = [
         Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance)
-        for guard, value, factor in zip(function.guards, done.roots[size:], lowered.factors[size:])
+        for guard, value, factor in zip(function.guards, done.roots[size:], best.lowered.factors[size:])
     ]
     loop = function.iteration and Loop(function.iteration.tolerance, function.iteration.most, done.roots[-1])
     rows, columns = function.result.value.shape
@@ -154,14 +172,20 @@ def _finish(function: Function, lowered: Lowered, work: Work, arguments: Sequenc
         outputs=done.roots[:size],
         guards=tuple(guards),
         loop=loop,
-        operations=count(lowered.code),
+        operations=count(needed(best.lowered)),
     )
 
 
-def count(code: Code) -> dict[str, int]:
+def needed(lowered: Lowered) -> list[Operation]:
+    """The operations that the roots need."""
+    wanted = reachable(lowered.code, [root for root in lowered.roots if isinstance(root, int)])
+    return [lowered.code.operations[i] for i in sorted(wanted)]
+
+
+def count(operations: Iterable[Operation]) -> dict[str, int]:
     """Operations of each kind. A negation is a sign, not an operation, and is not counted."""
     counts: dict[str, int] = dict.fromkeys(KINDS, 0)
-    for operation in code.operations:
+    for operation in operations:
         if operation.name not in ("input", "neg"):
             counts[_KIND.get(operation.name, "other")] += 1
     return {**counts, "total": sum(counts.values())}

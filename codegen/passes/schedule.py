@@ -24,7 +24,7 @@ def schedule(
 ) -> Scheduled:
     """inputs names argument entries; free(wanted) makes a name that is not taken; `title` heads what belongs to no mark."""
     roots = [root for root in lowered.roots if isinstance(root, int)]
-    wanted = _reachable(lowered.code, roots)
+    wanted = reachable(lowered.code, roots)
     groups = []
     done = {i for i in wanted if lowered.code.operations[i].name == "input"}
     for heading, starts in [*_headings(lowered, marks, wanted), (title, roots)]:
@@ -36,7 +36,8 @@ def schedule(
     return _write(lowered, wanted, groups, names, nested, inputs, free)
 
 
-def _reachable(code: Code, roots: Sequence[int]) -> set[int]:
+def reachable(code: Code, roots: Sequence[int]) -> set[int]:
+    """The operations that the roots need, the roots included."""
     seen, stack = set(roots), list(roots)
     while stack:
         for operand in _inner(code.operations[stack.pop()]):

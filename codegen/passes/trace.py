@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
@@ -20,32 +22,70 @@ _CALLS = {
 _MOST = 16  # integer powers up to this are multiplied out
 
 
-def trace(
-    arguments: Sequence[tuple[str, ca.SX]], roots: Sequence[ca.SX], named: Sequence[tuple[str, str, ca.SX]]
-) -> tuple[Work, int]:
-    """The scalars `roots` as a Work, and the number of instructions CasADi has for them.
+@dataclass(frozen=True)
+class Step:
+    """One instruction: CasADi's code, the steps it works on, and a constant or an argument's name and index."""
 
-    named holds (name, about, matrix): they ride along as further outputs and come back as marks.
-    """
+    code: int
+    operands: tuple[int, ...] = ()
+    given: Any = None
+
+
+@dataclass(frozen=True)
+class Tape:
+    """A function as CasADi would run it, every result in a place of its own. `named` holds (name, about, labels, steps)."""
+
+    steps: list[Step]
+    roots: list[int]
+    named: list[tuple[str, str, list[str], list[int]]]
+
+    def count(self) -> int:
+        """Instructions that compute something for the roots, before any pass."""
+        needed = bytearray(len(self.steps))
+        for root in self.roots:
+            needed[root] = 1
+        for k in range(len(self.steps) - 1, -1, -1):
+            for operand in self.steps[k].operands if needed[k] else ():
+                needed[operand] = 1
+        return sum(bool(flag) and step.code not in _COST_NOTHING for flag, step in zip(needed, self.steps))
+
+
+_COST_NOTHING = frozenset({ca.OP_INPUT, ca.OP_CONST, ca.OP_NEG, ca.OP_ASSIGN})
+
+
+def record(arguments: Sequence[tuple[str, ca.SX]], roots: Sequence[ca.SX], named: Sequence[tuple[str, str, ca.SX]] = ()) -> Tape:
+    """The scalars `roots` as a tape. named holds (name, about, matrix): they ride along as further outputs."""
     matrices = [ca.densify(ca.vertcat(*roots)), *(ca.densify(ca.vec(value.T)) for _, _, value in named)]
-    symbols = [symbol for _, symbol in arguments]
-    function = ca.Function("traced", symbols, matrices)
-    graph, outputs = _run(function, [name for name, _ in arguments])
-    marks = (Mark(name, about, _labelled(name, value, found)) for (name, about, value), found in zip(named, outputs[1:]))
-    return Work(graph, tuple(outputs[0]), tuple(marks)), _counted(ca.Function("plain", symbols, matrices[:1]))
+    function = ca.Function("traced", [symbol for _, symbol in arguments], matrices)
+    steps, outputs = _recorded(function, [name for name, _ in arguments])
+    labels = [(name, about, _labels(name, value)) for name, about, value in named]
+    return Tape(steps, outputs[0], [(*label, found) for label, found in zip(labels, outputs[1:])])
 
 
-def _counted(function: ca.Function) -> int:
-    """Instructions that compute something; CasADi's own count before any pass."""
-    free = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_NEG, ca.OP_ASSIGN}
-    return sum(function.instruction_id(k) not in free for k in range(function.n_instructions()))
+def _recorded(function: ca.Function, arguments: Sequence[str]) -> tuple[list[Step], list[list[int]]]:
+    outputs = [[0] * function.numel_out(i) for i in range(function.n_out())]
+    steps: list[Step] = []
+    register: dict[int, int] = {}
+    for k in range(function.n_instructions()):
+        code, inputs, targets = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_OUTPUT:
+            outputs[targets[0]][targets[1]] = register[inputs[0]]
+            continue
+        if code == ca.OP_INPUT:
+            step = Step(code, (), (arguments[inputs[0]], inputs[1]))
+        elif code == ca.OP_CONST:
+            step = Step(code, (), function.instruction_constant(k))
+        else:
+            step = Step(code, tuple(register[i] for i in inputs))
+        register[targets[0]] = len(steps)
+        steps.append(step)
+    return steps, outputs
 
 
-def _labelled(name: str, value: ca.SX, found: Sequence[Reference]) -> tuple[tuple[str, Reference], ...]:
-    """Entries that are computed, labelled as in the textbook: M_1_2, h_3, T."""
+def _labels(name: str, value: ca.SX) -> list[str]:
+    """Entries labelled as in the textbook: M_1_2, h_3, T."""
     rows, columns = value.shape
-    labels = [_label(name, r, c, rows, columns) for r in range(rows) for c in range(columns)]
-    return tuple((label, reference) for label, reference in zip(labels, found))
+    return [_label(name, r, c, rows, columns) for r in range(rows) for c in range(columns)]
 
 
 def _label(name: str, row: int, column: int, rows: int, columns: int) -> str:
@@ -54,22 +94,21 @@ def _label(name: str, row: int, column: int, rows: int, columns: int) -> str:
     return f"{name}_{row + 1}_{column + 1}"
 
 
-def _run(function: ca.Function, arguments: Sequence[str]) -> tuple[Graph, list[list[Reference]]]:
-    """Execute the function's instructions on references instead of numbers."""
+def trace(tape: Tape) -> Work:
+    """The tape run on references instead of numbers; what was named comes back as marks."""
     graph = Graph()
-    outputs = [[(0.0, 0)] * function.numel_out(i) for i in range(function.n_out())]
-    register: dict[int, Reference] = {}
-    for k in range(function.n_instructions()):
-        code, inputs, targets = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_OUTPUT:
-            outputs[targets[0]][targets[1]] = register[inputs[0]]
-        elif code == ca.OP_INPUT:
-            register[targets[0]] = graph.input(arguments[inputs[0]], inputs[1])
-        elif code == ca.OP_CONST:
-            register[targets[0]] = graph.constant(function.instruction_constant(k))
+    done: list[Reference] = []
+    for step in tape.steps:
+        if step.code == ca.OP_INPUT:
+            done.append(graph.input(*step.given))
+        elif step.code == ca.OP_CONST:
+            done.append(graph.constant(step.given))
         else:
-            register[targets[0]] = _operation(code)(graph, [register[i] for i in inputs])
-    return graph, outputs
+            done.append(_operation(step.code)(graph, [done[i] for i in step.operands]))
+    marks = (
+        Mark(name, about, tuple((label, done[i]) for label, i in zip(labels, found))) for name, about, labels, found in tape.named
+    )
+    return Work(graph, tuple(done[root] for root in tape.roots), tuple(marks))
 
 
 def _operation(code: int) -> Operation:
@@ -113,3 +152,4 @@ _OPERATIONS: dict[int, Operation] = {
     getattr(ca, f"OP_{name}"): operation
     for name, operation in [*_ARITHMETIC.items(), *((key, _call(name)) for key, name in _CALLS.items())]
 }
+NAME_OF_CALL = {getattr(ca, f"OP_{key}"): name for key, name in _CALLS.items()} | {ca.OP_POW: "pow", ca.OP_CONSTPOW: "pow"}

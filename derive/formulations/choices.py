@@ -83,9 +83,32 @@ class Workshop:
         ranks = [int(np.linalg.matrix_rank(A, tol=RANK)) for A in self.rows if A.size]
         return int(np.median(ranks)) if ranks else 0
 
+    @cached_property
+    def kept(self) -> tuple[int, ...]:
+        """Independent constraint rows, first come first kept, judged at most of the sampled states."""
+        kept: list[int] = []
+        for i in range(len(self.system.rows)):
+            trial = [*kept, i]
+            if sum(np.linalg.matrix_rank(A[trial], tol=RANK) == len(trial) for A in self.rows) > len(self.rows) / 2:
+                kept = trial
+        return tuple(kept)
+
+    @cached_property
+    def repetitions(self) -> tuple[str, ...]:
+        """One sentence for every row that is dropped: which rows it repeats."""
+        names = [row.name for row in self.system.rows]
+        return tuple(_repetition(names, self.rows[0], self.kept, i) for i in range(len(names)) if i not in self.kept)
+
     @property
     def freedom(self) -> int:
         return self.system.v.numel() - self.rank
+
+
+def _repetition(names: Sequence[str], A: np.ndarray, kept: Sequence[int], i: int) -> str:
+    weights = np.linalg.lstsq(A[list(kept)].T, A[i], rcond=None)[0]
+    repeated = [names[k] for k, x in zip(kept, weights) if abs(x) > 1e-8]
+    where = f"repeats rows {', '.join(repeated)}" if repeated else "says nothing"
+    return f"row {names[i]} {where} at the sampled states and is dropped: their reactions are not unique"
 
 
 def _scaled(matrices: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -193,7 +216,7 @@ def _are_the_base(rows: Sequence[RowForm]) -> bool:
 
 
 def _one_way(shop: Workshop, names: tuple[str, ...], rows: Sequence[RowForm], ways: Sequence[int]) -> tuple[Reduction, Explicit]:
-    reduction = by_elimination(shop.system, names, rows, ways, shop.sampled)
+    reduction = by_elimination(shop.system, names, rows, ways, shop.sampled, shop.kept)
     return reduction, explicit(shop.system, reduction)
 
 
@@ -225,20 +248,10 @@ def _conditions(shop: Workshop, B: Sequence[np.ndarray]) -> tuple[float, float]:
 
 
 def _orthonormal(shop: Workshop, choice: Choice) -> Resolved:
-    reduction = orthonormal(shop.system, independent_rows(shop), shop.sampled)
+    reduction = orthonormal(shop.system, shop.kept, shop.sampled)
     equations = explicit(shop.system, reduction)
     ranking = _ranking(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
     return Resolved(ranking, reduction, equations, "it was asked for: [A; B] is as well conditioned as A allows")
-
-
-def independent_rows(shop: Workshop) -> tuple[int, ...]:
-    """Constraint rows kept, first come first kept, judged at all sampled states together."""
-    kept: list[int] = []
-    for i in range(len(shop.system.rows)):
-        trial = [*kept, i]
-        if sum(np.linalg.matrix_rank(A[trial], tol=RANK) == len(trial) for A in shop.rows) > len(shop.rows) / 2:
-            kept = trial
-    return tuple(kept)
 
 
 def _best(shop: Workshop, choice: Choice) -> Resolved:
@@ -297,7 +310,7 @@ def _pivoted(shop: Workshop) -> list[tuple[int, ...]]:
 
 
 def _greedy(shop: Workshop, weight: np.ndarray) -> tuple[int, ...]:
-    matrices = [A[list(independent_rows(shop))].copy() for A in shop.rows]
+    matrices = [A[list(shop.kept)].copy() for A in shop.rows]
     free = list(range(shop.system.v.numel()))
     for _ in range(shop.rank):
         sizes = np.min([np.linalg.norm(A, axis=0) for A in matrices], axis=0) * weight

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
-from derive.formulations.choices import Ranking, Resolved, Workshop, independent_rows, ranked_partitions, resolved, workshop
+from derive.formulations.choices import Ranking, Resolved, Workshop, ranked_partitions, resolved, workshop
 from derive.formulations.functions import Motion, arguments, functions
 from derive.formulations.multipliers import augmented
 from derive.formulations.records import Equations
@@ -80,7 +80,7 @@ def _quasi_velocities(shop: Workshop, choice: Choice) -> Equations:
         kept=reduction.kept,
         projects_velocity=False,
     )
-    return _finished(system, "quasi_velocities", choice.name, found, motion, _shown(shop, reduction))
+    return _finished(shop, "quasi_velocities", choice.name, found, motion, _shown(shop, reduction))
 
 
 def _unit(system: System, reduction: Reduction, k: int) -> str:
@@ -137,8 +137,9 @@ def _shown(shop: Workshop, reduction: Reduction) -> tuple[Named, ...]:
 
 
 def _finished(
-    system: System, formulation: str, choice: str, found: Resolved, motion: Motion, shown: tuple[Named, ...]
+    shop: Workshop, formulation: str, choice: str, found: Resolved, motion: Motion, shown: tuple[Named, ...]
 ) -> Equations:
+    system = shop.system
     return Equations(
         system=system,
         formulation=formulation,
@@ -150,7 +151,7 @@ def _finished(
         pivots=found.reduction.pivots,
         w=motion.names,
         parameters=system.parameters,
-        assumptions=system.assumptions,
+        assumptions=(*system.assumptions, *shop.repetitions),
     )
 
 
@@ -163,7 +164,7 @@ def _augmented(shop: Workshop, choice: Choice) -> Equations:
             f"{system.model.name}: the mass matrix is singular, so the augmented system has no L D Lᵀ; "
             "use the formulation quasi_velocities"
         )
-    kept = independent_rows(shop)
+    kept = shop.kept
     result = augmented(system, kept)
     motion = Motion(
         w=system.v,
@@ -190,7 +191,7 @@ def _augmented(shop: Workshop, choice: Choice) -> Equations:
         pivots=(),
         w=motion.names,
         parameters=system.parameters,
-        assumptions=system.assumptions,
+        assumptions=(*system.assumptions, *shop.repetitions),
     )
 
 

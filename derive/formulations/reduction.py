@@ -33,9 +33,14 @@ class Reduction:
 
 
 def by_elimination(
-    system: System, names: tuple[str, ...], speeds: Sequence[RowForm], ways: Sequence[int], sampled: States
+    system: System,
+    names: tuple[str, ...],
+    speeds: Sequence[RowForm],
+    ways: Sequence[int],
+    sampled: States,
+    kept: tuple[int, ...],
 ) -> Reduction:
-    """The reduction for speed rows, with the constraint blocks written in the given ways."""
+    """The reduction for speed rows, with the constraint blocks written in the given ways; `kept` rows of A are independent."""
     rows = [row for block, way in zip(system.blocks, ways) for row in block[way]]
     w = symbols_for(names)
     found = elimination(system, rows, speeds, w, sampled)
@@ -49,7 +54,7 @@ def by_elimination(
         walked=found,
         guards=tuple(_guard(found, step) for step in found.steps if step.block.grade == 2),
         pivots=tuple(_in_words(system, found, step) for step in found.steps),
-        kept=tuple(i for i, row in enumerate(rows) if row.name not in found.redundant),
+        kept=kept,
         constant_pivots=all(step.block.grade < 2 for step in found.steps),
     )
 

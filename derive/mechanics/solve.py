@@ -180,14 +180,14 @@ def _best_of_size(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, ar
 
 def _neighbours(pattern: np.ndarray, row: int, size: int) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Row sets that share columns with `row`, with the column sets they could be solved for."""
-    touching = [i for i in np.nonzero((pattern & pattern[row]).any(axis=1))[0] if i != row]
+    touching = [i for i in np.nonzero((pattern & pattern[row]).any(axis=1))[0].tolist() if i != row]
     for others in combinations(touching, size - 1):
-        rows = tuple(sorted((row, *(int(i) for i in others))))
-        columns = np.nonzero(pattern[list(rows)].any(axis=0))[0]
+        rows = tuple(sorted((row, *others)))
+        columns = np.nonzero(pattern[list(rows)].any(axis=0))[0].tolist()
         for chosen in combinations(columns, size):
             inside = pattern[np.ix_(rows, chosen)]
             if inside.any(axis=0).all() and inside.any(axis=1).all():
-                yield rows, tuple(int(j) for j in chosen)
+                yield rows, chosen
 
 
 def _block(values: np.ndarray, fixed: np.ndarray, rows: tuple[int, ...], columns: tuple[int, ...], scale: float) -> Block | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from multiprocessing import get_context
@@ -25,6 +25,7 @@ from derive.diagnostics import HamelError
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
+from derive.mechanics.sampling import states
 from hamel.importing import Imported, imported
 
 STATES = 20
@@ -32,6 +33,7 @@ TOLERANCE = 1e-9
 SMOOTHING = 0.01  # of Coulomb friction, as the importer says
 COUNTED = 60  # velocities up to which the operations of dynamics are counted
 OUT = Path("build/robots.json")
+OWN = Path(__file__).resolve().parent.parent / "tests/robots"
 
 
 @dataclass
@@ -242,6 +244,136 @@ def _note(report: Report, name: str, ours: np.ndarray, theirs: np.ndarray) -> No
     report.errors[name] = max(report.errors.get(name, 0.0), error)
 
 
+class Mujoco:
+    """MuJoCo's model of the same file: its own order of joints; free bodies move with velocities in the ground frame."""
+
+    def __init__(self, file: Path, found: Imported) -> None:
+        import mujoco
+
+        self.mj: Any = mujoco
+        self.model = _without_geometry(file) if file.suffix == ".urdf" else mujoco.MjModel.from_xml_path(str(file))
+        off = mujoco.mjtDisableBit
+        self.model.opt.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CLAMPCTRL
+        self.data = mujoco.MjData(self.model)
+        names = [self.model.joint(i).name for i in range(self.model.njnt)]
+        self.joints = [(self.model.joint(i), found.joints[name]) for i, name in enumerate(names)]
+        self.model_of_ours = found.model
+
+    def _slots(self, joint: Any, own: str) -> tuple[list[int], list[int]]:
+        """Indices in our q and v of a joint of MuJoCo."""
+        model = self.model_of_ours
+        return (
+            [i for i, c in enumerate(model.coordinates) if c.owner == own],
+            [i for i, v in enumerate(model.velocities) if v.owner == own],
+        )
+
+    def put(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
+        """Our state and inputs into MuJoCo's data, with friction as the importer smooths it; then everything is evaluated."""
+        for joint, own in self.joints:
+            places, columns = self._slots(joint, own)
+            self.data.qpos[joint.qposadr[0] : joint.qposadr[0] + len(places)] = q[places]
+            rates = v[columns]
+            if len(columns) == 6:
+                rates = np.concatenate([_rotation(q[places[3:]]) @ rates[:3], rates[3:]])
+            self.data.qvel[joint.dofadr[0] : joint.dofadr[0] + len(columns)] = rates
+        self.data.qfrc_applied[:] = -self.model.dof_frictionloss * np.tanh(self.data.qvel / SMOOTHING)
+        if self.model.nu:
+            self.data.ctrl[:] = u
+        else:  # a URDF has no actuators
+            drives = [given.velocity for given in self.model_of_ours.inputs]
+            force = [u[drives.index(w.name)] if w.name in drives else 0.0 for w in self.model_of_ours.velocities]
+            self.data.qfrc_applied[:] += self.theirs(q, np.zeros_like(v), np.array(force))
+        self.mj.mj_forward(self.model, self.data)
+
+    def theirs(self, q: np.ndarray, v: np.ndarray, vdot: np.ndarray) -> np.ndarray:
+        """Our acceleration in MuJoCo's velocities."""
+        result = np.zeros(self.model.nv)
+        for joint, own in self.joints:
+            places, columns = self._slots(joint, own)
+            a, w = vdot[columns], v[columns]
+            if len(columns) == 6:
+                a = np.concatenate([_rotation(q[places[3:]]) @ (a[:3] + np.cross(w[3:], w[:3])), a[3:]])
+            result[joint.dofadr[0] : joint.dofadr[0] + len(columns)] = a
+        return result
+
+    def mass(self) -> np.ndarray:
+        M = np.zeros((self.model.nv, self.model.nv))
+        self.mj.mj_fullM(self.model, self.data, M)
+        return M
+
+    def rows(self) -> np.ndarray:
+        """The Jacobian of the equality constraints."""
+        rows = [i for i in range(self.data.nefc) if self.data.efc_type[i] == self.mj.mjtConstraint.mjCNSTR_EQUALITY]
+        J = np.zeros((self.data.nefc, self.model.nv))
+        if self.data.nefc:
+            J = np.array(self.data.efc_J).reshape(self.data.nefc, self.model.nv)
+        return J[rows]
+
+
+def _without_geometry(file: Path) -> Any:
+    import mujoco
+
+    root = ElementTree.parse(file).getroot()
+    for link in root.findall("link"):
+        for child in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(child)
+    for extra in [child for child in root if child.tag not in ("link", "joint")]:
+        root.remove(extra)
+    return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _rotation(quaternion: np.ndarray) -> np.ndarray:
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + 2 * w * skew + 2 * skew @ skew
+
+
+def against_mujoco(file: Path) -> Report:
+    """Accelerations of one robot beside MuJoCo's; loops are soft there, so M v̇ = forces + Jᵀ λ is checked."""
+    report = Report(file.name, "", "agreed")
+    found = imported(file)
+    mechanics = system(found.model, "all")
+    derived = equations(mechanics)
+    report.velocities, report.mimics = mechanics.v.numel(), len(mechanics.rows)
+    ours = {name: _function(derived, name) for name in ("dynamics", "state")} | {"S": _span(derived)}
+    peer, rng = Mujoco(file, found), np.random.default_rng(2)
+    sample = states(mechanics, STATES, rng) if mechanics.rows else None
+    for k in range(STATES):
+        q = rng.normal(size=mechanics.q.numel()) if sample is None else sample.q[k]
+        for start in mechanics.quaternions:
+            q[start : start + 4] /= np.linalg.norm(q[start : start + 4])
+        v = rng.normal(size=mechanics.v.numel())
+        _mujoco_state(peer, ours, derived, q, v, rng.normal(size=mechanics.u.numel()), report)
+    worst = max(report.errors.values())
+    if not worst <= TOLERANCE:
+        report.verdict, report.reason = "wrong", f"accelerations differ by {worst:.1e}"
+    return report
+
+
+def _mujoco_state(
+    peer: Mujoco, ours: dict[str, ca.Function], derived: Equations, q: np.ndarray, v: np.ndarray, u: np.ndarray, report: Report
+) -> None:
+    x = np.asarray(ours["state"](0.0, np.concatenate([q, v]), u, [])).ravel()
+    S = np.asarray(ours["S"](0.0, x, u, []))
+    v = S @ x[len(q) :]
+    rates = np.asarray(ours["dynamics"](0.0, x, u, [])).ravel()[len(q) :]
+    turning = _directional(lambda x: np.asarray(ours["S"](0.0, x, u, [])), x, np.asarray(ours["dynamics"](0.0, x, u, [])).ravel())
+    vdot = S @ rates + turning @ x[len(q) :]
+    peer.put(q, v, u)
+    accelerations = peer.theirs(q, v, vdot)
+    if not len(peer.rows()):
+        return _note(report, "dynamics", accelerations, np.array(peer.data.qacc_smooth))
+    force = peer.mass() @ (accelerations - peer.data.qacc_smooth)
+    multipliers = np.linalg.lstsq(peer.rows().T, force, rcond=None)[0]
+    _note(report, "reaction", peer.rows().T @ multipliers, force)
+
+
+def _directional(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Derivative of a function along a direction; zero where it does not change."""
+    step = 1e-6 / max(1.0, float(np.max(np.abs(along))))
+    return (function(x + step * along) - function(x - step * along)) / (2 * step)
+
+
 def robots() -> Path:
     """Where example-robot-data put its robots, beside the other packages of this Python."""
     for folder in sys.path:
@@ -272,6 +404,9 @@ def main(arguments: list[str]) -> int:
     for report in reports(robots(), arguments[0] if arguments else ""):
         found.append(report)
         print(line(report), flush=True)
+    for file in sorted(OWN.glob("*.xml")) + sorted(OWN.glob("arm.urdf")) if len(arguments) == 0 or "mujoco" in arguments else []:
+        found.append(against_mujoco(file))
+        print(line(found[-1]), flush=True)
     for base in ("fixed", "free"):
         verdicts = [report.verdict for report in found if report.base == base]
         counts = {verdict: verdicts.count(verdict) for verdict in ("agreed", "refused", "wrong", "failed")}

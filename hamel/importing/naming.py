@@ -47,6 +47,10 @@ class Names:
         self.taken.update(self._forms(name, suffixes))
         return name
 
+    def is_free(self, wanted: str, kind: str) -> bool:
+        """Whether the name can be had without a number behind it."""
+        return self._free(legal(wanted, kind), ())
+
     def _free(self, name: str, suffixes: Sequence[str]) -> bool:
         return not objection(name) and self.taken.isdisjoint(self._forms(name, suffixes))
 

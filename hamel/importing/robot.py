@@ -129,8 +129,8 @@ class Reading:
         suffixes = () if kind == "fixed" else PLAIN if kind in ONE_RATE else SUFFIXES
         return self._noted(self.symbols(original, "joint", suffixes), original, notes)
 
-    def input_name(self, original: str, notes: list[str]) -> str:
-        return self._noted(self.symbols(original, "input"), original, notes)
+    def input_name(self, wanted: str, original: str, notes: list[str]) -> str:
+        return self._noted(self.symbols(wanted, "input"), original, notes)
 
     def _noted(self, name: str, original: str, notes: list[str]) -> str:
         if name != original and original:

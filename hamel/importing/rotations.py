@@ -1,6 +1,6 @@
 """Rotations as 3 × 3 tuples of floats, and the angles that are written into a model file.
 
-Angles within 1e-9 of a multiple of 15° are taken for that multiple, and components of a unit vector within 1e-9 of 0 and ±1
+Angles within 1e-9 of a whole number of degrees are taken for that number, and components of a unit vector within 1e-9 of 0 and ±1
 for these: `1.57079632679` in a robot file means a right angle, and only exact right angles give the structural zeros that make
 equations short.
 """
@@ -15,12 +15,12 @@ Matrix = tuple[Vector, Vector, Vector]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 NEAR = 1e-9
-STEP = 15  # degrees
+STEP = 1  # degree
 _UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def whole_degrees(angle: float) -> int | None:
-    """The multiple of 15° that an angle in radians means, or None."""
+    """The whole number of degrees that an angle in radians means, or None."""
     steps = angle / math.radians(STEP)
     if not math.isfinite(steps) or abs(steps) > 1e6:
         return None

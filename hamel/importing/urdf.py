@@ -336,7 +336,7 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
     """What a reader of the model should know about how it was made."""
     massless = sum(1 for body in result.bodies if not body.mass)
     if massless:
-        result.changed.append(f"{counted(massless, 'link')} without mass became bodies without mass")
+        result.changed.append(f"{counted(massless, 'link')} without mass: kept, as bodies without mass")
     if reading.renamed:
         result.changed.append(f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside")
     meshes = sum(1 for element in root.walk() if element.tag == "mesh")
@@ -347,6 +347,6 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
     if ignored:
         tags = ", ".join(f"<{tag}>" for tag in ignored)
         result.changed.append(f"not read: {tags}; inputs are forces and torques at the joints")
-    if any(joint.limits or joint.notes for joint in result.joints):
+    if any(joint.first("limit") for joint in root.all("joint")):
         result.changed.append("limits are there to read: nothing in the equations stops a joint at them")
     dry_friction(result)

@@ -12,10 +12,10 @@ FLOOR = 1e-3  # a component counts as at least this part of the largest componen
 SMALL = 1e-6  # … and as at least this in SI units, so that the roundoff of a quantity that is zero is not compared with itself
 
 
-def sizes(values: Array, floor: float = FLOOR) -> Array:
+def sizes(values: Array, floor: float = FLOOR, small: float = SMALL) -> Array:
     """For states × k values: what size an error in each is to be compared with, max(|value|, its median, the floors)."""
     typical = np.median(np.abs(values), axis=0)
-    least = max(SMALL, floor * float(np.max(typical, initial=0.0)))
+    least = max(small, floor * float(np.max(typical, initial=0.0)))
     return np.maximum(np.abs(values), np.maximum(typical, least))
 
 
@@ -27,14 +27,14 @@ def worst(errors: Array | Sequence[float]) -> float:
     return float("inf") if np.isnan(errors).any() else float(errors.max())
 
 
-def deviation(got: Sequence[Array], wanted: Sequence[Array], relax: Sequence[float] | None = None) -> float:
+def deviation(got: Sequence[Array], wanted: Sequence[Array], relax: Sequence[float] | None = None, small: float = SMALL) -> float:
     """Worst relative error over the states, each state's error divided by `relax` (a condition number)."""
     left, right = (np.array([np.ravel(x) for x in side], dtype=float) for side in (got, wanted))
     if left.shape != right.shape:
         return float("inf")
     weights = np.ones(len(left)) if relax is None else np.asarray(relax, dtype=float)
     with np.errstate(invalid="ignore"):
-        return worst((left - right) / sizes(right) / weights[:, None])
+        return worst((left - right) / sizes(right, small=small) / weights[:, None])
 
 
 def slope(function: Callable[[float], Array | float], step: float) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ import numpy as np
 from derive.formulations.records import Equations, Function
 from derive.mechanics import sampling
 from derive.mechanics.records import System
+from hamel.verify.compare import SMALL
 from hamel.verify.reference import Kinematics, Outcome, Reference, evaluate, kinematics, state_of
 from hamel.verify.roundoff import bound
 from hamel.verify.saddle import rank_of, row_condition
@@ -207,6 +208,12 @@ class Evidence:
     def ranks(self) -> list[int]:
         """The rank of the system's own A at every state."""
         return [rank_of(t.A) for t in self.terms]
+
+    @cached_property
+    def small(self) -> float:
+        """Accelerations below this are left over where gravity cancels: 1e-4 of it."""
+        gravity = self.reference.model.gravity
+        return max(SMALL, *(1e-4 * float(np.linalg.norm(s.state.vector(gravity))) for s in self.samples[:1] if gravity), 0.0)
 
     @property
     def redundant(self) -> bool:

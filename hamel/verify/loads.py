@@ -67,11 +67,20 @@ class Lagrange:
 def applied(model: Model, place: Layout, state: State) -> Applied:
     """Gravity, loads, inputs and the constraints' own nonideal forces, summed."""
     gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
-    parts = [_weight(gravity, body, place, state) for body in model.bodies]
+    parts = [_weight(gravity, body, place, state) for body in model.bodies if body.name not in _at_rest(model)]
     parts += [_load(load, model, place, state) for load in model.loads]
     parts.append(_drive(model, place, state))
     weight, springs, other = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("weight", "springs", "other"))
     return Applied(weight, springs, other, sum(part.V for part in parts))
+
+
+def _at_rest(model: Model) -> set[str]:
+    """The ground and what is fixed to it: their weight does no work, V leaves out the constant."""
+    result = {GROUND}
+    for joint in model.joints:
+        if joint.type == "fixed" and joint.parent in result:
+            result.add(joint.child)
+    return result
 
 
 def _weight(gravity: Array, body: Body, place: Layout, state: State) -> Applied:

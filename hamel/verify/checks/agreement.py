@@ -96,10 +96,11 @@ def velocities(e: Evidence) -> float:
 
 
 def accelerations(e: Evidence) -> float:
-    """β against the size of what it is the sum of."""
+    """β against its own size or, where it cancels, against 1e-3 of the products |A| |v| |v| that it is the sum of."""
     wanted = np.array([s.outcome.kinematics.beta for s in e.samples])
     got = np.array([t.beta for t in e.terms])
-    return worst((got - wanted) / sizes(wanted)) if got.shape == wanted.shape else float("inf")
+    summed = np.array([np.abs(s.outcome.kinematics.A) @ np.abs(s.v) * worst(s.v) for s in e.samples])
+    return worst((got - wanted) / np.maximum(sizes(wanted), 1e-3 * summed)) if got.shape == wanted.shape else float("inf")
 
 
 def independent(e: Evidence) -> float:
@@ -119,7 +120,7 @@ def energies(e: Evidence) -> float:
 
 def motion(e: Evidence) -> float:
     """The choice's v̇, per condition number of the augmented system."""
-    return deviation(e.vdot, [s.outcome.vdot for s in e.samples], e.conditions)
+    return deviation(e.vdot, [s.outcome.vdot for s in e.samples], e.conditions, e.small)
 
 
 def multipliers(e: Evidence) -> float | None:
@@ -135,7 +136,7 @@ def multipliers(e: Evidence) -> float | None:
 
 def augmented(e: Evidence) -> float:
     """v̇ against [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] of the System's own terms."""
-    return deviation(e.vdot, [_augmented(t)[: len(t.M)] for t in e.terms], e.conditions)
+    return deviation(e.vdot, [_augmented(t)[: len(t.M)] for t in e.terms], e.conditions, e.small)
 
 
 def _augmented(t: Terms) -> Array:
@@ -152,7 +153,7 @@ def choices(e: Evidence) -> float | None:
 
 def _between(e: Evidence, other: Graph) -> float:
     relax = [a * b for a, b in zip(e.conditions, e.conditions_of(other))]
-    return deviation(e.accelerations_of(other), e.vdot, relax)
+    return deviation(e.accelerations_of(other), e.vdot, relax, e.small)
 
 
 def results(e: Evidence) -> float | None:

@@ -76,6 +76,15 @@ def derive(path: Model, *, choice: str | None = None, out: str | Path | None = N
     return run(path, choice, Path(out or "."))
 
 
+def import_(path: Model, *, out: str | Path | None = None, floating: bool = False) -> records.Imported:
+    """Turn a URDF or MJCF file into the text of a model, written to `out` when given. `floating` puts a free joint under the root
+    link, which is fixed to the ground otherwise.
+    """
+    from hamel.verbs.import_ import run
+
+    return run(path, out, floating)
+
+
 def choices(path: Model) -> records.Choices:
     """The candidates for the quasi-velocities, ranked, and why."""
     from hamel.verbs.choices import run

@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import importlib
 import io
+import keyword
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -55,7 +56,7 @@ def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> No
     from hamel.show import page
 
     console = page()
-    shown = importlib.import_module(f"hamel.verbs.{name}")
+    shown = importlib.import_module(f"hamel.verbs.{name}{'_' * keyword.iskeyword(name)}")
     shown.show(record, console)
     if options.get("explain"):
         shown.explain(record, console)
@@ -154,6 +155,15 @@ def _setting(text: str) -> tuple[str, str]:
 def derive(model: str, choice: str | None, out: str | None) -> Any:
     """Write the derivation of MODEL to read."""
     return hamel.derive(model, choice=choice, out=out)
+
+
+@verb
+@click.argument("robot")
+@click.option("-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it).")
+@click.option("--floating", is_flag=True, help="Let the root link move freely instead of fixing it to the ground.")
+def import_(robot: str, out: str | None, floating: bool) -> Any:
+    """Turn ROBOT, a URDF or MJCF file, into a model file to go on editing."""
+    return hamel.import_(robot, out=out, floating=floating)
 
 
 @verb

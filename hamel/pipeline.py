@@ -51,7 +51,7 @@ def equations_of(
     """Model file → Equations of one formulation and choice; the first choice of the file when none is named."""
     clock = clock or Clock()
     with clock("model"):
-        from derive.model import load
+        from hamel.importing import load
 
         model = load(path)
     with clock("mechanics"):

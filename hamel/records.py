@@ -77,6 +77,21 @@ class Derived:
 
 
 @dataclass(frozen=True)
+class Imported:
+    """A robot file as a model. `left_out` alters the motion, `changed` does not; `text` is in `file` where there is one."""
+
+    model: str
+    kind: str  # URDF or MJCF
+    file: Path | None
+    bodies: int
+    joints: Mapping[str, str]  # name in the robot's file → name in the model
+    velocities: int
+    changed: tuple[str, ...]
+    left_out: tuple[str, ...]
+    text: str = field(repr=False)
+
+
+@dataclass(frozen=True)
 class Ranking:
     """One candidate for the quasi-velocities, as `auto` sees it."""
 

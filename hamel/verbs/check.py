@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from derive.mechanics.initial import initial_state
-from derive.model import load
+from hamel.importing import load
 from hamel.pipeline import mechanics_of, usable_choices
 from hamel.records import Checked
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.formulations import choices
-from derive.model import load
+from hamel.importing import load
 from hamel.pipeline import mechanics_of
 from hamel.records import Choices, Ranking
 

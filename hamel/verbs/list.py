@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from codegen.targets import TARGETS
 from derive.formulations import FORMULATIONS, equations
-from derive.model import KINDS, load, load_text
+from derive.model import KINDS, load_text
+from hamel.importing import load
 from hamel.pipeline import mechanics_of
 from hamel.records import Known, Listed
 

@@ -12,8 +12,8 @@ import numpy as np
 from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.mechanics.initial import Initial, initial_state
-from derive.model import load
 from hamel import motion
+from hamel.importing import load
 from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Simulated
 from hamel.settings import settings

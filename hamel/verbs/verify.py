@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.formulations import equations
-from derive.model import load
+from hamel.importing import load
 from hamel.pipeline import Constants, mechanics_of, temporary_module, usable_choices
 from hamel.records import CheckLine, Verified
 from hamel.verify import verification

@@ -1,0 +1,46 @@
+"""import: a URDF or MJCF robot as a model file that a person can go on editing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from derive.diagnostics import ModelError
+from hamel.importing import imported
+from hamel.records import Imported
+from hamel.staging import write_text
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def run(path: str | Path, out: str | Path | None, floating: bool) -> Imported:
+    file = Path(out) if out else None
+    if file and file.exists() and Path(path).exists() and file.samefile(path):
+        raise ModelError(f"{path} would be overwritten by its own model", "give another file with -o")
+    found = imported(path, floating)
+    if file:
+        write_text(file, found.text)
+    return Imported(
+        model=found.model.name,
+        kind=found.kind,
+        file=file,
+        bodies=len(found.model.bodies),
+        joints=found.joints,
+        velocities=len(found.model.velocities),
+        changed=found.changed,
+        left_out=found.left_out,
+        text=found.text,
+    )
+
+
+def show(record: Imported, console: Console) -> None:
+    if record.file is None:
+        console.print(record.text, end="", soft_wrap=True)
+        return
+    size = f"{record.bodies} bodies, {record.velocities} velocities"
+    console.print(f"{record.model}: {record.kind} of {size} written to {record.file}")
+    for note in record.changed:
+        console.print(f"  {note}")
+    for note in record.left_out:
+        console.print(f"  left out: {note}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from codegen.compiler import INSTALL
 from derive.diagnostics import ToolchainError, VerificationError
 from derive.textbook import html
+from hamel.meanwhile import meanwhile
 from hamel.pipeline import Clock, Constants, emit, equations_of, load_quietly, program_of
 from hamel.records import Built
 from hamel.verify import verification
@@ -35,10 +36,13 @@ def run(
     clock = Clock()
     equations = equations_of(path, choice, constants, formulation, clock)
     program = program_of(equations, functions, clock)
-    _confirm(equations, program, states, numpy, clock)
     folder = Path(out) if out else Path("generated") / program.name
+    with meanwhile(lambda: html(equations)) as page:
+        _confirm(equations, program, states, numpy, clock)
+        with clock("textbook"):
+            pages = {"derivation.html": page()}
     # What was verified is in the cache by now, so that this does not compile again.
-    made = emit(program, folder, _pages(equations, clock), clock)
+    made = emit(program, folder, pages, clock)
     return _record(program, folder, made.compiled, clock)
 
 
@@ -56,11 +60,6 @@ def _confirm(equations: Equations, program: Program, states: int, numpy: bool, c
     if failed:
         lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
         raise VerificationError(f"{program.name}, choice {program.choice}: verification failed, nothing is written: {lines}")
-
-
-def _pages(equations: Equations, clock: Clock) -> dict[str, str]:
-    with clock("textbook"):
-        return {"derivation.html": html(equations)}
 
 
 def _record(program: Program, folder: Path, compiled: bool, clock: Clock) -> Built:

@@ -99,7 +99,7 @@ def _dynamics(t, x, u, p, out):
     out[..., 2] = v_3
     out[..., 3] = z29
     singular = False
-    singular = singular | (np.abs(z5) < 3.998607140826971e-10)  # pivot of C.x
+    singular = singular | (np.abs(z5) < 3.997867199824383e-10)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -115,23 +115,22 @@ def _mass(t, x, u, p, out):
 
     # M: mass matrix M(q) of the base velocities v, nv × nv
     z1 = m2 * l2
-    z2 = z1 * np.cos(q2)
-    z3 = l2 * z1 * 0.3333333333333333
-    z4 = l1 * z2 + 2.0 * z3
-    z5 = l1 * (z2 + l1 * (0.6666666666666666 * m1 + 2.0 * m2))
-    z6 = 0.5 * (z4 + z5)
-    z7 = 0.5 * z4
-    z8 = l3 * l3 * m3 * 0.3333333333333333
+    z2 = z1 * np.cos(q2) * 0.5
+    z3 = l1 * (z2 + l1 * m2 + m1 * l1 * 0.3333333333333333)
+    z4 = l2 * z1 * 0.3333333333333333
+    z5 = z4 + l1 * z2
+    z6 = z3 + z5
+    z7 = l3 * l3 * m3 * 0.3333333333333333
 
     out[..., 0] = z6
-    out[..., 1] = z7
+    out[..., 1] = z5
     out[..., 2] = 0.0
-    out[..., 3] = z7
-    out[..., 4] = z3
+    out[..., 3] = z5
+    out[..., 4] = z4
     out[..., 5] = 0.0
     out[..., 6] = 0.0
     out[..., 7] = 0.0
-    out[..., 8] = z8
+    out[..., 8] = z7
     singular = False
     status = _status(singular, out, x, p)
     return status
@@ -151,27 +150,26 @@ def _bias(t, x, u, p, out):
 
     # h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
     cos_q1 = np.cos(q1)
-    z1 = m2 * l2
-    sin_q2 = np.sin(q2)
-    z2 = 0.1019367991845056 * l1
     cos_q2 = np.cos(q2)
-    z3 = sin_q2 * (np.sin(q1) - q1_dot * q1_dot * z2) - cos_q1 * cos_q2
-    z4 = z1 * z3
-    z5 = q1 + q2 - q3
-    sin_z5 = np.sin(z5)
-    z6 = (cos_q2 - sin_q2 * np.cos(z5) / sin_z5) / l2 * l1
-    z7 = q1_dot - q1_dot * (1.0 + z6)
-    z8 = l1 * (m1 + 2.0 * m2) * cos_q1 - z4 - z1 * z2 * (z7 * z7 * sin_q2)
-    z9 = 4.905 * z8
-    z10 = -4.905 * z4
-    z11 = l3 * m3 * np.cos(q3) * 4.905
-    z12 = l3 * sin_z5
+    sin_q2 = np.sin(q2)
+    z1 = q1 + q2 - q3
+    sin_z1 = np.sin(z1)
+    z2 = l1 * (cos_q2 - sin_q2 * np.cos(z1) / sin_z1) / l2
+    z3 = q1_dot - q1_dot * (1.0 + z2)
+    z4 = m2 * l2
+    z5 = (m1 + 2.0 * m2) * cos_q1 - z3 * z3 * (z4 * sin_q2) * 0.1019367991845056
+    z6 = sin_q2 * (np.sin(q1) - q1_dot * q1_dot * l1 * 0.1019367991845056)
+    z7 = z4 * (z6 - cos_q1 * cos_q2)
+    z8 = 4.905 * (l1 * z5 - z7)
+    z9 = -4.905 * z7
+    z10 = l3 * m3 * np.cos(q3) * 4.905
+    z11 = l3 * sin_z1
 
-    out[..., 0] = z9
-    out[..., 1] = z10
-    out[..., 2] = z11
+    out[..., 0] = z8
+    out[..., 1] = z9
+    out[..., 2] = z10
     singular = False
-    singular = singular | (np.abs(z12) < 3.998607140826971e-10)  # pivot of C.x
+    singular = singular | (np.abs(z11) < 3.997867199824383e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -207,8 +205,8 @@ def _inverse_dynamics(t, x, u, p, out):
     z8 = l2 * z5 * 0.06795786612300374 - sin_q2 * (np.sin(q1) - der_q1 * der_q1 * z7)
     z9 = z3 * (cos_q2 * (cos_q1 + der_der_q1 * z7) + z8) * 4.905
     z10 = z9 + (z1 + z2) * cos_q1 * 9.81 + l1 * ((z1 + 0.6666666666666666 * z2) * der_der_q1 - z6)
-    z11 = m3 * l3 * (np.cos(q3) + l3 * der_der_q3 * 0.06795786612300374)
-    z12 = 0.01 * (der_q3 + 490.5 * z11)
+    z11 = m3 * l3 * (l3 * der_der_q3 + 14.715 * np.cos(q3))
+    z12 = 0.3333333333333333 * z11 + 0.01 * der_q3
 
     out[..., 0] = z10
     out[..., 1] = z9
@@ -238,24 +236,26 @@ def _constraints(t, x, u, p, out):
     sin_z2 = np.sin(z2)
     z6 = l2 * sin_z2
     z7 = z5 - z6 - l1 * np.sin(q1)
-    z8 = l1 * np.cos(q2)
-    z9 = l2 + z8
-    z10 = l1 * np.sin(q2)
-    z11 = q3 - z2
-    z12 = l3 * np.sin(z11)
-    z13 = z10 / z12
-    z14 = z13 * q1_dot
-    z15 = 1.0 + (z8 + l3 * z13 * np.cos(z11)) / l2
+    z8 = l1 * np.sin(q2)
+    z9 = q3 - z2
+    z10 = l3 * np.sin(z9)
+    z11 = z8 / z10
+    z12 = z11 * q1_dot
+    z13 = l1 * np.cos(q2)
+    z14 = l2 + z13
+    z15 = 1.0 + (z13 + l3 * z11 * np.cos(z9)) / l2
     z16 = q1_dot * z15
-    z17 = z5 * z14 - z6 * z16 + q1_dot * (sin_z2 * z9 - cos_z2 * z10)
-    z18 = z3 * z16 - z1 * z14 - q1_dot * (cos_z2 * z9 + sin_z2 * z10)
+    z17 = q1_dot * (cos_z2 * z8 - sin_z2 * z14) + z6 * z16
+    z18 = z5 * z12 - z17
+    z19 = z3 * z16 - q1_dot * (sin_z2 * z8 + cos_z2 * z14)
+    z20 = z19 - z1 * z12
 
     out[..., 0] = z4
     out[..., 1] = z7
-    out[..., 2] = z17
-    out[..., 3] = z18
+    out[..., 2] = z18
+    out[..., 3] = z20
     singular = False
-    singular = singular | (np.abs(z12) < 3.998607140826971e-10)  # pivot of C.x
+    singular = singular | (np.abs(z10) < 3.997867199824383e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -277,51 +277,50 @@ def _project_step(t, x, u, p, out):
     z1 = m2 * l2
     z2 = l2 * z1
     cos_q2 = np.cos(q2)
-    z3 = z1 * cos_q2
-    z4 = 1.5 * l1
-    z5 = z2 + z3 * z4
-    z6 = z5 / z2
-    z7 = q1 + q2
-    sin_z7 = np.sin(z7)
-    z8 = l2 * sin_z7
-    cos_z7 = np.cos(z7)
+    z3 = z1 * cos_q2 * 1.5
+    z4 = z2 + l1 * z3
+    z5 = z4 / z2
+    z6 = q1 + q2
+    cos_z6 = np.cos(z6)
+    z7 = l2 * cos_z6
+    z8 = l2 + l1 * cos_q2
+    sin_z6 = np.sin(z6)
     z9 = l1 * np.sin(q2)
-    z10 = l2 + l1 * cos_q2
-    z11 = cos_z7 * z9 - sin_z7 * z10 + z6 * z8
-    z12 = z4 * (z3 + l1 * (2.0 * m2 + 0.6666666666666666 * m1))
-    z13 = z5 - z5 * z6 + z12
-    z14 = z11 / z13
-    z15 = np.cos(q3) * l3
-    z16 = l2 * cos_z7
-    z17 = l4 + z15 - (z16 + l1 * np.cos(q1))
-    z18 = l3 * np.sin(q3)
+    z10 = z5 * z7 - cos_z6 * z8 - sin_z6 * z9
+    z11 = z4 + l1 * (z3 + l1 * (m1 + 3.0 * m2))
+    z12 = z11 - z4 * z5
+    z13 = z10 / z12
+    z14 = l2 * sin_z6
+    z15 = l3 * np.sin(q3)
+    z16 = z14 - z15 + l1 * np.sin(q1)
+    z17 = np.cos(q3) * l3
+    z18 = l4 + z17 - (z7 + l1 * np.cos(q1))
     z19 = l3 * l3 * m3
-    z20 = z18 / z19
-    z21 = z8 / z2
-    z22 = z18 * z20 + z8 * z21 + z11 * z14
-    z23 = sin_z7 * z9 + cos_z7 * z10 - z6 * z16
-    z24 = z15 * z20 + z16 * z21 - z14 * z23
-    z25 = z24 / z22
-    z26 = z8 - z18 + l1 * np.sin(q1)
-    z27 = z15 / z19
-    z28 = z16 / z2
-    z29 = z23 / z13
-    z30 = z15 * z27 + z16 * z28 + (z23 * z29 - z24 * z25)
-    z31 = (z26 - z17 * z25) / z30
-    z32 = z17 / z22 - z25 * z31
-    z33 = z14 * z32 - z29 * z31
-    z34 = q1 + z33
-    z35 = q2 - z6 * z33 - (z21 * z32 + z28 * z31)
-    z36 = q3 + z20 * z32 + z27 * z31
-    z37 = np.fmax(np.fmax(0.0, np.fabs(z17)), np.fabs(z26))
+    z20 = z15 / z19
+    z21 = z5 * z14 - sin_z6 * z8 + cos_z6 * z9
+    z22 = z21 / z12
+    z23 = z14 / z2
+    z24 = z22 * z10 + z7 * z23 + z17 * z20
+    z25 = z21 * z22 + z14 * z23 + z15 * z20
+    z26 = z24 / z25
+    z27 = z7 / z2
+    z28 = z17 / z19
+    z29 = z24 * z26 - z10 * z13 - (z7 * z27 + z17 * z28)
+    z30 = (z16 - z18 * z26) / z29
+    z31 = z26 * z30 + z18 / z25
+    z32 = z13 * z30 - z22 * z31
+    z33 = q1 - z32
+    z34 = q2 + z27 * z30 + (z5 * z32 - z23 * z31)
+    z35 = q3 - z28 * z30 + z20 * z31
+    z36 = np.fmax(np.fmax(0.0, np.fabs(z18)), np.fabs(z16))
 
-    out[..., 0] = z34
-    out[..., 1] = z35
-    out[..., 2] = z36
+    out[..., 0] = z33
+    out[..., 1] = z34
+    out[..., 2] = z35
     out[..., 3] = q1_dot
     singular = False
     status = _status(singular, out, x, p)
-    return status, np.where(status == 0, z37, np.inf)
+    return status, np.where(status == 0, z36, np.inf)
 
 
 def _project(t, x, u, p, out):
@@ -353,61 +352,60 @@ def _reactions(t, x, u, p, out):
     m3 = p[..., 6]
 
     # lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row
-    sin_q2 = np.sin(q2)
-    z1 = sin_q2 * l1
-    z2 = q2 + q1
-    z3 = z2 - q3
-    sin_z3 = np.sin(z3)
-    z4 = l3 * sin_z3
-    z5 = z1 / z4
-    z6 = z5 * q1_dot
-    z7 = m3 * l3
     cos_q3 = np.cos(q3)
-    z8 = z6 + z7 * cos_q3 * 490.5
-    z9 = l3 * z7
+    z1 = l3 * cos_q3
     cos_q2 = np.cos(q2)
-    cos_z3 = np.cos(z3)
-    z10 = l3 * cos_z3 / l2
-    z11 = l1 * cos_q2
-    z12 = z5 * z10 - z11 / l2
-    z13 = z12 - 1.0
-    z14 = q1_dot * q1_dot * l1
-    z15 = z13 * z14
-    z16 = z6 * z6 * l3
-    z17 = q1_dot * z12
-    z18 = cos_q2 * z15 + cos_z3 * z16 - z17 * (l2 * z17 + q1_dot * z11)
-    z19 = z18 / z4
-    z20 = tau - z5 * (z9 * z19 + 0.03 * z8) * 0.3333333333333333
+    z2 = l1 * cos_q2
+    sin_q2 = np.sin(q2)
+    z3 = sin_q2 * l1
+    z4 = q2 + q1
+    z5 = z4 - q3
+    sin_z5 = np.sin(z5)
+    z6 = l3 * sin_z5
+    z7 = z3 / z6
+    cos_z5 = np.cos(z5)
+    z8 = l3 * cos_z5 / l2
+    z9 = z2 / l2 - z7 * z8
+    z10 = q1_dot * z9
+    z11 = z3 * z10
+    z12 = 1.0 + z9
+    z13 = q1_dot * q1_dot * l1
+    z14 = z12 * z13
+    z15 = q1_dot * z11 - sin_q2 * z14
+    z16 = z7 * q1_dot
+    z17 = z16 * z16 * l3
+    z18 = z10 * (q1_dot * z2 - l2 * z10) + cos_z5 * z17
+    z19 = (z18 - cos_q2 * z14) / z6
+    z20 = (z15 + sin_z5 * z17) / l2 + z8 * z19
     z21 = l2 * m2
-    z22 = z1 * z17
-    z23 = sin_q2 * z15 - q1_dot * z22
-    z24 = z10 * z19 + (z23 + sin_z3 * z16) / l2
-    cos_z2 = np.cos(z2)
-    z25 = l2 * z21
-    z26 = z21 * (z23 - 9.81 * cos_z2) - z25 * z24 * 0.6666666666666666
-    z27 = z21 * (z17 * z22 - z11 * z24) + z12 * z26
-    z28 = l1 * m2
-    z29 = l1 * m1 * 0.3333333333333333
-    cos_q1 = np.cos(q1)
-    z30 = 0.5 * z27 - (z28 + 1.5 * z29) * cos_q1 * 9.81
-    z31 = z11 * z21
-    z32 = l1 * (z28 + z29) + z12 * (z31 + z12 * z25 * 0.3333333333333333)
-    z33 = (z20 + z30) / (z5 * z5 * z9 * 0.3333333333333333 + z32)
-    z34 = z8 + z9 * (z19 + z5 * z33) * 33.333333333333336
-    z35 = l3 * cos_q3
-    z36 = z25 * (z24 + z13 * z33) + z33 * (z25 + 1.5 * z31)
-    z37 = l3 * np.sin(q3)
-    z38 = l2 * np.sin(z2) / z37
-    z39 = sin_q2 * (0.1019367991845056 * z14 - np.sin(q1)) + cos_q2 * cos_q1
-    z40 = z34 * z38 + z21 * z39 * 490.5 + 33.333333333333336 * z36
-    z41 = z40 / (l2 * cos_z2 - z35 * z38)
-    z42 = (z34 + z35 * z41) / z37 * -0.01
-    z43 = -0.01 * z41
+    z22 = l2 * z21
+    z23 = 0.3333333333333333 * z22
+    cos_z4 = np.cos(z4)
+    z24 = 0.5 * z21
+    z25 = z9 * (z20 * z23 - (z15 - 9.81 * cos_z4) * z24)
+    z26 = l1 * m2
+    z27 = l1 * m1 * 0.3333333333333333
+    z28 = 9.81 * np.cos(q1)
+    z29 = m3 * l3
+    z30 = l3 * z29
+    z31 = 0.01 * (z16 + z29 * cos_q3 * 490.5)
+    z32 = 0.5 * (z2 * z20 - z10 * z11) * z21 + z7 * (z30 * z19 * 0.3333333333333333 + z31)
+    z33 = tau + z25 - (z26 + 1.5 * z27) * z28 - z32
+    z34 = z2 * z21
+    z35 = l1 * (z26 + z27) - z9 * (z34 - z9 * z23)
+    z36 = z33 / (z7 * z7 * z30 + 3.0 * z35)
+    z37 = z36 * (z22 + 1.5 * z34) + z22 * (0.3333333333333333 * z20 - z12 * z36)
+    z38 = cos_q2 * z28 + sin_q2 * (z13 - 9.81 * np.sin(q1))
+    z39 = z31 + z30 * (z19 + z7 * z36 * 3.0) * 0.3333333333333333
+    z40 = l3 * np.sin(q3)
+    z41 = l2 * np.sin(z4) / z40
+    z42 = (z24 * z38 + z39 * z41 + z37) / (z1 * z41 - l2 * cos_z4)
+    z43 = (z1 * z42 - z39) / z40
 
-    out[..., 0] = z42
-    out[..., 1] = z43
+    out[..., 0] = z43
+    out[..., 1] = z42
     singular = False
-    singular = singular | (np.abs(z4) < 3.998607140826971e-10)  # pivot of C.x
+    singular = singular | (np.abs(z6) < 3.997867199824383e-10)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -425,32 +423,31 @@ def _energy(t, x, u, p, out):
     m3 = p[..., 6]
 
     # energy: kinetic and potential energy T, V
-    sin_q2 = np.sin(q2)
     z1 = q1_dot * l1
-    z2 = sin_q2 * z1
+    z2 = l3 * m3
+    sin_q2 = np.sin(q2)
+    z3 = q2 + q1
+    z4 = z3 - q3
+    z5 = l3 * np.sin(z4)
+    z6 = l1 * sin_q2 / z5
+    z7 = q1_dot * z6
+    z8 = z1 * z1 * m1 + z7 * z7 * l3 * z2
+    z9 = sin_q2 * z1
     cos_q2 = np.cos(q2)
-    z3 = cos_q2 * z1
-    z4 = l2 * m2
-    z5 = q2 + q1
-    z6 = z5 - q3
-    z7 = l3 * np.sin(z6)
-    z8 = l1 * sin_q2 / z7
-    z9 = (l1 * cos_q2 - np.cos(z6) * l3 * z8) / l2
-    z10 = q1_dot - q1_dot * (1.0 + z9)
-    z11 = 0.5 * z10
-    z12 = z2 * z2 * m2 + z3 * (m2 * z3 + z4 * z11)
-    z13 = l3 * m3
-    z14 = q1_dot * z8
-    z15 = z1 * z1 * m1 + z14 * z14 * l3 * z13
-    z16 = z4 * (z3 + l2 * z10 * 0.6666666666666666) * z11 + 0.3333333333333333 * z15
-    z17 = 0.5 * (z12 + z16)
-    z18 = z4 * np.sin(z5) + z13 * np.sin(q3) + l1 * np.sin(q1) * (m1 + 2.0 * m2)
-    z19 = 4.905 * z18
+    z10 = cos_q2 * z1
+    z11 = (l1 * cos_q2 - np.cos(z4) * l3 * z6) / l2
+    z12 = q1_dot - q1_dot * (1.0 + z11)
+    z13 = l2 * m2
+    z14 = z12 * z13
+    z15 = z10 * (z14 + m2 * z10 * 2.0) + (z10 + l2 * z12 * 0.6666666666666666) * z14
+    z16 = z9 * z9 * m2 * 0.5 + 0.25 * z15 + 0.16666666666666666 * z8
+    z17 = z13 * np.sin(z3) + z2 * np.sin(q3) + l1 * np.sin(q1) * (m1 + 2.0 * m2)
+    z18 = 4.905 * z17
 
-    out[..., 0] = z17
-    out[..., 1] = z19
+    out[..., 0] = z16
+    out[..., 1] = z18
     singular = False
-    singular = singular | (np.abs(z7) < 3.998607140826971e-10)  # pivot of C.x
+    singular = singular | (np.abs(z5) < 3.997867199824383e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -466,12 +463,12 @@ def _power(t, x, u, p, out):
 
     # power: power of forces without potential: d(T + V)/dt
     z1 = np.sin(q2 + q1 - q3) * l3
-    z2 = np.sin(q2) * l1 / z1 * q1_dot
+    z2 = q1_dot * np.sin(q2) * l1 / z1
     z3 = tau * q1_dot - z2 * z2 * 0.01
 
     out[..., 0] = z3
     singular = False
-    singular = singular | (np.abs(z1) < 3.998607140826971e-10)  # pivot of C.x
+    singular = singular | (np.abs(z1) < 3.997867199824383e-10)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -489,14 +486,14 @@ def _outputs(t, x, u, p, out):
     cos_z1 = np.cos(z1)
     z2 = 0.5 * l2
     sin_z1 = np.sin(z1)
-    z3 = cos_z1 * z2 - 0.1 * sin_z1 + np.cos(q1) * l1
-    z4 = z2 * sin_z1 + 0.1 * cos_z1 + l1 * np.sin(q1)
+    z3 = np.cos(q1) * l1 + cos_z1 * z2 - 0.1 * sin_z1
+    z4 = l1 * np.sin(q1) + sin_z1 * z2 + 0.1 * cos_z1
     z5 = np.sin(z1 - q3) * l3
 
     out[..., 0] = z3
     out[..., 1] = z4
     singular = False
-    singular = singular | (np.abs(z5) < 3.998607140826971e-10)  # pivot of C.x
+    singular = singular | (np.abs(z5) < 3.997867199824383e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -522,7 +519,7 @@ def _velocity(t, x, u, p, out):
     out[..., 1] = z5
     out[..., 2] = z6
     singular = False
-    singular = singular | (np.abs(z2) < 3.998607140826971e-10)  # pivot of C.x
+    singular = singular | (np.abs(z2) < 3.997867199824383e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 

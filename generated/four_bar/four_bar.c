@@ -103,14 +103,14 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
     out[3] = z29; /* der(q1_dot), rad/s^2 */
     (void)t;
 
-    if (fabs(z5) < 3.998607140826971e-10) /* pivot of C.x */
+    if (fabs(z5) < 3.997867199824383e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!(four_bar_stray(x, 4) + four_bar_stray(u, 1) + four_bar_stray(p, 7) + four_bar_stray(out, 4) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
 
-/* mass matrix M(q) of the base velocities v, nv × nv: 20 operations */
+/* mass matrix M(q) of the base velocities v, nv × nv: 18 operations */
 int four_bar_mass(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q2 = x[1];
@@ -123,23 +123,22 @@ int four_bar_mass(double t, const double *x, const double *u, const double *p, d
 
     /* M: mass matrix M(q) of the base velocities v, nv × nv */
     const double z1 = m2 * l2;
-    const double z2 = z1 * cos(q2);
-    const double z3 = l2 * z1 * 0.3333333333333333;
-    const double z4 = l1 * z2 + 2.0 * z3;
-    const double z5 = l1 * (z2 + l1 * (0.6666666666666666 * m1 + 2.0 * m2));
-    const double z6 = 0.5 * (z4 + z5);
-    const double z7 = 0.5 * z4;
-    const double z8 = l3 * l3 * m3 * 0.3333333333333333;
+    const double z2 = z1 * cos(q2) * 0.5;
+    const double z3 = l1 * (z2 + l1 * m2 + m1 * l1 * 0.3333333333333333);
+    const double z4 = l2 * z1 * 0.3333333333333333;
+    const double z5 = z4 + l1 * z2;
+    const double z6 = z3 + z5;
+    const double z7 = l3 * l3 * m3 * 0.3333333333333333;
 
     out[0] = z6; /* der(q1) */
-    out[1] = z7; /* der(q2) */
+    out[1] = z5; /* der(q2) */
     out[2] = 0.0; /* der(q3) */
-    out[3] = z7;
-    out[4] = z3;
+    out[3] = z5;
+    out[4] = z4;
     out[5] = 0.0;
     out[6] = 0.0;
     out[7] = 0.0;
-    out[8] = z8;
+    out[8] = z7;
     (void)t;
     (void)u;
 
@@ -164,29 +163,28 @@ int four_bar_bias(double t, const double *x, const double *u, const double *p, d
 
     /* h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
     const double cos_q1 = cos(q1);
-    const double z1 = m2 * l2;
-    const double sin_q2 = sin(q2);
-    const double z2 = 0.1019367991845056 * l1;
     const double cos_q2 = cos(q2);
-    const double z3 = sin_q2 * (sin(q1) - q1_dot * q1_dot * z2) - cos_q1 * cos_q2;
-    const double z4 = z1 * z3;
-    const double z5 = q1 + q2 - q3;
-    const double sin_z5 = sin(z5);
-    const double z6 = (cos_q2 - sin_q2 * cos(z5) / sin_z5) / l2 * l1;
-    const double z7 = q1_dot - q1_dot * (1.0 + z6);
-    const double z8 = l1 * (m1 + 2.0 * m2) * cos_q1 - z4 - z1 * z2 * (z7 * z7 * sin_q2);
-    const double z9 = 4.905 * z8;
-    const double z10 = -4.905 * z4;
-    const double z11 = l3 * m3 * cos(q3) * 4.905;
-    const double z12 = l3 * sin_z5;
+    const double sin_q2 = sin(q2);
+    const double z1 = q1 + q2 - q3;
+    const double sin_z1 = sin(z1);
+    const double z2 = l1 * (cos_q2 - sin_q2 * cos(z1) / sin_z1) / l2;
+    const double z3 = q1_dot - q1_dot * (1.0 + z2);
+    const double z4 = m2 * l2;
+    const double z5 = (m1 + 2.0 * m2) * cos_q1 - z3 * z3 * (z4 * sin_q2) * 0.1019367991845056;
+    const double z6 = sin_q2 * (sin(q1) - q1_dot * q1_dot * l1 * 0.1019367991845056);
+    const double z7 = z4 * (z6 - cos_q1 * cos_q2);
+    const double z8 = 4.905 * (l1 * z5 - z7);
+    const double z9 = -4.905 * z7;
+    const double z10 = l3 * m3 * cos(q3) * 4.905;
+    const double z11 = l3 * sin_z1;
 
-    out[0] = z9; /* der(q1) */
-    out[1] = z10; /* der(q2) */
-    out[2] = z11; /* der(q3) */
+    out[0] = z8; /* der(q1) */
+    out[1] = z9; /* der(q2) */
+    out[2] = z10; /* der(q3) */
     (void)t;
     (void)u;
 
-    if (fabs(z12) < 3.998607140826971e-10) /* pivot of C.x */
+    if (fabs(z11) < 3.997867199824383e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 3) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -226,8 +224,8 @@ int four_bar_inverse_dynamics(double t, const double *x, const double *u, const 
     const double z8 = l2 * z5 * 0.06795786612300374 - sin_q2 * (sin(q1) - der_q1 * der_q1 * z7);
     const double z9 = z3 * (cos_q2 * (cos_q1 + der_der_q1 * z7) + z8) * 4.905;
     const double z10 = z9 + (z1 + z2) * cos_q1 * 9.81 + l1 * ((z1 + 0.6666666666666666 * z2) * der_der_q1 - z6);
-    const double z11 = m3 * l3 * (cos(q3) + l3 * der_der_q3 * 0.06795786612300374);
-    const double z12 = 0.01 * (der_q3 + 490.5 * z11);
+    const double z11 = m3 * l3 * (l3 * der_der_q3 + 14.715 * cos(q3));
+    const double z12 = 0.3333333333333333 * z11 + 0.01 * der_q3;
 
     out[0] = z10; /* der(q1) */
     out[1] = z9; /* der(q2) */
@@ -262,33 +260,35 @@ int four_bar_constraints(double t, const double *x, const double *u, const doubl
     const double sin_z2 = sin(z2);
     const double z6 = l2 * sin_z2;
     const double z7 = z5 - z6 - l1 * sin(q1);
-    const double z8 = l1 * cos(q2);
-    const double z9 = l2 + z8;
-    const double z10 = l1 * sin(q2);
-    const double z11 = q3 - z2;
-    const double z12 = l3 * sin(z11);
-    const double z13 = z10 / z12;
-    const double z14 = z13 * q1_dot;
-    const double z15 = 1.0 + (z8 + l3 * z13 * cos(z11)) / l2;
+    const double z8 = l1 * sin(q2);
+    const double z9 = q3 - z2;
+    const double z10 = l3 * sin(z9);
+    const double z11 = z8 / z10;
+    const double z12 = z11 * q1_dot;
+    const double z13 = l1 * cos(q2);
+    const double z14 = l2 + z13;
+    const double z15 = 1.0 + (z13 + l3 * z11 * cos(z9)) / l2;
     const double z16 = q1_dot * z15;
-    const double z17 = z5 * z14 - z6 * z16 + q1_dot * (sin_z2 * z9 - cos_z2 * z10);
-    const double z18 = z3 * z16 - z1 * z14 - q1_dot * (cos_z2 * z9 + sin_z2 * z10);
+    const double z17 = q1_dot * (cos_z2 * z8 - sin_z2 * z14) + z6 * z16;
+    const double z18 = z5 * z12 - z17;
+    const double z19 = z3 * z16 - q1_dot * (sin_z2 * z8 + cos_z2 * z14);
+    const double z20 = z19 - z1 * z12;
 
     out[0] = z4; /* phi C.x */
     out[1] = z7; /* phi C.y */
-    out[2] = z17; /* velocity C.x */
-    out[3] = z18; /* velocity C.y */
+    out[2] = z18; /* velocity C.x */
+    out[3] = z20; /* velocity C.y */
     (void)t;
     (void)u;
 
-    if (fabs(z12) < 3.998607140826971e-10) /* pivot of C.x */
+    if (fabs(z10) < 3.997867199824383e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 4) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
 
-/* nearest consistent state: q on φ = 0, w kept: 99 operations a step */
+/* nearest consistent state: q on φ = 0, w kept: 98 operations a step */
 static int four_bar_project_step(double t, const double *x, const double *u, const double *p, double *restrict out, double *residual)
 {
     const double q1 = x[0];
@@ -307,49 +307,48 @@ static int four_bar_project_step(double t, const double *x, const double *u, con
     const double z1 = m2 * l2;
     const double z2 = l2 * z1;
     const double cos_q2 = cos(q2);
-    const double z3 = z1 * cos_q2;
-    const double z4 = 1.5 * l1;
-    const double z5 = z2 + z3 * z4;
-    const double z6 = z5 / z2;
-    const double z7 = q1 + q2;
-    const double sin_z7 = sin(z7);
-    const double z8 = l2 * sin_z7;
-    const double cos_z7 = cos(z7);
+    const double z3 = z1 * cos_q2 * 1.5;
+    const double z4 = z2 + l1 * z3;
+    const double z5 = z4 / z2;
+    const double z6 = q1 + q2;
+    const double cos_z6 = cos(z6);
+    const double z7 = l2 * cos_z6;
+    const double z8 = l2 + l1 * cos_q2;
+    const double sin_z6 = sin(z6);
     const double z9 = l1 * sin(q2);
-    const double z10 = l2 + l1 * cos_q2;
-    const double z11 = cos_z7 * z9 - sin_z7 * z10 + z6 * z8;
-    const double z12 = z4 * (z3 + l1 * (2.0 * m2 + 0.6666666666666666 * m1));
-    const double z13 = z5 - z5 * z6 + z12;
-    const double z14 = z11 / z13;
-    const double z15 = cos(q3) * l3;
-    const double z16 = l2 * cos_z7;
-    const double z17 = l4 + z15 - (z16 + l1 * cos(q1));
-    const double z18 = l3 * sin(q3);
+    const double z10 = z5 * z7 - cos_z6 * z8 - sin_z6 * z9;
+    const double z11 = z4 + l1 * (z3 + l1 * (m1 + 3.0 * m2));
+    const double z12 = z11 - z4 * z5;
+    const double z13 = z10 / z12;
+    const double z14 = l2 * sin_z6;
+    const double z15 = l3 * sin(q3);
+    const double z16 = z14 - z15 + l1 * sin(q1);
+    const double z17 = cos(q3) * l3;
+    const double z18 = l4 + z17 - (z7 + l1 * cos(q1));
     const double z19 = l3 * l3 * m3;
-    const double z20 = z18 / z19;
-    const double z21 = z8 / z2;
-    const double z22 = z18 * z20 + z8 * z21 + z11 * z14;
-    const double z23 = sin_z7 * z9 + cos_z7 * z10 - z6 * z16;
-    const double z24 = z15 * z20 + z16 * z21 - z14 * z23;
-    const double z25 = z24 / z22;
-    const double z26 = z8 - z18 + l1 * sin(q1);
-    const double z27 = z15 / z19;
-    const double z28 = z16 / z2;
-    const double z29 = z23 / z13;
-    const double z30 = z15 * z27 + z16 * z28 + (z23 * z29 - z24 * z25);
-    const double z31 = (z26 - z17 * z25) / z30;
-    const double z32 = z17 / z22 - z25 * z31;
-    const double z33 = z14 * z32 - z29 * z31;
-    const double z34 = q1 + z33;
-    const double z35 = q2 - z6 * z33 - (z21 * z32 + z28 * z31);
-    const double z36 = q3 + z20 * z32 + z27 * z31;
-    const double z37 = fmax(fmax(0.0, fabs(z17)), fabs(z26));
+    const double z20 = z15 / z19;
+    const double z21 = z5 * z14 - sin_z6 * z8 + cos_z6 * z9;
+    const double z22 = z21 / z12;
+    const double z23 = z14 / z2;
+    const double z24 = z22 * z10 + z7 * z23 + z17 * z20;
+    const double z25 = z21 * z22 + z14 * z23 + z15 * z20;
+    const double z26 = z24 / z25;
+    const double z27 = z7 / z2;
+    const double z28 = z17 / z19;
+    const double z29 = z24 * z26 - z10 * z13 - (z7 * z27 + z17 * z28);
+    const double z30 = (z16 - z18 * z26) / z29;
+    const double z31 = z26 * z30 + z18 / z25;
+    const double z32 = z13 * z30 - z22 * z31;
+    const double z33 = q1 - z32;
+    const double z34 = q2 + z27 * z30 + (z5 * z32 - z23 * z31);
+    const double z35 = q3 - z28 * z30 + z20 * z31;
+    const double z36 = fmax(fmax(0.0, fabs(z18)), fabs(z16));
 
-    out[0] = z34; /* q1 */
-    out[1] = z35; /* q2 */
-    out[2] = z36; /* q3 */
+    out[0] = z33; /* q1 */
+    out[1] = z34; /* q2 */
+    out[2] = z35; /* q3 */
     out[3] = q1_dot; /* q1_dot */
-    *residual = z37;
+    *residual = z36;
     (void)t;
     (void)u;
 
@@ -376,7 +375,7 @@ int four_bar_project(double t, const double *x, const double *u, const double *p
     return FOUR_BAR_NOT_CONVERGED;
 }
 
-/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 131 operations */
+/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 129 operations */
 int four_bar_reactions(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -392,62 +391,61 @@ int four_bar_reactions(double t, const double *x, const double *u, const double 
     const double m3 = p[6];
 
     /* lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row */
-    const double sin_q2 = sin(q2);
-    const double z1 = sin_q2 * l1;
-    const double z2 = q2 + q1;
-    const double z3 = z2 - q3;
-    const double sin_z3 = sin(z3);
-    const double z4 = l3 * sin_z3;
-    const double z5 = z1 / z4;
-    const double z6 = z5 * q1_dot;
-    const double z7 = m3 * l3;
     const double cos_q3 = cos(q3);
-    const double z8 = z6 + z7 * cos_q3 * 490.5;
-    const double z9 = l3 * z7;
+    const double z1 = l3 * cos_q3;
     const double cos_q2 = cos(q2);
-    const double cos_z3 = cos(z3);
-    const double z10 = l3 * cos_z3 / l2;
-    const double z11 = l1 * cos_q2;
-    const double z12 = z5 * z10 - z11 / l2;
-    const double z13 = z12 - 1.0;
-    const double z14 = q1_dot * q1_dot * l1;
-    const double z15 = z13 * z14;
-    const double z16 = z6 * z6 * l3;
-    const double z17 = q1_dot * z12;
-    const double z18 = cos_q2 * z15 + cos_z3 * z16 - z17 * (l2 * z17 + q1_dot * z11);
-    const double z19 = z18 / z4;
-    const double z20 = tau - z5 * (z9 * z19 + 0.03 * z8) * 0.3333333333333333;
+    const double z2 = l1 * cos_q2;
+    const double sin_q2 = sin(q2);
+    const double z3 = sin_q2 * l1;
+    const double z4 = q2 + q1;
+    const double z5 = z4 - q3;
+    const double sin_z5 = sin(z5);
+    const double z6 = l3 * sin_z5;
+    const double z7 = z3 / z6;
+    const double cos_z5 = cos(z5);
+    const double z8 = l3 * cos_z5 / l2;
+    const double z9 = z2 / l2 - z7 * z8;
+    const double z10 = q1_dot * z9;
+    const double z11 = z3 * z10;
+    const double z12 = 1.0 + z9;
+    const double z13 = q1_dot * q1_dot * l1;
+    const double z14 = z12 * z13;
+    const double z15 = q1_dot * z11 - sin_q2 * z14;
+    const double z16 = z7 * q1_dot;
+    const double z17 = z16 * z16 * l3;
+    const double z18 = z10 * (q1_dot * z2 - l2 * z10) + cos_z5 * z17;
+    const double z19 = (z18 - cos_q2 * z14) / z6;
+    const double z20 = (z15 + sin_z5 * z17) / l2 + z8 * z19;
     const double z21 = l2 * m2;
-    const double z22 = z1 * z17;
-    const double z23 = sin_q2 * z15 - q1_dot * z22;
-    const double z24 = z10 * z19 + (z23 + sin_z3 * z16) / l2;
-    const double cos_z2 = cos(z2);
-    const double z25 = l2 * z21;
-    const double z26 = z21 * (z23 - 9.81 * cos_z2) - z25 * z24 * 0.6666666666666666;
-    const double z27 = z21 * (z17 * z22 - z11 * z24) + z12 * z26;
-    const double z28 = l1 * m2;
-    const double z29 = l1 * m1 * 0.3333333333333333;
-    const double cos_q1 = cos(q1);
-    const double z30 = 0.5 * z27 - (z28 + 1.5 * z29) * cos_q1 * 9.81;
-    const double z31 = z11 * z21;
-    const double z32 = l1 * (z28 + z29) + z12 * (z31 + z12 * z25 * 0.3333333333333333);
-    const double z33 = (z20 + z30) / (z5 * z5 * z9 * 0.3333333333333333 + z32);
-    const double z34 = z8 + z9 * (z19 + z5 * z33) * 33.333333333333336;
-    const double z35 = l3 * cos_q3;
-    const double z36 = z25 * (z24 + z13 * z33) + z33 * (z25 + 1.5 * z31);
-    const double z37 = l3 * sin(q3);
-    const double z38 = l2 * sin(z2) / z37;
-    const double z39 = sin_q2 * (0.1019367991845056 * z14 - sin(q1)) + cos_q2 * cos_q1;
-    const double z40 = z34 * z38 + z21 * z39 * 490.5 + 33.333333333333336 * z36;
-    const double z41 = z40 / (l2 * cos_z2 - z35 * z38);
-    const double z42 = (z34 + z35 * z41) / z37 * -0.01;
-    const double z43 = -0.01 * z41;
+    const double z22 = l2 * z21;
+    const double z23 = 0.3333333333333333 * z22;
+    const double cos_z4 = cos(z4);
+    const double z24 = 0.5 * z21;
+    const double z25 = z9 * (z20 * z23 - (z15 - 9.81 * cos_z4) * z24);
+    const double z26 = l1 * m2;
+    const double z27 = l1 * m1 * 0.3333333333333333;
+    const double z28 = 9.81 * cos(q1);
+    const double z29 = m3 * l3;
+    const double z30 = l3 * z29;
+    const double z31 = 0.01 * (z16 + z29 * cos_q3 * 490.5);
+    const double z32 = 0.5 * (z2 * z20 - z10 * z11) * z21 + z7 * (z30 * z19 * 0.3333333333333333 + z31);
+    const double z33 = tau + z25 - (z26 + 1.5 * z27) * z28 - z32;
+    const double z34 = z2 * z21;
+    const double z35 = l1 * (z26 + z27) - z9 * (z34 - z9 * z23);
+    const double z36 = z33 / (z7 * z7 * z30 + 3.0 * z35);
+    const double z37 = z36 * (z22 + 1.5 * z34) + z22 * (0.3333333333333333 * z20 - z12 * z36);
+    const double z38 = cos_q2 * z28 + sin_q2 * (z13 - 9.81 * sin(q1));
+    const double z39 = z31 + z30 * (z19 + z7 * z36 * 3.0) * 0.3333333333333333;
+    const double z40 = l3 * sin(q3);
+    const double z41 = l2 * sin(z4) / z40;
+    const double z42 = (z24 * z38 + z39 * z41 + z37) / (z1 * z41 - l2 * cos_z4);
+    const double z43 = (z1 * z42 - z39) / z40;
 
-    out[0] = z42; /* C.x */
-    out[1] = z43; /* C.y */
+    out[0] = z43; /* C.x */
+    out[1] = z42; /* C.y */
     (void)t;
 
-    if (fabs(z4) < 3.998607140826971e-10) /* pivot of C.x */
+    if (fabs(z6) < 3.997867199824383e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!(four_bar_stray(x, 4) + four_bar_stray(u, 1) + four_bar_stray(p, 7) + four_bar_stray(out, 2) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -469,34 +467,33 @@ int four_bar_energy(double t, const double *x, const double *u, const double *p,
     const double m3 = p[6];
 
     /* energy: kinetic and potential energy T, V */
-    const double sin_q2 = sin(q2);
     const double z1 = q1_dot * l1;
-    const double z2 = sin_q2 * z1;
+    const double z2 = l3 * m3;
+    const double sin_q2 = sin(q2);
+    const double z3 = q2 + q1;
+    const double z4 = z3 - q3;
+    const double z5 = l3 * sin(z4);
+    const double z6 = l1 * sin_q2 / z5;
+    const double z7 = q1_dot * z6;
+    const double z8 = z1 * z1 * m1 + z7 * z7 * l3 * z2;
+    const double z9 = sin_q2 * z1;
     const double cos_q2 = cos(q2);
-    const double z3 = cos_q2 * z1;
-    const double z4 = l2 * m2;
-    const double z5 = q2 + q1;
-    const double z6 = z5 - q3;
-    const double z7 = l3 * sin(z6);
-    const double z8 = l1 * sin_q2 / z7;
-    const double z9 = (l1 * cos_q2 - cos(z6) * l3 * z8) / l2;
-    const double z10 = q1_dot - q1_dot * (1.0 + z9);
-    const double z11 = 0.5 * z10;
-    const double z12 = z2 * z2 * m2 + z3 * (m2 * z3 + z4 * z11);
-    const double z13 = l3 * m3;
-    const double z14 = q1_dot * z8;
-    const double z15 = z1 * z1 * m1 + z14 * z14 * l3 * z13;
-    const double z16 = z4 * (z3 + l2 * z10 * 0.6666666666666666) * z11 + 0.3333333333333333 * z15;
-    const double z17 = 0.5 * (z12 + z16);
-    const double z18 = z4 * sin(z5) + z13 * sin(q3) + l1 * sin(q1) * (m1 + 2.0 * m2);
-    const double z19 = 4.905 * z18;
+    const double z10 = cos_q2 * z1;
+    const double z11 = (l1 * cos_q2 - cos(z4) * l3 * z6) / l2;
+    const double z12 = q1_dot - q1_dot * (1.0 + z11);
+    const double z13 = l2 * m2;
+    const double z14 = z12 * z13;
+    const double z15 = z10 * (z14 + m2 * z10 * 2.0) + (z10 + l2 * z12 * 0.6666666666666666) * z14;
+    const double z16 = z9 * z9 * m2 * 0.5 + 0.25 * z15 + 0.16666666666666666 * z8;
+    const double z17 = z13 * sin(z3) + z2 * sin(q3) + l1 * sin(q1) * (m1 + 2.0 * m2);
+    const double z18 = 4.905 * z17;
 
-    out[0] = z17; /* T, J */
-    out[1] = z19; /* V, J */
+    out[0] = z16; /* T, J */
+    out[1] = z18; /* V, J */
     (void)t;
     (void)u;
 
-    if (fabs(z7) < 3.998607140826971e-10) /* pivot of C.x */
+    if (fabs(z5) < 3.997867199824383e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 2) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -516,13 +513,13 @@ int four_bar_power(double t, const double *x, const double *u, const double *p, 
 
     /* power: power of forces without potential: d(T + V)/dt */
     const double z1 = sin(q2 + q1 - q3) * l3;
-    const double z2 = sin(q2) * l1 / z1 * q1_dot;
+    const double z2 = q1_dot * sin(q2) * l1 / z1;
     const double z3 = tau * q1_dot - z2 * z2 * 0.01;
 
     out[0] = z3; /* power, W */
     (void)t;
 
-    if (fabs(z1) < 3.998607140826971e-10) /* pivot of C.x */
+    if (fabs(z1) < 3.997867199824383e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!(four_bar_stray(x, 4) + four_bar_stray(u, 1) + four_bar_stray(p, 7) + four_bar_stray(out, 1) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -544,8 +541,8 @@ int four_bar_outputs(double t, const double *x, const double *u, const double *p
     const double cos_z1 = cos(z1);
     const double z2 = 0.5 * l2;
     const double sin_z1 = sin(z1);
-    const double z3 = cos_z1 * z2 - 0.1 * sin_z1 + cos(q1) * l1;
-    const double z4 = z2 * sin_z1 + 0.1 * cos_z1 + l1 * sin(q1);
+    const double z3 = cos(q1) * l1 + cos_z1 * z2 - 0.1 * sin_z1;
+    const double z4 = l1 * sin(q1) + sin_z1 * z2 + 0.1 * cos_z1;
     const double z5 = sin(z1 - q3) * l3;
 
     out[0] = z3; /* tip[0], m */
@@ -553,7 +550,7 @@ int four_bar_outputs(double t, const double *x, const double *u, const double *p
     (void)t;
     (void)u;
 
-    if (fabs(z5) < 3.998607140826971e-10) /* pivot of C.x */
+    if (fabs(z5) < 3.997867199824383e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 2) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -585,7 +582,7 @@ int four_bar_velocity(double t, const double *x, const double *u, const double *
     (void)t;
     (void)u;
 
-    if (fabs(z2) < 3.998607140826971e-10) /* pivot of C.x */
+    if (fabs(z2) < 3.997867199824383e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 3) == 0.0))
         return FOUR_BAR_NOT_FINITE;

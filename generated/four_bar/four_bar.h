@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "ee9d93eadf57b18c145f272c00863896"
+#define FOUR_BAR_PROGRAM "ef8813d0a95a303fef65f164322232e8"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1
@@ -78,7 +78,7 @@ typedef int (*four_bar_function)(double t, const double *x, const double *u, con
 int four_bar_dynamics(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* mass matrix M(q) of the base velocities v, nv × nv: out[9], 3 x 3 row by row.
-   20 operations; reads x, p. */
+   18 operations; reads x, p. */
 int four_bar_mass(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[3].
@@ -95,11 +95,11 @@ int four_bar_inverse_dynamics(double t, const double *x, const double *u, const 
 int four_bar_constraints(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* nearest consistent state: q on φ = 0, w kept: out[4].
-   99 operations in each of at most 20 steps; reads x, p. */
+   98 operations in each of at most 20 steps; reads x, p. */
 int four_bar_project(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: out[2].
-   131 operations; reads x, u, p. */
+   129 operations; reads x, u, p. */
 int four_bar_reactions(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* kinetic and potential energy T, V: out[2].

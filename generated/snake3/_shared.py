@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "46a80d9a3422d64c3a388ff2db10e26f"
+PROGRAM = "adbd664b1dc9a5687c4658ac9151e8b1"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)

@@ -29,7 +29,7 @@ static inline double snake3_stray(const double *values, int n)
     return i < n ? even + odd + 0.0 * values[i] : even + odd;
 }
 
-/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 133 operations */
+/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 131 operations */
 int snake3_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double th = x[2];
@@ -48,67 +48,66 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
     const double z1 = sin_phi1 / l;
     const double cos_phi1 = cos(phi1);
     const double z2 = 1.0 + cos_phi1;
-    const double cos_phi2 = cos(phi2);
     const double sin_phi2 = sin(phi2);
-    const double z3 = (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / l;
-    const double z4 = z1 + z3;
-    const double z5 = sin_phi1 * l;
-    const double z6 = cos_phi1 * l;
-    const double z7 = (sin_phi2 * z5 + cos_phi2 * z6) / l;
+    const double cos_phi2 = cos(phi2);
+    const double z3 = (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l;
+    const double z4 = z1 - z3;
+    const double z5 = cos_phi1 * l;
+    const double z6 = sin_phi1 * l;
+    const double z7 = (cos_phi2 * z5 + sin_phi2 * z6) / l;
     const double S_5_2 = cos_phi1 + z7;
 
     /* v: base velocities */
     const double z8 = v * z1;
     const double z9 = om * z2 + 2.0 * z8;
-    const double v_5 = v * z4 * 2.0 + om * S_5_2;
+    const double z10 = 2.0 * v;
+    const double v_5 = om * S_5_2 + z4 * z10;
 
     /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-    const double z10 = l * l * m * 0.5;
-    const double z11 = J - 0.5 * z10;
-    const double z12 = cos_phi1 * z11;
-    const double z13 = z7 * z11;
-    const double z14 = z1 * z12 + z3 * z13;
-    const double M_w_2_2 = J + z10 + (cos_phi1 * z12 + z7 * z13);
+    const double z11 = l * l * m * 0.5;
+    const double z12 = J - 0.5 * z11;
+    const double z13 = z7 * z12;
+    const double z14 = cos_phi1 * z12;
+    const double z15 = z3 * z13 - z1 * z14;
+    const double M_w_2_2 = J + z11 + (z7 * z13 + cos_phi1 * z14);
 
     /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-    const double z15 = v * cos_phi1;
-    const double z16 = om * l * 0.5;
-    const double z17 = 0.5 * z9;
-    const double z18 = (z15 - sin_phi1 * z16) * z17;
-    const double z19 = z17 * (v * sin_phi1 + cos_phi1 * z16);
-    const double z20 = 0.5 * v_5;
-    const double z21 = 0.5 * om;
-    const double z22 = l * (z8 + cos_phi1 * z21);
-    const double z23 = z15 - z5 * z21;
-    const double z24 = sin_phi2 * z18 - cos_phi2 * z19 - z20 * (cos_phi2 * z22 - sin_phi2 * z23);
-    const double z25 = m * z24;
-    const double z26 = m * z19;
-    const double z27 = z25 * (sin_phi2 * z6 - cos_phi2 * z5) + z5 * z26;
-    const double z28 = sin_phi2 * z19 + cos_phi2 * z18 + (cos_phi2 * z23 + sin_phi2 * z22) * z20;
-    const double z29 = J * z28 / l;
-    const double z30 = J * z18 / l;
-    const double z31 = z7 * z29 + cos_phi1 * z30 + 0.25 * (S_5_2 * tau2 - z2 * tau1 + z27);
+    const double z16 = v * cos_phi1;
+    const double z17 = om * l;
+    const double z18 = z9 * (z16 - sin_phi1 * z17 * 0.5);
+    const double z19 = 2.0 * J;
+    const double z20 = z18 * z19 / l;
+    const double z21 = z9 * (cos_phi1 * z17 + sin_phi1 * z10) * 0.5;
+    const double z22 = 0.5 * om;
+    const double z23 = l * (z8 + cos_phi1 * z22);
+    const double z24 = z16 - z6 * z22;
+    const double z25 = v_5 * (sin_phi2 * z23 + cos_phi2 * z24) + cos_phi2 * z18;
+    const double z26 = z19 * (sin_phi2 * z21 + z25) / l;
+    const double z27 = m * z21;
+    const double z28 = v_5 * (sin_phi2 * z24 - cos_phi2 * z23) - cos_phi2 * z21;
+    const double z29 = m * (sin_phi2 * z18 + z28);
+    const double z30 = z6 * z27 - z29 * (cos_phi2 * z6 - sin_phi2 * z5);
+    const double f_w_2 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z20 + (z7 * z26 + 0.5 * z30);
 
     /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-    const double z32 = cos(th) * v;
-    const double z33 = v * sin(th);
-    const double z34 = -z9;
-    const double z35 = (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2) * z25 - cos_phi1 * z26;
-    const double z36 = z4 * tau2 - z1 * (tau1 - 4.0 * z30);
-    const double z37 = z14 / M_w_2_2;
-    const double z38 = z3 * z29 - z37 * z31 + 0.25 * (z35 + z36);
-    const double z39 = z11 * (z1 * z1 + z3 * z3) - z14 * z37;
-    const double z40 = z38 / (m + 1.3333333333333333 * z39);
-    const double z41 = 2.6666666666666665 * z40;
-    const double z42 = 4.0 * (z31 / M_w_2_2 - z37 * z40 * 1.3333333333333333);
+    const double z31 = cos(th) * v;
+    const double z32 = v * sin(th);
+    const double z33 = -z9;
+    const double z34 = z15 / M_w_2_2;
+    const double z35 = z1 * (tau1 - z20) - z34 * f_w_2 - z4 * tau2;
+    const double z36 = cos_phi1 * z27 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z29;
+    const double z37 = z12 * (z3 * z3 + z1 * z1) - z15 * z34;
+    const double z38 = (z3 * z26 + 0.5 * z36 + z35) / (m + 1.3333333333333333 * z37);
+    const double z39 = -0.6666666666666666 * z38;
+    const double z40 = f_w_2 / M_w_2_2 - z34 * z38 * 1.3333333333333333;
 
-    out[0] = z32; /* der(x), m/s */
-    out[1] = z33; /* der(y), m/s */
+    out[0] = z31; /* der(x), m/s */
+    out[1] = z32; /* der(y), m/s */
     out[2] = om; /* der(th), rad/s */
-    out[3] = z34; /* der(phi1), rad/s */
+    out[3] = z33; /* der(phi1), rad/s */
     out[4] = v_5; /* der(phi2), rad/s */
-    out[5] = z41; /* der(v), m/s^2 */
-    out[6] = z42; /* der(om), rad/s^2 */
+    out[5] = z39; /* der(v), m/s^2 */
+    out[6] = z40; /* der(om), rad/s^2 */
     (void)t;
 
     if (!(snake3_stray(x, 7) + snake3_stray(u, 2) + snake3_stray(p, 3) + snake3_stray(out, 7) == 0.0))
@@ -116,7 +115,7 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
     return SNAKE3_OK;
 }
 
-/* mass matrix M(q) of the base velocities v, nv × nv: 54 operations */
+/* mass matrix M(q) of the base velocities v, nv × nv: 46 operations */
 int snake3_mass(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -128,61 +127,59 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     /* M: mass matrix M(q) of the base velocities v, nv × nv */
     const double z1 = 3.0 * m;
     const double sin_phi1 = sin(phi1);
-    const double z2 = m * l;
-    const double z3 = cos(phi2) * z2;
-    const double z4 = z2 + z3;
-    const double z5 = z2 + 0.5 * z4;
+    const double z2 = l / 2.0;
+    const double z3 = m * z2;
+    const double z4 = cos(phi2) * z3;
+    const double z5 = z3 + z4;
+    const double z6 = 2.0 * m * z2;
+    const double z7 = z5 + z6;
     const double cos_phi1 = cos(phi1);
-    const double z6 = z2 * sin(phi2);
-    const double z7 = cos_phi1 * z6;
-    const double z8 = sin_phi1 * z5 + 0.5 * z7;
-    const double z9 = 0.5 * (z7 + sin_phi1 * z3);
-    const double z10 = sin_phi1 * z6;
-    const double z11 = 0.5 * z10 - z5 * cos_phi1;
-    const double z12 = z11 - z2;
-    const double z13 = z10 - z3 * cos_phi1;
-    const double z14 = 0.5 * z13;
-    const double z15 = J + l * z2 * 0.25;
-    const double z16 = l * z4;
-    const double z17 = l * z3;
-    const double z18 = z15 + 0.25 * (z16 + z17) + J;
-    const double z19 = 0.5 * l;
-    const double z20 = z5 * z19;
-    const double z21 = 0.25 * z16;
-    const double z22 = z11 * z19;
-    const double z23 = z20 + z21 + z18 + (-(z12 * z19) - z22);
-    const double z24 = J + z23;
-    const double z25 = z18 + z21 + z20;
-    const double z26 = z25 - z22;
-    const double z27 = 0.25 * z17;
-    const double z28 = z15 + z27 + z27;
-    const double z29 = z28 - l * z13 * 0.25;
+    const double z8 = z3 * sin(phi2);
+    const double z9 = cos_phi1 * z8;
+    const double z10 = sin_phi1 * z7 + z9;
+    const double z11 = z9 + sin_phi1 * z4;
+    const double z12 = sin_phi1 * z8;
+    const double z13 = z12 - z7 * cos_phi1;
+    const double z14 = z6 - z13;
+    const double z15 = -z14;
+    const double z16 = z12 - z4 * cos_phi1;
+    const double z17 = J + z2 * z3;
+    const double z18 = z2 * z5;
+    const double z19 = z2 * z4;
+    const double z20 = z18 + z19 + z17 + J;
+    const double z21 = z2 * z7;
+    const double z22 = z2 * z13;
+    const double z23 = z18 + z21 + z20 + (z2 * z14 - z22) + J;
+    const double z24 = z18 + z20 + z21;
+    const double z25 = -(z22 - z24);
+    const double z26 = z17 + z19 + z19;
+    const double z27 = z26 - z2 * z16;
 
     out[0] = z1; /* base.vx */
     out[1] = 0.0; /* base.vy */
-    out[2] = z8; /* base.w */
-    out[3] = z8; /* der(phi1) */
-    out[4] = z9; /* der(phi2) */
+    out[2] = z10; /* base.w */
+    out[3] = z10; /* der(phi1) */
+    out[4] = z11; /* der(phi2) */
     out[5] = 0.0;
     out[6] = z1;
-    out[7] = z12;
-    out[8] = z11;
-    out[9] = z14;
-    out[10] = z8;
-    out[11] = z12;
-    out[12] = z24;
-    out[13] = z26;
-    out[14] = z29;
-    out[15] = z8;
-    out[16] = z11;
-    out[17] = z26;
-    out[18] = z25;
-    out[19] = z28;
-    out[20] = z9;
-    out[21] = z14;
-    out[22] = z29;
-    out[23] = z28;
-    out[24] = z15;
+    out[7] = z15;
+    out[8] = z13;
+    out[9] = z16;
+    out[10] = z10;
+    out[11] = z15;
+    out[12] = z23;
+    out[13] = z25;
+    out[14] = z27;
+    out[15] = z10;
+    out[16] = z13;
+    out[17] = z25;
+    out[18] = z24;
+    out[19] = z26;
+    out[20] = z11;
+    out[21] = z16;
+    out[22] = z27;
+    out[23] = z26;
+    out[24] = z17;
     (void)t;
     (void)u;
 
@@ -203,38 +200,44 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
 
     /* h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
     const double z1 = om * om;
-    const double z2 = m * l;
+    const double z2 = l / 2.0;
+    const double z3 = 2.0 * m * z2;
     const double cos_phi1 = cos(phi1);
-    const double cos_phi2 = cos(phi2);
-    const double z3 = 2.0 * v;
     const double sin_phi1 = sin(phi1);
-    const double z4 = sin_phi1 / l;
+    const double z4 = sin_phi1 / z2;
+    const double z5 = om * (-1.0 - cos_phi1) - z4 * v + om;
+    const double z6 = z5 * z5;
+    const double z7 = m * z2;
+    const double z8 = z3 + z7;
+    const double cos_phi2 = cos(phi2);
     const double sin_phi2 = sin(phi2);
-    const double z5 = z3 * (z4 - (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l);
-    const double z6 = om - z4 * z3 - om * (1.0 + cos_phi1);
-    const double z7 = z6 + om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1);
-    const double z8 = z5 + z7;
-    const double z9 = z8 * z8 * z2;
-    const double z10 = z6 * z6;
-    const double z11 = cos_phi2 * z9 + z2 * z10 * 3.0;
-    const double z12 = sin_phi2 * z9;
-    const double z13 = z1 * z2 + 0.5 * (cos_phi1 * z11 - sin_phi1 * z12);
-    const double z14 = om * v;
-    const double z15 = cos_phi1 * z12 + sin_phi1 * z11;
-    const double z16 = 3.0 * (m * z14 + 0.16666666666666666 * z15);
-    const double z17 = z1 * l;
-    const double z18 = sin_phi1 * z17 - cos_phi1 * z14 * 2.0;
-    const double z19 = l * z10 + sin_phi1 * z14 + cos_phi1 * z17 * 0.5;
-    const double z20 = z2 * (sin_phi2 * z19 + cos_phi2 * z18 * 0.5);
-    const double z21 = 0.5 * (z20 - l * z12 + z2 * z18 * 1.5);
-    const double z22 = z21 - (z2 * z14 + l * z15 * 0.25);
-    const double z23 = 0.5 * z20;
+    const double z9 = v * (z4 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / z2);
+    const double z10 = z2 * cos_phi1;
+    const double z11 = z2 * sin_phi1 * sin_phi2 + cos_phi2 * (z10 - z10 + z10);
+    const double z12 = z9 + om * (cos_phi1 + z11 / z2) + z5;
+    const double z13 = z12 * z12 * z7;
+    const double z14 = z6 * z8 + cos_phi2 * z13;
+    const double z15 = sin_phi2 * z13;
+    const double z16 = cos_phi1 * z14 - sin_phi1 * z15 + z1 * z3;
+    const double z17 = om * v;
+    const double z18 = sin_phi1 * z14 + cos_phi1 * z15;
+    const double z19 = 3.0 * m * z17 + z18;
+    const double z20 = z2 * z15;
+    const double z21 = z1 * z2;
+    const double z22 = cos_phi1 * z17 - sin_phi1 * z21;
+    const double z23 = z2 * z6;
+    const double z24 = sin_phi2 * (cos_phi1 * z21 + sin_phi1 * z17 + z23 + z23);
+    const double z25 = z7 * (cos_phi2 * z22 - z24);
+    const double z26 = z25 + z20 + z8 * z22 + z20;
+    const double z27 = -(z26 + z2 * z18 + z3 * z17);
+    const double z28 = -z26;
+    const double z29 = -z25;
 
-    out[0] = z13; /* base.vx */
-    out[1] = z16; /* base.vy */
-    out[2] = z22; /* base.w */
-    out[3] = z21; /* der(phi1) */
-    out[4] = z23; /* der(phi2) */
+    out[0] = z16; /* base.vx */
+    out[1] = z19; /* base.vy */
+    out[2] = z27; /* base.w */
+    out[3] = z28; /* der(phi1) */
+    out[4] = z29; /* der(phi2) */
     (void)t;
     (void)u;
 
@@ -243,7 +246,7 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     return SNAKE3_OK;
 }
 
-/* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): 81 operations */
+/* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): 77 operations */
 int snake3_inverse_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -265,42 +268,41 @@ int snake3_inverse_dynamics(double t, const double *x, const double *u, const do
     /* tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇) */
     const double z1 = der_base_vx - base_w * base_vy;
     const double cos_phi1 = cos(phi1);
-    const double z2 = base_w + der_phi1;
-    const double z3 = z2 * z2 * l;
-    const double z4 = 0.5 * l;
-    const double z5 = z1 + base_w * base_w * z4;
+    const double z2 = l / 2.0;
+    const double z3 = z1 + base_w * base_w * z2;
     const double sin_phi1 = sin(phi1);
-    const double z6 = der_base_vy + base_w * base_vx;
-    const double z7 = z6 - z4 * der_base_w;
-    const double z8 = z3 + 2.0 * (cos_phi1 * z5 + sin_phi1 * z7);
+    const double z4 = base_w * base_vx + der_base_vy;
+    const double z5 = z4 - z2 * der_base_w;
+    const double z6 = base_w + der_phi1;
+    const double z7 = z6 * z6 * z2;
+    const double z8 = cos_phi1 * z3 + sin_phi1 * z5 + z7;
     const double cos_phi2 = cos(phi2);
-    const double z9 = z2 + der_phi2;
-    const double z10 = z3 + z8;
+    const double z9 = z7 + z8;
     const double sin_phi2 = sin(phi2);
-    const double z11 = der_base_w + der_der_phi1;
-    const double z12 = l * z11;
-    const double z13 = z12 + 2.0 * (z5 * sin_phi1 - cos_phi1 * z7);
-    const double z14 = z12 + z13;
-    const double z15 = cos_phi2 * z10 - sin_phi2 * z14 + z9 * z9 * l;
+    const double z10 = der_base_w + der_der_phi1;
+    const double z11 = z2 * z10;
+    const double z12 = cos_phi1 * z5 - z3 * sin_phi1 - z11;
+    const double z13 = z11 - z12;
+    const double z14 = z6 + der_phi2;
+    const double z15 = cos_phi2 * z9 - sin_phi2 * z13 + z14 * z14 * z2;
     const double z16 = m * z15;
-    const double z17 = z11 + der_der_phi2;
-    const double z18 = m * (cos_phi2 * z14 + z10 * sin_phi2 + l * z17);
+    const double z17 = z10 + der_der_phi2;
+    const double z18 = m * (cos_phi2 * z13 + z9 * sin_phi2 + z2 * z17);
     const double z19 = cos_phi2 * z16 + sin_phi2 * z18 + m * z8;
     const double z20 = sin_phi2 * z16 - cos_phi2 * z18;
-    const double z21 = z20 - m * z13;
-    const double z22 = m * z1 + 0.5 * (cos_phi1 * z19 - sin_phi1 * z21);
+    const double z21 = m * z12 + z20;
+    const double z22 = cos_phi1 * z19 - sin_phi1 * z21 + m * z1;
     const double z23 = sin_phi1 * z19 + cos_phi1 * z21;
-    const double z24 = m * z6 + 0.5 * z23;
-    const double z25 = 0.25 * l;
-    const double z26 = z17 * J + z18 * z25;
-    const double z27 = z26 + z11 * J - z25 * (z20 + z21);
-    const double z28 = z27 - z23 * z25 + der_base_w * J;
+    const double z24 = m * z4 + z23;
+    const double z25 = z17 * J + z2 * z18;
+    const double z26 = z25 - z2 * z20 + z10 * J - z2 * z21;
+    const double z27 = z26 - z2 * z23 + der_base_w * J;
 
     out[0] = z22; /* base.vx */
     out[1] = z24; /* base.vy */
-    out[2] = z28; /* base.w */
-    out[3] = z27; /* der(phi1) */
-    out[4] = z26; /* der(phi2) */
+    out[2] = z27; /* base.w */
+    out[3] = z26; /* der(phi1) */
+    out[4] = z25; /* der(phi2) */
     (void)t;
     (void)u;
 
@@ -309,7 +311,7 @@ int snake3_inverse_dynamics(double t, const double *x, const double *u, const do
     return SNAKE3_OK;
 }
 
-/* constraint violation: φ(q, t), then A v − c row by row: 48 operations */
+/* constraint violation: φ(q, t), then A v − c row by row: 47 operations */
 int snake3_constraints(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -320,26 +322,27 @@ int snake3_constraints(double t, const double *x, const double *u, const double 
 
     /* violation: constraint violation: φ(q, t), then A v − c row by row */
     const double sin_phi1 = sin(phi1);
-    const double z1 = sin_phi1 / l;
+    const double z1 = l / 2.0;
     const double cos_phi1 = cos(phi1);
-    const double z2 = 0.5 * om;
-    const double z3 = v * z1 + (1.0 + cos_phi1) * z2;
-    const double z4 = cos_phi1 * l;
-    const double z5 = l + z4;
-    const double z6 = l * z3 - z5 * z2 - sin_phi1 * v;
-    const double cos_phi2 = cos(phi2);
+    const double z2 = cos_phi1 * z1;
+    const double z3 = z1 + z2;
+    const double z4 = sin_phi1 / z1;
+    const double z5 = om * (-1.0 - cos_phi1) - v * z4;
+    const double z6 = -(sin_phi1 * v + z3 * om + z1 * z5);
     const double sin_phi2 = sin(phi2);
-    const double z7 = cos_phi1 * sin_phi2;
-    const double z8 = sin_phi1 * cos_phi2;
-    const double z9 = z3 * (l + l * cos_phi2 * 2.0) - v * (z7 + z8);
-    const double z10 = sin_phi1 * l * sin_phi2;
-    const double z11 = om * (cos_phi1 + (z10 + z4 * cos_phi2) / l) + v * (z1 - (z7 - z8) / l) * 2.0;
-    const double z12 = l * z11 + om * (l - z10 + cos_phi2 * (l + z5));
-    const double z13 = z9 - 0.5 * z12;
+    const double z7 = sin_phi1 * z1 * sin_phi2;
+    const double cos_phi2 = cos(phi2);
+    const double z8 = cos_phi1 * sin_phi2;
+    const double z9 = sin_phi1 * cos_phi2;
+    const double z10 = om * (z1 - (z7 - cos_phi2 * (z1 + z3))) + v * (z8 + z9);
+    const double z11 = cos_phi1 + (z7 + cos_phi2 * (z2 - z2 + z2)) / z1;
+    const double z12 = v * (z4 - (z8 - z9) / z1) + om * z11;
+    const double z13 = z10 + z5 * (z1 + l * cos_phi2) + z1 * z12;
+    const double z14 = -z13;
 
     out[0] = 0.0; /* velocity wheel1 */
     out[1] = z6; /* velocity wheel2 */
-    out[2] = z13; /* velocity wheel3 */
+    out[2] = z14; /* velocity wheel3 */
     (void)t;
     (void)u;
 
@@ -348,7 +351,7 @@ int snake3_constraints(double t, const double *x, const double *u, const double 
     return SNAKE3_OK;
 }
 
-/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 253 operations */
+/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 247 operations */
 int snake3_reactions(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -362,102 +365,107 @@ int snake3_reactions(double t, const double *x, const double *u, const double *p
     const double J = p[2];
 
     /* lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row */
+    const double z1 = l / 2.0;
+    const double z2 = 2.0 * m * z1;
     const double sin_phi1 = sin(phi1);
-    const double z1 = m * l;
-    const double z2 = sin_phi1 / l;
-    const double z3 = v * z2;
-    const double cos_phi1 = cos(phi1);
-    const double z4 = 1.0 + cos_phi1;
-    const double z5 = 0.5 * om;
-    const double z6 = z3 + z4 * z5;
-    const double z7 = om - 2.0 * z6;
-    const double z8 = z7 * z7;
-    const double cos_phi2 = cos(phi2);
     const double sin_phi2 = sin(phi2);
-    const double z9 = (sin_phi1 * cos_phi2 - sin_phi2 * cos_phi1) / l;
-    const double z10 = z2 + z9;
-    const double z11 = sin_phi1 * l;
-    const double z12 = l * cos_phi1;
-    const double z13 = (sin_phi2 * z11 + cos_phi2 * z12) / l;
-    const double z14 = cos_phi1 + z13;
-    const double z15 = v * z10 + z14 * z5;
-    const double z16 = z15 + 0.5 * z7;
-    const double z17 = z16 * z16 * z1;
-    const double z18 = v * om;
-    const double z19 = 0.5 * sin_phi1;
-    const double z20 = l * om;
-    const double z21 = om * z20;
-    const double z22 = cos_phi1 * z18 - z19 * z21;
-    const double z23 = 0.5 * cos_phi1;
-    const double z24 = sin_phi2 * (z23 * z21 + sin_phi1 * z18 + l * z8);
-    const double z25 = z1 * (cos_phi2 * z22 - z24) * 0.5;
-    const double z26 = l * z1;
-    const double z27 = 0.25 * z26;
-    const double z28 = J + z27;
-    const double z29 = cos_phi1 * v;
-    const double z30 = (z29 - z20 * z19) * z6;
-    const double z31 = z30 / l;
-    const double z32 = z29 - z11 * z5;
-    const double z33 = l * (z3 + cos_phi1 * z5);
-    const double z34 = z6 * (sin_phi1 * v + z20 * z23);
-    const double z35 = sin_phi2 * z34 + cos_phi2 * z30 + (cos_phi2 * z32 + sin_phi2 * z33) * z15;
-    const double z36 = z35 / l;
-    const double z37 = sin_phi2 * z30 - cos_phi2 * z34 - z15 * (cos_phi2 * z33 - sin_phi2 * z32);
-    const double z38 = m * z37;
-    const double z39 = cos_phi1 * cos_phi2;
-    const double z40 = sin_phi1 * sin_phi2;
-    const double z41 = m * z34;
-    const double z42 = J * z31;
-    const double z43 = z38 * (z39 + z40) - cos_phi1 * z41 + (tau2 * z10 - z2 * (tau1 - 4.0 * z42));
-    const double z44 = J * z36;
-    const double z45 = (sin_phi2 * z12 - cos_phi2 * z11) * z38 + z11 * z41;
-    const double z46 = z13 * z44 + cos_phi1 * z42 + 0.25 * (z14 * tau2 - z4 * tau1 + z45);
-    const double z47 = z26 - 2.0 * z28;
-    const double z48 = cos_phi1 * z47;
-    const double z49 = J - z27;
-    const double z50 = z13 * z49;
-    const double z51 = z2 * z48 - z9 * z50 * 2.0;
-    const double z52 = J + z13 * z50 + 0.5 * (z26 - cos_phi1 * z48);
-    const double z53 = z51 / z52;
-    const double z54 = z9 * z44 + z46 * z53 * 0.5 + 0.25 * z43;
-    const double z55 = z9 * z9 * z49 * 1.3333333333333333 - z51 * z53 * 0.3333333333333333;
-    const double z56 = z54 / (m - z2 * z2 * z47 * 0.6666666666666666 + z55);
-    const double z57 = 1.3333333333333333 * z56;
-    const double z58 = z46 / z52 + z53 * z56 * 0.6666666666666666;
-    const double z59 = z31 + z36 - (z10 * z57 + z14 * z58);
-    const double z60 = z1 * cos_phi2;
-    const double z61 = l * z60 * 0.5;
-    const double z62 = z28 + z61;
-    const double z63 = sin_phi2 * z1;
-    const double z64 = sin_phi1 * z63;
-    const double z65 = z64 - cos_phi1 * z60;
-    const double z66 = 0.25 * l;
-    const double z67 = z31 - z4 * z58 - z2 * z57;
-    const double z68 = z28 * z59 - (z58 * (z62 - z65 * z66) + z67 * z62);
-    const double z69 = z63 * cos_phi1;
-    const double z70 = tau2 + z25 + (4.0 * z68 - z57 * (z69 + sin_phi1 * z60));
-    const double z71 = z70 / l;
-    const double z72 = sin_phi1 * (z1 * z8 * 0.75 + cos_phi2 * z17) - z71 * (z39 - z40);
-    const double z73 = z1 + z60;
-    const double z74 = z1 + 0.5 * z73;
-    const double z75 = 2.0 * z74;
-    const double z76 = z64 - cos_phi1 * z75;
-    const double z77 = m * z18 * 1.5 - (2.0 * z1 - z76) * z58;
-    const double z78 = sin_phi2 * z17;
-    const double z79 = z1 * z22 * 1.5 - z57 * (z69 + sin_phi1 * z75);
-    const double z80 = J + z28 + (0.5 * (z73 + z74) * l + 0.5 * z61);
-    const double z81 = z59 * z62 - (z58 * (z80 - z76 * z66) + z67 * z80);
-    const double z82 = 2.0 * l;
-    const double z83 = z78 * z82 - (l + cos_phi2 * z82) * z71 + 4.0 * z81;
-    const double z84 = (tau1 + z25 + z79 + z83) / l;
-    const double z85 = z76 * z67 - z65 * z59 + cos_phi1 * (z78 - z84);
-    const double z86 = 2.0 * (z72 + z77 + z85);
-    const double z87 = 2.0 * z84;
-    const double z88 = 2.0 * z71;
+    const double z3 = m * z1;
+    const double z4 = sin_phi2 * z3;
+    const double z5 = sin_phi1 * z4;
+    const double cos_phi1 = cos(phi1);
+    const double cos_phi2 = cos(phi2);
+    const double z6 = z3 * cos_phi2;
+    const double z7 = z3 + z6;
+    const double z8 = z7 + z2;
+    const double z9 = z5 - cos_phi1 * z8;
+    const double z10 = -1.0 - cos_phi1;
+    const double z11 = sin_phi1 * z1;
+    const double z12 = z1 * cos_phi1;
+    const double z13 = z12 - z12;
+    const double z14 = z12 + z13;
+    const double z15 = (sin_phi2 * z11 + cos_phi2 * z14) / z1;
+    const double z16 = cos_phi1 + z15;
+    const double z17 = cos_phi1 * v;
+    const double z18 = z1 * om;
+    const double z19 = sin_phi1 / z1;
+    const double z20 = v * z19;
+    const double z21 = z10 * om - z20;
+    const double z22 = (z17 - sin_phi1 * z18) * z21;
+    const double z23 = z22 / z1;
+    const double z24 = J * z23;
+    const double z25 = z20 + cos_phi1 * om;
+    const double z26 = z13 * om;
+    const double z27 = z21 * (sin_phi1 * v + cos_phi1 * z18);
+    const double z28 = m * (z25 * z26 - z27);
+    const double z29 = z17 - z11 * om;
+    const double z30 = cos_phi1 * z24 - (z11 * z28 + z25 * z29 * m * z13);
+    const double z31 = z26 + z1 * z25;
+    const double z32 = (sin_phi1 * cos_phi2 - sin_phi2 * cos_phi1) / z1;
+    const double z33 = z19 + z32;
+    const double z34 = v * z33 + z16 * om;
+    const double z35 = sin_phi2 * z27 + cos_phi2 * z22 - (cos_phi2 * z29 + sin_phi2 * z31) * z34;
+    const double z36 = z35 / z1;
+    const double z37 = J * z36;
+    const double z38 = sin_phi2 * z22 - cos_phi2 * z27 + z34 * (cos_phi2 * z31 - sin_phi2 * z29);
+    const double z39 = m * z38;
+    const double z40 = z15 * z37 + (sin_phi2 * z14 - cos_phi2 * z11) * z39;
+    const double z41 = z10 * tau1 + z16 * tau2 - (z30 + z40);
+    const double z42 = z1 * z2;
+    const double z43 = z1 * z3;
+    const double z44 = J + z43;
+    const double z45 = z42 - z44;
+    const double z46 = z3 + z2;
+    const double z47 = cos_phi1 * z45 - z13 * z46;
+    const double z48 = J + z42 - (cos_phi1 * z47 - cos_phi1 * z46 * z13);
+    const double z49 = J - z43;
+    const double z50 = z15 * z49;
+    const double z51 = z48 + z15 * z50;
+    const double z52 = z19 * z47 - z32 * z50;
+    const double z53 = z52 / z51;
+    const double z54 = cos_phi1 * cos_phi2;
+    const double z55 = sin_phi1 * sin_phi2;
+    const double z56 = z19 * z24 + cos_phi1 * z28 + (z32 * z37 + z39 * (z54 + z55));
+    const double z57 = tau2 * z33 - tau1 * z19 - z56 + z41 * z53;
+    const double z58 = 3.0 * m;
+    const double z59 = z58 - z19 * z45 * z19 + z32 * z49 * z32;
+    const double z60 = z57 / (z59 - z52 * z53);
+    const double z61 = z41 / z51 + z53 * z60;
+    const double z62 = z23 - (z10 * z61 - z19 * z60);
+    const double z63 = z5 - cos_phi1 * z6;
+    const double z64 = z33 * z60 + z16 * z61 + (z23 + z36);
+    const double z65 = (z2 - z9) * z61 + z9 * z62 - z63 * z64;
+    const double z66 = v * om;
+    const double z67 = om + z21;
+    const double z68 = z67 * z67;
+    const double z69 = z34 + z67;
+    const double z70 = z69 * z69 * z3;
+    const double z71 = sin_phi2 * z70;
+    const double z72 = sin_phi1 * (z46 * z68 + cos_phi2 * z70) + cos_phi1 * z71;
+    const double z73 = z4 * cos_phi1;
+    const double z74 = z1 * z7;
+    const double z75 = z1 * z6;
+    const double z76 = z74 + z75 + z44 + J + z74 + z1 * z8;
+    const double z77 = z60 * (z73 + sin_phi1 * z8) + z61 * (z76 - z1 * z9);
+    const double z78 = z44 + z75 + z75;
+    const double z79 = z1 * z71;
+    const double z80 = om * om * z1;
+    const double z81 = cos_phi1 * z66 - sin_phi1 * z80;
+    const double z82 = z1 * z68;
+    const double z83 = sin_phi2 * (cos_phi1 * z80 + sin_phi1 * z66 + z82 + z82);
+    const double z84 = z3 * (cos_phi2 * z81 - z83);
+    const double z85 = z77 - z62 * z76 + z64 * z78 - (z84 + z79 + z46 * z81 + z79 + tau1);
+    const double z86 = z60 * (z73 + sin_phi1 * z6) + z61 * (z78 - z1 * z63);
+    const double z87 = z86 - z62 * z78 + z44 * z64 - (tau2 + z84);
+    const double z88 = z87 / z1;
+    const double z89 = (z85 - (z1 + l * cos_phi2) * z88) / z1;
+    const double z90 = z65 - (z58 * z66 + z72) - (cos_phi1 * z89 + z88 * (z54 - z55));
+    const double z91 = -z90;
+    const double z92 = -z89;
+    const double z93 = -z88;
 
-    out[0] = z86; /* wheel1 */
-    out[1] = z87; /* wheel2 */
-    out[2] = z88; /* wheel3 */
+    out[0] = z91; /* wheel1 */
+    out[1] = z92; /* wheel2 */
+    out[2] = z93; /* wheel3 */
     (void)t;
 
     if (!(snake3_stray(x, 7) + snake3_stray(u, 2) + snake3_stray(p, 3) + snake3_stray(out, 3) == 0.0))
@@ -465,7 +473,7 @@ int snake3_reactions(double t, const double *x, const double *u, const double *p
     return SNAKE3_OK;
 }
 
-/* kinetic and potential energy T, V: 61 operations */
+/* kinetic and potential energy T, V: 62 operations */
 int snake3_energy(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -489,9 +497,9 @@ int snake3_energy(double t, const double *x, const double *u, const double *p, d
     const double cos_phi2 = cos(phi2);
     const double z8 = z5 + z6;
     const double sin_phi2 = sin(phi2);
-    const double z9 = z3 * (z2 - (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l);
+    const double z9 = 2.0 * (z2 - (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l);
     const double z10 = z4 + om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1);
-    const double z11 = z9 + z10;
+    const double z11 = v * z9 + z10;
     const double z12 = l * z11 - z7 * sin_phi2 + cos_phi2 * z8;
     const double z13 = sin_phi2 * z8 + z7 * cos_phi2;
     const double z14 = z6 * z6 + z7 * z7 + (z12 * z12 + z13 * z13);
@@ -508,7 +516,7 @@ int snake3_energy(double t, const double *x, const double *u, const double *p, d
     return SNAKE3_OK;
 }
 
-/* power of forces without potential: d(T + V)/dt: 25 operations */
+/* power of forces without potential: d(T + V)/dt: 26 operations */
 int snake3_power(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -520,15 +528,15 @@ int snake3_power(double t, const double *x, const double *u, const double *p, do
     const double l = p[0];
 
     /* power: power of forces without potential: d(T + V)/dt */
-    const double cos_phi1 = cos(phi1);
-    const double cos_phi2 = cos(phi2);
     const double sin_phi1 = sin(phi1);
+    const double z1 = sin_phi1 / l;
+    const double cos_phi2 = cos(phi2);
+    const double cos_phi1 = cos(phi1);
     const double sin_phi2 = sin(phi2);
-    const double z1 = 2.0 * v;
-    const double z2 = sin_phi1 / l;
-    const double z3 = z1 * (z2 - (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l);
-    const double z4 = om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1) + z3;
-    const double z5 = tau2 * z4 - tau1 * (z2 * z1 + (1.0 + cos_phi1) * om);
+    const double z2 = 2.0 * (z1 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / l);
+    const double z3 = v * z2 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2);
+    const double z4 = tau1 * ((1.0 + cos_phi1) * om + z1 * v * 2.0);
+    const double z5 = tau2 * z3 - z4;
 
     out[0] = z5; /* power, W */
     (void)t;
@@ -538,7 +546,7 @@ int snake3_power(double t, const double *x, const double *u, const double *p, do
     return SNAKE3_OK;
 }
 
-/* base velocities v = S w + R c: 22 operations */
+/* base velocities v = S w + R c: 23 operations */
 int snake3_velocity(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -548,21 +556,20 @@ int snake3_velocity(double t, const double *x, const double *u, const double *p,
     const double l = p[0];
 
     /* v: base velocities v = S w + R c */
+    const double cos_phi1 = cos(phi1);
     const double sin_phi1 = sin(phi1);
     const double z1 = sin_phi1 / l;
-    const double z2 = 2.0 * v;
-    const double cos_phi1 = cos(phi1);
-    const double z3 = -(z1 * z2 + om * (1.0 + cos_phi1));
+    const double z2 = -(om * (1.0 + cos_phi1) + v * z1 * 2.0);
     const double cos_phi2 = cos(phi2);
     const double sin_phi2 = sin(phi2);
-    const double z4 = z2 * (z1 - (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l);
-    const double z5 = om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1) + z4;
+    const double z3 = 2.0 * (z1 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / l);
+    const double z4 = v * z3 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2);
 
     out[0] = v; /* base.vx, m/s */
     out[1] = 0.0; /* base.vy, m/s */
     out[2] = om; /* base.w, rad/s */
-    out[3] = z3; /* der(phi1), rad/s */
-    out[4] = z5; /* der(phi2), rad/s */
+    out[3] = z2; /* der(phi1), rad/s */
+    out[4] = z4; /* der(phi2), rad/s */
     (void)t;
     (void)u;
 

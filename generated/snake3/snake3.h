@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "46a80d9a3422d64c3a388ff2db10e26f"
+#define SNAKE3_PROGRAM "adbd664b1dc9a5687c4658ac9151e8b1"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2
@@ -72,11 +72,11 @@ extern const double snake3_defaults[SNAKE3_NP];
 typedef int (*snake3_function)(double t, const double *x, const double *u, const double *p, double *out);
 
 /* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): out[7].
-   133 operations; reads x, u, p. */
+   131 operations; reads x, u, p. */
 int snake3_dynamics(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* mass matrix M(q) of the base velocities v, nv × nv: out[25], 5 x 5 row by row.
-   54 operations; reads x, p. */
+   46 operations; reads x, p. */
 int snake3_mass(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[5].
@@ -84,28 +84,28 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): out[5].
-   81 operations; reads x, p.
+   77 operations; reads x, p.
    In the place of the state: x[15] = x, y, th, phi1, phi2, base.vx, base.vy, base.w, der(phi1), der(phi2), der(base.vx), der(base.vy), der(base.w), der(der(phi1)), der(der(phi2)). */
 int snake3_inverse_dynamics(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* constraint violation: φ(q, t), then A v − c row by row: out[3].
-   48 operations; reads x, p. */
+   47 operations; reads x, p. */
 int snake3_constraints(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: out[3].
-   253 operations; reads x, u, p. */
+   247 operations; reads x, u, p. */
 int snake3_reactions(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* kinetic and potential energy T, V: out[2].
-   61 operations; reads x, p. */
+   62 operations; reads x, p. */
 int snake3_energy(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* power of forces without potential: d(T + V)/dt: out[1].
-   25 operations; reads x, u, p. */
+   26 operations; reads x, u, p. */
 int snake3_power(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* base velocities v = S w + R c: out[5].
-   22 operations; reads x, p. */
+   23 operations; reads x, p. */
 int snake3_velocity(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* state x = (q, w) from (q, v): w = B v: out[7].

@@ -213,7 +213,10 @@ class Parts:
             surface = ellipsoid(rng.uniform(0.5, 2.0, 3), inside)
             self.constraints.append(OnSurface(name, bodies[0], vector(points[0]), bodies[1], surface, HERE))
         elif kind == "gear":
-            pair = rng.choice([i for i, x in enumerate(self.coordinates) if x.unit != "1"], 2)
+            plain = [i for i, x in enumerate(self.coordinates) if x.unit != "1"]
+            if not plain:
+                return  # quaternions alone: nothing to gear
+            pair = rng.choice(plain, 2)  # one against itself is held where it is
             ratio = float(rng.uniform(1.5, 2.5))
             terms = [Name(self.coordinates[pair[0]].name), Product((number(-ratio), Name(self.coordinates[pair[1]].name)))]
             rest = number(float(ratio * self.q[pair[1]] - self.q[pair[0]]))

@@ -111,6 +111,34 @@ loads:
 """
 
 
+LOOP = """
+model: loop
+gravity: [0.3 m/s^2, -0.5 m/s^2, -9.81 m/s^2]
+bodies:
+  a: {mass: 1 kg, com: [0.1, -0.2, 0.3], inertia: [0.5, 0.6, 0.7, 0.05, -0.04, 0.03]}
+  b: {mass: 0.7 kg, com: [0.2, 0.1, 0.4], inertia: [0.1, 0.2, 0.25, 0.01, 0.02, -0.03]}
+joints:
+  A: {type: free, parent: ground, child: a, position: [x, y, z], orientation: {euler: zyx, angles: [yaw, pitch, roll]}}
+  B: {type: free, parent: ground, child: b, position: [X, Y, Z], orientation: {euler: xyz, angles: [r1, r2, r3]}}
+closures:
+  C: {type: TYPE, between: [a, b], at: [[0.1, 0.2, 0.3], [0.2, -0.1, 0.1]]MORE}
+loads:
+  soft: {type: bushing, between: [a, b], at: [[0, 0.1, 0], [0.1, 0, 0]], stiffness: [3, 4, 5], torsion: [1, 2, 3],
+         damping: [0.3, 0.4, 0.5], torsion_damping: [0.1, 0.2, 0.3]}
+"""
+AXIS = ", axis: [0.6, 0, 0.8]"
+MORE = dict.fromkeys(("revolute", "prismatic", "cylindrical", "planar"), AXIS)
+MORE |= {"universal": AXIS + ", axis2: [-0.8, 0, 0.6]", "screw": AXIS + ", pitch: 0.3 m", "ball": "", "fixed": ""}
+LOOPS = {kind: LOOP.replace("TYPE", kind).replace("MORE", more) for kind, more in MORE.items()}
+ON_SURFACE = """
+parameters: {D: 0.5 m^2, f: 1 rad/s}
+constraints:
+  rod: {type: distance, between: [ground, a], at: [[0, 0, 2], [0.1, 0, 0.1]], length: 1.5 m}
+  bowl: {type: point_on_surface, body: b, at: [0.1, 0, 0.2], of: a, surface: x**2 + y**2/2 + 2*z**2 + x*z*sin(f*t) - D}
+"""
+SURFACE = LOOPS["ball"] + ON_SURFACE
+
+
 def consistent(ref: Reference, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """q on φ = 0 by Newton (holonomic rows first in these models), v on A v = c."""
     for _ in range(50):
@@ -241,7 +269,9 @@ def test_car_axis_end_state_and_multipliers():
 
 
 @pytest.mark.parametrize(
-    "text", [ARM, PARALLELOGRAM, SLEIGH, DISK, EVERYTHING], ids=["arm", "loop", "sleigh", "disk", "everything"]
+    "text",
+    [ARM, PARALLELOGRAM, SLEIGH, DISK, EVERYTHING, *LOOPS.values(), SURFACE],
+    ids=["arm", "loop", "sleigh", "disk", "everything", *LOOPS, "surface"],
 )
 def test_motion_keeps_constraints_and_balances_power(text):
     """Along (q̇, v̇): dφ/dt = A v − c, d(A v − c)/dt = 0, d(T + V)/dt = power + λᵀ c + explicit; M v̇ = force + Aᵀ λ."""
@@ -284,16 +314,16 @@ def test_rates_and_their_drift(text):
 
 
 JOINTS = {
-    "revolute": (1, 1), "prismatic": (1, 1), "screw": (1, 1), "cylindrical": (2, 2), "planar": (3, 3), "ball": (4, 3),
-    "free": (6, 6), "free xyx": (6, 6), "free quaternion": (7, 6), "fixed": (0, 0),
+    "revolute": (1, 1), "prismatic": (1, 1), "screw": (1, 1), "cylindrical": (2, 2), "universal": (2, 2), "planar": (3, 3),
+    "ball": (4, 3), "free": (6, 6), "free xyx": (6, 6), "free quaternion": (7, 6), "fixed": (0, 0),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", JOINTS)
 def test_joint_tables_are_derivatives(name):
-    """Ṙ = R [ω]×, d(translation)/dt = R v for the twist (ω, v) = H v, and drift = d(N v)/dt at held v."""
+    """Ṙ = R [ω]×, d(translation)/dt = R v for the twist (ω, v) = H v; drift = d(N v)/dt and bias = d(H v)/dt at held v."""
     kind, _, orientation = name.partition(" ")
-    at, rng = joint_motion(kind, orientation, 0.3), np.random.default_rng(5)
+    at, rng = joint_motion(kind, orientation, 0.3, np.array([0.8, 0.0, -0.6])), np.random.default_rng(5)
     axis = np.array([0.0, 0.0, 1.0]) if kind == "planar" else np.array([0.48, -0.6, 0.64])
     q, v = rng.uniform(0.2, 0.9, JOINTS[name][0]), rng.normal(size=JOINTS[name][1])
     if len(q) in (4, 7):
@@ -305,6 +335,7 @@ def test_joint_tables_are_derivatives(name):
     np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], twist[:3], atol=1e-10)
     np.testing.assert_allclose(slope(lambda time: there(time).translation, 1e-3)[0], here.rotation @ twist[3:], atol=1e-10)
     np.testing.assert_allclose(slope(lambda time: there(time).N @ v, 1e-3)[0], here.drift, atol=1e-9)
+    np.testing.assert_allclose(slope(lambda time: there(time).H @ v, 1e-3)[0], here.bias, atol=1e-9)
 
 
 def test_what_the_reference_does_not_know_it_refuses():

@@ -17,12 +17,12 @@ from derive.mechanics import system
 from derive.model import load, load_text
 from hamel.verify import verification
 from hamel.verify.checks import RUNGS
-from hamel.verify.evidence import graph
+from hamel.verify.evidence import graph, terms
 from hamel.verify.ladder import evidence
 from hamel.verify.planted import mutants, wrong_functions, wrong_matrices, wrong_systems
 from hamel.verify.reference import reference
 from hamel.verify.roundoff import bound
-from tests.test_reference import ARM, CAR_AXIS, EVERYTHING, PARALLELOGRAM
+from tests.test_reference import ARM, CAR_AXIS, EVERYTHING, PARALLELOGRAM, SURFACE
 
 MODELS = Path(__file__).parent.parent / "models"
 FEW = 6  # states: planted errors show at any of them
@@ -75,6 +75,12 @@ def test_every_choice_of_every_model_passes(path):
 def test_models_of_every_kind_pass(name, formulation):
     model = load_text(FAMILIES[name])
     found = verification(model, equations(system(model), None, formulation), states=20)
+    assert found.passed, shown(found)
+
+
+def test_a_surface_that_moves_passes():
+    model = load_text(SURFACE)
+    found = verification(model, equations(system(model), None, "augmented"), states=10)
     assert found.passed, shown(found)
 
 
@@ -179,6 +185,7 @@ FUNCTION_RUNGS = {
     "power": "d(T + V)/dt",
     "outputs": "outputs",
     "velocity": "x ↔ (q, v)",
+    "inverse_dynamics": "inverse dynamics",
 }
 
 
@@ -215,6 +222,23 @@ def test_a_projection_that_stops_short_is_caught(seen):
     wrong = replace(function, result=replace(function.result, value=x))
     functions = tuple(wrong if f.name == "project" else f for f in chosen.functions)
     assert {"project", "project, one step"} <= red(replace(seen, graph=graph(replace(chosen, functions=functions))))
+
+
+def test_an_inverse_that_is_none_is_caught(seen):
+    """Wrong in v̇ alone, and the dynamics wrong under a right inverse."""
+    for function in ("inverse_dynamics", "dynamics"):
+        planted = list(wrong_functions(seen.graph.equations, function))[-1:]
+        assert red(replace(seen, graph=graph(planted[0][1])), {"dynamics ∘ inverse"}), function
+
+
+def test_a_row_too_many_is_caught(seen, four_bar):
+    """A system without one of its rows has another rank, and leaves another number of quasi-velocities."""
+    _, choices = four_bar
+    short = replace(choices["crank"], w=("a", "b"))
+    assert red(replace(seen, graph=graph(short)), {"rank A"})
+    fewer = replace(seen.system, A=ca.vertcat(seen.system.A[0, :], seen.system.A[0, :]))
+    wrong = replace(seen, system=fewer, terms_at=terms(fewer))
+    assert red(wrong, {"rank A"})
 
 
 def test_another_choice_with_another_motion_is_caught(seen, four_bar):
@@ -283,6 +307,7 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
     by_code = {"module = graph", "ctypes = graph", "NumPy = graph", "batch = one by one"}
     named = {*EXPECTED.values(), *FUNCTION_RUNGS.values(), "v̇", "λ", "v̇ augmented", "v̇ of other choices", "project"}
     named |= {"states admissible", "A S = 0", "A R = 1", "B S = 1", "B R = 0", "T = ½ vᵀ M v"}
+    named |= {"dynamics ∘ inverse", "rank A"}
     named |= {"d(A v − c)/dt = 0", "β = −Ȧ v + ċ", "φ̇ = A v − c"}
     assert {rung.name for rung in RUNGS} == named | by_code
 

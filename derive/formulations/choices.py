@@ -76,6 +76,12 @@ class Workshop:
         return _scaled([solver.velocities(t, q, p)[0] for t, q, p in zip(s.t, s.q, s.p)])
 
     @cached_property
+    def sizes(self) -> list[float]:
+        """The largest length of each row of A over the sampled states."""
+        solver, s = kinematics(self.system), self.sampled
+        return _lengths([solver.velocities(t, q, p)[0] for t, q, p in zip(s.t, s.q, s.p)])
+
+    @cached_property
     def rank(self) -> int:
         """The rank of A that all but a few sampled states agree on."""
         if not self.system.rows:
@@ -112,8 +118,14 @@ def _repetition(names: Sequence[str], A: np.ndarray, kept: Sequence[int], i: int
 
 
 def _scaled(matrices: Sequence[np.ndarray]) -> list[np.ndarray]:
-    lengths = np.max([np.linalg.norm(A, axis=1, keepdims=True) for A in matrices], axis=0)
-    return [A / np.where(lengths > 0, lengths, 1.0) for A in matrices]
+    lengths = np.array(_lengths(matrices))[:, None]
+    return [A / lengths for A in matrices]
+
+
+def _lengths(matrices: Sequence[np.ndarray]) -> list[float]:
+    """The largest length of each row over the matrices; 1 for a row of zeros."""
+    lengths = np.max([np.linalg.norm(A, axis=1) for A in matrices], axis=0)
+    return [float(x) if x > 0 else 1.0 for x in lengths]
 
 
 def workshop(system: System) -> Workshop:
@@ -216,7 +228,8 @@ def _are_the_base(rows: Sequence[RowForm]) -> bool:
 
 
 def _one_way(shop: Workshop, names: tuple[str, ...], rows: Sequence[RowForm], ways: Sequence[int]) -> tuple[Reduction, Explicit]:
-    reduction = by_elimination(shop.system, names, rows, ways, shop.sampled, shop.kept)
+    sizes = [*shop.sizes, *_lengths(_numeric_rows(shop, rows))]
+    reduction = by_elimination(shop.system, names, rows, ways, shop.sampled, shop.kept, sizes)
     return reduction, explicit(shop.system, reduction)
 
 

@@ -34,10 +34,9 @@ from derive.mechanics.motion import (
 )
 from derive.mechanics.records import Link, RowForm, System
 from derive.mechanics.sampling import States
-from derive.mechanics.solve import SAFE, Block, best_block, small_inverse
+from derive.mechanics.solve import SAFE, VANISHES, Block, best_block, small_inverse
 from derive.mechanics.tree import path
 
-VANISHES = 1e-11  # a coefficient this small, relative to the largest seen, counts as zero
 SHORT = 3  # a twist component with at most so many terms is cheaper from its form than by recursion
 
 
@@ -72,6 +71,7 @@ class Elimination:
     steps: tuple[Step, ...]
     redundant: tuple[str, ...]
     row_names: tuple[str, ...]
+    sizes: tuple[float, ...]
 
 
 @dataclass
@@ -133,8 +133,11 @@ class _Walk:
         return determinant
 
 
-def elimination(system: System, rows: Sequence[RowForm], speeds: Sequence[RowForm], w: ca.SX, sampled: States) -> Elimination:
-    """Solve constraint `rows` and speed rows (whose values are w) for all base velocities.
+def elimination(
+    system: System, rows: Sequence[RowForm], speeds: Sequence[RowForm], w: ca.SX, sampled: States, sizes: Sequence[float]
+) -> Elimination:
+    """Solve constraint `rows` and speed rows (whose values are w) for all base velocities; `sizes` are the rows' magnitudes,
+    against which a coefficient counts as zero.
 
     Raises Dependent where a speed depends on the constraints and on the speeds before it.
     """
@@ -144,7 +147,7 @@ def elimination(system: System, rows: Sequence[RowForm], speeds: Sequence[RowFor
     waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
     known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
     walk = _Walk(system, everything, sides, known)
-    plan, redundant = _velocities(walk, waiting, len(rows), sampled)
+    plan, redundant = _velocities(walk, waiting, len(rows), _Judge(system, sampled, sizes))
     values = {("w", k): w[k] for k in range(len(speeds))}
     forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
     v = [value(form, values) for form in forms]
@@ -155,7 +158,7 @@ def elimination(system: System, rows: Sequence[RowForm], speeds: Sequence[RowFor
     bias = [rates.resolved_twist(i) for i in range(len(system.links))]
     names = tuple(row.name for row in everything)
     done = tuple(step for stage in plan for step in stage)
-    return Elimination(tuple(forms), v, sigma, twists, numbers, [_at_rest(x) for x in bias], done, redundant, names)
+    return Elimination(tuple(forms), v, sigma, twists, numbers, [_at_rest(x) for x in bias], done, redundant, names, tuple(sizes))
 
 
 def _single(row: RowForm) -> bool:
@@ -167,9 +170,8 @@ def _number(x: Scalar) -> Scalar:
     return float(x) if not isinstance(x, ca.SX) or x.is_constant() else x
 
 
-def _velocities(walk: _Walk, waiting: list[int], constraints: int, sampled: States) -> tuple[list[list[Step]], tuple[str, ...]]:
+def _velocities(walk: _Walk, waiting: list[int], constraints: int, judge: _Judge) -> tuple[list[list[Step]], tuple[str, ...]]:
     """The walk over velocities; the pivots it finds, link by link, are the plan of the second walk."""
-    judge = _Judge(walk.system, sampled)
     redundant: list[str] = []
     plan = [_stage(walk, waiting, -1, constraints, judge, redundant)]
     for i, link in enumerate(walk.system.links):
@@ -227,7 +229,7 @@ def _idle(walk: _Walk, index: int, residual: Form, constraints: int, judge: _Jud
     """A row without a pivot: it repeats earlier rows, or it contradicts the choice of speeds."""
     if index >= constraints:
         raise Dependent(walk.rows[index].name)
-    involved = [key for key in residual if key[0] == "w" and judge.size(residual[key]) > VANISHES]
+    involved = [key for key in residual if key[0] == "w" and judge.size(residual[key]) > VANISHES * judge.sizes[index]]
     if involved:
         raise Dependent(walk.rows[constraints + involved[0][1]].name)
     redundant.append(walk.rows[index].name)
@@ -297,7 +299,8 @@ def _chosen(forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, 
 class _Judge:
     """Coefficients at sampled consistent states."""
 
-    def __init__(self, system: System, sampled: States) -> None:
+    def __init__(self, system: System, sampled: States, sizes: Sequence[float]) -> None:
+        self.sizes = sizes
         self.symbols = [system.t, system.q, system.p]
         self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
         self.count = len(sampled.t)
@@ -322,7 +325,7 @@ class _Judge:
         values = self.values(entries).reshape(self.count, len(rows), len(keys))
         stored = np.array([not is_zero(x) for x in entries]).reshape(len(rows), len(keys))
         numbers = np.array([not isinstance(x, ca.SX) or x.is_constant() for x in entries]).reshape(len(rows), len(keys))
-        block = best_block(values, stored, numbers)
+        block = best_block(values / np.array([self.sizes[i] for i in rows])[None, :, None], stored, numbers)
         if block is None:
             return None
         return tuple(rows[i] for i in block.rows), tuple(keys[j] for j in block.columns), block

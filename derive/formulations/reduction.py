@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import prod
 
 import casadi as ca
 
@@ -39,11 +40,12 @@ def by_elimination(
     ways: Sequence[int],
     sampled: States,
     kept: tuple[int, ...],
+    sizes: Sequence[float],
 ) -> Reduction:
     """The reduction for speed rows, with the constraint blocks written in the given ways; `kept` rows of A are independent."""
     rows = [row for block, way in zip(system.blocks, ways) for row in block[way]]
     w = symbols_for(names)
-    found = elimination(system, rows, speeds, w, sampled)
+    found = elimination(system, rows, speeds, w, sampled, sizes)
     return Reduction(
         names=names,
         w=w,
@@ -80,7 +82,7 @@ def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
 
 def _guard(found: Elimination, step: Step) -> Guard:
     names = ", ".join(found.row_names[i] for i in step.rows)
-    return Guard(f"pivot of {names}", ca.SX(step.pivot), SINGULAR * step.block.largest)
+    return Guard(f"pivot of {names}", ca.SX(step.pivot), SINGULAR * step.block.largest * prod(found.sizes[i] for i in step.rows))
 
 
 def _in_words(system: System, found: Elimination, step: Step) -> str:

@@ -10,10 +10,11 @@ import numpy as np
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 
-TRIES = 40  # random starts per state before giving up
+TRIES = 40  # random starts per state before giving up, and states passed over for want of rank
 CLOSED = 1e-12
 NEWTON = 30  # iterations after which a start counts as hopeless
-LOST, WEAK = 1e-11, 1e-4  # relative singular values of A between these belong to a nearly singular position
+WEAK = 1e-4  # a relative singular value of A below this belongs to a redundant row or a nearly singular position
+PILOTS = 8  # states looked at to learn the rank of A
 
 
 @dataclass(frozen=True)
@@ -55,17 +56,78 @@ def kinematics(system: System) -> Kinematics:
 def states(system: System, count: int, seed: int = 0, spread: float = 1.0, parameters: float = 0.0) -> States:
     """`count` admissible states around the model's initial values; fewer where the constraints cannot be met.
 
-    Angles vary by ±spread·π, lengths by ±spread·(½ + |value|/2) m; parameters by the relative amount `parameters`.
+    Angles vary by ±spread·π, lengths by ±spread·(½ + |value|/2) m; parameters by the relative amount `parameters`. States in
+    which A has not the rank it has elsewhere, or all but loses it, are left out.
     """
     rng = np.random.default_rng(seed)
-    solver, centre = kinematics(system), nominal(system)
-    moving = ca.depends_on(_everything(system), system.t)
-    spread = spread / (1 + system.phi.numel() / 8) ** 0.5  # far starts of many loops end where loops lie flat
-    found = [s for s in (_state(system, solver, centre, rng, spread, parameters, moving) for _ in range(count)) if s is not None]
+    search = _search(system, rng, spread, parameters)
+    pilots = [search.rows(s) for s in (search.closed_state() for _ in range(PILOTS)) if s is not None]
+    lengths = np.max([np.linalg.norm(A, axis=1) for A in pilots], axis=0) if pilots else np.zeros(0)
+    rank = max((_rank(A, lengths) for A in pilots), default=0)
+    found = [s for s in (search.regular_state(lengths, rank) for _ in range(count)) if s is not None]
     columns = list(zip(*found)) if found else [[] for _ in range(5)]
     sizes = (system.q.numel(), system.v.numel(), system.u.numel(), system.p.numel())
     arrays = [np.array(x, dtype=float).reshape(len(found), n) for x, n in zip(columns[1:], sizes)]
     return States(np.array(columns[0], dtype=float), *arrays)
+
+
+def _search(system: System, rng: np.random.Generator, spread: float, vary: float) -> Search:
+    moving = ca.depends_on(_everything(system), system.t)
+    spread = spread / (1 + system.phi.numel() / 8) ** 0.5  # far starts of many loops end where loops lie flat
+    return Search(system, kinematics(system), nominal(system), rng, spread, vary, moving)
+
+
+Sample = tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Search:
+    """Everything a random state is drawn from."""
+
+    system: System
+    solver: Kinematics
+    centre: np.ndarray
+    rng: np.random.Generator
+    spread: float
+    vary: float
+    moving: bool
+
+    def closed_state(self) -> Sample | None:
+        """The first of a few random starts that can be closed, nearer to the centre with every failure."""
+        for attempt in range(TRIES):
+            found = self.attempt(self.spread * 0.8 ** (attempt // 4))
+            if found is not None:
+                return found
+        return None
+
+    def regular_state(self, lengths: np.ndarray, rank: int) -> Sample | None:
+        """A closed state in which A has the given rank."""
+        for _ in range(TRIES):
+            found = self.closed_state()
+            if found is None or _rank(self.rows(found), lengths) == rank:
+                return found
+        return None
+
+    def rows(self, sample: Sample) -> np.ndarray:
+        """A at a state."""
+        t, q, _, _, p = sample
+        return self.solver.velocities(t, q, p)[0]
+
+    def attempt(self, spread: float) -> Sample | None:
+        system, rng = self.system, self.rng
+        t = rng.uniform(0.0, 2.0) if self.moving else 0.0
+        p = np.array(system.parameters) * (1 + self.vary * rng.uniform(-1, 1, len(system.parameters)))
+        start = normalised(system, self.centre + _scatter(system, self.centre, rng, spread))
+        q = closed(self.solver, t, start, p)
+        if q is None:
+            return None
+        q = normalised(system, q)
+        return t, q, _velocity(self.solver, t, q, p, rng), rng.normal(size=system.u.numel()), p
+
+
+def _rank(A: np.ndarray, lengths: np.ndarray) -> int:
+    """Directions of A that are there with some strength, rows measured by their usual lengths."""
+    return int(np.linalg.matrix_rank(A / np.where(lengths > 0, lengths, 1.0)[:, None], tol=WEAK)) if A.size else 0
 
 
 def nominal(system: System) -> np.ndarray:
@@ -82,28 +144,6 @@ def normalised(system: System, q: np.ndarray) -> np.ndarray:
         length = float(np.linalg.norm(q[i : i + 4]))
         result[i : i + 4] = q[i : i + 4] / length if length > 0 else (1.0, 0.0, 0.0, 0.0)
     return result
-
-
-def _state(
-    system: System, solver: Kinematics, centre: np.ndarray, rng: np.random.Generator, spread: float, vary: float, moving: bool
-):
-    for attempt in range(TRIES):
-        t = rng.uniform(0.0, 2.0) if moving else 0.0
-        p = np.array(system.parameters) * (1 + vary * rng.uniform(-1, 1, len(system.parameters)))
-        narrowed = spread * 0.8 ** (attempt // 4)
-        q = closed(solver, t, normalised(system, centre + _scatter(system, centre, rng, narrowed)), p)
-        q = None if q is None else normalised(system, q)
-        if q is not None and _is_regular(solver, t, q, p):
-            return t, q, _velocity(solver, t, q, p, rng), rng.normal(size=system.u.numel()), p
-    return None
-
-
-def _is_regular(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray) -> bool:
-    """Whether no direction of A is all but lost (redundant rows lose theirs exactly, and do not count)."""
-    A = solver.velocities(t, q, p)[0]
-    sizes = np.linalg.svd(A)[1] if A.size else np.ones(1)
-    relative = sizes / max(float(sizes[0]), 1e-300)
-    return not bool(np.any((relative > LOST) & (relative < WEAK)))
 
 
 def _everything(system: System) -> ca.SX:

@@ -19,7 +19,7 @@ from derive.joints.rotations import cross, dot, is_zero
 SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
 BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred
 ALONE = 10.0  # a ratio this many times its median says that one pivot vanishes where the other does not
-VANISHES = 1e-11  # relative size that counts as zero
+VANISHES = 1e-8  # relative size that counts as zero: what is left of a row that repeats others, at closed positions
 SAME = 1e-9  # relative variation that counts as none
 MOST = 200  # candidate blocks looked at
 

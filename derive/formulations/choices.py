@@ -159,7 +159,7 @@ def _declared(shop: Workshop, choice: Choice) -> Resolved:
             f"{shop.freedom} independent rows",
         )
     try:
-        return _carried(shop, choice.name, "rows", rows, "it was asked for")
+        return _carried(shop, choice.name, "rows", rows, "the model declares it")
     except Dependent as problem:
         raise _refused(
             shop.system,
@@ -264,7 +264,7 @@ def _orthonormal(shop: Workshop, choice: Choice) -> Resolved:
     reduction = orthonormal(shop.system, shop.kept, shop.sampled)
     equations = explicit(shop.system, reduction)
     ranking = _ranking(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
-    return Resolved(ranking, reduction, equations, "it was asked for: [A; B] is as well conditioned as A allows")
+    return Resolved(ranking, reduction, equations, "the model declares it: [A; B] is as well conditioned as A allows")
 
 
 def _best(shop: Workshop, choice: Choice) -> Resolved:

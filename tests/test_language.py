@@ -50,9 +50,9 @@ def test_models_load_and_say_what_they_are_there_for(path: Path) -> None:
     assert (model.choices and any(choice.kind == "auto" for choice in model.choices)) or model.name == "bead_in_bowl"
 
 
-def test_all_nine_models_are_there() -> None:
+def test_the_first_nine_models_are_there() -> None:
     wanted = "bead_in_bowl cart_pole chaplygin_sleigh double_pendulum four_bar pendulum rolling_disk slider_crank snake3"
-    assert " ".join(path.stem for path in MODELS) == wanted
+    assert set(wanted.split()) <= {path.stem for path in MODELS}
 
 
 def test_four_bar() -> None:

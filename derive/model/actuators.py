@@ -12,8 +12,8 @@ from derive.model.document import Key, Scalar
 from derive.model.frames import Names
 from derive.model.reader import Reader, dimension_of, force_unit
 from derive.model.records import Armature, Input, Velocity
-from derive.model.schema import Document, InputEntry
 from derive.model.scope import INPUT, Symbol
+from derive.model.shape import Document, InputEntry
 
 
 def inputs(reader: Reader, document: Document, velocities: tuple[Velocity, ...]) -> tuple[Input, ...]:

@@ -9,7 +9,7 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.placements import numbers
 from derive.model.reader import Reader
 from derive.model.records import Vector3
-from derive.model.schema import ClosureEntry, JointEntry
+from derive.model.shape import ClosureEntry, JointEntry
 from derive.model.space import constant_vector, normalised
 
 _TURN = 6.283185307179586

@@ -8,7 +8,7 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.placements import rotation
 from derive.model.reader import Reader
 from derive.model.records import Body, Span, Vector3
-from derive.model.schema import BodyEntry, InertiaEntry
+from derive.model.shape import BodyEntry, InertiaEntry
 
 Inertia = tuple[Expression, Expression, Expression, Expression, Expression, Expression]
 POINT_MASS: Inertia = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)

@@ -11,8 +11,8 @@ from derive.model.massless import check_tips
 from derive.model.names import module_objection
 from derive.model.reader import Reader
 from derive.model.records import Load, Model, Vector3
-from derive.model.schema import Document
 from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME
+from derive.model.shape import Document
 from derive.model.space import Space
 
 LONGEST_TEXT = 64 << 10

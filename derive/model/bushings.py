@@ -8,7 +8,7 @@ from derive.model.mechanism import bodies
 from derive.model.placements import placements
 from derive.model.reader import Reader
 from derive.model.records import Bushing, Vector3
-from derive.model.schema import BushingEntry, Document
+from derive.model.shape import BushingEntry, Document
 from derive.model.space import ORIGIN
 
 _COEFFICIENTS = (

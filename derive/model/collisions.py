@@ -6,7 +6,7 @@ from derive.model.frames import Names
 from derive.model.names import identifier
 from derive.model.reader import Reader
 from derive.model.records import Span
-from derive.model.schema import Document
+from derive.model.shape import Document
 
 
 def check_collisions(reader: Reader, document: Document, names: Names) -> None:

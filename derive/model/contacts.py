@@ -13,7 +13,8 @@ from derive.model.document import Key, Scalar
 from derive.model.mechanism import bodies, some_body
 from derive.model.reader import Reader
 from derive.model.records import GROUND, Constraint, Distance, NoSlip, OnSurface, Rolling, Vector3
-from derive.model.schema import (
+from derive.model.scope import COORDINATE, PARAMETER, TIME, Symbol
+from derive.model.shape import (
     DiskEntry,
     DistanceEntry,
     Document,
@@ -24,7 +25,6 @@ from derive.model.schema import (
     SphereEntry,
     TorusEntry,
 )
-from derive.model.scope import COORDINATE, PARAMETER, TIME, Symbol
 
 SHAPES = {"disk": "disk", "wheel": "disk", "knife_edge": "disk", "sphere": "sphere", "torus": "torus"}
 

@@ -11,8 +11,8 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
 from derive.model.reader import Reader
 from derive.model.records import Coordinate, Holonomic
-from derive.model.schema import CouplingEntry, GearEntry, PrescribedEntry
 from derive.model.scope import PARAMETER, TIME
+from derive.model.shape import CouplingEntry, GearEntry, PrescribedEntry
 
 
 def coupling(reader: Reader, names: Names, key: Key, entry: CouplingEntry) -> Holonomic:

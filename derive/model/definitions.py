@@ -16,8 +16,8 @@ from derive.expressions.units import pretty
 from derive.model.document import Key, Scalar
 from derive.model.reader import Reader
 from derive.model.records import Parameter
-from derive.model.schema import Document, ParameterEntry
 from derive.model.scope import ANYTHING, PARAMETER, TIME, Symbol, used
+from derive.model.shape import Document, ParameterEntry
 
 
 def parameters(reader: Reader, document: Document) -> tuple[Parameter, ...]:

@@ -11,8 +11,8 @@ from derive.expressions.tree import Expression
 from derive.model.document import Items, Key, Scalar
 from derive.model.reader import Reader, dimension_of
 from derive.model.records import Coordinate, Input, Parameter, Span, Velocity
-from derive.model.schema import CoordinateEntry, Document, JointEntry, OrientationEntry
 from derive.model.scope import COORDINATE, VELOCITY, Symbol
+from derive.model.shape import CoordinateEntry, Document, JointEntry, OrientationEntry
 
 if TYPE_CHECKING:  # the joint tables bring casadi along
     from derive.joints.records import JointType

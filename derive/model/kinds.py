@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from derive.joints import JOINTS
-from derive.model.schema import about, kinds
+from derive.model.shape import about, kinds
 
 CLOSURES = tuple(joint.name for joint in JOINTS if joint.name != "free")
 PLANAR_CLOSURES = ("revolute", "prismatic", "fixed")

@@ -26,7 +26,8 @@ from derive.model.records import (
     Vector3,
     Velocity,
 )
-from derive.model.schema import (
+from derive.model.scope import ANYTHING
+from derive.model.shape import (
     ArmatureEntry,
     BushingEntry,
     DamperEntry,
@@ -40,7 +41,6 @@ from derive.model.schema import (
     SpringEntry,
     TorqueEntry,
 )
-from derive.model.scope import ANYTHING
 
 FRAMES = ("ground", "body")
 

@@ -11,7 +11,7 @@ from derive.model.kinds import CLOSURES, PLANAR_CLOSURES
 from derive.model.placements import placements
 from derive.model.reader import Reader
 from derive.model.records import GROUND, Closure, Joint
-from derive.model.schema import ClosureEntry, Document
+from derive.model.shape import ClosureEntry, Document
 
 
 def ordered(reader: Reader, document: Document, frames: list[Frame]) -> list[Frame]:

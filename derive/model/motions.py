@@ -16,8 +16,8 @@ from derive.model.frames import Frame, Names
 from derive.model.names import identifier, objection
 from derive.model.reader import Reader
 from derive.model.records import Choice, InitialValue, Output, Span, SteadyMotion
-from derive.model.schema import Document
 from derive.model.scope import ANYTHING, COORDINATE, PARAMETER, ROW, VELOCITY, Symbol
+from derive.model.shape import Document
 from derive.model.space import ORIGIN
 from derive.model.ties import velocity_degree
 

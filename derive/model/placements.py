@@ -11,7 +11,7 @@ from derive.model import algebra
 from derive.model.document import Items, Key, Scalar
 from derive.model.reader import Reader
 from derive.model.records import Placement, Vector3
-from derive.model.schema import SideEntry, SidesEntry, TurnedEntry
+from derive.model.shape import SideEntry, SidesEntry, TurnedEntry
 from derive.model.space import Rotation, snapped, turned_about
 
 TURNS = ("angle", "rpy", "axis_angle", "matrix")

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source, described
 from derive.model.records import Span
-from derive.model.schema import Document
+from derive.model.shape import Document
 
 
 def structured(node: Entries, source: Source) -> Document:

@@ -12,8 +12,8 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Constraint, Holonomic, Nonholonomic
-from derive.model.schema import CouplingEntry, Document, HolonomicEntry, NonholonomicEntry, PrescribedEntry
 from derive.model.scope import ANYTHING, COORDINATE, MOTION, POSITION, used
+from derive.model.shape import CouplingEntry, Document, HolonomicEntry, NonholonomicEntry, PrescribedEntry
 
 
 def constraint(reader: Reader, document: Document, names: Names, key: Key, entry: object) -> Constraint:

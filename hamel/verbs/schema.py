@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from derive.joints import JOINTS
-from derive.model.schema import json_schema
+from derive.model import schema
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
 def run() -> dict[str, Any]:
-    return json_schema(tuple(joint.name for joint in JOINTS))
+    return schema()
 
 
 def show(record: dict[str, Any], console: Console) -> None:

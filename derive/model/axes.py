@@ -100,8 +100,7 @@ def _per_turn(reader: Reader, scalar: Scalar) -> Expression:
         return Number(plain.value * _TURN, "m")
     found = reader.formula(scalar, "a pitch", unit="m")
     for node in tree.walk(found):
-        if isinstance(node, tree.Name) and "rad" in reader.units.get(node.name, ""):
-            reader.report(
-                scalar.span, f"the pitch '{node.name}' is in {reader.units[node.name]}", "metres per turn, such as 5 mm"
-            )
+        unit = reader.units.get(node.name, "") if isinstance(node, tree.Name) else ""
+        if "rad" in unit:
+            reader.report(scalar.span, f"a pitch in {unit}", "metres per turn, such as 5 mm")
     return found

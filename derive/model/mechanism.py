@@ -126,14 +126,16 @@ def closure(reader: Reader, document: Document, key: Key, entry: ClosureEntry) -
     from derive.joints import joint_type
 
     known = PLANAR_CLOSURES if reader.space.plane else CLOSURES
-    kind = reader.word(entry.type, known, "type of closure") or "revolute"
-    first, second = bodies(reader, document, key, entry.between)
+    kind = reader.word(entry.type, known, "type of closure")
+    pair, sides = bodies(reader, document, key, entry.between), placements(reader, key, entry.at, entry)
+    if kind is None:
+        return Closure(reader.name(key), "fixed", pair, sides, reader.space.normal, key.span)
     along = axis(reader, key, entry, kind, joint_type(kind).needs_axis)
     return Closure(
         name=reader.name(key),
         type=kind,
-        bodies=(first, second),
-        placements=placements(reader, key, entry.at, entry),
+        bodies=pair,
+        placements=sides,
         axis=along,
         span=key.span,
         axis2=axis2(reader, key, entry, kind, along),

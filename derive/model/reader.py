@@ -114,7 +114,7 @@ class Reader:
             return plain
         own = [word for word in re.findall(r"[A-Za-z_]\w*", text) if word in self.scope.symbols]
         hint = f"'{own[-1]}' is read as a unit here; in (2 N)*{own[-1]} it is the model's own name" if own else ""
-        raise FormulaError(f"{where} in {plain.unit}", text, _first_place(text), wanted or ANGLE, hint)
+        raise FormulaError(f"{where} in {plain.unit}", text, _first_place(text), _wanted(wanted), hint)
 
     def of_parameters(self, scalar: Scalar, where: str, unit: str) -> Expression:
         """A formula of numbers and parameters alone: for values that are needed without the model around them."""
@@ -131,7 +131,7 @@ class Reader:
         found = infer(resolved, self.scope.dimensions, text)
         if wanted is not None and not _fits(found, dimension_of(wanted)):
             given = named(found) if isinstance(found, tuple) else ""
-            raise FormulaError(f"{where} in {given}", text, _first_place(text) if at is None else at, wanted or ANGLE)
+            raise FormulaError(f"{where} in {given}", text, _first_place(text) if at is None else at, _wanted(wanted))
         return found
 
     def value(self, formula: Expression, scalar: Scalar) -> float | None:
@@ -202,6 +202,10 @@ def dimension_of(written: str) -> Dimension:
 
 def _fits(found: Inferred, wanted: Inferred) -> bool:
     return not isinstance(found, tuple) or found == wanted
+
+
+def _wanted(unit: str) -> str:
+    return ANGLE if unit in ("", "1") else unit
 
 
 def _first_place(text: str) -> int:

@@ -115,7 +115,7 @@ class Scope:
 
 def _allowed_words(allowed: frozenset[str]) -> str:
     plural = {PARAMETER: "parameters", COORDINATE: "coordinates", VELOCITY: "velocities", INPUT: "inputs", TIME: "t"}
-    words = [word for kind, word in plural.items() if kind in allowed]
+    words = [word for kind, word in plural.items() if kind in allowed] or ["numbers"]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 

@@ -91,9 +91,18 @@ class Workshop:
 
     @cached_property
     def kept(self) -> tuple[int, ...]:
-        """Independent constraint rows, first come first kept, judged at most of the sampled states."""
+        """Independent constraint rows, first come first kept."""
+        return self.independent(range(len(self.system.rows)))
+
+    @cached_property
+    def closing(self) -> tuple[int, ...]:
+        """Independent rows among the holonomic ones alone: φ = 0 needs them even where a nonholonomic row repeats their rate."""
+        return self.independent([i for i, row in enumerate(self.system.rows) if row.position >= 0])
+
+    def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
+        """Of the given rows those that add rank, judged at most of the sampled states."""
         kept: list[int] = []
-        for i in range(len(self.system.rows)):
+        for i in rows:
             trial = [*kept, i]
             if sum(np.linalg.matrix_rank(A[trial], tol=RANK) == len(trial) for A in self.rows) > len(self.rows) / 2:
                 kept = trial

@@ -78,6 +78,7 @@ def _quasi_velocities(shop: Workshop, choice: Choice) -> Equations:
         guards=reduction.guards,
         named=result.named(reduction),
         kept=reduction.kept,
+        closing=shop.closing,
         projects_velocity=False,
     )
     return _finished(shop, "quasi_velocities", choice.name, found, motion, _shown(shop, reduction))
@@ -178,6 +179,7 @@ def _augmented(shop: Workshop, choice: Choice) -> Equations:
         guards=(),
         named=(Named("M", "mass matrix", system.M), Named("h", "bias", system.h), Named("beta", "A v̇ = β", system.beta)),
         kept=kept,
+        closing=shop.closing,
         projects_velocity=True,
     )
     return Equations(

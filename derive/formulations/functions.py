@@ -30,7 +30,8 @@ class Motion:
     lam: ca.SX
     guards: tuple[Guard, ...]
     named: tuple[Named, ...]
-    kept: tuple[int, ...]
+    kept: tuple[int, ...]  # independent constraint rows
+    closing: tuple[int, ...]  # independent rows among the holonomic ones
     projects_velocity: bool
 
 
@@ -137,7 +138,7 @@ def _project(system: System, motion: Motion) -> Function | None:
     """One Newton step onto φ = 0, nearest in the metric of M (or of 1 where M is singular): δ = −M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ φ;
     quaternions are brought to length one.
     """
-    closing = [i for i in motion.kept if system.rows[i].position >= 0]
+    closing = list(motion.closing)
     if not closing and not system.quaternions and not (motion.projects_velocity and motion.kept):
         return None
     q = system.q + _position_step(system, closing) if closing else system.q

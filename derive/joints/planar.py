@@ -10,7 +10,7 @@ from derive.joints.rotations import axis_rotation, cross, rotated, sum_of, turn
 
 
 def _first(axis: Sequence[Scalar]) -> Vector:
-    along_x = all(float(a) == b for a, b in zip(axis, (1.0, 0.0, 0.0)))
+    along_x = abs(float(axis[0])) == 1.0
     return [0.0, 1.0, 0.0] if along_x else [1.0, 0.0, 0.0]
 
 

@@ -119,9 +119,10 @@ class Search:
         p = np.array(system.parameters) * (1 + self.vary * rng.uniform(-1, 1, len(system.parameters)))
         start = normalised(system, self.centre + _scatter(system, self.centre, rng, spread))
         q = closed(self.solver, t, start, p)
+        if q is not None and system.quaternions:  # a constraint may speak of a quaternion's components
+            q = closed(self.solver, t, normalised(system, q), p)
         if q is None:
             return None
-        q = normalised(system, q)
         return t, q, _velocity(self.solver, t, q, p, rng), rng.normal(size=system.u.numel()), p
 
 

@@ -414,7 +414,7 @@ def test_aligned_forks_carry_the_speed_over_unchanged() -> None:
 
 
 def test_bricard_keeps_its_mobility() -> None:
-    s = system(load(MODELS / "bricard.yaml"))
+    s = system(load(MODELS / "stress" / "bricard.yaml"))
     start = initial_state(s, {"q1": 0.4})
     rows = np.asarray(ca.Function("A", [s.t, s.q, s.p], [ca.densify(s.A)])(0, start.q, s.parameters))
     size = np.linalg.svd(rows, compute_uv=False)

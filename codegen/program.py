@@ -28,7 +28,7 @@ class Argument:
     defaults: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Statement:
     """`name` = `value`; every name is assigned once."""
 

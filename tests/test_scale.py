@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import importlib
 import random
+import subprocess
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from codegen.passes import program
+from codegen import build, compiler, loader
+from codegen.passes import program, split
 from codegen.passes.pipeline import _roots, _slots
 from derive.expressions.counting import operations
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
 from derive.model import load
+from tests.toy import toy
 
 MODELS = Path(__file__).parents[1] / "models"
+needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
 
 def chain(n: int) -> str:
@@ -75,6 +81,70 @@ def test_models_need_no_more_than_their_graph(path: Path) -> None:
     assert_never_worse(equations(system(load(path), "all")))
 
 
-@pytest.mark.parametrize("text", [chain(10), chain(30), tree(12, 4)], ids=["chain of 10", "chain of 30", "tree of 12"])
+@pytest.mark.parametrize("text", [chain(10), chain(30), tree(8, 4)], ids=["chain of 10", "chain of 30", "tree of 8"])
 def test_trees_need_no_more_than_their_graph(text: str, folder: Path) -> None:
     assert_never_worse(derived(text, folder))
+
+
+def test_parts_share_slots(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(split, "WHOLE", 3)
+    monkeypatch.setattr(split, "LONGEST", 3)
+    kernel = program(toy()).kernel("dynamics")
+    parts = split.split(kernel)
+    statements = [s for section in kernel.sections for s in section.statements]
+    assert [s for part in parts.parts for section in part.sections for s in section.statements] == statements
+    assert len(parts.parts) == -(-len(statements) // 3)
+    kept = [name for part in parts.parts for name, _ in part.kept]
+    assert parts.size < len(kept) == len(set(kept))
+    held: dict[int, str] = {}
+    for part in parts.parts:
+        assert all(held[slot] == name for name, slot in part.taken)
+        held |= {slot: name for name, slot in part.kept}
+
+
+@needs_compiler
+def test_parts_compute_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the last bit, with guards, iterations, and both bindings."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    whole = loader.load(build.build(program(toy()), tmp_path / "whole").folder)
+    monkeypatch.setattr(split, "WHOLE", 4)
+    monkeypatch.setattr(split, "LONGEST", 4)
+    built = build.build(program(toy()), tmp_path / "cut")
+    cut = loader.load(built.folder)
+    assert "dynamics_part3" in (built.folder / "toy_dynamics.c").read_text() and cut.backend == "extension"
+    draw = np.random.default_rng(3)
+    x, u = draw.normal(size=(50, 4)) * [0.3, 0.3, 1, 1], draw.normal(size=(50, 1))
+    for name in whole.functions:
+        expected = getattr(whole, name)(0.3, x, u)
+        np.testing.assert_array_equal(getattr(cut, name)(0.3, x, u), expected)
+        numpy = importlib.import_module(f"{cut.__name__}._numpy")
+        np.testing.assert_allclose(getattr(numpy, name)(0.3, x, u), expected, rtol=1e-12, atol=1e-13)
+    with pytest.raises(FloatingPointError, match="singular"):
+        cut.dynamics(0.0, x[0], u[0], [0.0, 0.7, 1.3])
+    command = compiler.find_compiler()
+    assert command
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-fsyntax-only"]
+    subprocess.run([*command, *strict, "toy.c", "toy_dynamics.c"], cwd=built.folder, check=True)
+
+
+def test_operations_and_text_grow_in_proportion(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted, not timed."""
+    monkeypatch.setattr(split, "WHOLE", 50)
+    monkeypatch.setattr(split, "LONGEST", 50)
+    sizes = []
+    for n in (15, 30):
+        found = program(derived(chain(n), folder), ["dynamics", "bias"])
+        parts = split.split(found.kernel("dynamics")).parts
+        assert max(sum(len(section.statements) for section in part.sections) for part in parts) <= 51
+        text = sum(len(text) for name, text in build.emit(found).items() if name.endswith(".c"))
+        sizes.append((found.kernel("dynamics").operations["total"], text))
+    assert all(larger <= 2.3 * smaller for smaller, larger in zip(*sizes))
+
+
+def test_long_functions_name_their_files_and_their_stack(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(split, "WHOLE", 50)
+    monkeypatch.setattr(split, "LONGEST", 50)
+    files = build.emit(program(derived(chain(15), folder), ["dynamics"]))
+    assert "uses" in files["chain.h"] and "doubles of stack" in files["chain.h"]
+    assert "example.c chain.c chain_dynamics.c -lm" in files["example.c"]
+    assert "malloc" not in files["chain_dynamics.c"]

@@ -16,7 +16,7 @@ from codegen.passes.scales import free_scale, scales
 Operand = int | float  # the index of an operation, or a constant; of "input" the argument's name and the index
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Operation:
     name: str
     operands: tuple[Any, ...]

@@ -22,7 +22,8 @@ from derive.formulations.records import Equations, Function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
-LARGE = 20_000  # operations from which folding and one round of factoring have to do
+LONG = 2_000  # operations from which one round has to do
+LARGE = 10_000  # operations from which factoring once has to do
 
 _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
 
@@ -126,20 +127,24 @@ def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entr
     """Rounds of passes; the best result wins, for a pass may cost something that a later one does not regain."""
     best = _candidate(*plain(tape, loose))
     entries = [Entry(name, "number", tape.count(), best.total)]
-    for step, found in _tried(trace(tape), loose, best.total > LARGE):
+    for step, found in _tried(trace(tape), loose, best.total):
         entries.append(Entry(name, step, entries[-1].after, found.total))
         best = min(found, best, key=lambda candidate: (candidate.total, candidate.signs))
     return best, [*entries, Entry(name, "choose", entries[-1].after, best.total)]
 
 
-def _tried(work: Work, loose: range, large: bool) -> Iterator[tuple[str, _Candidate]]:
+def _tried(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:
     """The folded graph, then what each pass makes of it, for as long as a round helps."""
+    if operations > LARGE:
+        work = factor(work)
+        yield "fold and factor", _candidate(lower(work, loose), work.marks)
+        return
     found = _candidate(lower(work, loose), work.marks)
     yield "fold", found
     least = found.total
-    for _ in range(1 if large else ROUNDS):
+    for _ in range(1 if operations > LONG else ROUNDS):
         start = least
-        for step, improve in PASSES[: 1 if large else None]:
+        for step, improve in PASSES:
             work = improve(work)
             found = _candidate(lower(work, loose), work.marks)
             least = min(least, found.total)

@@ -14,11 +14,15 @@ from codegen.passes.graph import ONE, Graph, Work, snapped, uses
 _WIDE = 16  # sums with more distinct factors than this are not searched for the best scale
 _BUSY = 24  # nodes with more users than this keep their scale
 _SWEEPS = 4
+_LONG = 2_000  # graphs with more nodes than this are swept once
+_LARGE = 10_000  # graphs with more nodes than this keep the numbers of the derivation
 Key = tuple[object, ...]  # a multiplication by a constant; equal ones are done once
 
 
 def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float]:
     """For every live node the multiple of it to compute."""
+    if len(nodes) > _LARGE:
+        return _from_origin(work, nodes)
     wants = _wants(work, nodes, loose)
     starts = [_from_users(work, nodes, wants), _from_origin(work, nodes)]
     balances = [_Balance(work.graph, nodes, wants, start) for start in starts]
@@ -171,27 +175,30 @@ class _Balance:
         self.order = [node for node in nodes if node in start]
         self.wants = {node: sorted({abs(want) for want in wanted}) for node, wanted in wants.items()}
         self.users: dict[int, list[int]] = {}
+        self.fixed: set[int] = set()  # terms of wide sums: each trial would look at all the others
         for node in self.order:
-            for other in graph.operands(node):
+            operands = graph.operands(node)
+            for other in operands:
                 self.users.setdefault(other, []).append(node)
-        self.needed: Counter[Key] = Counter()
-        for node in nodes:
-            self.needed.update(self._keys(node))
+            self.fixed.update(operands if len(operands) > _WIDE else ())
+        self.keys = {node: keys for node in nodes if (keys := self._keys(node))}
+        self.needed = Counter(key for keys in self.keys.values() for key in keys)
+        self.sweeps = _SWEEPS if len(nodes) <= _LONG else 1
 
     def settle(self) -> None:
         """Sweep up and down until no node can be rescaled with profit."""
         ways: tuple[Callable[[Iterable[int]], Iterable[int]], ...] = (lambda n: reversed(list(n)), lambda n: n)
-        for sweep in range(_SWEEPS):
+        for sweep in range(self.sweeps):
             changed = [self._improve(node) for node in ways[sweep % 2](self.order)]
             if not any(changed):
                 break
 
     def _improve(self, node: int) -> bool:
         users = self.users.get(node, [])
-        if len(users) > _BUSY:
+        if len(users) > _BUSY or node in self.fixed:
             return False
         near = [node, *users]
-        before = [key for one in near for key in self._keys(one)]
+        before = [key for one in near for key in self.keys.get(one, ())]
         if not before:
             return False
         own = self.scales[node]
@@ -203,7 +210,9 @@ class _Balance:
             if cost < least:
                 best, least = candidate, cost
         self.scales[node] = best
-        self.needed.update(before if best == own else [key for one in near for key in self._keys(one)])
+        if best != own:
+            self.keys.update((one, self._keys(one)) for one in near)
+        self.needed.update(key for one in near for key in self.keys.get(one, ()))
         for key in before:
             if not self.needed[key]:
                 del self.needed[key]

@@ -22,7 +22,7 @@ _CALLS = {
 _MOST = 16  # integer powers up to this are multiplied out
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Step:
     """One instruction: CasADi's code, the steps it works on, and a constant or an argument's name and index."""
 
@@ -55,7 +55,7 @@ _COST_NOTHING = frozenset({ca.OP_INPUT, ca.OP_CONST, ca.OP_NEG, ca.OP_ASSIGN})
 
 def record(arguments: Sequence[tuple[str, ca.SX]], roots: Sequence[ca.SX], named: Sequence[tuple[str, str, ca.SX]] = ()) -> Tape:
     """The scalars `roots` as a tape. named holds (name, about, matrix): they ride along as further outputs."""
-    matrices = [ca.densify(ca.vertcat(*roots)), *(ca.densify(ca.vec(value.T)) for _, _, value in named)]
+    matrices = [ca.densify(ca.vertcat(*roots)), *(value.T for _, _, value in named)]
     function = ca.Function("traced", [symbol for _, symbol in arguments], matrices)
     steps, outputs = _recorded(function, [name for name, _ in arguments])
     labels = [(name, about, _labels(name, value)) for name, about, value in named]
@@ -63,7 +63,7 @@ def record(arguments: Sequence[tuple[str, ca.SX]], roots: Sequence[ca.SX], named
 
 
 def _recorded(function: ca.Function, arguments: Sequence[str]) -> tuple[list[Step], list[list[int]]]:
-    outputs = [[0] * function.numel_out(i) for i in range(function.n_out())]
+    outputs = [[0] * function.nnz_out(i) for i in range(function.n_out())]
     steps: list[Step] = []
     register: dict[int, int] = {}
     for k in range(function.n_instructions()):
@@ -83,9 +83,9 @@ def _recorded(function: ca.Function, arguments: Sequence[str]) -> tuple[list[Ste
 
 
 def _labels(name: str, value: ca.SX) -> list[str]:
-    """Entries labelled as in the textbook: M_1_2, h_3, T."""
-    rows, columns = value.shape
-    return [_label(name, r, c, rows, columns) for r in range(rows) for c in range(columns)]
+    """Entries that are not structural zeros, row by row, labelled as in the textbook: M_1_2, h_3, T."""
+    columns, rows = value.T.sparsity().get_triplet()
+    return [_label(name, r, c, *value.shape) for r, c in zip(rows, columns)]
 
 
 def _label(name: str, row: int, column: int, rows: int, columns: int) -> str:

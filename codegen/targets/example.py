@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from codegen import text
+from codegen.passes.split import is_long
 from codegen.program import Program
 from codegen.targets.records import Target
 
@@ -14,7 +15,15 @@ def files(program: Program) -> dict[str, str]:
         return {}
     shown = program.kernel("dynamics" if "dynamics" in names else names[0])
     states = program.nominal or tuple(0.1 * (i + 1) for i in range(len(shown.x.names)))
-    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "kernel": shown, "states": states}
+    sources = [program.name, *(f"{program.name}_{kernel.name}" for kernel in program.kernels if is_long(kernel))]
+    data = {
+        "sources": sources,
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+        "kernel": shown,
+        "states": states,
+    }
     return {"example.c": text.render("example.c.j2", **data)}
 
 

@@ -6,26 +6,36 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from codegen import text
+from codegen.passes.split import Part, split
 from codegen.program import Expression, Kernel, Program
 from codegen.targets.records import Target
 
 
 @dataclass(frozen=True)
-class Body:
-    """A kernel as lines of Python."""
+class Piece:
+    """A part of a kernel as lines of Python."""
 
-    kernel: Kernel
     lines: tuple[str, ...]
     outputs: tuple[str, ...]
+    kept: tuple[str, ...]  # values into the workspace
     guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
     residual: str
+
+
+@dataclass(frozen=True)
+class Body:
+    """A kernel as one piece, or as several over a workspace."""
+
+    kernel: Kernel
+    pieces: tuple[Piece, ...]
+    workspace: int
 
 
 def files(program: Program) -> dict[str, str]:
     """_numpy.py, _library.py (the C library through ctypes) and what they share."""
     data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
     bodies = [_body(kernel) for kernel in program.kernels]
-    erf = any(" _erf(" in f" {line}" or "(_erf(" in line for body in bodies for line in (*body.lines, *body.outputs))
+    erf = any(" _erf(" in f" {line}" or "(_erf(" in line for b in bodies for c in b.pieces for line in (*c.lines, *c.outputs))
     return {
         "_numpy.py": text.render("numpy.py.j2", bodies=bodies, erf=erf, **data),
         "_library.py": text.render("library.py.j2", **data),
@@ -34,12 +44,17 @@ def files(program: Program) -> dict[str, str]:
 
 
 def _body(kernel: Kernel) -> Body:
-    return Body(
-        kernel=kernel,
-        lines=tuple(_lines(kernel)),
-        outputs=tuple(f"out[..., {i}] = {_value(value)}" for i, value in enumerate(kernel.outputs)),
-        guards=tuple((_value(g.value), text.number(g.tolerance, text.NUMPY), text.printable(g.name)) for g in kernel.guards),
-        residual=_value(kernel.loop.residual) if kernel.loop else "",
+    parts = split(kernel)
+    return Body(kernel, tuple(_piece(part) for part in parts.parts), parts.size)
+
+
+def _piece(part: Part) -> Piece:
+    return Piece(
+        lines=tuple(_lines(part)),
+        outputs=tuple(f"out[..., {i}] = {_value(value)}" for i, value in part.outputs),
+        kept=tuple(f"work[{slot}] = {name}" for name, slot in part.kept),
+        guards=tuple((_value(g.value), text.number(g.tolerance, text.NUMPY), text.printable(g.name)) for g in part.guards),
+        residual=_value(part.residual) if part.residual is not None else "",
     )
 
 
@@ -47,11 +62,13 @@ def _value(value: Expression) -> str:
     return text.expression(value, text.NUMPY)
 
 
-def _lines(kernel: Kernel) -> Iterator[str]:
-    for load in kernel.loads:
+def _lines(part: Part) -> Iterator[str]:
+    for load in part.loads:
         if load.argument != "t":
             yield f"{load.name} = {load.argument}[..., {load.index}]"
-    for section in kernel.sections:
+    for name, slot in part.taken:
+        yield f"{name} = work[{slot}]"
+    for section in part.sections:
         yield ""
         yield f"# {text.printable(section.title)}"
         for statement in section.statements:

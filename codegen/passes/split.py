@@ -1,0 +1,115 @@
+"""split: a long function as parts over a workspace, because a compiler's time grows faster than the length of a function.
+
+What one part computes and another needs is kept in a slot of the workspace, which is given to other values after its last use.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from codegen.program import Expression, Kernel, Load, Pivot, Section, Statement
+
+WHOLE = 1_000  # statements that a function may have and stay in one piece
+LONGEST = 500  # statements in one part of a longer one
+
+Slot = tuple[str, int]  # a local name and its place in the workspace
+
+
+@dataclass
+class Part:
+    """Statements with what they take from the workspace and what they leave in it; `outputs` are numbered."""
+
+    loads: tuple[Load, ...] = ()
+    taken: list[Slot] = field(default_factory=list)
+    sections: tuple[Section, ...] = ()
+    outputs: list[tuple[int, Expression]] = field(default_factory=list)
+    guards: list[Pivot] = field(default_factory=list)
+    kept: list[Slot] = field(default_factory=list)
+    residual: Expression | None = None
+
+
+@dataclass(frozen=True)
+class Parts:
+    """`size` is the length of the workspace; a short function is one part without any."""
+
+    parts: tuple[Part, ...]
+    size: int
+
+
+def split(kernel: Kernel) -> Parts:
+    """The kernel in parts of at most LONGEST statements, or as it is where it is short."""
+    parts = [Part(sections=sections) for sections in _cut(kernel.sections)]
+    home = {s.name: k for k, part in enumerate(parts) for section in part.sections for s in section.statements}
+    for i, value in enumerate(kernel.outputs):
+        parts[_ready(value, home)].outputs.append((i, value))
+    for guard in kernel.guards:
+        parts[_ready(guard.value, home)].guards.append(guard)
+    if kernel.loop:
+        parts[-1].residual = kernel.loop.residual
+    reads = [list(dict.fromkeys(_read(part))) for part in parts]
+    for part, names in zip(parts, reads):
+        wanted = set(names)
+        part.loads = tuple(load for load in kernel.loads if load.name in wanted)
+    return Parts(tuple(parts), _share_slots(parts, reads, home))
+
+
+def is_long(kernel: Kernel) -> bool:
+    """Is it cut into parts?"""
+    return sum(len(section.statements) for section in kernel.sections) > WHOLE
+
+
+def _cut(sections: Sequence[Section]) -> list[tuple[Section, ...]]:
+    """Sections cut into pieces of nearly equal length."""
+    total = sum(len(section.statements) for section in sections)
+    count = 1 if total <= WHOLE else -(-total // LONGEST)
+    pieces: list[list[Section]] = [[] for _ in range(count)]
+    done = 0
+    for section in sections:
+        rest = section.statements
+        while rest:
+            k = done * count // total
+            most = -(-(k + 1) * total // count) - done
+            pieces[k].append(Section(section.title, rest[:most]))
+            done, rest = done + len(rest[:most]), rest[most:]
+    return [tuple(piece) for piece in pieces]
+
+
+def _names(value: Expression) -> Iterator[str]:
+    """The local names in an expression."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, tuple):
+        for operand in value[1:]:
+            yield from _names(operand)
+
+
+def _ready(value: Expression, home: dict[str, int]) -> int:
+    """The first part after which everything in the expression is known."""
+    return max((home.get(name, 0) for name in _names(value)), default=0)
+
+
+def _read(part: Part) -> Iterator[str]:
+    statements: Iterable[Statement] = (s for section in part.sections for s in section.statements)
+    last = [part.residual] if part.residual is not None else []
+    for value in (*(s.value for s in statements), *(v for _, v in part.outputs), *(g.value for g in part.guards), *last):
+        yield from _names(value)
+
+
+def _share_slots(parts: Sequence[Part], reads: Sequence[Sequence[str]], home: dict[str, int]) -> int:
+    """Give slots to values that cross parts; a slot is free again in the part after its last use. Returns how many there are."""
+    last = {name: k for k, names in enumerate(reads) for name in names if home.get(name, k) < k}
+    slots: dict[str, int] = {}
+    free: list[int] = []
+    size = 0
+    for k, part in enumerate(parts):
+        part.taken = [(name, slots[name]) for name in reads[k] if name in slots and home[name] < k]
+        for name in (s.name for section in part.sections for s in section.statements if s.name in last):
+            size += not free
+            slots[name] = heapq.heappop(free) if free else size - 1
+            part.kept.append((name, slots[name]))
+        for name, slot in part.taken:
+            if last[name] == k:
+                heapq.heappush(free, slot)
+    return size

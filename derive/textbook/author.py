@@ -80,7 +80,7 @@ class Author:
         self.u = [self._symbol(x.name, names.symbol(x.name)) for x in self.system.model.inputs]
         self.t = self._symbol("t", "t")
         for _, symbol, latex in self.extra:
-            self.names[symbol] = latex
+            self.names[symbol] = self._untaken(latex)
         self.typeset = Typesetter(self.names, len(self.p))
         self.reader = self._reader()
 
@@ -135,10 +135,17 @@ class Author:
         return x[self.system.q.numel() :]
 
     def fresh(self, name: str, latex: str) -> sympy.Symbol:
-        """A symbol for a term of the page."""
-        symbol = sympy.Symbol(name)
-        self.names.setdefault(symbol, latex)
+        """A symbol for a term of the page; its name is in brackets, so that no identifier of the model has it."""
+        symbol = sympy.Symbol(name if "[" in name else f"{name}[]")
+        if symbol not in self.names:
+            self.names[symbol] = self._untaken(latex)
         return symbol
+
+    def _untaken(self, latex: str) -> str:
+        """With a tilde where the model has a symbol that looks the same."""
+        while latex in self.names.values():
+            latex = rf"\tilde{{{latex}}}"
+        return latex
 
     # terms
 
@@ -190,10 +197,10 @@ class Author:
         return Document(title, subtitle, tuple(self.sections), tuple(self.printed), tuple(self.laws), version)
 
     def runs(self, template: str, **given: str | Math) -> Runs:
-        """`$…$` in our own text is mathematics; `{name}` in it is the user's text, or Math."""
+        """`$…$` in our own text is mathematics (see names.bold); `{name}` in it is the user's text, or Math."""
         result: list[Run] = []
         for i, part in enumerate(template.split("$")):
-            result += [Math(part)] if i % 2 else _filled(part, given)
+            result += [Math(names.bold(part))] if i % 2 else _filled(part, given)
         return tuple(x for x in result if x != Text(""))
 
     def say(self, template: str, **given: str | Math) -> None:
@@ -206,7 +213,7 @@ class Author:
         self.blocks.append(Items(tuple(items)))
 
     def mean(self, latex: str, about: str, unit: str = "") -> None:
-        self.meanings.append(Meaning(latex, about, unit))
+        self.meanings.append(Meaning(names.bold(latex), about, unit))
 
     # formulas
 
@@ -216,13 +223,14 @@ class Author:
         return self.number
 
     def law(self, name: str, left: str, right: str, residual: ca.SX) -> int:
-        """A matrix equation, checked as a whole."""
+        """A matrix equation, checked as a whole; in names.bold's short hand."""
+        left, right = names.bold(left), names.bold(right)
         self.laws.append(Law(name, f"{left} = {right}", residual))
         return self.display([Line(left, (right,))])
 
-    def state(self, left: str, right: str, relation: str = "=") -> int:
+    def state(self, left: str, right: str) -> int:
         """An equation that says how things are called; there is nothing to evaluate."""
-        return self.display([Line(left, (right,), relation)])
+        return self.display([Line(names.bold(left), (names.bold(right),))])
 
     def record(self, name: str, latex: str, left: Sequence[sympy.Symbol | None], right: Rows, value: ca.SX) -> None:
         self.printed.append(Printed(name, latex, tuple(left), sympy.ImmutableDenseMatrix(right), value))
@@ -252,7 +260,7 @@ class Author:
 
     def _whole(self, value: ca.SX, most: int) -> list[sympy.Expr] | None:
         """Over the basic symbols, or over everything that has a name where that is much shorter."""
-        whole, over_names = self.reader.whole(value, most), self.reader.whole(value, most, named=True)
+        whole, over_names = self.reader.whole(value, most), self.reader.over_names(value, most)
         if over_names is not None and (whole is None or _much_shorter(over_names, whole)):
             return over_names
         return whole
@@ -263,11 +271,11 @@ class Author:
     def scalar(self, name: str, latex: str, value: ca.SX, about: str, unit: str = "") -> sympy.Symbol | None:
         """symbol = expression."""
         found = self.read(ca.SX(value))
-        self.mean(latex, about, unit)
+        symbol = self.fresh(name, latex)
+        self.mean(self.names[symbol], about, unit)
         if found is None:
             self.too_long(latex)
             return None
-        symbol = self.fresh(name, latex)
         self.lines(name, [symbol], found, ca.SX(value))
         return symbol
 
@@ -291,6 +299,7 @@ class Author:
         self, name: str, bold: str, stem: str, value: ca.SX, found: Sequence[sympy.Expr] | None = None, symmetric: bool = False
     ) -> bool:
         """Wide entries line by line, then the matrix. False where it could not be printed."""
+        bold = names.bold(bold)
         found = self.read(value) if found is None else found
         if found is None:
             self.too_long(bold)
@@ -333,10 +342,10 @@ class Author:
         places = [(i, j) for i, row in enumerate(rows) for j in range(len(row))]
         return {(i, j) for i, j in places if cells[i][j] > most or (broad and not simple(rows[i][j]))}
 
-    def formula(self, expression: Expression | ca.SX | float, about: str) -> Math:
+    def formula(self, expression: Expression | float, about: str) -> Math:
         """A formula of the model inside a table; it too is evaluated by the test."""
         s = self.system.symbols
-        value = ca.SX(expression if isinstance(expression, ca.SX | float) else s.scalar(expression))
+        value = ca.SX(expression if isinstance(expression, float | int) else s.scalar(expression))
         value = ca.substitute(value, s.qd, self.system.qdot)
         found = self.reader.whole(value)
         if found is None:

@@ -35,7 +35,7 @@ def choice(a: Author) -> None:
     a.say(
         f"Of the {_counted(nv, 'base velocity', 'base velocities')}, {_counted(nv - nw, 'is', 'are')} tied by constraints and "
         f"{_counted(nw, 'is', 'are')} free. The free motion is described by {_counted(nw, 'quasi-velocity', 'quasi-velocities')} "
-        "$\\mathbf{w}=\\mathbf{B}\\,\\mathbf{v}$, combinations of the base velocities that need not be rates of anything "
+        "$!w=!B\\,!v$, combinations of the base velocities that need not be rates of anything "
         "(Kane's generalised speeds). The choice “{name}” was taken because {reason}.",
         name=equations.choice,
         reason=equations.reason,
@@ -44,7 +44,7 @@ def choice(a: Author) -> None:
     for s, name, unit in zip(a.w, equations.w, units):
         if s not in a.v:
             a.mean(a.names[s], f"quasi-velocity {name}", unit)
-    a.mean(r"\mathbf{w},\; \mathbf{B}", "quasi-velocities, w = B v")
+    a.mean(r"!w,\; !B", "quasi-velocities, w = B v")
     _rows(a)
     _pivots(a)
     if not _orthonormal(a):
@@ -66,17 +66,17 @@ def _rows(a: Author) -> None:
     B = a.named("B")
     if _orthonormal(a):
         a.say(
-            "The rows of $\\mathbf{B}$ are an orthonormal basis of the motions that the constraints allow, so that "
-            "$\\mathbf{B}=\\mathbf{S}^{\\mathsf{T}}$."
+            "The rows of $!B$ are an orthonormal basis of the motions that the constraints allow, so that "
+            "$!B=!S^T$; each basis vector is divided by its length, after what it shares with the others was taken away."
         )
         _guards(a)
         a.say("The basis vectors are the columns of")
-        if a.matrix("S", r"\mathbf{S}", "S", a.named("S")):
+        if a.matrix("S", r"!S", "S", a.named("S")):
             for table in (a.entries, a.exact):
                 table["B"] = [list(column) for column in zip(*table["S"])]
         return
     a.say("The quasi-velocities are")
-    if not a.matrix("B", r"\mathbf{B}", "B", B):
+    if not a.matrix("B", r"!B", "B", B):
         return
     own = [k for k, s in enumerate(a.w) if s not in a.v]
     if own:
@@ -88,9 +88,10 @@ def _rows(a: Author) -> None:
 def _pivots(a: Author) -> None:
     if not a.equations.pivots:
         a.say("No elimination is needed.")
+    if not a.equations.pivots or _orthonormal(a):
         return
     a.say(
-        "Choosing $\\mathbf{B}$ is choosing how to eliminate. Walking from base to tip, each row is solved as soon as all "
+        "Choosing $!B$ is choosing how to eliminate. Walking from base to tip, each row is solved as soon as all "
         "velocities in it have been reached; in this order"
     )
     a.items((Text(x),) for x in a.equations.pivots)
@@ -129,12 +130,12 @@ def inverse(a: Author) -> None:
         return
     a.section("Block inverse")
     if not a.has("Y"):
-        a.say("There are no constraint rows, so $\\mathbf{v}=\\mathbf{S}\\,\\mathbf{w}$ with $\\mathbf{S}=\\mathbf{B}^{-1}$:")
-        a.matrix("S", r"\mathbf{S}", "S", a.named("S"))
+        a.say("There are no constraint rows, so $!v=!S\\,!w$ with $!S=!B^{-1}$:")
+        a.matrix("S", r"!S", "S", a.named("S"))
     else:
         _stacked(a)
         _entries(a)
-    a.mean(r"\mathbf{S}", "velocities per quasi-velocity (partial velocities), A S = 0, B S = 1")
+    a.mean(r"!S", "velocities per quasi-velocity (partial velocities), A S = 0, B S = 1")
     _velocities(a)
     _rates(a)
 
@@ -145,44 +146,42 @@ def _stacked(a: Author) -> None:
     dependent = _dependent(a, A, B)
     free = [j for j in range(len(a.v)) if j not in dependent]
     a.say(
-        "Following Mirtaheri and Zohoor, the constraint rows and the speed rows are stacked into one square matrix and inverted by blocks. "
-        "It is regular where the pivots above are not zero:"
+        "Following Mirtaheri and Zohoor, the constraint rows and the speed rows are stacked into one square matrix and inverted "
+        "by blocks. It is regular where the pivots above are not zero:"
     )
     a.state(
-        r"\mathbf{Y}\,\mathbf{v}",
-        r"\begin{bmatrix} \mathbf{A} \\ \mathbf{B} \end{bmatrix} \mathbf{v} = \begin{bmatrix} \mathbf{c} \\ \mathbf{w} \end{bmatrix},"
-        r" \qquad \mathbf{Y}^{-1} = \begin{bmatrix} \mathbf{R} & \mathbf{S} \end{bmatrix}",
+        r"!Y\,!v",
+        r"\begin{bmatrix} !A \\ !B \end{bmatrix} !v = \begin{bmatrix} !c \\ !w \end{bmatrix},"
+        r" \qquad !Y^{-1} = \begin{bmatrix} !R & !S \end{bmatrix}",
     )
-    a.mean(r"\mathbf{Y}", "constraint rows over speed rows, [A; B]")
-    dropped = len(a.system.rows) - A.size1()
-    if dropped:
-        a.say(
-            f"({_counted(dropped, 'row of A repeats', 'rows of A repeat')} the others and {'is' if dropped == 1 else 'are'} left out here.)"
-        )
+    a.mean(r"!Y", "constraint rows over speed rows, [A; B]")
+    if dropped := len(a.system.rows) - A.size1():
+        repeats = _counted(dropped, "row of A repeats", "rows of A repeat")
+        a.say(f"({repeats} the others and {'is' if dropped == 1 else 'are'} left out here.)")
     a.say(
-        "Let {d} be the dependent velocities and {i} the others, and let the columns of $\\mathbf{A}=[\\mathbf{A}_1\\;\\mathbf{A}_2]$ and "
-        "$\\mathbf{B}=[\\mathbf{B}_1\\;\\mathbf{B}_2]$ be sorted accordingly. With the Schur complement of $\\mathbf{A}_1$,",
-        d=Math(r"\mathbf{v}_1=" + _listing(a, dependent)),
-        i=Math(r"\mathbf{v}_2=" + _listing(a, free)),
+        "Let {d} be the dependent velocities and {i} the others, and let the columns of $!A=[!A_1\\;!A_2]$ and "
+        "$!B=[!B_1\\;!B_2]$ be sorted accordingly. With the Schur complement of $!A_1$,",
+        d=Math(r"!v_1=" + _listing(a, dependent)),
+        i=Math(r"!v_2=" + _listing(a, free)),
     )
     A1, A2, B1, B2 = A[:, dependent], A[:, free], B[:, dependent], B[:, free]
     schur = B2 - ca.mtimes(B1, ca.solve(A1, A2))
-    a.state(r"\mathbf{S}'", r"\mathbf{B}_2 - \mathbf{B}_1\,\mathbf{A}_1^{-1}\mathbf{A}_2")
-    a.mean(r"\mathbf{S}'", "Schur complement of A₁ in Y")
+    a.state(r"!S'", r"!B_2 - !B_1\,!A_1^{-1}!A_2")
+    a.mean(r"!S'", "Schur complement of A₁ in Y")
     a.say("the blocks of the inverse are, for the velocities in this order,")
     S = ca.vertcat(-ca.mtimes(ca.solve(A1, A2), ca.inv(schur)), ca.inv(schur))
     order = [*dependent, *free]
     a.law(
         "S by blocks",
-        r"\mathbf{S}",
-        r"\begin{bmatrix} -\mathbf{A}_1^{-1}\mathbf{A}_2 \\ \mathbf{1} \end{bmatrix} \mathbf{S}'^{-1}",
+        r"!S",
+        r"\begin{bmatrix} -!A_1^{-1}!A_2 \\ !1 \end{bmatrix} !S'^{-1}",
         a.named("S")[order, :] - S,
     )
     first = ca.vertcat(ca.inv(A1), ca.SX(len(free), len(dependent)))
     a.law(
         "R by blocks",
-        r"\mathbf{R}",
-        r"\begin{bmatrix} \mathbf{A}_1^{-1} \\ \mathbf{0} \end{bmatrix} - \mathbf{S}\,\mathbf{B}_1\,\mathbf{A}_1^{-1}",
+        r"!R",
+        r"\begin{bmatrix} !A_1^{-1} \\ !0 \end{bmatrix} - !S\,!B_1\,!A_1^{-1}",
         a.named("R")[order, :] - first + ca.mtimes(S, ca.mtimes(B1, ca.inv(A1))),
     )
 
@@ -232,15 +231,15 @@ def _entries(a: Author) -> None:
     A, B, S, R = (a.named(x) for x in "ABSR")
     if "S" not in a.entries:
         a.say("Carried out one row at a time with the pivots above, this gives")
-        a.matrix("S", r"\mathbf{S}", "S", S)
+        a.matrix("S", r"!S", "S", S)
     a.say("and, for the multipliers and for constraints that move,")
-    a.matrix("R", r"\mathbf{R}", "R", R)
-    a.mean(r"\mathbf{R}", "velocities per unit of c, A R = 1, B R = 0")
+    a.matrix("R", r"!R", "R", R)
+    a.mean(r"!R", "velocities per unit of c, A R = 1, B R = 0")
     one, nothing = ca.SX.eye(A.size1()), ca.SX(A.size1(), B.size1())
     a.say("The inverse can be checked by multiplying out:")
-    a.law("A Y⁻¹", r"\mathbf{A}\begin{bmatrix}\mathbf{R} & \mathbf{S}\end{bmatrix}", r"\begin{bmatrix}\mathbf{1} & \mathbf{0}\end{bmatrix}",
+    a.law("A Y⁻¹", r"!A\begin{bmatrix}!R & !S\end{bmatrix}", r"\begin{bmatrix}!1 & !0\end{bmatrix}",
           ca.mtimes(A, ca.horzcat(R, S)) - ca.horzcat(one, nothing))  # fmt: skip
-    a.law("B Y⁻¹", r"\mathbf{B}\begin{bmatrix}\mathbf{R} & \mathbf{S}\end{bmatrix}", r"\begin{bmatrix}\mathbf{0} & \mathbf{1}\end{bmatrix}",
+    a.law("B Y⁻¹", r"!B\begin{bmatrix}!R & !S\end{bmatrix}", r"\begin{bmatrix}!0 & !1\end{bmatrix}",
           ca.mtimes(B, ca.horzcat(R, S)) - ca.horzcat(nothing.T, ca.SX.eye(B.size1())))  # fmt: skip
 
 
@@ -254,8 +253,8 @@ def _velocities(a: Author) -> None:
         rows = [x + sum_of(a.entries["R"][j], c) for j, x in enumerate(rows)]
     shown = [j for j, x in enumerate(rows) if x != a.v[j]]
     if shown:
-        moving = "" if a.system.c.is_zero() else " + \\mathbf{R}\\,\\mathbf{c}"
-        a.say(f"So the base velocities are $\\mathbf{{v}}=\\mathbf{{S}}\\,\\mathbf{{w}}{moving}$, that is")
+        moving = "" if a.system.c.is_zero() else " + !R\\,!c"
+        a.say(f"So the base velocities are $!v=!S\\,!w{moving}$, that is")
         a.lines("v", [a.v[j] for j in shown], [rows[j] for j in shown], a.named("v")[shown])
 
 
@@ -271,23 +270,29 @@ def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.
 def _rates(a: Author) -> None:
     """v̇ = S ẇ + σ, where σ solves Y σ = [β; γ]."""
     sigma = a.named("sigma")
-    a.mean(r"\boldsymbol{\sigma}", "v̇ where ẇ = 0: v̇ = S ẇ + σ")
+    a.mean(r"!\sigma", "v̇ where ẇ = 0: v̇ = S ẇ + σ")
     if sigma.is_zero():
         a.entries["sigma"] = [[sympy.Integer(0)]] * len(a.v)
-        a.say("$\\mathbf{S}$ is constant, so the accelerations are $\\dot{\\mathbf{v}}=\\mathbf{S}\\,\\dot{\\mathbf{w}}$.")
+        a.say("$!S$ is constant, so the accelerations are $!!v=!S\\,!!w$.")
         return
     gamma = -_along(a, ca.mtimes(a.named("B"), a.system.v))
-    turning = not ca.cse(ca.simplify(gamma)).is_zero()
+    turning = not (ca.simplify(gamma).is_zero() or _unit_vector(a))
     a.say(
-        "No inverse has to be differentiated for the accelerations: $\\dot{\\mathbf{v}}=\\mathbf{S}\\,\\dot{\\mathbf{w}}+\\boldsymbol{\\sigma}$, "
-        "where $\\boldsymbol{\\sigma}$ follows from $\\mathbf{A}\\,\\dot{\\mathbf{v}}=\\boldsymbol{\\beta}$ with the same inverse"
-        + (" and from the rates of the speed rows, $\\boldsymbol{\\gamma}=-\\dot{\\mathbf{B}}\\,\\mathbf{v}$," if turning else "")
+        "No inverse has to be differentiated for the accelerations: $!!v=!S\\,!!w+!\\sigma$, "
+        "where $!\\sigma$ follows from $!A\\,!!v=!\\beta$ with the same inverse"
+        + (" (a vector of unit length turns at right angles to itself, so the basis adds nothing)" if _unit_vector(a) else "")
+        + (" and from the rates of the speed rows, $!\\gamma=-!!B\\,!v$," if turning else "")
     )
     tied = a.has("Y")
-    parts = [r"\mathbf{R}\,\boldsymbol{\beta}"] * tied + [r"\mathbf{S}\,\boldsymbol{\gamma}"] * turning
+    parts = [r"!R\,!\beta"] * tied + [r"!S\,!\gamma"] * turning
     total = ca.mtimes(a.named("S"), gamma) + (ca.mtimes(a.named("R"), a.system.beta[a.kept]) if tied else 0)
-    a.law("sigma by blocks", r"\boldsymbol{\sigma}", " + ".join(parts), sigma - total)
+    a.law("sigma by blocks", r"!\sigma", " + ".join(parts), sigma - total)
     _sigma(a, gamma if turning else None)
+
+
+def _unit_vector(a: Author) -> bool:
+    """One orthonormal basis vector and constraints at rest: B v = |s|² w, so Ḃ v is zero."""
+    return _orthonormal(a) and len(a.w) == 1 and a.system.c.is_zero()
 
 
 def _along(a: Author, expression: ca.SX) -> ca.SX:
@@ -305,10 +310,10 @@ def _sigma(a: Author, gamma: ca.SX | None) -> None:
         a.vector("sigma", r"\sigma", sigma, short)
         return
     if gamma is not None:
-        a.say("Here")
+        a.say("Here the rates of the speed rows are")
         if not a.vector("gamma", r"\gamma", gamma):
             return
-        a.mean(r"\boldsymbol{\gamma}", "rates of the speed rows, −Ḃ v")
+        a.mean(r"!\gamma", "rates of the speed rows, −Ḃ v")
     needed = [x for x in ("S", "R", "beta") if x != "R" or a.has("Y")]
     if all(x in a.entries for x in needed):
         a.say("that is")

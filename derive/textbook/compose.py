@@ -10,10 +10,11 @@ import sympy
 
 from derive.textbook.ring import PLAIN, Key, Monomial, Poly, Ring, TooBig, common_factor, parted
 
+Expr = Any  # SymPy's own annotations say Basic for what is always an Expr
 DIGITS = 15
 
 
-def number(x: Fraction, decimal: bool) -> sympy.Expr:
+def number(x: Fraction, decimal: bool) -> Expr:
     """A whole number, a plain fraction, else a decimal of at most 15 digits."""
     if x.denominator == 1 and abs(x.numerator) < 10**DIGITS:
         return sympy.Integer(x.numerator)
@@ -28,20 +29,22 @@ class Composer:
 
     def __init__(self, ring: Ring, decimal: bool) -> None:
         self.ring, self.decimal = ring, decimal
-        self.made: dict[int, sympy.Expr] = {}
+        self.made: dict[int, Expr] = {}
 
-    def shortest(self, poly: Poly) -> sympy.Expr:
+    def shortest(self, poly: Poly) -> Expr:
         """Term by term or over a common denominator, whichever has fewer operations."""
         if not poly:
             return sympy.Integer(0)
         factor, monomial, rest = parted(poly)
+        if len(poly) == 1:
+            return self.expression(poly)
         over = sympy.Mul(number(factor, self.decimal), *self._factors(monomial), self._polynomial(rest))
         return min(self.expression(poly), over, key=operations)
 
-    def _polynomial(self, poly: Poly) -> sympy.Expr:
+    def _polynomial(self, poly: Poly) -> Expr:
         """A sum without divisors, in product or in Fourier form."""
         found = self.expression(poly)
-        if self.ring.fourier:
+        if self.ring.fourier or not self._has_products(poly):
             return found
         other = Ring(fourier=True)
         try:
@@ -50,7 +53,11 @@ class Composer:
             return found
         return min(found, Composer(other, self.decimal).expression(turned), key=operations)
 
-    def expression(self, poly: Poly) -> sympy.Expr:
+    def _has_products(self, poly: Poly) -> bool:
+        """Whether some term is a product of sines and cosines, which sums of angles could stand for."""
+        return any(sum(abs(e) for k, e in m if self.ring.atoms[k].kind in ("sin", "cos")) > 1 for m, _ in poly)
+
+    def expression(self, poly: Poly) -> Expr:
         if not poly:
             return sympy.Integer(0)
         keys = list(poly)
@@ -68,7 +75,7 @@ class Composer:
             return Fraction(-1 if values[0] < 0 else 1)
         return common_factor(values)
 
-    def _sum(self, poly: Poly) -> sympy.Expr:
+    def _sum(self, poly: Poly) -> Expr:
         """A sum without common factor: what occurs in most terms is taken out of those."""
         if len(poly) == 1:
             ((key, x),) = poly.items()
@@ -82,18 +89,18 @@ class Composer:
         outside = {key: x for key, x in poly.items() if key not in inside}
         return sympy.Add(self.expression(inside), self._sum_or_factored(outside))
 
-    def _sum_or_factored(self, poly: Poly) -> sympy.Expr:
+    def _sum_or_factored(self, poly: Poly) -> Expr:
         return self.expression(poly) if poly else sympy.Integer(0)
 
-    def _factors(self, monomial: Monomial) -> list[sympy.Expr]:
+    def _factors(self, monomial: Monomial) -> list[Expr]:
         return [self._atom(k) ** e for k, e in monomial]
 
-    def _atom(self, k: int) -> sympy.Expr:
+    def _atom(self, k: int) -> Expr:
         if k not in self.made:
             self.made[k] = self._made(self.ring.atoms[k].kind, self.ring.atoms[k].content)
         return self.made[k]
 
-    def _made(self, kind: str, content: Any) -> sympy.Expr:
+    def _made(self, kind: str, content: Any) -> Expr:
         if kind == "symbol":
             return content
         if kind == "sum":
@@ -102,7 +109,7 @@ class Composer:
             return sympy.sqrt(self.shortest(content))
         return FUNCTIONS[kind](*[self.expression(x) for x in content])
 
-    def _trig(self, trig: tuple) -> list[sympy.Expr]:
+    def _trig(self, trig: tuple) -> list[Expr]:
         if not trig:
             return []
         angle = sympy.Add(*[number(x, self.decimal) * self._atom(k) for k, x in trig[1]])
@@ -186,7 +193,7 @@ FUNCTIONS = {
 }
 
 
-def operations(expression: sympy.Expr) -> int:
+def operations(expression: Expr) -> int:
     """Additions, products, powers and calls."""
     count = 0
     waiting = [expression]

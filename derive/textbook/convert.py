@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import sympy
 
-from derive.textbook.compose import FUNCTIONS, Composer, number, operations
+from derive.textbook.compose import FUNCTIONS, Composer, Expr, number, operations
 from derive.textbook.graph import Graph, Node
 from derive.textbook.ring import Poly, Ring, TooBig, rational
 
@@ -18,7 +18,8 @@ SHARED = 3  # so does one of at least so many operations that occurs twice
 BEARABLE = 80  # up to here, where the term would otherwise need many named sub-terms
 FEW_PIECES = 8
 MOST_PIECES = 48  # a term that would need more sub-terms is not written out
-LARGEST = 6000  # nodes of a term beyond which reading it is not tried
+LARGEST = 20_000  # operations of a term, written out, beyond which reading it whole is not tried
+MOST_NODES = 6000  # and in pieces
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Piece:
 
     node: int
     symbol: sympy.Symbol
-    expression: sympy.Expr
+    expression: Expr
 
 
 class Reader:
@@ -36,19 +37,31 @@ class Reader:
     def __init__(self, symbols: ca.SX, names: Sequence[sympy.Symbol], decimal: bool) -> None:
         self.graph = Graph(symbols)
         self.names, self.decimal = tuple(names), decimal
-        self.known: dict[int, sympy.Expr] = {}
+        self.known: dict[int, Expr] = {}
         self.pieces = 0
 
-    def whole(self, value: ca.SX, most: int = READABLE, named: bool = False) -> list[sympy.Expr] | None:
-        """Every entry over the basic symbols (and, `named`, over what has a name already); None where one would have more
-        than `most` operations."""
+    def whole(self, value: ca.SX, most: int = READABLE) -> list[Expr] | None:
+        """Every entry over the basic symbols alone; None where one would have more than `most` operations."""
+        return self._within(self.graph.read(value), {}, most)
+
+    def over_names(self, value: ca.SX, most: int = READABLE) -> list[Expr] | None:
+        """The same over everything that has a name already; None also where nothing in the term has one."""
         roots = self.graph.read(value)
-        if len(self.graph.below(roots)) > LARGEST:
-            return None
-        found = self._shortest(roots, self.known if named else {})
+        met = any(k in self.known for k in self.graph.below(roots))
+        return self._within(roots, self.known, most) if met else None
+
+    def _within(self, roots: Sequence[int], names: dict[int, Expr], most: int) -> list[Expr] | None:
+        found = self._shortest(roots, names) if self._unrolled(roots, names) <= LARGEST else None
         return found if found is not None and all(operations(x) <= most for x in found) else None
 
-    def name(self, value: ca.SX, symbols: Sequence[sympy.Expr]) -> None:
+    def _unrolled(self, roots: Sequence[int], names: dict[int, Expr]) -> int:
+        """Operations when nothing is shared."""
+        sizes: dict[int, int] = {}
+        for k in self.graph.below(roots, frozenset(names)):
+            sizes[k] = 0 if k in names else sum(1 + sizes[i] for i in self.graph.nodes[k].operands)
+        return sum(sizes[k] for k in roots)
+
+    def name(self, value: ca.SX, symbols: Sequence[Expr]) -> None:
         """From now on these entries are recognised as these symbols."""
         for node, symbol in zip(self.graph.read(value), symbols):
             if self.graph.nodes[node].operands and symbol.is_Symbol:
@@ -56,14 +69,14 @@ class Reader:
 
     def in_pieces(
         self, value: ca.SX, fresh: Callable[[int], sympy.Symbol], most: int = MOST_PIECES
-    ) -> tuple[list[Piece], list[sympy.Expr]] | None:
+    ) -> tuple[list[Piece], list[Expr]] | None:
         """The entries over named sub-terms, old and new (their symbols from `fresh`); None where there would be too many."""
         roots = self.graph.read(value)
         order = self.graph.below(roots, frozenset(self.known))
-        cuts = self._cuts(order) if len(order) <= LARGEST else None
+        cuts = self._cuts(order) if len(order) <= MOST_NODES else None
         if cuts is None or len(cuts) > most:
             return None
-        names: dict[int, sympy.Expr] = {k: self.known[k] for k in order if k in self.known}
+        names: dict[int, Expr] = {k: self.known[k] for k in order if k in self.known}
         pieces: list[Piece] = []
         for k in cuts:
             (expression,) = self._expressions([k], names)
@@ -107,19 +120,21 @@ class Reader:
                 sizes[k] = 0
         return cuts
 
-    def _expressions(self, roots: Sequence[int], names: dict[int, sympy.Expr]) -> list[sympy.Expr]:
+    def _expressions(self, roots: Sequence[int], names: dict[int, Expr]) -> list[Expr]:
         plain = self._plain(roots, names)
         found = self._shortest(roots, names)
         if found is None:
             return plain
         return [min(pair, key=operations) for pair in zip(found, plain)]
 
-    def _shortest(self, roots: Sequence[int], names: dict[int, sympy.Expr]) -> list[sympy.Expr] | None:
+    def _shortest(self, roots: Sequence[int], names: dict[int, Expr]) -> list[Expr] | None:
         """The shorter of product and Fourier form, entry by entry; None where neither stays within its budget."""
-        forms = [x for x in (self._formed(roots, names, fourier) for fourier in (False, True)) if x is not None]
+        trigonometric = any(self.graph.nodes[k].op in (ca.OP_SIN, ca.OP_COS, ca.OP_TAN) for k in self.graph.below(roots))
+        ways = (False, True) if trigonometric else (False,)
+        forms = [x for x in (self._formed(roots, names, fourier) for fourier in ways) if x is not None]
         return [min(entries, key=operations) for entries in zip(*forms)] if forms else None
 
-    def _formed(self, roots: Sequence[int], names: dict[int, sympy.Expr], fourier: bool) -> list[sympy.Expr] | None:
+    def _formed(self, roots: Sequence[int], names: dict[int, Expr], fourier: bool) -> list[Expr] | None:
         ring = Ring(fourier)
         values: dict[int, Poly] = {}
         try:
@@ -138,9 +153,9 @@ class Reader:
             return ring.number(node.number)
         return _applied(ring, node.op, [values[i] for i in node.operands])
 
-    def _plain(self, roots: Sequence[int], names: dict[int, sympy.Expr]) -> list[sympy.Expr]:
+    def _plain(self, roots: Sequence[int], names: dict[int, Expr]) -> list[Expr]:
         """As CasADi has it, operation by operation."""
-        values: dict[int, sympy.Expr] = {}
+        values: dict[int, Expr] = {}
         for k in self.graph.below(roots, frozenset(names)):
             node = self.graph.nodes[k]
             if k in names:
@@ -213,15 +228,15 @@ _CALLS = {
 }
 
 
-def _either(condition: sympy.Expr, value: sympy.Expr) -> sympy.Expr:
+def _either(condition: Expr, value: Expr) -> Expr:
     return sympy.Piecewise((value, sympy.Ne(condition, 0)), (0, True))
 
 
-def _truth(relation: Callable[..., sympy.Basic]) -> Callable[..., sympy.Expr]:
+def _truth(relation: Callable[..., sympy.Basic]) -> Callable[..., Expr]:
     return lambda a, b: sympy.Piecewise((1, relation(a, b)), (0, True))
 
 
-PLAIN: dict[int, Callable[..., sympy.Expr]] = {
+PLAIN: dict[int, Callable[..., Expr]] = {
     ca.OP_ADD: lambda a, b: a + b,
     ca.OP_SUB: lambda a, b: a - b,
     ca.OP_MUL: lambda a, b: a * b,
@@ -241,8 +256,8 @@ PLAIN: dict[int, Callable[..., sympy.Expr]] = {
     ca.OP_LE: _truth(sympy.Le),
     ca.OP_EQ: _truth(sympy.Eq),
     ca.OP_NE: _truth(sympy.Ne),
-    ca.OP_AND: lambda a, b: sympy.Min(a, b),
-    ca.OP_OR: lambda a, b: sympy.Max(a, b),
+    ca.OP_AND: sympy.Min,
+    ca.OP_OR: sympy.Max,
     ca.OP_NOT: lambda a: 1 - a,
     ca.OP_IF_ELSE_ZERO: _either,
     ca.OP_FMOD: lambda a, b: a - b * (sympy.sign(a / b) * sympy.floor(sympy.Abs(a / b))),

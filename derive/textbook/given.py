@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import fields
 
-from derive.expressions.tree import Expression
+from derive.expressions.tree import ONE, Expression
 from derive.mechanics.constraints import IN_PLANE
 from derive.model.records import (
     Body,
     Constraint,
+    Distance,
     Force,
     GeneralisedForce,
     Holonomic,
+    Input,
     Joint,
     JointDamper,
     JointSpring,
     Load,
     Nonholonomic,
     NoSlip,
+    Parameter,
     Placement,
     PointSpring,
     Rolling,
@@ -25,7 +30,7 @@ from derive.model.records import (
 )
 from derive.textbook import names
 from derive.textbook.author import Author
-from derive.textbook.records import Math, Runs, Text
+from derive.textbook.records import Math, Run, Runs, Text
 
 
 def given(a: Author) -> None:
@@ -55,8 +60,8 @@ def _scene(a: Author) -> None:
         where = f"moves in the {model.plane[0]}, {model.plane[1]} plane" if model.plane else "moves in space"
         a.say(f"The mechanism {where}.")
     if model.gravity is not None:
-        a.say("Gravity is $\\mathbf{g}=$ {g} m/s².", g=_point(a, model.gravity, "gravity"))
-        a.mean(r"\mathbf{g}", "gravity", "m/s^2")
+        a.say("Gravity is $!g=$ {g} m/s².", g=_point(a, model.gravity, "gravity"))
+        a.mean(r"!g", "gravity", "m/s^2")
 
 
 def _point(a: Author, entries: Sequence[Expression], about: str) -> Math:
@@ -74,7 +79,7 @@ def _parameters(a: Author) -> None:
         a.mean(a.names[symbol], x.about or f"parameter {x.name}", x.unit)
 
 
-def _parameter(x) -> tuple[Runs, ...]:
+def _parameter(x: Parameter) -> tuple[Runs, ...]:
     return (Math(names.symbol(x.name)),), (Text(f"{x.value:.15g}"),), (Text(names.unit(x.unit)),), (Text(x.about),)
 
 
@@ -112,14 +117,15 @@ def _tied(a: Author) -> None:
         first, second = (_place(a, at) for at in x.placements)
         about = (Text(f"a point of {x.bodies[0]} at "), first, Text(f" stays on a point of {x.bodies[1]} at "), second)
         rows.append(((Text(x.name),), (Text(f"{x.type} closure"),), about))
-    rows += [((Text(x.name),), (Text(_kind(x)),), _constraint(a, x)) for x in model.constraints]
+    rows += [((Text(x.name),), (Text(_words(x)),), _constraint(a, x)) for x in model.constraints]
     if rows:
         a.say("The motion is tied by")
         a.table(("name", "kind", "what it says"), rows)
 
 
-def _kind(x: Constraint) -> str:
-    return {Holonomic: "holonomic", Nonholonomic: "nonholonomic", NoSlip: "no slip", Rolling: "rolling"}[type(x)]
+def _words(x: object) -> str:
+    """NoSlip → no slip."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(x).__name__).lower()
 
 
 def _constraint(a: Author, x: Constraint) -> Runs:
@@ -128,18 +134,47 @@ def _constraint(a: Author, x: Constraint) -> Runs:
             point, direction = _point(a, x.point, x.name), _point(a, x.direction, x.name)
             return Text(f"the point of {x.body} at "), point, Text(" has no velocity along its direction "), direction
         case Rolling():
-            normal, axis = _point(a, x.normal, x.name), _point(a, x.axis, x.name)
-            about = Text(f"{x.body}, a thin disk of radius "), a.formula(x.radius, x.name), Text(" about its axis "), axis
-            return *about, Text(", rolls without slip on the plane normal to "), normal
-    work = (Text("; the constraint does work of its own"),) if x.nonideal else ()
-    return a.formula(x.expression, x.name), Math("=0"), *work
+            return _rolling(a, x)
+        case Holonomic() | Nonholonomic():
+            work = (Text("; the constraint does work of its own"),) if x.nonideal else ()
+            return a.formula(x.expression, x.name), Math("=0"), *work
+        case Distance():
+            points = [_point(a, p, x.name) for p in x.points]
+            start, between = Text(f"the points of {x.bodies[0]} at "), Text(f" and of {x.bodies[1]} at ")
+            return start, points[0], between, points[1], Text(" stay apart by "), a.formula(x.length, x.name)
+    return _listed(a, x)
+
+
+def _rolling(a: Author, x: Rolling) -> Runs:
+    radius, normal, axis = a.formula(x.radius, x.name), _point(a, x.normal, x.name), _point(a, x.axis, x.name)
+    about = () if x.shape == "sphere" else (Text(" about its axis "), axis)
+    start = Text(f"{x.body}, a {x.shape} of radius ")
+    return start, radius, *about, Text(", rolls without slip on the plane normal to "), normal
+
+
+def _listed(a: Author, x: object) -> Runs:
+    """Any other declaration: its bodies and velocities by name, then every formula in it that is a quantity."""
+    result: list[Run] = []
+    for field in fields(x):  # type: ignore[arg-type]
+        value, label = getattr(x, field.name), field.name.replace("_", " ")
+        if field.name in ("body", "bodies", "velocity", "coordinate", "frame_body"):
+            result += [Text(f"{', '.join((value,) if isinstance(value, str) else value)}; ")]
+        elif isinstance(value, Expression) and field.name != "surface":
+            result += [Text(f"{label} "), a.formula(value, label), Text("; ")]
+        elif isinstance(value, tuple) and len(value) == 3 and all(isinstance(e, Expression) for e in value):
+            result += [Text(f"{label} "), _vector(a, value, label), Text("; ")]
+    return *result[:-1], Text(str(result[-1].text).rstrip("; ") if isinstance(result[-1], Text) else "")
+
+
+def _vector(a: Author, entries: Sequence[Expression], about: str) -> Math:
+    return Math("(" + r",\; ".join(a.formula(e, about).latex for e in entries) + ")")
 
 
 def _driven(a: Author) -> None:
     """Loads and inputs."""
     model = a.system.model
     rows = [((Text(x.name),), _load(a, x)) for x in model.loads]
-    rows += [((Math(a.names[s]),), (Text(_input(a, x)),)) for s, x in zip(a.u, model.inputs)]
+    rows += [((Math(a.names[s]),), _input(a, x)) for s, x in zip(a.u, model.inputs)]
     for s, x in zip(a.u, model.inputs):
         a.mean(a.names[s], x.about or f"input {x.name}", x.unit)
     if rows:
@@ -147,10 +182,13 @@ def _driven(a: Author) -> None:
         a.table(("name", "what it does"), rows)
 
 
-def _input(a: Author, x) -> str:
+def _input(a: Author, x: Input) -> Runs:
+    """What it acts along, with its gear where it has one."""
     unit = names.unit(x.unit)
     where = f"acts along {x.velocity}" if x.velocity else "occurs in the formulas"
-    return f"input{'' if unit == '–' else ' in ' + unit}, {where}" + (f": {x.about}" if x.about else "")
+    start = Text(f"input{'' if unit == '–' else ' in ' + unit}, {where}")
+    gear = () if x.gear == ONE else (Text(", times "), a.formula(x.gear, x.name))
+    return start, *gear, *((Text(f": {x.about}"),) if x.about else ())
 
 
 def _load(a: Author, x: Load) -> Runs:
@@ -165,15 +203,14 @@ def _load(a: Author, x: Load) -> Runs:
             start = Text(f"spring between {x.bodies[0]} and {x.bodies[1]}: stiffness ")
             return start, parts[0], Text(", length "), parts[1], Text(", damping "), parts[2]
         case Force():
-            frame = "its own axes" if x.frame == "body" else "ground axes"
             point, force = _point(a, x.point, x.name), _point(a, x.components, x.name)
-            return Text(f"force on {x.body} at "), point, Text(": "), force, Text(f" N in {frame}")
+            return Text(f"force on {x.body} at "), point, Text(": "), force, Text(f" N in {_axes(x)}")
         case Torque():
-            return Text(f"torque on {x.body}: "), *_torque(a, x)
+            return Text(f"torque on {x.body}: "), _vector(a, x.components, x.name), Text(f" N·m in {_axes(x)}")
         case GeneralisedForce():
             return Text(f"generalised force along {x.velocity}: "), a.formula(x.expression, x.name)
+    return Text(f"{_words(x)} of "), *_listed(a, x)
 
 
-def _torque(a: Author, x: Torque) -> Runs:
-    frame = "its own axes" if x.frame == "body" else "ground axes"
-    return Math("(" + r",\; ".join(a.formula(e, x.name).latex for e in x.components) + ")"), Text(f" N·m in {frame}")
+def _axes(x: Force | Torque) -> str:
+    return "its own axes" if x.frame == "body" else "ground axes"

@@ -71,25 +71,23 @@ def coordinates(a: Author) -> None:
     """q, v and q̇ = N v."""
     system, model = a.system, a.system.model
     a.section("Coordinates and base velocities")
-    a.say("The configuration is described by the coordinates $\\mathbf{q}$:")
+    a.say("The configuration is described by the coordinates $!q$:")
     a.table(("symbol", "name", "unit", "belongs to"), [_row(a.names[s], c) for s, c in zip(a.q, model.coordinates)])
     a.say(
-        "The motion is described by the base velocities $\\mathbf{v}$, which are what joints add to the motion of the body "
+        "The motion is described by the base velocities $!v$, which are what joints add to the motion of the body "
         "that carries them; those of a planar or free joint are components in the axes of the moving body:"
     )
     a.table(("symbol", "name", "unit", "belongs to"), [_row(a.names[s], x) for s, x in zip(a.v, model.velocities)])
     for s, c in (*zip(a.q, model.coordinates), *zip(a.v, model.velocities)):
         kind = "coordinate" if s in a.q else "base velocity"
         a.mean(a.names[s], f"{kind} {c.name}", c.unit)
-    a.mean(r"\mathbf{q},\; \mathbf{v}", "coordinates, base velocities")
+    a.mean(r"!q,\; !v", "coordinates, base velocities")
     if _is_identity(system.N):
-        a.say(
-            "Every base velocity is the rate of one coordinate, so $\\dot{\\mathbf{q}}=\\mathbf{v}$ and $\\mathbf{N}=\\mathbf{1}$."
-        )
+        a.say("Every base velocity is the rate of one coordinate, so $!!q=!v$ and $!N=!1$.")
         return
-    a.say("The rates of the coordinates follow from the base velocities by $\\dot{\\mathbf{q}}=\\mathbf{N}\\,\\mathbf{v}$, with")
-    a.matrix("N", r"\mathbf{N}", "N", system.N)
-    a.mean(r"\mathbf{N}", "q̇ = N v")
+    a.say("The rates of the coordinates follow from the base velocities by $!!q=!N\\,!v$, with")
+    a.matrix("N", r"!N", "N", system.N)
+    a.mean(r"!N", "q̇ = N v")
 
 
 def _is_identity(N: ca.SX) -> bool:
@@ -110,8 +108,8 @@ def links(a: Author, found: Sequence[Component]) -> None:
         a.say(f"The {len(system.links)} links are too many to be listed; their twists follow from base to tip by recursion.")
         return
     a.say(
-        "Walking from base to tip, every link hands its motion to the next: the angular velocity of a link is that of its carrier plus "
-        "the joint's, and the velocity of its origin follows through the joint point. In each link's own axes:"
+        "Walking from base to tip, every link hands its motion on: the angular velocity of a link is that of its carrier "
+        "plus the joint's, and the velocity of its origin follows through the joint point. In each link's own axes,"
     )
     known = numbers_in_symbols(system, found)
     for i, link in enumerate(system.links):
@@ -144,19 +142,19 @@ def constraints(a: Author) -> None:
         return
     _positions(a)
     a.say("On the level of velocities the constraints are the rows of")
-    a.state(r"\mathbf{A}\,\mathbf{v}", r"\mathbf{c}")
-    a.mean(r"\mathbf{A},\; \mathbf{c}", "constraint rows, A v = c")
+    a.state(r"!A\,!v", r"!c")
+    a.mean(r"!A,\; !c", "constraint rows, A v = c")
     a.table(("row", "constraint", "kind"), [_named(i, row) for i, row in enumerate(system.rows)])
     a.say("with the coefficients")
-    a.matrix("A", r"\mathbf{A}", "A", system.A)
+    a.matrix("A", r"!A", "A", system.A)
     _moving(a)
     a.say(
-        "Differentiating once more gives $\\mathbf{A}\\,\\dot{\\mathbf{v}}=\\boldsymbol{\\beta}$ with "
-        "$\\boldsymbol{\\beta}=\\dot{\\mathbf{c}}-\\dot{\\mathbf{A}}\\,\\mathbf{v}$, a directional derivative along the motion:"
+        "Differentiating once more gives $!A\\,!!v=!\\beta$ with "
+        "$!\\beta=!!c-!!A\\,!v$, a directional derivative along the motion:"
     )
-    a.mean(r"\boldsymbol{\beta}", "A v̇ = β")
+    a.mean(r"!\beta", "A v̇ = β")
     if a.vector("beta", r"\beta", system.beta) and all(row == [0] for row in a.entries["beta"]):
-        a.say("Here $\\boldsymbol{\\beta}=\\mathbf{0}$.")
+        a.say("Here $!\\beta=!0$.")
 
 
 def _positions(a: Author) -> None:
@@ -164,9 +162,9 @@ def _positions(a: Author) -> None:
     if not system.phi.numel():
         a.say("All constraints are nonholonomic: they tie velocities, not positions.")
         return
-    a.say("The positions have to satisfy $\\boldsymbol{\\Phi}(\\mathbf{q},t)=\\mathbf{0}$ with")
+    a.say("The positions have to satisfy $!\\Phi(!q,t)=!0$ with")
     a.vector("phi", r"\Phi", system.phi)
-    a.mean(r"\boldsymbol{\Phi}", "position constraints, Φ = 0")
+    a.mean(r"!\Phi", "position constraints, Φ = 0")
 
 
 def _named(i: int, row) -> tuple:
@@ -178,7 +176,7 @@ def _named(i: int, row) -> tuple:
 def _moving(a: Author) -> None:
     if a.system.c.is_zero():
         a.entries["c"] = [[sympy.Integer(0)]] * len(a.system.rows)
-        a.say("No constraint moves by itself: $\\mathbf{c}=\\mathbf{0}$.")
+        a.say("No constraint moves by itself: $!c=!0$.")
         return
     a.say("Some of them move by themselves:")
     a.vector("c", "c", a.system.c)

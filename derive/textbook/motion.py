@@ -58,30 +58,25 @@ def unprojected(a: Author) -> None:
     """M, h, Q: one equation for every base velocity."""
     system = a.system
     a.section("Equations of motion")
-    a.say(
-        "Collected for the base velocities, the equations of motion are, with the multipliers $\\boldsymbol{\\lambda}$ as forces along the constraint rows,"
-        if system.rows
-        else "Collected for the base velocities, the equations of motion are"
-    )
-    left = r"\mathbf{M}\,\dot{\mathbf{v}} + \mathbf{h}"
-    right = r"\mathbf{Q}" + (r" + \mathbf{A}^{\mathsf{T}}\boldsymbol{\lambda}" if system.rows else "")
+    forces = ", with the multipliers $!\\lambda$ as forces along the constraint rows," if system.rows else ""
+    a.say(f"Collected for the base velocities, the equations of motion are{forces}")
+    left = r"!M\,!!v + !h"
+    right = r"!Q" + (r" + !A^T!\lambda" if system.rows else "")
     a.law("motion", left, right, _balance(a))
     origin = " (composite bodies, Walker and Orin)" if system.links else ""
-    a.say(
-        f"The mass matrix{origin} is symmetric, with $T=\\tfrac{{1}}{{2}}\\,\\mathbf{{v}}^{{\\mathsf{{T}}}}\\mathbf{{M}}\\,\\mathbf{{v}}$:"
-    )
-    a.matrix("M", r"\mathbf{M}", "M", system.M, symmetric=True)
-    origin = " (Newton and Euler's equations from tip to base with $\\dot{\\mathbf{v}}=\\mathbf{0}$)" if system.links else ""
-    a.say(f"The bias $\\mathbf{{h}}$ collects velocity products, gravity and potential forces{origin}:")
-    _vector(a, "h", "h", system.h, r"\mathbf{h}")
+    a.say(f"The mass matrix{origin} is symmetric, with $T=\\tfrac{{1}}{{2}}\\,!v^T!M\\,!v$:")
+    a.matrix("M", r"!M", "M", system.M, symmetric=True)
+    origin = " (Newton and Euler's equations from tip to base with $!!v=!0$)" if system.links else ""
+    a.say(f"The bias $!h$ collects velocity products, gravity and potential forces{origin}:")
+    _vector(a, "h", "h", system.h, r"!h")
     a.say("The applied forces are")
-    _vector(a, "Q", "Q", system.Q, r"\mathbf{Q}")
-    a.mean(r"\mathbf{M},\; \mathbf{h},\; \mathbf{Q}", "mass matrix, bias, applied forces: M v̇ + h = Q + Aᵀ λ")
+    _vector(a, "Q", "Q", system.Q, r"!Q")
+    a.mean(r"!M,\; !h,\; !Q", "mass matrix, bias, applied forces: M v̇ + h = Q + Aᵀ λ")
 
 
 def _vector(a: Author, name: str, stem: str, value: ca.SX, bold: str) -> None:
     if a.vector(name, stem, value) and all(row[0] == 0 for row in a.entries[name]):
-        a.say(f"${bold}=\\mathbf{{0}}$: there are none.")
+        a.say(f"${bold}=!0$: there are none.")
 
 
 def _balance(a: Author) -> ca.SX:
@@ -96,14 +91,14 @@ def bordered(a: Author) -> None:
     s = a.system
     a.say("Together with the constraints they are one bordered system, solved for accelerations and multipliers at once:")
     if not s.rows:
-        a.law("solved", r"\mathbf{M}\,\dot{\mathbf{v}}", r"\mathbf{Q} - \mathbf{h}", _balance(a))
+        a.law("solved", r"!M\,!!v", r"!Q - !h", _balance(a))
         return
     residual = ca.vertcat(_balance(a), ca.mtimes(s.A, a.vdot) - s.beta)
     a.law(
         "bordered system",
-        r"\begin{bmatrix} \mathbf{M} & -\mathbf{A}^{\mathsf{T}} \\ \mathbf{A} & \mathbf{0} \end{bmatrix}"
-        r"\begin{bmatrix} \dot{\mathbf{v}} \\ \boldsymbol{\lambda} \end{bmatrix}",
-        r"\begin{bmatrix} \mathbf{Q} - \mathbf{h} \\ \boldsymbol{\beta} \end{bmatrix}",
+        r"\begin{bmatrix} !M & -!A^T \\ !A & !0 \end{bmatrix}"
+        r"\begin{bmatrix} !!v \\ !\lambda \end{bmatrix}",
+        r"\begin{bmatrix} !Q - !h \\ !\beta \end{bmatrix}",
         residual,
     )
 
@@ -115,23 +110,23 @@ def projected(a: Author) -> None:
     s, S = a.system, a.named("S")
     a.section("Equations without multipliers")
     a.say(
-        "Since $\\mathbf{A}\\,\\mathbf{S}=\\mathbf{0}$, multiplying from the left by $\\mathbf{S}^{\\mathsf{T}}$ removes the multipliers "
-        "(Maggi's equations; the columns of $\\mathbf{S}$ are Kane's partial velocities):"
+        "Since $!A\\,!S=!0$, multiplying from the left by $!S^T$ removes the multipliers "
+        "(Maggi's equations; the columns of $!S$ are Kane's partial velocities):"
         if a.has("Y")
-        else "Multiplying from the left by $\\mathbf{S}^{\\mathsf{T}}$ carries the equations over to the quasi-velocities (Maggi, Kane):"
+        else "Multiplying from the left by $!S^T$ carries the equations over to the quasi-velocities (Maggi, Kane):"
     )
-    a.law("projected", r"\mathbf{M}_w\,\dot{\mathbf{w}}", r"\mathbf{f}_w", ca.mtimes(a.named("M_w"), a.wdot) - a.named("f_w"))
+    a.law("projected", r"!M_w\,!!w", r"!f_w", ca.mtimes(a.named("M_w"), a.wdot) - a.named("f_w"))
     a.say("with the mass matrix and the force of the quasi-velocities")
     a.law(
         "M_w",
-        r"\mathbf{M}_w",
-        r"\mathbf{S}^{\mathsf{T}}\mathbf{M}\,\mathbf{S}",
+        r"!M_w",
+        r"!S^T!M\,!S",
         a.named("M_w") - ca.mtimes(S.T, ca.mtimes(s.M, S)),
     )
     force = s.Q - s.h - ca.mtimes(s.M, a.named("sigma"))
-    law = r"\mathbf{S}^{\mathsf{T}}\left(\mathbf{Q} - \mathbf{h} - \mathbf{M}\,\boldsymbol{\sigma}\right)"
-    a.law("f_w", r"\mathbf{f}_w", law, a.named("f_w") - ca.mtimes(S.T, force))
-    a.mean(r"\mathbf{M}_w,\; \mathbf{f}_w", "mass matrix and force of the quasi-velocities: M_w ẇ = f_w")
+    law = r"!S^T\left(!Q - !h - !M\,!\sigma\right)"
+    a.law("f_w", r"!f_w", law, a.named("f_w") - ca.mtimes(S.T, force))
+    a.mean(r"!M_w,\; !f_w", "mass matrix and force of the quasi-velocities: M_w ẇ = f_w")
     _mass(a)
     _force(a)
     _solved(a)
@@ -142,22 +137,20 @@ def _mass(a: Author) -> None:
     short = a.reader.whole(M_w, SHORT)
     if short is not None:
         a.say("Multiplied out, the mass matrix is")
-        a.matrix("M_w", r"\mathbf{M}_w", "M^{w}", M_w, short, symmetric=True)
+        a.matrix("M_w", r"!M_w", "M^{w}", M_w, short, symmetric=True)
         return
     if not {"M", "S"} <= a.entries.keys():
         return
     found = _triple(a.entries["S"], a.entries["M"])
     if max(operations(x) for row in found for x in row) > LONG_SUM:
-        a.say("In two steps, with the momenta per quasi-velocity $\\mathbf{P}=\\mathbf{M}\\,\\mathbf{S}$,")
+        a.say("In two steps, with the momenta per quasi-velocity $!P=!M\\,!S$,")
         P = [[sum_of(row, column) for column in zip(*a.entries["S"])] for row in a.entries["M"]]
-        a.matrix("P", r"\mathbf{P}", "P", ca.mtimes(a.system.M, a.named("S")), [x for row in P for x in row])
-        a.mean(r"\mathbf{P}", "momenta per quasi-velocity, M S")
+        a.matrix("P", r"!P", "P", ca.mtimes(a.system.M, a.named("S")), [x for row in P for x in row])
+        a.mean(r"!P", "momenta per quasi-velocity, M S")
         found = [[sum_of(c, d) for d in zip(*a.entries["P"])] for c in zip(*a.entries["S"])]
     a.say("Written out over the entries above, the mass matrix is")
     n = len(found)
-    a.matrix(
-        "M_w", r"\mathbf{M}_w", "M^{w}", M_w, [found[min(i, j)][max(i, j)] for i in range(n) for j in range(n)], symmetric=True
-    )
+    a.matrix("M_w", r"!M_w", "M^{w}", M_w, [found[min(i, j)][max(i, j)] for i in range(n) for j in range(n)], symmetric=True)
 
 
 def _triple(S: Rows, M: Rows) -> Rows:
@@ -171,16 +164,16 @@ def _force(a: Author) -> None:
     short = a.reader.whole(f_w, SHORT)
     if short is not None:
         a.say("and the force is")
-        _vector(a, "f_w", "f^{w}", f_w, r"\mathbf{f}_w")
+        _vector(a, "f_w", "f^{w}", f_w, r"!f_w")
         return
     if not {"M", "S", "h", "Q", "sigma"} <= a.entries.keys():
         return
     s = a.system
-    a.say("and the force, with $\\mathbf{F}=\\mathbf{Q}-\\mathbf{h}-\\mathbf{M}\\,\\boldsymbol{\\sigma}$,")
+    a.say("and the force, with $!F=!Q-!h-!M\\,!\\sigma$,")
     Q, h, sigma = ([row[0] for row in a.entries[x]] for x in ("Q", "h", "sigma"))
     F = [x - y - sum_of(row, sigma) for x, y, row in zip(Q, h, a.entries["M"])]
     a.vector("F", "F", s.Q - s.h - ca.mtimes(s.M, a.named("sigma")), F)
-    a.mean(r"\mathbf{F}", "forces on the base velocities where ẇ = 0, Q − h − M σ")
+    a.mean(r"!F", "forces on the base velocities where ẇ = 0, Q − h − M σ")
     a.say("is")
     a.vector("f_w", "f^{w}", f_w, [sum_of(c, [row[0] for row in a.entries["F"]]) for c in zip(*a.entries["S"])])
 
@@ -191,10 +184,16 @@ def _solved(a: Author) -> None:
         return
     M, f, n = a.entries["M_w"], [row[0] for row in a.entries["f_w"]], len(a.w)
     if n > MOST_SPEEDS:
-        a.say(
-            "These linear equations are solved by an unrolled $\\mathbf{L}\\,\\mathbf{D}\\,\\mathbf{L}^{\\mathsf{T}}$ decomposition."
-        )
+        a.say("These linear equations are solved by an unrolled $!L\\,!D\\,!L^T$ decomposition.")
         return
+    short = a.reader.whole(a.wdot, SHORT)
+    if short is not None:
+        a.say(
+            "The explicit equation of motion is"
+            if n == 1
+            else "Solved for the accelerations, the explicit equations of motion are"
+        )
+        return _accelerations(a, short)
     if _diagonal(M):
         a.say(
             "The explicit equation of motion is"
@@ -223,7 +222,7 @@ def _cramer(a: Author, M: Rows, f: list[sympy.Expr]) -> None:
 
 
 def _accelerations(a: Author, found: list[sympy.Expr]) -> None:
-    a.rates = [a.fresh(f"rate of {s.name}", names.dotted(a.names[s])) for s in a.w]
+    a.rates = [a.fresh(f"rate[{s.name}]", names.dotted(a.names[s])) for s in a.w]
     a.lines("wdot", a.rates, found, a.wdot)
     for s, rate in zip(a.w, a.rates):
         a.mean(a.names[rate], f"rate of {s.name}")
@@ -232,8 +231,8 @@ def _accelerations(a: Author, found: list[sympy.Expr]) -> None:
 def _decomposed(a: Author, M: Rows, f: list[sympy.Expr]) -> None:
     """Symmetric elimination M = L D Lᵀ, last quasi-velocity first, in named steps."""
     a.say(
-        "Solved by symmetric elimination, $\\mathbf{M}_w=\\mathbf{L}\\,\\mathbf{D}\\,\\mathbf{L}^{\\mathsf{T}}$ from the last quasi-velocity to the first, "
-        "with pivots $d_k$, factors $l_{ik}$ and right-hand sides $r_k$:"
+        "Solved by symmetric elimination, $!M_w=!L\\,!D\\,!L^T$ from the last quasi-velocity to the first, "
+        "with pivots $\\delta_k$, factors $\\ell_{ik}$ and right-hand sides $\\eta_k$:"
     )
     n = len(f)
     steps = _Steps(a)
@@ -241,19 +240,19 @@ def _decomposed(a: Author, M: Rows, f: list[sympy.Expr]) -> None:
     values, sides = [[a.named("M_w")[i, j] for j in range(n)] for i in range(n)], [a.named("f_w")[i] for i in range(n)]
     factors: dict[tuple[int, int], sympy.Expr] = {}
     for k in reversed(range(n)):
-        A[k][k] = steps.named(f"d[{k + 1}]", f"d_{{{k + 1}}}", A[k][k], values[k][k])
-        b[k] = steps.named(f"r[{k + 1}]", f"r_{{{k + 1}}}", b[k], sides[k])
+        A[k][k] = steps.named(f"delta[{k + 1}]", rf"\delta_{{{k + 1}}}", A[k][k], values[k][k])
+        b[k] = steps.named(f"eta[{k + 1}]", rf"\eta_{{{k + 1}}}", b[k], sides[k])
         for i in range(k):
             factor, exact = A[i][k] / A[k][k], values[i][k] / values[k][k]
-            factors[i, k] = steps.named(f"l[{i + 1},{k + 1}]", f"l_{{{i + 1}{k + 1}}}", factor, exact)
+            factors[i, k] = steps.named(f"l[{i + 1},{k + 1}]", rf"\ell_{{{i + 1}{k + 1}}}", factor, exact)
             b[i], sides[i] = b[i] - factors[i, k] * b[k], sides[i] - exact * sides[k]
             for j in range(i, k):
                 A[i][j] = A[j][i] = A[i][j] - factors[i, k] * A[j][k]
                 values[i][j] = values[j][i] = values[i][j] - exact * values[j][k]
     steps.show()
-    a.mean(r"d_{k},\; l_{ik},\; r_{k}", "pivots, factors and right-hand sides of the elimination of M_w")
+    a.mean(r"\delta_{k},\; \ell_{ik},\; \eta_{k}", "pivots, factors and right-hand sides of the elimination of M_w")
     a.say("and the explicit equations of motion are, one after the other,")
-    rates = [a.fresh(f"rate of {s.name}", names.dotted(a.names[s])) for s in a.w]
+    rates = [a.fresh(f"rate[{s.name}]", names.dotted(a.names[s])) for s in a.w]
     _accelerations(a, [b[k] / A[k][k] - sum_of([factors[i, k] for i in range(k)], rates[:k]) for k in range(n)])
 
 
@@ -284,17 +283,17 @@ def multipliers(a: Author) -> None:
     if not system.rows:
         return
     a.section("Multipliers")
-    a.mean(r"\boldsymbol{\lambda}", "multipliers, forces along the constraint rows: M v̇ + h = Q + Aᵀ λ")
+    a.mean(r"!\lambda", "multipliers, forces along the constraint rows: M v̇ + h = Q + Aᵀ λ")
     if a.free_velocities:
         a.say("The multipliers are part of the solution of the bordered system.")
         return
     a.say(
         "The multipliers are not needed for the motion; they are recovered afterwards. What the constraints have to add is "
-        "$\\boldsymbol{\\rho}=\\mathbf{M}\\,\\dot{\\mathbf{v}}+\\mathbf{h}-\\mathbf{Q}$, and since $\\mathbf{A}\\,\\mathbf{R}=\\mathbf{1}$,"
+        "$!\\rho=!M\\,!!v+!h-!Q$, and since $!A\\,!R=!1$,"
     )
     rho = ca.mtimes(system.M, a.vdot) + system.h - system.Q
     lam = a.lam[a.kept]
-    a.law("lambda", r"\boldsymbol{\lambda}", r"\mathbf{R}^{\mathsf{T}}\boldsymbol{\rho}", lam - ca.mtimes(a.named("R").T, rho))
+    a.law("lambda", r"!\lambda", r"!R^T!\rho", lam - ca.mtimes(a.named("R").T, rho))
     a.table(("multiplier", "constraint row"), [_row(i, row.name) for i, row in enumerate(system.rows)])
     if len(a.kept) < len(system.rows):
         a.say("The multipliers of rows that repeat others are zero.")
@@ -318,7 +317,7 @@ def _recovered(a: Author, rho: ca.SX) -> None:
     vdot = [x if x in a.rates or found[j] != 0 else sympy.Integer(0) for j, x in enumerate(rates)]
     a.say("the forces that are missing are")
     a.vector("rho", r"\rho", rho, [sum_of(row, vdot) + x - y for row, x, y in zip(a.entries["M"], h, Q)])
-    a.mean(r"\boldsymbol{\rho}", "forces of the constraints on the base velocities, M v̇ + h − Q")
+    a.mean(r"!\rho", "forces of the constraints on the base velocities, M v̇ + h − Q")
     a.say("and the multipliers are")
     column = [row[0] for row in a.entries["rho"]]
     symbols = [a.fresh(f"lam[{i + 1}]", rf"\lambda_{{{i + 1}}}") for i in a.kept]
@@ -326,7 +325,7 @@ def _recovered(a: Author, rho: ca.SX) -> None:
 
 
 def _rate(a: Author, j: int) -> sympy.Symbol:
-    return a.fresh(f"rate of {a.v[j].name}", names.dotted(a.names[a.v[j]]))
+    return a.fresh(f"rate[{a.v[j].name}]", names.dotted(a.names[a.v[j]]))
 
 
 def power(a: Author) -> None:
@@ -335,7 +334,7 @@ def power(a: Author) -> None:
     found = a.function("power")
     a.say("Along a motion the energy changes by the power of the forces that have no potential" + (
         ", and of constraints that move:" if not a.system.c.is_zero() else ":"))  # fmt: skip
-    right = r"P" + ("" if a.system.c.is_zero() else r" + \boldsymbol{\lambda}^{\mathsf{T}}\mathbf{c}")
+    right = r"P" + ("" if a.system.c.is_zero() else r" + !\lambda^T!c")
     rate = _energy_rate(a)
     moving = ca.dot(a.lam, a.system.c) if a.system.rows else 0
     if a.system.assumptions or found is None:

@@ -45,7 +45,7 @@ GREEK = frozenset(
 _SPECIAL = re.compile(r"([_%$#&{}])")
 _INDEXED = re.compile(r"([A-Za-z]+?)_?(\d+)")
 # what the page itself calls t, T, V, P and the entries of its matrices and vectors
-_TAKEN = re.compile(r"(t|T|V|P)|(N|M|A|B|R|S|D|L|h|c|f|F|Q|z|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho)_\{\d+\}")
+_TAKEN = re.compile(r"(t|T|V|P)|(N|M|A|B|R|S|P|D|h|c|F|Q|z|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho|\\delta|\\eta)_\{\d+\}")
 
 
 def letter(word: str) -> str:
@@ -106,6 +106,12 @@ def velocity(name: str, rate_of: str) -> str:
 def body(name: str) -> str:
     """A body's name as an index."""
     return upright(name) if len(name) > 1 else name
+
+
+def bold(latex: str) -> str:
+    """Short hand of our own formulas: !v is a bold v, !!v its rate, ^T a transpose, !\\beta a bold β."""
+    latex = re.sub(r"!(\\[a-zA-Z]+)", r"\\boldsymbol{\1}", latex).replace("^T", r"^{\mathsf{T}}")
+    return re.sub(r"!([A-Za-z01])", r"\\mathbf{\1}", re.sub(r"!!([A-Za-z])", r"\\dot{\\mathbf{\1}}", latex))
 
 
 def unit(text: str) -> str:

@@ -8,7 +8,9 @@ from collections.abc import Mapping, Sequence
 import sympy
 from sympy.core.function import AppliedUndef
 
-LINE = 76  # visible characters in one line of a sum
+from derive.textbook.compose import Expr
+
+LINE = 70  # visible characters in one line of a sum
 CALLED = {
     "sin": r"\sin",
     "cos": r"\cos",
@@ -26,6 +28,7 @@ CALLED = {
     "atan2": r"\mathrm{atan2}",
     "sign": r"\mathrm{sign}",
 }
+_WORD = re.compile(r"\\(sin|cos|tan|arcsin|arccos|arctan|ln|min|max)(?![A-Za-z])")
 _ENTRY = re.compile(r"[A-Z]\w*\[\d+,\d+\]")  # of a matrix
 _COMMAND = re.compile(
     r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar|Bigl|Bigr)(?![A-Za-z])|[{}^_\s]|\\,"
@@ -35,51 +38,54 @@ _COMMAND = re.compile(
 class Typesetter:
     """`names` gives the LaTeX of every symbol, in the order in which symbols stand in a product or sum, parameters first."""
 
-    def __init__(self, names: Mapping[sympy.Symbol, str], parameters: int = 0) -> None:
+    def __init__(self, names: Mapping[Expr, str], parameters: int = 0) -> None:
         self.names, self.parameters = names, parameters
         self._order: dict[sympy.Basic, int] = {}
 
-    def latex(self, x: sympy.Expr) -> str:
+    def latex(self, x: Expr) -> str:
         return self._sum(x) if x.is_Add else self._product(x)
 
-    def lines(self, x: sympy.Expr, line: int = LINE) -> tuple[str, ...]:
-        """A long sum, or a long sum in brackets, in pieces of about `line` visible characters."""
-        if x.is_Add:
-            return self._gathered(self._signed_terms(x), line)
-        whole = self.latex(x)
-        factor, inside = _bracket(x)
-        if inside is None or width(whole) <= line:
-            return (whole,)
-        terms = self._signed_terms(inside)
-        terms[0] = f"{'' if factor == 1 else '-' if factor == -1 else self.latex(factor)} \\Bigl({terms[0]}"
-        terms[-1] += r"\Bigr)"
-        return self._gathered(terms, line)
-
-    def _gathered(self, terms: Sequence[str], line: int) -> tuple[str, ...]:
+    def lines(self, x: Expr, line: int = LINE) -> tuple[str, ...]:
+        """The formula in lines of about `line` visible characters, broken between the terms of sums."""
         pieces: list[str] = []
-        for term in terms:
+        for term in self._breakable(x, line):
             if pieces and width(pieces[-1]) + width(term) <= line:
                 pieces[-1] += term
             else:
                 pieces.append(term)
         return tuple(pieces)
 
-    def matrix(self, rows: Sequence[Sequence[sympy.Expr]]) -> str:
+    def _breakable(self, x: Expr, line: int) -> list[str]:
+        """Parts between which a line may end; they give the formula when put together."""
+        if x.is_Add:
+            parts = [self._breakable(term, line) for term in sorted(x.args, key=self._place_in_sum)]
+            return [*parts[0], *[piece for part in parts[1:] for piece in (_signed(part[0]), *part[1:])]]
+        whole = self.latex(x)
+        factor, inside = _bracket(x)
+        if inside is None or width(whole) <= line:
+            return [whole]
+        terms = self._breakable(inside, line)
+        terms[0] = f"{self._before(factor)} \\Bigl({terms[0]}"
+        terms[-1] += r"\Bigr)"
+        return terms
+
+    def matrix(self, rows: Sequence[Sequence[Expr]]) -> str:
         cells = [" & ".join(self.latex(x) for x in row) for row in rows]
         return r"\begin{bmatrix} " + r" \\ ".join(cells) + r" \end{bmatrix}"
 
-    def _sum(self, x: sympy.Expr) -> str:
-        return "".join(self._signed_terms(x))
+    def _sum(self, x: Expr) -> str:
+        first, *rest = [self._product(term) for term in sorted(x.args, key=self._place_in_sum)]
+        return "".join([first, *map(_signed, rest)])
 
-    def _signed_terms(self, x: sympy.Expr) -> list[str]:
-        found = [self._product(term) for term in sorted(x.args, key=self._place_in_sum)]
-        return [found[0], *(f" - {t[1:].lstrip()}" if t.startswith("-") else f" + {t}" for t in found[1:])]
+    def _before(self, factor: Expr) -> str:
+        """What stands before a bracket."""
+        return "" if factor == 1 else "-" if factor == -1 else self.latex(factor)
 
-    def _place_in_sum(self, term: sympy.Expr) -> tuple:
+    def _place_in_sum(self, term: Expr) -> tuple:
         """Positive terms first, then by the symbols in the order of `names`; plain numbers last."""
         return term.could_extract_minus_sign(), term.is_Number, self._ranks(term), str(term)
 
-    def _ranks(self, x: sympy.Expr) -> tuple[tuple[bool, int], ...]:
+    def _ranks(self, x: Expr) -> tuple[tuple[bool, int], ...]:
         return tuple(sorted(self._rank(s) for s in x.free_symbols))
 
     def _rank(self, s: sympy.Basic) -> tuple[bool, int]:
@@ -89,7 +95,7 @@ class Typesetter:
         place = self._order[s]
         return place >= self.parameters and not _ENTRY.fullmatch(str(s)), place
 
-    def _product(self, x: sympy.Expr) -> str:
+    def _product(self, x: Expr) -> str:
         """Sign, then numerator over denominator."""
         sign, x = ("-", -x) if _is_negative(x) else ("", x)
         over, under = _split(x)
@@ -97,7 +103,7 @@ class Typesetter:
             return sign + self._juxtaposed(over)
         return f"{sign}\\frac{{{self._juxtaposed(over)}}}{{{self._juxtaposed(under)}}}"
 
-    def _juxtaposed(self, factors: list[sympy.Expr]) -> str:
+    def _juxtaposed(self, factors: list[Expr]) -> str:
         """Factors side by side with a thin space; a sum stands in brackets unless it stands alone."""
         if not factors:
             return "1"
@@ -105,12 +111,12 @@ class Typesetter:
             return self._sum(factors[0]) if factors[0].is_Add else self._factor(factors[0])
         return r" \, ".join(self._factor(f) for f in sorted(factors, key=self._place_in_product))
 
-    def _place_in_product(self, factor: sympy.Expr) -> tuple:
+    def _place_in_product(self, factor: Expr) -> tuple:
         base = factor.base if factor.is_Pow else factor
         kind = 0 if base.is_Number else 1 if base.is_Symbol else 2 if base.is_Add else 3
         return kind, self._ranks(factor), str(factor)
 
-    def _factor(self, x: sympy.Expr) -> str:
+    def _factor(self, x: Expr) -> str:
         if x.is_Symbol:
             return self.names[x]
         if x.is_Number:
@@ -121,7 +127,7 @@ class Typesetter:
             return self._bracketed(x)
         return self._called(x)
 
-    def _bracketed(self, x: sympy.Expr) -> str:
+    def _bracketed(self, x: Expr) -> str:
         return rf"\left({self.latex(x)}\right)"
 
     def _power(self, x: sympy.Pow) -> str:
@@ -158,20 +164,26 @@ def _raisable(name: str) -> str:
     return rf"\left({name}\right)" if "^" in name else name if name[-1] != "'" else f"{{{name}}}"
 
 
-def _bracket(x: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr | None]:
-    """factor, sum of factor · sum, where the sum can stand last."""
+def _signed(term: str) -> str:
+    """A later term of a sum, its sign in front."""
+    return f" - {term[1:].lstrip()}" if term.startswith("-") else f" + {term}"
+
+
+def _bracket(x: Expr) -> tuple[Expr, Expr | None]:
+    """factor, sum of factor · sum, where the sum can stand last: no function before it would seem to take it in."""
     sums = [f for f in x.args if f.is_Add] if x.is_Mul else []
     rest = sympy.Mul(*[f for f in x.args if not f.is_Add])
-    return (rest, sums[0]) if len(sums) == 1 and not rest.has(sympy.Function) else (x, None)
+    clear = len(sums) == 1 and not any(f.has(sympy.Function) for f in _split(rest)[0])
+    return (rest, sums[0]) if clear else (x, None)
 
 
-def _is_negative(x: sympy.Expr) -> bool:
+def _is_negative(x: Expr) -> bool:
     return bool((x.is_Number and x.is_negative) or (x.is_Mul and x.args[0].is_Number and x.args[0].is_negative))
 
 
-def _split(x: sympy.Expr) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
-    over: list[sympy.Expr] = []
-    under: list[sympy.Expr] = []
+def _split(x: Expr) -> tuple[list[Expr], list[Expr]]:
+    over: list[Expr] = []
+    under: list[Expr] = []
     for f in x.args if x.is_Mul else (x,):
         if isinstance(f, sympy.Rational):
             over += [sympy.Integer(f.p)] if f.p != 1 else []
@@ -183,7 +195,7 @@ def _split(x: sympy.Expr) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
     return over, under
 
 
-def _number(x: sympy.Expr) -> str:
+def _number(x: Expr) -> str:
     """Digits that read back as the same number."""
     if isinstance(x, sympy.Integer):
         return str(x)
@@ -195,5 +207,4 @@ def _number(x: sympy.Expr) -> str:
 
 def width(latex: str) -> int:
     """About how many characters wide the formula is."""
-    shown = _COMMAND.sub("", latex)
-    return len(re.sub(r"\\[A-Za-z]+", "x", shown))
+    return len(re.sub(r"\\[A-Za-z]+", "x", _COMMAND.sub("", _WORD.sub(r"\1", latex))))

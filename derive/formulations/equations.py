@@ -69,7 +69,7 @@ def _quasi_velocities(shop: Workshop, choice: Choice) -> Equations:
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
-        units=tuple(_unit(system, reduction, k) for k in range(len(reduction.names))),
+        units=_units(system, reduction),
         B=reduction.B,
         v=reduction.v,
         qdot=result.qdot,
@@ -84,15 +84,18 @@ def _quasi_velocities(shop: Workshop, choice: Choice) -> Equations:
     return _finished(shop, "quasi_velocities", choice.name, found, motion, _shown(shop, reduction))
 
 
-def _unit(system: System, reduction: Reduction, k: int) -> str:
-    """That of the base velocity a speed is made of, where there is only one."""
-    columns = [j for j in range(system.v.numel()) if reduction.B.sparsity().has_nz(k, j)]
-    units = {system.model.velocities[j].unit for j in columns if _plain(reduction.B[k, j])}
-    return units.pop() if len(units) == 1 and len(columns) == 1 else ""
+def _units(system: System, reduction: Reduction) -> tuple[str, ...]:
+    """Of the quasi-velocities: that of the base velocity a speed is a plain multiple of, else none."""
+    entries: dict[int, list[int]] = {}
+    for k, j in zip(*reduction.B.sparsity().get_triplet()):
+        entries.setdefault(k, []).append(j)
+    return tuple(_unit(system, reduction, k, entries.get(k, [])) for k in range(len(reduction.names)))
 
 
-def _plain(x: ca.SX) -> bool:
-    return x.is_constant()
+def _unit(system: System, reduction: Reduction, k: int, columns: list[int]) -> str:
+    if len(columns) != 1 or not reduction.B[k, columns[0]].is_constant():
+        return ""
+    return system.model.velocities[columns[0]].unit
 
 
 def _multipliers(shop: Workshop, reduction: Reduction, residual: ca.SX) -> ca.SX:

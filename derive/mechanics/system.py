@@ -47,7 +47,7 @@ from derive.model.records import Model
 
 REST_NUMBERS: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 
-MOST_ENTRIES = 10_000  # of M below the diagonal; beyond that only the O(n) recursions are of use
+MOST_ENTRIES = 2_500  # of M below the diagonal; beyond that only the O(n) recursions are of use
 FEW = 40  # with more links than this, equivalent sets of inertias are not compared
 
 

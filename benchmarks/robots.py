@@ -30,6 +30,7 @@ from hamel.importing import Imported, imported
 
 STATES = 20
 TOLERANCE = 1e-9
+ILL_CONDITIONED = 1e8  # condition of the scaled mass matrix from which a state is drawn again
 SMOOTHING = 0.01  # of Coulomb friction, as the importer says
 COUNTED = 60  # velocities up to which the operations of dynamics are counted
 OUT = Path("build/robots.json")
@@ -46,6 +47,7 @@ class Report:
     reason: str = ""
     velocities: int = 0
     mimics: int = 0
+    redrawn: int = 0
     errors: dict[str, float] = field(default_factory=dict)
     operations: int | None = None
     seconds: dict[str, float] = field(default_factory=dict)
@@ -188,6 +190,19 @@ class Peer:
             pin_q[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
             q[self.places[own]] = value
 
+    def regular_state(self, rng: np.random.Generator, report: Report) -> State:
+        """A state at which accelerations are determined to better than the tolerance; others are drawn again and counted.
+
+        Robots with links whose inertia is zero have poses at which M is as good as singular.
+        """
+        while True:
+            s = self.state(rng)
+            M = self.G.T @ self.mass(s) @ self.G
+            scale = 1 / np.sqrt(np.maximum(np.diag(M), 1e-300))
+            if np.linalg.cond(M * np.outer(scale, scale)) < ILL_CONDITIONED or report.redrawn >= STATES:
+                return s
+            report.redrawn += 1
+
     def mass(self, s: State) -> np.ndarray:
         M = np.triu(self.pin.crba(self.model, self.data, s.pin_q))
         return M + np.triu(M, 1).T
@@ -223,7 +238,7 @@ def frictions(file: Path) -> dict[str, float]:
 
 
 def _check_state(peer: Peer, ours: dict[str, ca.Function], derived: Equations, rng: np.random.Generator, report: Report) -> None:
-    s = peer.state(rng)
+    s = peer.regular_state(rng, report)
     u = rng.normal(size=len(derived.system.model.inputs)) * 10.0
     force = np.zeros(peer.model.nv)
     drives = {given.velocity: u[i] for i, given in enumerate(derived.system.model.inputs)}
@@ -396,6 +411,7 @@ def line(r: Report) -> str:
     errors = " ".join(f"{name} {error:.0e}" for name, error in r.errors.items())
     seconds = " ".join(f"{name} {s:.2f}" for name, s in r.seconds.items())
     size = f"{r.velocities:3d} v" + (f", {r.mimics} mimic" if r.mimics else "")
+    errors += f", {r.redrawn} singular states drawn again" if r.redrawn else ""
     return f"{r.verdict:8} {r.robot:60} {r.base:5} {size:14} {r.operations or '':>6} {r.reason or errors}  [{seconds} s]"
 
 

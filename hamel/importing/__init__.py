@@ -51,7 +51,7 @@ def imported(path: str | Path, floating: bool = False) -> Imported:
     robot = _robot(path, floating)
     gather(robot)
     made = text_of(robot, Path(path).name)
-    joints = {joint.place.get("name"): joint.name for joint in robot.joints if joint.place is not robot.root}
+    joints = {joint.place.get("name"): joint.name for joint in robot.joints if joint.place.tag in ("joint", "freejoint")}
     return Imported(_model(made, robot, path), made.text, robot.kind, tuple(robot.changed), tuple(robot.left_out), joints)
 
 

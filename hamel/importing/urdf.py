@@ -45,10 +45,12 @@ def robot(root: Element, name: str, floating: bool) -> Robot:
     reading.finish()
     _bodies(reading, tree, result)
     _joints(reading, tree, result, base, floating)
-    if all(joint.type == "fixed" for joint in result.joints) and not reading.problems:
+    reading.finish()
+    if all(joint.type == "fixed" for joint in result.joints):
         hint = "`hamel import --floating` gives the root link a free joint"
         root.refuse("nothing moves: every joint is fixed, and the root link is fixed to the ground", "a joint that moves", hint)
     _mimics(reading, tree, result)
+    reading.finish()
     _check_massless(reading, result, {entry.place for entry in result.constraints})
     _inputs(reading, tree, result)
     reading.finish()

@@ -5,8 +5,9 @@ BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 HAMEL  := $(BIN)/hamel
 DEMO   := build/demo
+ROBOTS := build/robots/venv
 
-.PHONY: demo test test-slow lint fresh clean
+.PHONY: demo test test-slow lint robots fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -34,6 +35,16 @@ lint: $(VENV)/.test
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+# Import every robot of example-robot-data (431 MB, in an environment of its own) and compare with Pinocchio and MuJoCo.
+robots: $(ROBOTS)/.ready
+	$(ROBOTS)/bin/python benchmarks/robots.py
+
+$(ROBOTS)/.ready: pyproject.toml
+	@echo "installing hamel, Pinocchio, MuJoCo and their robots into $(ROBOTS)"
+	@$(PYTHON) -m venv --clear $(ROBOTS)
+	@$(ROBOTS)/bin/python -m pip install --quiet --disable-pip-version-check --editable . 'pin>=4' example-robot-data 'mujoco>=3'
+	@touch $@
 
 # Rebuild the committed modules after a change of the generator.
 fresh: $(VENV)/.run-time

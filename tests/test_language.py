@@ -27,7 +27,7 @@ from derive.model.records import (
 )
 
 FOLDER = Path(__file__).parent.parent / "models"
-MODELS = sorted(FOLDER.glob("*.yaml"))
+MODELS = sorted(FOLDER.rglob("*.yaml"))
 ARM = """
 model: arm
 plane: xy

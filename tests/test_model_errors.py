@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from derive.diagnostics import AssumptionError, Diagnostic, HamelError, ModelError, ToolchainError, VerificationError, nearest
 from derive.model import Model, load, load_text
 
-MODELS = sorted((Path(__file__).parent.parent / "models").glob("*.yaml"))
+MODELS = sorted((Path(__file__).parent.parent / "models").rglob("*.yaml"))
 
 BAR = "model: bar\nplane: xy\nparameters: {m: 1 kg, l: 1 m}\n"
 BODY = "bodies: {b: {mass: m, com: [l/2, 0], inertia: m*l^2/12}}\n"

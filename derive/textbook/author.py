@@ -39,8 +39,10 @@ from derive.textbook.typeset import Typesetter, width
 
 CELL = 26  # a wider entry gets a line of its own before the matrix
 COLUMN = 44  # the same where the matrix has one column
-ROW = 74  # a wider matrix shows its entries by their symbols
+ROW = 74  # a wider matrix shows its widest entries by their symbols
+SYMBOL = 5  # the width of an entry's symbol, with the gap after it
 BROAD = 12  # more columns than this are not shown as a matrix
+WORTH_NAMES = 30  # operations that all entries together must have before symbols of other terms are put in
 Rows = list[list[sympy.Expr]]
 
 
@@ -53,13 +55,23 @@ class Meaning:
     unit: str = ""
 
 
+@dataclass(frozen=True, eq=False)
+class Extra:
+    """A symbol that stands for a term before it is read: formulas may be written over `sx`, whose value is `value`."""
+
+    sx: ca.SX
+    symbol: sympy.Symbol
+    latex: str
+    value: ca.SX
+
+
 @dataclass
 class Author:
     """Collects sections; `entries` holds, for each printed matrix or vector, what later formulas write for its entries
     (a symbol, or the entry itself where it is short); `exact` the entries of matrices as they were printed."""
 
     equations: Equations
-    extra: Sequence[tuple[ca.SX, sympy.Symbol, str]] = ()
+    extra: Sequence[Extra] = ()
     names: dict[sympy.Symbol, str] = field(default_factory=dict)
     entries: dict[str, Rows] = field(default_factory=dict)
     exact: dict[str, Rows] = field(default_factory=dict)
@@ -79,8 +91,8 @@ class Author:
         self.w = self._quasi_velocities()
         self.u = [self._symbol(x.name, names.symbol(x.name)) for x in self.system.model.inputs]
         self.t = self._symbol("t", "t")
-        for _, symbol, latex in self.extra:
-            self.names[symbol] = self._untaken(latex)
+        for x in self.extra:
+            self.names[x.symbol] = self._untaken(x.latex)
         self.typeset = Typesetter(self.names, len(self.p))
         self.reader = self._reader()
 
@@ -126,8 +138,8 @@ class Author:
         s = self.system
         columns = [s.t, s.q, s.v, s.u, s.p] if self.free_velocities else [s.t, s.q, s.v, self.w_symbols, s.u, s.p]
         ours = [self.t, *self.q, *self.v, *([] if self.free_velocities else self.w), *self.u, *self.p]
-        symbols = ca.vertcat(*columns, *[x for x, _, _ in self.extra])
-        return Reader(symbols, [*ours, *[symbol for _, symbol, _ in self.extra]], bool(s.constants) and not self.p)
+        symbols = ca.vertcat(*columns, *[x.sx for x in self.extra])
+        return Reader(symbols, [*ours, *[x.symbol for x in self.extra]], bool(s.constants) and not self.p)
 
     @property
     def w_symbols(self) -> ca.SX:
@@ -233,7 +245,12 @@ class Author:
         return self.display([Line(names.bold(left), (names.bold(right),))])
 
     def record(self, name: str, latex: str, left: Sequence[sympy.Symbol | None], right: Rows, value: ca.SX) -> None:
-        self.printed.append(Printed(name, latex, tuple(left), sympy.ImmutableDenseMatrix(right), value))
+        self.printed.append(Printed(name, latex, tuple(left), sympy.ImmutableDenseMatrix(right), self._in_basic_symbols(value)))
+
+    def _in_basic_symbols(self, value: ca.SX) -> ca.SX:
+        if not self.extra:
+            return value
+        return ca.substitute(value, ca.vertcat(*[x.sx for x in self.extra]), ca.vertcat(*[x.value for x in self.extra]))
 
     def lines(self, name: str, symbols: Sequence[sympy.Symbol], found: Sequence[sympy.Expr], value: ca.SX, left: str = "") -> int:
         """One line per entry, symbol = expression; `value` is the column of the same terms."""
@@ -335,12 +352,16 @@ class Author:
         return [[symbols[i][j] if (i, j) in wide else x for j, x in enumerate(row)] for i, row in enumerate(rows)]
 
     def _wide(self, rows: Rows) -> set[tuple[int, int]]:
-        """Places of the entries that get a line of their own."""
-        cells = [[width(self.typeset.latex(x)) for x in row] for row in rows]
-        broad = sum(max(column) for column in zip(*cells)) > ROW
+        """Places of the entries that get a line of their own: too wide ones, then the widest until the matrix fits."""
+        cells = {(i, j): width(self.typeset.latex(x)) for i, row in enumerate(rows) for j, x in enumerate(row)}
         most = CELL if len(rows[0]) > 1 else COLUMN
-        places = [(i, j) for i, row in enumerate(rows) for j in range(len(row))]
-        return {(i, j) for i, j in places if cells[i][j] > most or (broad and not simple(rows[i][j]))}
+        listed = {place for place, w in cells.items() if w > most}
+        for place in sorted(cells, key=lambda place: (-cells[place], place)):
+            across = sum(max(SYMBOL if (i, j) in listed else cells[i, j] for i in range(len(rows))) for j in range(len(rows[0])))
+            if across <= ROW or cells[place] <= SYMBOL:
+                break
+            listed.add(place)
+        return listed
 
     def formula(self, expression: Expression | float, about: str) -> Math:
         """A formula of the model inside a table; it too is evaluated by the test."""
@@ -356,7 +377,7 @@ class Author:
 
 
 def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
-    return sum(map(operations, x)) < 0.6 * sum(map(operations, y))
+    return sum(map(operations, x)) < 0.6 * sum(map(operations, y)) > WORTH_NAMES
 
 
 def plain(x: sympy.Expr) -> bool:

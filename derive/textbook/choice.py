@@ -35,7 +35,7 @@ def choice(a: Author) -> None:
     a.say(
         f"Of the {_counted(nv, 'base velocity', 'base velocities')}, {_counted(nv - nw, 'is', 'are')} tied by constraints and "
         f"{_counted(nw, 'is', 'are')} free. The free motion is described by {_counted(nw, 'quasi-velocity', 'quasi-velocities')} "
-        "$!w=!B\\,!v$, combinations of the base velocities that need not be rates of anything "
+        "$!w=!B\\,!v$: combinations of the base velocities that need not be rates of anything "
         "(Kane's generalised speeds). The choice “{name}” was taken because {reason}.",
         name=equations.choice,
         reason=equations.reason,
@@ -161,8 +161,8 @@ def _stacked(a: Author) -> None:
     a.say(
         "Let {d} be the dependent velocities and {i} the others, and let the columns of $!A=[!A_1\\;!A_2]$ and "
         "$!B=[!B_1\\;!B_2]$ be sorted accordingly. With the Schur complement of $!A_1$,",
-        d=Math(r"!v_1=" + _listing(a, dependent)),
-        i=Math(r"!v_2=" + _listing(a, free)),
+        d=Math(r"\mathbf{v}_1=" + _listing(a, dependent)),
+        i=Math(r"\mathbf{v}_2=" + _listing(a, free)),
     )
     A1, A2, B1, B2 = A[:, dependent], A[:, free], B[:, dependent], B[:, free]
     schur = B2 - ca.mtimes(B1, ca.solve(A1, A2))

@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy
 
-from derive.textbook.ring import PLAIN, Key, Monomial, Poly, Ring, TooBig, common_factor, parted
+from derive.textbook.ring import PLAIN, UNIT, Key, Monomial, Poly, Ring, TooBig, common_factor, parted
 
 Expr = Any  # SymPy's own annotations say Basic for what is always an Expr
 DIGITS = 15
@@ -37,6 +37,10 @@ class Composer:
             return sympy.Integer(0)
         factor, monomial, rest = parted(poly)
         if len(poly) == 1:
+            return self.expression(poly)
+        try:
+            rest = self.ring.product(rest, {UNIT: Fraction(1)})  # multiplies out what was a divisor
+        except TooBig:
             return self.expression(poly)
         over = sympy.Mul(number(factor, self.decimal), *self._factors(monomial), self._polynomial(rest))
         return min(self.expression(poly), over, key=operations)

@@ -25,7 +25,7 @@ REFERENCES = (
 def derivation(equations: Equations) -> Document:
     """Every section, formulas numbered throughout."""
     found = components(equations.system)
-    a = Author(equations, [(x.sx, x.symbol, x.latex) for x in found])
+    a = Author(equations, found)
     given(a)
     coordinates(a)
     links(a, found)

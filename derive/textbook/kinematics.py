@@ -14,23 +14,19 @@ from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import System
 from derive.mechanics.tree import twists
 from derive.textbook import names
-from derive.textbook.author import Author
+from derive.textbook.author import Author, Extra
 from derive.textbook.records import Math, Text
 
 AXES = "xyz"
 MOST_LINKS = 12  # more links than this are not printed one by one
 
 
-@dataclass(frozen=True)
-class Component:
-    """A component of a link's twist that is not zero: its own SX symbol, and its value over the base velocities."""
+@dataclass(frozen=True, eq=False)
+class Component(Extra):
+    """A component of a link's twist that is not zero, over the base velocities."""
 
     link: int
     place: int  # 0–2 of ω, 3–5 of v
-    sx: ca.SX
-    symbol: sympy.Symbol
-    latex: str
-    value: ca.SX
 
 
 def components(system: System) -> list[Component]:
@@ -52,7 +48,7 @@ def _component(system: System, i: int, k: int, value: ca.SX) -> Component:
     index = names.body(link) if planar and k < 3 else f"{names.body(link)},{axis}"
     name = f"{stem}[{link},{axis}]"
     letter = r"\omega" if k < 3 else "v"
-    return Component(i, k, ca.SX.sym(name), sympy.Symbol(name), f"{letter}_{{{index}}}", value)
+    return Component(ca.SX.sym(name), sympy.Symbol(name), f"{letter}_{{{index}}}", value, i, k)
 
 
 def numbers_in_symbols(system: System, found: Sequence[Component]) -> list[Numbers]:
@@ -115,22 +111,22 @@ def links(a: Author, found: Sequence[Component]) -> None:
     for i, link in enumerate(system.links):
         parent = known[link.parent] if link.parent >= 0 else STILL
         by_recursion = child_numbers(link, parent, [system.v[j] for j in link.columns])
-        _link(a, [x for x in found if x.link == i], [*by_recursion[0], *by_recursion[1]])
+        if not _link(a, [x for x in found if x.link == i], [*by_recursion[0], *by_recursion[1]]):
+            a.say("The twists of {name} and of what follows are too long to be read here.", name=link.name)
+            break
     if len(found) < 6 * len(system.links):
         a.say("Components that are not listed are zero.")
     a.mean(r"\omega_{i},\; v_{i}", "angular velocity of link i and velocity of its origin, in its own axes", "rad/s, m/s")
 
 
-def _link(a: Author, mine: Sequence[Component], entries: Sequence[Scalar]) -> None:
-    if not mine:
-        return
-    over = ca.vertcat(*[entries[x.place] for x in mine])
-    shown = a.reader.whole(over)
-    if shown is None:
-        a.too_long(mine[0].latex)
-        return
-    a.lines("twist", [x.symbol for x in mine], shown, ca.vertcat(*[x.value for x in mine]))
-    a.reader.name(ca.vertcat(*[x.value for x in mine]), [x.symbol for x in mine])
+def _link(a: Author, mine: Sequence[Component], entries: Sequence[Scalar]) -> bool:
+    """One link's components over those of its carrier. False where they cannot be printed."""
+    shown = a.read(ca.vertcat(*[entries[x.place] for x in mine])) if mine else []
+    if shown:
+        values = ca.vertcat(*[x.value for x in mine])
+        a.lines("twist", [x.symbol for x in mine], shown, values)
+        a.reader.name(values, [x.symbol for x in mine])
+    return shown is not None
 
 
 def constraints(a: Author) -> None:

@@ -38,7 +38,10 @@ def energies(a: Author, found: Sequence[Component]) -> None:
 
 
 def _by_links(a: Author, found: Sequence[Component]) -> bool:
-    return bool(found) and a.system.M_extra.nnz() == 0 and a.system.model.kinetic is None
+    """Whether all energy is that of links, and all their twists have been printed."""
+    shown = {symbol for formula in a.printed for symbol in formula.left}
+    only_links = a.system.M_extra.nnz() == 0 and a.system.model.kinetic is None
+    return bool(found) and only_links and all(x.symbol in shown for x in found)
 
 
 def _kinetic(a: Author, numbers: Sequence[Numbers]) -> None:

@@ -206,5 +206,6 @@ def _number(x: Expr) -> str:
 
 
 def width(latex: str) -> int:
-    """About how many characters wide the formula is."""
-    return len(re.sub(r"\\[A-Za-z]+", "x", _COMMAND.sub("", _WORD.sub(r"\1", latex))))
+    """About how many characters wide the formula is; four thin spaces count as one."""
+    spaces = latex.count(r"\,") // 4
+    return spaces + len(re.sub(r"\\[A-Za-z]+", "x", _COMMAND.sub("", _WORD.sub(r"\1", latex))))

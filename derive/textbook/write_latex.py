@@ -9,6 +9,7 @@ from derive.textbook.records import Display, Document, Line, Runs, Table, Text
 from derive.textbook.typeset import width
 
 TEXT_WIDTH = 82  # visible characters of mathematics that fit on a line
+LONG_CELL = 24  # characters beyond which a cell of a table is broken into lines
 _SPECIAL = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
@@ -170,6 +171,15 @@ def _columns_wide(latex: str) -> int:
 
 
 def _columns(table: Table) -> str:
-    """Short columns as wide as they are, the last one takes what is left."""
-    share = {2: 0.7, 3: 0.6, 4: 0.4, 5: 0.2}.get(len(table.head), 0.2)
-    return "l" * (len(table.head) - 1) + rf"p{{{share}\linewidth}}"
+    """Short columns as wide as they are; long ones share what is left of the line."""
+    lengths = [max(len(title), *(_length(row[k]) for row in table.rows)) for k, title in enumerate(table.head)]
+    if sum(lengths) + 3 * len(lengths) <= TEXT_WIDTH:
+        return "l" * len(lengths)
+    long = [k for k, n in enumerate(lengths) if n > LONG_CELL] or [lengths.index(max(lengths))]
+    left = 0.97 - sum(lengths[k] + 3 for k in range(len(lengths)) if k not in long) / TEXT_WIDTH - 0.03 * len(long)
+    shares = {k: max(left, 0.2) * lengths[k] / sum(lengths[i] for i in long) for k in long}
+    return "".join(rf"p{{{shares[k]:.2f}\linewidth}}" if k in shares else "l" for k in range(len(lengths)))
+
+
+def _length(runs: Runs) -> int:
+    return sum(len(run.text) if isinstance(run, Text) else width(run.latex) for run in runs)

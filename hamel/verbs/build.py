@@ -55,7 +55,7 @@ def _confirm(equations: Equations, program: Program, states: int, numpy: bool, c
             raise ToolchainError(f"no C compiler found: {INSTALL}", hint)
         with clock("verify"):
             module = load_quietly(made)
-            found = verification(equations.system.model, equations, module, states=states)
+            found = verification(equations.system.model, equations, module, states=states, quick=True)
     failed = [check for check in found.checks if not check.passed]
     if failed:
         lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)

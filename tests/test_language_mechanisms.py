@@ -381,6 +381,21 @@ def test_saha_s_planar_arm() -> None:
     assert M[np.triu_indices(3)] == pytest.approx([0.22122333, 0.09582333, 0.02299, 0.04842333, 0.01309, 0.00484], abs=5e-9)
 
 
+def test_stanford_arm_has_the_frames_of_its_table() -> None:
+    """Standard Denavit-Hartenberg (theta, d, alpha), a = 0, against the recursion over placed frames."""
+    q = [0.3, -0.7, 0.5, 1.1, 0.4, -0.2]
+    table = [(q[0], 0.412, -90), (q[1], 0.154, 90), (math.radians(-90), q[2], 0), (q[3], 0, -90), (q[4], 0, 90), (q[5], 0, 0)]
+    T = np.eye(4)
+    for theta, d, alpha in table:
+        (s, c), (sa, ca_) = ((math.sin(x), math.cos(x)) for x in (theta, math.radians(alpha)))
+        T = T @ [[c, -s * ca_, s * sa, 0], [s, c * ca_, -c * sa, 0], [0, sa, ca_, d], [0, 0, 0, 1]]
+    arm = system(load(MODELS / "stanford_arm.yaml"), "all")
+    outputs = {name: value for name, value, _ in arm.outputs}
+    found = ca.Function("f", [arm.q], [outputs["wrist"], outputs["grip"]])(q)
+    assert np.asarray(found[0]).ravel() == pytest.approx(T[:3, 3], abs=1e-15)
+    assert np.asarray(found[1]).ravel() == pytest.approx(T[:3, 3] + 0.263 * T[:3, 2], abs=1e-15)
+
+
 def test_andrews_squeezer_starts_as_published() -> None:
     acceleration, reactions, _ = accelerations(load(MODELS / "andrews.yaml"))
     assert acceleration == pytest.approx([14222.4439199541, -10666.8329399655, 0, 0, 0, 0, 0], rel=1e-10, abs=1e-8)

@@ -151,20 +151,25 @@ def _damper_at(reader: Reader, key: Key, name: str, coefficient: Scalar, target:
 def _friction(reader: Reader, key: Key, name: str, entry: LawOfFriction, target: Velocity) -> JointFriction:
     force = force_unit(target.unit)
     per_rate = _per(force, target.unit)
-    viscous = _not_negative(reader, entry.viscous, f"the viscous friction of '{key}'", "viscous friction", per_rate)
-    coulomb = _not_negative(reader, entry.coulomb, f"the Coulomb friction of '{key}'", "Coulomb friction", force)
-    smoothing = ONE
     if entry.viscous is None and entry.coulomb is None:
         reader.report(key.span, f"the friction of '{key}' is empty", "viscous, or coulomb with smoothing")
-    if entry.coulomb is not None and entry.smoothing is None:
-        wanted = f"smoothing: a velocity in {target.unit}, at which tanh(v/smoothing) is three quarters"
-        reader.report(entry.coulomb.span, f"Coulomb friction of '{key}' without smoothing", wanted)
-    if entry.smoothing is not None:
-        smoothing = reader.formula(entry.smoothing, "a velocity", unit=target.unit)
-        value = reader.value(smoothing, entry.smoothing)
-        if value is not None and value <= 0.0:
-            reader.report(entry.smoothing.span, f"the smoothing of '{key}' is {value:g}", "more than zero")
-    return JointFriction(name, target.name, viscous, coulomb, smoothing, key.span)
+    viscous = _not_negative(reader, entry.viscous, f"the viscous friction of '{key}'", "viscous friction", per_rate)
+    coulomb = _not_negative(reader, entry.coulomb, f"the Coulomb friction of '{key}'", "Coulomb friction", force)
+    return JointFriction(name, target.name, viscous, coulomb, _smoothing(reader, key, entry, target), key.span)
+
+
+def _smoothing(reader: Reader, key: Key, entry: LawOfFriction, target: Velocity) -> Expression:
+    """There is no speed that is slow for every joint, so dry friction has to say its own."""
+    if entry.smoothing is None:
+        if entry.coulomb is not None:
+            wanted = f"smoothing: a velocity in {target.unit}, at which tanh(v/smoothing) is three quarters"
+            reader.report(entry.coulomb.span, f"Coulomb friction of '{key}' without smoothing", wanted)
+        return ONE
+    smoothing = reader.formula(entry.smoothing, "a velocity", unit=target.unit)
+    value = reader.value(smoothing, entry.smoothing)
+    if value is not None and value <= 0.0:
+        reader.report(entry.smoothing.span, f"the smoothing of '{key}' is {value:g}", "more than zero")
+    return smoothing
 
 
 def _not_negative(reader: Reader, scalar: Scalar | None, what: str, where: str, unit: str) -> Expression:

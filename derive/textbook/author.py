@@ -39,7 +39,7 @@ from derive.textbook.typeset import Typesetter, width
 
 CELL = 26  # a wider entry gets a line of its own before the matrix
 COLUMN = 44  # the same where the matrix has one column
-ROW = 74  # a wider matrix shows its widest entries by their symbols
+ROW = 66  # a wider matrix shows its widest entries by their symbols
 SYMBOL = 5  # the width of an entry's symbol, with the gap after it
 BROAD = 12  # more columns than this are not shown as a matrix
 WORTH_NAMES = 30  # operations that all entries together must have before symbols of other terms are put in

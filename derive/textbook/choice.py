@@ -35,7 +35,7 @@ def choice(a: Author) -> None:
     a.say(
         f"Of the {_counted(nv, 'base velocity', 'base velocities')}, {_counted(nv - nw, 'is', 'are')} tied by constraints and "
         f"{_counted(nw, 'is', 'are')} free. The free motion is described by {_counted(nw, 'quasi-velocity', 'quasi-velocities')} "
-        "$!w=!B\\,!v$: combinations of the base velocities that need not be rates of anything "
+        "$!w=!B\\,!v$, combinations of the base velocities that need not be rates of anything "
         "(Kane's generalised speeds). The choice “{name}” was taken because {reason}.",
         name=equations.choice,
         reason=equations.reason,

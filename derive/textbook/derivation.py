@@ -65,6 +65,7 @@ def _version() -> str:
 
 def _symbols(a: Author) -> None:
     a.section("Symbols")
+    a.say("Bold letters are matrices and columns; the same letter with indices is an entry, its row before its column.")
     rows = [((Math(x.latex),), (Text(x.about),), (Text(names.unit(x.unit)),)) for x in a.meanings]
     a.table(("symbol", "meaning", "unit"), rows)
 

@@ -10,7 +10,7 @@ from sympy.core.function import AppliedUndef
 
 from derive.textbook.compose import Expr
 
-LINE = 70  # visible characters in one line of a sum
+LINE = 62  # visible characters in one line of a sum
 CALLED = {
     "sin": r"\sin",
     "cos": r"\cos",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 from importlib.resources import files
 
 from derive.textbook.mathml import mathml
 from derive.textbook.records import Display, Document, Line, Runs, Text
+
+_SIGN_AFTER = re.compile(r"(<math(?:(?!<math).)*?</math>)([.,:;)]+)")
 
 
 def page(document: Document) -> str:
@@ -19,9 +22,11 @@ def page(document: Document) -> str:
 
 
 def _runs(runs: Runs):
+    """Text escaped, mathematics as MathML; a line does not end between a formula and the sign after it."""
     from markupsafe import Markup
 
-    return Markup("".join(escape(run.text) if isinstance(run, Text) else mathml(run.latex) for run in runs))
+    shown = "".join(escape(run.text) if isinstance(run, Text) else mathml(run.latex) for run in runs)
+    return Markup(_SIGN_AFTER.sub(r'<span class="kept">\1\2</span>', shown))
 
 
 def _rows(display: Display):

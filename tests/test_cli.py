@@ -237,7 +237,8 @@ def test_a_terminal_without_greek():
 
 def test_interrupted_build_leaves_nothing(tmp_path):
     working = spawn("build", SNAKE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path)
-    time.sleep(0.4)
+    while working.poll() is None and not os.listdir(tmp_path):  # until the build has begun to write beside its goal
+        time.sleep(0.01)
     working.send_signal(signal.SIGINT)
     _, err = working.communicate()
     assert working.returncode in (0, 130) and "Traceback" not in err

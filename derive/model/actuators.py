@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from derive.diagnostics import listed
 from derive.expressions.dimensions import UNKNOWN, infer
 from derive.expressions.mistakes import FormulaError
@@ -83,6 +85,7 @@ def rotors(reader: Reader, document: Document, names: Names) -> list[Armature]:
     return found
 
 
+@cache
 def per_acceleration(velocity: str) -> str:
     """The unit of the inertia conjugate to a velocity: kg for m/s, kg*m^2 for rad/s."""
     force, rate = dimension_of(force_unit(velocity)), dimension_of(velocity)

@@ -15,6 +15,7 @@ from derive.model.mechanism import bodies, some_body
 from derive.model.reader import Reader, force_unit
 from derive.model.records import (
     Armature,
+    Coordinate,
     Force,
     GeneralisedForce,
     JointDamper,
@@ -35,7 +36,6 @@ from derive.model.shape import (
     ExpressionEntry,
     ForceEntry,
     FrictionEntry,
-    JointEntry,
     JointSpringEntry,
     LawOfFriction,
     SpringEntry,
@@ -76,17 +76,17 @@ def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
     given = [name for name in IN_JOINT if getattr(entry, name) is not None]
     if not given:
         return []
-    joint = Scalar(str(key), key.span, True, True)
-    target = velocity_of(reader, key, _At(joint=joint), names.velocities)
-    if target is None:
+    if len(frame.velocities) != 1:
+        velocity_of(reader, key, _At(joint=Scalar(str(key), key.span, True, True)), names.velocities)  # says what is wrong
         return []
-    return [_in_joint(reader, names, key, entry, name, target) for name in given]
+    return [_in_joint(reader, frame, name) for name in given]
 
 
-def _in_joint(reader: Reader, names: Names, key: Key, entry: JointEntry, kind: str, target: Velocity) -> Load:
-    name, given = f"{key}_{kind}", getattr(entry, kind)
+def _in_joint(reader: Reader, frame: Frame, kind: str) -> Load:
+    key, target = frame.name, frame.velocities[0]
+    name, given = f"{key}_{kind}", getattr(frame.entry, kind)
     if kind == "spring":
-        return _spring_at(reader, names, key, name, given, target.rate_of)
+        return _spring_at(reader, key, name, given, frame.coordinates[0])
     if kind == "damper":
         return _damper_at(reader, key, name, given, target)
     if kind == "friction":
@@ -126,15 +126,14 @@ def _spring(reader: Reader, names: Names, key: Key, entry: SpringEntry) -> Joint
     else:
         target = velocity_of(reader, key, entry, names.velocities)
         name = target.rate_of if target else None
-    return None if name is None else _spring_at(reader, names, key, str(key), entry, name)
+    found = next((coordinate for coordinate in names.coordinates if coordinate.name == name), None)
+    return None if found is None else _spring_at(reader, key, str(key), entry, found)
 
 
-def _spring_at(
-    reader: Reader, names: Names, key: Key, name: str, entry: SpringEntry | JointSpringEntry, coordinate: str
-) -> JointSpring:
-    unit = next(c.unit for c in names.coordinates if c.name == coordinate)
+def _spring_at(reader: Reader, key: Key, name: str, entry: SpringEntry | JointSpringEntry, coordinate: Coordinate) -> JointSpring:
+    unit = coordinate.unit
     stiffness = reader.formula(entry.stiffness, "a stiffness", unit=_per(force_unit(f"{unit or '1'}/s"), unit))
-    return JointSpring(name, coordinate, stiffness, _optional(reader, entry.rest, "a rest position", unit), key.span)
+    return JointSpring(name, coordinate.name, stiffness, _optional(reader, entry.rest, "a rest position", unit), key.span)
 
 
 def _damper(reader: Reader, names: Names, key: Key, entry: DamperEntry) -> JointDamper | None:

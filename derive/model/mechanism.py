@@ -35,7 +35,8 @@ def ordered(reader: Reader, document: Document, frames: list[Frame]) -> list[Fra
 
 def _check_ends(reader: Reader, document: Document, frame: Frame) -> None:
     parent, child = frame.entry.parent, frame.entry.child
-    reader.word(parent, [*document.bodies, GROUND], "body")
+    if parent.text != GROUND and parent.text not in document.bodies:
+        reader.word(parent, [*document.bodies, GROUND], "body")
     if child.text == GROUND:
         reader.report(child.span, "the ground as a child", f"a body; {GROUND} can only be a parent")
     else:

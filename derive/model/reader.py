@@ -6,7 +6,8 @@ A Reader collects problems instead of stopping at the first: a bad formula is re
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from functools import cache
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.expressions import tree
@@ -55,9 +56,10 @@ class Reader:
 
     def word(self, scalar: Scalar, known: Iterable[str], what: str) -> str | None:
         """A name out of `known`, or None after reporting it with the nearest."""
-        candidates = list(known)
-        if scalar.text in candidates:
+        known = known if isinstance(known, Collection) else list(known)
+        if scalar.text in known:
             return scalar.text
+        candidates = list(known)
         self.report(scalar.span, f"unknown {what} '{scalar.text}'", listed(candidates), did_you_mean(scalar.text, candidates))
         return None
 
@@ -195,6 +197,7 @@ class Reader:
         return found or self.space.normal
 
 
+@cache
 def dimension_of(written: str) -> Dimension:
     """The dimension of a unit's text; "" is the plain number."""
     return unit(written).dimension if written else NUMBER
@@ -212,6 +215,7 @@ def _first_place(text: str) -> int:
     return len(text) - len(text.lstrip())
 
 
+@cache
 def force_unit(unit_of_velocity: str) -> str:
     """The unit of the force conjugate to a velocity: N for m/s, N*m for rad/s."""
     coordinate = product_of(dimension_of(unit_of_velocity), TIME)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from codegen.compiler import INSTALL
@@ -14,11 +16,12 @@ from derive.textbook import html
 from hamel.meanwhile import meanwhile
 from hamel.pipeline import Clock, Constants, emit, equations_of, load_quietly, program_of
 from hamel.records import Built
-from hamel.verify import verification
+from hamel.verify import quick_verification
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from codegen.build import Built as MadeFolder
     from codegen.program import Program
     from derive.formulations.records import Equations
 
@@ -48,18 +51,24 @@ def run(
 
 def _confirm(equations: Equations, program: Program, states: int, numpy: bool, clock: Clock) -> None:
     """Compile out of sight, and raise unless the module agrees with the independent derivation."""
-    with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as trial:
-        made = emit(program, Path(trial) / program.name, {}, clock)
-        if not (made.compiled or numpy):
-            hint = "or build with --numpy: the module then runs on NumPy until it is compiled"
-            raise ToolchainError(f"no C compiler found: {INSTALL}", hint)
+    with (
+        tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as trial,
+        ThreadPoolExecutor(1) as compiling,  # the derivation is checked while the compiler works
+    ):
+        made = compiling.submit(emit, program, Path(trial) / program.name, {}, clock)
         with clock("verify"):
-            module = load_quietly(made)
-            found = verification(equations.system.model, equations, module, states=states, quick=True)
+            found = quick_verification(equations.system.model, equations, lambda: _loaded(made.result(), numpy), states)
     failed = [check for check in found.checks if not check.passed]
     if failed:
         lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
         raise VerificationError(f"{program.name}, choice {program.choice}: verification failed, nothing is written: {lines}")
+
+
+def _loaded(made: MadeFolder, numpy: bool) -> ModuleType:
+    if not (made.compiled or numpy):
+        hint = "or build with --numpy: the module then runs on NumPy until it is compiled"
+        raise ToolchainError(f"no C compiler found: {INSTALL}", hint)
+    return load_quietly(made)
 
 
 def _record(program: Program, folder: Path, compiled: bool, clock: Clock) -> Built:

@@ -172,7 +172,7 @@ def _failing(model, equations, module=None, **options):
 
 
 def test_failed_verification_leaves_nothing_behind(hamel, tmp_path, monkeypatch):
-    monkeypatch.setattr("hamel.verbs.build.verification", _failing)
+    monkeypatch.setattr("hamel.verbs.build.quick_verification", _failing)
     code, _, err = hamel("build", SNAKE)
     assert code == 4 and "acceleration" in err
     assert os.listdir(tmp_path) == []

@@ -101,7 +101,8 @@ def _inertia(a: Author, x: Body, about: str) -> Math:
 def _joint(a: Author, x: Joint) -> tuple[Runs, ...]:
     kind = f"{x.type}, {x.orientation}" if x.orientation else x.type
     where = (_place(a, x.at_parent), Text("; "), _place(a, x.at_child))
-    coordinates = Math(r",\; ".join(a.names[a.q[i]] for i, c in enumerate(a.system.model.coordinates) if c.owner == x.name))
+    own = [a.names[a.q[i]] for i, c in enumerate(a.system.model.coordinates) if c.owner == x.name]
+    coordinates = Math(r",\; ".join(own)) if own else Text("none")
     return (Text(x.name),), (Text(kind),), (Text(f"{x.parent} → {x.child}"),), where, (coordinates,)
 
 

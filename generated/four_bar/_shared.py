@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "ef8813d0a95a303fef65f164322232e8"
+PROGRAM = "71b81cc72b1ae79a0da3c08edf8eaf6b"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)

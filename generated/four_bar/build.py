@@ -4,7 +4,9 @@ Standard library only. In a generated folder this file is build.py: run it on th
 No claim of licence is made on this file: 0BSD, see LICENSE.txt.
 """
 
+import concurrent.futures
 import importlib.util
+import json
 import os
 import pathlib
 import shlex
@@ -59,18 +61,31 @@ def extension_suffix():
 def compile_folder(folder, name, command):
     """Compile in place; the names of the files made. The extension is left out where headers are missing."""
     folder = pathlib.Path(folder)
-    sources = [stem for stem in (name, f"{name}_simulate") if (folder / f"{stem}.c").exists()]
-    run(folder, [*command, *FLAGS, "-c", *(f"{source}.c" for source in sources)])
-    objects = [f"{source}.o" for source in sources]
+    stems = sources(folder, name)
+    includes = headers()
+    tasks = [[*command, *FLAGS, "-c", f"{stem}.c"] for stem in stems]
+    if includes:
+        tasks.append([*command, *FLAGS, *(f"-I{include}" for include in includes), "-c", f"{name}_module.c"])
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        list(pool.map(lambda task: run(folder, task), tasks))
+    objects = [f"{stem}.o" for stem in stems]
     made = [f"lib{name}{SUFFIX}"]
     run(folder, [*command, *shared(), *objects, "-lm", "-o", made[0]])
-    if headers():
-        includes = [f"-I{include}" for include in headers()]
+    if includes:
         made.append(f"_{name}{extension_suffix()}")
-        run(folder, [*command, *FLAGS, *includes, *shared(), f"{name}_module.c", *objects, "-lm", "-o", made[1]])
+        run(folder, [*command, *shared(), f"{name}_module.o", *objects, "-lm", "-o", made[1]])
+        objects.append(f"{name}_module.o")
     for item in objects:
         (folder / item).unlink()
     return made
+
+
+def sources(folder, name):
+    """The C files that make up the library, the longest first."""
+    others = {"example.c", f"{name}_module.c"}
+    listed = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["files"]
+    found = [file for file in listed if file.endswith(".c") and file not in others]
+    return [file[:-2] for file in sorted(found, key=lambda file: (-(folder / file).stat().st_size, file))]
 
 
 def shared():

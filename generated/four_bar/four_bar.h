@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "ef8813d0a95a303fef65f164322232e8"
+#define FOUR_BAR_PROGRAM "71b81cc72b1ae79a0da3c08edf8eaf6b"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1

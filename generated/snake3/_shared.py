@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "adbd664b1dc9a5687c4658ac9151e8b1"
+PROGRAM = "e6c242a78e36673c02f7b16bd8c9d0c0"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)

@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "adbd664b1dc9a5687c4658ac9151e8b1"
+#define SNAKE3_PROGRAM "e6c242a78e36673c02f7b16bd8c9d0c0"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2

@@ -38,9 +38,9 @@ def run(
 ) -> Built:
     clock = Clock()
     equations = equations_of(path, choice, constants, formulation, clock)
-    program = program_of(equations, functions, clock)
-    folder = Path(out) if out else Path("generated") / program.name
     with meanwhile(lambda: html(equations)) as page:
+        program = program_of(equations, functions, clock)
+        folder = Path(out) if out else Path("generated") / program.name
         _confirm(equations, program, states, numpy, clock)
         with clock("textbook"):
             pages = {"derivation.html": page()}

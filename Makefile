@@ -7,7 +7,7 @@ HAMEL  := $(BIN)/hamel
 DEMO   := build/demo
 ROBOTS := build/robots/venv
 
-.PHONY: demo test test-slow lint robots fresh clean
+.PHONY: demo test test-slow lint robots growth fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -39,6 +39,10 @@ lint: $(VENV)/.test
 # Import every robot of example-robot-data (431 MB, in an environment of its own) and compare with Pinocchio and MuJoCo.
 robots: $(ROBOTS)/.ready
 	$(ROBOTS)/bin/python benchmarks/robots.py
+
+# Derivation, emission, compilation and evaluation of chains of 10 to 1,000 links.
+growth: $(VENV)/.run-time
+	$(VENV)/bin/python benchmarks/growth.py
 
 $(ROBOTS)/.ready: pyproject.toml
 	@echo "installing hamel, Pinocchio, MuJoCo and their robots into $(ROBOTS)"

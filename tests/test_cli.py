@@ -164,7 +164,7 @@ def test_places_that_cannot_be_written(hamel, tmp_path, arguments, place):
     assert os.listdir(tmp_path) == ["occupied"]
 
 
-def _failing(model, equations, module=None, **options):
+def _failing(model, equations, *others, **options):
     from hamel.verify.records import Check, Verification
 
     check = Check("acceleration", 1.0, 1e-10, False, "planted")

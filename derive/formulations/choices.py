@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
-from derive.formulations.elimination import Dependent
+from derive.formulations.elimination import Dependent, Undetermined
 from derive.formulations.orthonormal import orthonormal
 from derive.formulations.quasi_velocities import Explicit, explicit
 from derive.formulations.reduction import Reduction, by_elimination, unreduced
@@ -177,6 +177,11 @@ def _declared(shop: Workshop, choice: Choice) -> Resolved:
             f"at every sampled state ({_culprits(shop, rows)})",
             "speeds that, with the constraint rows, determine all velocities; `auto` finds such a set",
         ) from None
+    except Undetermined as problem:
+        message = (
+            f"choice '{choice.name}': the sampled states are too near singular positions to find a pivot for '{problem.velocity}'"
+        )
+        raise _refused(shop.system, choice, message, "initial values away from singular positions, or another choice") from None
 
 
 def _counted(n: int, what: str) -> str:
@@ -302,7 +307,7 @@ def _fits(shop: Workshop, choice: Choice) -> bool:
 def _try(shop: Workshop, name: str, rows: tuple[RowForm, ...]) -> Resolved | None:
     try:
         return _carried(shop, name, "rows", rows, "")
-    except Dependent:
+    except (Dependent, Undetermined):
         return None
 
 

@@ -48,6 +48,14 @@ class Dependent(Exception):
         self.speed = speed
 
 
+class Undetermined(Exception):
+    """A velocity is left over: a row had no pivot at the sampled states although the rank of A counts on it."""
+
+    def __init__(self, velocity: str) -> None:
+        super().__init__(velocity)
+        self.velocity = velocity
+
+
 @dataclass(frozen=True)
 class Step:
     """`rows` are solved for `keys` together; `pivot` is the determinant, `block` says how it behaves over the samples."""
@@ -69,7 +77,6 @@ class Elimination:
     numbers: list[Numbers]
     rates: list[Numbers]  # of the links' twists at ẇ = 0
     steps: tuple[Step, ...]
-    redundant: tuple[str, ...]
     row_names: tuple[str, ...]
     sizes: tuple[float, ...]
 
@@ -147,9 +154,12 @@ def elimination(
     waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
     known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
     walk = _Walk(system, everything, sides, known)
-    plan, redundant = _velocities(walk, waiting, len(rows), _Judge(system, sampled, sizes))
+    plan = _velocities(walk, waiting, len(rows), _Judge(system, sampled, sizes))
     values = {("w", k): w[k] for k in range(len(speeds))}
     forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
+    unknown = {key[1] for form in forms for key in form if key[0] == "v"}
+    if unknown:
+        raise Undetermined(system.model.velocities[min(unknown)].name)
     v = [value(form, values) for form in forms]
     twists = [walk.resolved_twist(i) for i in range(len(system.links))]
     numbers = _numbers(system.links, twists, v, values)
@@ -158,7 +168,7 @@ def elimination(
     bias = [rates.resolved_twist(i) for i in range(len(system.links))]
     names = tuple(row.name for row in everything)
     done = tuple(step for stage in plan for step in stage)
-    return Elimination(tuple(forms), v, sigma, twists, numbers, [_at_rest(x) for x in bias], done, redundant, names, tuple(sizes))
+    return Elimination(tuple(forms), v, sigma, twists, numbers, [_at_rest(x) for x in bias], done, names, tuple(sizes))
 
 
 def _single(row: RowForm) -> bool:
@@ -170,17 +180,16 @@ def _number(x: Scalar) -> Scalar:
     return float(x) if not isinstance(x, ca.SX) or x.is_constant() else x
 
 
-def _velocities(walk: _Walk, waiting: list[int], constraints: int, judge: _Judge) -> tuple[list[list[Step]], tuple[str, ...]]:
+def _velocities(walk: _Walk, waiting: list[int], constraints: int, judge: _Judge) -> list[list[Step]]:
     """The walk over velocities; the pivots it finds, link by link, are the plan of the second walk."""
-    redundant: list[str] = []
-    plan = [_stage(walk, waiting, -1, constraints, judge, redundant)]
+    plan = [_stage(walk, waiting, -1, constraints, judge)]
     for i, link in enumerate(walk.system.links):
         walk.enter(link, parent_part(link, walk.resolved_twist(link.parent)))
-        plan.append(_stage(walk, waiting, i, constraints, judge, redundant))
-    return plan, tuple(redundant)
+        plan.append(_stage(walk, waiting, i, constraints, judge))
+    return plan
 
 
-def _stage(walk: _Walk, waiting: list[int], reached: int, constraints: int, judge: _Judge, redundant: list[str]) -> list[Step]:
+def _stage(walk: _Walk, waiting: list[int], reached: int, constraints: int, judge: _Judge) -> list[Step]:
     """Solve every row that is ready once link `reached` is there, best pivot first."""
     if reached < 0:
         _enter_free_velocities(walk)
@@ -190,7 +199,7 @@ def _stage(walk: _Walk, waiting: list[int], reached: int, constraints: int, judg
         best = judge.best(residuals)
         if best is None:
             for i in ready:
-                _idle(walk, i, residuals[i], constraints, judge, redundant)
+                _idle(walk, i, residuals[i], constraints, judge)
                 waiting.remove(i)
             return steps
         rows, keys, block = best
@@ -225,14 +234,13 @@ def _is_ready(walk: _Walk, row: RowForm, reached: int) -> bool:
     return all(t.link <= reached for t in row.terms) and all(j in walk.joints for j, _ in row.coefficients)
 
 
-def _idle(walk: _Walk, index: int, residual: Form, constraints: int, judge: _Judge, redundant: list[str]) -> None:
+def _idle(walk: _Walk, index: int, residual: Form, constraints: int, judge: _Judge) -> None:
     """A row without a pivot: it repeats earlier rows, or it contradicts the choice of speeds."""
     if index >= constraints:
         raise Dependent(walk.rows[index].name)
     involved = [key for key in residual if key[0] == "w" and judge.size(residual[key]) > VANISHES * judge.sizes[index]]
     if involved:
         raise Dependent(walk.rows[constraints + involved[0][1]].name)
-    redundant.append(walk.rows[index].name)
 
 
 def _rates(system: System, first: _Walk, plan: list[list[Step]], numbers: list[Numbers], v: list[Scalar]) -> _Walk:

@@ -97,7 +97,7 @@ def check(model: str) -> Any:
 @CHOICE
 @click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
 @CONSTANTS
-@click.option("--functions", metavar="a,b", default="", help="Emit these functions only (default: all the model has use for).")
+@click.option("--functions", metavar="a,b", default="", help='Emit these functions only; "default" stands for all of use.')
 @click.option("--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy.")
 @click.option("--explain", is_flag=True, help="Also print what each pass saved and what was left out.")
 def build(model: str, constants: str, functions: str, explain: bool, **options: Any) -> Any:

@@ -29,7 +29,7 @@ _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt":
 
 
 def program(equations: Equations, functions: Sequence[str] | None = None) -> Program:
-    """The Program of the named functions (all when None)."""
+    """The Program of the named functions; the default ones when None, and in place of the name "default"."""
     arguments = _arguments(equations.arguments, equations.parameters)
     chosen = _chosen(equations, functions)
     kernels, ledger = [], []
@@ -56,13 +56,15 @@ def program(equations: Equations, functions: Sequence[str] | None = None) -> Pro
     )
 
 
-def _chosen(equations: Equations, functions: Sequence[str] | None) -> list[Function]:
+def _chosen(equations: Equations, names: Sequence[str] | None) -> list[Function]:
     """The functions asked for; those with an empty result have no code."""
-    known = {function.name: function for function in equations.functions}
-    for name in functions or ():
-        if name not in known:
-            raise HamelError(f"this model has no function {name!r}; it has {', '.join(known)}")
-    chosen = known.values() if functions is None else [known[name] for name in dict.fromkeys(functions)]
+    default = {function.name: function for function in equations.functions}
+    requests = {request.name: request for request in equations.requests}
+    wanted = [n for name in (names or ("default",)) for n in (default if name == "default" else (name,))]
+    for name in wanted:
+        if name not in default and name not in requests:
+            raise HamelError(f"this model has no function {name!r}; it has {', '.join((*default, *requests))}")
+    chosen = [default[name] if name in default else requests[name].make() for name in dict.fromkeys(wanted)]
     return [function for function in chosen if function.result.value.numel()]
 
 

@@ -5,6 +5,7 @@ x = (q, w), v = S w + R c. Every function is f(t, x, u, p); arguments it does no
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -67,15 +68,25 @@ class Function:
 
 
 @dataclass(frozen=True)
+class Request:
+    """A function that is derived and emitted only when it is asked for by name (`--functions default,NAME`)."""
+
+    name: str
+    about: str
+    make: Callable[[], Function]
+
+
+@dataclass(frozen=True)
 class Equations:
     system: System
     formulation: str
     choice: str
     reason: str  # why this choice, in one sentence
     arguments: tuple[Argument, ...]  # t, x, u, p in this order; u and p may be empty
-    functions: tuple[Function, ...]
+    functions: tuple[Function, ...]  # the default ones
     named: tuple[Named, ...]  # S, R, Y, B and what the textbook shows
     pivots: tuple[str, ...]  # in words, in elimination order
     w: tuple[str, ...]  # names of the quasi-velocities
     parameters: tuple[float, ...]  # defaults, in the order of p
     assumptions: tuple[str, ...] = ()
+    requests: tuple[Request, ...] = ()

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from codegen import cache
 from codegen import compiler as toolchain
 from codegen.program import Program
 from codegen.targets import TARGETS
@@ -157,9 +158,7 @@ def _restore(old: Path, place: Path) -> None:
 def _compile(folder: Path, name: str, files: Mapping[str, str], command: list[str]) -> bool:
     """Binaries into the folder, from the cache (True) or the compiler (False)."""
     kept = _cache_folder(name, files, command)
-    if kept and (kept / "ready").exists():
-        for made in (kept / "ready").read_text(encoding="utf-8").split("\n"):
-            shutil.copy2(kept / made, folder / made)
+    if kept and _recalled(kept, folder):
         return True
     try:
         made = toolchain.compile_folder(folder, name, command)
@@ -170,6 +169,18 @@ def _compile(folder: Path, name: str, files: Mapping[str, str], command: list[st
     return False
 
 
+def _recalled(kept: Path, folder: Path) -> bool:
+    """Copy what the cache has; False where it has nothing, or not all of it."""
+    try:
+        for made in (kept / "ready").read_text(encoding="utf-8").split("\n"):
+            shutil.copy2(kept / made, folder / made)
+    except FileNotFoundError:
+        shutil.rmtree(kept, ignore_errors=True)
+        return False
+    cache.used(kept)
+    return True
+
+
 def _cache_folder(name: str, files: Mapping[str, str], command: list[str]) -> Path | None:
     """Where binaries of exactly this text, compiler, Python and NumPy belong; None where no cache can be had."""
     digest = hashlib.sha256()
@@ -177,9 +188,8 @@ def _cache_folder(name: str, files: Mapping[str, str], command: list[str]) -> Pa
         digest.update(toolchain.identity(command).encode())
         for path in sorted(path for path in files if path.endswith((".c", ".h"))):
             digest.update(f"\0{path}\0{files[path]}".encode())
-        root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hamel"
-        root.mkdir(parents=True, exist_ok=True)
-        return root / f"{name}-{digest.hexdigest()[:40]}"
+        root = cache.folder()
+        return root and root / f"{name}-{digest.hexdigest()[:40]}"
     return None
 
 
@@ -198,6 +208,7 @@ def _remember(kept: Path | None, folder: Path, made: Sequence[str]) -> None:
             os.rename(fresh, kept)
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
+    cache.prune(kept.parent)
 
 
 def _remember_failure(kept: Path | None, said: str) -> None:

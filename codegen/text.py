@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import math
@@ -12,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import jinja2.bccache
 
+from codegen import cache
 from codegen.program import Expression
 
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
@@ -134,9 +137,19 @@ def wrapped(text: str, width: int = 110, indent: str = "") -> str:
     return ("\n" + indent).join(textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)) or ""
 
 
+class _Prepared(jinja2.FileSystemBytecodeCache):
+    """Templates as Python code, kept between runs; a full disk only costs the time to prepare them again."""
+
+    def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+        with contextlib.suppress(OSError):
+            super().dump_bytecode(bucket)
+
+
 @functools.cache
 def _environment() -> jinja2.Environment:
+    kept = cache.folder("templates")
     environment = jinja2.Environment(
+        bytecode_cache=_Prepared(str(kept)) if kept else None,
         loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

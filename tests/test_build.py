@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import build, cache, compiler, loader
 from codegen.passes import program
 from codegen.program import Program
 from derive.diagnostics import ToolchainError
@@ -141,3 +143,26 @@ def test_useless_cache_only_costs_time(small: Program, tmp_path: Path, monkeypat
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     assert build.build(small, tmp_path / "toy").compiled
+
+
+def test_the_cache_drops_what_is_old_or_too_much(tmp_path: Path) -> None:
+    for name, age in (("new", 0), ("week", 7), ("month", 30), ("year", 365), ("templates", 400)):
+        entry = tmp_path / name
+        entry.mkdir()
+        (entry / "ready").write_text("x" * 1000)
+        os.utime(entry, (time.time() - age * cache.DAY,) * 2)
+    cache.prune(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"new", "week", "month", "templates"}
+    cache.prune(tmp_path, largest=2500)
+    assert {path.name for path in tmp_path.iterdir()} == {"new", "week", "templates"}
+    cache.prune(tmp_path, largest=0)
+    assert {path.name for path in tmp_path.iterdir()} == {"new", "templates"}  # another process may be using the new one
+
+
+@needs_compiler
+def test_a_cache_entry_that_lost_a_file_is_made_again(small: Program, tmp_path: Path) -> None:
+    build.build(small, tmp_path / "toy")
+    next((tmp_path / "cache" / "hamel").glob("toy-*/libtoy.*")).unlink()
+    again = build.build(small, tmp_path / "toy")
+    assert again.compiled and not again.cached and loader.load(again.folder).backend == "extension"
+    assert build.build(small, tmp_path / "toy").cached

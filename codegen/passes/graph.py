@@ -30,6 +30,8 @@ CALLS: dict[str, Callable[..., Any] | None] = {
     "sign": None, "lt": None, "le": None, "eq": None, "ne": None, "and": None, "or": None, "not": None, "where": None,
 }  # fmt: skip
 
+_NARY = frozenset({"sum", "product"})
+
 
 class Graph:
     """Nodes are tuples: ("one",), ("input", argument, index), ("literal", text) for inf and nan,
@@ -123,11 +125,11 @@ class Graph:
 
     def operands(self, node: int) -> list[int]:
         """The nodes that a node is computed from (the number one excluded)."""
-        kind, *rest = self.nodes[node]
-        if kind in ("sum", "product"):
-            return [other for other, _ in rest[0] if other != ONE]
-        if kind == "call":
-            return [other for _, other in rest[1] if other != ONE]
+        found = self.nodes[node]
+        if found[0] in _NARY:
+            return [other for other, _ in found[1] if other != ONE]
+        if found[0] == "call":
+            return [other for _, other in found[2] if other != ONE]
         return []
 
 
@@ -172,6 +174,11 @@ def snapped(factor: float) -> float:
             if abs(factor - near) <= 2 * EPSILON * abs(factor):
                 return near
     return factor
+
+
+def same(one: Work, other: Work) -> bool:
+    """Are the graphs equal node by node, with the same roots?"""
+    return one is other or (one.roots == other.roots and one.graph.nodes == other.graph.nodes)
 
 
 def live(work: Work) -> list[int]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from codegen.passes.factor import factor
-from codegen.passes.graph import Mark, Work
+from codegen.passes.graph import Mark, Work, same
 from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
 from codegen.passes.plain import plain
@@ -147,9 +147,11 @@ def _tried(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Ca
     for _ in range(1 if operations > LONG else ROUNDS):
         start = least
         for step, improve in PASSES:
-            work = improve(work)
-            found = _candidate(lower(work, loose), work.marks)
-            least = min(least, found.total)
+            improved = improve(work)
+            if not same(improved, work):
+                work = improved
+                found = _candidate(lower(work, loose), work.marks)
+                least = min(least, found.total)
             yield step, found
         if least == start:
             return

@@ -24,12 +24,11 @@ def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float
     if len(nodes) > _LARGE:
         return _from_origin(work, nodes)
     wants = _wants(work, nodes, loose)
-    starts = [_from_users(work, nodes, wants), _from_origin(work, nodes)]
-    balances = [_Balance(work.graph, nodes, wants, start) for start in starts]
-    for balance in balances:
-        balance.settle()
-    best = min(balances, key=lambda balance: len(balance.needed))
-    return {node: _signed(best.scales[node], starts[0][node]) for node in best.scales}
+    first = _from_users(work, nodes, wants)
+    best = _settled(_Balance(work.graph, nodes, wants, first))
+    if best.needed:
+        best = min(best, _settled(_Balance(work.graph, nodes, wants, _from_origin(work, nodes))), key=lambda b: len(b.needed))
+    return {node: _signed(best.scales[node], first[node]) for node in best.order}
 
 
 def _signed(size: float, like: float) -> float:
@@ -126,6 +125,8 @@ def _prefers_negative(wants: Sequence[float]) -> bool:
 def _product_scale(graph: Graph, factors: Sequence[tuple[int, int]], wants: Sequence[float], used: dict[int, int]) -> float:
     sizes = list(dict.fromkeys(abs(want) for want in wants))
     reciprocal = all(exponent < 0 for _, exponent in factors)
+    if sizes == [1.0] and not reciprocal and not _prefers_negative(wants):
+        return 1.0
 
     def cost(scale: float) -> tuple[float, bool]:
         own = 0 if scale == 1.0 or reciprocal else 1
@@ -171,104 +172,154 @@ class _Balance:
 
     def __init__(self, graph: Graph, nodes: Sequence[int], wants: dict[int, list[float]], start: dict[int, float]) -> None:
         self.graph = graph
-        self.scales = {node: abs(scale) for node, scale in start.items()}
+        self.scales = dict.fromkeys(nodes, 1.0) | {node: abs(scale) for node, scale in start.items()}
         self.order = [node for node in nodes if node in start]
         self.wants = {node: sorted({abs(want) for want in wanted}) for node, wanted in wants.items()}
         self.users: dict[int, list[int]] = {}
+        self.sums: dict[int, list[tuple[int, float]]] = {}  # the terms that are no constants, and the sizes of their factors
+        self.products: dict[int, tuple[tuple[int, int], ...]] = {}
         self.fixed: set[int] = set()  # terms of wide sums: each trial would look at all the others
         for node in self.order:
-            operands = graph.operands(node)
-            for other in operands:
-                self.users.setdefault(other, []).append(node)
-            self.fixed.update(operands if len(operands) > _WIDE else ())
+            self._note(node)
         self.keys = {node: keys for node in nodes if (keys := self._keys(node))}
         self.needed = Counter(key for keys in self.keys.values() for key in keys)
         self.sweeps = _SWEEPS if len(nodes) <= _LONG else 1
 
+    def _note(self, node: int) -> None:
+        kind, terms = self.graph.nodes[node]
+        operands = [other for other, _ in terms if other != ONE]
+        if kind == "sum":
+            self.sums[node] = [(other, abs(factor)) for other, factor in terms if other != ONE]
+        else:
+            self.products[node] = terms
+        for other in operands:
+            self.users.setdefault(other, []).append(node)
+        self.fixed.update(operands if len(operands) > _WIDE else ())
+
     def settle(self) -> None:
-        """Sweep up and down until no node can be rescaled with profit."""
-        ways: tuple[Callable[[Iterable[int]], Iterable[int]], ...] = (lambda n: reversed(list(n)), lambda n: n)
+        """Sweep up and down until no node can be rescaled with profit; after the first sweep only near what changed."""
+        due = set(self.order if self.needed else ())
         for sweep in range(self.sweeps):
-            changed = [self._improve(node) for node in ways[sweep % 2](self.order)]
-            if not any(changed):
+            stirred: set[int] = set()
+            for node in self.order if sweep % 2 else reversed(self.order):
+                if node in due and self._improve(node):
+                    stirred |= self._neighbours(node)
+            due = stirred
+            if not due:
                 break
 
+    def _neighbours(self, node: int) -> set[int]:
+        """The nodes whose multiplications may be the same as those of the node or of its users."""
+        near = {node, *self.users.get(node, ())}
+        near.update(other for one in list(near) for other in self.graph.operands(one))
+        near.update(user for one in list(near) for user in self.users.get(one, ()) if len(self.users[one]) <= _BUSY)
+        return near
+
     def _improve(self, node: int) -> bool:
-        users = self.users.get(node, [])
+        users = self.users.get(node, ())
         if len(users) > _BUSY or node in self.fixed:
             return False
         near = [node, *users]
-        before = [key for one in near for key in self.keys.get(one, ())]
+        before = [key for one in near if one in self.keys for key in self.keys[one]]
         if not before:
             return False
         own = self.scales[node]
-        self.needed.subtract(before)
-        best, least = own, self._fresh(before)
-        for candidate in dict.fromkeys(self._candidates(node, users)):
-            self.scales[node] = candidate
-            cost = self._fresh(key for one in near for key in self._keys(one))
-            if cost < least:
-                best, least = candidate, cost
-        self.scales[node] = best
-        if best != own:
-            self.keys.update((one, self._keys(one)) for one in near)
-        self.needed.update(key for one in near for key in self.keys.get(one, ()))
+        needed = self.needed
         for key in before:
-            if not self.needed[key]:
-                del self.needed[key]
+            needed[key] -= 1
+        best, least = own, sum(needed[key] <= 0 for key in set(before))
+        if least:
+            best = self._best(node, near, own, least)
+        if best != own:
+            self.scales[node] = best
+            self.keys.update((one, self._keys(one)) for one in near)
+        for one in near:
+            for key in self.keys.get(one, ()):
+                needed[key] += 1
+        for key in before:
+            if not needed[key]:
+                del needed[key]
         return best != own
 
-    def _fresh(self, keys: Iterable[Key]) -> int:
-        """How many of the keys nothing else needs."""
-        return sum(self.needed[key] <= 0 for key in set(keys))
+    def _best(self, node: int, near: Sequence[int], own: float, least: int) -> float:
+        """The scale with the fewest multiplications that nothing else needs."""
+        best = own
+        for candidate in dict.fromkeys(self._candidates(node, near[1:])):
+            self.scales[node] = candidate
+            cost = self._fresh(near, least)
+            if cost < least:
+                best, least = candidate, cost
+                if not cost:
+                    break
+        self.scales[node] = own
+        return best
 
-    def _scale(self, node: int) -> float:
-        return self.scales.get(node, 1.0)
+    def _fresh(self, near: Sequence[int], least: int) -> int:
+        """How many multiplications near a node nothing else needs; counted only up to `least`."""
+        needed = self.needed
+        fresh: set[Key] = set()
+        for one in near:
+            for key in self._keys(one):
+                if needed[key] <= 0:
+                    fresh.add(key)
+            if len(fresh) >= least:
+                break
+        return len(fresh)
 
     def _keys(self, node: int) -> list[Key]:
         """Multiplications by constants inside a node, and of the node for those who want a certain multiple."""
-        kind, *rest = self.graph.nodes[node]
-        own = self._scale(node)
-        keys: list[Key] = [(size, node) for want in self.wants.get(node, ()) if (size := _ratio(want, own)) != 1.0]
-        if kind == "product":
-            size = _ratio(own, free_scale(rest[0], self.scales))
-            if size != 1.0 and any(exponent > 0 for _, exponent in rest[0]):
+        own = self.scales[node]
+        keys: list[Key] = []
+        if node in self.wants:
+            keys += [(size, node) for want in self.wants[node] if (size := _ratio(want, own)) != 1.0]
+        if node in self.products:
+            factors = self.products[node]
+            size = _ratio(own, free_scale(factors, self.scales))
+            if size != 1.0 and any(exponent > 0 for _, exponent in factors):
                 keys.append((size, node, "product"))
-        elif kind == "sum":
-            keys += self._sum_keys(node, rest[0], own)
+        elif node in self.sums:
+            self._sum_keys(node, own, keys)
         return keys
 
-    def _sum_keys(self, node: int, terms: Sequence[tuple[int, float]], own: float) -> Iterator[Key]:
-        groups: dict[float, list[int]] = {}
-        for other, factor in terms:
-            if other != ONE:
-                groups.setdefault(_ratio(own * abs(factor), self._scale(other)), []).append(other)
-        groups.pop(1.0, None)
-        for size, members in groups.items():
-            yield (size, members[0]) if len(members) == 1 else (size, node, "sum")
+    def _sum_keys(self, node: int, own: float, keys: list[Key]) -> None:
+        scales = self.scales
+        groups: dict[float, int] = {}  # the only term with a factor, or −1 for several
+        for other, factor in self.sums[node]:
+            above, below = own * factor, scales[other]
+            if above != below:
+                size = abs(snapped(above / below))
+                if size != 1.0:
+                    groups[size] = -1 if size in groups else other
+        for size, member in groups.items():
+            keys.append((size, node, "sum") if member < 0 else (size, member))
 
     def _candidates(self, node: int, users: Sequence[int]) -> Iterator[float]:
         """Scales with which some multiplication near the node falls away."""
-        kind, terms = self.graph.nodes[node]
-        if kind == "product":
-            yield abs(snapped(free_scale(terms, self.scales)))
-        elif len(terms) <= _WIDE:
+        scales = self.scales
+        if node in self.products:
+            yield abs(snapped(free_scale(self.products[node], scales)))
+        elif len(self.graph.nodes[node][1]) <= _WIDE:
             yield self.graph.natural[node]
-            yield from (_ratio(self._scale(other), abs(factor)) for other, factor in terms if other != ONE)
+            yield from [_ratio(scales[other], factor) for other, factor in self.sums[node]]
         yield from self.wants.get(node, ())
         for user in users:
             yield from self._wanted_by(user, node)
 
     def _wanted_by(self, user: int, node: int) -> Iterator[float]:
-        kind, terms = self.graph.nodes[user]
         own = self.scales[user]
-        if kind == "sum":
-            factor = next(abs(factor) for other, factor in terms if other == node)
-            sizes = {_ratio(own * abs(f), self._scale(o)) for o, f in terms[:_WIDE] if o not in (ONE, node)}
+        if user in self.sums:
+            terms = self.sums[user]
+            factor = next(factor for other, factor in terms if other == node)
+            sizes = {_ratio(own * f, self.scales[o]) for o, f in terms[:_WIDE] if o != node}
             yield from (_ratio(own * factor, size) for size in (1.0, *sorted(sizes)))
-        elif (node, 1) in terms:
-            rest = free_scale([term for term in terms if term[0] != node], self.scales)
+        elif (node, 1) in self.products[user]:
+            rest = free_scale([term for term in self.products[user] if term[0] != node], self.scales)
             yield _ratio(own, rest)
+
+
+def _settled(balance: _Balance) -> _Balance:
+    balance.settle()
+    return balance
 
 
 def _ratio(above: float, below: float) -> float:

@@ -132,6 +132,8 @@ class Program:
     left_out: tuple[str, ...] = ()  # functions and arguments this model has no use for
     positions: int = 0  # leading rows of `constraints` that are position constraints
     nominal: tuple[float, ...] = ()  # a state to show in examples; any when empty
+    integrators: tuple[str, ...] = ()  # of `simulate`, the default first
+    keepings: tuple[str, ...] = ()  # how `simulate` may stay on the constraints, the default first
 
     @property
     def fingerprint(self) -> str:

@@ -29,16 +29,18 @@ def build(
     constants: Constants = (),
     functions: Collection[str] | None = None,
     formulation: str = "quasi_velocities",
+    integrators: Collection[str] = (),
     numpy: bool = False,
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
-    `constants` names the parameters to bake in ("all" for every one); `out` defaults to generated/<model>. Without a C compiler
+    `constants` names the parameters to bake in ("all" for every one); `integrators` those that the module's simulate() can use
+    (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler
     this raises ToolchainError, unless `numpy` says that a module that runs on NumPy will do.
     """
     from hamel.verbs.build import run
 
-    return run(path, choice, out, constants, functions, formulation, QUICK_STATES, numpy)
+    return run(path, choice, out, constants, functions, formulation, integrators, QUICK_STATES, numpy)
 
 
 def verify(
@@ -54,8 +56,12 @@ def simulate(
     path: Model,
     *,
     choice: str | None = None,
+    formulation: str = "quasi_velocities",
+    keeping: str | None = None,
+    integrator: str = "dop853",
     time: float = 10.0,
     step: float | None = None,
+    step_size: float | None = None,
     rtol: float = 1e-10,
     atol: float | None = None,
     values: Mapping[str, float | str] | None = None,
@@ -63,10 +69,15 @@ def simulate(
     plot: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> records.Simulated:
-    """Integrate from the consistent initial state. `values` sets initial values, parameters and (constant) inputs by name."""
-    from hamel.verbs.simulate import run
+    """Integrate from the consistent initial state: one formulation, one keeping (how to stay on the constraints; projection where
+    there is something to project on when None) and one integrator, with steps by the tolerances or equal ones of `step_size`.
 
-    return run(path, choice, time, step, rtol, atol, values or {}, out, plot, progress)
+    `step` is the time between rows of the result; `values` sets initial values, parameters and (constant) inputs by name.
+    """
+    from hamel.verbs.simulate import Method, run
+
+    method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol)
+    return run(path, method, time, step, values or {}, out, plot, progress)
 
 
 def derive(path: Model, *, choice: str | None = None, out: str | Path | None = None) -> records.Derived:

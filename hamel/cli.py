@@ -98,11 +98,15 @@ def check(model: str) -> Any:
 @click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
 @CONSTANTS
 @click.option("--functions", metavar="a,b", default="", help='Emit these functions only; "default" stands for all of use.')
+@click.option(
+    "--integrator", "integrators", metavar="a,b", default="", help="What the module's simulate() uses (default: dop853)."
+)
 @click.option("--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy.")
 @click.option("--explain", is_flag=True, help="Also print what each pass saved and what was left out.")
-def build(model: str, constants: str, functions: str, explain: bool, **options: Any) -> Any:
+def build(model: str, constants: str, functions: str, integrators: str, explain: bool, **options: Any) -> Any:
     """Derive, compile and quickly verify a module of MODEL."""
-    return hamel.build(model, constants=_constants(constants), functions=_names(functions) or None, **options)
+    functions_ = _names(functions) or None
+    return hamel.build(model, constants=_constants(constants), functions=functions_, integrators=_names(integrators), **options)
 
 
 @verb
@@ -121,6 +125,12 @@ def verify(model: str, choice: str | None, states: int, seed: int, constants: st
 @verb
 @MODEL
 @CHOICE
+@click.option(
+    "--formulation", default="quasi_velocities", show_default=True, metavar="NAME", help="How the equations are formed."
+)
+@click.option("--keeping", metavar="NAME", help="How to stay on the constraints (default: projection, where there is any).")
+@click.option("--integrator", default="dop853", show_default=True, metavar="NAME", help="How to step; `hamel list` names all.")
+@click.option("--step-size", type=float, metavar="S", help="Equal steps of at most this size instead of steps by the tolerances.")
 @click.option(
     "--time", "--until", "time", type=float, default=10.0, show_default=True, metavar="S", help="The last time, in seconds."
 )

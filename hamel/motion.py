@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from derive.diagnostics import AssumptionError, ModelError
+from derive.diagnostics import AssumptionError, ModelError, listed
 from hamel.plot import Curve, Panel, draw
 from hamel.records import Crossing
 from hamel.staging import staged_file, write_text
@@ -47,6 +47,7 @@ class Motion:
     velocity_violation: float
     crossings: tuple[Crossing, ...]
     seconds: float
+    keeping: str = "none"
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
@@ -66,6 +67,17 @@ class Motion:
         return float(np.max(np.abs(self.balance)))
 
 
+@dataclass(frozen=True)
+class Stepping:
+    """How the module is to integrate; its first keeping when None, steps by the tolerances without a step size."""
+
+    integrator: str
+    keeping: str | None
+    step_size: float | None
+    rtol: float
+    atol: float
+
+
 def integrated(
     module: ModuleType,
     equations: Equations,
@@ -73,18 +85,20 @@ def integrated(
     x: np.ndarray,
     u: np.ndarray,
     p: np.ndarray,
-    tolerances: tuple[float, float],
+    by: Stepping,
     progress: Callable[[float], None] | None,
 ) -> Motion:
     """The motion from x at times[0] with constant inputs u."""
     start = time.perf_counter()
-    rtol, atol = tolerances
+    if by.keeping is not None and by.keeping not in module.keepings:
+        raise ModelError(f"keeping '{by.keeping}' does not fit here; {listed(module.keepings)}")
     try:
-        found = module.simulate(times, x, u, p, rtol=rtol, atol=atol, max_steps=MOST_STEPS, progress=progress)
+        found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by))
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         raise AssumptionError(str(error), hint) from None
-    return _judged(module, equations, found, u, p, time.perf_counter() - start)
+    judged = _judged(module, equations, found, u, p, time.perf_counter() - start)
+    return replace(judged, keeping=by.keeping or module.keepings[0])
 
 
 def _judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:

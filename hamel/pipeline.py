@@ -92,12 +92,16 @@ def usable_choices(mechanics: System) -> tuple[dict[str, Equations], dict[str, s
     return usable, refused
 
 
-def program_of(equations: Equations, functions: Collection[str] | None = None, clock: Clock | None = None) -> Program:
-    """Equations → Program: the straight-line statements of each function, counted."""
+def program_of(
+    equations: Equations, functions: Collection[str] | None = None, clock: Clock | None = None, integrators: Collection[str] = ()
+) -> Program:
+    """Equations → Program: the straight-line statements of each function, counted. `integrators`: the default one when empty."""
     with (clock or Clock())("passes"):
+        from codegen.integrators import INTEGRATORS
         from codegen.passes import program
 
-        return program(equations, None if functions is None else tuple(functions))
+        chosen = tuple(integrators) or (INTEGRATORS[0].name,)
+        return program(equations, None if functions is None else tuple(functions), chosen)
 
 
 def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None) -> MadeFolder:
@@ -125,8 +129,8 @@ def load_quietly(made: MadeFolder) -> ModuleType:
 
 
 @contextmanager
-def temporary_module(equations: Equations) -> Iterator[ModuleType]:
+def temporary_module(equations: Equations, integrators: Collection[str] = ()) -> Iterator[ModuleType]:
     """A module that is needed for the length of a command; codegen's cache keeps what was compiled."""
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
         place = Path(folder) / equations.system.model.name
-        yield load_quietly(emit(program_of(equations), place, {}))
+        yield load_quietly(emit(program_of(equations, integrators=integrators), place, {}))

@@ -132,10 +132,11 @@ class Explained:
 
 @dataclass(frozen=True)
 class Known:
-    """A name with one line about it."""
+    """A name with one line about it, and where a method comes from."""
 
     name: str
     about: str
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,10 @@ class Simulated:
     """A motion and how far it can be trusted. The arrays are in `motion` and are left out of `--json`."""
 
     model: str
+    formulation: str
     choice: str
+    keeping: str
+    integrator: str
     time: float
     steps: int
     rejected: int

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from types import ModuleType
 from typing import Any
@@ -12,8 +13,9 @@ import numpy as np
 import pytest
 
 from codegen import build, compiler, loader
-from codegen.integrators import INTEGRATORS, Tableau
+from codegen.integrators import INTEGRATORS, Integrator, Tableau
 from codegen.passes import program
+from derive.formulations.derivatives import derivatives
 from tests.toy import circle
 
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -24,7 +26,10 @@ def module(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
     base = tmp_path_factory.mktemp("simulation")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        return loader.load(build.build(program(circle()), base / "circle").folder)
+        equations = circle()
+        equations = replace(equations, requests=derivatives(equations.arguments, equations.functions))
+        names = ("dopri5", *(method.name for method in INTEGRATORS if method.name != "dopri5"))
+        return loader.load(build.build(program(equations, integrators=names), base / "circle").folder)
 
 
 def ways(module: ModuleType) -> list[tuple[str, Callable[..., int]]]:
@@ -34,16 +39,31 @@ def ways(module: ModuleType) -> list[tuple[str, Callable[..., int]]]:
     return found
 
 
-@pytest.mark.parametrize("tableau", INTEGRATORS, ids=lambda tableau: tableau.name)
+LOW = {"dop853": (5, 3), "dopri5": (4,), "rkf45": (4,), "rk4": ()}  # orders of the solutions the step is compared with
+
+
+@pytest.mark.parametrize("tableau", [x for x in INTEGRATORS if isinstance(x, Tableau)], ids=lambda tableau: tableau.name)
 def test_order_conditions(tableau: Tableau) -> None:
-    b = [*tableau.a[-1], Fraction(0)]
+    """Of quadrature and of c; decimals are rounded to 28 digits."""
+    tiny = Fraction(1, 10**26)
     for c, a in zip(tableau.c, tableau.a):
-        assert sum(a) == c
+        assert abs(sum(a) - c) < tiny
     for power in range(tableau.order):
-        assert sum(w * c**power for w, c in zip(b, tableau.c)) == Fraction(1, power + 1)
-        low = sum((w - e) * c**power for w, e, c in zip(b, tableau.error, tableau.c))
-        assert low == Fraction(1, power + 1) or power == tableau.order - 1
-    assert sum(tableau.error) == 0
+        assert abs(sum(w * c**power for w, c in zip(tableau.a[-1], tableau.c)) - Fraction(1, power + 1)) < tiny
+    for error, low in zip(tableau.errors, LOW[tableau.name], strict=True):
+        moments = [abs(sum(e * c**power for e, c in zip(error, tableau.c))) for power in range(low + 1)]
+        assert all(moment < tiny for moment in moments[:low]) and moments[low] > tiny
+
+
+@needs_compiler
+@pytest.mark.parametrize("method", INTEGRATORS, ids=lambda method: method.name)
+def test_order_with_equal_steps(module: ModuleType, method: Integrator) -> None:
+    errors = []
+    for h in (0.4, 0.2) if method.order == 8 else (0.1, 0.05):
+        found = module.simulate((0.0, 4.0), [1.0, 0.0], integrator=method.name, step_size=h, keeping="none")
+        errors.append(np.abs(found.x[-1] - [np.cos(8.0), np.sin(8.0)]).max())
+        assert found.steps == round(4.0 / h)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.15)
 
 
 def test_motion_work_and_constraint(module: ModuleType) -> None:
@@ -75,6 +95,45 @@ def test_all_ways_take_the_same_steps(module: ModuleType) -> None:
         assert (other.steps, other.rejected, other.calls) == (first.steps, first.rejected, first.calls)
         np.testing.assert_allclose(other.x, first.x, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(other.work, first.work, rtol=1e-12, atol=1e-12)
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    "options", [{"integrator": "dop853"}, {"integrator": "rk4", "step_size": 0.1}, {"keeping": "none"}], ids=str
+)
+def test_numpy_takes_the_same_steps(module: ModuleType, options: dict[str, Any]) -> None:
+    simulate = importlib.import_module(f"{module.__name__}._simulate")
+    first = module.simulate((0.0, 3.0), [1.0, 0.0], **options)
+    rest: tuple[Any, ...] = ([1.0, 0.0], [0.0], None, 1e-9, 1e-11, None, 10_000, None)
+    names = [options.get(name) for name in ("integrator", "keeping", "step_size")]
+    other = simulate.run(simulate.advance, "numpy", (0.0, 3.0), *rest, *names)
+    assert (other.steps, other.rejected, other.calls) == (first.steps, first.rejected, first.calls)
+    np.testing.assert_allclose(other.x, first.x, rtol=1e-12, atol=1e-12)
+
+
+def test_what_cannot_be_is_refused(module: ModuleType) -> None:
+    simulate = importlib.import_module(f"{module.__name__}._simulate")
+    with pytest.raises(ValueError, match="no integrator 'euler' here; it has dopri5, "):
+        module.simulate((0.0, 1.0), [1.0, 0.0], integrator="euler")
+    with pytest.raises(ValueError, match="needs a step_size for rk4"):
+        module.simulate((0.0, 1.0), [1.0, 0.0], integrator="rk4")
+    with pytest.raises(FloatingPointError, match="needs compiled code"):
+        simulate.run(
+            simulate.advance,
+            "numpy",
+            (0.0, 1.0),
+            [1.0, 0.0],
+            [0.0],
+            None,
+            1e-9,
+            1e-11,
+            None,
+            99,
+            None,
+            "implicit_midpoint",
+            None,
+            0.1,
+        )
 
 
 def test_it_stops_at_a_singular_position(module: ModuleType) -> None:

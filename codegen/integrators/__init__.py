@@ -1,8 +1,13 @@
-"""Integrators as data. To add one: a file with a Tableau, and its line here."""
+"""Integrators as data, the default first. To add one: a file with a record of records.py, and its line here."""
 
+from codegen.integrators.dop853 import DOP853
 from codegen.integrators.dopri5 import DOPRI5
-from codegen.integrators.records import Tableau
+from codegen.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
+from codegen.integrators.records import Integrator, Midpoint, Rosenbrock, Tableau
+from codegen.integrators.rk4 import RK4
+from codegen.integrators.rkf45 import RKF45
+from codegen.integrators.rosenbrock import ROSENBROCK
 
-INTEGRATORS: tuple[Tableau, ...] = (DOPRI5,)
+INTEGRATORS: tuple[Integrator, ...] = (DOP853, DOPRI5, RKF45, RK4, ROSENBROCK, IMPLICIT_MIDPOINT)
 
-__all__ = ["INTEGRATORS", "Tableau"]
+__all__ = ["INTEGRATORS", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]

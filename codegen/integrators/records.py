@@ -1,28 +1,86 @@
-"""The Tableau record: an explicit Runge–Kutta pair with step control."""
+"""What an integrator is, as data: explicit Runge–Kutta methods, Rosenbrock methods, and the implicit midpoint rule.
+
+All advance x' = f(t, x). `order` is the order of the step and of the step control; `damping` the exponent of the previous error
+in the proportional–integral step control; `needs` the functions of the generated module beyond `dynamics`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+
+Row = tuple[Fraction, ...]
 
 
 @dataclass(frozen=True)
 class Tableau:
     """kᵢ = f(t + cᵢ h, x + h Σ aᵢⱼ kⱼ); the last row of `a` is the step itself, so its stage is the first of the next step.
 
-    `error` are the weights of the error estimate, `order` its order, `damping` the exponent of the previous error in the
-    proportional–integral step control.
+    `errors` are the weights of the error estimate: none (fixed steps only), one, or two that are put together as in DOP853,
+    |e₁|²/√(|e₁|² + |e₂|²/100).
     """
 
     name: str
+    about: str
     source: str
     order: int
-    c: tuple[Fraction, ...]
-    a: tuple[tuple[Fraction, ...], ...]
-    error: tuple[Fraction, ...]
+    c: Row
+    a: tuple[Row, ...]
+    errors: tuple[Row, ...]
     damping: Fraction
+    needs: tuple[str, ...] = ()
+    exact: bool = False  # needs the exact Jacobian of what is integrated
+
+    @property
+    def adaptive(self) -> bool:
+        return bool(self.errors)
 
 
-def row(text: str) -> tuple[Fraction, ...]:
-    """Fractions separated by blanks."""
+@dataclass(frozen=True)
+class Rosenbrock:
+    """(1/(γ h) − J) Uᵢ = f(t + αᵢ h, x + Σ aᵢⱼ Uⱼ) + Σ cᵢⱼ Uⱼ/h + γᵢ h ∂f/∂t with J = ∂f/∂x, every sum over j < i.
+
+    The last row of `a` plus the last U is the step; the last U alone is the error estimate (stiffly accurate methods).
+    """
+
+    name: str
+    about: str
+    source: str
+    order: int
+    gamma: Fraction
+    alpha: Row
+    gammas: Row
+    a: tuple[Row, ...]
+    c: tuple[Row, ...]
+    damping: Fraction = Fraction(0)
+    needs: tuple[str, ...] = ("jacobian", "jacobian_t")
+    exact: bool = True
+    adaptive: bool = True
+
+
+@dataclass(frozen=True)
+class Midpoint:
+    """k = f(t + h/2, x + h k/2), solved by Newton's method with the Jacobian at the start of the step; fixed steps only."""
+
+    name: str
+    about: str
+    source: str
+    order: int = 2
+    damping: Fraction = Fraction(0)
+    needs: tuple[str, ...] = ("jacobian",)
+    exact: bool = False
+    adaptive: bool = False
+
+
+Integrator = Tableau | Rosenbrock | Midpoint
+
+
+def row(text: str) -> Row:
+    """Fractions or decimals separated by blanks."""
     return tuple(Fraction(item) for item in text.split())
+
+
+def less(weights: Row, other: Mapping[int, str]) -> Row:
+    """Weights minus others given by index."""
+    return tuple(weight - Fraction(other.get(i, "0")) for i, weight in enumerate(weights))

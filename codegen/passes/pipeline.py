@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from codegen.integrators import INTEGRATORS
 from codegen.passes.factor import factor
 from codegen.passes.graph import Mark, Work, same
 from codegen.passes.lower import Lowered, Operation, lower
@@ -28,10 +29,16 @@ LARGE = 10_000  # operations from which factoring once has to do
 _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
 
 
-def program(equations: Equations, functions: Sequence[str] | None = None) -> Program:
-    """The Program of the named functions; the default ones when None, and in place of the name "default"."""
+def program(equations: Equations, functions: Sequence[str] | None = None, integrators: Sequence[str] = ("dop853",)) -> Program:
+    """The Program of the named functions; the default ones when None, and in place of the name "default".
+
+    `integrators` are those that `simulate` of the module can use; functions that they need are added.
+    """
     arguments = _arguments(equations.arguments, equations.parameters)
     chosen = _chosen(equations, functions)
+    simulates = any(function.name == "dynamics" for function in chosen)
+    if simulates:
+        chosen = _chosen(equations, [*(function.name for function in chosen), *_needs(integrators)])
     kernels, ledger = [], []
     for function in chosen:
         kernel, entries = _kernel(equations, function)
@@ -53,7 +60,22 @@ def program(equations: Equations, functions: Sequence[str] | None = None) -> Pro
         ledger=tuple(ledger),
         positions=equations.system.phi.numel(),
         left_out=_left_out(equations, arguments, kernels),
+        integrators=tuple(integrators) if simulates else (),
+        keepings=_keepings(kernels) if simulates else (),
     )
+
+
+def _needs(integrators: Sequence[str]) -> list[str]:
+    """The functions that integrators call beside `dynamics`."""
+    known = {integrator.name: integrator for integrator in INTEGRATORS}
+    for name in integrators:
+        if name not in known:
+            raise HamelError(f"unknown integrator {name!r}; known: {', '.join(known)}")
+    return list(dict.fromkeys(need for name in integrators for need in known[name].needs))
+
+
+def _keepings(kernels: Sequence[Kernel]) -> tuple[str, ...]:
+    return ("projection", "none") if any(kernel.name == "project" for kernel in kernels) else ("none",)
 
 
 def _chosen(equations: Equations, names: Sequence[str] | None) -> list[Function]:

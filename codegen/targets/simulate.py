@@ -1,26 +1,44 @@
-"""Simulation: an adaptive Runge–Kutta loop around `dynamics`, in C and, without a compiler, in NumPy."""
+"""Simulation: a loop of steps around `dynamics`, with the integrators asked for, in C and, without a compiler, in NumPy."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from codegen import text
-from codegen.integrators import INTEGRATORS, Tableau
+from codegen.integrators import INTEGRATORS, Integrator, Rosenbrock, Tableau
 from codegen.program import Program
 from codegen.targets.records import Target
+
+# The head of a simulation's array.
+ENTRIES = (
+    ("INTEGRATOR", "which integrator, by number"),
+    ("KEEPING", "which keeping, by number"),
+    ("FIXED", "the size of equal steps; 0 lets the tolerance decide"),
+    ("T", "time"),
+    ("DONE", "output times reached"),
+    ("STEPS", "accepted steps"),
+    ("REJECTED", "rejected steps"),
+    ("CALLS", "evaluations of dynamics"),
+    ("POSITION", "largest violation of a position constraint after a step"),
+    ("VELOCITY", "largest violation of a velocity constraint after a step"),
+    ("STEP", "size of the next step"),
+    ("ERROR", "error of the last step, for the step control"),
+)
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """A tableau as text of C and Python alike."""
+    """An integrator as text. A tableau has C expressions: per stage after the first c and Σ a k, and the error estimates."""
 
-    tableau: Tableau
-    stages: tuple[tuple[str, str], ...]  # per stage after the first: c, and Σ a k with {0} for the stage's slope array
-    error: str
+    method: Integrator
+    kind: str  # the macro of simulate_steps.c.j2
     grow: str
     damp: str
+    stages: tuple[tuple[str, str], ...] = ()
+    errors: tuple[str, ...] = ()
+    tables: dict[str, str] = field(default_factory=dict)  # of numbers, as C initialisers
 
 
 def files(program: Program) -> dict[str, str]:
@@ -28,42 +46,84 @@ def files(program: Program) -> dict[str, str]:
     if not program.simulates:
         return {}
     names = [kernel.name for kernel in program.kernels]
+    chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
+    has = {name: name in names for name in ("power", "project", "constraints")}
+    has["linear"] = any(x.needs for x in chosen)
+    has["rosenbrock"] = any(isinstance(x, Rosenbrock) for x in chosen)
     data = {
         "program": program,
         "prefix": program.name,
         "PREFIX": program.name.upper(),
-        "has": {name: name in names for name in ("power", "project", "constraints")},
+        "has": has,
         "positions": program.positions,
         "size": len(program.argument("x").names) + 1,
+        "entries": ENTRIES,
+        "schemes": [_scheme(x) for x in chosen],
     }
-    scheme = INTEGRATORS[0]
     return {
-        f"{program.name}_simulate.h": text.render("simulate.h.j2", scheme=_scheme(scheme, "k[{}][i]"), **data),
-        f"{program.name}_simulate.c": text.render("simulate.c.j2", scheme=_scheme(scheme, "k[{}][i]"), **data),
-        "_simulate.py": text.render("simulate.py.j2", scheme=_scheme(scheme, "k[{}]"), **data),
+        f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
+        f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
+        "_simulate.py": text.render("simulate.py.j2", tableaux=[_rows(x) for x in chosen if isinstance(x, Tableau)], **data),
     }
 
 
-def _scheme(tableau: Tableau, slope: str) -> Scheme:
-    stages = zip(tableau.c[1:], tableau.a[1:])
-    return Scheme(
-        tableau=tableau,
-        stages=tuple((_number(c), _combination(a, slope)) for c, a in stages),
-        error=_combination(tableau.error, slope),
-        grow=_number(Fraction(1, tableau.order) - Fraction(3, 4) * tableau.damping),
-        damp=_number(tableau.damping),
-    )
+def _scheme(method: Integrator) -> Scheme:
+    grow, damp = _number(Fraction(1, method.order) - Fraction(3, 4) * method.damping), _number(method.damping)
+    kind = type(method).__name__.lower()
+    if isinstance(method, Tableau):
+        stages = tuple((_number(c), _combination(a)) for c, a in zip(method.c[1:], method.a[1:]))
+        return Scheme(method, kind, grow, damp, stages, tuple(_combination(error) for error in method.errors))
+    if isinstance(method, Rosenbrock):
+        tables = {
+            "a": _table(method.a, len(method.alpha)),
+            "c": _table(method.c, len(method.alpha)),
+            "alpha": _list(method.alpha),
+            "gammas": _list(method.gammas),
+            "gamma": _number(method.gamma),
+        }
+        return Scheme(method, kind, grow, damp, tables=tables)
+    return Scheme(method, kind, grow, damp)
 
 
 def _number(value: Fraction) -> str:
-    """A constant expression: 3.0 / 40.0."""
-    return f"{value.numerator}.0" if value.denominator == 1 else f"{value.numerator}.0 / {value.denominator}.0"
+    """A constant expression: 3.0 / 40.0, or a decimal where the fraction is long."""
+    if value.denominator == 1:
+        return f"{value.numerator}.0"
+    if max(abs(value.numerator), value.denominator) < 10**6:
+        return f"{value.numerator}.0 / {value.denominator}.0"
+    return repr(float(value))
 
 
-def _combination(weights: Sequence[Fraction], slope: str) -> str:
-    terms = [(weight, slope.format(i)) for i, weight in enumerate(weights) if weight]
+def _combination(weights: Sequence[Fraction]) -> str:
+    terms = [(weight, f"k[{i}][i]") for i, weight in enumerate(weights) if weight]
     first = f"{_number(terms[0][0])} * {terms[0][1]}"
     return first + "".join(f" {'-' if w < 0 else '+'} {_number(abs(w))} * {k}" for w, k in terms[1:])
 
 
-SIMULATE = Target("simulate", "adaptive integration in C and NumPy", files)
+def _list(values: Sequence[Fraction]) -> str:
+    return "{" + ", ".join(_number(value) for value in values) + "}"
+
+
+def _table(rows: Sequence[Sequence[Fraction]], width: int) -> str:
+    """Rows filled up with zeros."""
+    return "{" + ", ".join(_list([*row, *[Fraction(0)] * (width - len(row))]) for row in rows) + "}"
+
+
+def _rows(tableau: Tableau) -> dict[str, object]:
+    """A tableau as text of Python numbers."""
+
+    def numbers(values: Sequence[Fraction]) -> str:
+        return "[" + ", ".join(_number(value) for value in values) + "]"
+
+    return {
+        "name": tableau.name,
+        "order": tableau.order,
+        "grow": _number(Fraction(1, tableau.order) - Fraction(3, 4) * tableau.damping),
+        "damp": _number(tableau.damping),
+        "c": numbers(tableau.c),
+        "a": [numbers(row) for row in tableau.a],
+        "errors": [numbers(row) for row in tableau.errors],
+    }
+
+
+SIMULATE = Target("simulate", "integration in C and NumPy", files)

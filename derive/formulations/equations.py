@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.choices import Ranking, Resolved, Workshop, ranked_partitions, resolved, workshop
+from derive.formulations.derivatives import derivatives
 from derive.formulations.functions import Motion, arguments, functions
 from derive.formulations.multipliers import augmented
 from derive.formulations.records import Equations
@@ -38,7 +39,8 @@ def equations(system: System, choice: str | None = None, formulation: str = "qua
     known = {f.name: f for f in FORMULATIONS}
     if formulation not in known:
         raise AssumptionError(f"unknown formulation '{formulation}'", did_you_mean(formulation, known) or listed(known))
-    return known[formulation].build(workshop(system), declared(system, choice))
+    found = known[formulation].build(workshop(system), declared(system, choice))
+    return replace(found, requests=(*found.requests, *derivatives(found.arguments, found.functions)))
 
 
 def declared(system: System, name: str | None) -> Choice:

@@ -33,13 +33,14 @@ def run(
     constants: Constants,
     functions: Collection[str] | None,
     formulation: str,
+    integrators: Collection[str],
     states: int,
     numpy: bool,
 ) -> Built:
     clock = Clock()
     equations = equations_of(path, choice, constants, formulation, clock)
     with meanwhile(lambda: html(equations)) as page:
-        program = program_of(equations, functions, clock)
+        program = program_of(equations, functions, clock, integrators)
         folder = Path(out) if out else Path("generated") / program.name
         _confirm(equations, program, states, numpy, clock)
         with clock("textbook"):

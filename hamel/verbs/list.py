@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from codegen.integrators import INTEGRATORS
 from codegen.targets import TARGETS
 from derive.formulations import FORMULATIONS, equations
 from derive.model import KINDS, load_text
@@ -43,13 +44,14 @@ def _known() -> dict[str, tuple[Known, ...]]:
     return {
         **{kind: tuple(names) for kind, names in kinds.items()},
         "formulations": _abouts(FORMULATIONS),
+        "integrators": _abouts(INTEGRATORS),
         "targets": _abouts(TARGETS),
         "functions": tuple(_functions(load_text(_EVERYTHING))),
     }
 
 
 def _abouts(registry: Iterable[Any]) -> tuple[Known, ...]:
-    return tuple(Known(item.name, item.about) for item in registry)
+    return tuple(Known(item.name, item.about, getattr(item, "source", "")) for item in registry)
 
 
 def _named(path: str | Path) -> dict[str, tuple[Known, ...]]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from derive.diagnostics import ModelError
+from codegen.integrators import INTEGRATORS
+from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.mechanics.initial import Initial, initial_state
 from hamel import motion
@@ -27,38 +29,63 @@ ROWS = 500  # of the output when no step is given
 MOST_ROWS = 10_000_000
 
 
+@dataclass(frozen=True)
+class Method:
+    """A point of the product: formulation and choice, keeping (the usual one when None), integrator; and how it steps."""
+
+    formulation: str
+    choice: str | None
+    keeping: str | None
+    integrator: str
+    step_size: float | None
+    rtol: float
+    atol: float | None
+
+
 def run(
     path: str | Path,
-    choice: str | None,
+    method: Method,
     time: float,
     step: float | None,
-    rtol: float,
-    atol: float | None,
     values: Mapping[str, float | str],
     out: str | Path | None,
     plot: str | Path | None,
     progress: Callable[[float], None] | None,
 ) -> Simulated:
-    times = _times(time, step)
+    _check(method)
+    times = _times(time, step, method.step_size)
     files = motion.writers(out, plot)
-    tolerances = _tolerances(rtol, atol)
+    tolerances = _tolerances(method.rtol, method.atol)
     mechanics = mechanics_of(load(path))
     given = settings(mechanics.model, values)
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
     initial = initial_state(mechanics, given.initial, p)
-    chosen = equations(mechanics, choice)
-    with temporary_module(chosen) as module:
+    chosen = equations(mechanics, method.choice, method.formulation)
+    with temporary_module(chosen, (method.integrator,)) as module:
         x = module.state(0.0, np.concatenate([initial.q, initial.v]), u, p)
-        found = motion.integrated(module, chosen, times, x, u, p, tolerances, progress)
+        stepping = motion.Stepping(method.integrator, method.keeping, method.step_size, *tolerances)
+        found = motion.integrated(module, chosen, times, x, u, p, stepping, progress)
     for write in files:
         write(found)
-    return _record(chosen, initial, found, out, plot)
+    return _record(chosen, found.keeping, method.integrator, initial, found, out, plot)
 
 
-def _times(time: float, step: float | None) -> np.ndarray:
-    """0, step, 2 step … and the last time itself."""
+def _check(method: Method) -> None:
+    """Refuse what cannot be, before anything is computed."""
+    known = {integrator.name: integrator for integrator in INTEGRATORS}
+    if method.integrator not in known:
+        raise ModelError(f"unknown integrator '{method.integrator}'; {did_you_mean(method.integrator, known) or listed(known)}")
+    if method.step_size is not None:
+        _positive("step size", method.step_size)
+    elif not known[method.integrator].adaptive:
+        raise ModelError(f"{method.integrator} has no step control: give it a step size")
+
+
+def _times(time: float, step: float | None, step_size: float | None) -> np.ndarray:
+    """0, step, 2 step … and the last time itself. Rows do not shorten equal steps unless asked for."""
     _positive("time", time)
-    step = time / ROWS if step is None else step
+    usual = time / ROWS if step_size is None else math.ceil(time / ROWS / step_size) * step_size
+    step = usual if step is None else step
     _positive("step", step)
     if time / step > MOST_ROWS:
         raise ModelError(f"a step of {step:g} s makes more than {MOST_ROWS} rows in {time:g} s")
@@ -80,11 +107,20 @@ def _positive(name: str, value: float) -> None:
 
 
 def _record(
-    chosen: Equations, initial: Initial, found: motion.Motion, out: str | Path | None, plot: str | Path | None
+    chosen: Equations,
+    keeping: str,
+    integrator: str,
+    initial: Initial,
+    found: motion.Motion,
+    out: str | Path | None,
+    plot: str | Path | None,
 ) -> Simulated:
     return Simulated(
         model=chosen.system.model.name,
+        formulation=chosen.formulation,
         choice=chosen.choice,
+        keeping=keeping,
+        integrator=integrator,
         time=float(found.t[-1]),
         steps=found.steps,
         rejected=found.rejected,
@@ -109,6 +145,7 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"initial {name} = {by['given']:.6g} contradicts the constraints, {by['used']:.6g} is used")
     steps = f"{record.steps} steps, {record.rejected} rejected, {record.seconds:.2g} s of computing"
     console.print(f"{record.model}, choice {record.choice}: {record.time:g} s in {steps}")
+    console.print(f"  {record.formulation}, keeping {record.keeping}, {record.integrator}")
     console.print(f"  largest |φ|         {number(record.position_violation)}")
     console.print(f"  largest |A v − c|   {number(record.velocity_violation)}")
     console.print(f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged")

@@ -1,4 +1,4 @@
-"""The folder where work is kept that need not be done twice: compiled binaries and prepared templates.
+"""The folder where work is kept that need not be done twice: compiled binaries, verified modules, prepared templates.
 
 Losing it, or not having one, only costs time. What nobody used for long, and the oldest of what is too much, is dropped.
 """
@@ -55,7 +55,8 @@ def _aged(root: Path, now: float) -> list[tuple[float, Path]]:
 
 def _size(entry: Path) -> int:
     total = 0
-    with contextlib.suppress(OSError):
-        for file in os.scandir(entry):
-            total += file.stat(follow_symlinks=False).st_size
+    for folder, _, files in os.walk(entry):
+        for name in files:
+            with contextlib.suppress(OSError):
+                total += os.lstat(os.path.join(folder, name)).st_size
     return total

@@ -40,7 +40,7 @@ def build(
     """
     from hamel.verbs.build import run
 
-    return run(path, choice, out, constants, functions, formulation, integrators, QUICK_STATES, numpy)
+    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy)
 
 
 def verify(

@@ -9,7 +9,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from codegen.build import Built as MadeFolder
+    from codegen.build import Draft
     from codegen.program import Program
     from derive.formulations.records import Equations
     from derive.mechanics.records import System
@@ -110,6 +111,17 @@ def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | N
         from codegen.build import build
 
         return build(program, folder, extra=extra)
+
+
+@contextmanager
+def drafted(program: Program, folder: Path, clock: Clock) -> Iterator[Draft]:
+    """The text of all targets beside `folder`, not compiled yet; gone at the end of the block unless published."""
+    with ExitStack() as stack:
+        with clock("code"):
+            from codegen.build import draft
+
+            made = stack.enter_context(draft(program, folder))
+        yield made
 
 
 def load_module(folder: Path) -> ModuleType:

@@ -32,7 +32,10 @@ class Checked:
 
 @dataclass(frozen=True)
 class Built:
-    """A module on disk. `seconds` is the time of each stage, `left_out` what this model has no use for."""
+    """A module on disk. `seconds` is the time of each stage, `left_out` what this model has no use for.
+
+    `kept`: it was built and verified earlier, from the same file with the same options by the same hamel, and copied.
+    """
 
     model: str
     choice: str
@@ -45,6 +48,7 @@ class Built:
     left_out: tuple[str, ...]
     ledger: tuple[Mapping[str, Any], ...]
     compiled: bool
+    kept: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
+from codegen.placing import beside
 from derive.diagnostics import ToolchainError
 
 
@@ -17,7 +16,7 @@ def staged_file(place: Path) -> Iterator[Path]:
     try:
         if place.is_dir():
             raise IsADirectoryError(None, "a folder of this name exists")
-        with _beside(place) as made:
+        with beside(place) as made:
             yield made
             made.replace(place)
     except OSError as error:
@@ -28,18 +27,3 @@ def write_text(place: Path, text: str) -> None:
     """Write a file in one step."""
     with staged_file(place) as made:
         made.write_text(text, encoding="utf-8")
-
-
-@contextmanager
-def _beside(place: Path) -> Iterator[Path]:
-    """A path of the same name on the same file system, gone at the end, as are the folders that were made for nothing."""
-    missing = [folder for folder in place.parents if not folder.exists()]
-    place.parent.mkdir(parents=True, exist_ok=True)
-    beside = Path(tempfile.mkdtemp(prefix=f".{place.name}-", dir=place.parent))
-    try:
-        yield beside / place.name
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
-        for folder in missing:
-            with suppress(OSError):  # it is in use
-                folder.rmdir()

@@ -171,8 +171,9 @@ def _failing(model, equations, *others, **options):
     return Verification(model.name, equations.choice, False, (check,), 20, 0)
 
 
-def test_failed_verification_leaves_nothing_behind(hamel, tmp_path, monkeypatch):
-    monkeypatch.setattr("hamel.verbs.build.quick_verification", _failing)
+def test_failed_verification_leaves_nothing_behind(hamel, tmp_path, tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))  # else what was verified before is copied
+    monkeypatch.setattr("hamel.making.quick_verification", _failing)
     code, _, err = hamel("build", SNAKE)
     assert code == 4 and "acceleration" in err
     assert os.listdir(tmp_path) == []
@@ -243,3 +244,16 @@ def test_interrupted_build_leaves_nothing(tmp_path):
     _, err = working.communicate()
     assert working.returncode in (0, 130) and "Traceback" not in err
     assert working.returncode == 0 or os.listdir(tmp_path) in ([], ["generated"])
+
+
+def test_building_again_copies_what_was_verified(hamel, tmp_path, tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+    model = tmp_path / "pendulum.yaml"
+    model.write_bytes((MODELS / "pendulum.yaml").read_bytes())
+    first = json.loads(hamel("build", str(model), "--json")[1])
+    before = {file.name: file.read_bytes() for file in Path(first["folder"]).iterdir() if file.is_file()}
+    again = json.loads(hamel("build", str(model), "-o", "elsewhere", "--json")[1])
+    assert again["kept"] and not first["kept"] and again["operations"] == first["operations"]
+    assert {file.name: file.read_bytes() for file in Path("elsewhere").iterdir() if file.is_file()} == before
+    model.write_text(model.read_text() + "# changed\n")
+    assert not json.loads(hamel("build", str(model), "--json")[1])["kept"]

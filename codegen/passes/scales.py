@@ -7,7 +7,7 @@ one by one as long as that saves a multiplication; the better end is taken.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from codegen.passes.graph import ONE, Graph, Work, snapped, uses
 

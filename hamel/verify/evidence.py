@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -117,11 +117,12 @@ class Graph:
                 break
         return x
 
-    def roundoff(self, name: str) -> ca.Function:
-        """(t, x, u, p) → a bound of the roundoff in a function's result."""
+    def roundoff(self, name: str, rows: Sequence[tuple[float, Array, Array, Array]]) -> Array:
+        """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries."""
         function = next(function for function in self.equations.functions if function.name == name)
         arguments = _slots({argument.name: argument.symbols for argument in self.equations.arguments}, function)
-        return ca.Function("roundoff", arguments, [bound(arguments, ca.densify(function.result.value))])
+        states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
+        return bound(arguments, ca.densify(function.result.value), states)
 
     def has(self, name: str) -> bool:
         return name in self.functions
@@ -249,10 +250,9 @@ class Evidence:
         return {function.name: self._expected(function.name) for function in self.graph.equations.functions}
 
     def _expected(self, name: str) -> tuple[Array, Array]:
-        roundoff = self.graph.roundoff(name)
         rows = [(s.t, x, s.u, s.p) for s, x in zip(self.samples, self.arguments_of(name))]
         values = [np.ravel(self.graph.iterated(name, *row)) for row in rows]
-        return np.array(values), np.array([np.ravel(np.array(roundoff(*row))) for row in rows])
+        return np.array(values), self.graph.roundoff(name, rows)
 
     def results(self, name: str) -> tuple[Array, ...]:
         """A function of this choice at every state."""

@@ -7,47 +7,70 @@ Two orderings of the same sums and products agree within a small multiple of the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import casadi as ca
 import numpy as np
 
+Array = np.ndarray
 EPSILON = float(np.finfo(float).eps) / 2
+EXACT = (ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_ASSIGN)
+
+# operands → z, then |∂z/∂operand| of each; the rest is differentiated by CasADi
+COMMON: dict[int, Callable[..., tuple]] = {
+    ca.OP_ADD: lambda a, b: (a + b, 1.0, 1.0),
+    ca.OP_SUB: lambda a, b: (a - b, 1.0, 1.0),
+    ca.OP_MUL: lambda a, b: (a * b, b, a),
+    ca.OP_DIV: lambda a, b: (a / b, 1.0 / b, a / b**2),
+    ca.OP_NEG: lambda a: (-a, 1.0),
+    ca.OP_SQ: lambda a: (a * a, 2.0 * a),
+    ca.OP_TWICE: lambda a: (2.0 * a, 2.0),
+    ca.OP_INV: lambda a: (1.0 / a, 1.0 / a**2),
+    ca.OP_SIN: lambda a: (np.sin(a), np.cos(a)),
+    ca.OP_COS: lambda a: (np.cos(a), np.sin(a)),
+    ca.OP_SQRT: lambda a: (np.sqrt(a), 0.5 / np.sqrt(a)),
+}
 
 
-def bound(arguments: list[ca.SX], value: ca.SX) -> ca.SX:
-    """The bound of each entry of a dense `value`, an expression over the same arguments, which count as exact."""
-    symbols = ca.vertcat(*arguments)
-    program = ca.Function("program", [symbols], [value])
-    work: dict[int, ca.SX] = {}
-    carried: dict[int, ca.SX] = {}
-    result = ca.SX.zeros(value.numel())
-    for index in range(program.n_instructions()):
-        operation, into = program.instruction_id(index), program.instruction_output(index)
-        operands = program.instruction_input(index)
-        if operation == ca.OP_OUTPUT:
-            result[into[1]] = carried[operands[0]]
-        elif operation == ca.OP_INPUT:
-            work[into[0]], carried[into[0]] = symbols[operands[1]], ca.SX(0)
-        elif operation == ca.OP_CONST:
-            work[into[0]], carried[into[0]] = ca.SX(program.instruction_constant(index)), ca.SX(0)
-        else:
-            taken = [work[i] for i in operands]
-            passed = [carried[i] for i in operands]
-            work[into[0]], carried[into[0]] = _operation(operation, taken, passed)
-    return ca.reshape(result, value.size1(), value.size2())
+def bound(arguments: list[ca.SX], value: ca.SX, states: Array) -> Array:
+    """The bound of each entry of a dense `value` (row by row), states × entries.
+
+    `value` is an expression over the arguments; `states` holds their entries, states × all arguments, and counts as exact.
+    """
+    program = ca.Function("program", [ca.vertcat(*arguments)], [value.T])
+    columns, nothing = states.T, np.zeros(len(states))
+    work: dict[int, tuple[Array, Array]] = {}
+    result = np.zeros((value.numel(), len(states)))
+    with np.errstate(all="ignore"):
+        for index in range(program.n_instructions()):
+            operation, into = program.instruction_id(index), program.instruction_output(index)
+            operands = program.instruction_input(index)
+            if operation == ca.OP_OUTPUT:
+                result[into[1]] = work[operands[0]][1]
+            elif operation == ca.OP_INPUT:
+                work[into[0]] = columns[operands[1]], nothing
+            elif operation == ca.OP_CONST:
+                work[into[0]] = np.full(len(states), program.instruction_constant(index)), nothing
+            else:
+                work[into[0]] = _operation(operation, [work[i] for i in operands])
+    return result.T
 
 
-def _operation(operation: int, operands: list[ca.SX], carried: list[ca.SX]) -> tuple[ca.SX, ca.SX]:
-    z, *slopes = _slopes(operation, len(operands))(*operands)
-    passed = sum((ca.fabs(slope) * error for slope, error in zip(slopes, carried)), ca.SX(0))
-    exact = operation in (ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_ASSIGN)
-    return z, passed if exact else passed + EPSILON * ca.fabs(z)
+def _operation(operation: int, operands: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """z and the bound of its error."""
+    z, *slopes = _formula(operation, len(operands))(*(value for value, _ in operands))
+    passed = sum(np.abs(slope) * error for slope, (_, error) in zip(slopes, operands))
+    return z, passed if operation in EXACT else passed + EPSILON * np.abs(z)
+
+
+def _formula(operation: int, count: int) -> Callable[..., tuple]:
+    return COMMON.get(operation) or _differentiated(operation, count)
 
 
 @cache
-def _slopes(operation: int, count: int) -> ca.Function:
-    """(a, b) → f, ∂f/∂a, ∂f/∂b of one CasADi operation."""
+def _differentiated(operation: int, count: int) -> Callable[..., tuple]:
     symbols = [ca.SX.sym(name) for name in "ab"[:count]]
     z = ca.SX.unary(operation, *symbols) if count == 1 else ca.SX.binary(operation, *symbols)
-    return ca.Function("slopes", symbols, [z, *(ca.densify(ca.jacobian(z, symbol)) for symbol in symbols)])
+    function = ca.Function("slopes", symbols, [z, *(ca.densify(ca.jacobian(z, symbol)) for symbol in symbols)])
+    return lambda *operands: tuple(np.ravel(np.array(x)) for x in function(*(operand[np.newaxis, :] for operand in operands)))

@@ -1,0 +1,95 @@
+"""making: a verified module from a model file; the folder appears only when all of it went well."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from codegen.compiler import INSTALL
+from derive.diagnostics import ToolchainError, VerificationError
+from derive.textbook import html
+from hamel.meanwhile import meanwhile
+from hamel.pipeline import Clock, Constants, drafted, equations_of, load_quietly, program_of
+from hamel.records import Built
+from hamel.verify import quick_verification
+
+if TYPE_CHECKING:
+    from codegen.build import Draft
+    from codegen.program import Program
+    from derive.formulations.records import Equations
+
+
+def made(
+    path: str | Path,
+    out: str | Path | None,
+    choice: str | None,
+    constants: Constants,
+    functions: Collection[str] | None,
+    formulation: str,
+    integrators: Collection[str],
+    states: int,
+    numpy: bool,
+) -> Built:
+    """Derive, emit, compile, compare with the independent derivation, and only then publish."""
+    clock = Clock()
+    equations = equations_of(path, choice, constants, formulation, clock)
+    with meanwhile(lambda: html(equations)) as page:
+        program = program_of(equations, functions, clock, integrators)
+        folder = Path(out) if out else Path("generated") / program.name
+        with drafted(program, folder, clock) as draft:
+            compiled = _confirmed(equations, draft, states, numpy, clock)
+            with clock("textbook"):
+                pages = {"derivation.html": page()}
+            _publish(draft, pages, clock)
+    return _record(program, folder, compiled, clock)
+
+
+def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clock: Clock) -> bool:
+    """Compile out of sight, and raise unless the module agrees with the independent derivation. Was there a compiler?"""
+    with ThreadPoolExecutor(1) as compiling:  # the derivation is checked while the compiler works
+        module = compiling.submit(_compiled, draft, numpy, clock)
+        with clock("verify"):
+            found = quick_verification(equations.system.model, equations, module.result, states)
+    failed = [check for check in found.checks if not check.passed]
+    if failed:
+        lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
+        raise VerificationError(f"{draft.name}, choice {equations.choice}: verification failed, nothing is written: {lines}")
+    return bool(draft.command)
+
+
+def _compiled(draft: Draft, numpy: bool, clock: Clock) -> ModuleType:
+    from codegen.build import compiled
+
+    with clock("compile"):
+        found = compiled(draft)
+    if not (found.compiled or numpy):
+        hint = "or build with --numpy: the module then runs on NumPy until it is compiled"
+        raise ToolchainError(f"no C compiler found: {INSTALL}", hint)
+    return load_quietly(found)
+
+
+def _publish(draft: Draft, pages: dict[str, str], clock: Clock) -> None:
+    from codegen.build import publish
+
+    with clock("code"):
+        publish(draft, pages)
+
+
+def _record(program: Program, folder: Path, compiled: bool, clock: Clock) -> Built:
+    return Built(
+        model=program.name,
+        choice=program.choice,
+        reason=program.reason,
+        folder=folder,
+        verified=True,
+        operations={kernel.name: kernel.operations["total"] for kernel in program.kernels},
+        seconds=clock.seconds,
+        quasi_velocities=program.quasi_velocities,
+        left_out=program.left_out,
+        ledger=tuple(asdict(entry) for entry in program.ledger),
+        compiled=compiled,
+    )

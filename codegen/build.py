@@ -57,7 +57,7 @@ def emit(program: Program, extra: Mapping[str, str] | None = None) -> dict[str, 
 
 def _sealed(files: Mapping[str, str], extra: Mapping[str, str]) -> dict[str, str]:
     """With `extra` among them, and the hashes of all in the manifest."""
-    others = {name: text for name, text in sorted((files | extra).items()) if name != "manifest.json"}
+    others = {name: text for name, text in sorted({**files, **extra}.items()) if name != "manifest.json"}
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in others.items()}
     manifest = {**json.loads(files["manifest.json"]), "files": hashes}
     return dict(sorted((others | {"manifest.json": json.dumps(manifest, indent=1) + "\n"}).items()))

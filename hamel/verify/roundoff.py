@@ -60,7 +60,7 @@ def bound(arguments: list[ca.SX], value: ca.SX, states: Array) -> Array:
 def _operation(operation: int, operands: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     """z and the bound of its error."""
     z, *slopes = _formula(operation, len(operands))(*(value for value, _ in operands))
-    passed = sum(np.abs(slope) * error for slope, (_, error) in zip(slopes, operands))
+    passed = np.sum([np.abs(slope) * error for slope, (_, error) in zip(slopes, operands)], axis=0)
     return z, passed if operation in EXACT else passed + EPSILON * np.abs(z)
 
 

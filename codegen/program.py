@@ -92,6 +92,8 @@ class Kernel:
     outputs: tuple[Expression, ...]
     guards: tuple[Pivot, ...]
     loop: Loop | None
+    watched: tuple[tuple[str, int], ...]  # entries of arguments that have to be finite and do not show in a result if not
+    results: tuple[int, ...]  # the outputs that have to be finite; the others are arguments or constants
     operations: Mapping[str, int]  # of each kind and "total"
 
     @property

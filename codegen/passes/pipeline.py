@@ -16,6 +16,7 @@ from codegen.passes.plain import plain
 from codegen.passes.schedule import reachable, schedule
 from codegen.passes.share import share
 from codegen.passes.trace import Tape, record, trace
+from codegen.passes.watch import watch
 from codegen.program import KINDS, Argument, Entry, Kernel, Loop, Pivot, Program
 from derive.diagnostics import HamelError
 from derive.formulations import records
@@ -189,6 +190,8 @@ def _finish(function: Function, best: _Candidate, arguments: Sequence[Argument],
     ]
     loop = function.iteration and Loop(function.iteration.tolerance, function.iteration.most, done.roots[-1])
     rows, columns = function.result.value.shape
+    uses = tuple(a.name for a in arguments if any(load.argument == a.name for load in done.loads))
+    watched = watch(best.lowered, size, {a.name: len(a.names) for a in arguments if a.name in uses})
     return Kernel(
         name=function.name,
         about=function.about,
@@ -197,12 +200,14 @@ def _finish(function: Function, best: _Candidate, arguments: Sequence[Argument],
         labels=function.result.labels,
         units=function.result.units,
         x=next(argument for argument in arguments if argument.name == "x"),
-        uses=tuple(a.name for a in arguments if any(load.argument == a.name for load in done.loads)),
+        uses=uses,
         loads=done.loads,
         sections=done.sections,
         outputs=done.roots[:size],
         guards=tuple(guards),
         loop=loop,
+        watched=watched.entries,
+        results=watched.outputs,
         operations=count(needed(best.lowered)),
     )
 

@@ -101,7 +101,12 @@ def _nested(code: Code, groups: Sequence[tuple[str, list[int]]], roots: Sequence
             user[operand] = i
     for root in roots:
         count[root] = count.get(root, 0) + 2
-    return _fitting(code, home, lambda i: count[i] == 1 and i not in names and home[user[i]] == home[i])
+    return _fitting(code, home, lambda i: count[i] == 1 and i not in names and home[user[i]] == home[i] and not _turns(code, i))
+
+
+def _turns(code: Code, i: int) -> bool:
+    """A sine or cosine stands alone: it is computed together with its twin."""
+    return code.operations[i].name in ("sin", "cos")
 
 
 def _fitting(code: Code, home: dict[int, int], once: Callable[[int], bool]) -> set[int]:

@@ -1,14 +1,22 @@
-"""C99: a header and one source file, straight-line code, no allocation, nothing but libm behind it."""
+"""C99: a header and source files, straight-line code, no allocation, nothing but libm behind it.
+
+NAME.c has every function for one state, NAME_batch.c the same for several states side by side, in loops that compilers turn
+into vector instructions.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from codegen import text
-from codegen.passes.split import Part, split
+from codegen.passes.lanes import is_batched
+from codegen.passes.split import Part, Parts, split
 from codegen.program import Expression, Kernel, Program, Statement
 from codegen.targets.records import Target
+
+FEW = 24  # values that are added up one by one to see that all are finite
+FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
 
 
 @dataclass(frozen=True)
@@ -30,14 +38,30 @@ class Body:
     size: int
     pieces: tuple[Piece, ...]
     workspace: int
-    checked: tuple[tuple[str, int], ...]  # arguments and sizes that are searched for values that are not finite
+    stray: str  # zero when nothing is infinite or NaN
     residual: str
+    turns: bool  # are there sines and cosines?
+
+
+@dataclass(frozen=True)
+class _Style:
+    """How entry i of an array is written, and a sine with its cosine."""
+
+    entry: str
+    pair: str
+
+
+_ONE = _Style("{0}[{1}]", "{prefix}_sincos({angle}, &{sin}, &{cos});")
+_MANY = _Style("{0}[{1} * LANES + lane]", "bad += {prefix}_sincos({angle}, &{sin}, &{cos});")
 
 
 def files(program: Program) -> dict[str, str]:
-    """NAME.h, NAME.c, and a NAME_FUNCTION.c for every long function, so that several are compiled at a time."""
-    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
-    bodies = [_body(program, kernel) for kernel in program.kernels]
+    """NAME.h, NAME.c, NAME_batch.c, and a NAME_FUNCTION.c for every long function, so that several are compiled at a time."""
+    widths = {argument.name: len(argument.names) for argument in program.arguments}
+    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "widths": widths}
+    splits = {kernel.name: split(kernel) for kernel in program.kernels}
+    bodies = [_body(program, kernel, splits[kernel.name], _ONE) for kernel in program.kernels]
+    batches = [_body(program, kernel, splits[kernel.name], _MANY) for kernel in program.kernels if is_batched(kernel)]
     short = [body for body in bodies if len(body.pieces) == 1]
     long = {
         f"{program.name}_{body.kernel.name}.c": text.render("long.c.j2", bodies=[body], **data)
@@ -45,33 +69,34 @@ def files(program: Program) -> dict[str, str]:
         if len(body.pieces) > 1
     }
     return {
-        f"{program.name}.h": text.render("header.h.j2", bodies=bodies, **data),
-        f"{program.name}.c": text.render("source.c.j2", bodies=short, **data),
+        f"{program.name}.h": text.render("header.h.j2", bodies=bodies, batches=batches, **data),
+        f"{program.name}.c": text.render("source.c.j2", bodies=short, features=FEATURES, **data),
+        f"{program.name}_cpu.c": text.render("cpu.c.j2", features=FEATURES, **data),
+        **({f"{program.name}_batch.c": text.render("batch.c.j2", bodies=batches, **data)} if batches else {}),
         **long,
     }
 
 
-def _body(program: Program, kernel: Kernel) -> Body:
-    sizes = {argument.name: len(argument.names) for argument in program.arguments} | {"x": len(kernel.x.names)}
-    parts = split(kernel)
+def _body(program: Program, kernel: Kernel, parts: Parts, style: _Style) -> Body:
     return Body(
         kernel=kernel,
         size=len(kernel.outputs),
-        pieces=tuple(_piece(kernel, part) for part in parts.parts),
+        pieces=tuple(_piece(program, kernel, part, style) for part in parts.parts),
         workspace=parts.size,
-        checked=tuple((name, sizes[name]) for name in "xup" if name in kernel.uses),
+        stray=_stray(program, kernel, style),
         residual=_value(kernel.loop.residual) if kernel.loop else "",
+        turns=any(map(_angles, parts.parts)),
     )
 
 
-def _piece(kernel: Kernel, part: Part) -> Piece:
+def _piece(program: Program, kernel: Kernel, part: Part, style: _Style) -> Piece:
     uses = {load.argument for load in part.loads} | ({"work"} if part.taken or part.kept else set())
     uses |= ({"out"} if part.outputs else set()) | (set() if part.residual is None else {"residual"})
     names = (*"txup", "work", "out", *(["residual"] if kernel.loop else []))
     return Piece(
-        lines=tuple(_lines(part)),
-        outputs=tuple(_output(kernel, i) for i, _ in part.outputs),
-        kept=tuple(f"work[{slot}] = {name};" for name, slot in part.kept),
+        lines=tuple(_lines(program, part, style)),
+        outputs=tuple(_output(kernel, i, style) for i, _ in part.outputs),
+        kept=tuple(f"{style.entry.format('work', slot)} = {name};" for name, slot in part.kept),
         guards=tuple((_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in part.guards),
         unused=tuple(name for name in names if name not in uses),
     )
@@ -81,27 +106,70 @@ def _value(value: Expression) -> str:
     return text.expression(value, text.C)
 
 
-def _lines(part: Part) -> Iterator[str]:
+def _lines(program: Program, part: Part, style: _Style) -> Iterator[str]:
     for load in part.loads:
         if load.argument != "t":
-            yield f"const double {load.name} = {load.argument}[{load.index}];"
+            yield f"const double {load.name} = {style.entry.format(load.argument, load.index)};"
     for name, slot in part.taken:
-        yield f"const double {name} = work[{slot}];"
+        yield f"const double {name} = {style.entry.format('work', slot)};"
+    angles = _angles(part)
+    done: set[str] = set()
     for section in part.sections:
         yield ""
         yield f"/* {text.comment(section.title)} */"
-        yield from (_statement(statement) for statement in section.statements)
+        for statement in section.statements:
+            if statement.name not in done:
+                yield from _statement(program, statement, angles, style, done)
 
 
-def _statement(statement: Statement) -> str:
-    return f"const double {statement.name} = {_value(statement.value)};"
+def _angles(part: Part) -> dict[Expression, dict[str, str]]:
+    """Which locals are the sine and the cosine of an angle."""
+    found: dict[Expression, dict[str, str]] = {}
+    for section in part.sections:
+        for statement in section.statements:
+            if isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos"):
+                found.setdefault(statement.value[1], {})[statement.value[0]] = statement.name
+    return found
 
 
-def _output(kernel: Kernel, i: int) -> str:
+def _statement(
+    program: Program, statement: Statement, angles: dict[Expression, dict[str, str]], style: _Style, done: set[str]
+) -> Iterator[str]:
+    """One assignment; a sine or cosine brings its twin along, which costs next to nothing there."""
+    value = statement.value
+    if not (isinstance(value, tuple) and value[0] in ("sin", "cos")):
+        yield f"const double {statement.name} = {_value(value)};"
+        return
+    found = angles[value[1]]
+    done.update(found.values())
+    sin, cos = (found.get(name, f"{statement.name}_{name}_") for name in ("sin", "cos"))
+    yield f"double {sin}, {cos};"
+    yield style.pair.format(prefix=program.name, angle=_value(value[1]), sin=sin, cos=cos)
+
+
+def _output(kernel: Kernel, i: int, style: _Style) -> str:
     label = kernel.labels[i] if i < len(kernel.labels) else ""
     unit = kernel.units[i] if i < len(kernel.units) else ""
     note = text.comment(", ".join(part for part in (label, unit) if part))
-    return f"out[{i}] = {_value(kernel.outputs[i])};" + (f" /* {note} */" if note else "")
+    return f"{style.entry.format('out', i)} = {_value(kernel.outputs[i])};" + (f" /* {note} */" if note else "")
+
+
+def _stray(program: Program, kernel: Kernel, style: _Style) -> str:
+    """0 * value is 0 for finite values and NaN for the others; many values are gone through in loops."""
+    watched = ["t" if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
+    results = [style.entry.format("out", i) for i in kernel.results]
+    if len(watched) + len(results) <= FEW or style is _MANY:
+        return _added([f"0.0 * {value}" for value in (*watched, *results)])
+    sizes = {argument.name: len(argument.names) for argument in program.arguments} | {"x": len(kernel.x.names)}
+    slots = dict.fromkeys(name for name, _ in kernel.watched)
+    calls = ["0.0 * t" if name == "t" else f"{program.name}_stray({name}, {sizes[name]})" for name in slots]
+    return " + ".join([*calls, f"{program.name}_stray(out, {len(kernel.outputs)})"])
+
+
+def _added(terms: Sequence[str]) -> str:
+    """A sum in three independent chains, so that no addition waits long for the one before."""
+    chains = [" + ".join(terms[k::3]) for k in range(min(3, len(terms)))]
+    return " + ".join(chain if len(chains) == 1 else f"({chain})" for chain in chains) or "0.0"
 
 
 C = Target("c", "C99 source and header", files)

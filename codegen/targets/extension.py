@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from codegen import text
+from codegen.passes.lanes import is_batched
 from codegen.program import Program
 from codegen.targets.records import Target
 
 
 def files(program: Program) -> dict[str, str]:
     """NAME_module.c."""
-    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
+    batched = [kernel.name for kernel in program.kernels if is_batched(kernel)]
+    data = {"batched": batched, "program": program, "prefix": program.name, "PREFIX": program.name.upper()}
     return {f"{program.name}_module.c": text.render("module.c.j2", **data)}
 
 

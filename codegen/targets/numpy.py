@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from codegen import text
+from codegen.passes.lanes import is_batched
 from codegen.passes.split import Part, split
 from codegen.program import Expression, Kernel, Program
 from codegen.targets.records import Target
@@ -38,7 +39,7 @@ def files(program: Program) -> dict[str, str]:
     erf = any(" _erf(" in f" {line}" or "(_erf(" in line for b in bodies for c in b.pieces for line in (*c.lines, *c.outputs))
     return {
         "_numpy.py": text.render("numpy.py.j2", bodies=bodies, erf=erf, **data),
-        "_library.py": text.render("library.py.j2", **data),
+        "_library.py": text.render("library.py.j2", batched=[k.name for k in program.kernels if is_batched(k)], **data),
         "_shared.py": text.render("shared.py.j2", **data),
     }
 

@@ -13,32 +13,58 @@ import casadi as ca
 
 Nested = TypeVar("Nested", bound=Sequence[Any])
 
-FREE = {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_PARAMETER}
+FREE = {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
+LEAVES = {ca.OP_CONST, ca.OP_INPUT}
 COMMUTES = {ca.OP_ADD, ca.OP_MUL}
 
 
-def operations(symbols: Sequence[ca.SX], results: Sequence[ca.SX]) -> int:
-    """Distinct counted operations of the graph that gives `results` from `symbols`."""
-    function = ca.Function("count", list(symbols), list(results), {"allow_free": True})
+def operations(*results: ca.SX) -> int:
+    """Distinct counted operations of the graph that gives all the results."""
+    return alternatives([ca.vertcat(*[ca.vec(x) for x in results])])[0]
+
+
+def alternatives(results: Sequence[ca.SX]) -> list[int]:
+    """Distinct counted operations that each result needs by itself; what they have in common is looked at once."""
+    values, roots = _numbered(results)
+    return [_reached(values, root) for root in roots]
+
+
+def _numbered(results: Sequence[ca.SX]) -> tuple[list[tuple[bool, tuple[int, ...]]], list[set[int]]]:
+    """Of each distinct value whether it counts and what it is made of; and the values each result consists of."""
+    everything = ca.vertcat(*[ca.vec(x) for x in results])
+    function = ca.Function("count", [ca.vertcat(*ca.symvar(everything))], list(results))
     numbers: dict[tuple, int] = {}
+    values: list[tuple[bool, tuple[int, ...]]] = []
     slots: dict[int, int] = {}
-    counted = 0
+    roots: list[set[int]] = [set() for _ in results]
     for k in range(function.n_instructions()):
-        op = function.instruction_id(k)
-        inputs, outputs = function.instruction_input(k), function.instruction_output(k)
+        op, inputs, outputs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_OUTPUT:
+            roots[outputs[0]].add(slots[inputs[0]])
             continue
         key = _key(function, k, op, inputs, slots)
-        fresh = key not in numbers
-        slots[outputs[0]] = numbers.setdefault(key, len(numbers))
-        counted += fresh and op not in FREE
+        number = numbers.setdefault(key, len(values))
+        if number == len(values):
+            values.append((op not in FREE, () if op in LEAVES else key[1:]))
+        slots[outputs[0]] = number
+    return values, roots
+
+
+def _reached(values: Sequence[tuple[bool, tuple[int, ...]]], roots: set[int]) -> int:
+    seen, waiting, counted = set(roots), list(roots), 0
+    while waiting:
+        counts, operands = values[waiting.pop()]
+        counted += counts
+        fresh = [k for k in operands if k not in seen]
+        seen.update(fresh)
+        waiting += dict.fromkeys(fresh)
     return counted
 
 
 def _key(function: ca.Function, k: int, op: int, inputs: list[int], slots: dict[int, int]) -> tuple:
     if op == ca.OP_CONST:
         return op, function.instruction_constant(k)
-    if op in (ca.OP_INPUT, ca.OP_PARAMETER):
+    if op == ca.OP_INPUT:
         return op, *inputs
     operands = [slots[i] for i in inputs]
     return op, *(sorted(operands) if op in COMMUTES else operands)
@@ -47,9 +73,13 @@ def _key(function: ca.Function, k: int, op: int, inputs: list[int], slots: dict[
 def cheapest(candidates: Iterable[Nested]) -> Nested:
     """Of equivalent results, each a list of scalars or of rows of scalars, the one that needs the fewest operations."""
     known = list(candidates)
-    return known[0] if len(known) == 1 else min(known, key=lambda entries: operations([], [_column(entries)]))
+    if len(known) == 1:
+        return known[0]
+    counts = alternatives([_column(entries) for entries in known])
+    return known[counts.index(min(counts))]
 
 
 def _column(entries: Sequence[Any]) -> ca.SX:
+    """A list of scalars, or of rows of scalars, as one column."""
     flat = [x for row in entries for x in (row if isinstance(row, list) else [row])]
     return ca.vertcat(*[ca.SX(x) for x in flat])

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product as combinations
-from typing import Any
 
 import casadi as ca
 
-from derive.expressions.counting import cheapest, operations
+from derive.expressions.counting import alternatives
 from derive.formulations.elimination import Elimination
 from derive.formulations.reduction import Reduction
 from derive.joints.records import Matrix, Scalar, Vector
-from derive.joints.rotations import dot, is_zero
+from derive.joints.rotations import dot, is_zero, minus, plus
 from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.articulated import tree_solution
 from derive.mechanics.forms import Form
@@ -27,7 +26,7 @@ from derive.mechanics.records import Inertia, Named, System
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.mechanics.tree import Wrench, gravities, ground_rotations, inertia_force, joint_forces, momentum
 
-MANY = 12  # with more base velocities than this, not every combination is counted
+MANY = 12  # with more quasi-velocities than this, not every combination is solved
 
 
 @dataclass(frozen=True)
@@ -55,17 +54,42 @@ class Explicit:
 
 def explicit(system: System, reduction: Reduction) -> Explicit:
     """The explicit equations, gathered in the way that needs the fewest operations."""
-    recursive = _articulated(system, reduction)
-    if recursive and not system.written:
-        return min(recursive, key=lambda x: x.operations)
-    masses, forces = _masses(system, reduction), _forces(system, reduction)
-    if len(masses) * len(forces) > 1 and system.v.numel() > MANY:
-        masses, forces = _only_cheapest(masses), _only_cheapest(forces)
-    found = [_solved(system, reduction, f"{a}, {b}", masses[a], forces[b]) for a, b in combinations(masses, forces)]
-    return min(found + recursive, key=lambda x: x.operations)
+    found = _articulated(system, reduction)
+    if not found or system.written:
+        found += _by_matrices(system, reduction)
+    qdot = ca.substitute(system.qdot, system.v, reduction.v)
+    counts = alternatives([ca.vertcat(qdot, x.wdot) for x in found])
+    best = found[counts.index(min(counts))]
+    vdot = ca.mtimes(reduction.S, best.wdot) + reduction.sigma
+    mass = system.M if best.mass is None else _sparse(best.mass)
+    return Explicit(qdot, best.wdot, vdot, mass, _column(best.force), min(counts), best.gathered)
 
 
-def _articulated(system: System, reduction: Reduction) -> list[Explicit]:
+@dataclass(frozen=True)
+class _Gathered:
+    """One way to ẇ."""
+
+    gathered: str
+    mass: Matrix | None  # None: the system's own
+    force: Vector
+    wdot: ca.SX
+
+
+def _by_matrices(system: System, reduction: Reduction) -> list[_Gathered]:
+    """ẇ by an unrolled L D Lᵀ, tip to base, from every pair of a mass matrix and a force; where solving is long, from the
+    pair that is made with the fewest operations."""
+    pairs = list(combinations(_masses(system, reduction).items(), _forces(system, reduction).items()))
+    if len(reduction.names) > MANY:
+        sides = [ca.vertcat(reduction.v, *[_column(row) for row in mass], _column(force)) for (_, mass), (_, force) in pairs]
+        counts = alternatives(sides)
+        pairs = [pairs[counts.index(min(counts))]]
+    return [
+        _Gathered(f"{a}, {b}", mass, force, _column(ldl_solution(mass, [force], list(reversed(range(len(force))))).x[0]))
+        for (a, mass), (b, force) in pairs
+    ]
+
+
+def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
     """ẇ by the O(n) recursion, where the base velocities of a tree are the quasi-velocities and T is the bodies' alone."""
     rotors = _diagonal(system.M_extra)
     if system.rows or not system.links or rotors is None or not _is_identity(reduction.S):
@@ -74,7 +98,7 @@ def _articulated(system: System, reduction: Reduction) -> list[Explicit]:
     for label, inertias in _inertias(system):
         force = _forces_on_tree(system, reduction, inertias)
         wdot = _column(tree_solution(system.links, inertias, rotors, force).vdot)
-        found.append(_explicit(system, reduction, f"articulated bodies{label}", wdot, system.M, _column(force)))
+        found.append(_Gathered(f"articulated bodies{label}", None, force, wdot))
     return found
 
 
@@ -90,25 +114,6 @@ def _forces_on_tree(system: System, reduction: Reduction, inertias: tuple[Inerti
     v = _entries(reduction.v)
     wrenches = newton_euler(system.links, inertias, v, [0.0] * len(v), system.gravity)
     return _by_joints(system, reduction, _at(system, reduction, system.Q - system.h_extra), wrenches)
-
-
-def _only_cheapest(candidates: dict[str, Any]) -> dict[str, Any]:
-    """For large systems, where all combinations are too many to count, each side is judged by itself."""
-    best = cheapest(candidates.values())
-    return {name: value for name, value in candidates.items() if value is best}
-
-
-def _solved(system: System, reduction: Reduction, gathered: str, mass: Matrix, force: Vector) -> Explicit:
-    """ẇ by an unrolled L D Lᵀ, tip to base."""
-    wdot = _column(ldl_solution(mass, [force], list(reversed(range(len(force))))).x[0])
-    return _explicit(system, reduction, gathered, wdot, _sparse(mass), _column(force))
-
-
-def _explicit(system: System, reduction: Reduction, gathered: str, wdot: ca.SX, mass: ca.SX, force: ca.SX) -> Explicit:
-    qdot = ca.substitute(system.qdot, system.v, reduction.v)
-    symbols = [system.t, system.q, reduction.w, system.u, system.p]
-    vdot = ca.mtimes(reduction.S, wdot) + reduction.sigma
-    return Explicit(qdot, wdot, vdot, mass, force, operations(symbols, [qdot, wdot]), gathered)
 
 
 def _column(entries: Vector) -> ca.SX:
@@ -156,7 +161,7 @@ def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
         wrenches = _wrenches(system, reduction.walked, inertias)
         result[f"forces by joints from rates{label}"] = _by_joints(system, reduction, Q, wrenches)
         by_links = _force_by_links(reduction, wrenches)
-        result[f"forces by links{label}"] = [applied[k] - by_links[k] for k in range(len(by_links))]
+        result[f"forces by links{label}"] = [minus(applied[k], by_links[k]) for k in range(len(by_links))]
     return result
 
 
@@ -197,7 +202,7 @@ def _mass_by_links(system: System, reduction: Reduction, inertias: tuple[Inertia
         for a in range(nw):
             n, f = momentum(body, columns[a])
             for b in range(a + 1):
-                extra[a][b] = extra[a][b] + _power(columns[b], (n, f))
+                extra[a][b] = plus(extra[a][b], _power(columns[b], (n, f)))
     return [[extra[max(a, b)][min(a, b)] for b in range(nw)] for a in range(nw)]
 
 
@@ -205,9 +210,9 @@ def _force_by_links(reduction: Reduction, wrenches: list[Wrench]) -> Vector:
     result: Vector = [0.0] * len(reduction.names)
     for i, wrench in enumerate(wrenches):
         for k, column in enumerate(_columns(reduction, i)):
-            result[k] = result[k] + _power(column, wrench)
+            result[k] = plus(result[k], _power(column, wrench))
     return result
 
 
 def _power(twist: Numbers, wrench: Wrench) -> Scalar:
-    return dot(twist[0], wrench[0]) + dot(twist[1], wrench[1])
+    return plus(dot(twist[0], wrench[0]), dot(twist[1], wrench[1]))

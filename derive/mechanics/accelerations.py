@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from derive.joints.records import Matrix, Scalar, Vector
-from derive.joints.rotations import cross, dot, is_zero, rotated, sum_of, transpose
+from derive.joints.rotations import cross, difference, dot, is_zero, plus, rotated, sum_of, transpose
 from derive.mechanics.records import Inertia, Link
 from derive.mechanics.tree import Wrench
 
@@ -42,7 +42,7 @@ def _child(link: Link, parent: State, v: Vector, vdot: Vector) -> State:
     alpha = sum_of(sum_of(carried_alpha, cross(carried_omega, turn)), turn_rate)
     a = sum_of(sum_of(carried_a, cross(sum_of(sum_of(carried_omega, carried_omega), turn), slide)), slide_rate)
     U = _spin_matrix(omega, alpha)
-    return omega, alpha, [x - y for x, y in zip(a, rotated(U, link.b))], U
+    return omega, alpha, difference(a, rotated(U, link.b)), U
 
 
 def _combined(link: Link, values: Vector) -> tuple[Vector, Vector]:
@@ -56,7 +56,7 @@ def _spin_matrix(omega: Vector, alpha: Vector) -> Matrix:
     mixed = {(i, j): dot([omega[i]], [omega[j]]) for i in range(3) for j in range(i + 1, 3)}
     sign = {(0, 1): -alpha[2], (1, 0): alpha[2], (0, 2): alpha[1], (2, 0): -alpha[1], (1, 2): -alpha[0], (2, 1): alpha[0]}
     return [
-        [-(square[(i + 1) % 3] + square[(i + 2) % 3]) if i == j else mixed[min(i, j), max(i, j)] + sign[i, j] for j in range(3)]
+        [-plus(square[(i + 1) % 3], square[(i + 2) % 3]) if i == j else plus(mixed[min(i, j), max(i, j)], sign[i, j]) for j in range(3)]
         for i in range(3)
     ]
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from derive.joints.records import Matrix, Rotation, Scalar, Vector
-from derive.joints.rotations import cross, dot, is_zero, matrix, product, rotated, sum_of, transpose
+from derive.joints.rotations import cross, difference, dot, is_zero, matrix, product, rotated, sum_of, transpose
 from derive.mechanics.links import moved, symmetric, turned_tensor
 from derive.mechanics.records import Inertia, Link
 
@@ -105,7 +105,7 @@ def _unit_index(step: Elimination) -> int:
 def _hand_down(links: Sequence[Link], bodies: list[Articulated], wrenches: list[Vector], i: int) -> None:
     """Body and wrench to the carrier's joint point: turn, shift to the carrier's origin, then to its own joint point."""
     link, carrier = links[i], links[links[i].parent]
-    arm = [x - y for x, y in zip(link.a, carrier.b)]
+    arm = difference(link.a, carrier.b)
     seen = _shifted(_turned(bodies[i], link.rotation), arm)
     bodies[link.parent] = _summed(bodies[link.parent], seen)
     n, f = rotated(link.R, wrenches[i][:3]), rotated(link.R, wrenches[i][3:])
@@ -153,7 +153,7 @@ def _received(links: Sequence[Link], twists: Sequence[Vector], link: Link) -> Ve
     if link.parent < 0:
         return [0.0] * 6
     carrier = links[link.parent]
-    arm = [x - y for x, y in zip(link.a, carrier.b)]
+    arm = difference(link.a, carrier.b)
     alpha, a = twists[link.parent][:3], twists[link.parent][3:]
     back = transpose(link.R)
     return [*rotated(back, alpha), *rotated(back, sum_of(a, cross(alpha, arm)))]

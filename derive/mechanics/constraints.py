@@ -15,7 +15,7 @@ import numpy as np
 from derive.expressions.evaluate import casadi_functions, value
 from derive.expressions.tree import ZERO
 from derive.joints.records import Matrix, Rotation, Scalar, Still, Vector
-from derive.joints.rotations import IDENTITY, cross, dot, matrix, merged, product, rotated, sum_of, transpose
+from derive.joints.rotations import IDENTITY, cross, difference, dot, matrix, merged, product, rotated, sum_of, transpose
 from derive.mechanics.links import placement
 from derive.mechanics.records import Link, Place, Row, RowForm, TwistTerm
 from derive.mechanics.symbols import Symbols
@@ -399,7 +399,7 @@ def _directions(scene: Scene, constraint: Rolling, place: Place, n: Vector, e: V
 def _height(scene: Scene, place: Place, point: Vector, normal: Vector, origin: Vector) -> ca.SX:
     inside = rotated(scene.rotations[place.link], point)
     ground = sum_of(scene.positions[place.link], inside)
-    return ca.SX(dot(normal, [x - y for x, y in zip(ground, origin)]))
+    return ca.SX(dot(normal, difference(ground, origin)))
 
 
 def _moving_row(scene: Scene, name: str, link: int, direction: Vector, point: Vector) -> RowForm:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from derive.joints.records import Scalar
-from derive.joints.rotations import is_zero
+from derive.joints.rotations import is_zero, plus, times
 
 Key = tuple[str, int]
 Form = dict[Key, Scalar]
@@ -23,12 +23,12 @@ def total(parts: Iterable[tuple[Scalar, Form]]) -> Form:
         if is_zero(weight):
             continue
         for key, coefficient in form.items():
-            _accumulate(result, key, weight * coefficient)
+            _accumulate(result, key, times(weight, coefficient))
     return {key: value for key, value in result.items() if not is_zero(value)}
 
 
 def _accumulate(form: Form, key: Key, value: Scalar) -> None:
-    form[key] = form[key] + value if key in form else value
+    form[key] = plus(form[key], value) if key in form else value
 
 
 def constant(value: Scalar) -> Form:
@@ -58,5 +58,5 @@ def value(form: Form, values: dict[Key, Scalar]) -> Scalar:
     """The number a form stands for; ONE counts as 1."""
     result: Scalar = 0.0
     for key, coefficient in form.items():
-        result = result + (coefficient if key == ONE else coefficient * values[key])
+        result = plus(result, coefficient if key == ONE else times(coefficient, values[key]))
     return result

@@ -10,7 +10,7 @@ import numpy as np
 
 from derive.joints import joint_type
 from derive.joints.records import JointType, Matrix, Rotation, Scalar, Still, Turn, Vector
-from derive.joints.rotations import UNIT, cross, dot, inverse, is_zero, matrix, merged, product, rotated, sum_of, transpose
+from derive.joints.rotations import UNIT, cross, difference, dot, inverse, is_zero, matrix, merged, minus, plus, product, rotated, sum_of, transpose
 from derive.mechanics.records import Inertia, Link, Place
 from derive.mechanics.symbols import Symbols
 from derive.model.records import GROUND, Body, Joint, Model, Placement
@@ -143,7 +143,7 @@ def _welded(symbols: Symbols, joint: Joint, carrier: Place) -> Place:
     on_child, in_child = placement(symbols, joint.at_child)
     turned = merged(carrier.rotation, on_parent, inverse(on_child))
     start = sum_of(carrier.position, rotated(matrix(carrier.rotation), in_parent))
-    return Place(carrier.link, turned, [x - y for x, y in zip(start, rotated(matrix(turned), in_child))])
+    return Place(carrier.link, turned, difference(start, rotated(matrix(turned), in_child)))
 
 
 def _absorb(links: list[Link], place: Place, extra: Inertia) -> None:
@@ -174,7 +174,7 @@ def _steiner(mass: Scalar, r: Vector) -> Matrix:
 
 
 def summed(a: Inertia, b: Inertia) -> Inertia:
-    return Inertia(a.mass + b.mass, sum_of(a.moment, b.moment), _added(a.tensor, b.tensor))
+    return Inertia(plus(a.mass, b.mass), sum_of(a.moment, b.moment), _added(a.tensor, b.tensor))
 
 
 def moved(i: Inertia, rotation: Rotation, r: Vector) -> Inertia:
@@ -187,7 +187,7 @@ def moved(i: Inertia, rotation: Rotation, r: Vector) -> Inertia:
     tensor = i.tensor
     for factor in reversed(rotation):
         tensor = turned_tensor(tensor, factor)
-    return Inertia(i.mass, moment, symmetric(lambda a, b: tensor[a][b] - _shift(r, moment, turned, a, b)))
+    return Inertia(i.mass, moment, symmetric(lambda a, b: minus(tensor[a][b], _shift(r, moment, turned, a, b))))
 
 
 def symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
@@ -198,7 +198,7 @@ def symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
 
 def _shift(r: Vector, moment: Vector, turned: Vector, a: int, b: int) -> Scalar:
     """Entry of [r]× [moment]× + [turned]× [r]×, with [x]× [y]× = y xᵀ − (x·y) 1."""
-    off = dot([moment[a]], [r[b]]) + dot([r[a]], [turned[b]])
+    off = dot([moment[a], r[a]], [r[b], turned[b]])
     if a != b:
         return off
     others = [k for k in range(3) if k != a]

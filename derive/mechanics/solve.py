@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from derive.joints.records import Matrix, Scalar, Vector
-from derive.joints.rotations import cross, dot, is_zero
+from derive.joints.rotations import cross, dot, is_zero, minus, times
 
 SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
 BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred
@@ -49,11 +49,11 @@ def ldl_solution(M: Matrix, sides: Sequence[Vector], order: Sequence[int]) -> So
         factors = {i: A[i][k] / A[k][k] for i in rest}
         for a, i in enumerate(rest):
             for j in rest[a:]:
-                A[i][j] = A[j][i] = A[i][j] - factors[i] * A[j][k]
+                A[i][j] = A[j][i] = minus(A[i][j], times(factors[i], A[j][k]))
         for b in right:
             for i in rest:
                 if not is_zero(b[k]):
-                    b[i] = b[i] - factors[i] * b[k]
+                    b[i] = minus(b[i], times(factors[i], b[k]))
         weights.append(factors)
     pivots = [A[k][k] for k in order]
     for b in right:
@@ -66,7 +66,7 @@ def _back(b: Vector, A: Matrix, order: Sequence[int], weights: Sequence[dict[int
         b[k] = 0.0 if is_zero(b[k]) else b[k] / A[k][k]
         for i, factor in factors.items():
             if not is_zero(b[i]):
-                b[k] = b[k] - factor * b[i]
+                b[k] = minus(b[k], times(factor, b[i]))
 
 
 @dataclass(frozen=True)
@@ -98,9 +98,9 @@ def lu_solution(A: Matrix, sides: Sequence[Vector], pivots: Sequence[Block]) -> 
         for i in (i for x in later for i in x.rows):
             factors = [dot(x, [rows[i][c] for c in block.columns]) for x in zip(*inverted)]
             for j in columns:
-                rows[i][j] = rows[i][j] - dot(factors, [rows[r][j] for r in block.rows])
+                rows[i][j] = minus(rows[i][j], dot(factors, [rows[r][j] for r in block.rows]))
             for b in right:
-                b[i] = b[i] - dot(factors, [b[r] for r in block.rows])
+                b[i] = minus(b[i], dot(factors, [b[r] for r in block.rows]))
         inverses.append(inverted)
         determinants.append(determinant)
     return Solution([_substituted(rows, b, pivots, inverses) for b in right], determinants)
@@ -110,7 +110,7 @@ def _substituted(rows: Matrix, b: Vector, pivots: Sequence[Block], inverses: Seq
     x: Vector = [0.0] * len(b)
     for step, (block, inverted) in reversed(list(enumerate(zip(pivots, inverses)))):
         later = [j for y in pivots[step + 1 :] for j in y.columns]
-        rest = [b[r] - dot([rows[r][j] for j in later], [x[j] for j in later]) for r in block.rows]
+        rest = [minus(b[r], dot([rows[r][j] for j in later], [x[j] for j in later])) for r in block.rows]
         for c, row in zip(block.columns, inverted):
             x[c] = dot(row, rest)
     return x

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from derive.joints.records import Matrix, Rotation, Scalar, Vector
-from derive.joints.rotations import IDENTITY, cross, dot, inverse, matrix, merged, product, rotated, sum_of, transpose
+from derive.joints.rotations import IDENTITY, cross, difference, dot, inverse, matrix, merged, minus, product, rotated, sum_of, transpose
 from derive.mechanics.links import moved, summed
 from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import Inertia, Link, Place
@@ -59,7 +59,7 @@ def ground_positions(links: Sequence[Link], rotations: Sequence[Matrix]) -> list
     for link, R in zip(links, rotations):
         carrier = (result[link.parent], rotations[link.parent]) if link.parent >= 0 else ([0.0, 0.0, 0.0], IDENTITY)
         joint = sum_of(carrier[0], rotated(carrier[1], link.a))
-        result.append([x - y for x, y in zip(joint, rotated(R, link.b))])
+        result.append(difference(joint, rotated(R, link.b)))
     return result
 
 
@@ -100,7 +100,7 @@ def inertia_force(body: Inertia, twist: Numbers, rate: Numbers, gravity: Vector)
     f = m a + ω̇ × mc + ω × (ω × mc),  n = I ω̇ + ω × I ω + mc × a.
     """
     (omega, velocity), (alpha, apparent) = twist, rate
-    a = [x - y for x, y in zip(sum_of(apparent, cross(omega, velocity)), gravity)]
+    a = difference(sum_of(apparent, cross(omega, velocity)), gravity)
     force = sum_of([dot([body.mass], [x]) for x in a], cross(alpha, body.moment))
     force = sum_of(force, cross(omega, cross(omega, body.moment)))
     spin = [dot(row, omega) for row in body.tensor]
@@ -111,7 +111,7 @@ def inertia_force(body: Inertia, twist: Numbers, rate: Numbers, gravity: Vector)
 def handed_down(link: Link, wrench: Wrench) -> tuple[Wrench, Wrench]:
     """A wrench at the link's origin: at the joint point in the link's frame, and at the parent's origin in the parent's frame."""
     moment, force = wrench
-    at_joint = ([x - y for x, y in zip(moment, cross(link.b, force))], force)
+    at_joint = (difference(moment, cross(link.b, force)), force)
     turned = rotated(link.R, at_joint[0]), rotated(link.R, force)
     return at_joint, (sum_of(turned[0], cross(link.a, turned[1])), turned[1])
 
@@ -175,7 +175,7 @@ def gravity_energy(links: Sequence[Link], positions: Sequence[Vector], rotations
     result: Scalar = 0.0
     for link, r, R in zip(links, positions, rotations):
         moment = sum_of([dot([link.inertia.mass], [x]) for x in r], rotated(R, link.inertia.moment))
-        result = result - dot(g, moment)
+        result = minus(result, dot(g, moment))
     return result
 
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import hamel
 from derive.diagnostics import ModelError
 from derive.mechanics import system
-from derive.mechanics.sampling import kinematics
+from derive.mechanics.closing import Kinematics
 from derive.model import load_text
 from hamel.cli import main
 from hamel.importing import imported, load, markup, mjcf, rotations
@@ -210,7 +210,7 @@ def test_a_free_base_is_asked_for():
 def test_a_loop_of_mjcf_closes_at_the_reference_configuration():
     model = load_quietly(ROBOTS / "four_bar.xml")
     s = system(model)
-    phi, A = kinematics(s).positions(0.0, np.zeros(3), np.array([]))
+    phi, A = Kinematics(s).positions(0.0, np.zeros(3), np.array([]))
     assert np.allclose(phi, 0.0, atol=1e-15)
     assert np.linalg.matrix_rank(A) == 2  # a planar loop, closed by three rows
     assert [c.type for c in model.closures] == ["ball"]

@@ -12,7 +12,8 @@ from derive.mechanics import system
 from derive.mechanics.initial import initial_state
 from derive.mechanics.links import moved, summed
 from derive.mechanics.records import Inertia, System
-from derive.mechanics.sampling import kinematics, states
+from derive.mechanics.closing import Kinematics
+from derive.mechanics.sampling import states
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
 from derive.mechanics.tree import ground_positions, ground_rotations
 from derive.model import load, load_text
@@ -100,7 +101,7 @@ def consistent_agreement(s: System, ours: ca.SX, theirs: ca.SX) -> float:
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_sampled_states_are_admissible(path) -> None:
     s = system(load(path))
-    solver, found = kinematics(s), states(s, 20, seed=1, parameters=0.1)
+    solver, found = Kinematics(s), states(s, 20, seed=1, parameters=0.1)
     assert len(found.t) == 20
     for t, q, v, p in zip(found.t, found.q, found.v, found.p):
         A, c, _ = solver.velocities(t, q, p)
@@ -124,7 +125,7 @@ def test_initial_state_keeps_what_is_held() -> None:
     found = initial_state(s)
     assert found.q[0] == pytest.approx(np.pi / 3) and found.v[0] == pytest.approx(5.0)
     assert not found.moved
-    solver = kinematics(s)
+    solver = Kinematics(s)
     A, c, _ = solver.velocities(0.0, found.q, np.array(s.parameters))
     assert np.max(np.abs(solver.positions(0.0, found.q, np.array(s.parameters))[0])) < 1e-12
     assert np.max(np.abs(A @ found.v - c)) < 1e-12

@@ -25,40 +25,37 @@ def operations(*results: ca.SX) -> int:
 
 def alternatives(results: Sequence[ca.SX]) -> list[int]:
     """Distinct counted operations that each result needs by itself; what they have in common is looked at once."""
-    values, roots = _numbered(results)
-    return [_reached(values, root) for root in roots]
+    values, users = _numbered(results)
+    shares: dict[int, int] = {}  # by who uses them, one bit per result: how many counted values
+    for number in reversed(range(len(values))):
+        counts, operands = values[number]
+        for k in operands:
+            users[k] |= users[number]
+        shares[users[number]] = shares.get(users[number], 0) + counts
+    return [sum(count for who, count in shares.items() if who >> k & 1) for k in range(len(results))]
 
 
-def _numbered(results: Sequence[ca.SX]) -> tuple[list[tuple[bool, tuple[int, ...]]], list[set[int]]]:
-    """Of each distinct value whether it counts and what it is made of; and the values each result consists of."""
+def _numbered(results: Sequence[ca.SX]) -> tuple[list[tuple[bool, tuple[int, ...]]], list[int]]:
+    """Of each distinct value, operands before what is made of them: whether it counts, its operands, and which results it is
+    an entry of, one bit each."""
     everything = ca.vertcat(*[ca.vec(x) for x in results])
     function = ca.Function("count", [ca.vertcat(*ca.symvar(everything))], list(results))
     numbers: dict[tuple, int] = {}
     values: list[tuple[bool, tuple[int, ...]]] = []
     slots: dict[int, int] = {}
-    roots: list[set[int]] = [set() for _ in results]
+    entries: list[int] = []
     for k in range(function.n_instructions()):
         op, inputs, outputs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_OUTPUT:
-            roots[outputs[0]].add(slots[inputs[0]])
+            entries[slots[inputs[0]]] |= 1 << outputs[0]
             continue
         key = _key(function, k, op, inputs, slots)
         number = numbers.setdefault(key, len(values))
         if number == len(values):
             values.append((op not in FREE, () if op in LEAVES else key[1:]))
+            entries.append(0)
         slots[outputs[0]] = number
-    return values, roots
-
-
-def _reached(values: Sequence[tuple[bool, tuple[int, ...]]], roots: set[int]) -> int:
-    seen, waiting, counted = set(roots), list(roots), 0
-    while waiting:
-        counts, operands = values[waiting.pop()]
-        counted += counts
-        fresh = [k for k in operands if k not in seen]
-        seen.update(fresh)
-        waiting += dict.fromkeys(fresh)
-    return counted
+    return values, entries
 
 
 def _key(function: ca.Function, k: int, op: int, inputs: list[int], slots: dict[int, int]) -> tuple:

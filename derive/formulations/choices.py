@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
+from derive.expressions.counting import alternatives
 from derive.formulations.elimination import Dependent, Undetermined
 from derive.formulations.orthonormal import orthonormal
 from derive.formulations.quasi_velocities import Explicit, explicit
@@ -24,10 +25,12 @@ from derive.formulations.reduction import Reduction, by_elimination, unreduced
 from derive.joints.rotations import is_one
 from derive.mechanics.constraints import velocity_row
 from derive.mechanics.records import RowForm, System
-from derive.mechanics.sampling import States, kinematics, states
+from derive.mechanics.closing import Kinematics
+from derive.mechanics.sampling import States, states
 from derive.model.records import Choice, Span
 
 SAMPLES = 40
+ENTRIES, FEWEST = 2_000, 10  # of large systems fewer states are looked at: about so many velocities, at least so many states
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
 MOST_WAYS = 16
 FINALISTS = 5
@@ -66,28 +69,34 @@ class Workshop:
     system: System
 
     @cached_property
-    def sampled(self) -> States:
-        return states(self.system, SAMPLES)
+    def solver(self) -> Kinematics:
+        return Kinematics(self.system)
 
     @cached_property
-    def rows(self) -> list[np.ndarray]:
-        """A at the sampled states, each row divided by its largest length over them."""
-        solver, s = kinematics(self.system), self.sampled
-        return _scaled([solver.velocities(t, q, p)[0] for t, q, p in zip(s.t, s.q, s.p)])
+    def sampled(self) -> States:
+        nv = max(1, self.system.v.numel())
+        return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+
+    @cached_property
+    def plain_rows(self) -> np.ndarray:
+        """A at the sampled states, k × nc × nv."""
+        s = self.sampled
+        return self.solver.rows(s.t, s.q, s.p)[0]
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """The same, each row divided by its largest length over them."""
+        return _scaled(self.plain_rows)
 
     @cached_property
     def sizes(self) -> list[float]:
         """The largest length of each row of A over the sampled states."""
-        solver, s = kinematics(self.system), self.sampled
-        return _lengths([solver.velocities(t, q, p)[0] for t, q, p in zip(s.t, s.q, s.p)])
+        return _lengths(self.plain_rows)
 
-    @cached_property
+    @property
     def rank(self) -> int:
-        """The rank of A that all but a few sampled states agree on."""
-        if not self.system.rows:
-            return 0
-        ranks = [int(np.linalg.matrix_rank(A, tol=RANK)) for A in self.rows if A.size]
-        return int(np.median(ranks)) if ranks else 0
+        """The rank of A at the sampled states."""
+        return len(self.kept)
 
     @cached_property
     def kept(self) -> tuple[int, ...]:
@@ -101,11 +110,15 @@ class Workshop:
 
     def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
         """Of the given rows those that add rank, judged at most of the sampled states."""
-        kept: list[int] = []
+        rest, kept = self.rows.copy(), []
         for i in rows:
-            trial = [*kept, i]
-            if sum(np.linalg.matrix_rank(A[trial], tol=RANK) == len(trial) for A in self.rows) > len(self.rows) / 2:
-                kept = trial
+            lengths = np.linalg.norm(rest[:, i], axis=1)
+            if np.sum(lengths > RANK) <= len(rest) / 2:
+                continue
+            kept.append(i)
+            unit = rest[:, i] / np.where(lengths > RANK, lengths, 1.0)[:, None]
+            for _ in range(2):  # once more, for what roundoff left along it
+                rest = rest - (rest @ unit[:, :, None]) * unit[:, None, :]
         return tuple(kept)
 
     @cached_property
@@ -126,14 +139,13 @@ def _repetition(names: Sequence[str], A: np.ndarray, kept: Sequence[int], i: int
     return f"row {names[i]} {where} at the sampled states and is dropped: their reactions are not unique"
 
 
-def _scaled(matrices: Sequence[np.ndarray]) -> list[np.ndarray]:
-    lengths = np.array(_lengths(matrices))[:, None]
-    return [A / lengths for A in matrices]
+def _scaled(matrices: np.ndarray) -> np.ndarray:
+    return matrices / np.array(_lengths(matrices))[:, None]
 
 
-def _lengths(matrices: Sequence[np.ndarray]) -> list[float]:
+def _lengths(matrices: np.ndarray) -> list[float]:
     """The largest length of each row over the matrices; 1 for a row of zeros."""
-    lengths = np.max([np.linalg.norm(A, axis=1) for A in matrices], axis=0)
+    lengths = np.max(np.linalg.norm(matrices, axis=2), axis=0)
     return [float(x) if x > 0 else 1.0 for x in lengths]
 
 
@@ -190,17 +202,18 @@ def _counted(n: int, what: str) -> str:
 
 def _culprits(shop: Workshop, rows: Sequence[RowForm]) -> str:
     """The constraints that take part in the dependency: the left null vector of [A; B] at a sampled state."""
-    Y = np.vstack([shop.rows[0], _scaled(_numeric_rows(shop, rows))[0]])
+    Y = np.vstack([shop.rows[0], _scaled(_numeric_rows(shop, _matrix(rows, shop.system.v.numel())))[0]])
     weights = np.abs(np.linalg.svd(Y)[0][:, -1])
     names = [row.name for row in shop.system.rows] + [row.name for row in rows]
     return "with " + ", ".join(n for n, x in zip(names, weights) if x > 1e-6)
 
 
-def _numeric_rows(shop: Workshop, rows: Sequence[RowForm]) -> list[np.ndarray]:
-    system, s = shop.system, shop.sampled
-    matrix = ca.densify(_matrix(rows, system.v.numel()))
-    function = ca.Function("B", [system.t, system.q, system.p], [matrix])
-    return [np.asarray(function(t, q, p)) for t, q, p in zip(s.t, s.q, s.p)]
+def _numeric_rows(shop: Workshop, B: ca.SX) -> np.ndarray:
+    """The speed rows at the sampled states."""
+    if B.is_constant():
+        return np.tile(ca.DM(B).full(), (len(shop.sampled.t), 1, 1))
+    s = shop.sampled
+    return shop.solver.values(B, s.t, s.q, s.p)
 
 
 def _matrix(rows: Sequence[RowForm], nv: int) -> ca.SX:
@@ -222,15 +235,19 @@ def speed_rows(system: System, choice: Choice) -> list[RowForm]:
 
 
 def _carried(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reason: str) -> Resolved:
-    """The elimination in every way of writing the constraint blocks; the fewest operations among the safest pivots win."""
+    """The elimination in every way of writing the constraint blocks; among those with the safest pivots the one that gives v
+    and v̇ with the fewest operations wins, for what follows hardly differs."""
     names = tuple(row.name for row in rows)
     if not shop.system.rows and _are_the_base(rows):
         reduction = unreduced(shop.system, names)
         equations = explicit(shop.system, reduction)
         ranking = Ranking(name, kind, names, True, 1.0, 1.0, equations.operations, (), equations.gathered)
         return Resolved(ranking, reduction, equations, reason)
-    found = [_one_way(shop, names, rows, ways) for ways in _ways(shop.system)]
-    reduction, equations = min(found, key=lambda x: (not x[0].constant_pivots, len(x[0].guards), x[1].operations))
+    sizes = [*shop.sizes, *_lengths(_numeric_rows(shop, _matrix(rows, shop.system.v.numel())))]
+    found = [by_elimination(shop.system, names, rows, ways, shop.sampled, shop.kept, sizes) for ways in _ways(shop.system)]
+    counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
+    best = min(range(len(found)), key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]))
+    reduction, equations = found[best], explicit(shop.system, found[best])
     ranking = _ranking(shop, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
 
@@ -239,12 +256,6 @@ def _are_the_base(rows: Sequence[RowForm]) -> bool:
     """Whether the speeds are the base velocities themselves, in order."""
     singles = [row.coefficients[0] for row in rows if len(row.coefficients) == 1]
     return len(singles) == len(rows) and all(j == k and is_one(x) for k, (j, x) in enumerate(singles))
-
-
-def _one_way(shop: Workshop, names: tuple[str, ...], rows: Sequence[RowForm], ways: Sequence[int]) -> tuple[Reduction, Explicit]:
-    sizes = [*shop.sizes, *_lengths(_numeric_rows(shop, rows))]
-    reduction = by_elimination(shop.system, names, rows, ways, shop.sampled, shop.kept, sizes)
-    return reduction, explicit(shop.system, reduction)
 
 
 def _ways(system: System) -> list[tuple[int, ...]]:
@@ -256,21 +267,18 @@ def _ways(system: System) -> list[tuple[int, ...]]:
 
 
 def _ranking(shop: Workshop, name: str, kind: str, rows: tuple[str, ...], reduction: Reduction, equations: Explicit) -> Ranking:
-    system, s = shop.system, shop.sampled
-    function = ca.Function("B", [system.t, system.q, system.p], [ca.densify(reduction.B)])
-    B = [np.asarray(function(t, q, p)) for t, q, p in zip(s.t, s.q, s.p)]
-    conditions = _conditions(shop, B)
+    conditions = _conditions(shop, _numeric_rows(shop, reduction.B))
     count, pivots = equations.operations, reduction.pivots
     return Ranking(name, kind, rows, reduction.constant_pivots, *conditions, count, pivots, equations.gathered)
 
 
-def _conditions(shop: Workshop, B: Sequence[np.ndarray]) -> tuple[float, float]:
+def _conditions(shop: Workshop, B: np.ndarray) -> tuple[float, float]:
     """Median and largest condition number of [A; B], rows scaled to length one."""
-    found = []
-    for A, rows in zip(shop.rows, _scaled(B)):
-        values = np.linalg.svd(np.vstack([A, rows]))[1]
-        least = values[shop.system.v.numel() - 1] if len(values) >= shop.system.v.numel() else 0.0
-        found.append(values[0] / max(least, 1e-300) if values.size else 1.0)
+    nv = shop.system.v.numel()
+    values = np.linalg.svd(np.concatenate([shop.rows, _scaled(B)], axis=1), compute_uv=False)
+    if not values.size or values.shape[1] < nv:
+        return (1.0, 1.0) if not nv else (np.inf, np.inf)
+    found = values[:, 0] / np.maximum(values[:, nv - 1], 1e-300)
     return float(np.median(found)), float(np.max(found))
 
 
@@ -322,7 +330,7 @@ def _candidates(shop: Workshop) -> list[tuple[tuple[float, int], str, tuple[RowF
     result = []
     for subset in subsets:
         rows = tuple(RowForm(_speed_name(shop.system, j), (), ((j, 1.0),)) for j in subset)
-        worst = _conditions(shop, [np.eye(nv)[list(subset)]] * len(shop.rows))[1] if shop.system.rows else 1.0
+        worst = _conditions(shop, np.tile(np.eye(nv)[list(subset)], (len(shop.rows), 1, 1)))[1] if shop.system.rows else 1.0
         result.append(((round(np.log10(worst), 1), subset[0] if subset else 0), " ".join(r.name for r in rows), rows))
     return result
 
@@ -337,20 +345,21 @@ def _pivoted(shop: Workshop) -> list[tuple[int, ...]]:
 
 
 def _greedy(shop: Workshop, weight: np.ndarray) -> tuple[int, ...]:
-    matrices = [A[list(shop.kept)].copy() for A in shop.rows]
+    matrices = shop.rows[:, list(shop.kept)]
     free = list(range(shop.system.v.numel()))
     for _ in range(shop.rank):
-        sizes = np.min([np.linalg.norm(A, axis=0) for A in matrices], axis=0) * weight
+        sizes = np.min(np.linalg.norm(matrices, axis=1), axis=0) * weight
         j = max(free, key=lambda k: (round(float(sizes[k]), 6), k))
         free.remove(j)
-        matrices = [_deflated(A, j) for A in matrices]
+        matrices = _deflated(matrices, j)
     return tuple(free)
 
 
 def _deflated(A: np.ndarray, j: int) -> np.ndarray:
-    length = np.linalg.norm(A[:, j])
-    unit = A[:, j] / length if length > 0 else A[:, j]
-    return A - np.outer(unit, unit @ A)
+    """Column j taken out of all columns."""
+    length = np.linalg.norm(A[:, :, j], axis=1)
+    unit = A[:, :, j] / np.where(length > 0, length, 1.0)[:, None]
+    return A - unit[:, :, None] * (unit[:, None, :] @ A)
 
 
 def _speed_name(system: System, j: int) -> str:

@@ -17,7 +17,8 @@ from derive.formulations.reduction import SINGULAR, Reduction, symbols_for
 from derive.joints.records import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
 from derive.mechanics.records import System
-from derive.mechanics.sampling import States, kinematics
+from derive.mechanics.closing import Kinematics
+from derive.mechanics.sampling import States
 from derive.mechanics.solve import scalars
 
 MINORS = 3  # with more rows than this the cross product costs more than Gram–Schmidt
@@ -111,8 +112,7 @@ def _particular(A: list[Vector], c: list[ca.SX]) -> ca.SX:
 
 def _frame(system: System, kept: Sequence[int], sampled: States) -> np.ndarray:
     """Constant nv × nw frame: the null space at the sampled state that suits all sampled states best."""
-    solver = kinematics(system)
-    rows = [solver.velocities(t, q, p)[0][list(kept)] for t, q, p in zip(sampled.t, sampled.q, sampled.p)]
+    rows = Kinematics(system).rows(sampled.t, sampled.q, sampled.p)[0][:, list(kept)]
     spaces = [np.linalg.svd(A)[2][len(kept) :].T if len(kept) else np.eye(system.v.numel()) for A in rows]
     worst = [min(np.linalg.svd(other.T @ space)[1].min() for other in spaces) for space in spaces[:20]]
     return np.round(spaces[int(np.argmax(worst))], 3)

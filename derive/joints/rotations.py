@@ -30,7 +30,7 @@ def _versine(weight: Scalar, c: Scalar) -> Scalar:
 
 def is_zero(value: Scalar) -> bool:
     """Exactly zero, as a float or as a CasADi constant."""
-    return value == 0 if isinstance(value, float | int) else value.is_constant() and float(value) == 0
+    return value.is_constant() and float(value) == 0 if isinstance(value, ca.SX) else value == 0
 
 
 UNIT: dict[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -38,7 +38,7 @@ UNIT: dict[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 
 
 def is_one(value: Scalar) -> bool:
     """Exactly one, likewise."""
-    return value == 1 if isinstance(value, float | int) else value.is_constant() and float(value) == 1
+    return value.is_constant() and float(value) == 1 if isinstance(value, ca.SX) else value == 1
 
 
 def euler_rotation(sequence: str, angles: Sequence[Scalar]) -> Rotation:

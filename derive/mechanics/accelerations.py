@@ -56,7 +56,10 @@ def _spin_matrix(omega: Vector, alpha: Vector) -> Matrix:
     mixed = {(i, j): dot([omega[i]], [omega[j]]) for i in range(3) for j in range(i + 1, 3)}
     sign = {(0, 1): -alpha[2], (1, 0): alpha[2], (0, 2): alpha[1], (2, 0): -alpha[1], (1, 2): -alpha[0], (2, 1): alpha[0]}
     return [
-        [-plus(square[(i + 1) % 3], square[(i + 2) % 3]) if i == j else plus(mixed[min(i, j), max(i, j)], sign[i, j]) for j in range(3)]
+        [
+            -plus(square[(i + 1) % 3], square[(i + 2) % 3]) if i == j else plus(mixed[min(i, j), max(i, j)], sign[i, j])
+            for j in range(3)
+        ]
         for i in range(3)
     ]
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from derive.diagnostics import Diagnostic, ModelError
 from derive.expressions.evaluate import number
+from derive.mechanics.closing import Kinematics, closed, nominal, normalised
 from derive.mechanics.records import System
-from derive.mechanics.sampling import Kinematics, closed, kinematics, nominal, normalised
 from derive.model.records import Span
 
 AGREES = 1e-9  # relative residual up to which held velocities count as kept
@@ -32,7 +32,7 @@ def initial_state(system: System, changes: Mapping[str, float] | None = None, p:
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
     given, held = _given(system, changes or {})
-    solver = kinematics(system)
+    solver = Kinematics(system)
     q = _positions(system, solver, given, held, parameters)
     v = _velocities(system, solver, given, held, q, parameters)
     N = solver.velocities(0.0, q, parameters)[2]

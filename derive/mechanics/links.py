@@ -10,7 +10,22 @@ import numpy as np
 
 from derive.joints import joint_type
 from derive.joints.records import JointType, Matrix, Rotation, Scalar, Still, Turn, Vector
-from derive.joints.rotations import UNIT, cross, difference, dot, inverse, is_zero, matrix, merged, minus, plus, product, rotated, sum_of, transpose
+from derive.joints.rotations import (
+    UNIT,
+    cross,
+    difference,
+    dot,
+    inverse,
+    is_zero,
+    matrix,
+    merged,
+    minus,
+    plus,
+    product,
+    rotated,
+    sum_of,
+    transpose,
+)
 from derive.mechanics.records import Inertia, Link, Place
 from derive.mechanics.symbols import Symbols
 from derive.model.records import GROUND, Body, Joint, Model, Placement

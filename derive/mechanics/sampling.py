@@ -1,4 +1,10 @@
-"""Random admissible states: φ(q, t) = 0 by Gauss–Newton from a random start, then v on A v = c, at random t, u, p."""
+"""Random admissible states: φ(q, t) = 0, A v = c, at random t, u, p, on the branch the model starts from.
+
+Where coordinates are tied together, many walkers leave the initial configuration at once, each its own way: steps along the
+kernel of the rows, every one brought back onto φ = 0 by Gauss–Newton. They turn round before positions where A loses rank,
+so that they neither change branch nor stop where a branch meets another (a parallelogram laid flat). Rows that repeat
+others do so at every consistent configuration: the rank is read at closed ones, by the gap between singular values.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +13,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from derive.expressions.evaluate import number
+from derive.mechanics.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, nominal, normalised
 from derive.mechanics.records import System
 
-TRIES = 40  # random starts per state before giving up, and states passed over for want of rank
-CLOSED = 1e-12
-NEWTON = 30  # iterations after which a start counts as hopeless
-WEAK = 1e-4  # a relative singular value of A below this belongs to a redundant row or a nearly singular position
-PILOTS = 8  # states looked at to learn the rank of A
+STEPS = 9  # of a walk
+LOOSE = 0.02  # rad or width: what a step may be off φ = 0 before its last correction
+GAP = 1e-12  # eigenvalues of A Aᵀ below this part of the largest belong to rows that repeat others
+NEAR = 0.1  # a smallest singular value below this part of its usual size is near a singular position
+PROBES = 6  # configurations looked at to learn the rank
+STARTS = 40  # random starts where the nominal one cannot be closed
+SPARE = 4  # walkers more than states asked for, and a fifth of these
 
 
 @dataclass(frozen=True)
@@ -28,150 +36,246 @@ class States:
     p: np.ndarray
 
 
-@dataclass(frozen=True)
-class Kinematics:
-    """φ, A, c and N as compiled CasADi functions of (t, q, p)."""
-
-    phi: ca.Function
-    rows: ca.Function
-
-    def positions(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """φ and its Jacobian in q."""
-        phi, jacobian = self.phi(t, q, p)
-        return np.asarray(phi).ravel(), np.asarray(jacobian)
-
-    def velocities(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A (nc × nv), c, N (nq × nv)."""
-        A, c, N = self.rows(t, q, p)
-        return np.asarray(A), np.asarray(c).ravel(), np.asarray(N)
-
-
-def kinematics(system: System) -> Kinematics:
-    arguments = [system.t, system.q, system.p]
-    phi = ca.Function("phi", arguments, [ca.densify(system.phi), ca.densify(ca.jacobian(system.phi, system.q))])
-    rows = ca.Function("rows", arguments, [ca.densify(x) for x in (system.A, system.c, system.N)])
-    return Kinematics(phi, rows)
-
-
-def states(system: System, count: int, seed: int = 0, spread: float = 1.0, parameters: float = 0.0) -> States:
+def states(
+    system: System, count: int, seed: int = 0, spread: float = 1.0, parameters: float = 0.0, solver: Kinematics | None = None
+) -> States:
     """`count` admissible states around the model's initial values; fewer where the constraints cannot be met.
 
-    Angles vary by ±spread·π, lengths by ±spread·(½ + |value|/2) m; parameters by the relative amount `parameters`. States in
-    which A has not the rank it has elsewhere, or all but loses it, are left out.
+    Angles vary by up to spread·π, lengths by spread·(½ + |value|/2) m; parameters by the relative amount `parameters`, as far
+    as the mechanism can be closed with them and keeps its rank. States near which A loses rank are left out.
     """
-    rng = np.random.default_rng(seed)
-    search = _search(system, rng, spread, parameters)
-    pilots = [search.rows(s) for s in (search.closed_state() for _ in range(PILOTS)) if s is not None]
-    lengths = np.max([np.linalg.norm(A, axis=1) for A in pilots], axis=0) if pilots else np.zeros(0)
-    rank = max((_rank(A, lengths) for A in pilots), default=0)
-    found = [s for s in (search.regular_state(lengths, rank) for _ in range(count)) if s is not None]
-    columns = list(zip(*found)) if found else [[] for _ in range(5)]
-    sizes = (system.q.numel(), system.v.numel(), system.u.numel(), system.p.numel())
-    arrays = [np.array(x, dtype=float).reshape(len(found), n) for x, n in zip(columns[1:], sizes)]
-    return States(np.array(columns[0], dtype=float), *arrays)
+    rng, solver = np.random.default_rng(seed), solver or Kinematics(system)
+    many = count + count // 5 + SPARE
+    t, p = _times(system, rng, many), _parameters(system, rng, many, parameters)
+    q = _scattered(system, rng, many, spread)
+    if system.phi.numel():
+        found = _walked(solver, rng, t, p, spread)
+        if found is None:
+            return _nothing(system)
+        t, q, p = found
+    v, regular = _velocities(solver, rng, t, q, p)
+    u = rng.normal(size=(len(t), system.u.numel()))
+    return States(*[x[regular][:count] for x in (t, q, v, u, p)])
 
 
-def _search(system: System, rng: np.random.Generator, spread: float, vary: float) -> Search:
-    moving = ca.depends_on(_everything(system), system.t)
-    spread = spread / (1 + system.phi.numel() / 8) ** 0.5  # far starts of many loops end where loops lie flat
-    return Search(system, kinematics(system), nominal(system), rng, spread, vary, moving)
+def _nothing(system: System) -> States:
+    return States(np.zeros(0), *[np.zeros((0, x.numel())) for x in (system.q, system.v, system.u, system.p)])
 
 
-Sample = tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+def _times(system: System, rng: np.random.Generator, many: int) -> np.ndarray:
+    everything = (system.phi, system.c, ca.vec(system.A), system.h, system.Q, system.V, system.qdot)
+    moving = ca.depends_on(ca.vertcat(*everything), system.t)
+    return rng.uniform(0.0, 2.0, many) if moving else np.zeros(many)
+
+
+def _parameters(system: System, rng: np.random.Generator, many: int, vary: float) -> np.ndarray:
+    usual = np.array(system.parameters, dtype=float)
+    return usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
+
+
+def _scattered(system: System, rng: np.random.Generator, many: int, spread: float) -> np.ndarray:
+    centre = nominal(system)
+    width = np.array([np.pi if c.unit == "rad" else _length(x) for c, x in zip(system.model.coordinates, centre)])
+    return normalised(system, centre + spread * width * rng.uniform(-1, 1, (many, len(centre))))
+
+
+def _length(value: float) -> float:
+    return 0.5 + abs(value) / 2
 
 
 @dataclass(frozen=True)
-class Search:
-    """Everything a random state is drawn from."""
+class View:
+    """φ and its derivative along v at many configurations, rows divided by their usual lengths, columns times the widths."""
 
-    system: System
+    phi: np.ndarray  # (k, m)
+    J: np.ndarray  # (k, m, nv)
+    squares: np.ndarray  # (k, m) eigenvalues of J Jᵀ, ascending
+    U: np.ndarray  # (k, m, m) eigenvectors
+
+    @property
+    def off(self) -> np.ndarray:
+        """How far each configuration is from closed; infinite where φ is not a number."""
+        size = np.max(np.abs(self.phi), axis=1, initial=0.0)
+        return np.where(np.isfinite(size), size, np.inf)
+
+    def solved(self, right: np.ndarray, rank: int) -> np.ndarray:
+        """J⁺ right, with the `rank` strongest directions."""
+        U, squares = self.U[:, :, -rank:], self.squares[:, -rank:, None]
+        weights = np.where(squares > 1e-14 * squares[:, -1:], 1.0, 0.0) / np.maximum(squares, 1e-300)
+        along = U @ (weights * (U.transpose(0, 2, 1) @ right[:, :, None]))
+        return (self.J.transpose(0, 2, 1) @ along)[:, :, 0]
+
+    def strength(self, rank: int) -> np.ndarray:
+        """The least singular value that counts."""
+        return np.sqrt(np.maximum(self.squares[:, -rank], 0.0))
+
+    @property
+    def ranks(self) -> np.ndarray:
+        return np.sum(self.squares > GAP * self.squares[:, -1:], axis=1)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What all walkers share; `width` is what one unit of a walk means to each base velocity."""
+
     solver: Kinematics
-    centre: np.ndarray
-    rng: np.random.Generator
-    spread: float
-    vary: float
-    moving: bool
+    width: np.ndarray  # (nv,)
+    lengths: np.ndarray  # (m,)
+    rank: int = 1
+    floor: float = 0.0  # strength below which a walker turns round
 
-    def closed_state(self) -> Sample | None:
-        """The first of a few random starts that can be closed, nearer to the centre with every failure."""
-        for attempt in range(TRIES):
-            found = self.attempt(self.spread * 0.8 ** (attempt // 4))
-            if found is not None:
-                return found
+    def view(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
+        phi, J = self.solver.closing(t, q, p)
+        J = np.nan_to_num(J) * self.width / self.lengths[:, None]
+        return View(phi / self.lengths, J, *np.linalg.eigh(J @ J.transpose(0, 2, 1)))
+
+    def moved(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """q + N · along, no coordinate by more than a leap."""
+        most = np.max(np.abs(along), axis=1, initial=1e-300)[:, None]
+        return self.solver.carried(t, q, p, along * np.minimum(1.0, LEAP / most) * self.width)
+
+    def corrected(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, View]:
+        """One Gauss–Newton step, and the view it was taken from."""
+        view = self.view(t, q, p)
+        step = view.solved(np.where(np.isfinite(view.phi), view.phi, 0.0), self.rank)
+        return self.moved(t, q, p, -step), view
+
+    def closed(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """q on φ = 0, and which of them got there: one more step is taken once all are, for the rank to be clear."""
+        done = np.zeros(len(t), dtype=bool)
+        for _ in range(NEWTON):
+            moved, view = self.corrected(t, q, p)
+            arrived = view.off <= CLOSED * (1.0 + np.max(np.abs(q), axis=1, initial=0.0))
+            q = np.where(np.isfinite(view.off)[:, None], moved, q)
+            if np.all(done := arrived):
+                break
+        return q, done
+
+    def step(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray, View]:
+        """The next configuration along a tangent, whether it can be trusted, and a view from next to it."""
+        q, _ = self.corrected(t, self.moved(t, q, p, along), p)
+        q, view = self.corrected(t, q, p)
+        return q, view.off <= LOOSE, view
+
+    def tangent(self, view: View, wish: np.ndarray) -> np.ndarray:
+        """The wish without what the rows forbid, its largest entry one; zero where nothing is left."""
+        left = wish - view.solved((view.J @ wish[:, :, None])[:, :, 0], self.rank)
+        size = np.max(np.abs(left), axis=1, initial=0.0)[:, None]
+        return np.where(size > 1e-8, left / np.maximum(size, 1e-300), 0.0)
+
+
+def _walked(
+    solver: Kinematics, rng: np.random.Generator, t: np.ndarray, p: np.ndarray, spread: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Closed configurations, each at the end of a walk; None where there is nowhere to start from."""
+    usual = np.array(solver.system.parameters, dtype=float)
+    start = _start(solver, rng, usual)
+    if start is None:
         return None
-
-    def regular_state(self, lengths: np.ndarray, rank: int) -> Sample | None:
-        """A closed state in which A has the given rank."""
-        for _ in range(TRIES):
-            found = self.closed_state()
-            if found is None or _rank(self.rows(found), lengths) == rank:
-                return found
-        return None
-
-    def rows(self, sample: Sample) -> np.ndarray:
-        """A at a state."""
-        t, q, _, _, p = sample
-        return self.solver.velocities(t, q, p)[0]
-
-    def attempt(self, spread: float) -> Sample | None:
-        system, rng = self.system, self.rng
-        t = rng.uniform(0.0, 2.0) if self.moving else 0.0
-        p = np.array(system.parameters) * (1 + self.vary * rng.uniform(-1, 1, len(system.parameters)))
-        start = normalised(system, self.centre + _scatter(system, self.centre, rng, spread))
-        q = closed(self.solver, t, start, p)
-        if q is not None and system.quaternions:  # a constraint may speak of a quaternion's components
-            q = closed(self.solver, t, normalised(system, q), p)
-        if q is None:
-            return None
-        return t, q, _velocity(self.solver, t, q, p, rng), rng.normal(size=system.u.numel()), p
+    walk = _learnt(solver, rng, start, usual)
+    q, p = _with_parameters(walk, start, usual, p)
+    time, q = _on_foot(walk, rng, t, q, p, spread)
+    q, done = walk.closed(time, q, p)
+    return time[done], q[done], p[done]
 
 
-def _rank(A: np.ndarray, lengths: np.ndarray) -> int:
-    """Directions of A that are there with some strength, rows measured by their usual lengths."""
-    return int(np.linalg.matrix_rank(A / np.where(lengths > 0, lengths, 1.0)[:, None], tol=WEAK)) if A.size else 0
+def _start(solver: Kinematics, rng: np.random.Generator, p: np.ndarray) -> np.ndarray | None:
+    """The initial configuration: guesses move, else everything may; else the nearest of some random starts that closes."""
+    system = solver.system
+    held = {x.name for x in system.model.initial if x.held}
+    free = np.array([c.name not in held for c in system.model.coordinates])
+    centre = nominal(system)
+    for choice in (free, np.ones(len(centre), dtype=bool)):
+        found = closed(solver, 0.0, centre, p, choice)
+        if found is not None:
+            return normalised(system, found)
+    starts = [closed(solver, 0.0, q, p) for q in _scattered(system, rng, STARTS, 1.0)]
+    closest = sorted((q for q in starts if q is not None), key=lambda q: float(np.max(np.abs(q - centre))))
+    return normalised(system, closest[0]) if closest else None
 
 
-def nominal(system: System) -> np.ndarray:
-    """The coordinates the model file starts from, guesses included, zero where nothing is said."""
-    names = {x.name: x.value for x in system.model.parameters} | {"t": 0.0}
-    given = {x.name: number(x.value, names) for x in system.model.initial}
-    return normalised(system, np.array([given.get(c.name, 0.0) for c in system.model.coordinates]))
+def _learnt(solver: Kinematics, rng: np.random.Generator, start: np.ndarray, p: np.ndarray) -> Walk:
+    """The rank and the usual strength of the rows, from short steps away from the start: it may be singular itself."""
+    system = solver.system
+    many = np.tile(p, (PROBES, 1))
+    t, around = np.zeros(PROBES), _scattered(system, rng, PROBES, 1.0)
+    largest = max([_length(x) for c, x in zip(system.model.coordinates, start) if c.unit != "rad"], default=1.0)
+    width = [1.0 if x.unit == "rad/s" else 2 * largest / np.pi for x in system.model.velocities]
+    sizes = np.nan_to_num(solver.closing(t, around, many)[1]) * width
+    lengths = np.max(np.linalg.norm(sizes, axis=2), axis=0)
+    walk = Walk(solver, np.array(width), np.where(lengths > 0, lengths, 1.0))
+    home = np.tile(start, (PROBES, 1))
+    rank = max(1, int(np.max(walk.view(t, home, many).ranks)))
+    for trial in range(rank, min(len(lengths), len(width)) + 1):
+        walk = Walk(solver, walk.width, walk.lengths, trial)
+        wish = 0.1 * walk.tangent(walk.view(t, home, many), rng.normal(size=(PROBES, len(width))))
+        q, done = walk.closed(t, walk.moved(t, home, many, wish), many)
+        seen = walk.view(t[done], q[done], many[done])
+        if 2 * np.sum(done) >= PROBES and np.max(seen.ranks) <= trial:
+            strength = float(np.median(seen.strength(trial)))
+            return Walk(solver, walk.width, walk.lengths, trial, NEAR * strength)
+    return Walk(solver, walk.width, walk.lengths, rank)
 
 
-def normalised(system: System, q: np.ndarray) -> np.ndarray:
-    """q with its quaternions divided by their length; a zero one becomes (1, 0, 0, 0)."""
-    result = q.copy()
-    for i in system.quaternions:
-        length = float(np.linalg.norm(q[i : i + 4]))
-        result[i : i + 4] = q[i : i + 4] / length if length > 0 else (1.0, 0.0, 0.0, 0.0)
-    return result
+def _with_parameters(walk: Walk, start: np.ndarray, usual: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The start closed with other parameters; where that fails, or is another mechanism by its rank, the usual ones stay."""
+    home = np.tile(start, (len(p), 1))
+    if np.array_equal(p, np.tile(usual, (len(p), 1))):
+        return home, p
+    q, done = walk.closed(np.zeros(len(p)), home, p)
+    same = done & (walk.view(np.zeros(len(p)), q, p).ranks <= walk.rank)
+    if 2 * np.sum(same) < len(p):
+        same[:] = False
+    return np.where(same[:, None], q, home), np.where(same[:, None], p, usual)
 
 
-def _everything(system: System) -> ca.SX:
-    return ca.vertcat(system.phi, system.c, ca.vec(ca.densify(system.A)), system.h, system.Q, system.V, system.qdot)
+def _on_foot(
+    walk: Walk, rng: np.random.Generator, until: np.ndarray, q: np.ndarray, p: np.ndarray, spread: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Every walker takes its steps; one that goes astray halves them, one that nears a singular position turns round."""
+    k, nv = len(q), len(walk.width)
+    t = np.zeros(k)
+    length = spread * np.pi * rng.uniform(0.15, 1.0, (k, 1)) / STEPS
+    pace, heading = np.ones((k, 1)), rng.normal(size=(k, nv))
+    view = walk.view(t, q, p)
+    for _ in range(STEPS):
+        heading = walk.tangent(view, heading)
+        later = t + pace[:, 0] * until / STEPS
+        there, trusted, seen = walk.step(later, q, p, pace * length * heading)
+        nearer = (seen.strength(walk.rank) < walk.floor) & (seen.strength(walk.rank) < view.strength(walk.rank))
+        good = trusted & ~nearer
+        q, t = np.where(good[:, None], there, q), np.where(good, later, t)
+        view = _chosen(good, seen, view)
+        pace = np.where(trusted[:, None], pace, pace / 2)
+        heading = np.where(good[:, None], heading, -heading) + 0.3 * rng.normal(size=(k, nv))
+    return t, q
 
 
-def _scatter(system: System, centre: np.ndarray, rng: np.random.Generator, spread: float) -> np.ndarray:
-    width = np.array([np.pi if c.unit == "rad" else 0.5 + abs(x) / 2 for c, x in zip(system.model.coordinates, centre)])
-    return spread * width * rng.uniform(-1, 1, len(centre)) if len(centre) else np.zeros(0)
+def _chosen(which: np.ndarray, a: View, b: View) -> View:
+    pick = [np.where(which.reshape(-1, *[1] * (x.ndim - 1)), x, y) for x, y in zip(_arrays(a), _arrays(b))]
+    return View(*pick)
 
 
-def closed(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, free: np.ndarray | None = None) -> np.ndarray | None:
-    """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that fails."""
-    weights = np.ones(len(q)) if free is None else free.astype(float)
-    for _ in range(NEWTON):
-        phi, J = solver.positions(t, q, p)
-        if not np.all(np.isfinite(phi)):
-            return None
-        scale = 1.0 + float(np.max(np.abs(q), initial=0.0))
-        if np.max(np.abs(phi), initial=0.0) <= CLOSED * scale:
-            return q
-        step = -weights * np.linalg.lstsq(J * weights, phi, rcond=1e-10)[0]
-        q = q + step * min(1.0, 0.7 * scale / (1e-300 + float(np.max(np.abs(step), initial=0.0))))
-    return None
+def _arrays(view: View) -> tuple[np.ndarray, ...]:
+    return view.phi, view.J, view.squares, view.U
 
 
-def _velocity(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    A, c, _ = solver.velocities(t, q, p)
-    v = rng.normal(size=A.shape[1])
-    return v - np.linalg.lstsq(A, A @ v - c, rcond=1e-10)[0] if len(c) else v
+def _velocities(
+    solver: Kinematics, rng: np.random.Generator, t: np.ndarray, q: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Random v on A v = c, and which states are regular: A has the rank it has elsewhere, and does not all but lose it."""
+    v = rng.normal(size=(len(t), solver.system.v.numel()))
+    if not solver.system.rows or not v.size:
+        return v, np.ones(len(t), dtype=bool)
+    A, c = solver.rows(t, q, p)
+    lengths = np.max(np.linalg.norm(A, axis=2), axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    A, c = A / lengths[:, None], c / lengths
+    view = View(c, A, *np.linalg.eigh(A @ A.transpose(0, 2, 1)))
+    rank = int(np.max(view.ranks))
+    if rank == 0:
+        return v, np.ones(len(t), dtype=bool)
+    for _ in range(2):
+        v = v - view.solved((A @ v[:, :, None])[:, :, 0] - c, rank)
+    strength = view.strength(rank)
+    return v, strength > NEAR / 5 * float(np.median(strength))

@@ -9,7 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from derive.joints.records import Matrix, Rotation, Scalar, Vector
-from derive.joints.rotations import IDENTITY, cross, difference, dot, inverse, matrix, merged, minus, product, rotated, sum_of, transpose
+from derive.joints.rotations import (
+    IDENTITY,
+    cross,
+    difference,
+    dot,
+    inverse,
+    matrix,
+    merged,
+    minus,
+    product,
+    rotated,
+    sum_of,
+    transpose,
+)
 from derive.mechanics.links import moved, summed
 from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import Inertia, Link, Place

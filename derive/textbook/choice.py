@@ -11,7 +11,8 @@ import numpy as np
 import sympy
 
 from derive.formulations.records import Guard
-from derive.mechanics.sampling import kinematics, states
+from derive.mechanics.closing import Kinematics
+from derive.mechanics.sampling import states
 from derive.textbook.author import Author
 from derive.textbook.compose import operations
 from derive.textbook.records import Math, Text
@@ -205,7 +206,7 @@ def _dependent(a: Author, A: ca.SX, B: ca.SX) -> list[int]:
 def _sampled(a: Author) -> list[np.ndarray]:
     """A at consistent states, rows scaled to length one."""
     system = a.system
-    solver, found = kinematics(system), states(system, SAMPLES)
+    solver, found = Kinematics(system), states(system, SAMPLES)
     matrices = [solver.velocities(t, q, p)[0] for t, q, p in zip(found.t, found.q, found.p)]
     rows = [A[a.kept] for A in matrices]
     return [A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-12) for A in rows]

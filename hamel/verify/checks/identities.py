@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from derive.mechanics.sampling import normalised
+from derive.mechanics.closing import normalised
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import deviation, slope, worst
 from hamel.verify.evidence import Evidence, Sample, Terms

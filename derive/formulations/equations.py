@@ -10,6 +10,7 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.choices import Ranking, Resolved, Workshop, ranked_partitions, resolved, workshop
+from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.derivatives import derivatives
 from derive.formulations.functions import Motion, arguments, functions
 from derive.formulations.multipliers import augmented
@@ -40,7 +41,8 @@ def equations(system: System, choice: str | None = None, formulation: str = "qua
     if formulation not in known:
         raise AssumptionError(f"unknown formulation '{formulation}'", did_you_mean(formulation, known) or listed(known))
     found = known[formulation].build(workshop(system), declared(system, choice))
-    return replace(found, requests=(*found.requests, *derivatives(found.arguments, found.functions)))
+    moves = configuration(system) if is_plain(system) else ()
+    return replace(found, requests=(*found.requests, *derivatives(found.arguments, found.functions), *moves))
 
 
 def declared(system: System, name: str | None) -> Choice:

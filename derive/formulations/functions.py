@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Guard, Iteration, Result
 from derive.joints.records import Vector
@@ -67,6 +68,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _outputs(system, motion),
         _velocity(system, motion),
         _state(system, motion),
+        *([] if is_plain(system) else [request.make() for request in configuration(system)]),
     ]
     return tuple(function for function in found if function is not None)
 

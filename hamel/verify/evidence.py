@@ -228,12 +228,17 @@ class Evidence:
         return tuple(np.array(graph.motion(s.t, x, s.u, s.p)[1]).ravel() for s, x in rows)
 
     def arguments_of(self, name: str) -> tuple[Array, ...]:
-        """The x that a function takes: (q, v) for `state`, (q, v, v̇) for `inverse_dynamics`, (q, w) for every other."""
-        if name == "state":
+        """The x that a function takes: the state (q, w), unless it is one of those that take something else."""
+        if name in ("state", "qdot", "integrate"):
             return tuple(np.concatenate([s.q, s.v]) for s in self.samples)
         if name == "inverse_dynamics":
             rng = np.random.default_rng(4)  # any v̇ will do, and none should come out as zero
             return tuple(np.concatenate([s.q, s.v, s.outcome.vdot + rng.normal(size=len(s.v))]) for s in self.samples)
+        if name == "difference":
+            others = (*self.samples[1:], *self.samples[:1])
+            return tuple(np.concatenate([s.q, other.q]) for s, other in zip(self.samples, others))
+        if name == "normalise":
+            return tuple(1.1 * s.q for s in self.samples)
         return self.x
 
     def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:

@@ -9,10 +9,10 @@ import pytest
 from derive.joints.records import Still
 from derive.joints.rotations import IDENTITY, axis_rotation, dot, inverse, matrix, merged, product, transpose, turn
 from derive.mechanics import system
+from derive.mechanics.closing import Kinematics
 from derive.mechanics.initial import initial_state
 from derive.mechanics.links import moved, summed
 from derive.mechanics.records import Inertia, System
-from derive.mechanics.closing import Kinematics
 from derive.mechanics.sampling import states
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
 from derive.mechanics.tree import ground_positions, ground_rotations

@@ -13,7 +13,7 @@ import pytest
 
 from codegen import build, compiler, loader
 from codegen.passes import program, split
-from codegen.passes.pipeline import _roots, _slots
+from codegen.passes.pipeline import _roots
 from derive.expressions.counting import operations
 from derive.formulations import equations
 from derive.formulations.records import Equations

@@ -30,7 +30,17 @@ from tests.scenes import MODELS, ROOT
 
 TOLERANCE = 1e-9
 EVERY_CHOICE = {"four_bar", "snake3"}
-ONE_CHOICE = {"chaplygin_sleigh", "rolling_disk", "slider_crank", "pendulum", "bead_in_bowl", "cart_pole", "double_pendulum"}
+ONE_CHOICE = {
+    "chaplygin_sleigh",
+    "rolling_disk",
+    "slider_crank",
+    "pendulum",
+    "bead_in_bowl",
+    "cart_pole",
+    "double_pendulum",
+    "planar_3r",
+    "mobile_manipulator_2r",
+}
 IMPOSSIBLE = {("snake3", "world")}  # x and y rates depend on each other through the wheel of link 1
 
 

@@ -1,4 +1,4 @@
-"""The inlined sine and cosine: at most one unit in the last place on |x| ≤ 1e5, the library's own beyond, one by one and in batches."""
+"""The inlined sine and cosine: at most one unit in the last place on |x| ≤ 1e5, the library's own beyond."""
 
 from __future__ import annotations
 

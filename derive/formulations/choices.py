@@ -23,9 +23,9 @@ from derive.formulations.orthonormal import orthonormal
 from derive.formulations.quasi_velocities import Explicit, explicit
 from derive.formulations.reduction import Reduction, by_elimination, unreduced
 from derive.joints.rotations import is_one
+from derive.mechanics.closing import Kinematics
 from derive.mechanics.constraints import velocity_row
 from derive.mechanics.records import RowForm, System
-from derive.mechanics.closing import Kinematics
 from derive.mechanics.sampling import States, states
 from derive.model.records import Choice, Span
 

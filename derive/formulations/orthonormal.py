@@ -16,8 +16,8 @@ from derive.formulations.records import Guard
 from derive.formulations.reduction import SINGULAR, Reduction, symbols_for
 from derive.joints.records import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
-from derive.mechanics.records import System
 from derive.mechanics.closing import Kinematics
+from derive.mechanics.records import System
 from derive.mechanics.sampling import States
 from derive.mechanics.solve import scalars
 

@@ -8,7 +8,9 @@ from derive.formulations.records import Equations
 from derive.textbook import names
 from derive.textbook.author import Author
 from derive.textbook.choice import choice, inverse
+from derive.textbook.complement import complement
 from derive.textbook.given import given
+from derive.textbook.interaction import interaction
 from derive.textbook.kinematics import components, constraints, coordinates, links
 from derive.textbook.motion import bordered, energies, multipliers, outputs, power, projected, unprojected
 from derive.textbook.records import Document, Math, Text
@@ -18,6 +20,7 @@ REFERENCES = (
     "Kane, Levinson: Dynamics, Theory and Applications, 1985. Generalised speeds and partial velocities.",
     "Maggi's equations: the equations of motion projected on the motions that the constraints allow.",
     "Jerkovsky 1978: the velocity transformation.",
+    "Saha 1999: the decoupled natural orthogonal complement. Yu, Chen 2002: platform and arm of a mobile manipulator.",
     "Luh, Walker, Paul 1980: recursive Newton–Euler equations. Walker, Orin 1982: composite bodies.",
 )
 
@@ -34,6 +37,8 @@ def derivation(equations: Equations) -> Document:
     inverse(a)
     energies(a, found)
     unprojected(a)
+    interaction(a)
+    complement(a)
     if a.free_velocities:
         bordered(a)
     else:

@@ -10,10 +10,23 @@ Each verb of the command line is a function here. Importing this package imports
 import sys
 from types import ModuleType
 
-from hamel.api import build, check, choices, derive, explain, import_, list, load, schema, simulate, verify
+from hamel.api import build, check, choices, derive, explain, import_, linearize, list, load, schema, simulate, verify
 
 __version__ = "0.1.0"
-__all__ = ["build", "check", "choices", "derive", "explain", "import_", "list", "load", "schema", "simulate", "verify"]
+__all__ = [
+    "build",
+    "check",
+    "choices",
+    "derive",
+    "explain",
+    "import_",
+    "linearize",
+    "list",
+    "load",
+    "schema",
+    "simulate",
+    "verify",
+]
 
 
 class _Face(ModuleType):

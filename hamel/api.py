@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -78,6 +78,25 @@ def simulate(
 
     method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol)
     return run(path, method, time, step, values or {}, out, plot, progress)
+
+
+def linearize(
+    path: Model,
+    *,
+    at: str | None = None,
+    choice: str | None = None,
+    sweep: Mapping[str, str] | None = None,
+    values: Mapping[str, float | str] | None = None,
+    cyclic: Sequence[str] | None = None,
+) -> records.Linearized:
+    """The linear equations along the steady motion `at` (the file's first, or `guess`) and their eigenvalues.
+
+    `sweep` gives ranges "first:last:count" of one or two names, `values` the free names and parameters that stay as they are.
+    `cyclic` names the coordinates to leave out of the eigenvalues, all cyclic ones when None.
+    """
+    from hamel.verbs.linearize import run
+
+    return run(path, at, choice, sweep or {}, values or {}, cyclic)
 
 
 def derive(path: Model, *, choice: str | None = None, out: str | Path | None = None) -> records.Derived:

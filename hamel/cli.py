@@ -151,11 +151,25 @@ def simulate(model: str, settings: Sequence[str], **options: Any) -> Any:
         return hamel.simulate(model, values=values, progress=progress, **options)
 
 
-def _setting(text: str) -> tuple[str, str]:
+def _setting(text: str, option: str = "--set") -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not (name.strip() and equals and value.strip()):
-        raise click.BadParameter(f"'{text}' is not NAME=VALUE", param_hint="--set")
+        raise click.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=option)
     return name.strip(), value.strip()
+
+
+@verb
+@MODEL
+@click.option("--at", metavar="NAME", help="A steady motion of the file, or guess: near the initial values (default: its first).")
+@CHOICE
+@click.option("--sweep", multiple=True, metavar="NAME=A:B:N", help="Range of a free name or parameter; give two for a map.")
+@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="A free name or parameter; may be repeated.")
+@click.option("--cyclic", metavar="a,b|none", help="Coordinates to leave out of the eigenvalues (default: all cyclic ones).")
+def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any) -> Any:
+    """Linearise MODEL along a steady motion in minimal states, and find its eigenvalues."""
+    ranges = dict(_setting(text, "--sweep") for text in sweep)
+    left_out = None if cyclic is None else () if cyclic.strip() == "none" else _names(cyclic)
+    return hamel.linearize(model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options)
 
 
 @verb

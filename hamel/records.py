@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -132,6 +132,47 @@ class Explained:
     ledger: tuple[Mapping[str, Any], ...]
     left_out: tuple[str, ...]
     assumptions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CriticalValue:
+    """Where the kind of motion changes along a swept name: `kind` is zero, hopf or double; `eigenvalue` is [re, im]."""
+
+    kind: str
+    name: str
+    value: float
+    eigenvalue: Sequence[float]
+
+
+@dataclass(frozen=True)
+class Linearized:
+    """δẋ = A δx + B δu, δy = C δx + D δu along a steady motion, in `states`: independent coordinates and quasi-velocities.
+
+    `rows` hold the swept values, the eigenvalues [re, im] that belong to the states `reduced` (without `cyclic` coordinates and
+    `families` of steady motions, whose eigenvalues are zero), and how many spurious ones there are among them.
+    """
+
+    model: str
+    file: str
+    choice: str
+    motion: str
+    values: Mapping[str, float]  # parameters and free names where A to D are taken
+    steady: Mapping[str, float]
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    A: Sequence[Sequence[float]]
+    B: Sequence[Sequence[float]]
+    C: Sequence[Sequence[float]]
+    D: Sequence[Sequence[float]]
+    cyclic: tuple[str, ...]
+    families: int
+    reduced: tuple[str, ...]
+    swept: tuple[str, ...]
+    rows: tuple[Mapping[str, Any], ...]
+    critical: tuple[CriticalValue, ...]
+    stable: tuple[tuple[float, float], ...]  # intervals of the swept name without an unstable eigenvalue
+    seconds: Mapping[str, float]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from hamel.cli import main
 MODELS = Path(__file__).parent.parent / "models"
 SNAKE = str(MODELS / "snake3.yaml")
 FOUR_BAR = str(MODELS / "four_bar.yaml")
-VERBS = ("build", "check", "choices", "derive", "explain", "import", "list", "schema", "simulate", "verify")
+VERBS = ("build", "check", "choices", "derive", "explain", "import", "linearize", "list", "schema", "simulate", "verify")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(MODELS.parent)}
 
 

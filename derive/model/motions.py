@@ -1,10 +1,10 @@
-"""Choices of quasi-velocities, initial states, steady motions and outputs."""
+"""Choices of quasi-velocities, initial states and outputs."""
 
 from __future__ import annotations
 
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
-from derive.expressions.dimensions import UNKNOWN, infer
+from derive.expressions.dimensions import infer
 from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
@@ -13,10 +13,10 @@ from derive.expressions.units import pretty
 from derive.model import quaternions
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Frame, Names
-from derive.model.names import identifier, objection
+from derive.model.names import identifier
 from derive.model.reader import Reader
-from derive.model.records import Choice, InitialValue, Output, Span, SteadyMotion
-from derive.model.scope import ANYTHING, COORDINATE, PARAMETER, ROW, VELOCITY, Symbol
+from derive.model.records import Choice, InitialValue, Output, Span
+from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, VELOCITY
 from derive.model.shape import Document
 from derive.model.space import ORIGIN
 from derive.model.ties import velocity_degree
@@ -144,13 +144,15 @@ def _initial(reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[s
     found[name] = InitialValue(name, value, held, key.span)
 
 
-def state_name(reader: Reader, key: Key) -> str | None:
-    """The coordinate, rate or base velocity that a key such as `q1`, `der(q1)` or `base.vx` names, in its canonical spelling."""
+def state_name(reader: Reader, key: Key, inputs: bool = False) -> str | None:
+    """The coordinate, rate or base velocity (or input) that a key such as `q1`, `der(q1)` or `base.vx` names, in its canonical
+    spelling."""
     scalar = Scalar(str(key), key.span, True, True)
     scope = reader.scope
+    kinds: tuple[set[str], ...] = ({COORDINATE}, {VELOCITY}, *(({INPUT},) if inputs else ()))
     try:
         node = expression(scalar.text)
-        known = [name for name, symbol in scope.symbols.items() if symbol.kinds in ({COORDINATE}, {VELOCITY})]
+        known = [name for name, symbol in scope.symbols.items() if symbol.kinds in kinds]
         if not isinstance(node, tree.Name | tree.Rate):
             raise FormulaError(f"'{key}' is not a coordinate or velocity", str(key), 0, listed(known))
         if isinstance(node, tree.Rate):
@@ -165,41 +167,6 @@ def state_name(reader: Reader, key: Key) -> str | None:
         reader.fault(scalar, error)
         return None
     return name
-
-
-def steady_motion(reader: Reader, key: Key, entry: dict[Key, Scalar]) -> SteadyMotion:
-    """What is held along a steady motion. Names the model does not know are free: they can be swept."""
-    reader.name(key)
-    sweepable: dict[str, None] = {}
-    values: dict[str, Expression] = {}
-    for state, scalar in entry.items():
-        name = state_name(reader, state)
-        if name is None:
-            continue
-        if name in values:
-            reader.report(state.span, f"'{state}' is given twice", "one of the two")
-        sweepable |= dict.fromkeys(_free_names(reader, scalar))
-        values[name] = _with_free_names(reader, scalar, sweepable, reader.scope.symbols[name].unit)
-    return SteadyMotion(str(key), tuple(values.items()), tuple(sweepable), key.span)
-
-
-def _free_names(reader: Reader, scalar: Scalar) -> list[str]:
-    try:
-        nodes = list(tree.walk(expression(scalar.text, names=reader.scope.symbols)))
-    except FormulaError:
-        return []  # reported by `formula`
-    names = [node.name for node in nodes if isinstance(node, tree.Name) and node.name not in reader.scope.symbols]
-    return [name for name in names if objection(name) is None]
-
-
-def _with_free_names(reader: Reader, scalar: Scalar, free: dict[str, None], unit: str) -> Expression:
-    added = [name for name in free if name not in reader.scope.symbols]
-    for name in added:
-        reader.scope.add(name, Symbol(frozenset({PARAMETER}), UNKNOWN))
-    formula = reader.formula(scalar, "a steady motion", unit=unit)
-    for name in added:
-        reader.scope.remove(name)
-    return formula
 
 
 def output(reader: Reader, document: Document, names: Names, key: Key, scalar: Scalar) -> Output:

@@ -118,7 +118,7 @@ class Reader:
         hint = f"'{own[-1]}' is read as a unit here; in (2 N)*{own[-1]} it is the model's own name" if own else ""
         raise FormulaError(f"{where} in {plain.unit}", text, _first_place(text), _wanted(wanted), hint)
 
-    def of_parameters(self, scalar: Scalar, where: str, unit: str) -> Expression:
+    def of_parameters(self, scalar: Scalar, where: str, unit: str | None) -> Expression:
         """A formula of numbers and parameters alone: for values that are needed without the model around them."""
         formula = self.formula(scalar, where, unit=unit)
         for node in tree.walk(formula):

@@ -342,12 +342,20 @@ class InitialValue:
 
 @dataclass(frozen=True)
 class SteadyMotion:
-    """What is held along a steady motion: coordinate or velocity name → expression of parameters and sweepable names."""
+    """What is held along a steady motion: coordinate, velocity or input name → expression of parameters and sweepable names.
+
+    Inputs that are not named are zero, `free` ones are found. `guesses` are where the search for the rest starts; `cyclic`
+    coordinates, where given, are the ones to leave out; `ranges`: sweepable name or parameter → first, last and how many values.
+    """
 
     name: str
     values: tuple[tuple[str, Expression], ...]
     sweepable: tuple[str, ...]
     span: Span
+    free: tuple[str, ...] = ()
+    guesses: tuple[tuple[str, Expression], ...] = ()
+    cyclic: tuple[str, ...] | None = None
+    ranges: tuple[tuple[str, float, float, int], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -573,6 +573,14 @@ Initial = Annotated[
 ]
 
 
+Held = Annotated[
+    Annotated[Formula, Tag("<a formula>")]
+    | Annotated[Point, Tag("<a list of names>")]
+    | Annotated[dict[Name, FormulaOrList], Tag("<a mapping>")],
+    _kind(**{"a formula": _is_scalar, "a list of names": _is_list, "a mapping": _is_mapping}),
+]
+
+
 class Document(Entry):
     """A mechanical system: bodies, joints and closures, or coordinates and energies, or both."""
 
@@ -602,7 +610,12 @@ class Document(Entry):
         description="Choices of quasi-velocities: a list or mapping of formulas linear in the velocities, orthonormal, or auto.",
     )
     initial: dict[Name, Initial] = Field({}, description="State at t = 0; values under `guess` may move to make it consistent.")
-    steady_motion: dict[Name, dict[Name, Formula]] = Field({}, description="What is held along a steady motion.")
+    steady_motion: dict[Name, dict[Name, Held]] = Field(
+        {},
+        description="What is held along a steady motion: coordinates, velocities and inputs (`free` for one to be found); "
+        "`guess`: where the search for the rest starts; `sweep`: ranges [first, last, count] of names free to choose or "
+        "of parameters; `cyclic`: the coordinates to leave out.",
+    )
 
     @model_validator(mode="before")
     @classmethod

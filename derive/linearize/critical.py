@@ -1,0 +1,128 @@
+"""Critical values: where the kind of motion changes along one parameter, located as roots of smooth functions.
+
+`zero`: a real eigenvalue passes zero (det A = 0). `hopf`: a pair passes the imaginary axis (Re λ = 0). `double`: two real
+eigenvalues meet and part as a pair ((λ₁ − λ₂)² = 0, which is smooth and as exact as A, though each λ is only good to √ε there).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from derive.linearize.spectrum import eigenvalues, signature
+
+Spectra = Callable[[np.ndarray], np.ndarray]  # values → matrices N × k × k
+DEPTH = 40  # bisections before two changes are taken for one
+NEAR = 12  # bisections before eigenvalues are told apart by nearness
+STEPS = 100
+
+
+@dataclass(frozen=True)
+class Critical:
+    """`eigenvalue`: the one that changes its kind, at `value` of the parameter."""
+
+    kind: str
+    value: float
+    eigenvalue: complex
+
+
+def critical_values(matrices: Spectra, values: np.ndarray, found: np.ndarray) -> tuple[Critical, ...]:
+    """All changes between neighbouring `values`, whose eigenvalues are the rows of `found`."""
+    kinds = [signature(row) for row in found]
+    changes = [k for k in range(len(values) - 1) if kinds[k] != kinds[k + 1]]
+    return tuple(c for k in changes for c in _between(matrices, values[k], values[k + 1], kinds[k], kinds[k + 1], 0))
+
+
+Signature = tuple[int, int, int]
+
+
+def _between(matrices: Spectra, a: float, b: float, at_a: Signature, at_b: Signature, depth: int) -> Iterator[Critical]:
+    if at_a == at_b:
+        return
+    kind = _kind(at_a, at_b)
+    if (kind and depth >= NEAR) or depth >= DEPTH:
+        if kind:
+            yield _located(matrices, kind, a, b)
+        return
+    middle = (a + b) / 2
+    here = signature(eigenvalues(matrices(np.array([middle])))[0])
+    yield from _between(matrices, a, middle, at_a, here, depth + 1)
+    yield from _between(matrices, middle, b, here, at_b, depth + 1)
+
+
+def _kind(a: Signature, b: Signature) -> str:
+    """The one change that takes a to b, or "" where there are several."""
+    real, grown, turned = (y - x for x, y in zip(a, b))
+    if abs(real) == 2 and abs(grown + turned) <= 1:
+        return "double"
+    if real == 0 and abs(grown) == 1 and turned == 0:
+        return "zero"
+    return "hopf" if real == 0 and grown == 0 and abs(turned) == 2 else ""
+
+
+def _located(matrices: Spectra, kind: str, a: float, b: float) -> Critical:
+    def measure(value: float) -> float:
+        return MEASURES[kind](matrices(np.array([value]))[0])
+
+    value = root(measure, a, b)
+    return Critical(kind, value, _changing(kind, eigenvalues(matrices(np.array([value])))[0]))
+
+
+def _squared_gap(A: np.ndarray) -> float:
+    """(λ₁ − λ₂)² of the two nearest eigenvalues: positive where both are real, negative for a pair."""
+    values = eigenvalues(A[np.newaxis])[0]
+    i, j = _closest(values)
+    return float(((values[i] - values[j]) ** 2).real)
+
+
+def _closest(values: np.ndarray) -> tuple[int, int]:
+    gaps = np.abs(values[:, np.newaxis] - values[np.newaxis, :]) + np.diag(np.full(len(values), np.inf))
+    i, j = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+    return int(i), int(j)
+
+
+def _oscillating(values: np.ndarray) -> complex:
+    """The one above the real axis that is nearest to the imaginary axis."""
+    upper = values[values.imag > 0]
+    return complex(upper[np.argmin(np.abs(upper.real))]) if len(upper) else complex("nan")
+
+
+def _real_part(A: np.ndarray) -> float:
+    return _oscillating(eigenvalues(A[np.newaxis])[0]).real
+
+
+MEASURES: dict[str, Callable[[np.ndarray], float]] = {
+    "double": _squared_gap,
+    "zero": lambda A: float(np.linalg.det(A)),
+    "hopf": _real_part,
+}
+
+
+def _changing(kind: str, values: np.ndarray) -> complex:
+    if kind == "double":
+        i, j = _closest(values)
+        return complex((values[i] + values[j]).real / 2)
+    return complex(values[np.argmin(np.abs(values))].real) if kind == "zero" else _oscillating(values)
+
+
+def root(measure: Callable[[float], float], a: float, b: float) -> float:
+    """A zero of `measure` between a and b to the last digits, by false position (Illinois) with bisection when that is slow."""
+    fa, fb = measure(a), measure(b)
+    if not fa * fb < 0:
+        return a if abs(fa) <= abs(fb) else b
+    for step in range(STEPS):
+        if abs(b - a) <= 2 * np.finfo(float).eps * max(abs(a), abs(b)):
+            break
+        c = (a * fb - b * fa) / (fb - fa) if step % 8 != 7 else (a + b) / 2
+        c = min(max(c, min(a, b)), max(a, b))
+        fc = measure(c)
+        if fc == 0 or c in (a, b):
+            return c
+        if fc * fb < 0:
+            a, fa = b, fb
+        else:
+            fa /= 2
+        b, fb = c, fc
+    return b

@@ -1,0 +1,60 @@
+"""Cyclic coordinates: nothing but the rates of other cyclic coordinates depends on them."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from derive.diagnostics import AssumptionError, listed
+from derive.formulations.records import Equations
+from derive.linearize.minimal import evaluator, position_rows
+from derive.mechanics.sampling import states
+
+SAMPLES = 5
+NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
+
+
+def cyclic_coordinates(equations: Equations) -> tuple[int, ...]:
+    """Indices in q, the largest such set, from the derivatives of φ, q̇ and ẇ at random admissible states.
+
+    Derivatives rather than formulas: in good quasi-velocities a wheel's angle cancels, though it may be written in f.
+    """
+    slopes = _slopes(equations)
+    nq, fixed = equations.system.q.numel(), equations.system.phi.numel() + len(equations.system.quaternions)
+    found = set(range(nq))
+    while True:
+        rows = [i for i in range(slopes.shape[0]) if not (fixed <= i < fixed + nq and i - fixed in found)]
+        lost = {j for j in found if np.any(slopes[rows, j])}
+        if not lost:
+            return tuple(sorted(found))
+        found -= lost
+
+
+def _slopes(equations: Equations) -> np.ndarray:
+    """Which of (φ, q̇, ẇ) depend on which coordinate: flags."""
+    system = equations.system
+    _, x, *_ = (argument.symbols for argument in equations.arguments)
+    f = next(function.result.value for function in equations.functions if function.name == "dynamics")
+    value = ca.vertcat(position_rows(system), f)
+    B = ca.Function("B", [system.t, system.q, system.p], [ca.densify(_speed_rows(equations))])
+    sampled = states(system, SAMPLES, seed=1)
+    w = [np.asarray(B(0.0, q, p)) @ v for q, v, p in zip(sampled.q, sampled.v, sampled.p)]
+    at = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1)])
+    found = np.abs(evaluator(equations, ca.jacobian(value, x))(at, sampled.u, sampled.p))
+    scale = np.max(found, axis=2, keepdims=True, initial=0.0)
+    return np.any(found[:, :, : system.q.numel()] > NOTHING * (1e-3 + scale), axis=0)
+
+
+def _speed_rows(equations: Equations) -> ca.SX:
+    return next(named.value for named in equations.named if named.name == "B")
+
+
+def confirmed(equations: Equations, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Indices of coordinates that are said to be cyclic. Raises AssumptionError where one is not."""
+    known = [c.name for c in equations.system.model.coordinates]
+    found = cyclic_coordinates(equations)
+    for name in names:
+        if known.index(name) not in found:
+            cyclic = listed(known[i] for i in found) or "none"
+            raise AssumptionError(f"'{name}' is not cyclic: the equations depend on it", f"cyclic coordinates: {cyclic}")
+    return tuple(known.index(name) for name in names)

@@ -1,0 +1,179 @@
+"""The minimal linear equations: ẋ = f(t, x, u, p) differentiated along the directions that φ = 0 leaves.
+
+Source: Gonzalez, Aparicio, Garcia-Agundez Blanco et al. reduce the linearised multiplier equations; as f is explicit here, its
+derivative holds their geometric stiffness and the perturbed dependent velocities already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+import numpy as np
+
+from derive.diagnostics import AssumptionError
+from derive.formulations.records import Argument, Equations, Function, Guard, Request, Result
+from derive.joints.records import Vector
+from derive.linearize.records import Linear
+from derive.mechanics.initial import initial_state
+from derive.mechanics.records import System
+from derive.mechanics.solve import Block, lu_solution, scalars
+
+WEAK = 1e-9  # relative size of what is left of a row that repeats others
+SPARED = 1e-3  # coordinates whose rates are quasi-velocities become dependent only where others are this much weaker
+NEAR = 1e-6  # guard: smallest pivot of the dependent coordinates, relative to where they were chosen
+
+
+def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
+    """The linear equations with the dependent coordinates chosen at a configuration q on the constraints.
+
+    A (n × n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for quasi-velocities that are not
+    minimal (the augmented formulation).
+    """
+    if equations.formulation != "quasi_velocities":
+        raise AssumptionError("only equations in quasi-velocities are minimal", "use the formulation quasi_velocities")
+    _, x, u, _ = (argument.symbols for argument in equations.arguments)
+    system, nq = equations.system, equations.system.q.numel()
+    pivots = _pivots(equations, q, p)
+    dependent = [j for _, j in pivots]
+    independent = [j for j in range(x.numel()) if j not in dependent]
+    T, guards = _tangent(equations, pivots, independent)
+    f, y = _value(equations, "dynamics"), _value(equations, "outputs")
+    rates = f[independent]
+    argument = equations.arguments[1]
+    return Linear(
+        equations=equations,
+        states=tuple(argument.labels[j] for j in independent),
+        units=tuple(argument.units[j] for j in independent),
+        inputs=equations.arguments[2].labels,
+        outputs=_labels(equations, "outputs"),
+        independent=tuple(independent),
+        dependent=tuple(j for j in dependent if j < nq),
+        T=T,
+        A=ca.mtimes(ca.jacobian(rates, x), T),
+        B=ca.jacobian(rates, u),
+        C=ca.mtimes(ca.jacobian(y, x), T),
+        D=ca.jacobian(y, u),
+        guards=guards if system.phi.numel() else (),
+    )
+
+
+def _value(equations: Equations, name: str) -> ca.SX:
+    return next((f.result.value for f in equations.functions if f.name == name), ca.SX(0, 1))
+
+
+def _labels(equations: Equations, name: str) -> tuple[str, ...]:
+    return next((f.result.labels for f in equations.functions if f.name == name), ())
+
+
+def position_rows(system: System) -> ca.SX:
+    """What is zero in q: φ, and a unit quaternion's length."""
+    return ca.vertcat(system.phi, *[ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions])
+
+
+def _pivots(equations: Equations, q: np.ndarray, p: np.ndarray) -> list[tuple[int, int]]:
+    """(row, column) of each independent position row, by elimination with the largest pivots at q."""
+    system = equations.system
+    rows = position_rows(system)
+    function = ca.Function("rows", [system.t, system.q, system.p], [ca.densify(ca.jacobian(rows, system.q))])
+    J = np.asarray(function(0.0, q, p))
+    weights = np.array([SPARED if spared else 1.0 for spared in _spared(equations)])
+    rank = int(np.linalg.matrix_rank(J, tol=WEAK * np.max(np.abs(J)))) if J.size else 0
+    return pivoted(J * weights, rank)
+
+
+def pivoted(matrix: np.ndarray, rank: int) -> list[tuple[int, int]]:
+    """Gauss elimination with complete pivoting: places of the first `rank` pivots."""
+    left, places = matrix.copy(), []
+    for _ in range(rank):
+        i, j = np.unravel_index(int(np.argmax(np.abs(left))), left.shape)
+        places.append((int(i), int(j)))
+        left = left - np.outer(left[:, j] / left[i, j], left[i])
+        left[i] = 0.0
+        left[:, j] = 0.0
+    return places
+
+
+def _spared(equations: Equations) -> list[bool]:
+    """Coordinates whose rate is a quasi-velocity: a reader wants to keep those."""
+    system, t = equations.system, equations.arguments[0].symbols
+    w = equations.arguments[1].symbols[system.q.numel() :]
+    rates = _value(equations, "dynamics")[: system.q.numel()]
+    pattern = ca.jacobian(rates, ca.vertcat(t, system.q, w)).sparsity()
+    used: dict[int, list[int]] = {}
+    for i, j in zip(*pattern.get_triplet()):
+        used.setdefault(i, []).append(j)
+    first = 1 + system.q.numel()
+    return [len(used.get(i, [])) == 1 and used[i][0] >= first for i in range(system.q.numel())]
+
+
+def _tangent(
+    equations: Equations, pivots: Sequence[tuple[int, int]], independent: Sequence[int]
+) -> tuple[ca.SX, tuple[Guard, ...]]:
+    """δx = T δ(states): δq_d = −φ_d⁻¹ φ_i δq_i by an unrolled elimination in the order of the pivots."""
+    x = equations.arguments[1]
+    T = ca.SX(x.symbols.numel(), len(independent))
+    for k, j in enumerate(independent):
+        T[j, k] = 1.0
+    if not pivots:
+        return T, ()
+    system = equations.system
+    J = scalars(ca.jacobian(position_rows(system), system.q))
+    rows, columns = [i for i, _ in pivots], [j for _, j in pivots]
+    free = [k for k, j in enumerate(independent) if j < system.q.numel()]
+    sides: list[Vector] = [[-J[i][independent[k]] for i in rows] for k in free]
+    order = [Block((k,), (k,), 1.0, 1.0, 2) for k in range(len(rows))]
+    found = lu_solution([[J[i][j] for j in columns] for i in rows], sides, order)
+    for k, side in zip(free, found.x):
+        for j, value in zip(columns, side):
+            T[j, k] = value
+    return T, tuple(_guard(x, j, ca.SX(pivot)) for j, pivot in zip(columns, found.pivots) if not ca.SX(pivot).is_constant())
+
+
+def _guard(x: Argument, j: int, pivot: ca.SX) -> Guard:
+    return Guard(f"pivot of {x.labels[j]}", pivot, NEAR)
+
+
+def with_linearization(equations: Equations) -> Equations:
+    """The equations with `linearization` among the functions that can be asked for."""
+    from dataclasses import replace
+
+    if equations.formulation != "quasi_velocities":
+        return equations
+    request = Request("linearization", ABOUT, lambda: linearization(equations))
+    return replace(equations, requests=(*equations.requests, request))
+
+
+ABOUT = "[A B; C D] of δẋ = A δx + B δu, δy = C δx + D δu in minimal states: independent coordinates, quasi-velocities"
+
+
+def linearization(equations: Equations) -> Function:
+    """[A B; C D] as a function of the generated module; dependent coordinates are chosen at the initial configuration."""
+    initial = initial_state(equations.system)
+    found = linear(equations, initial.q, np.array(equations.parameters))
+    value = ca.densify(ca.blockcat([[found.A, found.B], [found.C, found.D]]))
+    labels = (*(f"der({name})" for name in found.states), *found.outputs)
+    about = f"{ABOUT}; states {', '.join(found.states)}"
+    guards = _dynamics(equations).guards
+    return Function("linearization", about, Result("AB_CD", value, labels, ()), guards=(*guards, *found.guards))
+
+
+def _dynamics(equations: Equations) -> Function:
+    return next(f for f in equations.functions if f.name == "dynamics")
+
+
+Evaluator = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def evaluator(equations: Equations, value: ca.SX) -> Evaluator:
+    """`value` at t = 0 for rows of x, u and p: (N, rows, columns)."""
+    symbols = [argument.symbols for argument in equations.arguments]
+    function = ca.Function("value", symbols, [ca.densify(value)])
+    shape = value.shape
+
+    def evaluated(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        many = len(x)
+        found = np.asarray(function(np.zeros((1, many)), x.T, u.T, p.T)) if value.numel() else np.zeros((shape[0], 0))
+        return found.reshape(shape[0], many, shape[1]).transpose(1, 0, 2)
+
+    return evaluated

@@ -1,0 +1,276 @@
+"""Steady motions: all but the cyclic coordinates and all quasi-velocities constant, found by Newton with the exact Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from derive.diagnostics import AssumptionError, Diagnostic, did_you_mean, listed
+from derive.expressions.evaluate import casadi_functions, number, value
+from derive.formulations.records import Equations
+from derive.linearize.minimal import position_rows
+from derive.linearize.records import Steady
+from derive.mechanics.initial import initial_state
+from derive.mechanics.sampling import closed, kinematics, nominal, normalised
+from derive.model.records import Span, SteadyMotion
+
+GUESS = "guess"
+STEPS = 40
+RANK = 1e-10  # relative singular value below which a direction is left alone
+KEPT = 1e-9  # relative residual up to which a motion is steady
+HALVINGS = 8
+FLAT = 1e-3  # the least slope that a row's residual is measured by
+
+
+@dataclass(frozen=True)
+class Problem:
+    """R(x, u, p, s) = 0 for the unknowns (x, u): rows by name, with s the free names of the motion and p the parameters."""
+
+    equations: Equations
+    motion: SteadyMotion
+    rows: tuple[str, ...]
+    units: tuple[str, ...]
+    function: ca.Function  # (x, u, p, s) → R, ∂R/∂(x, u)
+    residual: ca.Function  # (x, u, p, s) → R
+    shifts: ca.Function  # (x, u, p, s) → ∂R/∂(p, s)
+
+
+def rest(equations: Equations) -> SteadyMotion:
+    """The motion `guess`: nothing is held, the search starts from the initial values."""
+    model = equations.system.model
+    span = model.initial[0].span if model.initial else Span(0, 0)
+    return SteadyMotion(GUESS, (), (), span)
+
+
+def motion_of(equations: Equations, name: str | None) -> SteadyMotion:
+    """The file's steady motion of that name, its first one, or `guess`. Raises AssumptionError for an unknown name."""
+    known = {motion.name: motion for motion in equations.system.model.steady_motions}
+    if name is None:
+        return next(iter(known.values()), rest(equations))
+    if name in known:
+        return known[name]
+    if name == GUESS:
+        return rest(equations)
+    offered = (*known, GUESS)
+    raise AssumptionError(f"unknown steady motion '{name}'", did_you_mean(name, offered) or f"known: {listed(offered)}")
+
+
+def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -> Problem:
+    """Raises AssumptionError where the equations depend on time."""
+    system = equations.system
+    t, x, u, p = (argument.symbols for argument in equations.arguments)
+    f = next(function.result for function in equations.functions if function.name == "dynamics")
+    if ca.depends_on(ca.vertcat(f.value, system.phi), t):
+        raise AssumptionError(
+            f"{system.model.name} depends on time and has no steady motion",
+            "linearise along a motion: the generated function `linearization` takes t",
+        )
+    s = ca.vertcat(*[ca.SX.sym(name) for name in motion.sweepable]) if motion.sweepable else ca.SX(0, 1)
+    still = [i for i in range(f.value.numel()) if i not in cyclic]
+    held, labels, units = _held(equations, motion, s)
+    positions = position_rows(system)
+    names = [row.name for row in sorted((r for r in system.rows if r.position >= 0), key=lambda r: r.position)]
+    names += [f"length of quaternion {k + 1}" for k in range(len(system.quaternions))]
+    R = ca.densify(ca.vertcat(positions, f.value[still], held))
+    y = ca.vertcat(x, u)
+    known = [x, u, p, s]
+    return Problem(
+        equations=equations,
+        motion=motion,
+        rows=(*names, *(f.labels[i] for i in still), *labels),
+        units=(*("" for _ in names), *(f.units[i] for i in still), *units),
+        function=ca.Function("steady", known, [R, ca.densify(ca.jacobian(R, y))]),
+        residual=ca.Function("residual", known, [R]),
+        shifts=ca.Function("shifts", known, [ca.densify(ca.jacobian(R, ca.vertcat(p, s)))]),
+    )
+
+
+def _held(equations: Equations, motion: SteadyMotion, s: ca.SX) -> tuple[ca.SX, list[str], list[str]]:
+    """Held quantity − its value, row by row; inputs that are not named are zero."""
+    system = equations.system
+    quantities = _quantities(equations)
+    names = dict(system.symbols.names) | {name: s[k] for k, name in enumerate(motion.sweepable)}
+    wanted = {i.name: ca.SX(0) for i in system.model.inputs if i.name not in motion.free}
+    wanted |= {name: ca.SX(value(e, names, system.symbols.rates, casadi_functions())) for name, e in motion.values}
+    rows = [quantities[name][0] - wanted[name] for name in wanted]
+    return ca.vertcat(*rows) if rows else ca.SX(0, 1), list(wanted), [quantities[name][1] for name in wanted]
+
+
+def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
+    """Everything that can be held: coordinates, their rates, base velocities and inputs, over (x, u, p), with units."""
+    system, model = equations.system, equations.system.model
+    results = {f.name: f.result.value for f in equations.functions}
+    found = {c.name: (system.q[i], c.unit) for i, c in enumerate(model.coordinates)}
+    found |= {f"der({c.name})": (results["dynamics"][i], f"{c.unit or 1}/s") for i, c in enumerate(model.coordinates)}
+    found |= {v.name: (results["velocity"][i], v.unit) for i, v in enumerate(model.velocities)}
+    return found | {i.name: (system.u[k], i.unit) for k, i in enumerate(model.inputs)}
+
+
+def start(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """(x, u) to begin with: held and guessed values put in, the rest nearest to rest on the constraints."""
+    system, motion = found.equations.system, found.motion
+    model = system.model
+    if motion.name == GUESS and not motion.values:
+        initial = initial_state(system, p=p)
+        q, v = initial.q, initial.v
+        given: dict[str, float] = {}
+    else:
+        names = dict(zip([x.name for x in model.parameters], (x.value for x in model.parameters)))
+        names |= dict(zip(found.equations.arguments[3].labels, p)) | dict(zip(motion.sweepable, s))
+        given = {name: number(e, names) for name, e in (*motion.guesses, *motion.values)}
+        q = _positions(found, given, p)
+        v = _velocities(found, given, q, p)
+    B = next(named.value for named in found.equations.named if named.name == "B")
+    w = np.asarray(ca.Function("B", [system.t, system.q, system.p], [ca.densify(B)])(0.0, q, p)) @ v
+    return np.concatenate([q, w, [given.get(i.name, 0.0) for i in model.inputs]])
+
+
+def _positions(found: Problem, given: dict[str, float], p: np.ndarray) -> np.ndarray:
+    system = found.equations.system
+    q = nominal(system)
+    for i, c in enumerate(system.model.coordinates):
+        q[i] = given.get(c.name, q[i])
+    free = np.array([c.name not in dict(found.motion.values) for c in system.model.coordinates])
+    q = normalised(system, q)
+    on = closed(kinematics(system), 0.0, q, p, free)
+    return q if on is None else on
+
+
+def _velocities(found: Problem, given: dict[str, float], q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """The smallest v with A v = c and the held rates."""
+    system = found.equations.system
+    A, c, N = kinematics(system).velocities(0.0, q, p)
+    rows = {f"der({x.name})": N[i] for i, x in enumerate(system.model.coordinates)}
+    rows |= {x.name: np.eye(A.shape[1])[j] for j, x in enumerate(system.model.velocities)}
+    names = [name for name in given if name in rows]
+    matrix = np.vstack([A, *[rows[name] for name in names]])
+    return np.linalg.lstsq(matrix, np.concatenate([c, [given[name] for name in names]]), rcond=RANK)[0]
+
+
+def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(x, u) of the steady motion near y. Raises AssumptionError, with the residual, where there is none."""
+    for _ in range(STEPS):
+        R, J = _evaluated(found, y, p, s)
+        step = -np.linalg.lstsq(J, R, rcond=RANK)[0]
+        y, done = _damped(found, y, step, p, s, R)
+        if done:
+            break
+    R, J = _evaluated(found, y, p, s)
+    worst = _excess(R, J, y)
+    if not np.all(np.isfinite(R)) or np.max(worst, initial=0.0) > KEPT:
+        raise _refused(found, R, worst)
+    return y
+
+
+def _evaluated(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    nx = found.equations.arguments[1].symbols.numel()
+    R, J = found.function(y[:nx], y[nx:], p, s)
+    R, J = np.asarray(R).ravel(), np.asarray(J)
+    if not (np.all(np.isfinite(R)) and np.all(np.isfinite(J))):
+        raise AssumptionError(
+            f"the equations of '{found.equations.choice}' are singular near the steady motion '{found.motion.name}'",
+            "another choice of quasi-velocities, or other guesses",
+        )
+    return R, J
+
+
+def _damped(
+    found: Problem, y: np.ndarray, step: np.ndarray, p: np.ndarray, s: np.ndarray, R: np.ndarray
+) -> tuple[np.ndarray, bool]:
+    """The step, halved while it makes things worse; done where it no longer moves anything."""
+    nx = found.equations.arguments[1].symbols.numel()
+    before, scale = float(np.linalg.norm(R)), 1.0
+    for _ in range(HALVINGS):
+        trial = y + scale * step
+        after = np.asarray(found.residual(trial[:nx], trial[nx:], p, s)).ravel()
+        if np.all(np.isfinite(after)) and float(np.linalg.norm(after)) <= before:
+            break
+        scale /= 2
+    else:
+        return y, True
+    small = float(np.max(np.abs(step), initial=0.0)) <= 1e-15 * (1.0 + float(np.max(np.abs(y), initial=0.0)))
+    return trial, small or before == 0.0
+
+
+def _excess(R: np.ndarray, J: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Residuals relative to what the terms of their rows could amount to."""
+    slopes = np.maximum(np.max(np.abs(J), axis=1, initial=0.0), FLAT)
+    return np.abs(R) / (slopes * (1.0 + float(np.max(np.abs(y), initial=0.0))))
+
+
+def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionError:
+    model, motion = found.equations.system.model, found.motion
+    k = int(np.argmax(excess))
+    unit = f" {found.units[k]}" if found.units[k] else ""
+    missed = f"is missed by {R[k]:.3g}{unit}"
+    if found.rows[k].startswith("der(") and found.rows[k] not in dict(motion.values):
+        missed = f"would have to vanish and is {R[k]:.3g}{unit}"
+    lines = model.text.splitlines()
+    span = motion.span
+    return AssumptionError(
+        Diagnostic(
+            file=model.file,
+            line=span.line,
+            column=span.column,
+            length=span.length,
+            message=f"'{motion.name}' is no steady motion: {found.rows[k]} {missed}",
+            expected="held values that can be kept for ever; other guesses, an input that is `free`, or another --choice",
+            source_line=lines[span.line - 1] if 0 < span.line <= len(lines) else "",
+        )
+    )
+
+
+def family(found: Problem, p: np.ndarray, s: np.ndarray) -> Steady:
+    """The steady motions for rows of p and s: continued from row to row, with straight lines between where those will do."""
+    many, nx = len(p), found.equations.arguments[1].symbols.numel()
+    y = np.zeros((many, nx + found.equations.system.u.numel()))
+    y[0] = solved(found, p[0], s[0], start(found, p[0], s[0]))
+    _between(found, p, s, y, 0, many - 1, y[0])
+    R = _residuals(found, y, p, s)
+    return Steady(y[:, :nx], y[:, nx:], p, np.max(np.abs(R), axis=1, initial=0.0))
+
+
+def _residuals(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    nx = found.equations.arguments[1].symbols.numel()
+    return np.asarray(found.residual(y[:, :nx].T, y[:, nx:].T, p.T, s.T)).T
+
+
+def _between(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, first: int, last: int, guess: np.ndarray) -> None:
+    """Fill the rows after `first`: by the chord to `last` where every motion on it is steady, else row by row."""
+    if last <= first:
+        return
+    try:
+        y[last] = solved(found, p[last], s[last], guess)
+        if last == first + 1:
+            return
+        inner = slice(first + 1, last)
+        parts = _parts(np.hstack([p, s]), first, last)[:, np.newaxis]
+        chord = y[first] + parts * (y[last] - y[first])
+        if np.max(np.abs(_residuals(found, chord, p[inner], s[inner])), initial=0.0) <= 1e-13 * (1 + np.max(np.abs(chord))):
+            y[inner] = chord
+            return
+    except AssumptionError:
+        if last == first + 1:
+            raise
+    for k in range(first + 1, last + 1):
+        ahead = y[k - 1] if k < first + 2 else 2 * y[k - 1] - y[k - 2]
+        y[k] = _stepped(found, p, s, y, k, ahead)
+
+
+def _stepped(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, k: int, ahead: np.ndarray) -> np.ndarray:
+    """From the extrapolated guess, or else from the last motion."""
+    try:
+        return solved(found, p[k], s[k], ahead)
+    except AssumptionError:
+        return solved(found, p[k], s[k], y[k - 1])
+
+
+def _parts(values: np.ndarray, first: int, last: int) -> np.ndarray:
+    """How far each row between is on the way from the first to the last."""
+    way = values[last] - values[first]
+    length = float(way @ way)
+    inner = values[first + 1 : last] - values[first]
+    return inner @ way / length if length > 0 else np.zeros(last - first - 1)

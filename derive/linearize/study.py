@@ -1,0 +1,150 @@
+"""A steady motion under study: the linear equations along it, without what is cyclic, for any values of what can be swept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from derive.diagnostics import AssumptionError, did_you_mean, listed
+from derive.formulations.records import Equations
+from derive.linearize.cyclic import confirmed, cyclic_coordinates
+from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
+from derive.linearize.records import Linear, Steady
+from derive.linearize.spectrum import Stage, deflated, families
+from derive.linearize.steady import Problem, family, problem, solved, start
+from derive.model.records import SteadyMotion
+
+SAMPLES = 3
+Columns = Mapping[str, Sequence[float] | np.ndarray]  # values by name, one for each motion
+
+
+@dataclass(frozen=True)
+class Study:
+    """`at` gives sweepable names and parameters; `cyclic` and `kept` are indices into the linear form's states."""
+
+    linear: Linear
+    problem: Problem
+    at: dict[str, float]
+    cyclic: tuple[int, ...]
+    kept: tuple[int, ...]
+    families: tuple[Stage, ...]
+    A: Evaluator
+
+    @property
+    def equations(self) -> Equations:
+        return self.linear.equations
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The states that are left, without cyclic ones; families still in."""
+        return tuple(self.linear.states[k] for k in self.kept)
+
+    @property
+    def reduced(self) -> tuple[str, ...]:
+        """The states that the eigenvalues belong to."""
+        names = list(self.names)
+        for stage in self.families:
+            names = [name for i, name in enumerate(names) if i not in stage]
+        return tuple(names)
+
+    @property
+    def spurious(self) -> int:
+        """States beyond 2n − 2 m_h − m_n, the numbers of constraints counted by the ranks of φ_q and A at the motion."""
+        system, motions = self.equations.system, self.motions({})
+        rows = [evaluator(self.equations, M) for M in (ca.jacobian(position_rows(system), system.q), system.A)]
+        ranks = [int(np.linalg.matrix_rank(row(motions.x, motions.u, motions.p)[0], tol=1e-9)) for row in rows]
+        return len(self.linear.states) - (system.q.numel() + system.v.numel() - sum(ranks))
+
+    def values(self, sweep: Columns) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of p and s for columns of values by name; what is not named stays as it is in `at`."""
+        many = max((len(column) for column in sweep.values()), default=1)
+        columns = {name: np.full(many, value) for name, value in self.at.items()}
+        columns |= {name: np.asarray(column, dtype=float) for name, column in sweep.items()}
+        p = [columns[name] for name in self.equations.arguments[3].labels]
+        s = [columns[name] for name in self.problem.motion.sweepable]
+        return np.array(p).reshape(len(p), many).T, np.array(s).reshape(len(s), many).T
+
+    def motions(self, sweep: Columns) -> Steady:
+        """The steady motions, one for each row of values. Raises AssumptionError where there is none."""
+        return family(self.problem, *self.values(sweep))
+
+    def full(self, motions: Steady) -> np.ndarray:
+        """A in all minimal states, N × n × n."""
+        return self.A(motions.x, motions.u, motions.p)
+
+    def matrices(self, motions: Steady) -> np.ndarray:
+        """A without cyclic coordinates and families, N × k × k."""
+        return deflated(self.full(motions)[:, self.kept][:, :, self.kept], self.families)
+
+    def along(self, sweep: Columns) -> np.ndarray:
+        return self.matrices(self.motions(sweep))
+
+
+def study(
+    equations: Equations,
+    motion: SteadyMotion,
+    values: Mapping[str, float] | None = None,
+    cyclic: Sequence[str] | None = None,
+) -> Study:
+    """The motion with `values` for its free names and for parameters.
+
+    `cyclic` names the coordinates to leave out, all that are cyclic when None. Raises AssumptionError where the motion is not
+    steady, a free name has no value, or a name is unknown.
+    """
+    given = _given(equations, motion, values or {})
+    wanted = cyclic if cyclic is not None else motion.cyclic
+    ignorable = cyclic_coordinates(equations)
+    left_out = ignorable if wanted is None else confirmed(equations, tuple(wanted))
+    found = problem(equations, motion, ignorable)
+    p = np.array([given[name] for name in equations.arguments[3].labels])
+    s = np.array([given[name] for name in motion.sweepable])
+    y = solved(found, p, s, start(found, p, s))
+    form = linear(equations, y[: equations.system.q.numel()], p)
+    places = tuple(k for k, j in enumerate(form.independent) if j in left_out)
+    kept = tuple(k for k in range(len(form.states)) if k not in places)
+    first = Study(form, found, given, places, kept, (), evaluator(equations, form.A))
+    velocity = [form.independent[k] >= equations.system.q.numel() for k in kept]
+    return Study(form, found, given, places, kept, families(_samples(first), velocity), first.A)
+
+
+def _given(equations: Equations, motion: SteadyMotion, values: Mapping[str, float]) -> dict[str, float]:
+    """Parameters and free names; a free name that is not given has the middle of its range in the file."""
+    model = equations.system.model
+    found: dict[str, float] = dict(zip(equations.arguments[3].labels, equations.parameters))
+    found |= {name: (first + last) / 2 for name, first, last, _ in motion.ranges if name in motion.sweepable}
+    for name, value in values.items():
+        if name not in found and name not in motion.sweepable:
+            known = (*motion.sweepable, *found)
+            near = did_you_mean(name, known) or f"known: {listed(known)}"
+            raise AssumptionError(f"'{name}' is neither a parameter of {model.name} nor free in '{motion.name}'", near)
+        found[name] = float(value)
+    missing = [name for name in motion.sweepable if name not in found]
+    if missing:
+        raise AssumptionError(
+            f"the steady motion '{motion.name}' needs a value for '{missing[0]}'",
+            f"--set {missing[0]}=…, or --sweep {missing[0]}=first:last:count",
+        )
+    return found
+
+
+def _samples(found: Study) -> np.ndarray:
+    """A at motions near by, at parameters chosen at random: what is singular at all of them is a family."""
+    rng = np.random.default_rng(0)
+    stacks = []
+    for spread in (1e-2, 1e-2, 1e-2, 1e-3, 1e-4):
+        changed = {name: value * (1 + spread * rng.uniform(-1, 1)) for name, value in found.at.items()}
+        for name in found.problem.motion.sweepable:
+            changed[name] += spread * rng.uniform(0.1, 1)
+        try:
+            motions = found.motions({name: [value] for name, value in changed.items()})
+        except AssumptionError:
+            continue
+        stacks.append(found.full(motions)[:, found.kept][:, :, found.kept])
+        if len(stacks) == SAMPLES:
+            break
+    if not stacks:
+        stacks = [found.full(found.motions({}))[:, found.kept][:, :, found.kept]]
+    return np.concatenate(stacks)

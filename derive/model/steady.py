@@ -1,0 +1,151 @@
+"""Steady motions: what is held, what is found, and over which ranges they are looked at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from derive.diagnostics import did_you_mean, listed
+from derive.expressions import tree
+from derive.expressions.dimensions import UNKNOWN
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import expression
+from derive.expressions.tree import Expression
+from derive.expressions.units import pretty
+from derive.model.document import Items, Key, Scalar
+from derive.model.motions import state_name
+from derive.model.names import objection
+from derive.model.reader import Reader
+from derive.model.records import SteadyMotion
+from derive.model.scope import INPUT, PARAMETER, Symbol
+
+RESERVED = ("guess", "sweep", "cyclic")  # keys of a steady motion that name no state
+COUNT = 101  # values in a range that does not say how many
+
+
+def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMotion:
+    """What is held along a steady motion. Names the model does not know are free: they can be swept."""
+    reader.name(key)
+    sweepable: dict[str, None] = {}
+    values: dict[str, Expression] = {}
+    free: list[str] = []
+    for state, scalar in entry.items():
+        if str(state) in RESERVED:
+            continue
+        name = state_name(reader, state, inputs=True)
+        if name is None:
+            continue
+        if not isinstance(scalar, Scalar):
+            reader.report(state.span, f"'{state}' is a list or mapping", f"a formula, or one of {listed(RESERVED)}")
+        elif name in values or name in free:
+            reader.report(state.span, f"'{state}' is given twice", "one of the two")
+        elif scalar.text == "free" and reader.scope.symbols[name].kinds == {INPUT}:
+            free.append(name)
+        else:
+            sweepable |= dict.fromkeys(_free_names(reader, scalar))
+            values[name] = _with_free_names(reader, scalar, sweepable, _unit(reader, name))
+    rest = {str(k): (k, value) for k, value in entry.items() if str(k) in RESERVED}
+    return SteadyMotion(
+        name=str(key),
+        values=tuple(values.items()),
+        sweepable=tuple(sweepable),
+        span=key.span,
+        free=tuple(free),
+        guesses=_guesses(reader, rest.get("guess"), values),
+        cyclic=_cyclic(reader, rest.get("cyclic")),
+        ranges=_ranges(reader, rest.get("sweep"), tuple(sweepable)),
+    )
+
+
+Part = tuple[Key, Any] | None
+
+
+def _entries(reader: Reader, part: Part, wanted: str) -> dict[Key, Any]:
+    """The entries of a mapping under one of the reserved keys."""
+    if part is None:
+        return {}
+    key, value = part
+    if not isinstance(value, dict):
+        reader.report(key.span, f"'{key}' is not a mapping", wanted)
+        return {}
+    return value
+
+
+def _guesses(reader: Reader, part: Part, held: dict[str, Expression]) -> tuple[tuple[str, Expression], ...]:
+    found: dict[str, Expression] = {}
+    for state, scalar in _entries(reader, part, "names and numbers to start from").items():
+        name = state_name(reader, state, inputs=True)
+        if name is None:
+            continue
+        if name in held or name in found:
+            how = "held and guessed" if name in held else "given twice"
+            reader.report(state.span, f"'{state}' is {how}", "one of the two")
+        elif not isinstance(scalar, Scalar):
+            reader.report(state.span, f"a list for the guess of '{state}'", "a number")
+        else:
+            found[name] = reader.of_parameters(scalar, f"the guess of {state}", unit=_unit(reader, name))
+    return tuple(found.items())
+
+
+def _cyclic(reader: Reader, part: Part) -> tuple[str, ...] | None:
+    if part is None:
+        return None
+    key, value = part
+    if not isinstance(value, Items):
+        reader.report(key.span, "'cyclic' is not a list", "names of coordinates")
+        return None
+    known = reader.scope.coordinates()
+    return tuple(name for name in (reader.word(scalar, known, "coordinate") for scalar in value) if name)
+
+
+def _ranges(reader: Reader, part: Part, sweepable: tuple[str, ...]) -> tuple[tuple[str, float, float, int], ...]:
+    known = (*sweepable, *(name for name, symbol in reader.scope.symbols.items() if symbol.kinds == {PARAMETER}))
+    found = []
+    for name, items in _entries(reader, part, "ranges, such as speed: [0, 10]").items():
+        if str(name) not in known:
+            near = did_you_mean(str(name), known)
+            reader.report(name.span, f"'{name}' is neither free in this motion nor a parameter", listed(known), near)
+        elif not isinstance(items, Items) or len(items) not in (2, 3):
+            reader.report(name.span, f"the range of '{name}'", "[first, last] or [first, last, count]")
+        else:
+            found += _range(reader, str(name), items)
+    return tuple(found)
+
+
+def _range(reader: Reader, name: str, items: Items) -> list[tuple[str, float, float, int]]:
+    unit = _unit(reader, name) if name in reader.scope.symbols else None
+    ends = [reader.value(reader.formula(x, f"a range of {name}", unit=unit), x) for x in items[:2]]
+    count = reader.value(reader.formula(items[2], "a count", unit=""), items[2]) if len(items) == 3 else COUNT
+    first, last = ends
+    if first is None or last is None or count is None:
+        return []
+    if first == last or count < 2 or count != int(count):
+        reader.report(items.span, f"the range of '{name}'", "two different values, and a whole count of at least 2")
+        return []
+    return [(name, first, last, int(count))]
+
+
+def _unit(reader: Reader, name: str) -> str | None:
+    """What a held value is measured in; None where the name says nothing of it."""
+    symbol = reader.scope.symbols[name]
+    if symbol.unit:
+        return symbol.unit
+    return pretty(symbol.dimension) if isinstance(symbol.dimension, tuple) else None
+
+
+def _free_names(reader: Reader, scalar: Scalar) -> list[str]:
+    try:
+        nodes = list(tree.walk(expression(scalar.text, names=reader.scope.symbols)))
+    except FormulaError:
+        return []  # reported by `formula`
+    names = [node.name for node in nodes if isinstance(node, tree.Name) and node.name not in reader.scope.symbols]
+    return [name for name in names if objection(name) is None]
+
+
+def _with_free_names(reader: Reader, scalar: Scalar, free: dict[str, None], unit: str | None) -> Expression:
+    added = [name for name in free if name not in reader.scope.symbols]
+    for name in added:
+        reader.scope.add(name, Symbol(frozenset({PARAMETER}), UNKNOWN))
+    formula = reader.formula(scalar, "a steady motion", unit=unit)
+    for name in added:
+        reader.scope.remove(name)
+    return formula

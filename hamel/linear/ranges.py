@@ -1,0 +1,77 @@
+"""`--sweep speed=0:10:11` and `--set speed=5`: values of a motion's free names and of parameters, with units where known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from derive.diagnostics import ModelError, did_you_mean, listed
+from derive.expressions.evaluate import number
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import expression
+from hamel.settings import settings
+
+if TYPE_CHECKING:
+    from derive.model.records import Model, SteadyMotion
+
+COUNT = 101
+MOST = 1_000_000  # values in one sweep
+
+
+@dataclass(frozen=True)
+class Range:
+    name: str
+    values: np.ndarray
+
+
+def value(model: Model, motion: SteadyMotion, name: str, given: float | str) -> float:
+    """One value by name, in SI. Raises ModelError."""
+    if name in {parameter.name for parameter in model.parameters}:
+        return settings(model, {name: given}).parameters[name]
+    if name not in motion.sweepable:
+        known = (*motion.sweepable, *(parameter.name for parameter in model.parameters))
+        near = did_you_mean(name, known) or f"known: {listed(known)}"
+        raise ModelError(f"'{name}' is neither free in the steady motion '{motion.name}' nor a parameter of {model.name}", near)
+    return _number(name, given)
+
+
+def _number(name: str, given: float | str) -> float:
+    try:
+        found = number(expression(str(given), {}), {}, str(given))
+    except FormulaError:
+        raise ModelError(f"{name} is set to '{given}', which is no number") from None
+    return found
+
+
+def values(model: Model, motion: SteadyMotion, given: Mapping[str, float | str]) -> dict[str, float]:
+    return {name: value(model, motion, name, text) for name, text in given.items()}
+
+
+def ranges(model: Model, motion: SteadyMotion, given: Mapping[str, str]) -> tuple[Range, ...]:
+    """The ranges asked for, or else the first of the file's own."""
+    if given:
+        return tuple(_range(model, motion, name, text) for name, text in given.items())
+    return tuple(own_ranges(motion)[:1])
+
+
+def own_ranges(motion: SteadyMotion) -> list[Range]:
+    """The ranges that the file gives for a steady motion."""
+    return [Range(name, np.linspace(first, last, count)) for name, first, last, count in motion.ranges]
+
+
+def _range(model: Model, motion: SteadyMotion, name: str, text: str) -> Range:
+    parts = text.split(":")
+    if len(parts) not in (2, 3):
+        raise ModelError(f"the sweep of {name} is '{text}'", "give first:last or first:last:count, such as 0:10:101")
+    first, last = (value(model, motion, name, part.strip()) for part in parts[:2])
+    return Range(name, np.linspace(first, last, _count(name, parts[2]) if len(parts) == 3 else COUNT))
+
+
+def _count(name: str, text: str) -> int:
+    count = int(text) if text.strip().isdecimal() else 0
+    if not 1 <= count <= MOST:
+        raise ModelError(f"the sweep of {name} has '{text}' values", f"a whole count from 1 to {MOST}")
+    return count

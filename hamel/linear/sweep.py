@@ -1,0 +1,73 @@
+"""A study along one range or over two: rows of eigenvalues, critical values, and where the motion is stable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from derive.linearize.critical import Critical, critical_values
+from derive.linearize.spectrum import eigenvalues, is_unstable
+from derive.linearize.study import Study
+from hamel.linear.ranges import Range
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """`values`: one column per swept name, a row for each motion; `spectra`: N × k."""
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    spectra: np.ndarray
+    critical: tuple[Critical, ...]  # along a single range
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """Which rows have an eigenvalue to the right of the imaginary axis."""
+        return np.any(is_unstable(self.spectra), axis=1)
+
+    @property
+    def stable(self) -> tuple[tuple[float, float], ...]:
+        """Along a single range: intervals in which every eigenvalue is to the left of the imaginary axis (or on it)."""
+        if len(self.names) != 1:
+            return ()
+        flags, found, values = ~self.unstable, [], self.values[:, 0]
+        start = float(values[0]) if flags[0] else None
+        for k in range(len(flags) - 1):
+            if flags[k] == flags[k + 1]:
+                continue
+            edge = self._edge(float(values[k]), float(values[k + 1]))
+            if start is None:
+                start = edge
+            else:
+                found.append((start, edge))
+                start = None
+        return (*found, *([] if start is None else [(start, float(values[-1]))]))
+
+    def _edge(self, a: float, b: float) -> float:
+        """The critical value between two rows at which stability changes."""
+        inside = [c for c in self.critical if min(a, b) <= c.value <= max(a, b)]
+        marginal = [c for c in inside if abs(c.eigenvalue.real) <= 1e-6 * (1 + abs(c.eigenvalue))]
+        return (marginal or inside)[0].value if inside else (a + b) / 2
+
+
+def swept(study: Study, ranges: Sequence[Range]) -> Sweep:
+    """Eigenvalues at every value of one range, or on the grid of two (the second runs faster)."""
+    if not ranges:
+        return Sweep((), np.zeros((1, 0)), eigenvalues(study.along({})), ())
+    if len(ranges) == 1:
+        return _line(study, ranges[0])
+    outer, inner = ranges
+    many = len(inner.values)
+    stacks = [study.along({outer.name: np.full(many, x), inner.name: inner.values}) for x in outer.values]
+    values = np.column_stack([np.repeat(outer.values, many), np.tile(inner.values, len(outer.values))])
+    return Sweep((outer.name, inner.name), values, eigenvalues(np.concatenate(stacks)), ())
+
+
+def _line(study: Study, along: Range) -> Sweep:
+    def matrices(values: np.ndarray) -> np.ndarray:
+        return study.along({along.name: values})
+
+    spectra = eigenvalues(matrices(along.values))
+    return Sweep((along.name,), along.values[:, np.newaxis], spectra, critical_values(matrices, along.values, spectra))

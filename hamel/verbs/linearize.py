@@ -1,0 +1,120 @@
+"""linearize: the linear equations along a steady motion in minimal states, their eigenvalues over a range, and the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from derive.diagnostics import ModelError
+from derive.linearize import study
+from derive.linearize.minimal import evaluator
+from derive.linearize.steady import motion_of
+from derive.linearize.study import Study
+from hamel.linear.ranges import ranges, values
+from hamel.linear.sweep import Sweep, swept
+from hamel.pipeline import Clock, equations_of
+from hamel.records import CriticalValue, Linearized
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def run(
+    path: str | Path,
+    at: str | None,
+    choice: str | None,
+    sweep: Mapping[str, str],
+    given: Mapping[str, float | str],
+    cyclic: Sequence[str] | None,
+) -> Linearized:
+    if len(sweep) > 2:
+        raise ModelError(f"{len(sweep)} names are swept", "one, or two for a map")
+    clock = Clock()
+    equations = equations_of(path, choice, clock=clock)
+    model, motion = equations.system.model, motion_of(equations, at)
+    wanted = ranges(model, motion, sweep)
+    with clock("linearize"):
+        middles = {r.name: float(r.values[0] + r.values[-1]) / 2 for r in wanted if r.name in motion.sweepable}
+        found = study(equations, motion, middles | values(model, motion, given), cyclic)
+    with clock("sweep"):
+        made = swept(found, wanted)
+    return _record(found, made, clock)
+
+
+def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
+    form, equations = found.linear, found.equations
+    motions = found.motions({})
+    states, inputs = equations.arguments[1].labels, equations.arguments[2].labels
+    numbers = {name: evaluator(equations, getattr(form, name))(motions.x, motions.u, motions.p)[0].tolist() for name in "ABCD"}
+    return Linearized(
+        model=equations.system.model.name,
+        file=equations.system.model.file,
+        choice=equations.choice,
+        motion=found.problem.motion.name,
+        values=found.at,
+        steady=dict(zip((*states, *inputs), (*motions.x[0].tolist(), *motions.u[0].tolist()))),
+        states=form.states,
+        inputs=form.inputs,
+        outputs=form.outputs,
+        **numbers,
+        cyclic=tuple(form.states[k] for k in found.cyclic),
+        families=sum(len(stage) for stage in found.families),
+        reduced=found.reduced,
+        swept=made.names,
+        rows=tuple(_rows(found, made)),
+        critical=tuple(CriticalValue(c.kind, made.names[0], c.value, _pair(c.eigenvalue)) for c in made.critical),
+        stable=made.stable,
+        seconds=clock.seconds,
+    )
+
+
+def _rows(found: Study, made: Sweep) -> list[dict[str, Any]]:
+    """Per motion: swept values, eigenvalues, and how many of the states are spurious (more than the minimal number)."""
+    spurious = found.spurious
+    return [
+        {**dict(zip(made.names, row.tolist())), "eigenvalues": [_pair(x) for x in spectrum], "spurious": spurious}
+        for row, spectrum in zip(made.values, made.spectra)
+    ]
+
+
+def _pair(x: complex | np.complexfloating) -> list[float]:
+    return [float(x.real), float(x.imag)]
+
+
+def show(record: Linearized, console: Console) -> None:
+    from hamel.show import durations, table
+
+    at = ", ".join(f"{name} {value:.6g}" for name, value in record.steady.items() if abs(value) > SEEN)
+    console.print(f"{record.model}, steady motion '{record.motion}': {at or 'at rest'}")
+    console.print(f"  {len(record.states)} minimal states: {', '.join(record.states)}")
+    zeros = [f"{len(record.cyclic)} cyclic ({', '.join(record.cyclic)})"] if record.cyclic else []
+    zeros += [f"{record.families} along families of steady motions"] if record.families else []
+    if zeros:
+        console.print(f"  zero eigenvalues taken out: {'; '.join(zeros)}")
+    rows = [(*(f"{row[name]:.6g}" for name in record.swept), "  ".join(map(_shown, row["eigenvalues"]))) for row in record.rows]
+    every = max(1, len(rows) // MOST_ROWS)
+    table(console, (*record.swept, "eigenvalues (1/s)"), rows[::every], right=range(len(record.swept)))
+    for c in record.critical:
+        console.print(f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_shown(c.eigenvalue)}")
+    for first, last in record.stable:
+        console.print(f"no unstable eigenvalue for {record.swept[0]} from {first:.15g} to {last:.15g}")
+    if record.swept and not record.stable and len(record.swept) == 1:
+        console.print(f"no stable value of {record.swept[0]} in the range")
+    console.print(f"  time  {durations(record.seconds)}")
+
+
+MOST_ROWS = 25
+SEEN = 1e-12  # a smaller value is what rounding leaves of zero
+KINDS = {
+    "zero": "a real eigenvalue passes zero",
+    "hopf": "a pair passes the imaginary axis",
+    "double": "two real eigenvalues meet and part as a pair",
+}
+
+
+def _shown(pair: Sequence[float]) -> str:
+    re, im = pair
+    return f"{re:.6g}" if im == 0 else f"{re:.6g}{im:+.6g}i"

@@ -1,0 +1,146 @@
+"""Linear equations along steady motions: published digits, closed forms, and the bookkeeping of zeros."""
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from derive.diagnostics import AssumptionError
+from derive.formulations import equations
+from derive.linearize import study
+from derive.linearize.critical import critical_values
+from derive.linearize.minimal import evaluator
+from derive.linearize.spectrum import eigenvalues
+from derive.linearize.steady import motion_of
+from derive.mechanics import system
+from derive.model import load
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+def studied(name: str, at: str | None = None, choice: str | None = None, **values: float):
+    found = equations(system(load(MODELS / f"{name}.yaml")), choice)
+    return study(found, motion_of(found, at), values)
+
+
+def changes(found, name: str, values: np.ndarray):
+    def matrices(x):
+        return found.along({name: x})
+
+    return critical_values(matrices, values, eigenvalues(matrices(values)))
+
+
+@pytest.fixture(scope="module")
+def bicycle():
+    return studied("bicycle")
+
+
+# Meijaard, Papadopoulos, Ruina, Schwab (2007), evaluated with 40 digits: weave, capsize, castering.
+SPECTRA = {
+    0: [3.13164324790655567, -3.13164324790655567, 5.53094371765393464, -5.53094371765393464],
+    1: [3.52696170990069417 + 0.807740275199310045j, -3.13423125066578423, -7.11008014637440773],
+    2: [2.68234517512745345 + 1.68066296590675776j, -3.07158645641514251, -8.67387984831737163],
+    3: [1.70675605663973515 + 2.31582447384324357j, -2.63366137253665296, -10.3510146724592282],
+    4: [0.413253315211241321 + 3.07910818603205363j, -1.42944427361325745, -12.1586142657644397],
+    5: [-0.775341882195841925 + 4.46486771378822514j, -0.322866429004087078, -14.0783896927982472],
+    6: [-1.52644486584141715 + 5.87673060598708403j, -0.00406690076970336242, -16.085371230980284],
+    7: [-2.13875644258363428 + 7.19525913329804255j, 0.102681705747664159, -18.1578846612520209],
+    8: [-2.69348683581094772 + 8.4603797139693359j, 0.143278797657129498, -20.279408943945663],
+    9: [-3.21675402252490747 + 9.69377351531782195j, 0.157901840309172982, -22.4378855904085906],
+    10: [-3.72016840437287573 + 10.906811394762882j, 0.161053386531715542, -24.6245963501740002],
+}
+
+
+def test_the_bicycle_has_four_eigenvalues_and_they_are_the_published_ones(bicycle):
+    assert bicycle.reduced == ("lean", "steer", "lean_dot", "steer_dot")
+    assert len(bicycle.linear.states) == 10 and bicycle.spurious == 0
+    found = eigenvalues(bicycle.along({"speed": np.arange(11.0)}))
+    for spectrum, wanted in zip(found, SPECTRA.values()):
+        everyone = [*wanted, *[x.conjugate() for x in wanted if isinstance(x, complex)]]
+        assert len(spectrum) == len(everyone) == 4
+        for x in everyone:
+            assert np.min(np.abs(spectrum - x)) < 1e-12
+
+
+def test_the_matrices_of_the_bicycle_come_out_of_the_nonlinear_model(bicycle):
+    """M, C1, K0 and K2 of M q̈ + v C1 q̇ + (g K0 + v² K2) q = 0 from the reduced mass matrix and force."""
+    named = {n.name: n.value for n in bicycle.equations.named}
+    x = bicycle.equations.arguments[1].symbols
+    mass, slope = (evaluator(bicycle.equations, value) for value in (named["M_w"], ca.jacobian(named["f_w"], x)))
+    motions = bicycle.motions({"speed": [0.0, 1.0]})
+    at = motions.x, motions.u, motions.p
+    T = evaluator(bicycle.equations, bicycle.linear.T)(*at)
+    J = (slope(*at) @ T)[:, :2, [3, 4, 7, 8]]
+    K, C, g = -J[:, :, :2], -J[:, :, 2:], 9.81
+    wanted = {
+        "M": ([[80.81722, 2.31941332208709135], [2.31941332208709135, 0.29784188199685553]], mass(*at)[0, :2, :2]),
+        "C1": ([[0, 33.8664139149249439], [-0.85035641456978437, 1.68540397397559674]], C[1]),
+        "K0": ([[-80.95, -2.59951685249871641], [-2.59951685249871641, -0.803294884586176881]], K[0] / g),
+        "K2": ([[0, 76.5973458957322215], [0, 2.65431523794604025]], K[1] - K[0]),
+    }
+    assert np.max(np.abs(C[0])) < 1e-12  # no damping at rest
+    for name, (published, found) in wanted.items():
+        assert np.max(np.abs(found - published)) < 1e-12 * np.max(np.abs(published)), name
+
+
+def test_critical_speeds_of_the_bicycle(bicycle):
+    found = changes(bicycle, "speed", np.linspace(0, 10, 21))
+    assert [c.kind for c in found] == ["double", "hopf", "zero"]
+    published = [0.68428307889245579629, 4.2923825363411039587, 6.0242620153883588899]
+    assert [c.value for c in found] == pytest.approx(published, abs=1e-12)
+    assert found[0].eigenvalue == pytest.approx(3.78290405129320292, abs=1e-12)
+    assert found[1].eigenvalue.imag == pytest.approx(3.4350338486614363036, abs=1e-12)
+
+
+def test_a_planted_sign_in_the_stiffness_is_seen(bicycle):
+    """The multipliers' own stiffness is what beginners forget: without it the eigenvalues are others."""
+    form = bicycle.linear
+    motions = bicycle.motions({"speed": [5.0]})
+    # dropping the dependent coordinates' part of T is what forgetting the perturbed constraints does
+    T = ca.DM.eye(form.T.size1())[:, list(form.independent)]
+    f = next(f.result.value for f in bicycle.equations.functions if f.name == "dynamics")
+    J = ca.jacobian(f[list(form.independent)], bicycle.equations.arguments[1].symbols)
+    wrong = evaluator(bicycle.equations, ca.mtimes(J, T))(motions.x, motions.u, motions.p)
+    right = bicycle.full(motions)
+    assert np.max(np.abs(wrong - right)) < 1e-9  # straight ahead the pitch does not follow to first order …
+    leaning = motions.x + 0.1 * (np.array(bicycle.equations.arguments[1].labels) == "lean")
+    wrong = evaluator(bicycle.equations, ca.mtimes(J, T))(leaning, motions.u, motions.p)
+    right = bicycle.A(leaning, motions.u, motions.p)
+    assert np.max(np.abs(wrong - right)) > 1e-3  # … in a lean it does
+
+
+def test_critical_speed_of_a_disk():
+    found = studied("rolling_disk")
+    assert found.reduced == ("lean", "u1")
+    (change,) = changes(found, "speed", np.linspace(0, 8, 9))
+    r, g = 0.35, 9.81
+    assert change.value == pytest.approx(np.sqrt(g / (3 * r)), abs=1e-12)
+    speeds = np.linspace(0, 8, 9)
+    squares = eigenvalues(found.along({"speed": speeds}))[:, 0] ** 2
+    assert np.max(np.abs(squares - (0.8 * g / r - 2.4 * speeds**2))) < 1e-11
+
+
+def test_a_pole_on_a_cart():
+    """Against the equations of motion written by hand (friction linearised: mu/vs)."""
+    found = studied("cart_pole")
+    M, m, l, mu, vs, c, g = 1.0, 0.2, 0.6, 0.4, 0.01, 0.001, 9.81
+    h = l / 2
+    mass = np.array([[M + m, -m * h], [-m * h, m * l**2 / 3]])
+    A = np.zeros((4, 4))
+    A[:2, 2:] = np.eye(2)
+    A[2:] = np.linalg.solve(mass, np.array([[0, 0, -mu / vs, 0], [0, m * g * h, 0, -c]]))
+    motions = found.motions({})
+    assert np.max(np.abs(found.full(motions)[0] - A)) < 1e-12 * np.max(np.abs(A))
+    B = evaluator(found.equations, found.linear.B)(motions.x, motions.u, motions.p)[0]
+    assert np.max(np.abs(B[2:] - np.linalg.solve(mass, [[1.0], [0.0]]))) < 1e-13
+    assert [found.linear.states[k] for k in found.cyclic] == ["s"]
+
+
+def test_what_is_not_steady_is_refused():
+    with pytest.raises(AssumptionError, match=r"'straight' is no steady motion"):
+        studied("rolling_disk", choice="best")
+    with pytest.raises(AssumptionError, match="needs a value for 'speed'"):
+        studied("rolling_torus")
+    with pytest.raises(AssumptionError, match="did you mean 'straight'"):
+        studied("rolling_disk", at="strait")

@@ -13,8 +13,8 @@ from derive.expressions.evaluate import casadi_functions, number, value
 from derive.formulations.records import Equations
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
+from derive.mechanics.closing import Kinematics, closed, nominal, normalised
 from derive.mechanics.initial import initial_state
-from derive.mechanics.sampling import closed, kinematics, nominal, normalised
 from derive.model.records import Span, SteadyMotion
 
 GUESS = "guess"
@@ -135,14 +135,14 @@ def _positions(found: Problem, given: dict[str, float], p: np.ndarray) -> np.nda
         q[i] = given.get(c.name, q[i])
     free = np.array([c.name not in dict(found.motion.values) for c in system.model.coordinates])
     q = normalised(system, q)
-    on = closed(kinematics(system), 0.0, q, p, free)
+    on = closed(Kinematics(system), 0.0, q, p, free)
     return q if on is None else on
 
 
 def _velocities(found: Problem, given: dict[str, float], q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """The smallest v with A v = c and the held rates."""
     system = found.equations.system
-    A, c, N = kinematics(system).velocities(0.0, q, p)
+    A, c, N = Kinematics(system).velocities(0.0, q, p)
     rows = {f"der({x.name})": N[i] for i, x in enumerate(system.model.coordinates)}
     rows |= {x.name: np.eye(A.shape[1])[j] for j, x in enumerate(system.model.velocities)}
     names = [name for name in given if name in rows]

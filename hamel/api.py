@@ -44,12 +44,18 @@ def build(
 
 
 def verify(
-    path: Model, *, choice: str | None = None, states: int = 100, seed: int = 0, constants: Constants = ()
+    path: Model,
+    *,
+    choice: str | None = None,
+    states: int = 100,
+    seed: int = 0,
+    constants: Constants = (),
+    formulation: str = "quasi_velocities",
 ) -> records.Verified:
     """Compare a choice (all of the file's when none is named) with an independent derivation at random admissible states."""
     from hamel.verbs.verify import run
 
-    return run(path, choice, states, seed, constants)
+    return run(path, choice, states, seed, constants, formulation)
 
 
 def simulate(
@@ -99,11 +105,13 @@ def linearize(
     return run(path, at, choice, sweep or {}, values or {}, cyclic)
 
 
-def derive(path: Model, *, choice: str | None = None, out: str | Path | None = None) -> records.Derived:
+def derive(
+    path: Model, *, choice: str | None = None, out: str | Path | None = None, formulation: str = "quasi_velocities"
+) -> records.Derived:
     """Write the derivation as derivation.html and derivation.tex into `out` (default: the current folder)."""
     from hamel.verbs.derive import run
 
-    return run(path, choice, Path(out or "."))
+    return run(path, choice, Path(out or "."), formulation)
 
 
 def import_(path: Model, *, out: str | Path | None = None, floating: bool = False) -> records.Imported:

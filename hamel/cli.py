@@ -72,6 +72,9 @@ def _print_json(record: Any) -> None:
 
 MODEL = click.argument("model")
 CHOICE = click.option("--choice", metavar="NAME", help="The choice of quasi-velocities (default: the file's first).")
+FORMULATION = click.option(
+    "--formulation", metavar="NAME", default="quasi_velocities", show_default=True, help="How the equations are formed: see list."
+)
 CONSTANTS = click.option(
     "--constants", metavar="all|a,b", default="", help="Parameters to bake in as numbers (default: none, all stay arguments)."
 )
@@ -95,6 +98,7 @@ def check(model: str) -> Any:
 @verb
 @MODEL
 @CHOICE
+@FORMULATION
 @click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
 @CONSTANTS
 @click.option("--functions", metavar="a,b", default="", help='Emit these functions only; "default" stands for all of use.')
@@ -116,18 +120,17 @@ def build(model: str, constants: str, functions: str, integrators: str, explain:
     "--states", type=click.IntRange(1, 1_000_000), default=100, show_default=True, help="Random admissible states per choice."
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@FORMULATION
 @CONSTANTS
-def verify(model: str, choice: str | None, states: int, seed: int, constants: str) -> Any:
+def verify(model: str, constants: str, **options: Any) -> Any:
     """Compare MODEL's code with an independent derivation."""
-    return hamel.verify(model, choice=choice, states=states, seed=seed, constants=_constants(constants))
+    return hamel.verify(model, constants=_constants(constants), **options)
 
 
 @verb
 @MODEL
 @CHOICE
-@click.option(
-    "--formulation", default="quasi_velocities", show_default=True, metavar="NAME", help="How the equations are formed."
-)
+@FORMULATION
 @click.option("--keeping", metavar="NAME", help="How to stay on the constraints (default: projection, where there is any).")
 @click.option("--integrator", default="dop853", show_default=True, metavar="NAME", help="How to step; `hamel list` names all.")
 @click.option("--step-size", type=float, metavar="S", help="Equal steps of at most this size instead of steps by the tolerances.")
@@ -175,10 +178,11 @@ def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic:
 @verb
 @MODEL
 @CHOICE
+@FORMULATION
 @click.option("-o", "--out", metavar="DIR", help="Where derivation.html and derivation.tex go (default: here).")
-def derive(model: str, choice: str | None, out: str | None) -> Any:
+def derive(model: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
-    return hamel.derive(model, choice=choice, out=out)
+    return hamel.derive(model, **options)
 
 
 @verb

@@ -77,19 +77,26 @@ def mechanics_of(model: Model, constants: Constants = ()) -> System:
     return system(model, constants)
 
 
-def usable_choices(mechanics: System) -> tuple[dict[str, Equations], dict[str, str]]:
-    """Equations of every choice of the file, and why the others are refused. The first has to be a choice: it is the default."""
+def usable_choices(mechanics: System, formulation: str = "quasi_velocities") -> tuple[dict[str, Equations], dict[str, str]]:
+    """Equations of every choice of the file, and why the others are refused. The first has to be a choice: it is the default.
+
+    A formulation in the base velocities makes no choice: its equations stand alone, under its own name.
+    """
     from derive.diagnostics import AssumptionError
     from derive.formulations import equations
 
     usable, refused = {}, {}
     for number, choice in enumerate(mechanics.model.choices):
         try:
-            usable[choice.name] = equations(mechanics, choice.name)
+            found = equations(mechanics, choice.name, formulation)
         except AssumptionError as error:
             if number == 0:
                 raise
             refused[choice.name] = str(error)
+            continue
+        usable[found.choice] = found
+        if found.base_velocities:
+            break
     return usable, refused
 
 

@@ -177,7 +177,7 @@ class Linearized:
 
 @dataclass(frozen=True)
 class Known:
-    """A name with one line about it, and where a method comes from."""
+    """A name with one line about it, and who devised it where that is known."""
 
     name: str
     about: str

@@ -1,6 +1,13 @@
 """Models that several tests share."""
 
+import functools
 from pathlib import Path
+
+from derive.formulations import equations
+from derive.formulations.records import Equations
+from derive.mechanics import system
+from derive.mechanics.records import System
+from derive.model import load
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"
@@ -18,3 +25,15 @@ joints:
   B: {type: prismatic, parent: a, child: b, at: [[0, l, 0], [0.1 m, 0, 0]], axis: [0.6, 0, 0.8], coordinate: s}
   C: {type: revolute, parent: b, child: c, at: [[0, l, 0], [0.05 m, 0.02 m, 0]], axis: y, coordinate: q3}
 """
+
+
+@functools.cache
+def mechanics(name: str) -> System:
+    """Of a model in models/."""
+    return system(load(MODELS / f"{name}.yaml"))
+
+
+@functools.cache
+def derived(name: str, choice: str | None = None, formulation: str = "quasi_velocities") -> Equations:
+    """Equations that several tests look at, derived once."""
+    return equations(mechanics(name), choice, formulation)

@@ -8,14 +8,14 @@ import pytest
 
 from codegen.passes import program
 from derive.diagnostics import AssumptionError
-from derive.formulations import FORMULATIONS, choices, equations
+from derive.formulations import choices, equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
 from derive.mechanics.records import System
 from derive.mechanics.sampling import states
 from derive.mechanics.solve import best_block
 from derive.model import load, load_text
-from tests.scenes import MODELS
+from tests.scenes import MODELS, derived, mechanics
 
 EVERY = [(path, choice.name) for path in sorted(MODELS.glob("*.yaml")) for choice in load(path).choices]
 FITTING = [x for x in EVERY if x != (MODELS / "snake3.yaml", "world")]
@@ -59,33 +59,10 @@ def bordered(s: System, found) -> tuple[np.ndarray, np.ndarray]:
     return z[:, :nv], z[:, nv:]
 
 
-def rows_at(s: System, found) -> list[np.ndarray]:
-    A = ca.Function("A", [s.t, s.q, s.p], [ca.densify(s.A)])
-    return [A(*state).full() for state in zip(found.t, found.q, found.p)]
-
-
-@pytest.mark.parametrize(("path", "choice"), FITTING, ids=lambda x: getattr(x, "stem", x))
-@pytest.mark.parametrize("formulation", [f.name for f in FORMULATIONS])
-def test_every_choice_is_the_bordered_system(path, choice, formulation) -> None:
-    s = system(load(path))
-    found = states(s, 25, seed=5)
-    e = equations(s, choice, formulation)
-    vdot, lam = bordered(s, found)
-    scale = 1 + np.max(np.abs(vdot), axis=1, keepdims=True)
-    assert np.max(np.abs(accelerations(e, found) - vdot) / scale) < 1e-10
-    if "reactions" in functions(e):
-        f = functions(e)
-        ours = np.array([f["reactions"](*a).full().ravel() for a in arguments(f, found)])
-        if np.linalg.matrix_rank(rows_at(s, found)[0], tol=1e-8) < len(s.rows):  # only Aᵀ λ is unique then
-            ours, lam = (np.array([A.T @ x for A, x in zip(rows_at(s, found), y)]) for y in (ours, lam))
-        assert np.max(np.abs(ours - lam) / (1 + np.max(np.abs(lam), axis=1, keepdims=True))) < 1e-9
-
-
 @pytest.mark.parametrize(("path", "choice"), FITTING, ids=lambda x: getattr(x, "stem", x))
 def test_block_inverse(path, choice) -> None:
     """[A; B] [R S] = 1, and v = S w + R c gives back v."""
-    s = system(load(path))
-    e = equations(s, choice)
+    s, e = mechanics(path.stem), derived(path.stem, choice)
     f, found = functions(e), states(s, 10, seed=6)
     named = {n.name: n.value for n in e.named}
     if "Y" not in named:

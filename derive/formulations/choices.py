@@ -180,7 +180,9 @@ def _declared(shop: Workshop, choice: Choice) -> Resolved:
             f"{shop.freedom} independent rows",
         )
     try:
-        return _carried(shop, choice.name, "rows", rows, "the model declares it")
+        return carried(
+            shop, choice.name, "rows", rows, "the model declares it" if choice.span.line else "it was asked for by name"
+        )
     except Dependent as problem:
         raise _refused(
             shop.system,
@@ -234,7 +236,7 @@ def speed_rows(system: System, choice: Choice) -> list[RowForm]:
     return result
 
 
-def _carried(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reason: str) -> Resolved:
+def carried(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reason: str) -> Resolved:
     """The elimination in every way of writing the constraint blocks; among those with the safest pivots the one that gives v
     and v̇ with the fewest operations wins, for what follows hardly differs."""
     names = tuple(row.name for row in rows)
@@ -248,7 +250,7 @@ def _carried(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reas
     counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
     best = min(range(len(found)), key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]))
     reduction, equations = found[best], explicit(shop.system, found[best])
-    ranking = _ranking(shop, name, kind, names, reduction, equations)
+    ranking = ranked(shop, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
 
 
@@ -266,7 +268,7 @@ def _ways(system: System) -> list[tuple[int, ...]]:
     return [tuple(min(k, n - 1) for n in counts) for k in range(max(counts))]
 
 
-def _ranking(shop: Workshop, name: str, kind: str, rows: tuple[str, ...], reduction: Reduction, equations: Explicit) -> Ranking:
+def ranked(shop: Workshop, name: str, kind: str, rows: tuple[str, ...], reduction: Reduction, equations: Explicit) -> Ranking:
     conditions = _conditions(shop, _numeric_rows(shop, reduction.B))
     count, pivots = equations.operations, reduction.pivots
     return Ranking(name, kind, rows, reduction.constant_pivots, *conditions, count, pivots, equations.gathered)
@@ -285,7 +287,7 @@ def _conditions(shop: Workshop, B: np.ndarray) -> tuple[float, float]:
 def _orthonormal(shop: Workshop, choice: Choice) -> Resolved:
     reduction = orthonormal(shop.system, shop.kept, shop.sampled)
     equations = explicit(shop.system, reduction)
-    ranking = _ranking(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
+    ranking = ranked(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
     return Resolved(ranking, reduction, equations, "the model declares it: [A; B] is as well conditioned as A allows")
 
 
@@ -314,7 +316,7 @@ def _fits(shop: Workshop, choice: Choice) -> bool:
 
 def _try(shop: Workshop, name: str, rows: tuple[RowForm, ...]) -> Resolved | None:
     try:
-        return _carried(shop, name, "rows", rows, "")
+        return carried(shop, name, "rows", rows, "")
     except (Dependent, Undetermined):
         return None
 
@@ -329,7 +331,7 @@ def _candidates(shop: Workshop) -> list[tuple[tuple[float, int], str, tuple[RowF
     subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(shop)
     result = []
     for subset in subsets:
-        rows = tuple(RowForm(_speed_name(shop.system, j), (), ((j, 1.0),)) for j in subset)
+        rows = tuple(RowForm(speed_name(shop.system, j), (), ((j, 1.0),)) for j in subset)
         worst = _conditions(shop, np.tile(np.eye(nv)[list(subset)], (len(shop.rows), 1, 1)))[1] if shop.system.rows else 1.0
         result.append(((round(np.log10(worst), 1), subset[0] if subset else 0), " ".join(r.name for r in rows), rows))
     return result
@@ -362,7 +364,7 @@ def _deflated(A: np.ndarray, j: int) -> np.ndarray:
     return A - unit[:, :, None] * (unit[:, None, :] @ A)
 
 
-def _speed_name(system: System, j: int) -> str:
+def speed_name(system: System, j: int) -> str:
     velocity = system.model.velocities[j]
     return f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
 

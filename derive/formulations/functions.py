@@ -29,7 +29,8 @@ class Motion:
     qdot: ca.SX
     wdot: ca.SX
     lam: ca.SX
-    guards: tuple[Guard, ...]
+    guards: tuple[Guard, ...]  # of v
+    solving: tuple[Guard, ...]  # of ẇ and λ beyond those
     named: tuple[Named, ...]
     kept: tuple[int, ...]  # independent constraint rows
     closing: tuple[int, ...]  # independent rows among the holonomic ones
@@ -83,8 +84,12 @@ def _dynamics(system: System, motion: Motion) -> Function:
     units = [_per_second(c.unit) for c in system.model.coordinates] + [_per_second(u) for u in motion.units]
     value = ca.vertcat(motion.qdot, motion.wdot)
     result = Result("xdot", value, tuple(labels), tuple(units))
-    about = "state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)"
-    return Function("dynamics", about, result, motion.named, motion.guards)
+    about = "state derivative: q̇ = N v, " + (_BASE if motion.projects_velocity else _REDUCED)
+    return Function("dynamics", about, result, motion.named, (*motion.guards, *motion.solving))
+
+
+_BASE = "v̇ from M v̇ + h = Q + Aᵀ λ and A v̇ = β"
+_REDUCED = "ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)"
 
 
 def _per_second(unit: str) -> str:
@@ -167,21 +172,21 @@ def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:
 def _position_step(system: System, closing: list[int]) -> ca.SX:
     phi = [system.phi[system.rows[i].position] for i in closing]
     nothing: Vector = [0.0] * system.v.numel()
-    step, _ = bordered_solution(metric(system), system.A[closing, :], nothing, [-x for x in phi])
-    return ca.substitute(system.qdot, system.v, ca.vertcat(*step))
+    step = bordered_solution(metric(system), system.A[closing, :], nothing, [-x for x in phi])
+    return ca.substitute(system.qdot, system.v, ca.vertcat(*step.x))
 
 
 def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
     rows = list(motion.kept)
     violation = _at(system, motion, ca.mtimes(system.A[rows, :], system.v) - system.c[rows])
     entries = [violation[i] for i in range(len(rows))]
-    step, _ = bordered_solution(metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries])
-    return motion.w + ca.mtimes(motion.B, ca.vertcat(*step)), entries
+    step = bordered_solution(metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries])
+    return motion.w + ca.mtimes(motion.B, ca.vertcat(*step.x)), entries
 
 
 def metric(system: System) -> ca.SX:
     """M where it is positive definite for certain (no massless direction shows at the nominal values), else 1."""
-    return system.M if system.definite else ca.SX.eye(system.v.numel())
+    return system.M if system.definite and system.written else ca.SX.eye(system.v.numel())
 
 
 def _largest(entries: list[ca.SX]) -> ca.SX:
@@ -196,7 +201,7 @@ def _reactions(system: System, motion: Motion) -> Function | None:
         return None
     about = "multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row"
     names = tuple(row.name for row in system.rows)
-    return Function("reactions", about, Result("lam", motion.lam, names, ()), guards=motion.guards)
+    return Function("reactions", about, Result("lam", motion.lam, names, ()), guards=(*motion.guards, *motion.solving))
 
 
 def _energy(system: System, motion: Motion) -> Function:
@@ -211,7 +216,7 @@ def _power(system: System, motion: Motion) -> Function:
     moving = [i for i in range(len(system.rows)) if not (system.c[i].is_constant() and float(system.c[i]) == 0)]
     for i in moving:
         power = power + motion.lam[i] * system.c[i]
-    guards = motion.guards if moving else _used(motion, system.power, system)
+    guards = (*motion.guards, *motion.solving) if moving else _used(motion, system.power, system)
     return Function(
         "power", "power of forces without potential: d(T + V)/dt", Result("power", power, ("power",), ("W",)), guards=guards
     )

@@ -1,9 +1,4 @@
-"""The traditional reference: the augmented system with multipliers, in the base velocities.
-
-    [ M  −Aᵀ ] [ v̇ ]   [ Q − h ]
-    [ A   0  ] [ λ ] = [ β     ]
-solved by one unrolled L D Lᵀ of the quasi-definite matrix [M Aᵀ; A 0] (unknowns v̇, −λ), tip to base, multipliers last.
-"""
+"""The bordered system [M Aᵀ; A 0], for accelerations with multipliers and for projections in the metric of M."""
 
 from __future__ import annotations
 
@@ -12,39 +7,21 @@ from dataclasses import dataclass
 import casadi as ca
 
 from derive.joints.records import Vector
-from derive.mechanics.records import System
 from derive.mechanics.solve import ldl_solution, scalars
 
 
 @dataclass(frozen=True)
-class Augmented:
-    vdot: ca.SX
-    lam: ca.SX
+class Bordered:
+    """`pivots` are those of the lower block, −A M⁻¹ Aᵀ: they vanish where A loses rank."""
+
+    x: Vector
+    y: Vector
+    pivots: Vector
 
 
-def augmented(system: System, kept: tuple[int, ...]) -> Augmented:
-    """v̇ and λ over (t, q, v, u, p); multipliers of redundant rows are zero."""
-    rows = list(kept)
-    force = _entries(system.Q - system.h)
-    vdot, minus = bordered_solution(system.M, system.A[rows, :], force, _entries(system.beta[rows]))
-    lam = ca.SX.zeros(len(system.rows))
-    for i, x in zip(rows, minus):
-        lam[i] = -x
-    return Augmented(_column(vdot), lam)
-
-
-def bordered_solution(M: ca.SX, A: ca.SX, top: Vector, bottom: Vector) -> tuple[Vector, Vector]:
-    """x, y of M x + Aᵀ y = top, A x = bottom, for M positive definite and A of full row rank."""
+def bordered_solution(M: ca.SX, A: ca.SX, top: Vector, bottom: Vector) -> Bordered:
+    """x, y of M x + Aᵀ y = top, A x = bottom, for M positive definite and A of full row rank, by one unrolled L D Lᵀ."""
     nv, nc = M.size1(), A.size1()
     matrix = scalars(ca.blockcat([[M, A.T], [A, ca.SX(nc, nc)]]))
-    order = [*reversed(range(nv)), *range(nv, nv + nc)]
-    x = ldl_solution(matrix, [[*top, *bottom]], order).x[0]
-    return x[:nv], x[nv:]
-
-
-def _entries(column: ca.SX) -> Vector:
-    return [column[i] for i in range(column.numel())]
-
-
-def _column(entries: Vector) -> ca.SX:
-    return ca.vertcat(*entries) if entries else ca.SX(0, 1)
+    found = ldl_solution(matrix, [[*top, *bottom]], [*reversed(range(nv)), *range(nv, nv + nc)])
+    return Bordered(found.x[0][:nv], found.x[0][nv:], found.pivots[nv:])

@@ -90,3 +90,4 @@ class Equations:
     parameters: tuple[float, ...]  # defaults, in the order of p
     assumptions: tuple[str, ...] = ()
     requests: tuple[Request, ...] = ()
+    base_velocities: bool = False  # x = (q, v): w are the base velocities, all of them

@@ -116,8 +116,8 @@ class Author:
 
     @property
     def free_velocities(self) -> bool:
-        """The quasi-velocities are the base velocities themselves (the augmented system)."""
-        return self.equations.formulation == "augmented"
+        """The quasi-velocities are the base velocities themselves (nothing is eliminated)."""
+        return self.equations.base_velocities
 
     def _quasi_velocities(self) -> list[sympy.Symbol]:
         """Of w; a speed that is one base velocity shares its symbol."""

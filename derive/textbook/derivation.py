@@ -56,8 +56,8 @@ def _title(equations: Equations) -> str:
 
 
 def _subtitle(equations: Equations) -> str:
-    if equations.formulation == "augmented":
-        return "base velocities and multipliers, the augmented system"
+    if equations.base_velocities:
+        return f"base velocities, formulation {equations.formulation}"
     return f"explicit, without multipliers; quasi-velocities “{equations.choice}”"
 
 

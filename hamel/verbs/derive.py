@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def run(path: str | Path, choice: str | None, folder: Path) -> Derived:
-    equations = equations_of(path, choice)
+def run(path: str | Path, choice: str | None, folder: Path, formulation: str) -> Derived:
+    equations = equations_of(path, choice, formulation=formulation)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
     write_text(pages["html"], html(equations))
     write_text(pages["tex"], latex(equations))

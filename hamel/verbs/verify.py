@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from derive.formulations.records import Equations
 
 
-def run(path: str | Path, choice: str | None, states: int, seed: int, constants: Constants) -> Verified:
+def run(path: str | Path, choice: str | None, states: int, seed: int, constants: Constants, formulation: str) -> Verified:
     model = load(path)
     mechanics = mechanics_of(model, constants)
-    asked = {} if choice is None else {choice: equations(mechanics, choice)}
-    usable, refused = usable_choices(mechanics)
+    asked = {} if choice is None else {choice: equations(mechanics, choice, formulation)}
+    usable, refused = usable_choices(mechanics, formulation)
     wanted = asked or usable
     checks = [check for name in wanted for check in _checks(name, usable | asked, states, seed)]
     return Verified(model.name, all(check.passed for check in checks), tuple(checks), refused, states, seed)

@@ -108,7 +108,7 @@ def independent(e: Evidence) -> float:
     wanted = [s.outcome.rank for s in e.samples]
     rows = worst([ours - rank for ours, rank in zip(e.ranks, wanted)])
     equations = e.graph.equations
-    if equations.formulation != "quasi_velocities":
+    if equations.base_velocities:
         return rows
     return max(rows, abs(len(e.samples[0].v) - len(equations.w) - float(np.median(wanted))))
 

@@ -1,0 +1,139 @@
+"""Equations out of what a formulation found: in quasi-velocities of a choice, or in the base velocities themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from derive.formulations.choices import Workshop
+from derive.formulations.functions import Motion, arguments, functions
+from derive.formulations.pivots import solved
+from derive.formulations.quasi_velocities import Explicit
+from derive.formulations.records import Equations, Guard
+from derive.formulations.reduction import Reduction
+from derive.joints.records import Vector
+from derive.mechanics.records import Named, System
+
+
+def reduced(
+    shop: Workshop, formulation: str, choice: str, reason: str, reduction: Reduction, found: Explicit, lam: ca.SX
+) -> Equations:
+    """x = (q, w), v = S w + R c."""
+    motion = Motion(
+        w=reduction.w,
+        names=reduction.names,
+        units=_units(shop.system, reduction),
+        B=reduction.B,
+        v=reduction.v,
+        qdot=found.qdot,
+        wdot=found.wdot,
+        lam=lam,
+        guards=reduction.guards,
+        solving=(),
+        named=found.named(reduction),
+        kept=reduction.kept,
+        closing=shop.closing,
+        projects_velocity=False,
+    )
+    named = (*_shown(shop, reduction), *motion.named[1:])
+    return _finished(shop, formulation, choice, reason, motion, named, reduction.pivots)
+
+
+def in_base_velocities(
+    shop: Workshop, formulation: str, vdot: Vector, lam: Vector, solving: tuple[Guard, ...], named: tuple[Named, ...]
+) -> Equations:
+    """x = (q, v): the constraints hold through their forces only. `lam` are the multipliers of the rows that are kept."""
+    system = shop.system
+    motion = Motion(
+        w=system.v,
+        names=tuple(identifier(v.name) for v in system.model.velocities),
+        units=tuple(v.unit for v in system.model.velocities),
+        B=ca.SX.eye(system.v.numel()),
+        v=system.v,
+        qdot=system.qdot,
+        wdot=column(vdot),
+        lam=spread(shop, lam),
+        guards=(),
+        solving=solving,
+        named=(Named("M", "mass matrix", system.M), Named("h", "bias", system.h), Named("beta", "A v̇ = β", system.beta)),
+        kept=shop.kept,
+        closing=shop.closing,
+        projects_velocity=True,
+    )
+    reason = "the base velocities themselves, held together by the constraint forces"
+    shown = (Named("A", "constraint rows, A v = c", system.A), *motion.named, *named)
+    return _finished(shop, formulation, formulation, reason, motion, shown, ())
+
+
+def _finished(
+    shop: Workshop, formulation: str, choice: str, reason: str, motion: Motion, named: tuple[Named, ...], pivots: tuple[str, ...]
+) -> Equations:
+    system = shop.system
+    return Equations(
+        system=system,
+        formulation=formulation,
+        choice=choice,
+        reason=reason,
+        arguments=arguments(system, motion),
+        functions=functions(system, motion),
+        named=named,
+        pivots=pivots,
+        w=motion.names,
+        parameters=system.parameters,
+        assumptions=(*system.assumptions, *shop.repetitions),
+        base_velocities=motion.projects_velocity,
+    )
+
+
+def identifier(name: str) -> str:
+    """der(q) → q_dot, base.vx → base_vx."""
+    return name.replace("der(", "").replace(")", "_dot").replace(".", "_")
+
+
+def entries(vector: ca.SX) -> Vector:
+    return [vector[i] for i in range(vector.numel())]
+
+
+def column(vector: Sequence) -> ca.SX:
+    return ca.vertcat(*vector) if vector else ca.SX(0, 1)
+
+
+def spread(shop: Workshop, lam: Vector) -> ca.SX:
+    """λ of all rows: zero for those that repeat others."""
+    result = ca.SX.zeros(len(shop.system.rows))
+    for i, x in zip(shop.kept, lam):
+        result[i] = x
+    return result
+
+
+def _units(system: System, reduction: Reduction) -> tuple[str, ...]:
+    """Of the quasi-velocities: that of the base velocity a speed is a plain multiple of, else none."""
+    columns: dict[int, list[int]] = {}
+    for k, j in zip(*reduction.B.sparsity().get_triplet()):
+        columns.setdefault(k, []).append(j)
+    return tuple(_unit(system, reduction, k, columns.get(k, [])) for k in range(len(reduction.names)))
+
+
+def _unit(system: System, reduction: Reduction, k: int, columns: list[int]) -> str:
+    if len(columns) != 1 or not reduction.B[k, columns[0]].is_constant():
+        return ""
+    return system.model.velocities[columns[0]].unit
+
+
+def _shown(shop: Workshop, reduction: Reduction) -> tuple[Named, ...]:
+    """A, B, Y, S and R as matrices: W = Y⁻¹ = [R S] by the same pivots as λ."""
+    rows = list(reduction.kept)
+    A = shop.system.A[rows, :]
+    shown = [Named("A", "constraint rows, A v = c", A), Named("B", "speed rows, B v = w", reduction.B)]
+    if rows:
+        Y = ca.vertcat(A, reduction.B)
+        shown += [Named("Y", "[A; B]", Y), Named("R", "v = S w + R c", per_unit_of_c(shop, Y, len(rows)))]
+    shown.append(Named("S", "base velocities per quasi-velocity", reduction.S))
+    return tuple(shown)
+
+
+def per_unit_of_c(shop: Workshop, Y: ca.SX, rows: int) -> ca.SX:
+    """R, the first columns of Y⁻¹."""
+    sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(Y.size1())] for k in range(rows)]
+    return ca.horzcat(*[ca.vertcat(*x) for x in solved(shop, Y, sides).columns])

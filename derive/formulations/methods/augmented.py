@@ -1,0 +1,34 @@
+"""The traditional reference: the augmented system with multipliers, in the base velocities.
+
+    [ M  −Aᵀ ] [ v̇ ]   [ Q − h ]
+    [ A   0  ] [ λ ] = [ β     ]
+solved by one unrolled L D Lᵀ of the quasi-definite matrix [M Aᵀ; A 0] (unknowns v̇, −λ), tip to base, multipliers last.
+"""
+
+from __future__ import annotations
+
+from derive.formulations.assembly import entries, in_base_velocities
+from derive.formulations.choices import Workshop
+from derive.formulations.fitness import first_of, singular, undetermined, unwritten
+from derive.formulations.formulation import Formulation
+from derive.formulations.multipliers import bordered_solution
+from derive.formulations.pivots import quadratic_guards
+from derive.formulations.records import Equations
+from derive.model.records import Choice
+
+
+def _equations(shop: Workshop, choice: Choice) -> Equations:
+    system, rows = shop.system, list(shop.kept)
+    found = bordered_solution(system.M, system.A[rows, :], entries(system.Q - system.h), entries(system.beta[rows]))
+    guards = quadratic_guards(shop, [system.rows[i].name for i in rows], found.pivots)
+    return in_base_velocities(shop, FORMULATION.name, found.x, [-y for y in found.y], guards, ())
+
+
+FORMULATION = Formulation(
+    name="augmented",
+    about="base velocities and multipliers from one bordered system, the traditional reference; state x = (q, v)",
+    source="Lagrange: Mécanique analytique, equations of the first kind",
+    chooses=False,
+    misfit=first_of(unwritten, undetermined, singular),
+    build=_equations,
+)

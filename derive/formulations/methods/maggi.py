@@ -1,0 +1,111 @@
+"""Maggi's equations with Kane's generalised speeds, the classical way: everything written out, then projected.
+
+The whole matrix Y = [A; B] is inverted by Gauss elimination, Y⁻¹ = [R S], so that v = S w + R c, and
+    Sᵀ (M v̇ + h − Q) = 0,  v̇ = S ẇ + σ,  σ = R β − S Ḃ v
+is solved for ẇ on the written mass matrix, without any recursion over the bodies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+
+from derive.diagnostics import AssumptionError
+from derive.expressions.counting import operations
+from derive.formulations.assembly import column, entries, reduced, spread
+from derive.formulations.choices import Workshop
+from derive.formulations.fitness import first_of, undetermined, unwritten
+from derive.formulations.formulation import Formulation
+from derive.formulations.named_choices import carried_through
+from derive.formulations.pivots import Solved, block_guards, solved
+from derive.formulations.quasi_velocities import Explicit
+from derive.formulations.records import Equations
+from derive.formulations.reduction import Reduction
+from derive.joints.records import Vector
+from derive.mechanics.solve import ldl_solution, scalars
+from derive.model.records import Choice
+
+
+def _equations(shop: Workshop, choice: Choice) -> Equations:
+    found = carried_through(shop, choice)
+    R, reduction = _inverted(shop, found.reduction)
+    explicit = _projected(shop, reduction)
+    system = shop.system
+    missing = ca.mtimes(system.M, explicit.vdot) + ca.substitute(system.h - system.Q, system.v, reduction.v)
+    lam = spread(shop, entries(ca.mtimes(R.T, missing)))
+    return reduced(shop, FORMULATION.name, choice.name, found.reason, reduction, explicit, lam)
+
+
+def _inverted(shop: Workshop, given: Reduction) -> tuple[ca.SX, Reduction]:
+    """R, and the reduction by Y⁻¹ = [R S] as a whole."""
+    system, rows, n = shop.system, list(given.kept), shop.system.v.numel()
+    Y = ca.vertcat(system.A[rows, :], given.B)
+    sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(n)] for k in range(n)]
+    try:
+        found = solved(shop, Y, sides)
+    except ZeroDivisionError:
+        name = shop.system.model.name
+        raise AssumptionError(f"{name}: [A; B] is singular at the sampled states, so Maggi's S does not exist") from None
+    inverse = _matrix(found.columns, n)
+    R, S = inverse[:, : len(rows)], inverse[:, len(rows) :]
+    v = ca.mtimes(S, given.w) + ca.mtimes(R, system.c[rows])
+    turning = ca.jtimes(ca.mtimes(given.B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot))
+    sigma = ca.mtimes(R, system.beta[rows]) - ca.mtimes(S, turning)
+    names = [*(system.rows[i].name for i in rows), *given.names]
+    return R, replace(
+        given,
+        S=S,
+        v=v,
+        sigma=ca.substitute(sigma, system.v, v),
+        walked=None,
+        guards=block_guards(found, names),
+        pivots=_in_words(shop, found, names),
+        constant_pivots=all(block.grade < 2 for block in found.blocks),
+    )
+
+
+def _matrix(columns: list[Vector], n: int) -> ca.SX:
+    """Sparse: exact zeros are not stored."""
+    result = ca.SX(n, n)
+    for k, entries_ in enumerate(columns):
+        for j, x in enumerate(entries_):
+            if isinstance(x, ca.SX) or x != 0.0:
+                result[j, k] = x
+    return ca.sparsify(result)
+
+
+def _in_words(shop: Workshop, found: Solved, names: list[str]) -> tuple[str, ...]:
+    """The pivots of the elimination of Y, row by row."""
+    kinds = ("a number", "cannot vanish", "varies")
+    velocities = [v.name for v in shop.system.model.velocities]
+    return tuple(
+        f"{' and '.join(names[i] for i in block.rows)} for {' and '.join(velocities[j] for j in block.columns)} "
+        f"(pivot: {kinds[block.grade]})"
+        for block in found.blocks
+    )
+
+
+def _projected(shop: Workshop, reduction: Reduction) -> Explicit:
+    """(Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) with M, h and Q as they are written."""
+    system, S = shop.system, reduction.S
+    force = ca.substitute(system.Q - system.h, system.v, reduction.v) - ca.mtimes(system.M, reduction.sigma)
+    f_w = ca.mtimes(S.T, force)
+    M_w = ca.mtimes(S.T, ca.mtimes(system.M, S))
+    n = len(reduction.names)
+    wdot = column(ldl_solution(scalars(M_w), [entries(f_w)], list(reversed(range(n)))).x[0])
+    qdot = ca.substitute(system.qdot, system.v, reduction.v)
+    vdot = ca.mtimes(S, wdot) + reduction.sigma
+    count = operations(qdot, wdot)
+    return Explicit(qdot, wdot, vdot, M_w, f_w, count, "mass matrix and forces as written, then projected")
+
+
+FORMULATION = Formulation(
+    name="maggi",
+    about="Maggi's and Kane's equations: [A; B] inverted as a whole, M v̇ + h − Q as written projected on S",
+    source="Maggi 1896, 1901; Kane, Levinson: Dynamics, Theory and Applications, 1985; "
+    "Kurdila, Papastavridis, Kamat, J. Guidance 13 (1990) 113-120",
+    chooses=True,
+    misfit=first_of(unwritten, undetermined),
+    build=_equations,
+)

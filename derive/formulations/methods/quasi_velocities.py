@@ -1,0 +1,42 @@
+"""Explicit equations in quasi-velocities: [A; B] inverted block by block, walking from base to tip."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.formulations.assembly import entries, reduced, spread
+from derive.formulations.choices import Workshop
+from derive.formulations.fitness import undetermined
+from derive.formulations.formulation import Formulation
+from derive.formulations.named_choices import carried_through
+from derive.formulations.pivots import solved
+from derive.formulations.records import Equations
+from derive.formulations.reduction import Reduction
+from derive.model.records import Choice
+
+
+def _equations(shop: Workshop, choice: Choice) -> Equations:
+    system, found = shop.system, carried_through(shop, choice)
+    reduction, result = found.reduction, found.explicit
+    missing = ca.mtimes(system.M, result.vdot) - ca.substitute(system.Q - system.h, system.v, reduction.v)
+    lam = _multipliers(shop, reduction, missing)
+    return reduced(shop, FORMULATION.name, choice.name, found.reason, reduction, result, lam)
+
+
+def _multipliers(shop: Workshop, reduction: Reduction, missing: ca.SX) -> ca.SX:
+    """λ from Yᵀ [λ; 0] = M v̇ + h − Q, Y = [A; B]."""
+    rows = list(reduction.kept)
+    if not rows:
+        return spread(shop, [])
+    Y = ca.vertcat(shop.system.A[rows, :], reduction.B)
+    return spread(shop, solved(shop, Y.T, [entries(missing)]).columns[0])
+
+
+FORMULATION = Formulation(
+    name="quasi_velocities",
+    about="explicit equations in quasi-velocities, no multipliers; [A; B] inverted block by block",
+    source="Mirtaheri, Zohoor: Quasi-velocities definition in Lagrangian multibody dynamics",
+    chooses=True,
+    misfit=undetermined,
+    build=_equations,
+)

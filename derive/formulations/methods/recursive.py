@@ -1,0 +1,38 @@
+"""Forward dynamics of a tree in O(n): M = U D Uᵀ link by link and never written out, in the base velocities."""
+
+from __future__ import annotations
+
+from derive.expressions.counting import cheapest
+from derive.formulations.assembly import column, entries, in_base_velocities
+from derive.formulations.choices import Workshop
+from derive.formulations.fitness import constrained, first_of, not_of_links, singular
+from derive.formulations.formulation import Formulation
+from derive.formulations.records import Equations
+from derive.joints.records import Scalar
+from derive.mechanics.articulated import tree_solution
+from derive.mechanics.records import Named
+from derive.model.records import Choice
+
+
+def _equations(shop: Workshop, choice: Choice) -> Equations:
+    system, n = shop.system, shop.system.v.numel()
+    rotors: list[Scalar] = [system.M_extra[j, j] if system.M_extra.has_nz(j, j) else 0.0 for j in range(n)]
+    force = entries(system.Q - system.h)
+    found = cheapest([_solved(tree_solution(system.links, inertias, rotors, force), n) for inertias in system.inertias])
+    vdot, pivots = found[:n], found[n:]
+    return in_base_velocities(shop, FORMULATION.name, vdot, [], (), (Named("D", "pivots of M = U D Uᵀ", column(pivots)),))
+
+
+def _solved(found, n: int) -> list[Scalar]:
+    """v̇, then the pivots in the order of the velocities."""
+    return [*found.vdot, *(found.pivots[j] for j in range(n))]
+
+
+FORMULATION = Formulation(
+    name="recursive",
+    about="O(n) recursion over the links of a tree (decoupled natural orthogonal complement); state x = (q, v)",
+    source="Saha: J. Appl. Mech. 66 (1999) 986-996; Featherstone: Int. J. Robotics Research 2 (1983) 13-30",
+    chooses=False,
+    misfit=first_of(constrained, not_of_links, singular),
+    build=_equations,
+)

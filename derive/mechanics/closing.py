@@ -42,13 +42,18 @@ class Kinematics:
         phi, J = self._many(self._closing, t, q, p)
         return phi[:, :, 0], J
 
+    def rates(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray | None:
+        """N at k states; None where it is one everywhere."""
+        return None if self._plain else self._many(self._rates, t, q, p)[0]
+
     def values(self, matrix: ca.SX, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         """A matrix over (t, q, p) at k states."""
         return self._many(self._function("values", matrix), t, q, p)[0]
 
     def carried(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
         """q + N · along with unit quaternions, at k states."""
-        moved = q + (along if self._plain else (self._many(self._rates, t, q, p)[0] @ along[:, :, None])[:, :, 0])
+        N = self.rates(t, q, p)
+        moved = q + (along if N is None else (N @ along[:, :, None])[:, :, 0])
         return normalised(self.system, moved) if self.system.quaternions else moved
 
     def _many(self, function: ca.Function, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> list[np.ndarray]:

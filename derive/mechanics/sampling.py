@@ -17,6 +17,7 @@ from derive.mechanics.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, n
 from derive.mechanics.records import System
 
 STEPS = 9  # of a walk
+FAR = 1.0  # rad or width: a step that moves a coordinate by more ran into a singular position
 LOOSE = 0.02  # rad or width: what a step may be off φ = 0 before its last correction
 GAP = 1e-12  # eigenvalues of A Aᵀ below this part of the largest belong to rows that repeat others
 NEAR = 0.1  # a smallest singular value below this part of its usual size is near a singular position
@@ -55,6 +56,7 @@ def states(
         t, q, p = found
     v, regular = _velocities(solver, rng, t, q, p)
     u = rng.normal(size=(len(t), system.u.numel()))
+    regular &= _steady(solver, t, q, p)
     return States(*[x[regular][:count] for x in (t, q, v, u, p)])
 
 
@@ -153,9 +155,10 @@ class Walk:
 
     def step(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray, View]:
         """The next configuration along a tangent, whether it can be trusted, and a view from next to it."""
-        q, _ = self.corrected(t, self.moved(t, q, p, along), p)
-        q, view = self.corrected(t, q, p)
-        return q, view.off <= LOOSE, view
+        there, _ = self.corrected(t, self.moved(t, q, p, along), p)
+        there, view = self.corrected(t, there, p)
+        moved = np.max(np.abs(there - q), axis=1, initial=0.0)
+        return there, (view.off <= LOOSE) & (moved <= FAR * max(1.0, float(np.max(self.width)))), view
 
     def tangent(self, view: View, wish: np.ndarray) -> np.ndarray:
         """The wish without what the rows forbid, its largest entry one; zero where nothing is left."""
@@ -279,3 +282,12 @@ def _velocities(
         v = v - view.solved((A @ v[:, :, None])[:, :, 0] - c, rank)
     strength = view.strength(rank)
     return v, strength > NEAR / 5 * float(np.median(strength))
+
+
+def _steady(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Which states are not near a position where q̇ = N v runs away, as Euler angles do in gimbal lock."""
+    rates = solver.rates(t, q, p)
+    if rates is None or not rates.size:
+        return np.ones(len(t), dtype=bool)
+    size = np.max(np.abs(rates), axis=(1, 2))
+    return np.isfinite(size) & (size <= float(np.median(size)) / NEAR)

@@ -405,6 +405,10 @@ BAD = {
         robot(joint("a", "l0", "l1"), joint("b", "l2", "l3"), joint("c", "l3", "l2")),
         ["a kinematic loop without a beginning", "'l3' → 'l2' → 'l3'"],
     ),
+    "too many links": (
+        robot(*(joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(3_000))),
+        ["the robot has 3001 bodies", "at most 3000"],
+    ),
     "no root": (robot(joint("a", "l0", "l1"), joint("b", "l1", "l0")), ["a kinematic loop without a beginning"]),
     "two roots": (
         robot(joint("a", "l0", "l1"), joint("b", "l2", "l3")),

@@ -16,6 +16,7 @@ from derive.model.shape import Document
 from derive.model.space import Space
 
 LONGEST_TEXT = 64 << 10
+MOST_BODIES = 3_000  # deriving and compiling them takes minutes already
 
 
 def built(document: Document, source: Source) -> Model:
@@ -34,6 +35,10 @@ def built(document: Document, source: Source) -> Model:
 def _check_head(reader: Reader, document: Document) -> None:
     if found := module_objection(document.model.text):
         reader.report(document.model.span, *found)
+    if len(document.bodies) > MOST_BODIES:
+        name = next(key for i, key in enumerate(document.bodies) if i == MOST_BODIES)
+        reader.report(name.span, f"the model has {len(document.bodies)} bodies", f"at most {MOST_BODIES}")
+        reader.finish()
     if document.description is not None and len(document.description.text) > LONGEST_TEXT:
         reader.report(document.description.span, "a description of more than 64 KiB", "one or two sentences")
     if document.coordinates and document.kinetic is None:

@@ -49,6 +49,7 @@ def imported(path: str | Path, floating: bool = False) -> Imported:
     from hamel.importing.writing import text_of
 
     robot = _robot(path, floating)
+    _check_size(robot)
     gather(robot)
     made = text_of(robot, Path(path).name)
     joints = {joint.place.get("name"): joint.name for joint in robot.joints if joint.place.tag in ("joint", "freejoint")}
@@ -65,6 +66,14 @@ def _robot(path: str | Path, floating: bool) -> Robot:
     if root.tag == "mujoco":
         return mjcf.robot(root, Path(path).stem, floating)
     root.refuse(f"<{root.tag}> is no robot", "<robot> (URDF) or <mujoco> (MJCF)")
+
+
+def _check_size(robot: Robot) -> None:
+    """Before anything is made of it: what grows faster than the file does."""
+    from derive.model.build import MOST_BODIES
+
+    if len(robot.bodies) > MOST_BODIES:
+        robot.root.refuse(f"the robot has {len(robot.bodies)} bodies", f"at most {MOST_BODIES}")
 
 
 def _model(made: Written, robot: Robot, path: str | Path) -> Model:

@@ -48,6 +48,7 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     names |= {x.name: v[i] for i, x in enumerate(model.velocities)}
     names |= {x.name: u[i] for i, x in enumerate(model.inputs)}
     names["t"] = t
+    names |= {f"reaction.{x.name}": ca.SX.sym(f"reaction_{x.name}") for x in model.constraints}
     rates: dict[str, Scalar] = {x.name: qd[i] for i, x in enumerate(model.coordinates)}
     result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates)
     for name, expression in model.definitions:

@@ -31,6 +31,7 @@ from derive.mechanics.motion import (
     with_products,
 )
 from derive.mechanics.outputs import outputs
+from derive.mechanics.reactions import with_nonideal
 from derive.mechanics.records import Inertia, Link, RowForm, System
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
@@ -87,17 +88,17 @@ def _assembled(
 ) -> System:
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
     inertias = _inertias(links)
-    written = sum(len(path(links, i)) for i in range(len(links))) <= MOST_ENTRIES
+    nonideal = _nonideal(scene, found)
+    written = sum(len(path(links, i)) for i in range(len(links))) <= MOST_ENTRIES or not nonideal.is_zero()
     M = _mass(links, inertias, nv) + extra.M if written else ca.SX(nv, nv)
     h = _newton_euler(links, inertias, _entries(s.v), [0.0] * nv, g) + extra.h
     A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
     phi = ca.vertcat(*[x for block in found for x in block.phi]) if any(b.phi for b in found) else ca.SX(0, 1)
     T = ca.SX(kinetic_energy(links, numbers)) + extra.T
     V = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g)) + extra.V + loads.energy
-    nonideal = _nonideal(scene, found)
     N = ca.jacobian(scene.qdot, s.v)
-    Q = loads.force + nonideal - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
-    power = ca.dot(loads.force + nonideal, s.v) + ca.jtimes(V, s.t, ca.SX(1))
+    Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
+    power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1))
     result = System(
         model=model,
         symbols=s,
@@ -135,7 +136,7 @@ def _assembled(
         names=(),
         assumptions=_assumptions(model, s, extra),
     )
-    return result
+    return result if nonideal.is_zero() else with_nonideal(result, nonideal)
 
 
 def _mass(links: Sequence[Link], sets: Sequence[Sequence[Inertia]], nv: int) -> ca.SX:

@@ -65,6 +65,7 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
 
 
 def _model(reader: Reader, document: Document, joints: list[Frame], names: Names) -> Model:
+    ties.enter_reactions(reader, document)
     return Model(
         name=document.model.text,
         description=document.description.text if document.description else "",

@@ -13,11 +13,13 @@ from derive.expressions.tree import Expression
 
 # kinds of names, and sets of them for the places where formulas stand
 PARAMETER, COORDINATE, VELOCITY, INPUT, TIME = "a parameter", "a coordinate", "a velocity", "an input", "time"
+REACTION = "a reaction"
 CONSTANT = frozenset({PARAMETER})
 POSITION = frozenset({PARAMETER, COORDINATE, TIME})
 ROW = frozenset({PARAMETER, COORDINATE, VELOCITY})
 MOTION = POSITION | {VELOCITY}
 ANYTHING = MOTION | {INPUT}
+NONIDEAL = ANYTHING | {REACTION}
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,14 @@ class Scope:
 
 
 def _allowed_words(allowed: frozenset[str]) -> str:
-    plural = {PARAMETER: "parameters", COORDINATE: "coordinates", VELOCITY: "velocities", INPUT: "inputs", TIME: "t"}
+    plural = {
+        PARAMETER: "parameters",
+        COORDINATE: "coordinates",
+        VELOCITY: "velocities",
+        INPUT: "inputs",
+        TIME: "t",
+        REACTION: "reactions",
+    }
     words = [word for kind, word in plural.items() if kind in allowed] or ["numbers"]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 

@@ -291,7 +291,10 @@ class HolonomicEntry(Entry):
     """A formula of the coordinates and t that stays zero."""
 
     holonomic: Formula = Field(description="Formula of coordinates and t that is zero.")
-    nonideal: PerCoordinate | None = Field(None, description="The constraint's own generalised force, per coordinate.")
+    nonideal: PerCoordinate | None = Field(
+        None,
+        description="The constraint's own generalised force, per coordinate; reaction.NAME is an ideal multiplier.",
+    )
     about: Formula | None = None
 
 
@@ -299,7 +302,10 @@ class NonholonomicEntry(Entry):
     """A formula, linear in the rates, that stays zero."""
 
     nonholonomic: Formula = Field(description="Formula that is zero, linear in the rates der(q).")
-    nonideal: PerCoordinate | None = Field(None, description="The constraint's own generalised force, per coordinate.")
+    nonideal: PerCoordinate | None = Field(
+        None,
+        description="The constraint's own generalised force, per coordinate; reaction.NAME is an ideal multiplier.",
+    )
     about: Formula | None = None
 
 

@@ -12,8 +12,8 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Constraint, Holonomic, Nonholonomic
-from derive.model.scope import ANYTHING, COORDINATE, MOTION, POSITION, used
-from derive.model.shape import CouplingEntry, Document, HolonomicEntry, NonholonomicEntry, PrescribedEntry
+from derive.model.scope import COORDINATE, MOTION, NONIDEAL, POSITION, REACTION, Symbol, used
+from derive.model.shape import CouplingEntry, Document, HolonomicEntry, NonholonomicEntry, PrescribedEntry, RollingEntry
 
 
 def constraint(reader: Reader, document: Document, names: Names, key: Key, entry: object) -> Constraint:
@@ -31,6 +31,13 @@ def constraint(reader: Reader, document: Document, names: Names, key: Key, entry
         case PrescribedEntry():
             return prescribed(reader, names, key, entry)
     return contact(reader, document, key, entry)
+
+
+def enter_reactions(reader: Reader, document: Document) -> None:
+    """reaction.NAME is the multiplier of a constraint that is one row, with all nonideal forces left out."""
+    for key, entry in document.constraints.items():
+        if not isinstance(entry, RollingEntry):
+            reader.scope.add(f"reaction.{key}", Symbol(frozenset({REACTION}), None))
 
 
 def _holonomic(reader: Reader, scalar: Scalar) -> Expression:
@@ -73,7 +80,7 @@ def _nonideal(reader: Reader, names: Names, key: Key, given: Items | dict[Key, S
     for name in given:
         if name not in units:
             reader.word(Scalar(str(name), name.span, True, True), units, "coordinate")
-    found = {str(n): reader.formula(s, "a generalised force", ANYTHING, units[n]) for n, s in given.items() if n in units}
+    found = {str(n): reader.formula(s, "a generalised force", NONIDEAL, units[n]) for n, s in given.items() if n in units}
     return tuple(found.get(name, ZERO) for name in units)
 
 

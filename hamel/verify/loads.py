@@ -64,12 +64,12 @@ class Lagrange:
     odd: Array
 
 
-def applied(model: Model, place: Layout, state: State) -> Applied:
-    """Gravity, loads, inputs and the constraints' own nonideal forces, summed."""
+def applied(model: Model, place: Layout, state: State, nonideal: bool = True) -> Applied:
+    """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces, summed."""
     gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
     parts = [_weight(gravity, body, place, state) for body in model.bodies if body.name not in _at_rest(model)]
     parts += [_load(load, model, place, state) for load in model.loads]
-    parts.append(_drive(model, place, state))
+    parts.append(_drive(model, place, state, nonideal))
     weight, springs, other = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("weight", "springs", "other"))
     return Applied(weight, springs, other, sum(part.V for part in parts))
 
@@ -97,10 +97,11 @@ def _wrench(arm: Array, force: Array) -> Array:
     return np.concatenate([cross(arm, force), force])
 
 
-def _drive(model: Model, place: Layout, state: State) -> Applied:
+def _drive(model: Model, place: Layout, state: State, nonideal: bool) -> Applied:
     """Inputs on the velocity they are conjugate to, and nonideal constraint forces."""
     other = np.zeros(place.size)
-    other[: place.nv] = nonideal_force(model, state)
+    if nonideal:
+        other[: place.nv] = nonideal_force(model, state)
     for item, value in zip(model.inputs, state.u):
         if item.velocity:
             other[: place.nv] += state.value(item.gear) * value * _conjugate(model, state, item.velocity)

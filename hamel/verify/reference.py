@@ -11,15 +11,16 @@ Nothing here passes through derive.mechanics, derive.joints or CasADi.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
 
+from derive.expressions import tree
 from derive.model.records import Armature, Holonomic, Model, Nonholonomic, OnSurface
 from hamel.verify.layout import Layout, Rows, layout, stacked
 from hamel.verify.loads import Applied, Lagrange, applied, body_inertia
-from hamel.verify.rows import constraint_rows, joint_rows
+from hamel.verify.rows import RowsOf, constraint_rows, joint_rows
 from hamel.verify.saddle import condition_of, rank_of, saddle, solved
 from hamel.verify.states import STILL, State, state
 from hamel.verify.vectors import Array
@@ -31,8 +32,12 @@ class Reference:
 
     model: Model
     place: Layout
-    constraints: Callable[[State], Rows]
+    parts: tuple[RowsOf, ...]  # rows of each closure, then of each constraint
     lagrange: Callable[[State], Lagrange]
+
+    def constraints(self, s: State) -> Rows:
+        """The rows of all closures and constraints, in the model's order."""
+        return stacked([part(s) for part in self.parts], self.place.size)
 
 
 @dataclass(frozen=True)
@@ -130,12 +135,31 @@ def energies(ref: Reference, s: State) -> tuple[float, float]:
     """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body, rotors and the analytic T; gravity, springs and the analytic V."""
     analytic = ref.lagrange(s)
     T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in _bodies(ref, s)) + 0.5 * rotors(ref, s) @ s.v**2
-    return float(T) + analytic.T, applied(ref.model, ref.place, s).V + analytic.V
+    return float(T) + analytic.T, applied(ref.model, ref.place, s, nonideal=False).V + analytic.V
 
 
 def evaluate(ref: Reference, s: State) -> Outcome:
-    """Solve for v̇, the joint wrenches and λ at one state."""
-    analytic, loads = ref.lagrange(s), applied(ref.model, ref.place, s)
+    """Solve for v̇, the joint wrenches and λ at one state; twice where a nonideal force uses a reaction of the ideal problem."""
+    if not _uses_reactions(ref.model):
+        return _evaluated(ref, s, nonideal=True)
+    ideal = _evaluated(ref, s, nonideal=False)
+    return _evaluated(ref, replace(s, names=s.names | _reactions(ref, s, ideal.lam)), nonideal=True)
+
+
+def _uses_reactions(model: Model) -> bool:
+    formulas = [f for x in model.constraints if isinstance(x, Holonomic | Nonholonomic) for f in x.nonideal]
+    return any(isinstance(node, tree.Name) and node.name.startswith("reaction.") for f in formulas for node in tree.walk(f))
+
+
+def _reactions(ref: Reference, s: State, lam: Array) -> dict[str, float]:
+    """reaction.NAME of the constraints that are one row each; they stand in the model's order, closures first."""
+    sizes = [len(part(s).gamma) for part in ref.parts]
+    starts = np.cumsum([0, *sizes])[len(ref.model.closures) :]
+    return {f"reaction.{x.name}": float(lam[start]) for x, start in zip(ref.model.constraints, starts)}
+
+
+def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
+    analytic, loads = ref.lagrange(s), applied(ref.model, ref.place, s, nonideal)
     joints, rows, kin = _joints(ref, s), ref.constraints(s), kinematics(ref, s)
     K, F = inertia(ref, s), _forces(ref, s, analytic, loads)
     G, gamma = np.vstack([joints.coefficients, rows.coefficients]), np.concatenate([joints.gamma, rows.gamma])

@@ -22,7 +22,7 @@ from derive.model.records import (
 )
 from hamel.verify.closures import closure_rows
 from hamel.verify.jets import Jet, length, point, stays
-from hamel.verify.layout import Layout, Rows, centripetal, layout, point_velocity, stacked
+from hamel.verify.layout import Layout, Rows, centripetal, layout, point_velocity
 from hamel.verify.rolling import rolling_rows
 from hamel.verify.states import Seat, State
 from hamel.verify.vectors import Array, cross
@@ -80,8 +80,8 @@ def distance_row(rod: Distance, place: Layout, state: State) -> Rows:
 RowsOf = Callable[[State], Rows]
 
 
-def constraint_rows(model: Model, by_formula: Callable[[Holonomic | Nonholonomic | OnSurface], RowsOf]) -> RowsOf:
-    """All constraint rows in the model's order, closures first; `by_formula` differentiates what is given as a formula."""
+def constraint_rows(model: Model, by_formula: Callable[[Holonomic | Nonholonomic | OnSurface], RowsOf]) -> tuple[RowsOf, ...]:
+    """Of each closure, then of each constraint, in the model's order; `by_formula` differentiates what is given as a formula."""
     place = layout(model)
 
     def rows_of(item: Closure | Constraint) -> RowsOf:
@@ -89,8 +89,7 @@ def constraint_rows(model: Model, by_formula: Callable[[Holonomic | Nonholonomic
             return by_formula(item)
         return lambda state: _physical_rows(item, model, place, state)
 
-    parts = [rows_of(item) for item in (*model.closures, *model.constraints)]
-    return lambda state: stacked([part(state) for part in parts], place.size)
+    return tuple(rows_of(item) for item in (*model.closures, *model.constraints))
 
 
 def _physical_rows(item: object, model: Model, place: Layout, state: State) -> Rows:

@@ -51,11 +51,15 @@ def verify(
     seed: int = 0,
     constants: Constants = (),
     formulation: str = "quasi_velocities",
+    mutate: bool = False,
 ) -> records.Verified:
-    """Compare a choice (all of the file's when none is named) with an independent derivation at random admissible states."""
+    """Compare a choice (all of the file's when none is named) with an independent derivation at random admissible states.
+
+    `mutate` also plants errors, one at a time, and says which checks see each: `mutations` of the record.
+    """
     from hamel.verbs.verify import run
 
-    return run(path, choice, states, seed, constants, formulation)
+    return run(path, choice, states, seed, constants, formulation, mutate)
 
 
 def simulate(

@@ -122,6 +122,7 @@ def build(model: str, constants: str, functions: str, integrators: str, explain:
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @FORMULATION
 @CONSTANTS
+@click.option("--mutate", is_flag=True, help="Also plant errors, one at a time, and say which checks see each.")
 def verify(model: str, constants: str, **options: Any) -> Any:
     """Compare MODEL's code with an independent derivation."""
     return hamel.verify(model, constants=_constants(constants), **options)

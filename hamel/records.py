@@ -60,8 +60,28 @@ class CheckLine:
 
 
 @dataclass(frozen=True)
+class Mutation:
+    """A planted error: in which term or function (`dynamics()`), what was done, and the checks that went red."""
+
+    where: str
+    what: str
+    caught_by: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Mutations:
+    """`equivalent` changes left every number as it was; they are not among the planted."""
+
+    choice: str
+    planted: int
+    caught: int
+    equivalent: int
+    list: tuple[Mutation, ...]
+
+
+@dataclass(frozen=True)
 class Verified:
-    """The checks of every choice that was asked for; names start with the choice."""
+    """The checks of every choice that was asked for; names start with the choice. `mutations` where errors were planted."""
 
     model: str
     passed: bool
@@ -69,6 +89,7 @@ class Verified:
     refused: Mapping[str, str]  # choices of the file that cannot be built, and why
     states: int
     seed: int
+    mutations: Mutations | None = None
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from hamel.verify import verification
 from hamel.verify.checks import RUNGS
 from hamel.verify.evidence import graph, terms
 from hamel.verify.ladder import evidence
+from hamel.verify.mutation import mutations
 from hamel.verify.planted import mutants, wrong_functions, wrong_matrices, wrong_systems
 from hamel.verify.reference import reference
 from hamel.verify.roundoff import bound
@@ -117,7 +118,7 @@ EXPECTED = {  # what is wrong in the system → a rung that must go red
     "constraint drift": "β",
     "kinetic energy": "T, V",
     "potential energy": "T, V",
-    "power": "d(T + V)/dt",
+    "power": "power",
 }
 
 
@@ -149,6 +150,42 @@ def test_wrong_terms_of_the_system_are_caught(name):
     for what, wrong in planted.items():
         found = verification(model, replace(chosen, system=wrong), states=FEW)
         assert EXPECTED[what] in shown(found), what
+
+
+@pytest.mark.parametrize("name", ["four_bar", "free_body", "rolling_disk"])
+def test_every_planted_error_is_caught(name):
+    """Of a sample over all terms and functions; the slow test below takes more of every model."""
+    model = load(MODELS / f"{name}.yaml")
+    found = mutations(model, equations(system(model)), most=60)
+    assert found.planted > 30
+    assert found.caught == found.planted, [mutation for mutation in found.list if not mutation.caught_by]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [*sorted(MODELS.glob("*.yaml")), MODELS / "stress/bricard.yaml"], ids=lambda path: path.stem)
+def test_every_planted_error_is_caught_in_every_model(path):
+    model = load(path)
+    found = mutations(model, equations(system(model)))
+    assert found.caught == found.planted >= 100, [mutation for mutation in found.list if not mutation.caught_by]
+
+
+def test_what_the_checks_cannot_see_is_said(monkeypatch):
+    """With the rung that knows Q left out, wrong forces go unnoticed, and the record says so."""
+    blind = tuple(rung for rung in RUNGS if rung.name == "M")
+    monkeypatch.setattr(sys.modules["hamel.verify.mutation"], "RUNGS", blind)
+    model = load(MODELS / "four_bar.yaml")
+    found = mutations(model, equations(system(model)), most=40)
+    assert found.caught < found.planted
+    assert any(mutation.where == "Q" and not mutation.caught_by for mutation in found.list)
+    assert all(mutation.caught_by == ("M",) for mutation in found.list if mutation.where == "M")
+
+
+def test_changes_without_effect_are_not_planted():
+    """x/1 for x·1 and sums with zero: no number changes, and no check could see it."""
+    model = load_text(ARM)
+    found = mutations(model, equations(system(model)), most=60)
+    assert found.planted + found.equivalent >= 60 - 24
+    assert found.caught == found.planted
 
 
 def test_one_error_turns_several_rungs_red():
@@ -222,6 +259,20 @@ def test_a_projection_that_stops_short_is_caught(seen):
     wrong = replace(function, result=replace(function.result, value=x))
     functions = tuple(wrong if f.name == "project" else f for f in chosen.functions)
     assert {"project", "project, one step"} <= red(replace(seen, graph=graph(replace(chosen, functions=functions))))
+
+
+def test_a_projection_that_moves_what_need_not_move_is_caught(seen):
+    """The velocities doubled: φ is closed all the same."""
+    chosen = seen.graph.equations
+    function = next(f for f in chosen.functions if f.name == "project")
+    wrong = replace(function, result=replace(function.result, value=ca.vertcat(function.result.value[:-1], 0)))
+    functions = tuple(wrong if f.name == "project" else f for f in chosen.functions)
+    assert "project, nothing to do" in red(replace(seen, graph=graph(replace(chosen, functions=functions))))
+
+
+def test_a_multiplier_that_balances_nothing_is_caught(seen):
+    _, wrong = list(wrong_functions(seen.graph.equations, "reactions"))[-1]
+    assert red(replace(seen, graph=graph(wrong)), {"M v̇ + h = Q + Aᵀ λ"})
 
 
 def test_an_inverse_that_is_none_is_caught(seen):
@@ -307,7 +358,7 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
     by_code = {"module = graph", "ctypes = graph", "NumPy = graph", "batch = one by one"}
     named = {*EXPECTED.values(), *FUNCTION_RUNGS.values(), "v̇", "λ", "v̇ augmented", "v̇ of other choices", "project"}
     named |= {"states admissible", "A S = 0", "A R = 1", "B S = 1", "B R = 0", "T = ½ vᵀ M v"}
-    named |= {"dynamics ∘ inverse", "rank A"}
+    named |= {"dynamics ∘ inverse", "rank A", "project, nothing to do", "M v̇ + h = Q + Aᵀ λ"}
     named |= {"d(A v − c)/dt = 0", "β = −Ȧ v + ċ", "φ̇ = A v − c"}
     assert {rung.name for rung in RUNGS} == named | by_code
 

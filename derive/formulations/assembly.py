@@ -83,6 +83,7 @@ def _finished(
         parameters=system.parameters,
         assumptions=(*system.assumptions, *shop.repetitions),
         base_velocities=motion.projects_velocity,
+        closing=motion.closing,
     )
 
 

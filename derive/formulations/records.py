@@ -91,3 +91,4 @@ class Equations:
     assumptions: tuple[str, ...] = ()
     requests: tuple[Request, ...] = ()
     base_velocities: bool = False  # x = (q, v): w are the base velocities, all of them
+    closing: tuple[int, ...] = ()  # the independent rows among the holonomic ones, which `project` closes

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.formulations import equations
 from hamel.importing import load
 from hamel.pipeline import Constants, mechanics_of, temporary_module, usable_choices
-from hamel.records import CheckLine, Verified
+from hamel.records import CheckLine, Mutations, Verified
 from hamel.verify import verification
+from hamel.verify.mutation import mutations
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,14 +19,18 @@ if TYPE_CHECKING:
     from derive.formulations.records import Equations
 
 
-def run(path: str | Path, choice: str | None, states: int, seed: int, constants: Constants, formulation: str) -> Verified:
+def run(
+    path: str | Path, choice: str | None, states: int, seed: int, constants: Constants, formulation: str, mutate: bool = False
+) -> Verified:
     model = load(path)
     mechanics = mechanics_of(model, constants)
     asked = {} if choice is None else {choice: equations(mechanics, choice, formulation)}
     usable, refused = usable_choices(mechanics, formulation)
     wanted = asked or usable
     checks = [check for name in wanted for check in _checks(name, usable | asked, states, seed)]
-    return Verified(model.name, all(check.passed for check in checks), tuple(checks), refused, states, seed)
+    planted = mutations(model, next(iter(wanted.values())), seed) if mutate else None
+    passed = all(check.passed for check in checks) and (planted is None or planted.caught == planted.planted)
+    return Verified(model.name, passed, tuple(checks), refused, states, seed, planted)
 
 
 def _checks(name: str, candidates: dict[str, Equations], states: int, seed: int) -> list[CheckLine]:
@@ -50,6 +56,23 @@ def show(record: Verified, console: Console) -> None:
     refusals(record.refused, console)
     good = sum(check.passed for check in record.checks)
     console.print(f"{record.model}: {good} of {len(record.checks)} checks passed at {record.states} random states per choice")
+    if record.mutations is not None:
+        _show_mutations(record.mutations, console)
+
+
+def _show_mutations(found: Mutations, console: Console) -> None:
+    """Each check with the number of planted errors it saw, then what none saw."""
+    from hamel.show import table
+
+    seen = Counter(name for mutation in found.list for name in mutation.caught_by)
+    table(
+        console, ("check", "planted errors it saw"), [(name, str(count)) for name, count in seen.most_common()], right=range(1, 2)
+    )
+    for mutation in found.list:
+        if not mutation.caught_by:
+            console.print(f"  NOT SEEN  {mutation.where}, {mutation.what}")
+    left = f"; {found.equivalent} more changes altered no number" if found.equivalent else ""
+    console.print(f"planted errors, choice {found.choice}: {found.caught} of {found.planted} caught{left}")
 
 
 def _cell(check: CheckLine | None) -> str:

@@ -100,7 +100,7 @@ class Graph:
     functions: Mapping[str, ca.Function]
     named: Mapping[str, ca.Function]  # S, R, Y, B … as functions of (t, x, u, p)
     residuals: Mapping[str, ca.Function]  # of the functions that are iterated
-    motion: ca.Function  # (t, x, u, p) → v, v̇
+    rate: Callable[..., Array]  # (t, x, u, p, ẋ) → v̇
 
     def __call__(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
         """The result of a function at one state, as the generated module shapes it."""
@@ -120,9 +120,13 @@ class Graph:
     def roundoff(self, name: str, rows: Sequence[tuple[float, Array, Array, Array]]) -> Array:
         """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries."""
         function = next(function for function in self.equations.functions if function.name == name)
-        arguments = _slots({argument.name: argument.symbols for argument in self.equations.arguments}, function)
+        arguments = slots_of(self.equations, function)
         states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
         return bound(arguments, ca.densify(function.result.value), states)
+
+    def acceleration(self, t: float, x: Array, u: Array, p: Array) -> Array:
+        """v̇ as the derivative of v(t, x) along ẋ."""
+        return np.array(self.rate(t, x, u, p, self.functions["dynamics"](t, x, u, p))).ravel()
 
     def has(self, name: str) -> bool:
         return name in self.functions
@@ -135,19 +139,26 @@ def shaped(value: Array) -> Array:
 
 def graph(equations: Equations) -> Graph:
     """Compile nothing: CasADi's virtual machine runs the graph itself."""
-    slots = {argument.name: argument.symbols for argument in equations.arguments}
-    arguments = _slots(slots)
+    arguments = slots_of(equations)
     results = {f.name: ca.densify(f.result.value) for f in equations.functions}
-    functions = {f.name: ca.Function(f.name, _slots(slots, f), [results[f.name]]) for f in equations.functions}
-    along = ca.vertcat(slots["t"], slots["x"])
-    rate = ca.jtimes(results["velocity"], along, ca.vertcat(1, results["dynamics"]))
+    functions = {f.name: ca.Function(f.name, slots_of(equations, f), [results[f.name]]) for f in equations.functions}
     named = {item.name: ca.Function(item.name, arguments, [ca.densify(item.value)]) for item in equations.named}
-    stops = {f.name: ca.Function(f.name, _slots(slots, f), [f.residual]) for f in equations.functions if f.residual is not None}
-    return Graph(equations, functions, named, stops, ca.Function("motion", arguments, [results["velocity"], ca.densify(rate)]))
+    stops = {
+        f.name: ca.Function(f.name, slots_of(equations, f), [f.residual]) for f in equations.functions if f.residual is not None
+    }
+    return Graph(equations, functions, named, stops, _rate(arguments, results["velocity"]))
 
 
-def _slots(slots: Mapping[str, ca.SX], function: Function | None = None) -> list[ca.SX]:
+def _rate(arguments: list[ca.SX], velocity: ca.SX) -> ca.Function:
+    t, x, _, _ = arguments
+    xdot = ca.SX.sym("xdot", x.numel())
+    along = ca.jtimes(velocity, ca.vertcat(t, x), ca.vertcat(1, xdot))
+    return ca.Function("rate", [*arguments, xdot], [ca.densify(along)])
+
+
+def slots_of(equations: Equations, function: Function | None = None) -> list[ca.SX]:
     """t, x, u, p as columns, empty ones for what the model has not; x as the function wants it."""
+    slots = {argument.name: argument.symbols for argument in equations.arguments}
     columns = [slots.get(name, ca.SX(0, 1)) for name in ("t", "x", "u", "p")]
     if function is not None and function.x is not None:
         columns[1] = function.x.symbols
@@ -225,7 +236,7 @@ class Evidence:
 
     def accelerations_of(self, graph: Graph) -> tuple[Array, ...]:
         rows = zip(self.samples, self.states_of(graph))
-        return tuple(np.array(graph.motion(s.t, x, s.u, s.p)[1]).ravel() for s, x in rows)
+        return tuple(graph.acceleration(s.t, x, s.u, s.p) for s, x in rows)
 
     def arguments_of(self, name: str) -> tuple[Array, ...]:
         """The x that a function takes: the state (q, w), unless it is one of those that take something else."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 
 import casadi as ca
 
@@ -99,29 +100,107 @@ def _with_function(equations: Equations, changed: Function) -> Equations:
 
 def mutants(value: ca.SX) -> Iterator[tuple[int, ca.SX]]:
     """(instruction index, the expression with that operation swapped), for every operation that has a counterpart."""
+    tape = recorded(value)
+    for index, step in enumerate(tape.steps):
+        if step.operation in SWAPPED:
+            yield index, tape.replayed(index, _swapped)
+
+
+@dataclass(frozen=True)
+class Change:
+    """One thing that can be wrong in an expression; the expression with it is made when it is asked for."""
+
+    about: str
+    made: Callable[[], ca.SX]
+
+
+def changes(value: ca.SX) -> list[Change]:
+    """Everything that can be wrong: an operation swapped, its sign, a term left out of a sum; an entry's sign or size."""
+    tape = recorded(value)
+    found = [
+        Change(f"operation {index}: {about}", partial(tape.replayed, index, change))
+        for index, step in enumerate(tape.steps)
+        for about, change, operations in _OPERATIONS
+        if step.operation in operations or (operations == () and step.operation not in (*LEAVES, ca.OP_ASSIGN))
+    ]
+    places = [k for k in range(value.numel()) if not ca.SX(value[k]).is_zero()]
+    return found + [
+        Change(f"entry {k} {about}", partial(_with_entry, value, k, factor)) for k in places for about, factor in _ENTRY
+    ]
+
+
+def _swapped(operation: int, operands: list[ca.SX]) -> ca.SX:
+    return _applied(SWAPPED[operation], operands)
+
+
+def _negated(operation: int, operands: list[ca.SX]) -> ca.SX:
+    return -_applied(operation, operands)
+
+
+def _shortened(operation: int, operands: list[ca.SX]) -> ca.SX:
+    return operands[0]
+
+
+_OPERATIONS = (
+    ("swapped", _swapped, tuple(SWAPPED)),
+    ("negated", _negated, ()),
+    ("second term left out", _shortened, (ca.OP_ADD, ca.OP_SUB)),
+)
+_ENTRY = (("negated", -1.0), ("left out", 0.0), ("too large by 1/1000", 1.001))
+
+
+def _with_entry(value: ca.SX, place: int, factor: float) -> ca.SX:
+    result = ca.SX(value)
+    result[place] = factor * result[place]
+    return result
+
+
+@dataclass(frozen=True)
+class Step:
+    """One instruction of an expression's evaluation: the work slot it writes and those it reads."""
+
+    operation: int
+    into: list[int]
+    operands: list[int]
+    constant: float
+
+
+@dataclass(frozen=True)
+class Tape:
+    """An expression as the instructions that evaluate it, to be replayed with one of them changed."""
+
+    symbols: ca.SX
+    steps: tuple[Step, ...]
+    rows: int
+    columns: int
+
+    def replayed(self, wrong: int, change: Callable[[int, list[ca.SX]], ca.SX]) -> ca.SX:
+        """The expression rebuilt instruction by instruction, number `wrong` changed."""
+        work: dict[int, ca.SX] = {}
+        results = ca.SX.zeros(self.rows * self.columns)
+        for index, step in enumerate(self.steps):
+            operation, into, operands = step.operation, step.into, step.operands
+            if operation == ca.OP_OUTPUT:
+                results[into[1]] = work[operands[0]]
+            elif operation == ca.OP_INPUT:
+                work[into[0]] = self.symbols[operands[1]]
+            elif operation == ca.OP_CONST:
+                work[into[0]] = ca.SX(step.constant)
+            else:
+                work[into[0]] = (change if index == wrong else _applied)(operation, [work[i] for i in operands])
+        return ca.reshape(results, self.rows, self.columns)
+
+
+def recorded(value: ca.SX) -> Tape:
     symbols = ca.vertcat(*ca.symvar(value))
     program = ca.Function("program", [symbols], [ca.densify(value)])
-    for index in range(program.n_instructions()):
-        if program.instruction_id(index) in SWAPPED:
-            yield index, _replayed(program, symbols, index, value)
+    return Tape(symbols, tuple(_step(program, i) for i in range(program.n_instructions())), value.size1(), value.size2())
 
 
-def _replayed(program: ca.Function, symbols: ca.SX, wrong: int, like: ca.SX) -> ca.SX:
-    """The expression rebuilt instruction by instruction, number `wrong` with its counterpart."""
-    work: dict[int, ca.SX] = {}
-    results = ca.SX.zeros(like.numel())
-    for index in range(program.n_instructions()):
-        operation, into = program.instruction_id(index), program.instruction_output(index)
-        operands = program.instruction_input(index)
-        if operation == ca.OP_OUTPUT:
-            results[into[1]] = work[operands[0]]
-        elif operation == ca.OP_INPUT:
-            work[into[0]] = symbols[operands[1]]
-        elif operation == ca.OP_CONST:
-            work[into[0]] = ca.SX(program.instruction_constant(index))
-        else:
-            work[into[0]] = _applied(SWAPPED[operation] if index == wrong else operation, [work[i] for i in operands])
-    return ca.reshape(results, like.size1(), like.size2())
+def _step(program: ca.Function, index: int) -> Step:
+    operation = program.instruction_id(index)
+    constant = program.instruction_constant(index) if operation == ca.OP_CONST else 0.0
+    return Step(operation, program.instruction_output(index), program.instruction_input(index), constant)
 
 
 def _applied(operation: int, operands: list[ca.SX]) -> ca.SX:

@@ -61,6 +61,11 @@ def applied(e: Evidence) -> float:
     return deviation([t.Q for t in e.terms], [s.outcome.Q for s in e.samples])
 
 
+def power(e: Evidence) -> float:
+    """Of all forces without a potential; the function `power` adds λᵀ c and is held to the energy balance."""
+    return deviation([np.array([t.power]) for t in e.terms], [np.array([s.outcome.power]) for s in e.samples])
+
+
 def _function(e: Evidence, name: str, wanted: Sequence[Array]) -> float:
     """A function of the choice against the reference, where the choice has it."""
     return deviation(e.results(name), wanted, e.conditions) if e.graph.has(name) else 0.0
@@ -73,15 +78,16 @@ def positions(e: Evidence) -> float:
 
 
 def violation(e: Evidence) -> float | None:
-    """The function `constraints`, φ above A v − c, off the constraint surface and at the choice's own velocities there."""
+    """The function `constraints`, φ above A v − c, on and off the constraint surface, at the choice's own velocities."""
     if not e.graph.has("constraints"):
         return None
-    return worst([_violation_error(e, *row) for row in zip(e.samples, e.x, e.disturbed, e.conditions)])
+    places = zip((s.state for s in e.samples), e.disturbed)
+    return worst([_violation_error(e, s, x, at, r) for s, x, two, r in zip(e.samples, e.x, places, e.conditions) for at in two])
 
 
-def _violation_error(e: Evidence, s: Sample, x: Array, disturbed: State, condition: float) -> float:
-    moved = np.concatenate([disturbed.q, x[len(s.q) :]])
-    there = state_of(e.reference, s.t, disturbed.q, e.graph("velocity", s.t, moved, s.u, s.p), s.u, s.full)
+def _violation_error(e: Evidence, s: Sample, x: Array, at: State, condition: float) -> float:
+    moved = np.concatenate([at.q, x[len(s.q) :]])
+    there = state_of(e.reference, s.t, at.q, e.graph("velocity", s.t, moved, s.u, s.p), s.u, s.full)
     k = e.kinematics(there)
     wanted = np.concatenate([k.phi, k.violation(there.v)])
     size = np.concatenate([1e-3 + np.abs(k.phi), 1.0 + np.abs(k.A) @ np.abs(there.v)])
@@ -144,6 +150,18 @@ def _augmented(t: Terms) -> Array:
     return solved(saddle(t.M, t.A), np.concatenate([t.Q - t.h, t.beta]), redundant)[0]
 
 
+def balance(e: Evidence) -> float | None:
+    """M v̇ + h = Q + Aᵀ λ row by row, against the sizes of what is summed: no condition number excuses a wrong λ or v̇ here."""
+    if not e.graph.has("reactions"):
+        return None
+    return worst([_imbalance(t, vdot, lam) for t, vdot, lam in zip(e.terms, e.vdot, e.results("reactions"))])
+
+
+def _imbalance(t: Terms, vdot: Array, lam: Array) -> Array:
+    summed = np.abs(t.M) @ np.abs(vdot) + np.abs(t.h) + np.abs(t.Q) + np.abs(t.A.T) @ np.abs(lam)
+    return (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / np.maximum(summed, 1e-6 * max(1e-300, summed.max(initial=0.0)))
+
+
 def choices(e: Evidence) -> float | None:
     """v̇ of the model's other choices: the motion does not depend on how it is written."""
     if not e.others:
@@ -177,8 +195,10 @@ RUNGS = (
     Rung("rank A", 0.0, "reference: number of independent rows, and of the quasi-velocities they leave", independent),
     Rung("β", 1e-9, "reference: A v̇ = β; sums that may cancel", accelerations),
     Rung("T, V", 1e-10, "reference: energies; V may cancel", energies),
+    Rung("power", 1e-9, "reference: force times velocity; sums that may cancel", power),
     Rung("v̇", 1e-10, "reference: Newton–Euler in maximal coordinates, per condition number", motion),
     Rung("λ", 1e-10, "reference: multipliers (Aᵀ λ when rows are redundant), per condition number", multipliers),
+    Rung("M v̇ + h = Q + Aᵀ λ", 1e-10, "the choice's v̇ and λ in the system's own terms, against what is summed", balance),
     Rung("v̇ augmented", 1e-10, "the system's own terms solved with multipliers, per condition number", augmented),
     Rung("v̇ of other choices", 1e-10, "the other quasi-velocities of the model, per condition number", choices),
     Rung("outputs", 1e-10, "reference: positions, velocities, angles and formulas", results),

@@ -98,7 +98,7 @@ def _gap_rate(e: Evidence, s: Sample, v: Array) -> float:
 
 def projection(e: Evidence) -> float | None:
     """`project` from a disturbed state: φ and A v − c of the reference vanish again."""
-    if not e.graph.has("project") or not (len(e.terms[0].phi) or len(e.terms[0].A)):
+    if not e.graph.has("project"):
         return None
     rng = np.random.default_rng(2)
     return worst([_projected(e, s, x + 1e-3 * rng.uniform(-1, 1, len(x))) for s, x in zip(e.samples, e.x)])
@@ -108,7 +108,17 @@ def _projected(e: Evidence, s: Sample, x: Array) -> float:
     x = e.graph.iterated("project", s.t, x, s.u, s.p)
     there = state_of(e.reference, s.t, x[: len(s.q)], e.graph("velocity", s.t, x, s.u, s.p), s.u, s.full)
     k = e.kinematics(there)
-    return max(worst(k.phi) / (1.0 + worst(s.q)), worst(k.violation(there.v) / (1.0 + np.abs(k.A) @ np.abs(there.v))))
+    lengths = [np.linalg.norm(x[i : i + 4]) - 1.0 for i in e.system.quaternions]
+    position = worst([*k.phi, *lengths]) / (1.0 + worst(s.q))
+    return max(position, worst(k.violation(there.v) / (1.0 + np.abs(k.A) @ np.abs(there.v))))
+
+
+def projected_already(e: Evidence) -> float | None:
+    """`project` leaves an admissible state where it is, its velocities included."""
+    if not e.graph.has("project"):
+        return None
+    there = [e.graph.iterated("project", s.t, x, s.u, s.p) for s, x in zip(e.samples, e.x)]
+    return deviation(there, e.x, e.conditions)
 
 
 def newton_step(e: Evidence) -> float | None:
@@ -116,21 +126,22 @@ def newton_step(e: Evidence) -> float | None:
 
     The metric is M, or 1 where M is singular.
     """
-    if not e.graph.has("project") or e.redundant or not len(e.terms[0].phi):
+    if not e.graph.has("project"):
         return None
     return min(_newton(e, by_mass) for by_mass in (True, False))
 
 
 def _newton(e: Evidence, by_mass: bool) -> float:
     rng, got, wanted = np.random.default_rng(2), [], []
-    holonomic = [i for i, row in enumerate(e.system.rows) if row.position >= 0]
+    closing = list(e.graph.equations.closing)  # of redundant rows those that are closed: off the constraints the others disagree
+    phi = [e.system.rows[i].position for i in closing]
     for s, x in zip(e.samples, e.x):
         x = x + 1e-3 * rng.uniform(-1, 1, len(x))
         there = state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full)
         k = e.kinematics(there)
         metric = mass(inertia(e.reference, there), k) if by_mass else np.eye(len(s.v))
-        right = np.concatenate([np.zeros(len(s.v)), -k.phi])
-        step, _ = solved(saddle(metric, k.A[holonomic]), right, redundant=True)
+        right = np.concatenate([np.zeros(len(s.v)), -k.phi[phi]])
+        step, _ = solved(saddle(metric, k.A[closing]), right, redundant=False)
         got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
         wanted.append(normalised(e.system, x[: len(s.q)] + k.N @ step[: len(s.v)]) - x[: len(s.q)])
     return deviation(got, wanted, e.conditions)
@@ -142,5 +153,6 @@ RUNGS = (
     Rung("β = −Ȧ v + ċ", DIFFERENCES, "rows differentiated at held v; differences of fourth order", beta_rate),
     Rung("φ̇ = A v − c", DIFFERENCES, "positions differentiated along any velocity; differences of fourth order", positions_rate),
     Rung("project, one step", 1e-10, "Newton step of least length in the metric of M (or 1), per condition number", newton_step),
+    Rung("project, nothing to do", 1e-10, "an admissible state stays where it is, per condition number", projected_already),
     Rung("project", 1e-10, "φ = 0 and A v = c after a disturbance of 1e-3, by the reference's rows", projection),
 )

@@ -275,6 +275,16 @@ def test_a_multiplier_that_balances_nothing_is_caught(seen):
     assert red(replace(seen, graph=graph(wrong)), {"M v̇ + h = Q + Aᵀ λ"})
 
 
+@pytest.mark.parametrize("function", ["qdot", "integrate", "difference", "normalise"])
+def test_a_step_in_the_configuration_space_that_is_wrong_is_caught(function):
+    model = load(MODELS / "free_body.yaml")
+    chosen = equations(system(model))
+    whole = evidence(reference(model), chosen, None, 3)
+    assert red(whole) == set()
+    for what, wrong in list(wrong_functions(chosen, function))[-3:]:
+        assert red(replace(whole, graph=graph(wrong)), {function}), what
+
+
 def test_an_inverse_that_is_none_is_caught(seen):
     """Wrong in v̇ alone, and the dynamics wrong under a right inverse."""
     for function in ("inverse_dynamics", "dynamics"):
@@ -359,6 +369,7 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
     named = {*EXPECTED.values(), *FUNCTION_RUNGS.values(), "v̇", "λ", "v̇ augmented", "v̇ of other choices", "project"}
     named |= {"states admissible", "A S = 0", "A R = 1", "B S = 1", "B R = 0", "T = ½ vᵀ M v"}
     named |= {"dynamics ∘ inverse", "rank A", "project, nothing to do", "M v̇ + h = Q + Aᵀ λ"}
+    named |= {"qdot", "integrate", "difference", "normalise"}
     named |= {"d(A v − c)/dt = 0", "β = −Ȧ v + ċ", "φ̇ = A v − c"}
     assert {rung.name for rung in RUNGS} == named | by_code
 

@@ -1,8 +1,8 @@
 """The rungs of the ladder, by subject; each is one function of the evidence and one line in RUNGS."""
 
-from hamel.verify.checks import agreement, algebra, code, identities, inverse
+from hamel.verify.checks import agreement, algebra, code, configuration, identities, inverse
 from hamel.verify.checks.rung import Rung
 
-RUNGS: tuple[Rung, ...] = (*agreement.RUNGS, *algebra.RUNGS, *identities.RUNGS, *inverse.RUNGS, *code.RUNGS)
+RUNGS: tuple[Rung, ...] = (*agreement.RUNGS, *algebra.RUNGS, *identities.RUNGS, *inverse.RUNGS, *configuration.RUNGS, *code.RUNGS)
 QUICK = agreement.RUNGS  # every term against the reference
 LOADED = code.RUNGS[:1]  # the loaded module against the graph

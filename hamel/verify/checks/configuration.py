@@ -1,0 +1,85 @@
+"""Moving about in the configuration space: q̇, q ⊕ d, q₁ ⊖ q₀ and unit quaternions, each against the reference's own N."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from derive.mechanics.sampling import normalised
+from hamel.verify.checks.rung import Rung
+from hamel.verify.compare import deviation
+from hamel.verify.evidence import Evidence
+from hamel.verify.vectors import Array, quaternion_product
+
+
+def coordinate_rates(e: Evidence) -> float | None:
+    """The function `qdot`."""
+    return _against(e, "qdot", [s.outcome.qdot for s in e.samples])
+
+
+def displaced(e: Evidence) -> float | None:
+    """The function `integrate` at d = v."""
+    return _against(e, "integrate", [_moved(e, s.q, s.outcome.kinematics.N, s.v) for s in e.samples])
+
+
+def between(e: Evidence) -> float | None:
+    """The function `difference`: q₀ ⊕ (q₁ ⊖ q₀) is q₁, for quaternions up to sign, and no turn is longer than half a one."""
+    if not e.graph.has("difference"):
+        return None
+    places = e.arguments_of("difference")
+    nq = len(e.samples[0].q)
+    steps = [e.graph("difference", s.t, x, s.u, s.p) for s, x in zip(e.samples, places)]
+    reached = [_moved(e, s.q, s.outcome.kinematics.N, d) for s, d in zip(e.samples, steps)]
+    ends = [x[nq:] for x in places]
+    return max(_longest(e, steps), deviation([_signed(e, x, like) for x, like in zip(reached, ends)], ends, e.conditions))
+
+
+def lengths(e: Evidence) -> float | None:
+    """The function `normalise`."""
+    return _against(e, "normalise", [normalised(e.system, x) for x in e.arguments_of("normalise")])
+
+
+def _against(e: Evidence, name: str, wanted: Sequence[Array]) -> float | None:
+    if not e.graph.has(name):
+        return None
+    got = [e.graph(name, s.t, x, s.u, s.p) for s, x in zip(e.samples, e.arguments_of(name))]
+    return deviation(got, wanted, e.conditions)
+
+
+def _moved(e: Evidence, q: Array, N: Array, d: Array) -> Array:
+    """q + N d; a quaternion times (cos |ω|/2, sin |ω|/2 ω/|ω|) of the part ω of d that turns it."""
+    result = q + N @ d
+    for start in e.system.quaternions:
+        own = slice(start, start + 4)
+        turn = d[np.abs(N[own]).any(axis=0)]
+        half = np.linalg.norm(turn) / 2.0
+        result[own] = np.cos(half) * q[own] + np.sinc(half / np.pi) * (quaternion_product(q[own]) @ turn)
+    return result
+
+
+def _signed(e: Evidence, q: Array, like: Array) -> Array:
+    """Each quaternion of q with the sign that brings it nearer to the other."""
+    result = q.copy()
+    for start in e.system.quaternions:
+        own = slice(start, start + 4)
+        result[own] *= -1.0 if q[own] @ like[own] < 0.0 else 1.0
+    return result
+
+
+def _longest(e: Evidence, steps: Sequence[Array]) -> float:
+    """By how much the longest turn exceeds π."""
+    found = [0.0]
+    for s, d in zip(e.samples, steps):
+        for start in e.system.quaternions:
+            turn = d[np.abs(s.outcome.kinematics.N[start : start + 4]).any(axis=0)]
+            found.append(float(np.linalg.norm(turn)) - np.pi)
+    return max(found)
+
+
+RUNGS = (
+    Rung("qdot", 1e-11, "reference: N v", coordinate_rates),
+    Rung("integrate", 1e-11, "q + N d, quaternions times exp(d/2), with the reference's N", displaced),
+    Rung("difference", 1e-10, "the reference's q₀ ⊕ d comes out at q₁, the shorter way round; per condition number", between),
+    Rung("normalise", 1e-12, "quaternions divided by their length", lengths),
+)

@@ -74,6 +74,8 @@ def simulate(
     step_size: float | None = None,
     rtol: float = 1e-10,
     atol: float | None = None,
+    alpha: float | None = None,
+    conserve: Collection[str] = (),
     values: Mapping[str, float | str] | None = None,
     out: str | Path | None = None,
     plot: str | Path | None = None,
@@ -82,11 +84,13 @@ def simulate(
     """Integrate from the consistent initial state: one formulation, one keeping (how to stay on the constraints; projection where
     there is something to project on when None) and one integrator, with steps by the tolerances or equal ones of `step_size`.
 
-    `step` is the time between rows of the result; `values` sets initial values, parameters and (constant) inputs by name.
+    `alpha` is the rate in 1/s at which baumgarte and feedback pull violations back (twice the system's fastest rate when None),
+    `conserve` names cyclic coordinates whose momenta the keeping invariants holds, beside the energy. `step` is the time between
+    rows of the result; `values` sets initial values, parameters and (constant) inputs by name.
     """
     from hamel.verbs.simulate import Method, run
 
-    method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol)
+    method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol, alpha, tuple(conserve))
     return run(path, method, time, step, values or {}, out, plot, progress)
 
 

@@ -133,6 +133,8 @@ def verify(model: str, constants: str, **options: Any) -> Any:
 @CHOICE
 @FORMULATION
 @click.option("--keeping", metavar="NAME", help="How to stay on the constraints (default: projection, where there is any).")
+@click.option("--alpha", type=float, metavar="1/S", help="Rate of baumgarte and feedback (default: twice the system's fastest).")
+@click.option("--conserve", metavar="a,b", default="", help="Coordinates whose momenta the keeping invariants holds too.")
 @click.option("--integrator", default="dop853", show_default=True, metavar="NAME", help="How to step; `hamel list` names all.")
 @click.option("--step-size", type=float, metavar="S", help="Equal steps of at most this size instead of steps by the tolerances.")
 @click.option(
@@ -146,13 +148,13 @@ def verify(model: str, constants: str, **options: Any) -> Any:
 )
 @click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv or FILE.npz.")
 @click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
-def simulate(model: str, settings: Sequence[str], **options: Any) -> Any:
+def simulate(model: str, settings: Sequence[str], conserve: str, **options: Any) -> Any:
     """Integrate MODEL from its consistent initial state."""
     from hamel.progress import bar
 
     values = dict(_setting(text) for text in settings)
     with bar(options["time"]) as progress:
-        return hamel.simulate(model, values=values, progress=progress, **options)
+        return hamel.simulate(model, values=values, progress=progress, conserve=_names(conserve), **options)
 
 
 def _setting(text: str, option: str = "--set") -> tuple[str, str]:

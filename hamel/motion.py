@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 
-from derive.diagnostics import AssumptionError, ModelError, listed
+from derive.diagnostics import AssumptionError, ModelError
 from hamel.plot import Curve, Panel, draw
-from hamel.records import Crossing
 from hamel.staging import staged_file, write_text
 
 if TYPE_CHECKING:
@@ -45,9 +43,9 @@ class Motion:
     calls: int
     position_violation: float  # the largest after any step, not only at the rows
     velocity_violation: float
-    crossings: tuple[Crossing, ...]
+    crossings: int
     seconds: float
-    keeping: str = "none"
+    charts: int = 0
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
@@ -69,10 +67,10 @@ class Motion:
 
 @dataclass(frozen=True)
 class Stepping:
-    """How the module is to integrate; its first keeping when None, steps by the tolerances without a step size."""
+    """How the module is to integrate: steps by the tolerances without a step size."""
 
     integrator: str
-    keeping: str | None
+    keeping: str
     step_size: float | None
     rtol: float
     atol: float
@@ -90,15 +88,12 @@ def integrated(
 ) -> Motion:
     """The motion from x at times[0] with constant inputs u."""
     start = time.perf_counter()
-    if by.keeping is not None and by.keeping not in module.keepings:
-        raise ModelError(f"keeping '{by.keeping}' does not fit here; {listed(module.keepings)}")
     try:
         found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by))
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         raise AssumptionError(str(error), hint) from None
-    judged = _judged(module, equations, found, u, p, time.perf_counter() - start)
-    return replace(judged, keeping=by.keeping or module.keepings[0])
+    return _judged(module, equations, found, u, p, time.perf_counter() - start)
 
 
 def _judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:
@@ -133,22 +128,10 @@ def _judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray,
         calls=found.calls,
         position_violation=found.position_violation,
         velocity_violation=found.velocity_violation,
-        crossings=_crossings(equations, t, x, u, p),
+        crossings=found.crossings,
         seconds=seconds,
+        charts=found.charts,
     )
-
-
-def _crossings(equations: Equations, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[Crossing, ...]:
-    """Where a pivot changed its sign between two rows: a step jumped a position in which the equations have no solution."""
-    guards = next(function.guards for function in equations.functions if function.name == "dynamics")
-    if not guards:
-        return ()
-    symbols = [argument.symbols for argument in equations.arguments]
-    pivots = ca.Function("pivots", symbols, [ca.densify(ca.vertcat(*(guard.value for guard in guards)))])
-    many = [np.broadcast_to(values, (len(t), values.size)).T for values in (u, p)]
-    values = np.asarray(pivots(t[np.newaxis, :], x.T, *many))
-    rows, places = np.nonzero(np.diff(np.sign(values), axis=1))
-    return tuple(Crossing(guards[row].name, float(t[place]), float(t[place + 1])) for row, place in zip(rows, places))
 
 
 def _units(equations: Equations) -> dict[str, str]:

@@ -101,7 +101,11 @@ def usable_choices(mechanics: System, formulation: str = "quasi_velocities") -> 
 
 
 def program_of(
-    equations: Equations, functions: Collection[str] | None = None, clock: Clock | None = None, integrators: Collection[str] = ()
+    equations: Equations,
+    functions: Collection[str] | None = None,
+    clock: Clock | None = None,
+    integrators: Collection[str] = (),
+    keepings: Collection[str] | None = None,
 ) -> Program:
     """Equations → Program: the straight-line statements of each function, counted. `integrators`: the default one when empty."""
     with (clock or Clock())("passes"):
@@ -109,7 +113,9 @@ def program_of(
         from codegen.passes import program
 
         chosen = tuple(integrators) or (INTEGRATORS[0].name,)
-        return program(equations, None if functions is None else tuple(functions), chosen)
+        return program(
+            equations, None if functions is None else tuple(functions), chosen, None if keepings is None else tuple(keepings)
+        )
 
 
 def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None) -> MadeFolder:
@@ -148,8 +154,10 @@ def load_quietly(made: MadeFolder) -> ModuleType:
 
 
 @contextmanager
-def temporary_module(equations: Equations, integrators: Collection[str] = ()) -> Iterator[ModuleType]:
+def temporary_module(
+    equations: Equations, integrators: Collection[str] = (), keepings: Collection[str] | None = None
+) -> Iterator[ModuleType]:
     """A module that is needed for the length of a command; codegen's cache keeps what was compiled."""
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
         place = Path(folder) / equations.system.model.name
-        yield load_quietly(emit(program_of(equations, integrators=integrators), place, {}))
+        yield load_quietly(emit(program_of(equations, integrators=integrators, keepings=keepings), place, {}))

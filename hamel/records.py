@@ -213,15 +213,6 @@ class Listed:
 
 
 @dataclass(frozen=True)
-class Crossing:
-    """A pivot of the choice vanished between two rows of the output: the motion beyond is not to be trusted."""
-
-    pivot: str
-    after: float
-    before: float
-
-
-@dataclass(frozen=True)
 class Simulated:
     """A motion and how far it can be trusted. The arrays are in `motion` and are left out of `--json`."""
 
@@ -230,6 +221,7 @@ class Simulated:
     choice: str
     keeping: str
     integrator: str
+    alpha: float | None  # rate in 1/s at which violations are pulled back, where the keeping has one
     time: float
     steps: int
     rejected: int
@@ -238,7 +230,8 @@ class Simulated:
     position_violation: float  # max |φ|
     velocity_violation: float  # max |A v − c|
     energy_balance: float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy exchanged
-    crossings: tuple[Crossing, ...]
+    crossings: int  # singular positions on the way; two ways across each agreed within the tolerance
+    charts: int  # that the keeping used, 0 where it has none
     moved: Mapping[str, Mapping[str, float]]
     final: Mapping[str, float]
     file: Path | None

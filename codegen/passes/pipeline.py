@@ -21,6 +21,7 @@ from codegen.program import KINDS, Argument, Entry, Kernel, Loop, Pivot, Program
 from derive.diagnostics import HamelError
 from derive.formulations import records
 from derive.formulations.records import Equations, Function
+from derive.keepings import KEEPINGS
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
@@ -30,16 +31,25 @@ LARGE = 10_000  # operations from which factoring once has to do
 _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
 
 
-def program(equations: Equations, functions: Sequence[str] | None = None, integrators: Sequence[str] = ("dop853",)) -> Program:
+def program(
+    equations: Equations,
+    functions: Sequence[str] | None = None,
+    integrators: Sequence[str] = ("dop853",),
+    keepings: Sequence[str] | None = None,
+) -> Program:
     """The Program of the named functions; the default ones when None, and in place of the name "default".
 
-    `integrators` are those that `simulate` of the module can use; functions that they need are added.
+    `integrators` and `keepings` are those that `simulate` of the module can use (projection, where there is anything to project
+    on, and none, where `keepings` is None); functions that they need are added.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
     chosen = _chosen(equations, functions)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
-        chosen = _chosen(equations, [*(function.name for function in chosen), *_needs(integrators)])
+        keepings = _usual(chosen) if keepings is None else keepings
+        watched = [request.name for request in equations.requests if request.name == "guards"]
+        further = (*_needs(integrators), *_needs_of_keepings(equations, keepings), *watched)
+        chosen = _chosen(equations, [*(function.name for function in chosen), *further])
     kernels, ledger = [], []
     for function in chosen:
         kernel, entries = _kernel(equations, function)
@@ -62,7 +72,7 @@ def program(equations: Equations, functions: Sequence[str] | None = None, integr
         positions=equations.system.phi.numel(),
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
-        keepings=_keepings(kernels) if simulates else (),
+        keepings=tuple(keepings or ()) if simulates else (),
     )
 
 
@@ -75,8 +85,12 @@ def _needs(integrators: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(need for name in integrators for need in known[name].needs))
 
 
-def _keepings(kernels: Sequence[Kernel]) -> tuple[str, ...]:
-    return ("projection", "none") if any(kernel.name == "project" for kernel in kernels) else ("none",)
+def _needs_of_keepings(equations: Equations, keepings: Sequence[str]) -> list[str]:
+    return [need for keeping in KEEPINGS if keeping.name in keepings for need in keeping.needs(equations)]
+
+
+def _usual(chosen: Sequence[Function]) -> tuple[str, ...]:
+    return ("projection", "none") if any(function.name == "project" for function in chosen) else ("none",)
 
 
 def _chosen(equations: Equations, names: Sequence[str] | None) -> list[Function]:

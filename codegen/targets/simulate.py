@@ -23,9 +23,15 @@ ENTRIES = (
     ("CALLS", "evaluations of dynamics"),
     ("POSITION", "largest violation of a position constraint after a step"),
     ("VELOCITY", "largest violation of a velocity constraint after a step"),
+    ("PASSED", "singular positions that were crossed"),
+    ("CHARTS", "charts that were used"),
     ("STEP", "size of the next step"),
     ("ERROR", "error of the last step, for the step control"),
 )
+
+
+CHARTS = ("partitioning", "selective", "tangent")  # keepings of simulate_charts.c.j2
+MANIFOLDS = ("invariants", "invariants_euclidean")  # keepings of simulate_keepings.c.j2
 
 
 @dataclass(frozen=True)
@@ -45,10 +51,15 @@ def files(program: Program) -> dict[str, str]:
     """NAME_simulate.h, NAME_simulate.c and _simulate.py."""
     if not program.simulates:
         return {}
-    names = [kernel.name for kernel in program.kernels]
+    sizes = {kernel.name: kernel.shape[0] for kernel in program.kernels}
     chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
-    has = {name: name in names for name in ("power", "project", "constraints")}
-    has["linear"] = any(x.needs for x in chosen)
+    has = {name: name in sizes for name in ("power", "project", "constraints", "guards", "manifold")}
+    has["project"] &= "projection" in program.keepings
+    has["charts"] = any(name in CHARTS for name in program.keepings)
+    has["linear"] = has["charts"] or any(x.needs for x in chosen)
+    rows = {name: sizes.get(name, 0) for name in ("closure", "slip", "manifold", "guards")}
+    rows["closing"] = sum(label in _labels(program, "closure") for label in _labels(program, "slip"))
+    nq = len(program.argument("x").names) - len(program.quasi_velocities)
     has["rosenbrock"] = any(isinstance(x, Rosenbrock) for x in chosen)
     data = {
         "program": program,
@@ -58,13 +69,36 @@ def files(program: Program) -> dict[str, str]:
         "positions": program.positions,
         "size": len(program.argument("x").names) + 1,
         "entries": ENTRIES,
+        "rows": rows,
+        "nq": nq,
+        "chart_names": CHARTS,
+        "manifold_names": MANIFOLDS,
+        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities)),
         "schemes": [_scheme(x) for x in chosen],
     }
     return {
         f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
         f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
-        "_simulate.py": text.render("simulate.py.j2", tableaux=[_rows(x) for x in chosen if isinstance(x, Tableau)], **data),
+        "_simulate.py": text.render("simulate.py.j2", tableaux=[_python(x) for x in chosen if isinstance(x, Tableau)], **data),
     }
+
+
+def _labels(program: Program, name: str) -> tuple[str, ...]:
+    return next((kernel.labels for kernel in program.kernels if kernel.name == name), ())
+
+
+def _blocks(has: dict[str, bool], rows: dict[str, int], nq: int, nw: int) -> list[tuple[str, int, str]]:
+    """What a simulation's array holds after state and slope: name, size, meaning."""
+    found = []
+    if has["guards"]:
+        found.append(("GUARDS", 3 * rows["guards"], "what tells the branch: last values, largest sizes, rates"))
+    if has["manifold"]:
+        held = rows["manifold"] - rows["closure"] - rows["slip"]
+        found.append(("HELD", held, "the invariants at the start"))
+    if has["charts"]:
+        size = rows["closure"] * (nq + rows["closure"]) + rows["slip"] * nw
+        found.append(("CHART", size, "the directions of the chart, and the inverse that goes with them"))
+    return found
 
 
 def _scheme(method: Integrator) -> Scheme:
@@ -109,7 +143,7 @@ def _table(rows: Sequence[Sequence[Fraction]], width: int) -> str:
     return "{" + ", ".join(_list([*row, *[Fraction(0)] * (width - len(row))]) for row in rows) + "}"
 
 
-def _rows(tableau: Tableau) -> dict[str, object]:
+def _python(tableau: Tableau) -> dict[str, object]:
     """A tableau as text of Python numbers."""
 
     def numbers(values: Sequence[Fraction]) -> str:

@@ -9,6 +9,7 @@ from derive.formulations.choices import Ranking, ranked_partitions, workshop
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.derivatives import derivatives
 from derive.formulations.formulation import Formulation
+from derive.formulations.manifold import manifold
 from derive.formulations.methods import FORMULATIONS
 from derive.formulations.named_choices import declared
 from derive.formulations.records import Equations
@@ -27,7 +28,8 @@ def equations(system: System, choice: str | None = None, formulation: str = "qua
         raise AssumptionError(f"{system.model.name}: formulation {asked.name} does not fit: {reason}")
     found = asked.build(shop, wanted)
     moves = configuration(system) if is_plain(system) else ()
-    return replace(found, requests=(*found.requests, *derivatives(found.arguments, found.functions), *moves))
+    further = (*derivatives(found.arguments, found.functions), *manifold(found, shop.kept, shop.closing), *moves)
+    return replace(found, requests=(*found.requests, *further))
 
 
 def named(formulation: str) -> Formulation:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from codegen.integrators import INTEGRATORS
 from codegen.targets import TARGETS
 from derive.formulations import FORMULATIONS, equations
+from derive.keepings import KEEPINGS
 from derive.model import KINDS, load_text
 from hamel.importing import load
 from hamel.pipeline import mechanics_of
@@ -44,6 +45,7 @@ def _known() -> dict[str, tuple[Known, ...]]:
     return {
         **{kind: tuple(names) for kind, names in kinds.items()},
         "formulations": _abouts(FORMULATIONS),
+        "keepings": _abouts(KEEPINGS),
         "integrators": _abouts(INTEGRATORS),
         "targets": _abouts(TARGETS),
         "functions": tuple(_functions(load_text(_EVERYTHING))),

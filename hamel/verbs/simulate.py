@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import casadi as ca
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
-from derive.diagnostics import ModelError, did_you_mean, listed
+from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
+from derive.keepings import KEEPINGS, Keeping, Options, kept_equations, usual_rate
 from derive.mechanics.initial import Initial, initial_state
 from hamel import motion
 from hamel.importing import load
@@ -40,6 +42,8 @@ class Method:
     step_size: float | None
     rtol: float
     atol: float | None
+    alpha: float | None = None
+    conserve: tuple[str, ...] = ()
 
 
 def run(
@@ -60,14 +64,40 @@ def run(
     given = settings(mechanics.model, values)
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
     initial = initial_state(mechanics, given.initial, p)
-    chosen = equations(mechanics, method.choice, method.formulation)
-    with temporary_module(chosen, (method.integrator,)) as module:
-        x = module.state(0.0, np.concatenate([initial.q, initial.v]), u, p)
-        stepping = motion.Stepping(method.integrator, method.keeping, method.step_size, *tolerances)
+    plain = equations(mechanics, method.choice, method.formulation)
+    keeping = _keeping(method, plain)
+    x = _state(plain, initial, p)
+    alpha = usual_rate(plain, 0.0, x, u, p, time) if keeping.level == "rates" and method.alpha is None else method.alpha
+    chosen = kept_equations(mechanics, method.choice, method.formulation, keeping, Options(alpha, method.conserve))
+    with temporary_module(chosen, (method.integrator,), (keeping.name,)) as module:
+        stepping = motion.Stepping(method.integrator, keeping.name, method.step_size, *tolerances)
         found = motion.integrated(module, chosen, times, x, u, p, stepping, progress)
     for write in files:
         write(found)
-    return _record(chosen, found.keeping, method.integrator, initial, found, out, plot)
+    return _record(chosen, replace(method, keeping=keeping.name, alpha=alpha), initial, found, out, plot)
+
+
+def _keeping(method: Method, plain: Equations) -> Keeping:
+    """The keeping asked for; projection where there is anything to project on when none is."""
+    known = {keeping.name: keeping for keeping in KEEPINGS}
+    if method.keeping is not None and method.keeping not in known:
+        raise ModelError(f"unknown keeping '{method.keeping}'; {did_you_mean(method.keeping, known) or listed(known)}")
+    usual = next(keeping for keeping in KEEPINGS if not keeping.refusal(plain, Options()))
+    keeping = known[method.keeping] if method.keeping else usual
+    exact = next(integrator.exact for integrator in INTEGRATORS if integrator.name == method.integrator)
+    if exact and keeping.level == "stages":
+        why = "it needs the exact Jacobian of what is integrated, and solving coordinates at every stage changes that"
+        raise AssumptionError(f"{method.integrator} does not fit keeping '{keeping.name}': {why}; use projection")
+    return keeping
+
+
+def _state(plain: Equations, initial: Initial, p: np.ndarray) -> np.ndarray:
+    """x from (q, v) by the equations' own function."""
+    made = next(function for function in plain.functions if function.name == "state")
+    assert made.x is not None
+    slots = {argument.name: argument.symbols for argument in plain.arguments} | {"x": made.x.symbols}
+    function = ca.Function("state", [slots["t"], slots["x"], slots["p"]], [ca.densify(made.result.value)])
+    return np.asarray(function(0.0, np.concatenate([initial.q, initial.v]), p)).ravel()
 
 
 def _check(method: Method) -> None:
@@ -108,8 +138,7 @@ def _positive(name: str, value: float) -> None:
 
 def _record(
     chosen: Equations,
-    keeping: str,
-    integrator: str,
+    method: Method,
     initial: Initial,
     found: motion.Motion,
     out: str | Path | None,
@@ -119,8 +148,9 @@ def _record(
         model=chosen.system.model.name,
         formulation=chosen.formulation,
         choice=chosen.choice,
-        keeping=keeping,
-        integrator=integrator,
+        keeping=method.keeping or "",
+        integrator=method.integrator,
+        alpha=method.alpha,
         time=float(found.t[-1]),
         steps=found.steps,
         rejected=found.rejected,
@@ -130,6 +160,7 @@ def _record(
         velocity_violation=found.velocity_violation,
         energy_balance=found.energy_balance,
         crossings=found.crossings,
+        charts=found.charts,
         moved={name: {"given": wanted, "used": used} for name, wanted, used in initial.moved},
         final={name: float(values[-1]) for name, values in found.columns().items()},
         file=Path(out) if out else None,
@@ -150,10 +181,9 @@ def show(record: Simulated, console: Console) -> None:
     console.print(f"  largest |A v − c|   {number(record.velocity_violation)}")
     console.print(f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged")
     if record.crossings:
-        first, more = record.crossings[0], len(record.crossings) - 1
-        also = f" and {more} more times" if more else ""
-        console.print(f"  SINGULAR: {first.pivot} vanished between {first.after:g} s and {first.before:g} s{also};")
-        console.print("  the motion beyond is not to be trusted; another choice may be regular there, see `hamel choices`")
+        console.print(f"  crossed {record.crossings} singular positions; two ways across each agree within the tolerance")
+    if record.charts:
+        console.print(f"  charts used         {record.charts}")
     for place in (record.file, record.plot):
         if place:
             console.print(f"  wrote {place}")

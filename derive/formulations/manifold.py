@@ -1,0 +1,104 @@
+"""What keeps a simulation on the constraints and on its branch, on request: the constraints with their Jacobians, and guards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from derive.formulations.multipliers import bordered_solution
+from derive.formulations.records import Argument, Equations, Function, Request, Result
+from derive.joints.records import Scalar, Vector
+from derive.joints.rotations import dot, is_zero
+from derive.mechanics.solve import scalars
+
+CLOSURE = "position constraints with Jacobian: [ψ, ∂ψ/∂q] row by row, ψ = independent φ and lengths of quaternions"
+SLIP = "velocity constraints with Jacobian: [A v − c, A] row by row, independent rows"
+PULL = "what, added to q̇, takes violations of positions to zero at the rate 1/s: N R (−φ), R from v = S w + R c"
+GUARDS = "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"
+
+
+def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> tuple[Request, ...]:
+    """Requests for what is there; `kept` and `closing` are the independent rows, of all and of the holonomic ones."""
+    x = next(argument for argument in found.arguments if argument.name == "x")
+    requests = []
+    if closing or found.system.quaternions:
+        requests.append(Request("closure", CLOSURE, lambda: _closure(found, closing)))
+    if kept and keeps_velocities(found):
+        requests.append(Request("slip", SLIP, lambda: _slip(found, kept, x)))
+    if closing and not keeps_velocities(found):
+        requests.append(Request("pull", PULL, lambda: _pull(found, kept)))
+    dynamics = next((function for function in found.functions if function.name == "dynamics"), None)
+    if dynamics is not None and (dynamics.guards or (kept and keeps_velocities(found))):
+        requests.append(Request("guards", GUARDS, lambda: _guards(found, kept, dynamics)))
+    return tuple(requests)
+
+
+def keeps_velocities(found: Equations) -> bool:
+    """The state holds all base velocities although they are constrained, so that A v = c can drift."""
+    return bool(found.system.rows) and found.base_velocities
+
+
+def _closure(found: Equations, closing: Sequence[int]) -> Function:
+    system = found.system
+    lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
+    psi = ca.vertcat(*[system.phi[system.rows[i].position] for i in closing], *lengths)
+    labels = (*(system.rows[i].name for i in closing), *(f"quaternion at {i}" for i in system.quaternions))
+    return Function("closure", CLOSURE, Result("psi", _with_jacobian(psi, system.q), labels, ()))
+
+
+def _slip(found: Equations, kept: Sequence[int], x: Argument) -> Function:
+    system = found.system
+    order = sorted(kept, key=lambda i: system.rows[i].position < 0)  # holonomic rows first
+    w = x.symbols[system.q.numel() :]
+    violation = ca.substitute(ca.mtimes(system.A[order, :], system.v) - system.c[order], system.v, w)
+    value = ca.densify(ca.horzcat(violation, system.A[order, :]))
+    return Function("slip", SLIP, Result("slip", value, tuple(system.rows[i].name for i in order), ()))
+
+
+def _pull(found: Equations, kept: Sequence[int]) -> Function:
+    """Δ of A Δ = −φ, B Δ = 0 as the least of |A Δ|² + |B Δ|² with A Δ = −φ."""
+    system = found.system
+    A, B = system.A[list(kept), :], speed_rows(found)
+    side = [-system.phi[system.rows[i].position] if system.rows[i].position >= 0 else 0.0 for i in kept]
+    weight = ca.mtimes(B.T, B) + ca.mtimes(A.T, A)
+    delta = bordered_solution(weight, A, [0.0] * system.v.numel(), side)
+    value = ca.substitute(system.qdot, system.v, ca.vertcat(*delta.x))
+    return Function("pull", PULL, Result("pull", value, tuple(c.name for c in system.model.coordinates), ()))
+
+
+def speed_rows(found: Equations) -> ca.SX:
+    """B of w = B v, from the function that makes states."""
+    state = next(function for function in found.functions if function.name == "state")
+    assert state.x is not None
+    nq = found.system.q.numel()
+    return ca.jacobian(state.result.value[nq:], state.x.symbols[nq:])
+
+
+def _with_jacobian(psi: ca.SX, q: ca.SX) -> ca.SX:
+    return ca.densify(ca.horzcat(psi, ca.jacobian(psi, q)))
+
+
+def _guards(found: Equations, kept: Sequence[int], dynamics: Function) -> Function:
+    values = [guard.value / guard.tolerance for guard in dynamics.guards]
+    names = [guard.name for guard in dynamics.guards]
+    if keeps_velocities(found):
+        values += [ca.SX(x) for x in _independence(scalars(ca.SX(found.system.A)[list(kept), :]))]
+        names += [f"independence of {found.system.rows[i].name}" for i in kept]
+    return Function("guards", GUARDS, Result("guards", ca.densify(ca.vertcat(*values)), tuple(names), ()))
+
+
+def _independence(rows: list[Vector]) -> list[Scalar]:
+    """Of each row from those before it: the length of what is left of it by Gram–Schmidt."""
+    done: list[Vector] = []
+    found: list[Scalar] = []
+    for row in rows:
+        rest = row
+        for unit in done:
+            along = dot(unit, rest)
+            if not is_zero(along):
+                rest = [x if is_zero(e) else x - along * e for x, e in zip(rest, unit)]
+        length = ca.sqrt(dot(rest, rest))
+        found.append(length)
+        done.append([0.0 if is_zero(x) else x / length for x in rest])
+    return found

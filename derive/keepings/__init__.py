@@ -1,0 +1,40 @@
+"""Keepings: how a simulation stays on the constraints. To add one: a file with a Keeping, and its line here."""
+
+from __future__ import annotations
+
+from derive.diagnostics import AssumptionError
+from derive.formulations import equations
+from derive.formulations.records import Equations
+from derive.keepings.baumgarte import BAUMGARTE
+from derive.keepings.charts import PARTITIONING, SELECTIVE, TANGENT
+from derive.keepings.feedback import FEEDBACK
+from derive.keepings.invariants import INVARIANTS, INVARIANTS_EUCLIDEAN
+from derive.keepings.none import NONE
+from derive.keepings.projection import PROJECTION
+from derive.keepings.rate import usual_rate
+from derive.keepings.records import Keeping, Options
+from derive.mechanics.records import System
+
+KEEPINGS: tuple[Keeping, ...] = (
+    PROJECTION,
+    NONE,
+    BAUMGARTE,
+    FEEDBACK,
+    INVARIANTS,
+    INVARIANTS_EUCLIDEAN,
+    PARTITIONING,
+    SELECTIVE,
+    TANGENT,
+)
+
+
+def kept_equations(system: System, choice: str | None, formulation: str, keeping: Keeping, options: Options) -> Equations:
+    """The equations that a simulation with this keeping integrates. Raises AssumptionError where it does not fit them."""
+    found = equations(keeping.system(system, options), choice, formulation)
+    reason = keeping.refusal(found, options)
+    if reason:
+        raise AssumptionError(f"{system.model.name}, {formulation}: keeping '{keeping.name}' does not fit: {reason}")
+    return keeping.equations(found, options)
+
+
+__all__ = ["KEEPINGS", "Keeping", "Options", "kept_equations", "usual_rate"]

@@ -1,4 +1,4 @@
-"""The inlined sine and cosine: at most one unit in the last place on |x| ≤ 1e5, the library's own beyond."""
+"""The inlined sine and cosine: below one unit in the last place on |x| ≤ 1e5, the library's own beyond; scalar and in batches."""
 
 from __future__ import annotations
 

@@ -20,8 +20,11 @@ import sysconfig
 NAME = ""
 # No fast-math: it drops NaN and changes what was written. Contraction makes one rounding of a * b + c, where the processor can.
 FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fPIC")
-NATIVE = {"x86_64": "-march=native", "amd64": "-march=native", "aarch64": "-mcpu=native"}  # this very processor
+NATIVE = {"x86_64": "-march=native", "aarch64": "-mcpu=native"}  # this very processor
 BATCH = ("-O3",)  # the loops over states become vector instructions
+# Only gcc knows these: order statements for latency without running out of registers, and keep numbers out of integer registers.
+ORDER = ("-fschedule-insns", "-fsched-pressure")
+KEEP = {"x86_64": ("-mtune-ctrl=^general_regs_sse_spill,^inter_unit_moves_from_vec",)}
 WIDE = "-mprefer-vector-width=512"  # of those as long as there are
 INSTALL = "install one (Debian: `apt install gcc`; macOS: `xcode-select --install`; anywhere: `pip install ziglang`)"
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
@@ -44,21 +47,27 @@ def find_compiler():
 
 @functools.cache
 def probe(command):
-    """What the compiler says of itself and of this processor: the flags to use for it, and all macros it defines."""
-    native = NATIVE.get(platform.machine().lower())
-    for flags in ([native], []) if native and sys.platform != "darwin" else ([],):
-        asked = [*command, *flags, "-dM", "-E", "-x", "c", os.devnull]
+    """What the compiler says of itself and of this processor: the flags it knows for them, and all macros it defines."""
+    for flags in choices():
+        asked = [*command, *FLAGS, *flags, "-dM", "-E", "-x", "c", os.devnull]
         answer = subprocess.run(asked, capture_output=True, text=True, errors="replace", check=False)
         if not answer.returncode:
-            return flags + ([WIDE] if "__AVX512F__" in answer.stdout else []), answer.stdout
-    return [], ""
+            return flags, answer.stdout
+    return (), ""
+
+
+def choices():
+    """Flags to try, the best first."""
+    machine = {"amd64": "x86_64"}.get(platform.machine().lower(), platform.machine().lower())
+    native = (NATIVE[machine],) if machine in NATIVE and sys.platform != "darwin" else ()
+    return [(*native, *ORDER, *KEEP.get(machine, ())), (*native, *ORDER), native, ()]
 
 
 def identity(command):
     """What else a binary depends on: the compiler, its flags, this processor, this Python and the NumPy headers."""
     flags, macros = probe(tuple(command))
     return "\n".join(
-        [*command, macros, *flags, *FLAGS, *BATCH, sys.platform, sysconfig.get_platform(), extension_suffix(), *headers()]
+        [*command, macros, *flags, *FLAGS, *BATCH, WIDE, sys.platform, sysconfig.get_platform(), extension_suffix(), *headers()]
     )
 
 
@@ -102,8 +111,13 @@ def compile_folder(folder, name, command):
 
 def flags_of(command, name, stem):
     """What one file needs besides FLAGS. The one that looks whether the processor fits must run on any."""
-    native = [] if stem == f"{name}_cpu" else probe(tuple(command))[0]
-    return [*native, *BATCH] if stem == f"{name}_batch" else native
+    if stem == f"{name}_cpu":
+        return []
+    flags, macros = probe(tuple(command))
+    if stem != f"{name}_batch":
+        return flags
+    wide = [WIDE] if "__AVX512F__" in macros else []
+    return [*(flag for flag in flags if flag not in ORDER), *BATCH, *wide]
 
 
 def sources(folder, name):

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from codegen.passes import program
 from codegen.passes.factor import factor
 from codegen.passes.graph import Work, live
+from codegen.passes.invert import invert
 from codegen.passes.lower import lower
 from codegen.passes.pipeline import PASSES, count
 from codegen.passes.share import share
@@ -149,11 +150,11 @@ def test_long_chains_are_no_trouble() -> None:
 def test_program_of_toy() -> None:
     toy_program = program(toy())
     dynamics = toy_program.kernel("dynamics")
-    assert dynamics.operations["total"] <= 46
+    assert dynamics.operations["total"] <= 47 and dynamics.operations["divide"] == 1
     assert dynamics.operations["total"] == sum(n for kind, n in dynamics.operations.items() if kind != "total")
     assert dynamics.uses == ("x", "u", "p")
     titles = [section.title for section in dynamics.sections]
-    assert titles[0] == "M: joint-space mass matrix" and titles[-1].startswith("xdot")
+    assert titles[0].startswith("angles: ") and titles[1] == "M: joint-space mass matrix" and titles[-1].startswith("xdot")
     assert toy_program.kernel("constant").uses == ()
     assert {entry.step for entry in toy_program.ledger} >= {"fold", "factor", "share"}
     assert all(entry.before >= 0 for entry in toy_program.ledger)
@@ -191,3 +192,11 @@ def test_operation_counts_of_the_founding_examples(name: str, choice: str, most:
 
     model = load(Path(__file__).parents[1] / "models" / f"{name}.yaml")
     assert program(equations(system(model, "all"), choice)).kernel("dynamics").operations["total"] <= most
+
+
+def test_divisors_are_divided_by_once() -> None:
+    lowered = lower(traced(a / (b + c), d / (b + c), e / b, 2 / (b + c)))
+    inverted = invert(lowered)
+    names = [operation.name for operation in inverted.code.operations]
+    assert names.count("div") == 2 and names.count("mul") == 3
+    assert invert(inverted) is inverted

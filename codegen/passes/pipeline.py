@@ -10,6 +10,7 @@ import casadi as ca
 from codegen.integrators import INTEGRATORS
 from codegen.passes.factor import factor
 from codegen.passes.graph import Mark, Work, same
+from codegen.passes.invert import invert
 from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
 from codegen.passes.plain import plain
@@ -169,7 +170,11 @@ def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entr
     for step, found in _tried(trace(tape), loose, best.total):
         entries.append(Entry(name, step, entries[-1].after, found.total))
         best = min(found, best, key=lambda candidate: (candidate.total, candidate.signs))
-    return best, [*entries, Entry(name, "choose", entries[-1].after, best.total)]
+    entries.append(Entry(name, "choose", entries[-1].after, best.total))
+    inverted = _candidate(invert(best.lowered), best.marks)
+    if inverted.total != best.total:
+        entries.append(Entry(name, "invert", best.total, inverted.total))
+    return inverted, entries
 
 
 def _tried(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:

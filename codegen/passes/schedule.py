@@ -9,6 +9,7 @@ from codegen.passes.graph import Mark
 from codegen.passes.lower import Code, Lowered, Operation
 from codegen.program import Expression, Load, Section, Statement
 
+TURNS = "angles: their sines and cosines, all together"
 _NESTED = 11  # names, numbers and operators that one nested expression may hold
 
 
@@ -27,7 +28,7 @@ def schedule(
     wanted = reachable(lowered.code, roots)
     groups = []
     done = {i for i in wanted if lowered.code.operations[i].name == "input"}
-    for heading, starts in [*_headings(lowered, marks, wanted), (title, roots)]:
+    for heading, starts in [(TURNS, _turns(lowered.code, wanted)), *_headings(lowered, marks, wanted), (title, roots)]:
         group = _depth_first(lowered.code, starts, done)
         if group:
             groups.append((heading, group))
@@ -101,11 +102,23 @@ def _nested(code: Code, groups: Sequence[tuple[str, list[int]]], roots: Sequence
             user[operand] = i
     for root in roots:
         count[root] = count.get(root, 0) + 2
-    return _fitting(code, home, lambda i: count[i] == 1 and i not in names and home[user[i]] == home[i] and not _turns(code, i))
+    return _fitting(code, home, lambda i: count[i] == 1 and i not in names and home[user[i]] == home[i] and not _is_turn(code, i))
 
 
-def _turns(code: Code, i: int) -> bool:
-    """A sine or cosine stands alone: it is computed together with its twin."""
+def _turns(code: Code, wanted: set[int]) -> list[int]:
+    """Sines and cosines of angles that need no others: they stand at the beginning and are computed side by side."""
+    later: set[int] = set()  # what depends on a sine or cosine
+    found = []
+    for i in sorted(wanted):
+        depends = any(operand in later for operand in _inner(code.operations[i]))
+        if _is_turn(code, i) and not depends:
+            found.append(i)
+        if _is_turn(code, i) or depends:
+            later.add(i)
+    return found
+
+
+def _is_turn(code: Code, i: int) -> bool:
     return code.operations[i].name in ("sin", "cos")
 
 

@@ -6,13 +6,14 @@ into vector instructions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from codegen import text
 from codegen.passes.lanes import is_batched
+from codegen.passes.schedule import TURNS
 from codegen.passes.split import Part, Parts, split
-from codegen.program import Expression, Kernel, Program, Statement
+from codegen.program import Expression, Kernel, Program, Section, Statement
 from codegen.targets.records import Target
 
 FEW = 24  # values that are added up one by one to see that all are finite
@@ -45,14 +46,10 @@ class Body:
 
 @dataclass(frozen=True)
 class _Style:
-    """How entry i of an array is written, and a sine with its cosine."""
+    """How entry i of an array is written; at which statement of a section what lines for sines and cosines stand."""
 
     entry: str
-    pair: str
-
-
-_ONE = _Style("{0}[{1}]", "{prefix}_sincos({angle}, &{sin}, &{cos});")
-_MANY = _Style("{0}[{1} * LANES + lane]", "bad += {prefix}_sincos({angle}, &{sin}, &{cos});")
+    turns: Callable[[str, Section, set[str]], dict[str, list[str]]]
 
 
 def files(program: Program) -> dict[str, str]:
@@ -85,7 +82,7 @@ def _body(program: Program, kernel: Kernel, parts: Parts, style: _Style) -> Body
         workspace=parts.size,
         stray=_stray(program, kernel, style),
         residual=_value(kernel.loop.residual) if kernel.loop else "",
-        turns=any(map(_angles, parts.parts)),
+        turns=any(_is_turn(s) for part in parts.parts for section in part.sections for s in section.statements),
     )
 
 
@@ -112,39 +109,72 @@ def _lines(program: Program, part: Part, style: _Style) -> Iterator[str]:
             yield f"const double {load.name} = {style.entry.format(load.argument, load.index)};"
     for name, slot in part.taken:
         yield f"const double {name} = {style.entry.format('work', slot)};"
-    angles = _angles(part)
-    done: set[str] = set()
     for section in part.sections:
         yield ""
         yield f"/* {text.comment(section.title)} */"
+        turns = style.turns(program.name, section, _names(part))
         for statement in section.statements:
-            if statement.name not in done:
-                yield from _statement(program, statement, angles, style, done)
+            if _is_turn(statement):
+                yield from turns.pop(statement.name, ())
+            else:
+                yield f"const double {statement.name} = {_value(statement.value)};"
 
 
-def _angles(part: Part) -> dict[Expression, dict[str, str]]:
+def _is_turn(statement: Statement) -> bool:
+    """A sine or a cosine."""
+    return isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
+
+
+def _names(part: Part) -> set[str]:
+    return {statement.name for section in part.sections for statement in section.statements}
+
+
+def _angles(section: Section) -> dict[Expression, dict[str, str]]:
     """Which locals are the sine and the cosine of an angle."""
     found: dict[Expression, dict[str, str]] = {}
-    for section in part.sections:
-        for statement in section.statements:
-            if isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos"):
-                found.setdefault(statement.value[1], {})[statement.value[0]] = statement.name
+    for statement in section.statements:
+        if isinstance(statement.value, tuple) and _is_turn(statement):
+            found.setdefault(statement.value[1], {})[statement.value[0]] = statement.name
     return found
 
 
-def _statement(
-    program: Program, statement: Statement, angles: dict[Expression, dict[str, str]], style: _Style, done: set[str]
-) -> Iterator[str]:
-    """One assignment; a sine or cosine brings its twin along, which costs next to nothing there."""
-    value = statement.value
-    if not (isinstance(value, tuple) and value[0] in ("sin", "cos")):
-        yield f"const double {statement.name} = {_value(value)};"
-        return
-    found = angles[value[1]]
-    done.update(found.values())
-    sin, cos = (found.get(name, f"{statement.name}_{name}_") for name in ("sin", "cos"))
-    yield f"double {sin}, {cos};"
-    yield style.pair.format(prefix=program.name, angle=_value(value[1]), sin=sin, cos=cos)
+def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, list[str]]:
+    """At the first of a sine and cosine the lines for both."""
+    lines = {}
+    for angle, found in _angles(section).items():
+        first = next(iter(found.values()))
+        sin, cos = (found.get(name) or _fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
+        call = f"bad += {prefix}_sincos({_value(angle)}, &{sin}, &{cos});"
+        lines[first] = [f"double {sin}, {cos};", call]
+    return lines
+
+
+def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, list[str]]:
+    """At the last sine or cosine the lines for all, four angles at a time; where one needs another, one by one."""
+    angles = list(_angles(section).items())
+    groups = [angles[i : i + 4] for i in range(0, len(angles), 4)] if section.title == TURNS else [[item] for item in angles]
+    lines = {}
+    for group in groups:
+        last = [s.name for s in section.statements if any(s.name in found.values() for _, found in group)]
+        sines, cosines = _fresh("sines", taken), _fresh("cosines", taken)
+        values = [*(_value(angle) for angle, _ in group), "0.0", "0.0", "0.0"][:4]
+        made = [f"double {sines}[4], {cosines}[4];", f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});"]
+        for k, (_, found) in enumerate(group):
+            made += [f"const double {local} = {sines if name == 'sin' else cosines}[{k}];" for name, local in found.items()]
+        lines[last[-1] if section.title == TURNS else last[0]] = made
+    return lines
+
+
+def _fresh(wanted: str, taken: set[str]) -> str:
+    """The name, with lines under it until nothing else is called so."""
+    while wanted in taken:
+        wanted += "_"
+    taken.add(wanted)
+    return wanted
+
+
+_ONE = _Style("{0}[{1}]", _by_fours)
+_MANY = _Style("{0}[{1} * LANES + lane]", _by_lanes)
 
 
 def _output(kernel: Kernel, i: int, style: _Style) -> str:

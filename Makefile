@@ -40,9 +40,9 @@ lint: $(VENV)/.test
 robots: $(ROBOTS)/.ready
 	$(ROBOTS)/bin/python benchmarks/robots.py
 
-# Derivation, emission, compilation and evaluation of chains of 10 to 1,000 links.
+# Derivation, emission, compilation and evaluation of chains and trees of 10 to 1,000 links, beside KanesMethod and Pinocchio.
 growth: $(VENV)/.run-time
-	$(VENV)/bin/python benchmarks/growth.py
+	$(VENV)/bin/python benchmarks/growth.py --json build/growth.json --plot build/growth.svg
 
 $(ROBOTS)/.ready: pyproject.toml
 	@echo "installing hamel, Pinocchio, MuJoCo and their robots into $(ROBOTS)"

@@ -1,9 +1,11 @@
-"""How time grows with the number of links of a planar chain: derivation, emission, compilation, loading, evaluation.
+"""How time grows with the number of links: derivation, emission, compilation, loading, evaluation of chains and random trees.
 
-    python benchmarks/growth.py [10 30 100 300 1000] [--json FILE]
+    python benchmarks/growth.py [10 30 100 300 1000] [--json FILE] [--plot FILE.svg]
 
-Every length runs in a process of its own with an empty cache; times are processor seconds, the compiler's own included, so that
-other work on the machine shows as little as possible. The exponents are between a tenth of the largest length and the largest.
+Every mechanism runs in a process of its own with an empty cache; times are processor seconds, the compiler's own included, so
+that other work on the machine shows as little as possible. The exponents are between a tenth of the largest number of links and
+the largest. Beside them, as far as they come within a minute: derivation by SymPy's KanesMethod, and evaluation by Pinocchio's
+articulated-body algorithm where it is installed (its Python call, some 2 µs, included).
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import argparse
 import json
 import math
 import os
+import random
 import resource
 import subprocess
 import sys
@@ -23,6 +26,7 @@ from typing import Any
 
 LENGTHS = (10, 30, 100, 300, 1000)
 FUNCTIONS = ("dynamics", "bias", "inverse_dynamics", "energy")  # the mass matrix has n² entries by itself
+LONGEST = 60.0  # seconds for a peer
 STAGES = ("derive", "program", "emit", "compile", "load", "evaluate")
 
 
@@ -37,39 +41,86 @@ def chain(n: int) -> str:
     return "\n".join(lines) + "\n"
 
 
+def tree(n: int) -> str:
+    """A planar tree: each link hangs on the tip of one of those before it, drawn at random."""
+    draw = random.Random(n)
+    parents = [-1, *(draw.randrange(i) for i in range(1, n))]
+    lines = chain(n).splitlines()
+    first = len(lines) - n
+    for i, above in enumerate(parents):
+        parent, at = (f"b{above}", 1.0) if i else ("ground", 0.0)
+        lines[first + i] = f"  j{i}: {{type: revolute, parent: {parent}, child: b{i}, at: [{at}, 0], coordinate: q{i}}}"
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("lengths", nargs="*", type=int, default=list(LENGTHS))
     options.add_argument("--json", type=Path)
-    options.add_argument("--one", type=int, help=argparse.SUPPRESS)
+    options.add_argument("--plot", type=Path)
+    options.add_argument("--one", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.one:
-        print(json.dumps(measured(chosen.one)))
+        kind, n = chosen.one.split(",")
+        print(json.dumps(KINDS[kind](int(n))))
         return
-    rows = []
-    print(f"{'links':>6}" + "".join(f"{name:>11}" for name in (*STAGES, "wall", "MB", "operations")) + "   (s; evaluate in ns)")
-    for n in chosen.lengths:
-        rows.append(_apart(n))
-        print(_row(rows[-1]), flush=True)
-    if len(rows) > 1:
-        print("growth " + _exponents(rows))
+    found = {kind: _series(kind, chosen.lengths) for kind in KINDS}
     if chosen.json:
-        chosen.json.write_text(json.dumps(rows, indent=1) + "\n")
+        _write(chosen.json, json.dumps(found, indent=1) + "\n")
+    if chosen.plot:
+        _write(chosen.plot, _drawn(chosen.lengths, found))
 
 
-def _apart(n: int) -> dict[str, Any]:
-    """One length in a fresh process."""
-    run = subprocess.run([sys.executable, __file__, "--one", str(n)], stdout=subprocess.PIPE, check=True, text=True)
+def _write(place: Path, text: str) -> None:
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_text(text)
+
+
+def _series(kind: str, lengths: list[int]) -> list[dict[str, Any]]:
+    """One kind, length after length, until one cannot be had."""
+    print(
+        f"\n{kind}\n{'links':>6}"
+        + "".join(f"{name:>11}" for name in (*STAGES, "wall", "MB", "operations"))
+        + "   (s; evaluate in ns)"
+    )
+    rows: list[dict[str, Any]] = []
+    for n in lengths:
+        row = _apart(kind, n)
+        if row is None:
+            print(f"{n:6d}  not reached")
+            break
+        rows.append(row)
+        print(_row(row), flush=True)
+    if len(rows) > 1 and kind in ("chain", "tree"):
+        print("growth " + _exponents(rows))
+    return rows
+
+
+def _apart(kind: str, n: int) -> dict[str, Any] | None:
+    """One length in a fresh process; None where it takes too long or is not installed."""
+    command = [sys.executable, __file__, "--one", f"{kind},{n}"]
+    try:
+        limit = None if kind in ("chain", "tree") else LONGEST
+        run = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, check=True, text=True, timeout=limit)
+    except subprocess.TimeoutExpired:
+        return None
+    except subprocess.CalledProcessError as error:
+        if kind in ("chain", "tree"):
+            sys.exit(error.stderr)
+        return None
     return json.loads(run.stdout)
 
 
 def _row(row: dict[str, Any]) -> str:
-    times = "".join(f"{row[stage]:11.2f}" for stage in STAGES[:-1])
-    return f"{row['links']:6d}{times}{row['evaluate'] * 1e9:11.0f}{row['wall']:11.1f}{row['MB']:11d}{row['operations']:11d}"
+    def cell(name: str, width: int, digits: int, scale: float = 1.0) -> str:
+        return f"{row[name] * scale:{width}.{digits}f}" if name in row else " " * (width - 1) + "–"
+
+    times = "".join(cell(stage, 11, 2) for stage in STAGES[:-1])
+    return f"{row['links']:6d}{times}{cell('evaluate', 11, 0, 1e9)}{cell('wall', 11, 1)}{cell('MB', 11, 0)}{cell('operations', 11, 0)}"
 
 
 def _exponents(rows: list[dict[str, Any]]) -> str:
-    """Of each stage, from the longest chain of a tenth of the largest length to the largest."""
+    """Of each stage, from the largest mechanism of at most a tenth of the largest to the largest."""
     last = rows[-1]
     first = next(row for row in reversed(rows[:-1]) if row["links"] * 10 <= last["links"] or row is rows[0])
     ratio = math.log(last["links"] / first["links"])
@@ -77,8 +128,24 @@ def _exponents(rows: list[dict[str, Any]]) -> str:
     return f"from {first['links']} to {last['links']} links, n to the power of: " + ", ".join(found)
 
 
-def measured(n: int) -> dict[str, Any]:
-    """All stages of one length; `wall` and `MB` are of the whole, compiler included."""
+def _drawn(lengths: list[int], found: dict[str, list[dict[str, Any]]]) -> str:
+    """Four panels over the logarithm of the number of links."""
+    from hamel.plot import Curve, Panel, draw
+
+    def curve(kind: str, stage: str) -> Curve:
+        values = {row["links"]: row[stage] for row in found[kind] if stage in row}
+        return Curve(LABELS[kind], [values.get(n, math.nan) for n in lengths])
+
+    drawn = {
+        stage: [kind for kind in found if any(stage in row for row in found[kind])] for stage in ("derive", "emit", "compile")
+    }
+    drawn["evaluate"] = [kind for kind in found if any("evaluate" in row for row in found[kind])]
+    panels = [Panel(f"{stage} (s)", tuple(curve(kind, stage) for kind in kinds), log=True) for stage, kinds in drawn.items()]
+    return draw("Growth with the number of links", "log₁₀ of the number of links", [math.log10(n) for n in lengths], panels)
+
+
+def measured(text: str, n: int) -> dict[str, Any]:
+    """All stages of one mechanism; `wall` and `MB` are of the whole, compiler included."""
     from codegen import build, loader
     from codegen.passes import program
     from derive.formulations import equations
@@ -89,7 +156,7 @@ def measured(n: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder
         path = Path(folder, "chain.yaml")
-        path.write_text(chain(n))
+        path.write_text(text)
         start = time.perf_counter()
         derived = _timed(row, "derive", lambda: equations(system(load(path), "all")))
         made = _timed(row, "program", lambda: program(derived, FUNCTIONS))
@@ -127,6 +194,60 @@ def _evaluation(module: Any) -> float:
         module.dynamics(0.0, x, out=out)
         least = min(least, time.perf_counter() - start)
     return least
+
+
+def kane(n: int) -> dict[str, Any]:
+    """Kane's equations of the same chain, formed by SymPy and not simplified."""
+    from sympy import symbols
+    from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
+
+    start = _processor()
+    q, w = dynamicsymbols(f"q:{n}"), dynamicsymbols(f"w:{n}")
+    g, t = symbols("g"), dynamicsymbols._t
+    ground, joint = ReferenceFrame("N"), Point("O")
+    joint.set_vel(ground, 0)
+    bodies, loads, frame = [], [], ground
+    for i in range(n):
+        turned = frame.orientnew(f"A{i}", "axis", [q[i], ground.z])
+        turned.set_ang_vel(frame, w[i] * ground.z)
+        centre, tip = joint.locatenew(f"C{i}", turned.x / 2), joint.locatenew(f"P{i}", turned.x)
+        centre.v2pt_theory(joint, ground, turned)
+        tip.v2pt_theory(joint, ground, turned)
+        bodies.append(RigidBody(f"B{i}", centre, turned, 1.0, (inertia(turned, 0, 0, 0.08), centre)))
+        loads.append((centre, -g * ground.y))
+        frame, joint = turned, tip
+    KanesMethod(ground, q, w, [a.diff(t) - b for a, b in zip(q, w)]).kanes_equations(bodies, loads)
+    return {"links": n, "derive": _processor() - start}
+
+
+def pinocchio(n: int) -> dict[str, Any]:
+    """Pinocchio's `aba` on the same chain."""
+    import numpy as np
+    import pinocchio as pin  # pyright: ignore[reportMissingImports]
+
+    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
+    for i in range(n):
+        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"j{i}")
+        body = pin.Inertia(1.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.08, 0.08]))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        place = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    data, x = model.createData(), np.full(n, 0.1)
+    return {"links": n, "evaluate": min(_elapsed(lambda: pin.aba(model, data, x, x, x)) for _ in range(200))}
+
+
+def _elapsed(work: Callable[[], Any]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+KINDS: dict[str, Callable[[int], dict[str, Any]]] = {
+    "chain": lambda n: measured(chain(n), n),
+    "tree": lambda n: measured(tree(n), n),
+    "kane": kane,
+    "pinocchio": pinocchio,
+}
+LABELS = {"chain": "hamel, chain", "tree": "hamel, tree", "kane": "KanesMethod", "pinocchio": "Pinocchio aba"}
 
 
 if __name__ == "__main__":

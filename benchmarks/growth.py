@@ -101,7 +101,7 @@ def _apart(kind: str, n: int) -> dict[str, Any] | None:
     command = [sys.executable, __file__, "--one", f"{kind},{n}"]
     try:
         limit = None if kind in ("chain", "tree") else LONGEST
-        run = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, check=True, text=True, timeout=limit)
+        run = subprocess.run(command, capture_output=True, check=True, text=True, timeout=limit)
     except subprocess.TimeoutExpired:
         return None
     except subprocess.CalledProcessError as error:
@@ -116,7 +116,8 @@ def _row(row: dict[str, Any]) -> str:
         return f"{row[name] * scale:{width}.{digits}f}" if name in row else " " * (width - 1) + "–"
 
     times = "".join(cell(stage, 11, 2) for stage in STAGES[:-1])
-    return f"{row['links']:6d}{times}{cell('evaluate', 11, 0, 1e9)}{cell('wall', 11, 1)}{cell('MB', 11, 0)}{cell('operations', 11, 0)}"
+    rest = cell("evaluate", 11, 0, 1e9) + cell("wall", 11, 1) + cell("MB", 11, 0) + cell("operations", 11, 0)
+    return f"{row['links']:6d}{times}{rest}"
 
 
 def _exponents(rows: list[dict[str, Any]]) -> str:

@@ -7,7 +7,7 @@ HAMEL  := $(BIN)/hamel
 DEMO   := build/demo
 ROBOTS := build/robots/venv
 
-.PHONY: demo test test-slow lint robots growth fresh clean
+.PHONY: demo test test-slow lint robots loops growth fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -40,14 +40,18 @@ lint: $(VENV)/.test
 robots: $(ROBOTS)/.ready
 	$(ROBOTS)/bin/python benchmarks/robots.py
 
+# Closed loops and rolling against Exudyn.
+loops: $(ROBOTS)/.ready
+	$(ROBOTS)/bin/python benchmarks/loops.py
+
 # Derivation, emission, compilation and evaluation of chains and trees of 10 to 1,000 links, beside KanesMethod and Pinocchio.
 growth: $(VENV)/.run-time
 	$(VENV)/bin/python benchmarks/growth.py --json build/growth.json --plot build/growth.svg
 
 $(ROBOTS)/.ready: pyproject.toml
-	@echo "installing hamel, Pinocchio, MuJoCo and their robots into $(ROBOTS)"
+	@echo "installing hamel, Pinocchio, MuJoCo, Exudyn and robots into $(ROBOTS)"
 	@$(PYTHON) -m venv --clear $(ROBOTS)
-	@$(ROBOTS)/bin/python -m pip install --quiet --disable-pip-version-check --editable . 'pin>=4' example-robot-data 'mujoco>=3'
+	@$(ROBOTS)/bin/python -m pip install --quiet --disable-pip-version-check --editable . 'pin>=4' example-robot-data 'mujoco>=3' exudyn
 	@touch $@
 
 # Rebuild the committed modules after a change of the generator.

@@ -11,16 +11,18 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.mechanics import system
 from derive.model import load, load_text
+from hamel.pipeline import temporary_module
 from hamel.verify import verification
 from hamel.verify.checks import RUNGS
 from hamel.verify.evidence import graph, terms
 from hamel.verify.ladder import evidence
 from hamel.verify.mutation import mutations
 from hamel.verify.planted import mutants, wrong_functions, wrong_matrices, wrong_systems
+from hamel.verify.published import INTEGRATOR, published_checks
 from hamel.verify.reference import reference
 from hamel.verify.roundoff import bound
 from tests.test_reference import ARM, CAR_AXIS, EVERYTHING, PARALLELOGRAM, SURFACE
@@ -218,7 +220,7 @@ FUNCTION_RUNGS = {
     "bias": "h",
     "constraints": "constraints",
     "project": "project, one step",
-    "energy": "T, V",
+    "energy": "energy",
     "power": "d(T + V)/dt",
     "outputs": "outputs",
     "velocity": "x ↔ (q, v)",
@@ -283,6 +285,47 @@ def test_a_step_in_the_configuration_space_that_is_wrong_is_caught(function):
     assert red(whole) == set()
     for what, wrong in list(wrong_functions(chosen, function))[-3:]:
         assert red(replace(whole, graph=graph(wrong)), {function}), what
+
+
+PUBLISHED = """
+model: falling
+plane: xz
+gravity: [0, -10 m/s^2]
+bodies: {stone: {mass: 2 kg}}
+joints: {up: {type: prismatic, parent: ground, child: stone, axis: y, coordinate: z}}
+initial: {z: 100 m}
+outputs: {depth: 100 m - z}
+reference:
+  start: {source: Galilei, tolerance: 1e-12, accelerations: {der(z): -10}}
+  fallen: {source: Galilei, time: 2 s, tolerance: 1e-12, values: {z: 80 m, der(z): -20 m/s, depth: 20 m, T: 400 J}}
+  wrong: {source: Aristotle, time: 2 s, tolerance: 1e-6, values: {z: 90 m}}
+"""
+
+
+def test_published_values_are_held_to():
+    chosen = equations(system(load_text(PUBLISHED.replace("axis: y", "axis: [0, 1]"))))
+    with temporary_module(chosen, (INTEGRATOR,)) as module:
+        found = {check.name: check for check in published_checks(chosen, module)}
+    assert [check.passed for check in found.values()] == [True, True, False]
+    assert found["reference wrong"].value == pytest.approx(1 / 9)
+
+
+@pytest.mark.parametrize(
+    "entry, message",
+    [
+        ("{tolerance: 1e-9, values: {z: 1 m}}", "source"),
+        ("{source: a, tolerance: 1e-9}", "reference 'x' holds no value"),
+        ("{source: a, tolerance: 0, values: {z: 1 m}}", "a tolerance of 0"),
+        ("{source: a, tolerance: 1e-9, time: -1 s, values: {z: 1 m}}", "a reference at -1 s"),
+        ("{source: a, tolerance: 1e-9, values: {zz: 1 m}}", "unknown coordinate or velocity 'zz'"),
+        ("{source: a, tolerance: 1e-9, values: {z: 1 kg}}", "the published z in kg"),
+        ("{source: a, tolerance: 1e-9, accelerations: {z: 1}}", "unknown base velocity 'z'"),
+    ],
+)
+def test_a_reference_that_is_wrong_is_said_with_its_place(entry, message):
+    with pytest.raises(ModelError, match=r":13:\d+: error: .*") as error:
+        load_text(PUBLISHED.replace("axis: y", "axis: [0, 1]") + f"  x: {entry}\n")
+    assert message in str(error.value)
 
 
 def test_an_inverse_that_is_none_is_caught(seen):
@@ -369,7 +412,7 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
     named = {*EXPECTED.values(), *FUNCTION_RUNGS.values(), "v̇", "λ", "v̇ augmented", "v̇ of other choices", "project"}
     named |= {"states admissible", "A S = 0", "A R = 1", "B S = 1", "B R = 0", "T = ½ vᵀ M v"}
     named |= {"dynamics ∘ inverse", "rank A", "project, nothing to do", "M v̇ + h = Q + Aᵀ λ"}
-    named |= {"qdot", "integrate", "difference", "normalise"}
+    named |= {"energy", "qdot", "integrate", "difference", "normalise"}
     named |= {"d(A v − c)/dt = 0", "β = −Ȧ v + ċ", "φ̇ = A v − c"}
     assert {rung.name for rung in RUNGS} == named | by_code
 

@@ -359,6 +359,21 @@ class SteadyMotion:
 
 
 @dataclass(frozen=True)
+class Published:
+    """Values quoted from elsewhere: `time` (s) after the initial state; name → value with a relative tolerance.
+
+    Names are those of coordinates, velocities, `der(velocity)`, outputs (`tip[0]`), T and V.
+    """
+
+    name: str
+    source: str
+    time: float
+    tolerance: float
+    values: tuple[tuple[str, Expression], ...]
+    span: Span
+
+
+@dataclass(frozen=True)
 class Model:
     name: str
     description: str
@@ -382,3 +397,4 @@ class Model:
     steady_motions: tuple[SteadyMotion, ...]
     kinetic: Expression | None
     potential: Expression | None
+    published: tuple[Published, ...] = ()

@@ -137,6 +137,16 @@ class Entry(BaseModel):
         return value
 
 
+class ReferenceEntry(Entry):
+    """Published values that `hamel verify` holds the model to."""
+
+    source: Formula = Field(description="Where the numbers are from.")
+    time: Formula | None = Field(None, description="When, in seconds after the initial state (default: there).")
+    tolerance: Formula = Field(description="Relative error that is allowed.")
+    values: dict[Name, Formula] = Field({}, description="Coordinates, velocities, outputs (tip[0]) and the energies T and V.")
+    accelerations: dict[Name, Formula] = Field({}, description="Rates of the base velocities, such as der(q1).")
+
+
 class ParameterEntry(Entry):
     value: Formula = Field(description="Number with its unit, such as 0.2 m.")
     about: Formula | None = Field(None, description="What it is, for readers.")
@@ -622,6 +632,8 @@ class Document(Entry):
         "`guess`: where the search for the rest starts; `sweep`: ranges [first, last, count] of names free to choose or "
         "of parameters; `cyclic`: the coordinates to leave out.",
     )
+
+    reference: dict[Name, ReferenceEntry] = Field({}, description="Published values that `hamel verify` holds the model to.")
 
     @model_validator(mode="before")
     @classmethod

@@ -12,6 +12,7 @@ from hamel.pipeline import Constants, mechanics_of, temporary_module, usable_cho
 from hamel.records import CheckLine, Mutations, Verified
 from hamel.verify import verification
 from hamel.verify.mutation import mutations
+from hamel.verify.published import INTEGRATOR, published_checks
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,6 +29,7 @@ def run(
     usable, refused = usable_choices(mechanics, formulation)
     wanted = asked or usable
     checks = [check for name in wanted for check in _checks(name, usable | asked, states, seed)]
+    checks += _published(next(iter(wanted.values())))
     planted = mutations(model, next(iter(wanted.values())), seed) if mutate else None
     passed = all(check.passed for check in checks) and (planted is None or planted.caught == planted.planted)
     return Verified(model.name, passed, tuple(checks), refused, states, seed, planted)
@@ -39,6 +41,15 @@ def _checks(name: str, candidates: dict[str, Equations], states: int, seed: int)
     with temporary_module(chosen) as module:
         found = verification(chosen.system.model, chosen, module, states=states, seed=seed, others=others)
     return [CheckLine(f"{name}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed)) for c in found.checks]
+
+
+def _published(chosen: Equations) -> list[CheckLine]:
+    """The values that the file quotes, by the first choice."""
+    if not chosen.system.model.published:
+        return []
+    with temporary_module(chosen, (INTEGRATOR,)) as module:
+        found = published_checks(chosen, module)
+    return [CheckLine(f"{chosen.choice}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed)) for c in found]
 
 
 def show(record: Verified, console: Console) -> None:

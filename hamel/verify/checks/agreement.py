@@ -120,8 +120,23 @@ def independent(e: Evidence) -> float:
 
 
 def energies(e: Evidence) -> float:
+    """T and V of the system."""
+    return _energies(e, [np.array([t.T, t.V]) for t in e.terms], None)
+
+
+def energy(e: Evidence) -> float | None:
+    """The function `energy`."""
+    return _energies(e, e.results("energy"), e.conditions) if e.graph.has("energy") else None
+
+
+def _energies(e: Evidence, got: Sequence[Array], relax: Sequence[float] | None) -> float:
+    """T and V each against its own size: where one is a thousand times the other, it would hide what is wrong there."""
     wanted = [np.array([s.outcome.T, s.outcome.V]) for s in e.samples]
-    return max(deviation([np.array([t.T, t.V]) for t in e.terms], wanted), _function(e, "energy", wanted))
+    return worst([deviation(_only(got, k), _only(wanted, k), relax) for k in (0, 1)])
+
+
+def _only(rows: Sequence[Array], k: int) -> list[Array]:
+    return [row[k : k + 1] for row in rows]
 
 
 def motion(e: Evidence) -> float:
@@ -195,6 +210,7 @@ RUNGS = (
     Rung("rank A", 0.0, "reference: number of independent rows, and of the quasi-velocities they leave", independent),
     Rung("β", 1e-9, "reference: A v̇ = β; sums that may cancel", accelerations),
     Rung("T, V", 1e-10, "reference: energies; V may cancel", energies),
+    Rung("energy", 1e-12, "reference: energies at the choice's own velocities, per condition number", energy),
     Rung("power", 1e-9, "reference: force times velocity; sums that may cancel", power),
     Rung("v̇", 1e-10, "reference: Newton–Euler in maximal coordinates, per condition number", motion),
     Rung("λ", 1e-10, "reference: multipliers (Aᵀ λ when rows are redundant), per condition number", multipliers),

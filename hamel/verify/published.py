@@ -1,0 +1,75 @@
+"""The values a model file quotes from elsewhere (`reference:`), against the motion of the module."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+
+from derive.expressions.evaluate import number
+from derive.formulations.records import Equations
+from derive.mechanics.initial import initial_state
+from derive.model.records import Published
+from hamel.verify.evidence import Graph, graph
+from hamel.verify.records import Check
+from hamel.verify.vectors import Array
+
+INTEGRATOR = "dop853"  # what the module must have been made with
+RTOL, ATOL = 1e-13, 1e-15
+SMALL = 1e-3  # a value counts as at least this part of the largest of its entry
+MOST_STEPS = 10_000_000
+
+
+def published_checks(equations: Equations, module: ModuleType) -> tuple[Check, ...]:
+    """One check per entry of `reference:`, from the consistent initial state with inputs at zero."""
+    wanted = equations.system.model.published
+    if not wanted:
+        return ()
+    seen = graph(equations)
+    return tuple(_check(entry, _found(seen, module, entry)) for entry in wanted)
+
+
+def _found(seen: Graph, module: ModuleType, entry: Published) -> dict[str, float]:
+    """Nothing where the motion ends before its time."""
+    try:
+        return _values(seen, entry, _state(seen, module, entry.time))
+    except FloatingPointError:
+        return {}
+
+
+def _state(seen: Graph, module: ModuleType, time: float) -> Array:
+    """x at the time."""
+    system = seen.equations.system
+    start, u, p = initial_state(system), np.zeros(system.u.numel()), np.array(system.parameters)
+    x = module.state(0.0, np.concatenate([start.q, start.v]), u, p)
+    if time == 0.0:
+        return np.array(x)
+    times = np.array([0.0, time])
+    found = module.simulate(times, x, u, p, integrator=INTEGRATOR, rtol=RTOL, atol=ATOL, max_steps=MOST_STEPS)
+    return np.array(found.x[-1])
+
+
+def _values(seen: Graph, entry: Published, x: Array) -> dict[str, float]:
+    """Everything that can be quoted, by name."""
+    system, results = seen.equations.system, {f.name: f.result for f in seen.equations.functions}
+    place = (entry.time, x, np.zeros(system.u.numel()), np.array(system.parameters))
+    found = dict(zip((c.name for c in system.model.coordinates), x))
+    names = [v.name for v in system.model.velocities]
+    qdot = seen("dynamics", *place)[: system.q.numel()]
+    found |= {f"der({c.name})": rate for c, rate in zip(system.model.coordinates, qdot)}
+    found |= dict(zip(names, seen("velocity", *place)))
+    found |= {f"der({name})": rate for name, rate in zip(names, seen.acceleration(*place))}
+    for function in ("energy", "outputs"):
+        if seen.has(function):
+            found |= dict(zip(results[function].labels, seen(function, *place)))
+    return {name: float(value) for name, value in found.items()}
+
+
+def _check(entry: Published, found: dict[str, float]) -> Check:
+    parameters: dict[str, float] = {}
+    wanted = {name: number(value, parameters) for name, value in entry.values}
+    least = SMALL * max(map(abs, wanted.values()), default=0.0)
+    errors = [abs(found.get(name, np.inf) - value) / max(abs(value), least, 1e-300) for name, value in wanted.items()]
+    error = float(np.max(errors, initial=0.0)) if not np.isnan(errors).any() else np.inf
+    about = f"published: {entry.source}"
+    return Check(f"reference {entry.name}", error, entry.tolerance, error <= entry.tolerance, about)

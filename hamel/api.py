@@ -131,11 +131,14 @@ def import_(path: Model, *, out: str | Path | None = None, floating: bool = Fals
     return run(path, out, floating)
 
 
-def choices(path: Model) -> records.Choices:
-    """The candidates for the quasi-velocities, ranked, and why."""
+def choices(path: Model, *, time: bool = False, plot: str | Path | None = None, until: float = 10.0) -> records.Choices:
+    """The candidates for the quasi-velocities, ranked, and why: partitions, the file's own, orthonormal, frozen, mass-orthogonal.
+
+    `time` compiles each and measures `dynamics`; `plot` draws cond [A; B] along the motion of the first choice up to `until`.
+    """
     from hamel.verbs.choices import run
 
-    return run(path)
+    return run(path, time, None if plot is None else Path(plot), until)
 
 
 def list(path: Model | None = None) -> records.Listed:

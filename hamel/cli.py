@@ -199,9 +199,12 @@ def import_(robot: str, out: str | None, floating: bool) -> Any:
 
 @verb
 @MODEL
-def choices(model: str) -> Any:
+@click.option("--time", is_flag=True, help="Compile each choice and measure how long its dynamics take.")
+@click.option("--plot", metavar="FILE", help="Draw cond [A; B] of each choice along the motion to FILE.svg.")
+@click.option("--until", type=float, default=10.0, show_default=True, metavar="S", help="The end of that motion, in seconds.")
+def choices(model: str, **options: Any) -> Any:
     """Rank MODEL's choices of quasi-velocities, and say why."""
-    return hamel.choices(model)
+    return hamel.choices(model, **options)
 
 
 @verb

@@ -155,9 +155,12 @@ def load_quietly(made: MadeFolder) -> ModuleType:
 
 @contextmanager
 def temporary_module(
-    equations: Equations, integrators: Collection[str] = (), keepings: Collection[str] | None = None
+    equations: Equations,
+    integrators: Collection[str] = (),
+    keepings: Collection[str] | None = None,
+    functions: Collection[str] | None = None,
 ) -> Iterator[ModuleType]:
     """A module that is needed for the length of a command; codegen's cache keeps what was compiled."""
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
         place = Path(folder) / equations.system.model.name
-        yield load_quietly(emit(program_of(equations, integrators=integrators, keepings=keepings), place, {}))
+        yield load_quietly(emit(program_of(equations, functions, integrators=integrators, keepings=keepings), place, {}))

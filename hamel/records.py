@@ -127,8 +127,11 @@ class Ranking:
     constant_pivots: bool
     condition: float  # cond [A; B], median over sampled consistent states
     worst: float
+    least_pivot: float  # over those states, relative to the largest
+    violation: float  # predicted: |φ| after one step, or the roundoff of A v − c where there is no φ
     operations: int  # of ẋ
     verdict: str
+    ns: float | None  # per state, measured in a batch
 
 
 @dataclass(frozen=True)
@@ -138,6 +141,8 @@ class Choices:
     model: str
     default: str
     choices: tuple[Ranking, ...]
+    refused: Mapping[str, str]  # kinds and choices of the file that fail, and why
+    plot: Path | None
 
 
 @dataclass(frozen=True)

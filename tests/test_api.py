@@ -92,7 +92,19 @@ def test_choices_say_why():
     best = found.choices[0]
     assert found.default == "head"
     assert best.constant_pivots and best.pivots and best.operations > 0
-    assert {choice.name for choice in found.choices} >= {"head"}
+    assert {choice.name for choice in found.choices} >= {"head", "frozen", "orthonormal", "mass_orthogonal"}
+    assert "depends on the constraints" in found.refused["world"]
+    assert all(choice.worst >= choice.condition >= 1 and 0 < choice.least_pivot <= 1 for choice in found.choices)
+
+
+def test_choices_are_drawn_along_the_motion(tmp_path):
+    found = hamel.choices(MODELS / "slider_crank.yaml", plot=tmp_path / "c.svg", until=0.2)
+    assert found.choices[0].name == "crank" and found.choices[-1].name == "slider"
+    assert found.choices[-1].violation > found.choices[0].violation > 1e-8  # it is singular at both dead centres
+    text = (tmp_path / "c.svg").read_text()
+    assert text.count("<polyline") == len(found.choices) and "slider" in text
+    with pytest.raises(HamelError, match="must end in"):
+        hamel.choices(MODELS / "slider_crank.yaml", plot=tmp_path / "c.pdf")
 
 
 def test_explain_counts_what_the_passes_saved():
@@ -105,7 +117,8 @@ def test_list_names_everything_a_model_can_hold():
     known = hamel.list().kinds
     assert {item.name for item in known["joints"]} >= {"revolute", "prismatic", "planar", "fixed"}
     assert {item.name for item in known["constraints"]} >= {"holonomic", "nonholonomic", "no_slip"}
-    assert {item.name for item in known["formulations"]} == {"quasi_velocities", "augmented"}
+    assert {item.name for item in known["formulations"]} > {"quasi_velocities", "maggi", "udwadia_kalaba", "augmented"}
+    assert all(item.source for item in known["formulations"])
     assert all(item.name and item.about for items in known.values() for item in items)
 
 

@@ -552,7 +552,7 @@ ERRORS = [
         "choice_kind",
         ARM + "quasi_velocities: {c: «orthnormal}\n",
         "unknown kind of choice 'orthnormal'",
-        "orthonormal, auto",
+        "auto, orthonormal, frozen, mass_orthogonal",
         "'orthonormal'",
     ),
     ("no_rows", ARM + "quasi_velocities: {«c: []}\n", "the choice 'c' has no rows", "formulas", ""),

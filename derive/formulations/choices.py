@@ -180,7 +180,7 @@ def _declared(shop: Workshop, choice: Choice) -> Resolved:
             f"{shop.freedom} independent rows",
         )
     try:
-        return carried(
+        return carried_out(
             shop, choice.name, "rows", rows, "the model declares it" if choice.span.line else "it was asked for by name"
         )
     except Dependent as problem:
@@ -236,7 +236,7 @@ def speed_rows(system: System, choice: Choice) -> list[RowForm]:
     return result
 
 
-def carried(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reason: str) -> Resolved:
+def carried_out(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reason: str) -> Resolved:
     """The elimination in every way of writing the constraint blocks; among those with the safest pivots the one that gives v
     and v̇ with the fewest operations wins, for what follows hardly differs."""
     names = tuple(row.name for row in rows)
@@ -250,7 +250,7 @@ def carried(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reaso
     counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
     best = min(range(len(found)), key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]))
     reduction, equations = found[best], explicit(shop.system, found[best])
-    ranking = ranked(shop, name, kind, names, reduction, equations)
+    ranking = judged(shop, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
 
 
@@ -268,7 +268,7 @@ def _ways(system: System) -> list[tuple[int, ...]]:
     return [tuple(min(k, n - 1) for n in counts) for k in range(max(counts))]
 
 
-def ranked(shop: Workshop, name: str, kind: str, rows: tuple[str, ...], reduction: Reduction, equations: Explicit) -> Ranking:
+def judged(shop: Workshop, name: str, kind: str, rows: tuple[str, ...], reduction: Reduction, equations: Explicit) -> Ranking:
     conditions = _conditions(shop, _numeric_rows(shop, reduction.B))
     count, pivots = equations.operations, reduction.pivots
     return Ranking(name, kind, rows, reduction.constant_pivots, *conditions, count, pivots, equations.gathered)
@@ -287,7 +287,7 @@ def _conditions(shop: Workshop, B: np.ndarray) -> tuple[float, float]:
 def _orthonormal(shop: Workshop, choice: Choice) -> Resolved:
     reduction = orthonormal(shop.system, shop.kept, shop.sampled)
     equations = explicit(shop.system, reduction)
-    ranking = ranked(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
+    ranking = judged(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
     return Resolved(ranking, reduction, equations, "the model declares it: [A; B] is as well conditioned as A allows")
 
 
@@ -307,7 +307,7 @@ def ranked_partitions(shop: Workshop) -> list[Resolved]:
     carried = [_try(shop, name, rows) for _, name, rows in finalists]
     carried += [_try(shop, c.name, tuple(speed_rows(shop.system, c))) for c in shop.system.model.choices if _fits(shop, c)]
     unique = {x.ranking.rows: x for x in reversed([y for y in carried if y is not None])}
-    return sorted(unique.values(), key=lambda x: _score(x.ranking))
+    return sorted(unique.values(), key=lambda x: score(x.ranking))
 
 
 def _fits(shop: Workshop, choice: Choice) -> bool:
@@ -316,12 +316,12 @@ def _fits(shop: Workshop, choice: Choice) -> bool:
 
 def _try(shop: Workshop, name: str, rows: tuple[RowForm, ...]) -> Resolved | None:
     try:
-        return carried(shop, name, "rows", rows, "")
+        return carried_out(shop, name, "rows", rows, "")
     except (Dependent, Undetermined):
         return None
 
 
-def _score(ranking: Ranking) -> tuple:
+def score(ranking: Ranking) -> tuple:
     return not ranking.constant_pivots, round(np.log10(ranking.worst) / 1.5), ranking.operations
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from derive.diagnostics import AssumptionError
-from derive.formulations.choices import RANK, Resolved, Workshop, carried
+from derive.formulations.choices import RANK, Resolved, Workshop, carried_out
 from derive.formulations.elimination import Dependent, Undetermined
 from derive.mechanics.initial import initial_state
 from derive.mechanics.records import RowForm
@@ -25,7 +25,7 @@ def frozen(shop: Workshop, choice: Choice) -> Resolved:
         for k, direction in enumerate(tangent(shop))
     ]
     try:
-        return carried(shop, choice.name, "frozen", rows, "constant rows, tangent to the constraints at the initial state")
+        return carried_out(shop, choice.name, "frozen", rows, "constant rows, tangent to the constraints at the initial state")
     except (Dependent, Undetermined):
         text = "the directions that are tangent at the initial state determine the motion at no sampled state"
         raise AssumptionError(f"{shop.system.model.name}: choice '{choice.name}': {text}", "another initial state") from None

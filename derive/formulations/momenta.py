@@ -12,7 +12,7 @@ import casadi as ca
 
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
-from derive.formulations.choices import Resolved, Workshop, ranked, resolved
+from derive.formulations.choices import Resolved, Workshop, judged, resolved
 from derive.formulations.quasi_velocities import Explicit
 from derive.formulations.reduction import Reduction, symbols_for
 from derive.joints.records import Vector
@@ -30,7 +30,7 @@ def mass_orthogonal(shop: Workshop, choice: Choice) -> Resolved:
         )
     base = resolved(shop, Choice("auto", "auto", (), Span(0, 0))).reduction
     reduction, explicit = _in_momenta(system, base)
-    ranking = ranked(shop, choice.name, "mass_orthogonal", reduction.names, reduction, explicit)
+    ranking = judged(shop, choice.name, "mass_orthogonal", reduction.names, reduction, explicit)
     reason = "momenta along the free directions: the kinetic energy is block-diagonal, and ẇ needs no inverse"
     return Resolved(ranking, reduction, explicit, reason)
 

@@ -22,7 +22,7 @@ from derive.model.space import ORIGIN
 from derive.model.ties import velocity_degree
 
 AUTO = Choice("auto", "auto", (), Span(1, 1))
-KINDS = ("orthonormal", "auto")
+KINDS = ("auto", "orthonormal", "frozen", "mass_orthogonal")
 Rows = list[tuple[str, Expression, Span]]
 
 
@@ -40,7 +40,7 @@ def _choice(reader: Reader, key: Key, entry: Scalar | Items | dict[Key, Scalar])
         return Choice(name, reader.word(entry, KINDS, "kind of choice") or "auto", (), key.span)
     rows = _named_rows(reader, entry) if isinstance(entry, dict) else _listed_rows(reader, entry)
     if not rows:
-        reader.report(key.span, f"the choice '{key}' has no rows", "formulas linear in the velocities, orthonormal, or auto")
+        reader.report(key.span, f"the choice '{key}' has no rows", f"formulas linear in the velocities, or {listed(KINDS)}")
     return Choice(name, "rows", tuple((row, formula) for row, formula, _ in rows), key.span)
 
 

@@ -322,7 +322,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Choice:
-    """One choice of quasi-velocities. `kind` is "rows" (named rows, linear in the velocities), "orthonormal" or "auto"."""
+    """One choice of quasi-velocities. `kind` is "rows" (linear in the velocities), or a kind of its own without rows."""
 
     name: str
     kind: str

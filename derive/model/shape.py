@@ -578,10 +578,10 @@ Coordinate = Annotated[
     _kind(**{"a unit": _is_scalar, "a mapping": _is_mapping}),
 ]
 Choice = Annotated[
-    Annotated[Formula, Tag("<orthonormal or auto>")]
+    Annotated[Formula, Tag("<a kind>")]
     | Annotated[Point, Tag("<a list of formulas>")]
     | Annotated[dict[Name, Formula], Tag("<a mapping of names to formulas>")],
-    _kind(**{"orthonormal or auto": _is_scalar, "a list of formulas": _is_list, "a mapping of names to formulas": _is_mapping}),
+    _kind(**{"a kind": _is_scalar, "a list of formulas": _is_list, "a mapping of names to formulas": _is_mapping}),
 ]
 Initial = Annotated[
     Annotated[Formula, Tag("<a number>")] | Annotated[dict[Name, Formula], Tag("<a mapping>")],
@@ -623,7 +623,8 @@ class Document(Entry):
     )
     quasi_velocities: dict[Name, Choice] = Field(
         {},
-        description="Choices of quasi-velocities: a list or mapping of formulas linear in the velocities, orthonormal, or auto.",
+        description="Choices of quasi-velocities: a list or mapping of formulas linear in the velocities, or one of "
+        "auto, orthonormal, frozen, mass_orthogonal.",
     )
     initial: dict[Name, Initial] = Field({}, description="State at t = 0; values under `guess` may move to make it consistent.")
     steady_motion: dict[Name, dict[Name, Held]] = Field(

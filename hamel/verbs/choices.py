@@ -1,34 +1,98 @@
-"""choices: the candidates for the quasi-velocities as `auto` ranks them."""
+"""choices: the candidates for the quasi-velocities side by side, ranked as `auto` ranks them."""
 
 from __future__ import annotations
 
+import time as clock
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from derive.formulations import choices
+import numpy as np
+
+from derive.diagnostics import ModelError
+from derive.formulations import equations
+from derive.formulations.assessment import Assessed, comparison, conditions_along
+from derive.mechanics.sampling import states
 from hamel.importing import load
-from hamel.pipeline import mechanics_of
+from hamel.pipeline import mechanics_of, temporary_module
+from hamel.plot import Curve, Panel, draw
 from hamel.records import Choices, Ranking
+from hamel.staging import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from derive.mechanics.records import System
 
-def run(path: str | Path) -> Choices:
+BATCH = 4_000  # states in one call that is measured
+DRAWN = 7  # curves that can be told apart
+
+
+def run(path: str | Path, time: bool, plot: Path | None, until: float) -> Choices:
+    if plot is not None and plot.suffix.lower() != ".svg":
+        raise ModelError(f"--plot {plot}: the file must end in .svg")
     model = load(path)
-    names = [field.name for field in fields(Ranking)]
-    ranked = tuple(Ranking(*(getattr(found, name) for name in names)) for found in choices(mechanics_of(model)))
-    return Choices(model.name, model.choices[0].name, ranked)
+    mechanics = mechanics_of(model)
+    found = comparison(mechanics)
+    ranked = tuple(_ranking(x, measured(mechanics, x.ranking.name) if time else None) for x in found.assessed)
+    if plot is not None:
+        _draw(path, mechanics, [x.name for x in ranked][:DRAWN], plot, until)
+    return Choices(model.name, model.choices[0].name, ranked, found.refused, plot)
+
+
+def _ranking(x: Assessed, ns: float | None) -> Ranking:
+    own = {"least_pivot": x.least_pivot, "violation": x.violation, "ns": ns}
+    shared = {field.name: getattr(x.ranking, field.name) for field in fields(Ranking) if field.name not in own}
+    return Ranking(**shared, **own)
+
+
+def measured(mechanics: System, choice: str) -> float:
+    """ns per state of `dynamics` over a batch, the best of several calls."""
+    found = equations(mechanics, choice)
+    sampled = states(mechanics, 20)
+    with temporary_module(found, functions=("dynamics", "state")) as module:
+        qv = np.hstack([sampled.q, sampled.v])
+        rows = np.resize(np.arange(len(sampled.t)), BATCH)
+        x = np.array([module.state(*row) for row in zip(sampled.t, qv, sampled.u, sampled.p)])[rows]
+        t, u, p = sampled.t[rows], sampled.u[rows], sampled.p[rows]
+        return min(_seconds(lambda: module.dynamics(t, x, u, p)) for _ in range(20)) / BATCH * 1e9
+
+
+def _seconds(call) -> float:
+    start = clock.perf_counter()
+    call()
+    return clock.perf_counter() - start
+
+
+def _draw(path: str | Path, mechanics: System, names: list[str], plot: Path, until: float) -> None:
+    """cond [A; B] along the motion of the file's first choice."""
+    import hamel
+
+    motion = hamel.simulate(path, time=until).motion
+    t = np.asarray(motion["t"])
+    q = np.array([motion[c.name] for c in mechanics.model.coordinates]).T
+    curves = tuple(Curve(name, values.tolist()) for name, values in conditions_along(mechanics, names, t, q).items())
+    write_text(
+        plot,
+        draw(f"{mechanics.model.name}: choices of quasi-velocities", "t (s)", t.tolist(), [Panel("cond [A; B]", curves, True)]),
+    )
 
 
 def show(record: Choices, console: Console) -> None:
-    from hamel.show import table
+    from hamel.show import refusals, table
 
+    timed = any(r.ns is not None for r in record.choices)
     rows = [
-        (r.name, ", ".join(r.rows), f"{r.condition:.3g}", f"{r.worst:.3g}", str(r.operations), r.verdict) for r in record.choices
+        (
+            *(r.name, ", ".join(r.rows), f"{r.condition:.3g}", f"{r.worst:.3g}", f"{r.least_pivot:.2g}", f"{r.violation:.1e}"),
+            *(str(r.operations), *([f"{r.ns:.0f}" if r.ns else "–"] if timed else []), r.verdict),
+        )
+        for r in record.choices
     ]
-    table(console, ("choice", "speeds", "condition", "worst", "operations", "verdict"), rows, right=(2, 3, 4))
+    head = ("choice", "speeds", "condition", "worst", "pivot", "violation", "operations", *(["ns"] if timed else []), "verdict")
+    table(console, head, rows, right=range(2, len(head) - 1))
     for pivot in record.choices[0].pivots if record.choices else ():
         console.print(f"{record.choices[0].name}: {pivot}")
+    refusals(record.refused, console)
+    console.print("violation: |φ| after a Runge–Kutta step that moves by 0.1, or the roundoff of A v − c where there is no φ")
     console.print(f"{record.model}: '{record.default}' is built when no choice is given")

@@ -92,6 +92,7 @@ class _Walk:
     twists: list[Twist] = field(default_factory=list)
     joints: dict[int, Form] = field(default_factory=dict)
     solved: dict[Key, Form] = field(default_factory=dict)
+    residuals: dict[int, Form] = field(default_factory=dict)  # of rows that wait
 
     def resolved(self, form: Form) -> Form:
         """The form with solved keys replaced, as often as needed."""
@@ -130,6 +131,13 @@ class _Walk:
         row = self.rows[index]
         form = row_form(row, {term.link: self.resolved_twist(term.link) for term in row.terms}, self.joints)
         return self.resolved(total([(1.0, form), (-1.0, self.sides[index]), (1.0, constant(extra))]))
+
+    def current(self, index: int) -> Form:
+        """The residual, worked out again only where something it speaks of has been solved since."""
+        known = self.residuals.get(index)
+        if known is None or any(key in self.solved for key in known):
+            self.residuals[index] = known = self.residual(index)
+        return known
 
     def solve(self, residuals: Sequence[Form], keys: Sequence[Key]) -> Scalar:
         """Put each key as a form of the others: keys = −(block)⁻¹ rest. Returns the block's determinant."""
@@ -195,7 +203,7 @@ def _stage(walk: _Walk, waiting: list[int], reached: int, constraints: int, judg
         _enter_free_velocities(walk)
     steps: list[Step] = []
     while ready := [i for i in waiting if _is_ready(walk, walk.rows[i], reached)]:
-        residuals = {i: walk.residual(i) for i in ready}
+        residuals = {i: walk.current(i) for i in ready}
         best = judge.best(residuals)
         if best is None:
             for i in ready:
@@ -304,6 +312,16 @@ def _chosen(forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, 
     return [value(form, values) if len(form) <= SHORT else x for form, x in zip(forms, numbers)]
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """A row's form with the coefficients of its unknowns at the samples."""
+
+    form: Form
+    keys: tuple[Key, ...]
+    values: np.ndarray  # (samples, keys)
+    numbers: np.ndarray  # which are numbers
+
+
 class _Judge:
     """Coefficients at sampled consistent states."""
 
@@ -312,12 +330,25 @@ class _Judge:
         self.symbols = [system.t, system.q, system.p]
         self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
         self.count = len(sampled.t)
+        self.seen: dict[int, _Seen] = {}
 
     def values(self, entries: Sequence[Scalar]) -> np.ndarray:
         """(samples, entries)."""
+        if not entries:
+            return np.zeros((self.count, 0))
         column = ca.vertcat(*[ca.SX(x) for x in entries])
         function = ca.Function("x", self.symbols, [column])
-        return np.asarray(function.map(self.count)(*self.samples)).reshape(len(entries), self.count, order="F").T
+        return np.asarray(function(*self.samples)).reshape(len(entries), -1).T
+
+    def _seen(self, row: int, form: Form) -> _Seen:
+        """The unknowns' coefficients in a row; a form that was looked at before is remembered."""
+        known = self.seen.get(row)
+        if known is None or known.form is not form:
+            keys = tuple(key for key, x in form.items() if key[0] == "v" and not is_zero(x))
+            entries = [form[key] for key in keys]
+            numbers = np.array([not isinstance(x, ca.SX) or x.is_constant() for x in entries], dtype=bool)
+            self.seen[row] = known = _Seen(form, keys, self.values(entries), numbers)
+        return known
 
     def size(self, x: Scalar) -> float:
         """Largest |x| over the samples."""
@@ -329,10 +360,13 @@ class _Judge:
         keys = sorted({key for form in residuals.values() for key in form if key[0] == "v"})
         if not keys:
             return None
-        entries = [residuals[i].get(key, 0.0) for i in rows for key in keys]
-        values = self.values(entries).reshape(self.count, len(rows), len(keys))
-        stored = np.array([not is_zero(x) for x in entries]).reshape(len(rows), len(keys))
-        numbers = np.array([not isinstance(x, ca.SX) or x.is_constant() for x in entries]).reshape(len(rows), len(keys))
+        values = np.zeros((self.count, len(rows), len(keys)))
+        stored, numbers = np.zeros((len(rows), len(keys)), dtype=bool), np.ones((len(rows), len(keys)), dtype=bool)
+        place = {key: j for j, key in enumerate(keys)}
+        for r, i in enumerate(rows):
+            seen = self._seen(i, residuals[i])
+            columns = [place[key] for key in seen.keys]
+            values[:, r, columns], stored[r, columns], numbers[r, columns] = seen.values, True, seen.numbers
         block = best_block(values / np.array([self.sizes[i] for i in rows])[None, :, None], stored, numbers)
         if block is None:
             return None

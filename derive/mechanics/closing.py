@@ -59,13 +59,12 @@ class Kinematics:
     def _many(self, function: ca.Function, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
         """The results of a function at k states, k × rows × columns each."""
         k = len(t)
-        found = function(t.reshape(1, k), q.T, p.T)
-        blocks = [x.full() for x in (found if isinstance(found, tuple | list) else (found,))]
-        return [x.reshape(x.shape[0], k, x.shape[1] // k if k else 0).transpose(1, 0, 2) for x in blocks]
+        found = function.call([t.reshape(1, k), q.T, p.T])
+        return [_unpacked(x, function.sparsity_out(i), k) for i, x in enumerate(found)]
 
     def _function(self, name: str, *results: ca.SX) -> ca.Function:
         s = self.system
-        return ca.Function(name, [s.t, s.q, s.p], [ca.densify(x) for x in results])
+        return ca.Function(name, [s.t, s.q, s.p], list(results))
 
     @cached_property
     def _plain(self) -> bool:
@@ -93,6 +92,15 @@ class Kinematics:
     @cached_property
     def _jacobian(self) -> ca.SX:
         return ca.jacobian(self.system.phi, self.system.q)
+
+
+def _unpacked(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:
+    """k matrices of one pattern that stand side by side."""
+    result = np.zeros((k, pattern.size1(), pattern.size2()))
+    rows, columns = pattern.get_triplet()
+    if rows and k:
+        result[:, rows, columns] = np.array(found.nonzeros()).reshape(k, len(rows))
+    return result
 
 
 def nominal(system: System) -> np.ndarray:

@@ -9,6 +9,7 @@ others do so at every consistent configuration: the rank is read at closed ones,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -91,8 +92,6 @@ class View:
 
     phi: np.ndarray  # (k, m)
     J: np.ndarray  # (k, m, nv)
-    squares: np.ndarray  # (k, m) eigenvalues of J Jᵀ, ascending
-    U: np.ndarray  # (k, m, m) eigenvectors
 
     @property
     def off(self) -> np.ndarray:
@@ -102,18 +101,44 @@ class View:
 
     def solved(self, right: np.ndarray, rank: int) -> np.ndarray:
         """J⁺ right, with the `rank` strongest directions."""
-        U, squares = self.U[:, :, -rank:], self.squares[:, -rank:, None]
-        weights = np.where(squares > 1e-14 * squares[:, -1:], 1.0, 0.0) / np.maximum(squares, 1e-300)
-        along = U @ (weights * (U.transpose(0, 2, 1) @ right[:, :, None]))
+        if rank == self.J.shape[1]:
+            along = self.inverse @ right[:, :, None]
+        else:
+            squares, U = self.parts
+            U, squares = U[:, :, -rank:], squares[:, -rank:, None]
+            weights = np.where(squares > 1e-14 * squares[:, -1:], 1.0, 0.0) / np.maximum(squares, 1e-300)
+            along = U @ (weights * (U.transpose(0, 2, 1) @ right[:, :, None]))
         return (self.J.transpose(0, 2, 1) @ along)[:, :, 0]
 
     def strength(self, rank: int) -> np.ndarray:
-        """The least singular value that counts."""
-        return np.sqrt(np.maximum(self.squares[:, -rank], 0.0))
+        """(Σ 1/σ²)^−½ of the `rank` largest singular values: near zero where the least of them is."""
+        if rank == self.J.shape[1]:
+            return 1 / np.sqrt(np.maximum(np.trace(self.inverse, axis1=1, axis2=2), 1e-300))
+        return 1 / np.sqrt(np.sum(1 / np.maximum(self.parts[0][:, -rank:], 1e-300), axis=1))
 
     @property
     def ranks(self) -> np.ndarray:
-        return np.sum(self.squares > GAP * self.squares[:, -1:], axis=1)
+        m = self.J.shape[1]
+        if np.all(self.strength(m) ** 2 > GAP * np.trace(self.gram, axis1=1, axis2=2)):
+            return np.full(len(self.J), m)
+        squares = self.parts[0]
+        return np.sum(squares > GAP * squares[:, -1:], axis=1)
+
+    @cached_property
+    def gram(self) -> np.ndarray:
+        return self.J @ self.J.transpose(0, 2, 1)
+
+    @cached_property
+    def inverse(self) -> np.ndarray:
+        """(J Jᵀ)⁻¹, kept finite where rows depend on each other."""
+        m = self.J.shape[1]
+        small = 1e-14 * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + 1e-300
+        return np.linalg.inv(self.gram + small * np.eye(m))
+
+    @cached_property
+    def parts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues of J Jᵀ, ascending, and eigenvectors."""
+        return np.linalg.eigh(self.gram)
 
 
 @dataclass(frozen=True)
@@ -128,8 +153,8 @@ class Walk:
 
     def view(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
         phi, J = self.solver.closing(t, q, p)
-        J = np.nan_to_num(J) * self.width / self.lengths[:, None]
-        return View(phi / self.lengths, J, *np.linalg.eigh(J @ J.transpose(0, 2, 1)))
+        J = np.ascontiguousarray(np.nan_to_num(J) * self.width / self.lengths[:, None])
+        return View(phi / self.lengths, J)
 
     def moved(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
         """q + N · along, no coordinate by more than a leap."""
@@ -248,19 +273,10 @@ def _on_foot(
         nearer = (seen.strength(walk.rank) < walk.floor) & (seen.strength(walk.rank) < view.strength(walk.rank))
         good = trusted & ~nearer
         q, t = np.where(good[:, None], there, q), np.where(good, later, t)
-        view = _chosen(good, seen, view)
+        view = View(np.where(good[:, None], seen.phi, view.phi), np.where(good[:, None, None], seen.J, view.J))
         pace = np.where(trusted[:, None], pace, pace / 2)
         heading = np.where(good[:, None], heading, -heading) + 0.3 * rng.normal(size=(k, nv))
     return t, q
-
-
-def _chosen(which: np.ndarray, a: View, b: View) -> View:
-    pick = [np.where(which.reshape(-1, *[1] * (x.ndim - 1)), x, y) for x, y in zip(_arrays(a), _arrays(b))]
-    return View(*pick)
-
-
-def _arrays(view: View) -> tuple[np.ndarray, ...]:
-    return view.phi, view.J, view.squares, view.U
 
 
 def _velocities(
@@ -274,7 +290,7 @@ def _velocities(
     lengths = np.max(np.linalg.norm(A, axis=2), axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
     A, c = A / lengths[:, None], c / lengths
-    view = View(c, A, *np.linalg.eigh(A @ A.transpose(0, 2, 1)))
+    view = View(c, np.ascontiguousarray(A))
     rank = int(np.max(view.ranks))
     if rank == 0:
         return v, np.ones(len(t), dtype=bool)

@@ -93,24 +93,33 @@ def lu_solution(A: Matrix, sides: Sequence[Vector], pivots: Sequence[Block]) -> 
     determinants: Vector = []
     for step, block in enumerate(pivots):
         later = pivots[step + 1 :]
-        columns = [j for x in later for j in x.columns]
+        columns = [j for x in later for j in x.columns if not all(is_zero(rows[r][j]) for r in block.rows)]
         inverted, determinant = small_inverse([[rows[r][c] for c in block.columns] for r in block.rows])
-        for i in (i for x in later for i in x.rows):
+        moving = [b for b in right if not all(is_zero(b[r]) for r in block.rows)]
+        for i in (i for x in later for i in x.rows if not all(is_zero(rows[i][c]) for c in block.columns)):
             factors = [dot(x, [rows[i][c] for c in block.columns]) for x in zip(*inverted)]
             for j in columns:
                 rows[i][j] = minus(rows[i][j], dot(factors, [rows[r][j] for r in block.rows]))
-            for b in right:
+            for b in moving:
                 b[i] = minus(b[i], dot(factors, [b[r] for r in block.rows]))
         inverses.append(inverted)
         determinants.append(determinant)
-    return Solution([_substituted(rows, b, pivots, inverses) for b in right], determinants)
+    above = [_later_columns(rows, pivots, step) for step in range(len(pivots))]
+    return Solution([_substituted(rows, b, pivots, inverses, above) for b in right], determinants)
 
 
-def _substituted(rows: Matrix, b: Vector, pivots: Sequence[Block], inverses: Sequence[Matrix]) -> Vector:
+def _later_columns(rows: Matrix, pivots: Sequence[Block], step: int) -> list[list[int]]:
+    """For each row of a pivot block, where it still has entries once it is eliminated."""
+    later = [j for y in pivots[step + 1 :] for j in y.columns]
+    return [[j for j in later if not is_zero(rows[r][j])] for r in pivots[step].rows]
+
+
+def _substituted(
+    rows: Matrix, b: Vector, pivots: Sequence[Block], inverses: Sequence[Matrix], above: Sequence[list[list[int]]]
+) -> Vector:
     x: Vector = [0.0] * len(b)
-    for step, (block, inverted) in reversed(list(enumerate(zip(pivots, inverses)))):
-        later = [j for y in pivots[step + 1 :] for j in y.columns]
-        rest = [minus(b[r], dot([rows[r][j] for j in later], [x[j] for j in later])) for r in block.rows]
+    for block, inverted, later in reversed(list(zip(pivots, inverses, above))):
+        rest = [minus(b[r], dot([rows[r][j] for j in js], [x[j] for j in js])) for r, js in zip(block.rows, later)]
         for c, row in zip(block.columns, inverted):
             x[c] = dot(row, rest)
     return x
@@ -138,11 +147,9 @@ def best_block(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray) -> Bl
     does: so a rotation between two unknowns is inverted as a whole and not divided by its cosine.
     """
     scale = np.max(np.abs(values), initial=0.0)
-    singles = [x for r, c in zip(*np.nonzero(pattern)) if (x := _block(values, fixed, (r,), (c,), scale)) is not None]
-    if not singles:
+    best = _best_single(values, pattern, fixed, scale)
+    if best is None:
         return None
-    fill = {(r, c): (pattern[r].sum() - 1) * (pattern[:, c].sum() - 1) for r, c in zip(*np.nonzero(pattern))}
-    best = min(singles, key=lambda x: (x.grade == 2, -round(x.quality, 2), fill[x.rows[0], x.columns[0]], -x.least))
     single = best
     for size in (2, 3):
         if best.grade < 2 or best.quality >= SAFE:
@@ -151,6 +158,22 @@ def best_block(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray) -> Bl
         if larger is not None and (larger.quality > BETTER * best.quality or _vanishes_alone(values, best, larger)):
             best = larger
     return best
+
+
+def _best_single(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, scale: float) -> Block | None:
+    """The best entry: not varying, then far from zero, then with little fill, then large."""
+    sizes = np.abs(values)
+    least, largest = np.min(sizes, axis=0), np.max(sizes, axis=0)
+    usable = pattern & np.isfinite(largest) & (largest > VANISHES * scale)
+    if not usable.any():
+        return None
+    r, c = np.nonzero(usable)
+    a, b = least[r, c], largest[r, c]
+    varies = ~fixed[r, c] & (b - a > SAME * b)
+    fill = (pattern.sum(axis=1)[r] - 1) * (pattern.sum(axis=0)[c] - 1)
+    k = int(np.lexsort((-a, fill, -np.round(a / b, 2), varies))[0])
+    grade = 0 if fixed[r[k], c[k]] else 2 if varies[k] else 1
+    return Block((int(r[k]),), (int(c[k]),), float(a[k]), float(b[k]), grade)
 
 
 def _vanishes_alone(values: np.ndarray, small: Block, large: Block) -> bool:

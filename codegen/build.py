@@ -23,6 +23,7 @@ from codegen.program import Program
 from codegen.targets import TARGETS
 from derive.diagnostics import ToolchainError
 
+VERIFICATION = "verification.json"  # whose summary goes into the manifest
 NO_COMPILER = f"no C compiler found, so the module runs on NumPy: {toolchain.INSTALL}"
 
 
@@ -60,6 +61,8 @@ def _sealed(files: Mapping[str, str], extra: Mapping[str, str]) -> dict[str, str
     others = {name: text for name, text in sorted({**files, **extra}.items()) if name != "manifest.json"}
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in others.items()}
     manifest = {**json.loads(files["manifest.json"]), "files": hashes}
+    if VERIFICATION in others:
+        manifest["verification"] = json.loads(others[VERIFICATION])["summary"]
     return dict(sorted((others | {"manifest.json": json.dumps(manifest, indent=1) + "\n"}).items()))
 
 

@@ -9,13 +9,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from codegen.build import VERIFICATION
 from codegen.compiler import INSTALL
 from derive.diagnostics import ToolchainError, VerificationError
 from derive.textbook import html
 from hamel.meanwhile import meanwhile
 from hamel.pipeline import Clock, Constants, drafted, equations_of, load_quietly, program_of
 from hamel.records import Built
-from hamel.verify import quick_verification
+from hamel.verify import Verification, quick_verification
+from hamel.verify.stored import stored
 
 if TYPE_CHECKING:
     from codegen.build import Draft
@@ -41,15 +43,16 @@ def made(
         program = program_of(equations, functions, clock, integrators)
         folder = Path(out) if out else Path("generated") / program.name
         with drafted(program, folder, clock) as draft:
-            compiled = _confirmed(equations, draft, states, numpy, clock)
+            found = _confirmed(equations, draft, states, numpy, clock)
             with clock("textbook"):
-                pages = {"derivation.html": page()}
+                pages = {"derivation.html": page(), VERIFICATION: stored(found, equations)}
             _publish(draft, pages, clock)
+            compiled = bool(draft.command)
     return _record(program, folder, compiled, clock)
 
 
-def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clock: Clock) -> bool:
-    """Compile out of sight, and raise unless the module agrees with the independent derivation. Was there a compiler?"""
+def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clock: Clock) -> Verification:
+    """Compile out of sight, and raise unless the module agrees with the independent derivation."""
     with ThreadPoolExecutor(1) as compiling:  # the derivation is checked while the compiler works
         module = compiling.submit(_compiled, draft, numpy, clock)
         with clock("verify"):
@@ -58,7 +61,7 @@ def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clo
     if failed:
         lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
         raise VerificationError(f"{draft.name}, choice {equations.choice}: verification failed, nothing is written: {lines}")
-    return bool(draft.command)
+    return found
 
 
 def _compiled(draft: Draft, numpy: bool, clock: Clock) -> ModuleType:

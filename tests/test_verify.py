@@ -25,6 +25,7 @@ from hamel.verify.planted import mutants, wrong_functions, wrong_matrices, wrong
 from hamel.verify.published import INTEGRATOR, published_checks
 from hamel.verify.reference import reference
 from hamel.verify.roundoff import bound
+from hamel.verify.stored import stored
 from tests.test_reference import ARM, CAR_AXIS, EVERYTHING, PARALLELOGRAM, SURFACE
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -415,6 +416,22 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
     named |= {"energy", "qdot", "integrate", "difference", "normalise"}
     named |= {"d(A v − c)/dt = 0", "β = −Ȧ v + ċ", "φ̇ = A v − c"}
     assert {rung.name for rung in RUNGS} == named | by_code
+
+
+def test_the_result_is_kept_beside_the_module(seen):
+    """Twice the same bytes; a failure is told as one."""
+    chosen = seen.graph.equations
+    found = verification(chosen.system.model, chosen, states=FEW)
+    text = stored(found, chosen)
+    assert text == stored(verification(chosen.system.model, chosen, states=FEW), chosen)
+    summary = json.loads(text)["summary"]
+    assert summary["passed"] == summary["checks"] == len(found.checks)
+    assert summary["rank"] == 2 and summary["margin"] >= 1
+    assert set(summary["region"]) == {"q1", "q2", "q3"}
+    assert "dynamics" in summary["guards"]
+    _, wrong = next(iter(wrong_systems(chosen.system)))
+    bad = verification(chosen.system.model, replace(chosen, system=wrong), states=FEW)
+    assert json.loads(stored(bad, chosen))["summary"]["margin"] < 0
 
 
 # ---- tools ----------------------------------------------------------------------------------------------------------------

@@ -49,7 +49,16 @@ def quick_verification(
 def _verdict(seen: Evidence, states: int, seed: int, climbed: Sequence[Check]) -> Verification:
     found = (_enough(len(seen.samples), states), *climbed)
     choice = seen.graph.equations.choice
-    return Verification(seen.system.model.name, choice, all(c.passed for c in found), found, len(seen.samples), seed)
+    passed = all(c.passed for c in found)
+    rank = max((s.outcome.rank for s in seen.samples), default=0)
+    return Verification(seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank, _region(seen))
+
+
+def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:
+    """The least and the largest value of every coordinate."""
+    names = [c.name for c in seen.system.model.coordinates]
+    columns = zip(*(s.q for s in seen.samples))
+    return tuple((name, float(min(column)), float(max(column))) for name, column in zip(names, columns))
 
 
 def evidence(

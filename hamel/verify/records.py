@@ -19,7 +19,10 @@ class Check:
 
 @dataclass(frozen=True)
 class Verification:
-    """All checks of one choice of quasi-velocities at `states` random admissible states."""
+    """All checks of one choice of quasi-velocities at `states` random admissible states.
+
+    `rank` is that of A there, `region` the coordinates' least and largest values.
+    """
 
     model: str
     choice: str
@@ -27,6 +30,8 @@ class Verification:
     checks: tuple[Check, ...]
     states: int
     seed: int
+    rank: int = 0
+    region: tuple[tuple[str, float, float], ...] = ()
 
     @property
     def failed(self) -> tuple[Check, ...]:

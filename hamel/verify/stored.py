@@ -1,0 +1,58 @@
+"""The result of a verification as it is kept beside the module: `verification.json`, and its summary for the manifest.
+
+Errors are told as the power of ten by which they stay below the tolerance, three at most: roundoff differs between machines,
+and the bytes of a generated folder do not.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from derive.formulations.records import Equations
+from hamel.verify.records import Check, Verification
+
+DECADES = 3
+ROUNDOFF = 1e-12  # a tolerance below is a multiple of roundoff: it is met or not, and by how much is the machine's affair
+
+
+def stored(found: Verification, equations: Equations) -> str:
+    """The text of verification.json."""
+    margins = [_margin(check) for check in found.checks]
+    summary = {
+        "states": found.states,
+        "seed": found.seed,
+        "checks": len(found.checks),
+        "passed": sum(check.passed for check in found.checks),
+        "margin": min((margin for margin in margins if margin is not None), default=DECADES),
+        "rank": found.rank,
+        "region": {name: [_two_digits(low), _two_digits(high)] for name, low, high in found.region},
+        "pivots": list(equations.pivots),
+        "guards": _guards(equations),
+        "assumptions": list(equations.assumptions),
+    }
+    checks = [
+        {"name": check.name, "tolerance": check.tolerance, "margin": margin, "about": check.about}
+        for check, margin in zip(found.checks, margins)
+    ]
+    about = "margin: the worst error is below tolerance / 10^margin (3 stands for 3 or more); region: of the sampled states"
+    return json.dumps({"about": about, "summary": summary, "checks": checks}, indent=1, ensure_ascii=False) + "\n"
+
+
+def _margin(check: Check) -> int | None:
+    """Whole powers of ten between the error and its tolerance."""
+    if check.tolerance < ROUNDOFF:
+        return None
+    if check.value <= check.tolerance * 10.0**-DECADES:
+        return DECADES
+    return math.floor(math.log10(check.tolerance / check.value))
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _guards(equations: Equations) -> dict[str, Any]:
+    """Function → its guards: below |tolerance| it returns the status `singular`."""
+    return {f.name: {guard.name: _two_digits(guard.tolerance) for guard in f.guards} for f in equations.functions if f.guards}

@@ -39,6 +39,7 @@ NAMES = (
     "spatial_four_bar",
     "stress/bricard",
 )
+KINDS = {"revolute", "prismatic", "ball", "universal", "free", "fixed", "planar"}
 TIME, STEPS = 0.3, 3_000
 TOLERANCE = 1e-8  # of positions, relative to the largest
 
@@ -68,14 +69,7 @@ def compared(model: Model) -> float | str:
 
 
 def _missing(model: Model) -> str:
-    kinds = {joint.type for joint in (*model.joints, *model.closures)} - {
-        "revolute",
-        "prismatic",
-        "ball",
-        "free",
-        "fixed",
-        "planar",
-    }
+    kinds = {joint.type for joint in (*model.joints, *model.closures)} - KINDS
     others = {type(x).__name__.lower() for x in model.constraints if not isinstance(x, Rolling)}
     tubes = {x.shape for x in model.constraints if isinstance(x, Rolling) and x.shape != "disk"}
     return ", ".join(sorted(kinds | others | tubes | ({"analytic energies"} if model.kinetic is not None else set())))
@@ -97,21 +91,10 @@ def _ours(mechanics: Any, ref: Reference, start: Any) -> np.ndarray:
 def _theirs(model: Model, s: State, steps: int) -> np.ndarray:
     mbs = exu.SystemContainer().AddSystem()
     bodies = {GROUND: mbs.CreateGround()} | {body.name: _body(mbs, model, body, s) for body in model.bodies}
-    for seat in s.seats:
-        joint = seat.joint
-        at, turn = placed(s, joint.at_parent)
-        frame = s.frames[joint.parent]
-        _joint(
-            mbs,
-            joint.type,
-            [bodies[joint.parent], bodies[joint.child]],
-            frame.origin + frame.point(at),
-            frame.rotation @ turn,
-            joint.axis,
-            s,
-        )
+    for joint in model.joints:
+        _joint(mbs, joint, (joint.parent, joint.child), (joint.at_parent, joint.at_child), bodies, s)
     for closure in model.closures:
-        _close(mbs, closure, bodies, s)
+        _joint(mbs, closure, closure.bodies, closure.placements, bodies, s)
     for constraint in model.constraints:
         _roll(mbs, constraint, bodies, s)
     mbs.Assemble()
@@ -146,24 +129,26 @@ def _body(mbs: Any, model: Model, body: Any, s: State) -> Any:
     )
 
 
-def _joint(mbs: Any, kind: str, pair: Sequence[Any], position: np.ndarray, axes: np.ndarray, axis: Any, s: State) -> None:
-    if kind in ("free", "planar"):
-        return
-    if kind == "ball":
-        mbs.CreateSphericalJoint(itemNumbers=list(pair), position=position)
-    elif kind == "fixed":
-        mbs.CreateGenericJoint(itemNumbers=list(pair), position=position)
-    else:
-        create = mbs.CreateRevoluteJoint if kind == "revolute" else mbs.CreatePrismaticJoint
-        create(itemNumbers=list(pair), position=position, axis=list(axes @ s.vector(axis)))
-
-
-def _close(mbs: Any, closure: Any, bodies: dict[str, Any], s: State) -> None:
-    name, placement = closure.bodies[0], closure.placements[0]
-    at, turn = placed(s, placement if isinstance(placement, Placement) else Placement(placement, None))
-    frame = s.frames[name]
-    pair = [bodies[x] for x in closure.bodies]
-    _joint(mbs, closure.type, pair, frame.origin + frame.point(at), frame.rotation @ turn, closure.axis, s)
+def _joint(mbs: Any, joint: Any, names: Sequence[str], places: Sequence[Placement], bodies: dict[str, Any], s: State) -> None:
+    """A joint or a closure, where its frames are at the beginning."""
+    frames = [s.frames[name] for name in names]
+    (at, turn), (_, child_turn) = (placed(s, place) for place in places)
+    common = {"itemNumbers": [bodies[name] for name in names], "position": frames[0].origin + frames[0].point(at)}
+    first = frames[0].rotation @ turn @ s.vector(joint.axis)
+    if joint.type == "ball":
+        mbs.CreateSphericalJoint(**common)
+    elif joint.type == "fixed":
+        mbs.CreateGenericJoint(**common)
+    elif joint.type == "universal":
+        second = frames[1].rotation @ child_turn @ s.vector(joint.axis2)
+        axes = np.column_stack(
+            [first, second, np.cross(first, second)]
+        )  # the one turn that is locked keeps x and y at right angles
+        mbs.CreateGenericJoint(**common, rotationMatrixAxes=axes, constrainedAxes=[1, 1, 1, 0, 0, 1])
+    elif joint.type == "revolute":
+        mbs.CreateRevoluteJoint(**common, axis=list(first))
+    elif joint.type == "prismatic":
+        mbs.CreatePrismaticJoint(**common, axis=list(first))
 
 
 def _roll(mbs: Any, constraint: Rolling, bodies: dict[str, Any], s: State) -> None:

@@ -59,8 +59,9 @@ def equations_of(
         mechanics = mechanics_of(model, constants)
     with clock("formulation"):
         from derive.formulations import equations
+        from derive.linearize.minimal import with_linearization
 
-        return equations(mechanics, choice, formulation)
+        return with_linearization(equations(mechanics, choice, formulation))
 
 
 def mechanics_of(model: Model, constants: Constants = ()) -> System:

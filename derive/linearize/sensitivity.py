@@ -1,0 +1,64 @@
+"""How eigenvalues move with parameters: dλ = yᴴ dA x / yᴴ x, with the steady motion moving along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from derive.linearize.spectrum import eigenvalues
+from derive.linearize.steady import RANK
+from derive.linearize.study import Study
+
+DEFECTIVE = 1e-7  # |yᴴ x| below which two eigenvalues are one and have no derivative
+
+
+@dataclass(frozen=True)
+class Mode:
+    """An eigenvalue (1/s) with its right vector over all minimal states, and dλ/d(name) for parameters and free names."""
+
+    eigenvalue: complex
+    vector: np.ndarray
+    sensitivity: dict[str, complex]
+
+
+def modes(found: Study) -> tuple[Mode, ...]:
+    """The modes at the study's own values, of each pair the one above the real axis."""
+    motions = found.motions({})
+    A = found.full(motions)[0]
+    slopes = _slopes(found, motions.x[0], motions.u[0], motions.p[0])
+    result = []
+    for wanted in eigenvalues(found.matrices(motions))[0]:
+        if wanted.imag < 0:
+            continue
+        x, y = _vectors(A, wanted)
+        over = np.vdot(y, x)
+        defective = abs(over) < DEFECTIVE
+        moved = {} if defective else {name: complex(np.vdot(y, slope @ x) / over) for name, slope in slopes.items()}
+        result.append(Mode(complex(wanted), x / x[np.argmax(np.abs(x))], moved))
+    return tuple(result)
+
+
+def _vectors(A: np.ndarray, eigenvalue: complex) -> tuple[np.ndarray, np.ndarray]:
+    """Right and left vector of length one: the null vectors of A − λ 1, which the defective zeros of A leave alone."""
+    left, _, right = np.linalg.svd(A - eigenvalue * np.eye(len(A)))
+    return right[-1].conj(), left[:, -1]
+
+
+def _slopes(found: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
+    """dA/dθ along the family of steady motions, for every parameter and free name: ∂A/∂p + ∂A/∂(x, u) d(x, u)/dθ."""
+    problem, form = found.problem, found.linear
+    t, *rest = (a.symbols for a in found.equations.arguments)
+    at = ca.vertcat(*rest)
+    d = ca.SX.sym("d", at.numel())
+    turned = ca.jtimes(ca.vec(ca.densify(form.A)), at, d)
+    function = ca.Function("dA", [t, *rest, d], [turned])
+    s = np.array([found.at[name] for name in problem.motion.sweepable])
+    _, J = problem.function(x, u, p, s)
+    shifts = -np.linalg.lstsq(J.full(), problem.shifts(x, u, p, s).full(), rcond=RANK)[0]
+    names = (*found.equations.arguments[3].labels, *problem.motion.sweepable)
+    n = len(form.states)
+    directions = np.vstack([shifts, np.eye(len(p), len(names))])
+    columns = [function(0.0, x, u, p, directions[:, k]).full().ravel() for k in range(len(names))]
+    return {name: column.reshape(n, n, order="F") for name, column in zip(names, columns)}

@@ -1,0 +1,142 @@
+"""The same linear equations with all coordinates and velocities: an independent check, and what it costs.
+
+The multiplier equations M v̇ + h = Q + Aᵀλ, A v̇ = β are differentiated as they stand, in (q, s) with s the base velocities, or the
+rates q̇ where those are the constant ones. Off the constraints φ̈ = 0 and d(A v − c)/dt = 0 hold, so that each holonomic row
+brings two zeros and each nonholonomic row one: 2 m_h + m_n spurious eigenvalues, in a nilpotent block. The rest is the minimal form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from derive.diagnostics import AssumptionError
+from derive.linearize.minimal import position_rows
+from derive.linearize.records import Linear, Steady
+from derive.mechanics.records import System
+
+CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion
+
+
+@dataclass(frozen=True)
+class Unreduced:
+    """`difference`: how far A on the constraints' tangent space is from the minimal form, relative to its largest entry;
+    `spurious`: dimension of the rest; `nilpotent`: norm of that block's square, relative to the square of that entry.
+    """
+
+    states: tuple[str, ...]
+    A: np.ndarray
+    difference: float
+    spurious: int
+    nilpotent: float
+
+
+def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduced:
+    """At the first motion; `cyclic` are indices into q that are left out. Raises AssumptionError where neither the base
+    velocities nor the rates q̇ are constant along the motion."""
+    system = form.equations.system
+    x, u, p = motions.x[0], motions.u[0], motions.p[0]
+    for L, names in _velocities(system):
+        velocity = _tangent(form, L)
+        if np.max(np.abs(_rates(form, L, x, u, p)), initial=0.0) > CONSTANT * (1 + float(np.max(np.abs(x), initial=0.0))):
+            continue
+        A, T = _matrix(form, L, x, u, p), velocity(x, u, p)
+        ignorable = _ignorable(A, {j: T[:, k] for k, j in enumerate(form.independent) if j in cyclic})
+        rows = [i for i in range(len(A)) if i not in ignorable]
+        columns = [k for k, j in enumerate(form.independent) if j not in ignorable]
+        minimal = ca.Function("A", [a.symbols for a in form.equations.arguments], [ca.densify(form.A)])(0.0, x, u, p).full()
+        coordinates = tuple(c.name for c in system.model.coordinates)
+        states = tuple((*coordinates, *names)[i] for i in rows)
+        return _compared(states, A[np.ix_(rows, rows)], T[np.ix_(rows, columns)], minimal[np.ix_(columns, columns)])
+    raise AssumptionError("neither the base velocities nor the rates of the coordinates are constant along this motion")
+
+
+def _ignorable(A: np.ndarray, cyclic: dict[int, np.ndarray]) -> set[int]:
+    """Those of the cyclic coordinates (with their columns of T) that are cyclic in these velocities too: rates in ground axes
+    know where they point."""
+    left = set(cyclic)
+    while True:
+        rows = [i for i in range(len(A)) if i not in left]
+        slopes = {j: np.abs(np.concatenate([A[rows, j], cyclic[j][rows]])) for j in left}
+        lost = {j for j in left if np.any(slopes[j] > CONSTANT * np.max(np.abs(A)))}
+        if not lost:
+            return left
+        left -= lost
+
+
+def _velocities(system: System) -> list[tuple[ca.SX, tuple[str, ...]]]:
+    """s = L v: the base velocities, and the rates where they are as many."""
+    model = system.model
+    found = [(ca.SX.eye(system.v.numel()), tuple(v.name for v in model.velocities))]
+    if system.q.numel() == system.v.numel():
+        found.append((system.N, tuple(f"der({c.name})" for c in model.coordinates)))
+    return found
+
+
+def _at(form: Linear, value: ca.SX) -> ca.SX:
+    """An expression of v over w."""
+    v = next(f.result.value for f in form.equations.functions if f.name == "velocity")
+    return ca.substitute(value, form.equations.system.v, v)
+
+
+def _rates(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """ṡ along the motion."""
+    symbols = [a.symbols for a in form.equations.arguments]
+    f = next(f.result.value for f in form.equations.functions if f.name == "dynamics")
+    s = ca.mtimes(_at(form, L), _at(form, form.equations.system.v))
+    return ca.Function("sdot", symbols, [ca.jtimes(s, symbols[1], f)])(0.0, x, u, p).full().ravel()
+
+
+def _tangent(form: Linear, L: ca.SX):
+    """δ(q, s) per minimal state."""
+    symbols = [a.symbols for a in form.equations.arguments]
+    s = ca.mtimes(_at(form, L), _at(form, form.equations.system.v))
+    nq = form.equations.system.q.numel()
+    function = ca.Function("T", symbols, [ca.densify(ca.vertcat(form.T[:nq, :], ca.mtimes(ca.jacobian(s, symbols[1]), form.T)))])
+    return lambda x, u, p: function(0.0, x, u, p).full()
+
+
+def _matrix(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """∂(q̇, ṡ)/∂(q, s) of the multiplier equations, by the implicit function theorem at the motion's own v̇ and λ."""
+    system = form.equations.system
+    nq, nv, nc = system.q.numel(), system.v.numel(), len(system.rows)
+    vdot, lam = ca.SX.sym("vdot", nv), ca.SX.sym("lam", nc)
+    balance = ca.mtimes(system.M, vdot) + system.h - system.Q - ca.mtimes(system.A.T, lam)
+    row = ca.mtimes(system.A, vdot) - system.beta
+    state, rest = ca.vertcat(system.q, system.v), ca.vertcat(vdot, lam)
+    residual = ca.vertcat(balance, row)
+    sdot = ca.mtimes(L, vdot) + ca.jtimes(ca.mtimes(L, system.v), system.q, system.qdot)
+    values = [residual, ca.jacobian(residual, rest), ca.jacobian(residual, state), ca.jacobian(sdot, state), L]
+    values += [ca.jacobian(system.qdot, state), ca.jacobian(ca.mtimes(L, system.v), system.q)]
+    function = ca.Function("kkt", [system.t, system.q, system.v, rest, system.u, system.p], [ca.densify(value) for value in values])
+    velocity = ca.Function("v", [a.symbols for a in form.equations.arguments], [_at(form, system.v)])(0.0, x, u, p).full().ravel()
+    at = (0.0, x[:nq], velocity)
+    residual0, K, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))
+    solution = -np.linalg.lstsq(K, residual0.ravel(), rcond=None)[0]
+    _, K, slope, direct, Ln, rates, turn = (m.full() for m in function(*at, solution, u, p))
+    accelerations = -np.linalg.lstsq(K, slope, rcond=None)[0][:nv]
+    G = np.vstack([rates, direct + Ln @ accelerations])  # over (δq, δv)
+    into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-np.linalg.solve(Ln, turn), np.linalg.inv(Ln)]])
+    return G @ into
+
+
+def _compared(states: tuple[str, ...], A: np.ndarray, T: np.ndarray, minimal: np.ndarray) -> Unreduced:
+    """A T = T A_min, and what A does across the tangent space."""
+    difference = float(np.max(np.abs(A @ T - T @ minimal), initial=0.0) / (np.max(np.abs(A), initial=0.0) or 1.0))
+    Z = np.linalg.svd(T)[0][:, T.shape[1] :]
+    block = Z.T @ A @ Z
+    size = float(np.max(np.abs(A), initial=0.0)) or 1.0
+    return Unreduced(states, A, difference, block.shape[0], float(np.linalg.norm(block @ block)) / size**2)
+
+
+def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int, int]:
+    """(m_h, m_n): independent position rows at q, and how many more independent velocity rows there are."""
+    values = (ca.jacobian(position_rows(system), system.q), system.A)
+    ranks = []
+    for value in values:
+        matrix = ca.Function("rows", [system.t, system.q, system.p], [ca.densify(value)])(0.0, q, p).full()
+        ranks.append(int(np.linalg.matrix_rank(matrix, tol=1e-9)) if matrix.size else 0)
+    holonomic = ranks[0] - len(system.quaternions)
+    return holonomic, ranks[1] - holonomic

@@ -102,15 +102,16 @@ def linearize(
     sweep: Mapping[str, str] | None = None,
     values: Mapping[str, float | str] | None = None,
     cyclic: Sequence[str] | None = None,
+    out: str | Path | None = None,
 ) -> records.Linearized:
     """The linear equations along the steady motion `at` (the file's first, or `guess`) and their eigenvalues.
 
     `sweep` gives ranges "first:last:count" of one or two names, `values` the free names and parameters that stay as they are.
-    `cyclic` names the coordinates to leave out of the eigenvalues, all cyclic ones when None.
+    `cyclic` names the coordinates to leave out of the eigenvalues, all cyclic ones when None. The page goes to `out`.
     """
     from hamel.verbs.linearize import run
 
-    return run(path, at, choice, sweep or {}, values or {}, cyclic)
+    return run(path, at, choice, sweep or {}, values or {}, cyclic, out)
 
 
 def derive(

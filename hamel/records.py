@@ -199,6 +199,7 @@ class Linearized:
     critical: tuple[CriticalValue, ...]
     stable: tuple[tuple[float, float], ...]  # intervals of the swept name without an unstable eigenvalue
     seconds: Mapping[str, float]
+    page: Path | None
 
 
 @dataclass(frozen=True)

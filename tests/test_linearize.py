@@ -1,18 +1,23 @@
 """Linear equations along steady motions: published digits, closed forms, and the bookkeeping of zeros."""
 
+import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from derive.diagnostics import AssumptionError
+import hamel
+from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations import equations
 from derive.linearize import study
 from derive.linearize.critical import critical_values
 from derive.linearize.minimal import evaluator
+from derive.linearize.sensitivity import modes
 from derive.linearize.spectrum import eigenvalues
 from derive.linearize.steady import motion_of
+from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.mechanics import system
 from derive.model import load
 
@@ -144,3 +149,88 @@ def test_what_is_not_steady_is_refused():
         studied("rolling_torus")
     with pytest.raises(AssumptionError, match="did you mean 'straight'"):
         studied("rolling_disk", at="strait")
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "spurious"),
+    [("bicycle", None, 8), ("rolling_disk", None, 4), ("hoop", "upright", 4), ("cart_pole", None, 0), ("four_bar", "guess", 4)],
+)
+def test_the_unreduced_equations_agree_and_have_their_spurious_zeros(name, at, spurious):
+    found = studied(name, at)
+    motions = found.motions({})
+    counts = constraint_counts(found.equations.system, motions.x[0, : found.equations.system.q.numel()], motions.p[0])
+    other = unreduced(found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic))
+    assert other.spurious == spurious == 2 * counts[0] + counts[1]
+    assert other.difference < 1e-9 and other.nilpotent < 1e-9
+
+
+def test_sensitivities_are_the_slopes_of_the_eigenvalues(bicycle):
+    for mode in modes(bicycle):
+        for name in ("speed", "c", "IFyy", "lam"):
+            step = 1e-5 * bicycle.at[name]
+            pair = eigenvalues(bicycle.along({name: [bicycle.at[name] + step, bicycle.at[name] - step]}))
+            above, below = (row[np.argmin(np.abs(row - mode.eigenvalue))] for row in pair)
+            assert abs(mode.sensitivity[name] - (above - below) / (2 * step)) < 1e-6 * (1 + abs(mode.sensitivity[name]))
+
+
+def test_hoop_in_closed_form():
+    r, g = 0.4, 9.81
+    (rolling,) = changes(studied("hoop"), "speed", np.linspace(0, 8, 9))
+    assert rolling.value == pytest.approx(np.sqrt(g / (4 * r)), abs=1e-12)
+    (spinning,) = changes(studied("hoop", "upright"), "turn", np.linspace(0, 8, 9))
+    assert spinning.value == pytest.approx(np.sqrt(2 * g / (3 * r)), abs=1e-12)
+
+
+def test_steady_turning_is_continued_and_satisfies_its_equation():
+    found = studied("hoop", "turning")
+    leans = np.linspace(0.02, 0.5, 7)
+    x = found.motions({"lean0": leans}).x
+    m, r, g = 1.5, 0.4, 9.81
+    A, C, turn = m * r**2 / 2, m * r**2, 1.0
+    labels = found.equations.arguments[1].labels
+    w2 = x[:, labels.index("u2")]
+    balance = (
+        (-A * turn**2 * np.sin(leans) * np.cos(leans)) + (C + m * r**2) * w2 * turn * np.cos(leans) + m * g * r * np.sin(leans)
+    )
+    assert np.max(np.abs(balance)) < 1e-12 * m * g * r
+
+
+def test_a_held_input_and_a_free_one():
+    found = studied("ball_on_beam", s0=0.2)
+    motions = found.motions({})
+    assert motions.u[0, 0] == pytest.approx(0.11 * 9.81 * 0.2, rel=1e-13)  # the torque that holds the ball's weight
+
+
+def test_the_waveboard_is_never_self_stable_as_given():
+    """Straight ahead det A keeps its sign whatever the speed: the capsize mode of a board alike at both ends cannot pass zero."""
+    found = studied("waveboard")
+    assert found.spurious == 0 and len(found.linear.states) == 14 and len(found.reduced) == 8
+    speeds = np.linspace(0.5, 8, 6)
+    for name, values in (("eps", (0.2, 0.5)), ("kt", (200.0, 900.0)), ("mu", (0.1, 0.9)), ("mr", (10.0, 90.0))):
+        for value in values:
+            A = found.along({"speed": speeds, name: np.full(6, value)})
+            assert np.all(eigenvalues(A).real.max(axis=1) > 0), (name, value)
+            assert len(set(np.sign(np.linalg.det(A)))) == 1, (name, value)
+
+
+def test_the_page_is_one_file_without_network(tmp_path):
+    record = hamel.linearize(MODELS / "hoop.yaml", at="straight", sweep={"speed": "0:8:9"}, out=tmp_path / "hoop.html")
+    text = (tmp_path / "hoop.html").read_text(encoding="utf-8")
+    assert record.page == tmp_path / "hoop.html"
+    assert "<math" in text and "<animate " in text and "2.4761361028" in text
+    assert not re.search(r"<script|<link|@import|url\(|src=", text)
+    assert set(re.findall(r"https?://[^\"' <]+", text)) <= {"http://www.w3.org/2000/svg"}
+    ElementTree.fromstring(re.search(r"<svg.*?</svg>", text, re.DOTALL)[0])
+
+
+def test_two_names_make_a_map_and_bad_ranges_are_said(tmp_path):
+    record = hamel.linearize(MODELS / "hoop.yaml", sweep={"r": "0.3 m:0.5 m:2", "speed": "0:8:3"}, out=tmp_path / "map.html")
+    assert len(record.rows) == 6 and set(record.rows[0]) == {"r", "speed", "eigenvalues", "spurious"}
+    assert [row["spurious"] for row in record.rows] == [0] * 6
+    for bad, said in (
+        ({"speed": "0"}, "first:last"),
+        ({"speed": "0:1:x"}, "whole count"),
+        ({"sped": "0:1:3"}, "did you mean 'speed'"),
+    ):
+        with pytest.raises(HamelError, match=said):
+            hamel.linearize(MODELS / "hoop.yaml", sweep=bad)

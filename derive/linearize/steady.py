@@ -36,6 +36,8 @@ class Problem:
     function: ca.Function  # (x, u, p, s) → R, ∂R/∂(x, u)
     residual: ca.Function  # (x, u, p, s) → R
     shifts: ca.Function  # (x, u, p, s) → ∂R/∂(p, s)
+    kinematics: Kinematics
+    speeds: ca.Function  # (t, q, p) → B of w = B v
 
 
 def rest(equations: Equations) -> SteadyMotion:
@@ -76,6 +78,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     names += [f"length of quaternion {k + 1}" for k in range(len(system.quaternions))]
     R = ca.densify(ca.vertcat(positions, f.value[still], held))
     y = ca.vertcat(x, u)
+    B = next(named.value for named in equations.named if named.name == "B")
     known = [x, u, p, s]
     return Problem(
         equations=equations,
@@ -85,6 +88,8 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         function=ca.Function("steady", known, [R, ca.densify(ca.jacobian(R, y))]),
         residual=ca.Function("residual", known, [R]),
         shifts=ca.Function("shifts", known, [ca.densify(ca.jacobian(R, ca.vertcat(p, s)))]),
+        kinematics=Kinematics(system),
+        speeds=ca.Function("B", [system.t, system.q, system.p], [ca.densify(B)]),
     )
 
 
@@ -123,8 +128,7 @@ def start(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
         given = {name: number(e, names) for name, e in (*motion.guesses, *motion.values)}
         q = _positions(found, given, p)
         v = _velocities(found, given, q, p)
-    B = next(named.value for named in found.equations.named if named.name == "B")
-    w = np.asarray(ca.Function("B", [system.t, system.q, system.p], [ca.densify(B)])(0.0, q, p)) @ v
+    w = found.speeds(0.0, q, p).full() @ v
     return np.concatenate([q, w, [given.get(i.name, 0.0) for i in model.inputs]])
 
 
@@ -135,14 +139,14 @@ def _positions(found: Problem, given: dict[str, float], p: np.ndarray) -> np.nda
         q[i] = given.get(c.name, q[i])
     free = np.array([c.name not in dict(found.motion.values) for c in system.model.coordinates])
     q = normalised(system, q)
-    on = closed(Kinematics(system), 0.0, q, p, free)
+    on = closed(found.kinematics, 0.0, q, p, free)
     return q if on is None else on
 
 
 def _velocities(found: Problem, given: dict[str, float], q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """The smallest v with A v = c and the held rates."""
     system = found.equations.system
-    A, c, N = Kinematics(system).velocities(0.0, q, p)
+    A, c, N = found.kinematics.velocities(0.0, q, p)
     rows = {f"der({x.name})": N[i] for i, x in enumerate(system.model.coordinates)}
     rows |= {x.name: np.eye(A.shape[1])[j] for j, x in enumerate(system.model.velocities)}
     names = [name for name in given if name in rows]

@@ -2,7 +2,8 @@
 
 The multiplier equations M v̇ + h = Q + Aᵀλ, A v̇ = β are differentiated as they stand, in (q, s) with s the base velocities, or the
 rates q̇ where those are the constant ones. Off the constraints φ̈ = 0 and d(A v − c)/dt = 0 hold, so that each holonomic row
-brings two zeros and each nonholonomic row one: 2 m_h + m_n spurious eigenvalues, in a nilpotent block. The rest is the minimal form.
+brings two zeros and each nonholonomic row one: 2 m_h + m_n spurious eigenvalues, in a nilpotent block. The rest is the minimal
+form.
 """
 
 from __future__ import annotations
@@ -110,7 +111,9 @@ def _matrix(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray)
     sdot = ca.mtimes(L, vdot) + ca.jtimes(ca.mtimes(L, system.v), system.q, system.qdot)
     values = [residual, ca.jacobian(residual, rest), ca.jacobian(residual, state), ca.jacobian(sdot, state), L]
     values += [ca.jacobian(system.qdot, state), ca.jacobian(ca.mtimes(L, system.v), system.q)]
-    function = ca.Function("kkt", [system.t, system.q, system.v, rest, system.u, system.p], [ca.densify(value) for value in values])
+    function = ca.Function(
+        "kkt", [system.t, system.q, system.v, rest, system.u, system.p], [ca.densify(value) for value in values]
+    )
     velocity = ca.Function("v", [a.symbols for a in form.equations.arguments], [_at(form, system.v)])(0.0, x, u, p).full().ravel()
     at = (0.0, x[:nq], velocity)
     residual0, K, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +14,12 @@ from derive.linearize import study
 from derive.linearize.minimal import evaluator
 from derive.linearize.steady import motion_of
 from derive.linearize.study import Study
+from hamel.linear.page import page
 from hamel.linear.ranges import ranges, values
 from hamel.linear.sweep import Sweep, swept
 from hamel.pipeline import Clock, equations_of
 from hamel.records import CriticalValue, Linearized
+from hamel.staging import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,6 +32,7 @@ def run(
     sweep: Mapping[str, str],
     given: Mapping[str, float | str],
     cyclic: Sequence[str] | None,
+    out: str | Path | None,
 ) -> Linearized:
     if len(sweep) > 2:
         raise ModelError(f"{len(sweep)} names are swept", "one, or two for a map")
@@ -41,7 +45,12 @@ def run(
         found = study(equations, motion, middles | values(model, motion, given), cyclic)
     with clock("sweep"):
         made = swept(found, wanted)
-    return _record(found, made, clock)
+    record = _record(found, made, clock)
+    if out is None:
+        return record
+    with clock("page"):
+        write_text(Path(out), page(found, made, wanted, record))
+    return replace(record, page=Path(out))
 
 
 def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
@@ -68,6 +77,7 @@ def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
         critical=tuple(CriticalValue(c.kind, made.names[0], c.value, _pair(c.eigenvalue)) for c in made.critical),
         stable=made.stable,
         seconds=clock.seconds,
+        page=None,
     )
 
 
@@ -104,6 +114,8 @@ def show(record: Linearized, console: Console) -> None:
     if record.swept and not record.stable and len(record.swept) == 1:
         console.print(f"no stable value of {record.swept[0]} in the range")
     console.print(f"  time  {durations(record.seconds)}")
+    if record.page:
+        console.print(f"  read  {record.page}")
 
 
 MOST_ROWS = 25

@@ -1,0 +1,59 @@
+"""A mode in words: how it goes on, and what moves in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from derive.linearize.sensitivity import Mode
+from derive.linearize.study import Study
+
+SEEN = 0.01  # relative amplitude below which a coordinate is not mentioned
+SAME = 1e-9
+
+
+def course(eigenvalue: complex) -> str:
+    """What becomes of the mode: growth or decay, and its frequency."""
+    size = abs(eigenvalue)
+    growth = eigenvalue.real
+    if abs(growth) <= SAME * size:
+        change = "neither grows nor decays"
+    elif growth > 0:
+        change = f"grows, doubling in {math.log(2) / growth:.3g} s"
+    else:
+        change = f"decays by half in {math.log(2) / -growth:.3g} s"
+    if abs(eigenvalue.imag) <= SAME * size:
+        return change
+    return f"oscillates at {abs(eigenvalue.imag) / (2 * math.pi):.3g} Hz and {change}"
+
+
+def shape(study: Study, mode: Mode) -> str:
+    """The amplitudes of the coordinates that matter, relative to the largest of the same unit, and how far they lag."""
+    form, left_out = study.linear, set(study.cyclic)
+    places = [k for k, j in enumerate(form.independent) if k not in left_out and j < study.equations.system.q.numel()]
+    if not any(abs(mode.vector[k]) for k in places):
+        places = [k for k in range(len(form.states)) if k not in left_out]
+    parts = [_group(form.states, mode.vector, group) for group in _by_unit(form.units, places)]
+    return "; ".join(part for part in parts if part)
+
+
+def _by_unit(units: Sequence[str], places: Sequence[int]) -> list[list[int]]:
+    return [[k for k in places if units[k] == unit] for unit in dict.fromkeys(units[k] for k in places)]
+
+
+def _group(names: Sequence[str], vector: np.ndarray, group: Sequence[int]) -> str:
+    first = max(group, key=lambda k: abs(vector[k]))
+    if abs(vector[first]) == 0:
+        return ""
+    others = sorted((k for k in group if k != first), key=lambda k: -abs(vector[k]))
+    parts = [_relative(names[k], vector[k] / vector[first]) for k in others if abs(vector[k]) > SEEN * abs(vector[first])]
+    return ", ".join([f"{names[first]} 1", *parts])
+
+
+def _relative(name: str, ratio: complex) -> str:
+    angle = math.degrees(math.atan2(ratio.imag, ratio.real))
+    if abs(ratio.imag) <= 1e-6 * abs(ratio):
+        return f"{name} {ratio.real:.3g}"
+    return f"{name} {abs(ratio):.3g} ({abs(angle):.0f}° {'ahead' if angle > 0 else 'behind'})"

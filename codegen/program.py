@@ -95,6 +95,7 @@ class Kernel:
     watched: tuple[tuple[str, int], ...]  # entries of arguments that have to be finite and do not show in a result if not
     results: tuple[int, ...]  # the outputs that have to be finite; the others are arguments or constants
     operations: Mapping[str, int]  # of each kind and "total"
+    hoisted: Hoisted | None = None
 
     @property
     def singular(self) -> str:
@@ -105,6 +106,14 @@ class Kernel:
     def not_converged(self) -> str:
         """What status NOT_CONVERGED means here, in words."""
         return f"not converged to {self.loop.tolerance:g} in {self.loop.most} steps" if self.loop else "not converged"
+
+
+@dataclass(frozen=True)
+class Hoisted:
+    """A kernel in two: `precompute` makes c from p, `rest` the result from t, x, u and c."""
+
+    precompute: Kernel
+    rest: Kernel
 
 
 @dataclass(frozen=True)

@@ -72,4 +72,5 @@ def _summary(entries: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
     for entry in entries:
         saved[entry["step"]] = saved.get(entry["step"], 0) + entry["before"] - entry["after"]
     steps = ", ".join(f"{step} {count}" for step, count in saved.items() if count)
-    return str(entries[0]["before"]), str(entries[-1]["after"]), steps
+    emitted = [e["after"] for e in entries if e["step"] != "hoist"][-1]  # what is hoisted is still done, but once
+    return str(entries[0]["before"]), str(emitted), steps

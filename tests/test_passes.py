@@ -200,3 +200,13 @@ def test_divisors_are_divided_by_once() -> None:
     names = [operation.name for operation in inverted.code.operations]
     assert names.count("div") == 2 and names.count("mul") == 3
     assert invert(inverted) is inverted
+
+
+def test_work_with_parameters_alone_is_hoisted() -> None:
+    kernel = program(toy()).kernel("dynamics")
+    hoisted = kernel.hoisted
+    assert hoisted is not None and hoisted.precompute.uses == ("p",) and "p" not in hoisted.rest.uses
+    saved = kernel.operations["total"] - hoisted.rest.operations["total"]
+    assert 0 < saved <= hoisted.precompute.operations["total"]
+    assert {load.argument for load in hoisted.rest.loads} == {"x", "u", "c"}
+    assert program(toy(), ["energy"]).kernel("energy").hoisted is None

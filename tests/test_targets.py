@@ -284,3 +284,19 @@ def test_manifest_says_what_is_there() -> None:
     assert manifest["functions"]["mass"]["shape"] == [2, 2] and manifest["arguments"]["p"]["defaults"] == [0.5, 0.7, 1.3]
     assert manifest["choice"] == "crank"
     assert set(manifest["files"]) == set(build.emit(toy_program)) - {"manifest.json"}
+
+
+@needs_compiler
+def test_defaults_and_batches_use_precomputed_constants(module: ModuleType) -> None:
+    """With the defaults, the same numbers given, and other numbers for every row."""
+    t, x, u = states(30)
+    plain = module.dynamics(0.0, x[0], u[0], module.defaults)
+    np.testing.assert_allclose(module.dynamics(0.0, x[0], u[0]), plain, rtol=1e-12)
+    p = module.defaults * np.linspace(0.8, 1.2, 30)[:, None]
+    rows = module.dynamics(t, x, u, p)
+    singles = np.array([module.dynamics(t[i], x[i], u[i], p[i]) for i in range(30)])
+    tame = np.abs(singles).max(axis=1) < 1e3
+    np.testing.assert_allclose(rows[tame], singles[tame], rtol=1e-11)
+    p[7, 2] = np.nan
+    with pytest.warns(RuntimeWarning, match=r"1 of 30 rows failed and are NaN; row 7: not finite"):
+        assert np.isnan(module.dynamics(t, x, u, p)[7]).all()

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from codegen.integrators import INTEGRATORS
+from codegen.passes import hoist as parameters
 from codegen.passes.factor import factor
 from codegen.passes.graph import Mark, Work, same
+from codegen.passes.hoist import hoist
 from codegen.passes.invert import invert
+from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
 from codegen.passes.plain import plain
 from codegen.passes.schedule import reachable, schedule
 from codegen.passes.share import share
+from codegen.passes.split import is_long
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.watch import watch
-from codegen.program import KINDS, Argument, Entry, Kernel, Loop, Pivot, Program
+from codegen.program import KINDS, Argument, Entry, Hoisted, Kernel, Loop, Pivot, Program
 from derive.diagnostics import HamelError
 from derive.formulations import records
 from derive.formulations.records import Equations, Function
@@ -134,7 +138,10 @@ def _kernel(equations: Equations, function: Function) -> tuple[Kernel, list[Entr
     symbols = [(slot.name, slot.symbols) for slot in slots]
     tape = record(symbols, _roots(function), [(n.name, n.about, n.value) for n in function.named])
     best, entries = _improve(function.name, tape, _loose(function, size))
-    return _finish(function, best, _arguments(slots, equations.parameters), size), entries
+    kernel = _finish(function, best, _arguments(slots, equations.parameters), size)
+    if kernel.hoisted:
+        entries.append(Entry(function.name, "hoist", best.total, kernel.hoisted.rest.operations["total"]))
+    return kernel, entries
 
 
 def _roots(function: Function) -> list[ca.SX]:
@@ -200,17 +207,58 @@ def _tried(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Ca
 
 
 def _finish(function: Function, best: _Candidate, arguments: Sequence[Argument], size: int) -> Kernel:
-    inputs = {(argument.name, i): name for argument in arguments for i, name in enumerate(argument.names)}
+    kernel = _written(function, best.lowered, best.marks, arguments, _names(arguments), size)
+    if function.name not in BATCHED or is_long(kernel):
+        return kernel
+    parts = hoist(best.lowered)
+    hoisted = _hoisted(function, parts, best.marks, arguments, size) if parts else None
+    return kernel if hoisted is None or is_long(hoisted.precompute) or is_long(hoisted.rest) else replace(kernel, hoisted=hoisted)
+
+
+def _names(arguments: Sequence[Argument]) -> dict[tuple[str, int], str]:
+    return {(argument.name, i): name for argument in arguments for i, name in enumerate(argument.names)}
+
+
+def _hoisted(
+    function: Function, parts: parameters.Hoisted, marks: tuple[Mark, ...], arguments: Sequence[Argument], size: int
+) -> Hoisted:
+    """c holds parameters that are used as they are under their own names, results of the hoisted work as c1, c2, …"""
+    names = _names(arguments)
+    count = len(parts.precompute.roots)
+    free = Names([*Names().taken, *names.values(), identifier(function.result.name)])
+    labels = tuple(names["p", parts.entries[k]] if k in parts.entries else free(f"c{k + 1}") for k in range(count))
+    about = f"constants of {function.name}, from parameters alone"
+    work = Function(f"{function.name}_precompute", about, records.Result("c", ca.SX(count, 1), labels, ()), x=function.x)
+    precompute = _written(work, parts.precompute, (), arguments, names, count)
+    rest = _written(
+        replace(function, name=f"{function.name}_precomputed"),
+        parts.rest,
+        marks,
+        [a for a in arguments if a.name != "p"],
+        {key: name for key, name in names.items() if key[0] != "p"} | {("c", k): label for k, label in enumerate(labels)},
+        size,
+    )
+    return Hoisted(precompute, rest)
+
+
+def _written(
+    function: Function,
+    lowered: Lowered,
+    marks: tuple[Mark, ...],
+    arguments: Sequence[Argument],
+    inputs: dict[tuple[str, int], str],
+    size: int,
+) -> Kernel:
     free = Names([*Names().taken, *inputs.values(), identifier(function.result.name)])
-    done = schedule(best.lowered, best.marks, f"{function.result.name}: {function.about}", inputs, free)
+    done = schedule(lowered, marks, f"{function.result.name}: {function.about}", inputs, free)
     guards = [
         Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance)
-        for guard, value, factor in zip(function.guards, done.roots[size:], best.lowered.factors[size:])
+        for guard, value, factor in zip(function.guards, done.roots[size:], lowered.factors[size:])
     ]
     loop = function.iteration and Loop(function.iteration.tolerance, function.iteration.most, done.roots[-1])
     rows, columns = function.result.value.shape
     uses = tuple(a.name for a in arguments if any(load.argument == a.name for load in done.loads))
-    watched = watch(best.lowered, size, {a.name: len(a.names) for a in arguments if a.name in uses})
+    watched = watch(lowered, size, {a.name: len(a.names) for a in arguments if a.name in uses})
     return Kernel(
         name=function.name,
         about=function.about,
@@ -227,7 +275,7 @@ def _finish(function: Function, best: _Candidate, arguments: Sequence[Argument],
         loop=loop,
         watched=watched.entries,
         results=watched.outputs,
-        operations=count(needed(best.lowered)),
+        operations=count(needed(lowered)),
     )
 
 

@@ -159,7 +159,7 @@ def _loads(lowered: Lowered, wanted: set[int], inputs: dict[tuple[str, int], str
 
 
 def _slot(load: Load) -> tuple[int, int]:
-    return "txup".index(load.argument), load.index
+    return "txupc".index(load.argument), load.index
 
 
 def _expression(operation: Operation, expressions: dict[int, Expression]) -> Expression:

@@ -7,12 +7,12 @@ into vector instructions.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from codegen import text
 from codegen.passes.lanes import is_batched
 from codegen.passes.schedule import TURNS
-from codegen.passes.split import Part, Parts, split
+from codegen.passes.split import Part, split
 from codegen.program import Expression, Kernel, Program, Section, Statement
 from codegen.targets.records import Target
 
@@ -42,6 +42,7 @@ class Body:
     stray: str  # zero when nothing is infinite or NaN
     residual: str
     turns: bool  # are there sines and cosines?
+    constants: int = 0  # length of c, where it takes precomputed constants
 
 
 @dataclass(frozen=True)
@@ -55,10 +56,11 @@ class _Style:
 def files(program: Program) -> dict[str, str]:
     """NAME.h, NAME.c, NAME_batch.c, and a NAME_FUNCTION.c for every long function, so that several are compiled at a time."""
     widths = {argument.name: len(argument.names) for argument in program.arguments}
-    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "widths": widths}
-    splits = {kernel.name: split(kernel) for kernel in program.kernels}
-    bodies = [_body(program, kernel, splits[kernel.name], _ONE) for kernel in program.kernels]
-    batches = [_body(program, kernel, splits[kernel.name], _MANY) for kernel in program.kernels if is_batched(kernel)]
+    data: dict[str, object] = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "widths": widths}
+    bodies = [_body(program, kernel, _ONE) for kernel in program.kernels]
+    hoisted = [(kernel, kernel.hoisted) for kernel in program.kernels if kernel.hoisted]
+    data["hoisted"] = [(k, _body(program, h.precompute, _ONE), _body(program, h.rest, _ONE)) for k, h in hoisted]
+    batches = [_batch(program, kernel) for kernel in program.kernels if is_batched(kernel)]
     short = [body for body in bodies if len(body.pieces) == 1]
     long = {
         f"{program.name}_{body.kernel.name}.c": text.render("long.c.j2", bodies=[body], **data)
@@ -74,7 +76,16 @@ def files(program: Program) -> dict[str, str]:
     }
 
 
-def _body(program: Program, kernel: Kernel, parts: Parts, style: _Style) -> Body:
+def _batch(program: Program, kernel: Kernel) -> Body:
+    """For lanes constants are always precomputed where there are any."""
+    if not kernel.hoisted:
+        return _body(program, kernel, _MANY)
+    rest = replace(kernel.hoisted.rest, name=kernel.name)
+    return replace(_body(program, rest, _MANY), constants=len(kernel.hoisted.precompute.outputs))
+
+
+def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
+    parts = split(kernel)
     return Body(
         kernel=kernel,
         size=len(kernel.outputs),
@@ -89,7 +100,7 @@ def _body(program: Program, kernel: Kernel, parts: Parts, style: _Style) -> Body
 def _piece(program: Program, kernel: Kernel, part: Part, style: _Style) -> Piece:
     uses = {load.argument for load in part.loads} | ({"work"} if part.taken or part.kept else set())
     uses |= ({"out"} if part.outputs else set()) | (set() if part.residual is None else {"residual"})
-    names = (*"txup", "work", "out", *(["residual"] if kernel.loop else []))
+    names = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
     return Piece(
         lines=tuple(_lines(program, part, style)),
         outputs=tuple(_output(kernel, i, style) for i, _ in part.outputs),

@@ -30,6 +30,15 @@ def _manifest(program: Program) -> dict[str, object]:
         "arguments": {argument.name: _argument(argument) for argument in program.arguments},
         "functions": {kernel.name: _function(kernel) for kernel in program.kernels},
         "operations": {kernel.name: kernel.operations["total"] for kernel in program.kernels},
+        "precomputed": {
+            kernel.name: {
+                "constants": len(h.precompute.outputs),
+                "once": h.precompute.operations["total"],
+                "then": h.rest.operations["total"],
+            }
+            for kernel in program.kernels
+            if (h := kernel.hoisted)
+        },
         "operations_by_kind": {kernel.name: dict(kernel.operations) for kernel in program.kernels},
         "ledger": [[e.function, e.step, e.before, e.after] for e in program.ledger],
     }

@@ -103,15 +103,17 @@ def linearize(
     values: Mapping[str, float | str] | None = None,
     cyclic: Sequence[str] | None = None,
     out: str | Path | None = None,
+    step: float | None = None,
 ) -> records.Linearized:
     """The linear equations along the steady motion `at` (the file's first, or `guess`) and their eigenvalues.
 
     `sweep` gives ranges "first:last:count" of one or two names, `values` the free names and parameters that stay as they are.
     `cyclic` names the coordinates to leave out of the eigenvalues, all cyclic ones when None. The page goes to `out`.
+    With a `step` (s) the record holds the equations in discrete time too.
     """
     from hamel.verbs.linearize import run
 
-    return run(path, at, choice, sweep or {}, values or {}, cyclic, out)
+    return run(path, at, choice, sweep or {}, values or {}, cyclic, out, step)
 
 
 def derive(

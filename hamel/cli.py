@@ -171,6 +171,7 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 @click.option("--sweep", multiple=True, metavar="NAME=A:B:N", help="Range of a free name or parameter; give two for a map.")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="A free name or parameter; may be repeated.")
 @click.option("-o", "--out", metavar="FILE.html", help="Write the page: equations, plots, modes, sensitivities.")
+@click.option("--step", type=float, metavar="S", help="Also in discrete time: the step in seconds (in --json: Phi, Gamma).")
 @click.option("--cyclic", metavar="a,b|none", help="Coordinates to leave out of the eigenvalues (default: all cyclic ones).")
 def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any) -> Any:
     """Linearise MODEL along a steady motion in minimal states, and find its eigenvalues."""

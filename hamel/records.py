@@ -199,6 +199,9 @@ class Linearized:
     critical: tuple[CriticalValue, ...]
     stable: tuple[tuple[float, float], ...]  # intervals of the swept name without an unstable eigenvalue
     seconds: Mapping[str, float]
+    step: float | None  # s; δx(t + step) = Φ δx + Γ δu where it is given
+    Phi: Sequence[Sequence[float]] | None
+    Gamma: Sequence[Sequence[float]] | None
     page: Path | None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from derive.diagnostics import ModelError
 from derive.linearize import study
+from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
 from derive.linearize.steady import motion_of
 from derive.linearize.study import Study
@@ -33,6 +35,7 @@ def run(
     given: Mapping[str, float | str],
     cyclic: Sequence[str] | None,
     out: str | Path | None,
+    step: float | None,
 ) -> Linearized:
     if len(sweep) > 2:
         raise ModelError(f"{len(sweep)} names are swept", "one, or two for a map")
@@ -45,7 +48,11 @@ def run(
         found = study(equations, motion, middles | values(model, motion, given), cyclic)
     with clock("sweep"):
         made = swept(found, wanted)
+    if step is not None and not 0 < step < math.inf:
+        raise ModelError(f"a step of {step} s", "a time that is more than zero")
     record = _record(found, made, clock)
+    if step is not None:
+        record = replace(record, step=step, **_sampled(found, step))
     if out is None:
         return record
     with clock("page"):
@@ -77,8 +84,18 @@ def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
         critical=tuple(CriticalValue(c.kind, made.names[0], c.value, _pair(c.eigenvalue)) for c in made.critical),
         stable=made.stable,
         seconds=clock.seconds,
+        step=None,
+        Phi=None,
+        Gamma=None,
         page=None,
     )
+
+
+def _sampled(found: Study, step: float) -> dict[str, Any]:
+    """Φ and Γ of δx(t + step) = Φ δx + Γ δu."""
+    motions = found.motions({})
+    Phi, Gamma = Discrete(found.linear)(0.0, motions.x[0], motions.u[0], motions.p[0], step)
+    return {"Phi": Phi.tolist(), "Gamma": Gamma.tolist()}
 
 
 def _rows(found: Study, made: Sweep) -> list[dict[str, Any]]:

@@ -46,7 +46,7 @@ def _margin(check: Check) -> int | None:
         return None
     if check.value <= check.tolerance * 10.0**-DECADES:
         return DECADES
-    return math.floor(math.log10(check.tolerance / check.value))
+    return math.floor(math.log10(max(check.tolerance / check.value, 1e-300)))
 
 
 def _two_digits(value: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from codegen.passes import program
+from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
@@ -96,3 +97,38 @@ def assert_verified(model: Model, count: int) -> None:
     for choice in model.choices:
         found = verification(model, equations(s, choice.name), states=count)
         assert found.passed and found.states == count, [c for c in found.checks if not c.passed]
+
+
+TIP = """
+model: tip
+plane: xy
+parameters: {m: 1 kg, l: 0.3 m}
+bodies: {a: {mass: m, com: [l/2, 0], inertia: 0.1}, tip: {mass: 0}}
+joints: {A: {type: revolute, parent: ground, child: a}, T: {type: revolute, parent: a, child: tip, at: [l, 0]}}
+inputs: {push: {joint: A}}
+loads: {d: {type: damper, joint: T, coefficient: 0.1 N*m*s/rad}}
+"""
+HELD = {
+    "rod": "constraints: {c: {type: distance, between: [tip, ground], at: [[l/2, 0], [l, 0]], length: l}}\n",
+    "gear": "constraints: {c: {type: gear, joints: [T, A], ratio: 2}}\n",
+    "angle": "constraints: {c: {holonomic: T - 1}}\n",
+    "nothing_moves": "closures: {C: {type: revolute, between: [tip, ground], at: [[l/2, 0], [1.2*l, 0]]}}\n",
+}
+LOOSE = {  # the row does not feel how the tip is turned
+    "closed_at_its_joint": "closures: {C: {type: revolute, between: [tip, ground], at: [[0, 0], [l, 0]]}}\n",
+    "tied_at_its_joint": "constraints: {c: {type: distance, between: [tip, ground], at: [[0, 0], [l, 0]], length: l}}\n",
+}
+
+
+@pytest.mark.parametrize("held", HELD)
+@pytest.mark.parametrize("choice", ["auto", "orthonormal"])
+def test_a_massless_tip_moves_with_what_holds_it(held: str, choice: str) -> None:
+    model = load_text(TIP + HELD[held])
+    found = verification(model, equations(system(model), choice), states=8)
+    assert found.passed, [c for c in found.checks if not c.passed]
+
+
+@pytest.mark.parametrize("loose", LOOSE)
+def test_a_massless_tip_that_nothing_turns_is_refused_by_name(loose: str) -> None:
+    with pytest.raises(AssumptionError, match=r"nothing determines the acceleration of body tip \(der\(T\)\)"):
+        equations(system(load_text(TIP + LOOSE[loose])), "auto")

@@ -38,8 +38,9 @@ def alternatives(results: Sequence[ca.SX]) -> list[int]:
 def _numbered(results: Sequence[ca.SX]) -> tuple[list[tuple[bool, tuple[int, ...]]], list[int]]:
     """Of each distinct value, operands before what is made of them: whether it counts, its operands, and which results it is
     an entry of, one bit each."""
-    everything = ca.vertcat(*[ca.vec(x) for x in results])
-    function = ca.Function("count", [ca.vertcat(*ca.symvar(everything))], list(results))
+    graphs = [ca.vec(ca.SX(x)) for x in results]  # a result of numbers alone may come as a DM
+    symbols = ca.vertcat(ca.SX(0, 1), *ca.symvar(ca.vertcat(*graphs)))
+    function = ca.Function("count", [symbols], graphs)
     numbers: dict[tuple, int] = {}
     values: list[tuple[bool, tuple[int, ...]]] = []
     slots: dict[int, int] = {}

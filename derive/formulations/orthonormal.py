@@ -28,7 +28,9 @@ def orthonormal(system: System, kept: Sequence[int], sampled: States) -> Reducti
     """The reduction with B = Nᵀ; `kept` are the independent constraint rows."""
     A = scalars(ca.SX(system.A)[list(kept), :]) if kept else []
     nv, nc = system.v.numel(), len(kept)
-    if nv - nc == 1 and nc <= MINORS:
+    if nv == nc:
+        N, lengths = [], []
+    elif nv - nc == 1 and nc <= MINORS:
         N, lengths = _cross_product(A)
     else:
         N, lengths = _gram_schmidt(A, _frame(system, kept, sampled))

@@ -125,7 +125,7 @@ def closed(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, free: np.
     weights = np.ones(len(q)) if free is None else free.astype(float)
     for _ in range(NEWTON):
         phi, J = solver.positions(t, q, p)
-        if not np.all(np.isfinite(phi)):
+        if not (np.all(np.isfinite(phi)) and np.all(np.isfinite(J))):
             return None
         scale = 1.0 + float(np.max(np.abs(q), initial=0.0))
         if np.max(np.abs(phi), initial=0.0) <= CLOSED * scale:

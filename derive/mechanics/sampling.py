@@ -58,6 +58,8 @@ def states(
     v, regular = _velocities(solver, rng, t, q, p)
     u = rng.normal(size=(len(t), system.u.numel()))
     regular &= _steady(solver, t, q, p)
+    if not system.definite:
+        regular &= _determined(solver, t, q, p)
     return States(*[x[regular][:count] for x in (t, q, v, u, p)])
 
 
@@ -307,3 +309,13 @@ def _steady(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> 
         return np.ones(len(t), dtype=bool)
     size = np.max(np.abs(rates), axis=(1, 2))
     return np.isfinite(size) & (size <= float(np.median(size)) / NEAR)
+
+
+def _determined(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Which states are not near one where massless directions come free of the rows: [M; A] all but loses rank there."""
+    M = solver.values(solver.system.M, t, q, p)
+    both = np.concatenate([M, solver.rows(t, q, p)[0]], axis=1)
+    sizes = np.max(np.linalg.norm(both, axis=2), axis=0)
+    values = np.linalg.svd(both / np.where(sizes > 0, sizes, 1.0)[:, None], compute_uv=False)
+    least = values[:, -1] if values.size else np.ones(len(t))
+    return least >= NEAR * float(np.median(least))

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import casadi as ca
 import numpy as np
 import pytest
+import sympy
 
 import hamel
 from derive.diagnostics import AssumptionError, HamelError
@@ -20,6 +21,7 @@ from derive.linearize.steady import motion_of
 from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.mechanics import system
 from derive.model import load
+from derive.textbook import printed
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -173,6 +175,19 @@ def test_sensitivities_are_the_slopes_of_the_eigenvalues(bicycle):
             assert abs(mode.sensitivity[name] - (above - below) / (2 * step)) < 1e-6 * (1 + abs(mode.sensitivity[name]))
 
 
+def test_the_printed_equations_of_the_disk_have_the_closed_form_as_their_eigenvalues():
+    """λ² = (4/5) g/r − (12/5) Ω², symbolically, from the formulas on the page of the derivation."""
+    found = equations(system(load(MODELS / "rolling_disk.yaml")))
+    page = {formula.name: formula.right for formula in printed(found)}
+    mass, slopes = page["M_w at"], page["K at"]
+    A = sympy.Matrix(page["A rates"]).col_join(mass.inv() * slopes)
+    r, u2 = sympy.symbols("r u2")
+    assert A.free_symbols == {r, u2}  # the mass is gone
+    polynomial = sympy.factor(sympy.nsimplify(A.charpoly(sympy.Symbol("L")).as_expr(), rational=True))
+    wanted = sympy.Rational(4, 5) * sympy.Rational(981, 100) / r - sympy.Rational(12, 5) * u2**2
+    assert sympy.simplify(polynomial - sympy.Symbol("L") ** 2 * (sympy.Symbol("L") ** 2 - wanted)) == 0
+
+
 def test_hoop_in_closed_form():
     r, g = 0.4, 9.81
     (rolling,) = changes(studied("hoop"), "speed", np.linspace(0, 8, 9))
@@ -234,3 +249,23 @@ def test_two_names_make_a_map_and_bad_ranges_are_said(tmp_path):
     ):
         with pytest.raises(HamelError, match=said):
             hamel.linearize(MODELS / "hoop.yaml", sweep=bad)
+
+
+def test_the_bicycle_on_tyres_becomes_the_one_on_knife_edges(bicycle):
+    """A thin tyre is a knife edge; a tyre of 2 cm moves the weave speed."""
+    found = studied("stress/bicycle_toroidal")
+    speeds = np.array([2.0, 5.0, 8.0])
+    thin = eigenvalues(found.along({"speed": speeds, "tR": np.full(3, 1e-9), "tF": np.full(3, 1e-9)}))
+    assert np.max(np.abs(thin - eigenvalues(bicycle.along({"speed": speeds})))) < 1e-6
+    weave = next(c.value for c in changes(found, "speed", np.linspace(3, 6, 4)) if c.kind == "hopf")
+    assert abs(weave - 4.2923825363411) > 0.01
+
+
+def test_the_walk_through_says_what_is_found(bicycle):
+    text = (MODELS.parent / "docs" / "bicycle.md").read_text(encoding="utf-8")
+    model = (MODELS / "bicycle.yaml").read_text(encoding="utf-8")
+    for line in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[1].splitlines():
+        assert line in model.splitlines()
+    printed_values = [float(x) for x in re.findall(r"at speed = ([\d.]+)", text)]
+    assert printed_values == pytest.approx([0.68428307889245579629, 4.2923825363411039587, 6.0242620153883588899], abs=1e-12)
+    assert "hamel linearize" in text and "spurious" in text

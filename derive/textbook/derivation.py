@@ -12,6 +12,7 @@ from derive.textbook.complement import complement
 from derive.textbook.given import given
 from derive.textbook.interaction import interaction
 from derive.textbook.kinematics import components, constraints, coordinates, links
+from derive.textbook.linear import linearised
 from derive.textbook.motion import bordered, energies, multipliers, outputs, power, projected, unprojected
 from derive.textbook.records import Document, Math, Text
 
@@ -46,6 +47,7 @@ def derivation(equations: Equations) -> Document:
     multipliers(a)
     power(a)
     outputs(a)
+    linearised(a)
     _symbols(a)
     _references(a)
     return a.document(_title(equations), _subtitle(equations), _version())

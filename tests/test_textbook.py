@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import sympy
 
-from derive.formulations import equations
+from derive.formulations import FORMULATIONS, equations
 from derive.mechanics import system
 from derive.mechanics.sampling import states
 from derive.model import load
@@ -41,6 +41,7 @@ ONE_CHOICE = {
     "planar_3r",
     "mobile_manipulator_2r",
 }
+TREES = {"cart_pole", "double_pendulum", "free_body", "planar_3r", "stanford_arm"}
 IMPOSSIBLE = {("snake3", "world")}  # x and y rates depend on each other through the wheel of link 1
 
 
@@ -52,11 +53,14 @@ def cases():
             soon = path.stem in EVERY_CHOICE or (k == 0 and path.stem in ONE_CHOICE)
             yield case(path.stem, name, (), "quasi_velocities", soon)
             yield case(path.stem, name, "all", "quasi_velocities", k == 0 and path.stem in EVERY_CHOICE)
-        yield case(path.stem, names[0], (), "augmented", path.stem in EVERY_CHOICE)
+        for method in FORMULATIONS:
+            if method.name != "quasi_velocities" and (method.name == "recursive") <= (path.stem in TREES):
+                quick = EVERY_CHOICE | ({"cart_pole", "double_pendulum"} if method.name == "recursive" else {"bead_on_wire"})
+                yield case(path.stem, names[0], (), method.name, path.stem in quick)
 
 
 def case(model, choice, constants, formulation, soon):
-    label = f"{model}-{'augmented' if formulation == 'augmented' else choice}{'-numbers' if constants else ''}"
+    label = f"{model}-{choice if formulation == 'quasi_velocities' else formulation}{'-numbers' if constants else ''}"
     return pytest.param(model, choice, constants, formulation, id=label, marks=() if soon else pytest.mark.slow)
 
 
@@ -69,7 +73,7 @@ class State:
     """A random consistent state; terms are evaluated there by CasADi."""
 
     def __init__(self, found, seed):
-        self.found, self.augmented = found, found.formulation == "augmented"
+        self.found, self.augmented = found, found.base_velocities
         sample = states(found.system, 1, seed=seed, parameters=0.1)
         self.t, self.q, self.v, self.u, self.p = (x[0] for x in (sample.t, sample.q, sample.v, sample.u, sample.p))
         self.w = self.v if self.augmented else self.terms([named(found, "B")], w=np.zeros(len(found.w)))[0] @ self.v

@@ -1,5 +1,5 @@
 """Equations of motion: formulations and choices of quasi-velocities, System → Equations."""
 
-from derive.formulations.equations import FORMULATIONS, choices, equations, misfits
+from derive.formulations.equations import FORMULATIONS, choices, equations, misfits, source
 
-__all__ = ["FORMULATIONS", "choices", "equations", "misfits"]
+__all__ = ["FORMULATIONS", "choices", "equations", "misfits", "source"]

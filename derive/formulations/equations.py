@@ -40,6 +40,11 @@ def named(formulation: str) -> Formulation:
     return known[formulation]
 
 
+def source(formulation: str) -> str:
+    """Who devised it."""
+    return named(formulation).source
+
+
 def misfits(system: System) -> dict[str, str]:
     """Why each formulation does not fit the system, "" for those that do."""
     shop = workshop(system)

@@ -50,10 +50,12 @@ def rows_of(A: ca.SX) -> Matrix:
     return scalars(A)
 
 
-def named(found: Constrained) -> tuple[Named, ...]:
-    """What the derivation shows."""
+def named(found: Constrained, A: ca.SX, beta: Vector) -> tuple[Named, ...]:
+    """What the derivation shows; A and β of the independent rows."""
     G = ca.vertcat(*[ca.horzcat(*row) for row in found.G]) if found.G else ca.SX(0, 0)
-    return Named("a", "accelerations without constraints", _column(found.free)), Named("G", "A M⁻¹ Aᵀ", G)
+    kept = Named("A_kept", "independent rows of A", A), Named("beta_kept", "β of these", _column(beta))
+    forces = Named("lam_kept", "λ of these", _column(found.lam))
+    return Named("a", "accelerations without constraints", _column(found.free)), Named("G", "A M⁻¹ Aᵀ", G), *kept, forces
 
 
 def _column(x: Vector) -> ca.SX:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, version
 
+from derive.formulations import source
 from derive.formulations.records import Equations
 from derive.textbook import names
 from derive.textbook.author import Author
@@ -13,6 +14,7 @@ from derive.textbook.given import given
 from derive.textbook.interaction import interaction
 from derive.textbook.kinematics import components, constraints, coordinates, links
 from derive.textbook.linear import linearised
+from derive.textbook.methods import method, nonideal
 from derive.textbook.motion import bordered, energies, multipliers, outputs, power, projected, unprojected
 from derive.textbook.records import Document, Math, Text
 
@@ -38,6 +40,8 @@ def derivation(equations: Equations) -> Document:
     inverse(a)
     energies(a, found)
     unprojected(a)
+    nonideal(a)
+    method(a)
     interaction(a)
     complement(a)
     if a.free_velocities:
@@ -79,6 +83,6 @@ def _symbols(a: Author) -> None:
 
 def _references(a: Author) -> None:
     a.section("Sources of the methods")
-    a.items((Text(x),) for x in REFERENCES)
+    a.items((Text(x),) for x in (source(a.equations.formulation), *REFERENCES))
     for text in a.equations.assumptions:
         a.say("Assumed: {text}.", text=text)

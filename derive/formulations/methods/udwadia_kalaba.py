@@ -23,7 +23,7 @@ def _equations(shop: Workshop, choice: Choice) -> Equations:
     A, force, beta = system.A[rows, :], entries(system.Q - system.h), entries(system.beta[rows])
     found = constrained_motion(A, beta, inverse_applied(system, [force, *rows_of(A)]))
     guards = quadratic_guards(shop, [system.rows[i].name for i in rows], found.pivots)
-    return in_base_velocities(shop, FORMULATION.name, found.vdot, found.lam, guards, named(found))
+    return in_base_velocities(shop, FORMULATION.name, found.vdot, found.lam, guards, named(found, A, beta))
 
 
 def _unwritten_and_not_of_links(shop: Workshop) -> str:

@@ -28,13 +28,15 @@ from derive.model.records import Choice
 def _equations(shop: Workshop, choice: Choice) -> Equations:
     system, rows = shop.system, list(shop.kept)
     A, beta = system.A[rows, :], system.beta[rows]
-    weighted = ca.mtimes(A.T, ca.diag(ca.DM(_weights(shop)))) if rows else ca.SX(system.v.numel(), 0)
+    W = ca.diag(ca.SX(ca.DM(_weights(shop)))) if rows else ca.SX(0, 0)
+    weighted = ca.mtimes(A.T, W)
     M_A = system.M + ca.mtimes(weighted, A)
     F_A = entries(system.Q - system.h + ca.mtimes(weighted, beta))
     order = list(reversed(range(system.v.numel())))
     found = constrained_motion(A, entries(beta), ldl_solution(scalars(M_A), [F_A, *rows_of(A)], order).x)
     guards = quadratic_guards(shop, [system.rows[i].name for i in rows], found.pivots)
-    shown = (Named("M_A", "M + Aᵀ W A", M_A), Named("F_A", "Q − h + Aᵀ W β", column(F_A)), *named(found))
+    masses = Named("M_A", "M + Aᵀ W A", M_A), Named("F_A", "Q − h + Aᵀ W β", column(F_A))
+    shown = (*masses, Named("W", "weights of the rows", W), *named(found, A, entries(beta)))
     return in_base_velocities(shop, FORMULATION.name, found.vdot, found.lam, guards, shown)
 
 

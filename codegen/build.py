@@ -139,6 +139,7 @@ def _cache_folder(name: str, files: Mapping[str, str], command: list[str]) -> Pa
     digest = hashlib.sha256()
     with contextlib.suppress(OSError):
         digest.update(toolchain.identity(command).encode())
+        digest.update(repr(json.loads(files["manifest.json"])["flags"]).encode())
         for path in sorted(path for path in files if path.endswith((".c", ".h"))):
             digest.update(f"\0{path}\0{files[path]}".encode())
         root = cache.folder()

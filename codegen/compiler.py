@@ -92,7 +92,8 @@ def compile_folder(folder, name, command):
     folder = pathlib.Path(folder)
     stems = sources(folder, name)
     includes = headers()
-    tasks = [[*command, *FLAGS, *flags_of(command, name, stem), "-c", f"{stem}.c"] for stem in stems]
+    own = manifest(folder).get("flags", [])
+    tasks = [[*command, *FLAGS, *flags_of(command, name, stem), *own, "-c", f"{stem}.c"] for stem in stems]
     if includes:
         tasks.append([*command, *FLAGS, *(f"-I{include}" for include in includes), "-c", f"{name}_module.c"])
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
@@ -120,11 +121,15 @@ def flags_of(command, name, stem):
     return [*(flag for flag in flags if flag not in ORDER), *BATCH, *wide]
 
 
+def manifest(folder):
+    """What hamel said about the module."""
+    return json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+
+
 def sources(folder, name):
     """The C files that make up the library, the longest first."""
     others = {"example.c", f"{name}_module.c"}
-    listed = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["files"]
-    found = [file for file in listed if file.endswith(".c") and file not in others]
+    found = [file for file in manifest(folder)["files"] if file.endswith(".c") and file not in others]
     return [file[:-2] for file in sorted(found, key=lambda file: (-(folder / file).stat().st_size, file))]
 
 

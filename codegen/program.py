@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Expression = str | float | tuple
 
@@ -143,13 +143,15 @@ class Program:
     left_out: tuple[str, ...] = ()  # functions and arguments this model has no use for
     positions: int = 0  # leading rows of `constraints` that are position constraints
     nominal: tuple[float, ...] = ()  # a state to show in examples; any when empty
+    flags: tuple[str, ...] = ()  # for the compiler, besides those it always gets
+    timings: tuple[tuple[str, float], ...] = ()  # what tuning compared: nanoseconds of `dynamics` per state
     integrators: tuple[str, ...] = ()  # of `simulate`, the default first
     keepings: tuple[str, ...] = ()  # how `simulate` may stay on the constraints, the default first
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
-        return hashlib.sha256(repr(self).encode()).hexdigest()[:32]
+        return hashlib.sha256(repr(replace(self, timings=())).encode()).hexdigest()[:32]
 
     @property
     def simulates(self) -> bool:

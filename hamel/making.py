@@ -35,12 +35,20 @@ def made(
     integrators: Collection[str],
     states: int,
     numpy: bool,
+    tune: bool,
 ) -> Built:
     """Derive, emit, compile, compare with the independent derivation, and only then publish."""
     clock = Clock()
-    equations = equations_of(path, choice, constants, formulation, clock)
+    if tune:
+        from hamel.tuning import fastest, tuned
+
+        equations, times = fastest(path, choice, constants, clock)
+    else:
+        equations = equations_of(path, choice, constants, formulation, clock)
     with meanwhile(lambda: html(equations)) as page:
         program = program_of(equations, functions, clock, integrators)
+        if tune:
+            program = tuned(program, times, clock)
         folder = Path(out) if out else Path("generated") / program.name
         with drafted(program, folder, clock) as draft:
             found = _confirmed(equations, draft, states, numpy, clock)
@@ -95,4 +103,11 @@ def _record(program: Program, folder: Path, compiled: bool, clock: Clock) -> Bui
         left_out=program.left_out,
         ledger=tuple(asdict(entry) for entry in program.ledger),
         compiled=compiled,
+        size=_size(folder, program.name),
+        tuned=dict(program.timings),
     )
+
+
+def _size(folder: Path, name: str) -> int:
+    """Bytes of the library for C."""
+    return sum(path.stat().st_size for path in folder.glob(f"lib{name}.*"))

@@ -48,6 +48,8 @@ class Built:
     left_out: tuple[str, ...]
     ledger: tuple[Mapping[str, Any], ...]
     compiled: bool
+    size: int = 0  # bytes of the library for C
+    tuned: Mapping[str, float] = field(default_factory=dict)  # nanoseconds of `dynamics` per state for what was compared
     kept: bool = False
 
 

@@ -40,6 +40,8 @@ def _manifest(program: Program) -> dict[str, object]:
             if (h := kernel.hoisted)
         },
         "operations_by_kind": {kernel.name: dict(kernel.operations) for kernel in program.kernels},
+        "flags": list(program.flags),
+        "tuned": dict(program.timings),
         "ledger": [[e.function, e.step, e.before, e.after] for e in program.ledger],
     }
 

@@ -24,6 +24,7 @@ def run(
     integrators: Collection[str],
     states: int,
     numpy: bool,
+    tune: bool = False,
 ) -> Built:
     options = {
         "choice": choice,
@@ -33,6 +34,7 @@ def run(
         "integrators": tuple(integrators),
         "states": states,
         "numpy": numpy,
+        "tune": tune,
     }
     name = kept.key(path, options)
     found = kept.restored(name, out)
@@ -51,6 +53,8 @@ def show(record: Built, console: Console) -> None:
     console.print(f"{record.model}: {how} {record.folder}{'' if record.compiled else ' (NumPy only, not compiled)'}")
     console.print(f"  choice      {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}")
     console.print(f"  operations  {operations(record.operations)}")
+    if record.tuned:
+        console.print(f"  tuned       {', '.join(f'{name} {ns:.1f} ns' for name, ns in record.tuned.items())}")
     console.print(f"  time        {durations(record.seconds)}")
 
 

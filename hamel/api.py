@@ -118,6 +118,31 @@ def linearize(
     return run(path, at, choice, sweep or {}, values or {}, cyclic, out, step)
 
 
+def report(
+    paths: Sequence[Model],
+    *,
+    out: str | Path = "report",
+    time: float = 10.0,
+    values: Mapping[str, float | str] | None = None,
+    formulations: Collection[str] = (),
+    integrators: Collection[str] = (),
+    tolerances: Sequence[float] = (),
+    budget: float = 90.0,
+    progress: Callable[[float], None] | None = None,
+) -> records.Reported:
+    """Run every method that fits the models, and write what each costs and reaches to report.html, .csv and .json in `out`.
+
+    `formulations`, `integrators` ("libraries" among them stands for the library solvers) and `tolerances` restrict what is run.
+    The runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes on where it was. Raises
+    ToolchainError without a C compiler.
+    """
+    from hamel.report.study import Asked
+    from hamel.verbs.report import run
+
+    asked = Asked(tuple(formulations), tuple(integrators), tuple(tolerances), budget)
+    return run(tuple(paths), out, time, values or {}, asked, progress)
+
+
 def derive(
     path: Model, *, choice: str | None = None, out: str | Path | None = None, formulation: str = "quasi_velocities"
 ) -> records.Derived:

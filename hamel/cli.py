@@ -158,6 +158,35 @@ def simulate(model: str, settings: Sequence[str], conserve: str, **options: Any)
         return hamel.simulate(model, values=values, progress=progress, conserve=_names(conserve), **options)
 
 
+@verb
+@click.argument("models", nargs=-1, required=True, metavar="MODEL...")
+@click.option("-o", "--out", metavar="DIR", default="report", show_default=True, help="The folder of the report.")
+@click.option("--time", type=float, default=10.0, show_default=True, metavar="S", help="The length of the motions, in seconds.")
+@click.option("--budget", type=float, default=90.0, show_default=True, metavar="S", help="Seconds for all runs of one model.")
+@click.option("--formulation", "formulations", metavar="a,b", default="", help="These formulations only.")
+@click.option("--integrator", "integrators", metavar="a,b", default="", help='These only; "libraries" for the library solvers.')
+@click.option("--rtol", "tolerances", metavar="a,b", default="", help="These relative tolerances (default: 1e-4 to 1e-12).")
+@click.option(
+    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Initial value, parameter or input; may be repeated."
+)
+def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> Any:
+    """Compare every method that fits MODEL: error against run time."""
+    from hamel.progress import bar
+
+    values = dict(_setting(text) for text in settings)
+    names = {kind: _names(options.pop(kind)) for kind in ("formulations", "integrators")}
+    tolerances = _numbers(options.pop("tolerances"))
+    with bar(1.0, "running") as progress:
+        return hamel.report(models, values=values, tolerances=tolerances, progress=progress, **names, **options)
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(map(float, _names(text)))
+    except ValueError:
+        raise click.BadParameter(f"'{text}' is no list of numbers", param_hint="--rtol") from None
+
+
 def _setting(text: str, option: str = "--set") -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not (name.strip() and equals and value.strip()):

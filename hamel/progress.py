@@ -12,7 +12,7 @@ PATIENCE = 1.0  # seconds before a bar is worth showing
 
 
 @contextmanager
-def bar(total: float) -> Iterator[Callable[[float], None]]:
+def bar(total: float, doing: str = "simulating") -> Iterator[Callable[[float], None]]:
     """A function to call with how much of `total` is done."""
     with ExitStack() as stack:
         start = time.monotonic()
@@ -20,7 +20,7 @@ def bar(total: float) -> Iterator[Callable[[float], None]]:
 
         def report(done: float) -> None:
             if not shown and sys.stderr.isatty() and time.monotonic() - start > PATIENCE:
-                shown.append(_start(stack, total))
+                shown.append(_start(stack, total, doing))
             if shown:
                 progress, task = shown[0]
                 progress.update(task, completed=done)
@@ -28,9 +28,9 @@ def bar(total: float) -> Iterator[Callable[[float], None]]:
         yield report
 
 
-def _start(stack: ExitStack, total: float) -> tuple[Any, Any]:
+def _start(stack: ExitStack, total: float, doing: str) -> tuple[Any, Any]:
     from rich.console import Console
     from rich.progress import Progress
 
     progress = stack.enter_context(Progress(console=Console(stderr=True), transient=True))
-    return progress, progress.add_task("simulating", total=total)
+    return progress, progress.add_task(doing, total=total)

@@ -250,6 +250,22 @@ class Simulated:
     motion: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
 
 
+@dataclass(frozen=True)
+class Reported:
+    """Error against run time. A row per run; `models` hold the time, the reference, what to use and what was left out.
+
+    Not `passed`: runs that agree with each other contradict the reference solution.
+    """
+
+    model: str
+    passed: bool
+    rows: tuple[Mapping[str, Any], ...]
+    models: tuple[Mapping[str, Any], ...]
+    html: Path
+    csv: Path
+    json: Path
+
+
 def as_json(record: Any) -> Any:
     """The record as JSON values; what JSON has no number for (inf, nan) becomes null."""
     if is_dataclass(record):

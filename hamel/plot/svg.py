@@ -38,10 +38,10 @@ def draw(title: str, abscissa: str, x: Sequence[float], panels: Sequence[Panel])
     """The document: panels below each other, all over `x`."""
     across = linear(x, tight=True)
     height = TOP + len(panels) * (HEIGHT + GAP)
-    parts = [_text(LEFT, 22, title, "title")]
+    parts = [text(LEFT, 22, title, "title")]
     for index, panel in enumerate(panels):
         parts += _panel(panel, x, across, TOP + index * (HEIGHT + GAP))
-    parts.append(_text((LEFT + WIDTH - RIGHT) / 2, height - 8, abscissa, anchor="middle"))
+    parts.append(text((LEFT + WIDTH - RIGHT) / 2, height - 8, abscissa, anchor="middle"))
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}" role="img">'
     body = "\n".join(parts)
     return f'{head}\n<style>{STYLE}</style>\n<rect width="100%" height="100%" fill="#fff"/>\n{body}\n</svg>\n'
@@ -50,7 +50,7 @@ def draw(title: str, abscissa: str, x: Sequence[float], panels: Sequence[Panel])
 def _panel(panel: Panel, x: Sequence[float], across: Axis, top: float) -> list[str]:
     values = [float(v) for curve in panel.curves for v in curve.values]
     up = logarithmic(values) if panel.log else linear(values)
-    return [*_grid(across, up, top), _text(LEFT, top - 6, panel.about), *_curves(panel, x, across, up, top), *_legend(panel, top)]
+    return [*_grid(across, up, top), text(LEFT, top - 6, panel.about), *_curves(panel, x, across, up, top), *_legend(panel, top)]
 
 
 def _grid(across: Axis, up: Axis, top: float) -> list[str]:
@@ -58,9 +58,9 @@ def _grid(across: Axis, up: Axis, top: float) -> list[str]:
     for at, label in up.ticks:
         y = top + HEIGHT * (1 - at)
         parts.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
-        parts.append(_text(LEFT - 6, y + 4, label, anchor="end"))
+        parts.append(text(LEFT - 6, y + 4, label, anchor="end"))
     for at, label in across.ticks:
-        parts.append(_text(_across(at), top + HEIGHT + 15, label, anchor="middle"))
+        parts.append(text(_across(at), top + HEIGHT + 15, label, anchor="middle"))
     frame = f'<rect class="frame" x="{LEFT}" y="{top}" width="{WIDTH - RIGHT - LEFT}" height="{HEIGHT}"/>'
     return [*parts, frame]
 
@@ -77,8 +77,8 @@ def _curves(panel: Panel, x: Sequence[float], across: Axis, up: Axis, top: float
 
 def _polyline(points: list[tuple[float, float]], index: int) -> str:
     """A line through the points that are numbers (y − y is 0 only for those)."""
-    text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points if y - y == 0)
-    return f'<polyline stroke="{COLOURS[index % len(COLOURS)]}" points="{text}"/>'
+    places = " ".join(f"{x:.1f},{y:.1f}" for x, y in points if y - y == 0)
+    return f'<polyline stroke="{COLOURS[index % len(COLOURS)]}" points="{places}"/>'
 
 
 def _legend(panel: Panel, top: float) -> list[str]:
@@ -90,9 +90,9 @@ def _legend(panel: Panel, top: float) -> list[str]:
         colour = COLOURS[index % len(COLOURS)]
         left = WIDTH - RIGHT + 10
         parts.append(f'<line x1="{left}" x2="{left + 20}" y1="{y - 4}" y2="{y - 4}" stroke="{colour}" stroke-width="2"/>')
-        parts.append(_text(left + 26, y, curve.label))
+        parts.append(text(left + 26, y, curve.label))
     if len(panel.curves) > room:
-        parts.append(_text(WIDTH - RIGHT + 36, top + HEIGHT + 14, f"and {len(panel.curves) - room} more"))
+        parts.append(text(WIDTH - RIGHT + 36, top + HEIGHT + 14, f"and {len(panel.curves) - room} more"))
     return parts
 
 
@@ -100,6 +100,6 @@ def _across(at: float) -> float:
     return LEFT + at * (WIDTH - RIGHT - LEFT)
 
 
-def _text(x: float, y: float, text: str, style: str = "", anchor: str = "start") -> str:
+def text(x: float, y: float, words: str, style: str = "", anchor: str = "start") -> str:
     kind = f' class="{style}"' if style else ""
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{kind}>{html.escape(text)}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{kind}>{html.escape(words)}</text>'

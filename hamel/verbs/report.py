@@ -1,0 +1,122 @@
+"""report: which method reaches which error at which cost, for one model or several, as a page, a table and JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import hamel
+from codegen.compiler import INSTALL, find_compiler
+from codegen.integrators import INTEGRATORS
+from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
+from derive.formulations import FORMULATIONS
+from hamel.importing import load
+from hamel.pipeline import mechanics_of
+from hamel.records import Reported, as_json
+from hamel.report import page
+from hamel.report.crew import Crew
+from hamel.report.study import Asked, Case, Study, studied
+from hamel.settings import settings
+from hamel.staging import write_text
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+LIBRARIES = "libraries"  # among the integrators: all library solvers
+
+
+def run(
+    paths: Sequence[str | Path],
+    out: str | Path,
+    time: float,
+    values: Mapping[str, float | str],
+    asked: Asked,
+    progress: Callable[[float], None] | None,
+) -> Reported:
+    _check(paths, time, asked)
+    cases = _cases(paths, time, values)
+    studies = []
+    with Crew(os.cpu_count() or 1) as crew, tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
+        for number, case in enumerate(cases):
+
+            def advance(done: float, of: float, number: int = number) -> None:
+                if progress is not None:
+                    progress((number + done / of) / len(cases))
+
+            studies.append(studied(case, asked, crew, Path(folder) / f"model{number}", advance))
+    return _written(studies, Path(out))
+
+
+def _check(paths: Sequence[str | Path], time: float, asked: Asked) -> None:
+    if not paths:
+        raise ModelError("no model is named", "hamel report models/four_bar.yaml")
+    for name, value in (("time", time), ("budget", asked.budget), *(("rtol", rtol) for rtol in asked.tolerances)):
+        if not 0 < value < float("inf"):
+            raise ModelError(f"{name} is {value}, which is not a positive number")
+    _known("formulation", asked.formulations, [formulation.name for formulation in FORMULATIONS])
+    _known("integrator", asked.integrators, [*(method.name for method in INTEGRATORS), LIBRARIES])
+    if find_compiler() is None:
+        raise ToolchainError("no C compiler found, and run times without one say nothing", hint=INSTALL)
+
+
+def _known(kind: str, names: Sequence[str] | Any, known: Sequence[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise ModelError(f"unknown {kind} '{name}'; {did_you_mean(name, known) or listed(known)}")
+
+
+def _cases(paths: Sequence[str | Path], time: float, values: Mapping[str, float | str]) -> list[Case]:
+    """A setting goes to every model that has the name; one that no model has is refused."""
+    models = [load(path) for path in paths]
+    cases, used = [], set()
+    for path, model in zip(paths, models):
+        own = {}
+        for name, value in values.items():
+            try:
+                settings(model, {name: value})
+            except ModelError:
+                if len(paths) == 1:
+                    raise
+                continue
+            own[name] = value
+        used |= own.keys()
+        mechanics_of(model)  # what is wrong with a model is said before anything is run
+        cases.append(Case(str(path), own, time))
+    unknown = [name for name in values if name not in used]
+    if unknown:
+        raise ModelError(f"'{unknown[0]}' is set, but none of the models has such a value")
+    return cases
+
+
+def _written(studies: Sequence[Study], out: Path) -> Reported:
+    rows = tuple(row for study in studies for row in study.rows)
+    record = Reported(
+        model=", ".join(study.model for study in studies),
+        passed=not any(study.reference.doubt and study.reference.end is not None for study in studies),
+        rows=rows,
+        models=tuple(page.summary(study) for study in studies),
+        html=out / "report.html",
+        csv=out / "report.csv",
+        json=out / "report.json",
+    )
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ToolchainError(f"cannot write {out}: {error.strerror or error}", hint="choose another folder with -o") from error
+    write_text(record.html, page.page(studies, hamel.__version__))
+    write_text(record.csv, page.as_csv(rows))
+    write_text(record.json, json.dumps(as_json(record), allow_nan=False, ensure_ascii=False) + "\n")
+    return record
+
+
+def show(record: Reported, console: Console) -> None:
+    for model in record.models:
+        console.print(f"{model['model']}, {model['time']:g} s:")
+        for line in model["advice"]:
+            console.print(f"  {line}")
+    runs = f"{len(record.rows)} runs, {sum(row['status'] == 'ok' for row in record.rows)} of them to the end"
+    console.print(f"{runs}; wrote {record.html}, {record.csv.name} and {record.json.name}")

@@ -125,6 +125,8 @@ def report(
     time: float = 10.0,
     values: Mapping[str, float | str] | None = None,
     formulations: Collection[str] = (),
+    choices: Collection[str] = (),
+    keepings: Collection[str] = (),
     integrators: Collection[str] = (),
     tolerances: Sequence[float] = (),
     budget: float = 90.0,
@@ -132,14 +134,15 @@ def report(
 ) -> records.Reported:
     """Run every method that fits the models, and write what each costs and reaches to report.html, .csv and .json in `out`.
 
-    `formulations`, `integrators` ("libraries" among them stands for the library solvers) and `tolerances` restrict what is run.
+    `formulations` to `tolerances` restrict what is run ("libraries" among the integrators stands for the library solvers).
     The runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes on where it was. Raises
     ToolchainError without a C compiler.
     """
-    from hamel.report.study import Asked
+    from hamel.report.plan import Asked
     from hamel.verbs.report import run
 
-    asked = Asked(tuple(formulations), tuple(integrators), tuple(tolerances), budget)
+    names = (tuple(each) for each in (formulations, choices, keepings, integrators))
+    asked = Asked(*names, tolerances=tuple(tolerances), budget=budget)
     return run(tuple(paths), out, time, values or {}, asked, progress)
 
 

@@ -164,6 +164,8 @@ def simulate(model: str, settings: Sequence[str], conserve: str, **options: Any)
 @click.option("--time", type=float, default=10.0, show_default=True, metavar="S", help="The length of the motions, in seconds.")
 @click.option("--budget", type=float, default=90.0, show_default=True, metavar="S", help="Seconds for all runs of one model.")
 @click.option("--formulation", "formulations", metavar="a,b", default="", help="These formulations only.")
+@click.option("--choice", "choices", metavar="a,b", default="", help="These choices of quasi-velocities only.")
+@click.option("--keeping", "keepings", metavar="a,b", default="", help="These keepings only.")
 @click.option("--integrator", "integrators", metavar="a,b", default="", help='These only; "libraries" for the library solvers.')
 @click.option("--rtol", "tolerances", metavar="a,b", default="", help="These relative tolerances (default: 1e-4 to 1e-12).")
 @click.option(
@@ -174,7 +176,7 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
     from hamel.progress import bar
 
     values = dict(_setting(text) for text in settings)
-    names = {kind: _names(options.pop(kind)) for kind in ("formulations", "integrators")}
+    names = {kind: _names(options.pop(kind)) for kind in ("formulations", "choices", "keepings", "integrators")}
     tolerances = _numbers(options.pop("tolerances"))
     with bar(1.0, "running") as progress:
         return hamel.report(models, values=values, tolerances=tolerances, progress=progress, **names, **options)

@@ -8,15 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
+from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
+from derive.keepings import KEEPINGS, Options, kept_equations, usual_rate
 from derive.mechanics.initial import Initial, initial_state
 from derive.mechanics.records import System
 from hamel.importing import load
 from hamel.pipeline import emit, mechanics_of, program_of
+from hamel.report.plan import OWN
 from hamel.settings import settings
 
 FUNCTIONS = ("dynamics", "constraints", "project", "energy", "power", "velocity", "state")
@@ -44,15 +48,47 @@ def _start(path: str, values: tuple[tuple[str, float | str], ...]) -> Start:
     return Start(system, initial_state(system, given.initial, p), u, p)
 
 
-def built(path: str, values: Mapping[str, float | str], unit: Mapping[str, str], folder: str) -> Iterator[dict[str, Any]]:
+def built(
+    path: str, values: Mapping[str, float | str], unit: Mapping[str, str], span: float, folder: str
+) -> Iterator[dict[str, Any]]:
     """What runs need to know of the module that is in `folder` now."""
     found = start(path, values)
-    made = made_equations(found, unit)
+    plain = plain_equations(found, unit)
+    known = {
+        keeping.name: keeping for keeping in KEEPINGS if (keeping.name == unit["own"] if unit["own"] else keeping.name not in OWN)
+    }
+    alpha = _rate(found, plain, span) if unit["own"] else None
+    refused = {name: keeping.refusal(plain, Options(alpha)) for name, keeping in known.items()}
+    fitting = [keeping for keeping in known.values() if not refused[keeping.name]]
+    if not fitting:
+        raise AssumptionError("; ".join(refused.values()))
+    made = kept_equations(found.system, plain.choice, plain.formulation, fitting[0], Options(alpha)) if unit["own"] else plain
+    for keeping in fitting if not unit["own"] else ():
+        made = keeping.equations(made, Options())
     names = [function.name for function in made.functions if function.name in FUNCTIONS]
-    program = program_of(made, names, integrators=[method.name for method in INTEGRATORS])
+    methods = [method.name for method in INTEGRATORS]
+    program = program_of(made, names, integrators=methods, keepings=[keeping.name for keeping in fitting])
     emit(program, Path(folder), {})
-    yield {"operations": program.kernel("dynamics").operations["total"], "keepings": list(program.keepings)}
+    yield {
+        "operations": program.kernel("dynamics").operations["total"],
+        "keepings": list(program.keepings),
+        "misfits": {name: reason for name, reason in refused.items() if reason},
+        "alpha": alpha if any(keeping.level == "rates" for keeping in fitting) else None,
+    }
 
 
-def made_equations(found: Start, unit: Mapping[str, str]) -> Equations:
+def plain_equations(found: Start, unit: Mapping[str, str]) -> Equations:
     return equations(found.system, unit["choice"] or None, unit["formulation"])
+
+
+def _rate(found: Start, plain: Equations, span: float) -> float:
+    return usual_rate(plain, 0.0, first_state(found, plain), found.u, found.p, span)
+
+
+def first_state(found: Start, made: Equations) -> np.ndarray:
+    """x at the start, by the equations' own function."""
+    function = next(function for function in made.functions if function.name == "state")
+    t, _, u, p = (argument.symbols for argument in made.arguments)
+    assert function.x is not None
+    state = ca.Function("state", [t, function.x.symbols, u, p], [ca.densify(function.result.value)])
+    return np.asarray(state(0.0, np.concatenate([found.initial.q, found.initial.v]), found.u, found.p)).ravel()

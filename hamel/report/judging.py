@@ -106,7 +106,7 @@ class Judge:
             "model": model,
             "formulation": unit.formulation,
             "choice": unit.choice,
-            "keeping": unit.rates or run["keeping"],
+            "keeping": unit.own or run["keeping"],
             "integrator": run["integrator"],
             "rtol": run.get("rtol"),
             "step": self.span / run["count"] if "count" in run else None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 import subprocess
@@ -19,17 +18,11 @@ from codegen.compiler import FLAGS, SUFFIX, find_compiler
 from derive.formulations.choices import workshop
 from derive.formulations.records import Equations
 from hamel.pipeline import load_module
-from hamel.report.building import Start, made_equations, start
+from hamel.report.building import Start, first_state, plain_equations, start
 from hamel.report.running import TOO_LONG, TooLong, timed
 
 SCIPY = {"DOP853 (SciPy)": "DOP853", "Radau (SciPy)": "Radau"}
-SUNDIALS = {"CVODES": "cvodes", "IDAS": "idas"}
 MOST_STEPS = 1_000_000
-
-
-def missing() -> dict[str, str]:
-    """Why some of them cannot be had here."""
-    return {} if importlib.util.find_spec("scipy") else dict.fromkeys(SCIPY, "SciPy is not installed")
 
 
 def rows(
@@ -51,7 +44,7 @@ def rows(
         elif solver == "IDAS":
             solve = _idas(found, Path(place), span)
         else:
-            solve = _cvodes(found, made_equations(found, unit), Path(place), span)
+            solve = _cvodes(found, plain_equations(found, unit), Path(place), span)
         slow = False
         for run in runs:
             made = {"status": TOO_LONG} if slow else _row(solve, found, span, run["rtol"], limit, share)
@@ -104,7 +97,7 @@ def _scipy(found: Start, module: Any, method: str, span: float, limit: float) ->
                 raise TooLong(t)
             return module.dynamics(t, y, found.u, found.p)
 
-        jacobian = {"jac": lambda t, y: module.jacobian(t, y, found.u, found.p)} if method == "Radau" else {}
+        jacobian: dict[str, Any] = {"jac": lambda t, y: module.jacobian(t, y, found.u, found.p)} if method == "Radau" else {}
         made = solve_ivp(slope, (0.0, span), x, method=method, rtol=max(rtol, 3e-14), atol=rtol / 100, t_eval=(span,), **jacobian)
         if not made.success:
             raise FloatingPointError(made.message)
@@ -121,7 +114,7 @@ def _cvodes(found: Start, made: Equations, folder: Path, span: float) -> Solver:
     functions = {function.name: function.result.value for function in made.functions}
     v = ca.Function("v", [t, x, u, p], [ca.densify(functions["velocity"])])
     ode = _compiled(ca.Function("ode", [x, t, u, p], [ca.densify(functions["dynamics"])], ["x", "t", "u", "p"], ["xdot"]), folder)
-    nq, state = found.system.q.numel(), _state(found, made)
+    nq, state = found.system.q.numel(), first_state(found, made)
     T, X = ca.MX.sym("t"), ca.MX.sym("x", x.numel())  # type: ignore[call-overload]
     dae = {"t": T, "x": X, "ode": ode(X, T, found.u, found.p)}
 
@@ -151,14 +144,6 @@ def _idas(found: Start, folder: Path, span: float) -> Solver:
     z0 = np.linalg.lstsq(matrix, -offset.ravel(), rcond=None)[0]
     dae = {"t": T, "x": X, "z": Z, "ode": ode, "alg": alg}
     return _sundials("idas", dae, {"x0": x0, "z0": z0}, span, lambda values: values)
-
-
-def _state(found: Start, made: Equations) -> np.ndarray:
-    function = next(function for function in made.functions if function.name == "state")
-    t, _, u, p = (argument.symbols for argument in made.arguments)
-    assert function.x is not None
-    state = ca.Function("state", [t, function.x.symbols, u, p], [ca.densify(function.result.value)])
-    return np.asarray(state(0.0, np.concatenate([found.initial.q, found.initial.v]), found.u, found.p)).ravel()
 
 
 def _sundials(

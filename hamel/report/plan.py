@@ -5,8 +5,9 @@ A module is made for every choice of quasi-velocities; other formulations are co
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -16,25 +17,38 @@ from codegen.integrators import INTEGRATORS, Integrator
 from derive.diagnostics import AssumptionError
 from derive.formulations import FORMULATIONS, equations, misfits
 from derive.formulations.choices import workshop
-from derive.formulations.named_choices import OWN
 from derive.formulations.records import Equations
+from derive.keepings import KEEPINGS
 from derive.mechanics.records import System
-from hamel.report import libraries
+from derive.model.motions import KINDS
 
 DEFAULT = "quasi_velocities"
 TIGHTEST, LOOSEST = 12, 4
 COUNTS = (3, 10, 30, 100, 300)  # equal steps, as multiples of those of dop853 at rtol 1e-6
-SOLVERS = ((DEFAULT, ("CVODES", *libraries.SCIPY)), ("augmented", ("CVODES", "IDAS")))
+SCIPY = ("DOP853 (SciPy)", "Radau (SciPy)")
+SOLVERS = ((DEFAULT, ("CVODES", *SCIPY)), ("augmented", ("CVODES", "IDAS")))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Restrictions (all when empty) and the seconds that the runs of one model may take together."""
+
+    formulations: Collection[str] = ()
+    choices: Collection[str] = ()
+    keepings: Collection[str] = ()
+    integrators: Collection[str] = ()
+    tolerances: Sequence[float] = ()
+    budget: float = 90.0
 
 
 @dataclass(frozen=True)
 class Unit:
-    """What a module is made for. `choice` is empty where the formulation makes none; `rates` names a keeping that is in the
-    equations themselves."""
+    """What a module is made for. `choice` is empty where the formulation makes none; `own` names a keeping that needs a module
+    of its own, for it is in the equations."""
 
     formulation: str
     choice: str
-    rates: str = ""
+    own: str = ""
 
     @property
     def about(self) -> dict[str, str]:
@@ -58,9 +72,10 @@ class Plan:
     excluded: tuple[Excluded, ...]
 
 
-def plan(system: System, formulations: Collection[str]) -> Plan:
-    """Units in the order in which they matter; `formulations` restricts them (all when empty)."""
-    choices, excluded = _choices(system)
+def plan(system: System, asked: Asked) -> Plan:
+    """Units in the order in which they matter."""
+    choices, excluded = _choices(system, asked.choices)
+    formulations = asked.formulations
     units = [Unit(DEFAULT, choice) for choice in choices] if not formulations or DEFAULT in formulations else []
     for formulation in FORMULATIONS:
         if formulation.name == DEFAULT or (formulations and formulation.name not in formulations):
@@ -70,15 +85,43 @@ def plan(system: System, formulations: Collection[str]) -> Plan:
             excluded.append(Excluded(formulation.name, "", "", "", reason))
         else:
             units.append(Unit(formulation.name, choices[0] if formulation.chooses else ""))
-    return Plan(tuple(units), tuple(excluded))
+    own = [name for name in OWN if not asked.keepings or name in asked.keepings]
+    return Plan((*units, *_with_own_keeping(units, own)), (*excluded, *_RESTRICTED))
 
 
-def _choices(system: System) -> tuple[list[str], list[Excluded]]:
-    """Those of the file and the kinds that fit any model; each once, whatever it is called."""
+_STAGES = ", ".join(keeping.name for keeping in KEEPINGS if keeping.level == "stages")
+_RESTRICTED = (
+    *(
+        Excluded(
+            "", "", _STAGES, method.name, "it needs the exact Jacobian of what is integrated; these solve coordinates on the way"
+        )
+        for method in INTEGRATORS
+        if method.exact
+    ),
+    Excluded(
+        "",
+        "",
+        "",
+        f"all but {INTEGRATORS[0].name}",
+        "with further keepings on the default choice and the augmented equations only",
+    ),
+)
+OWN = tuple(keeping.name for keeping in KEEPINGS if keeping.level == "rates" or keeping.name == "invariants_euclidean")
+
+
+def _with_own_keeping(units: Sequence[Unit], names: Sequence[str]) -> list[Unit]:
+    """On the default choice and on the augmented equations."""
+    compared = [*units[:1], *(unit for unit in units[1:] if unit.formulation == "augmented")] if units else []
+    return [replace(unit, own=name) for unit in compared for name in names]
+
+
+def _choices(system: System, asked: Collection[str]) -> tuple[list[str], list[Excluded]]:
+    """Those of the file and the kinds that fit any model, or those asked for; each once, whatever it is called."""
     rng = np.random.default_rng(0)
     found: dict[str, np.ndarray] = {}
     excluded = []
-    for name in dict.fromkeys([*(choice.name for choice in system.model.choices), *(OWN if system.rows else OWN[:1])]):
+    known = [*(choice.name for choice in system.model.choices), *(KINDS if system.rows else KINDS[:1])]
+    for name in dict.fromkeys(asked or known):
         try:
             w = _speeds(system, equations(system, name), np.random.default_rng(rng.integers(1) + 1))
         except AssumptionError as error:
@@ -102,10 +145,26 @@ def _speeds(system: System, found: Equations, rng: np.random.Generator) -> np.nd
     return np.array(rows)[:, system.q.numel() :]
 
 
-def runs(keepings: Sequence[str], tolerances: Sequence[float], integrators: Collection[str], scale: int) -> list[dict[str, Any]]:
-    """Of one module, family by family, loose tolerances and few steps first. `scale`: steps that dop853 takes at rtol 1e-6."""
-    chosen = [method for method in INTEGRATORS if not integrators or method.name in integrators]
-    return [run for method in chosen for keeping in keepings for run in _family(method, keeping, tolerances, scale)]
+def runs(asked: Asked, keepings: Sequence[str], every: bool, scale: int) -> list[dict[str, Any]]:
+    """Of one module, family by family, loose tolerances and few steps first. `scale`: steps that dop853 takes at rtol 1e-6.
+
+    The first integrator runs with every keeping, the others with every one only where that is asked for.
+    """
+    chosen = [method for method in INTEGRATORS if not asked.integrators or method.name in asked.integrators]
+    keepings = [keeping for keeping in keepings if not asked.keepings or keeping in asked.keepings]
+    pairs = [(method, keeping) for method in chosen for keeping in keepings if every or _is_basic(method, keeping)]
+    return [
+        run for method, keeping in pairs if fits(method, keeping) for run in _family(method, keeping, asked.tolerances, scale)
+    ]
+
+
+def _is_basic(method: Integrator, keeping: str) -> bool:
+    return method is INTEGRATORS[0] or keeping in ("projection", "none")
+
+
+def fits(method: Integrator, keeping: str) -> bool:
+    """No keeping that solves coordinates at every stage, for a method that needs the exact Jacobian of what it integrates."""
+    return not (method.exact and any(known.name == keeping and known.level == "stages" for known in KEEPINGS))
 
 
 def _family(method: Integrator, keeping: str, tolerances: Sequence[float], scale: int) -> list[dict[str, Any]]:
@@ -118,6 +177,11 @@ def _family(method: Integrator, keeping: str, tolerances: Sequence[float], scale
 
 def default_tolerances(every: int) -> list[float]:
     return [float(f"1e-{k}") for k in range(LOOSEST, TIGHTEST + 1, every)]
+
+
+def missing_libraries() -> dict[str, str]:
+    """Why some of them cannot be had here."""
+    return {} if importlib.util.find_spec("scipy") else dict.fromkeys(SCIPY, "SciPy is not installed")
 
 
 def library_runs(solver: str, tolerances: Sequence[float]) -> list[dict[str, Any]]:

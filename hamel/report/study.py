@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from codegen.integrators import INTEGRATORS
-from hamel.report import building, libraries, plan
+from hamel.report import building, plan
 from hamel.report.crew import Crew, Message, Task
 from hamel.report.judging import Judge, Reference, agreed
 from hamel.report.keeping import Found
-from hamel.report.plan import DEFAULT, Excluded, Unit
+from hamel.report.plan import DEFAULT, Asked, Excluded, Unit
 from hamel.report.running import TOO_LONG
 
 # Of the two runs of the reference: two integrators on two formulations, so that they share no error of discretisation. The second
@@ -36,16 +36,6 @@ class Case:
     @property
     def start(self) -> dict[str, Any]:
         return {"path": self.path, "values": dict(self.values)}
-
-
-@dataclass(frozen=True)
-class Asked:
-    """Restrictions (all when empty) and the seconds that the runs of one model may take together."""
-
-    formulations: Collection[str]
-    integrators: Collection[str]
-    tolerances: Sequence[float]
-    budget: float
 
 
 @dataclass(frozen=True)
@@ -80,7 +70,7 @@ def studied(case: Case, asked: Asked, crew: Crew, folder: Path, advance: Callabl
     """All of it; what was found before is not computed again. `folder` is for the modules."""
     begin = time.monotonic()
     started = building.start(case.path, case.values)
-    planned = plan.plan(started.system, asked.formulations)
+    planned = plan.plan(started.system, asked)
     options = {"report": 1, "values": sorted(case.values.items()), "span": case.span}
     site = Worksite(case, asked, crew, Found(case.path, options), folder, advance, [*planned.excluded])
     units = _built(site, planned.units)
@@ -104,7 +94,7 @@ def studied(case: Case, asked: Asked, crew: Crew, folder: Path, advance: Callabl
 
 
 def _name(unit: Unit, *more: str) -> str:
-    return "|".join((unit.formulation, unit.choice, unit.rates, *more))
+    return "|".join((unit.formulation, unit.choice, unit.own, *more))
 
 
 def _built(site: Worksite, units: Sequence[Unit]) -> list[Unit]:
@@ -112,11 +102,12 @@ def _built(site: Worksite, units: Sequence[Unit]) -> list[Unit]:
     _ensure(site, [unit for unit in units if _name(unit, "built") not in site.found])
     good = []
     for unit in units:
-        about = site.found.get(_name(unit, "built")) or {"refused": "it took too long to build"}
+        about: dict[str, Any] = site.found.get(_name(unit, "built")) or {"refused": "it took too long to build"}
         if "refused" in about:
-            site.excluded.append(Excluded(unit.formulation, unit.choice, unit.rates, "", about["refused"]))
+            site.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", about["refused"]))
         else:
             good.append(unit)
+            site.excluded += [Excluded(unit.formulation, unit.choice, k, "", why) for k, why in about["misfits"].items()]
     return good
 
 
@@ -126,7 +117,7 @@ def _ensure(site: Worksite, units: Sequence[Unit]) -> None:
     tasks = []
     for unit in missing:
         place = str(site.folder / f"unit{len(site.ready) + len(tasks)}" / "module")
-        arguments = {**site.case.start, "unit": unit.about, "folder": place}
+        arguments = {**site.case.start, "unit": unit.about, "span": site.case.span, "folder": place}
         tasks.append(Task("build", arguments, BUILD_LIMIT + GRACE, unit))
     for task, message in site.crew.answers(tasks):
         if "operations" in message:
@@ -141,7 +132,7 @@ def _ensure(site: Worksite, units: Sequence[Unit]) -> None:
 
 def _reference(site: Worksite, units: Sequence[Unit]) -> Reference:
     """Two tight runs of different formulations where there are two, else of different choices or integrators."""
-    plain = [unit for unit in units if not unit.rates]
+    plain = [unit for unit in units if not unit.own]
     others = [unit for unit in plain if not unit.choice]
     own = [unit for unit in plain if unit.choice]
     found: list[tuple[str, dict[str, Any]]] = []
@@ -199,7 +190,8 @@ def _runs(site: Worksite, units: Sequence[Unit], scale: int) -> Wanted:
     asked, wanted = site.asked, []
     for unit in units:
         keepings = site.found[_name(unit, "built")]["keepings"]
-        wanted += [(unit, run) for run in plan.runs(keepings, asked.tolerances, asked.integrators, scale)]
+        every = unit == units[0] or unit.formulation == "augmented"
+        wanted += [(unit, run) for run in plan.runs(asked, keepings, every, scale)]
     return sorted(wanted, key=lambda item: item[1]["integrator"] != INTEGRATORS[0].name)
 
 
@@ -281,9 +273,9 @@ def _library_rows(site: Worksite, units: Sequence[Unit]) -> Made:
     """CVODES, IDAS, and SciPy's solvers on the default choice and on the augmented equations."""
     if site.asked.integrators and "libraries" not in site.asked.integrators:
         return []
-    missing, wanted, tasks = libraries.missing(), [], []
+    missing, wanted, tasks = plan.missing_libraries(), [], []
     for formulation, solvers in plan.SOLVERS:
-        unit = next((unit for unit in units if unit.formulation == formulation and not unit.rates), None)
+        unit = next((unit for unit in units if unit.formulation == formulation and not unit.own), None)
         for solver in solvers if unit is not None else ():
             assert unit is not None
             if solver in missing:
@@ -326,7 +318,7 @@ def _tracks(site: Worksite, units: Sequence[Unit]) -> list[dict[str, Any]]:
     wanted = []
     for unit in units:
         keepings = site.found[_name(unit, "built")]["keepings"]
-        if unit == units[0] or unit.rates:
+        if unit == units[0] or unit.own:
             wanted += [(unit, keeping) for keeping in keepings]
         elif unit.formulation == "augmented":
             wanted += [(unit, keeping) for keeping in keepings if keeping == "none"]
@@ -349,4 +341,4 @@ def _tracks(site: Worksite, units: Sequence[Unit]) -> list[dict[str, Any]]:
 
 
 def _label(unit: Unit, keeping: str) -> str:
-    return f"{'' if unit.formulation == DEFAULT else unit.formulation + ', '}{unit.rates or keeping}"
+    return f"{'' if unit.formulation == DEFAULT else unit.formulation + ', '}{unit.own or keeping}"

@@ -5,21 +5,23 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import hamel
 from codegen.compiler import INSTALL, find_compiler
 from codegen.integrators import INTEGRATORS
 from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
 from derive.formulations import FORMULATIONS
+from derive.keepings import KEEPINGS
 from hamel.importing import load
 from hamel.pipeline import mechanics_of
 from hamel.records import Reported, as_json
 from hamel.report import page
 from hamel.report.crew import Crew
-from hamel.report.study import Asked, Case, Study, studied
+from hamel.report.plan import Asked
+from hamel.report.study import Case, Study, studied
 from hamel.settings import settings
 from hamel.staging import write_text
 
@@ -58,12 +60,13 @@ def _check(paths: Sequence[str | Path], time: float, asked: Asked) -> None:
         if not 0 < value < float("inf"):
             raise ModelError(f"{name} is {value}, which is not a positive number")
     _known("formulation", asked.formulations, [formulation.name for formulation in FORMULATIONS])
+    _known("keeping", asked.keepings, [keeping.name for keeping in KEEPINGS])
     _known("integrator", asked.integrators, [*(method.name for method in INTEGRATORS), LIBRARIES])
     if find_compiler() is None:
         raise ToolchainError("no C compiler found, and run times without one say nothing", hint=INSTALL)
 
 
-def _known(kind: str, names: Sequence[str] | Any, known: Sequence[str]) -> None:
+def _known(kind: str, names: Collection[str], known: Sequence[str]) -> None:
     for name in names:
         if name not in known:
             raise ModelError(f"unknown {kind} '{name}'; {did_you_mean(name, known) or listed(known)}")

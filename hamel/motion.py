@@ -9,10 +9,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
 from hamel.plot import Curve, Panel, draw
+from hamel.references import REFERENCES, Problem
 from hamel.staging import staged_file, write_text
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ class Motion:
     crossings: int
     seconds: float
     charts: int = 0
+    acceleration_violation: float = 0.0
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
@@ -88,8 +91,12 @@ def integrated(
 ) -> Motion:
     """The motion from x at times[0] with constant inputs u."""
     start = time.perf_counter()
+    library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
     try:
-        found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by))
+        if library is not None:
+            found = library.run(Problem(module, equations, times, x, u, p, by.rtol, by.atol))
+        else:
+            found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by))
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         raise AssumptionError(str(error), hint) from None
@@ -131,7 +138,25 @@ def _judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray,
         crossings=found.crossings,
         seconds=seconds,
         charts=found.charts,
+        acceleration_violation=_acceleration_violation(equations, module, t, x, u, p),
     )
+
+
+def _acceleration_violation(
+    equations: Equations, module: ModuleType, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray
+) -> float:
+    """max |A v̇ − β| over the rows, v̇ the derivative of v(t, x) along the compiled ẋ."""
+    system = equations.system
+    if not system.rows:
+        return 0.0
+    slots = {argument.name: argument.symbols for argument in equations.arguments}
+    v = next(function for function in equations.functions if function.name == "velocity").result.value
+    xdot = ca.SX.sym("xdot", slots["x"].numel())
+    vdot = ca.jtimes(v, slots["x"], xdot) + ca.jacobian(v, slots["t"])
+    beta = ca.substitute(system.beta, system.v, v)
+    residual = ca.Function("residual", [slots["t"], slots["x"], slots["p"], xdot], [ca.mtimes(system.A, vdot) - beta])
+    rates = module.dynamics(t, x, u, p)
+    return float(np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, np.tile(p, (len(t), 1)).T, rates.T)))))
 
 
 def _units(equations: Equations) -> dict[str, str]:

@@ -240,6 +240,7 @@ class Simulated:
     seconds: float
     position_violation: float  # max |φ|
     velocity_violation: float  # max |A v − c|
+    acceleration_violation: float  # the largest |A v̇ − β| in the rows of the output
     energy_balance: float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy exchanged
     crossings: int  # singular positions on the way; two ways across each agreed within the tolerance
     charts: int  # that the keeping used, 0 where it has none

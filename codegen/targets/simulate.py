@@ -96,7 +96,7 @@ def _blocks(has: dict[str, bool], rows: dict[str, int], nq: int, nw: int) -> lis
         held = rows["manifold"] - rows["closure"] - rows["slip"]
         found.append(("HELD", held, "the invariants at the start"))
     if has["charts"]:
-        size = rows["closure"] * (nq + rows["closure"]) + rows["slip"] * nw
+        size = rows["closure"] * (nq + rows["closure"]) + rows["slip"] * nw + 1
         found.append(("CHART", size, "the directions of the chart, and the inverse that goes with them"))
     return found
 

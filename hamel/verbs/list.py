@@ -14,6 +14,7 @@ from derive.model import KINDS, load_text
 from hamel.importing import load
 from hamel.pipeline import mechanics_of
 from hamel.records import Known, Listed
+from hamel.references import REFERENCES
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -46,7 +47,7 @@ def _known() -> dict[str, tuple[Known, ...]]:
         **{kind: tuple(names) for kind, names in kinds.items()},
         "formulations": _abouts(FORMULATIONS),
         "keepings": _abouts(KEEPINGS),
-        "integrators": _abouts(INTEGRATORS),
+        "integrators": (*_abouts(INTEGRATORS), *_abouts(REFERENCES)),
         "targets": _abouts(TARGETS),
         "functions": tuple(_functions(load_text(_EVERYTHING))),
     }

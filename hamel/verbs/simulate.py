@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from codegen.integrators import INTEGRATORS
+from codegen.integrators import INTEGRATORS, Integrator
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.keepings import KEEPINGS, Keeping, Options, kept_equations, usual_rate
@@ -20,6 +20,7 @@ from hamel import motion
 from hamel.importing import load
 from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Simulated
+from hamel.references import REFERENCES
 from hamel.settings import settings
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ def run(
     x = _state(plain, initial, p)
     alpha = usual_rate(plain, 0.0, x, u, p, time) if keeping.level == "rates" and method.alpha is None else method.alpha
     chosen = kept_equations(mechanics, method.choice, method.formulation, keeping, Options(alpha, method.conserve))
-    with temporary_module(chosen, (method.integrator,), (keeping.name,)) as module:
+    integrators = (method.integrator,) if _own(method) else ()
+    with temporary_module(chosen, integrators, (keeping.name,)) as module:
         stepping = motion.Stepping(method.integrator, keeping.name, method.step_size, *tolerances)
         found = motion.integrated(module, chosen, times, x, u, p, stepping, progress)
     for write in files:
@@ -82,13 +84,32 @@ def _keeping(method: Method, plain: Equations) -> Keeping:
     known = {keeping.name: keeping for keeping in KEEPINGS}
     if method.keeping is not None and method.keeping not in known:
         raise ModelError(f"unknown keeping '{method.keeping}'; {did_you_mean(method.keeping, known) or listed(known)}")
-    usual = next(keeping for keeping in KEEPINGS if not keeping.refusal(plain, Options()))
+    own = _own(method)
+    fitting = (keeping for keeping in KEEPINGS if keeping.level not in ("steps", "stages") or own is not None)
+    usual = next(keeping for keeping in fitting if not keeping.refusal(plain, Options()))
     keeping = known[method.keeping] if method.keeping else usual
-    exact = next(integrator.exact for integrator in INTEGRATORS if integrator.name == method.integrator)
-    if exact and keeping.level == "stages":
+    if own is None:
+        _check_reference(method, keeping, plain)
+    elif own.exact and keeping.level == "stages":
         why = "it needs the exact Jacobian of what is integrated, and solving coordinates at every stage changes that"
         raise AssumptionError(f"{method.integrator} does not fit keeping '{keeping.name}': {why}; use projection")
     return keeping
+
+
+def _own(method: Method) -> Integrator | None:
+    """The integrator as it is in generated code; None for one of another library."""
+    return next((integrator for integrator in INTEGRATORS if integrator.name == method.integrator), None)
+
+
+def _check_reference(method: Method, keeping: Keeping, plain: Equations) -> None:
+    if keeping.level in ("steps", "stages"):
+        why = "a library's loop has no place for it; none, baumgarte and feedback act on the equations"
+        raise AssumptionError(f"{method.integrator} does not fit keeping '{keeping.name}': {why}")
+    reason = next(reference for reference in REFERENCES if reference.name == method.integrator).refusal(plain)
+    if reason or (method.integrator == "idas" and keeping.name != "none"):
+        raise AssumptionError(
+            f"{method.integrator} does not fit: {reason or 'it holds the constraints itself, without a keeping'}"
+        )
 
 
 def _state(plain: Equations, initial: Initial, p: np.ndarray) -> np.ndarray:
@@ -102,12 +123,15 @@ def _state(plain: Equations, initial: Initial, p: np.ndarray) -> np.ndarray:
 
 def _check(method: Method) -> None:
     """Refuse what cannot be, before anything is computed."""
-    known = {integrator.name: integrator for integrator in INTEGRATORS}
-    if method.integrator not in known:
-        raise ModelError(f"unknown integrator '{method.integrator}'; {did_you_mean(method.integrator, known) or listed(known)}")
+    names = [*(x.name for x in INTEGRATORS), *(x.name for x in REFERENCES)]
+    if method.integrator not in names:
+        raise ModelError(f"unknown integrator '{method.integrator}'; {did_you_mean(method.integrator, names) or listed(names)}")
+    own = _own(method)
     if method.step_size is not None:
         _positive("step size", method.step_size)
-    elif not known[method.integrator].adaptive:
+        if own is None:
+            raise ModelError(f"{method.integrator} chooses its own steps: leave the step size out")
+    elif own is not None and not own.adaptive:
         raise ModelError(f"{method.integrator} has no step control: give it a step size")
 
 
@@ -158,6 +182,7 @@ def _record(
         seconds=found.seconds,
         position_violation=found.position_violation,
         velocity_violation=found.velocity_violation,
+        acceleration_violation=found.acceleration_violation,
         energy_balance=found.energy_balance,
         crossings=found.crossings,
         charts=found.charts,
@@ -179,6 +204,7 @@ def show(record: Simulated, console: Console) -> None:
     console.print(f"  {record.formulation}, keeping {record.keeping}, {record.integrator}")
     console.print(f"  largest |φ|         {number(record.position_violation)}")
     console.print(f"  largest |A v − c|   {number(record.velocity_violation)}")
+    console.print(f"  largest |A v̇ − β|   {number(record.acceleration_violation)}")
     console.print(f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged")
     if record.crossings:
         console.print(f"  crossed {record.crossings} singular positions; two ways across each agree within the tolerance")

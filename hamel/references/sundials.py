@@ -1,0 +1,99 @@
+"""SUNDIALS through CasADi: CVODES on the state derivative, IDAS on the constraints themselves.
+
+IDAS integrates the index-2 system of Gear, Gupta and Leimkuhler in (q, v), with multipliers λ and μ:
+    q̇ = N (v + A_hᵀ μ),  M v̇ + h = Q + Aᵀ λ,  0 = φ(q, t),  0 = A v − c     (A_h: the holonomic rows)
+so that positions and velocities are both held, without a choice of quasi-velocities. The traditional reference.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from derive.formulations.records import Equations
+from hamel.references.records import Found, Problem, Reference, found
+
+MOST_STEPS = 10_000_000
+
+
+def _cvodes(problem: Problem) -> Found:
+    slots = {argument.name: argument.symbols for argument in problem.equations.arguments}
+    made = {function.name: function.result.value for function in problem.equations.functions}
+    work = made["power"] if "power" in made else ca.SX(0)
+    system = {"x": slots["x"], "t": slots["t"], "u": slots["u"], "p": slots["p"], "ode": made["dynamics"], "quad": work}
+    return _integrated("cvodes", system, problem, np.zeros(0), {})
+
+
+def _idas(problem: Problem) -> Found:
+    equations, x = problem.equations, problem.x
+    system, kept = equations.system, _kept(equations)
+    closing = [i for i in kept if system.rows[i].position >= 0]
+    lam, mu = ca.SX.sym("lam", len(kept)), ca.SX.sym("mu", len(closing))
+    A = system.A[kept, :]
+    qdot = ca.substitute(system.qdot, system.v, system.v + ca.mtimes(system.A[closing, :].T, mu))
+    vdot = ca.solve(system.M, system.Q - system.h + ca.mtimes(A.T, lam))
+    phi = ca.vertcat(*[system.phi[system.rows[i].position] for i in closing])
+    dae = {
+        "x": ca.vertcat(system.q, system.v), "z": ca.vertcat(mu, lam), "t": system.t, "u": system.u, "p": system.p,
+        "ode": ca.vertcat(qdot, vdot), "alg": ca.vertcat(phi, ca.mtimes(A, system.v) - system.c[kept]),
+        "quad": next(function.result.value for function in equations.functions if function.name == "power"),
+    }  # fmt: skip
+    t, module = float(problem.times[0]), problem.module
+    z = np.concatenate([np.zeros(len(closing)), module.reactions(t, x, problem.u, problem.p)[kept]])
+    rates = module.dynamics(t, x, problem.u, problem.p).tolist()
+    return _integrated(
+        "idas",
+        dae,
+        problem,
+        z,
+        {
+            "suppress_algebraic": True,
+            "calc_ic": False,
+            "init_xdot": rates,
+            "step0": min(1e-5, 1e-3 * float(np.ptp(problem.times))),
+        },
+    )
+
+
+def _kept(equations: Equations) -> list[int]:
+    """The independent rows, by the names that their own function shows."""
+    names = [row.name for row in equations.system.rows]
+    slip = next(request for request in equations.requests if request.name == "slip").make()
+    return [names.index(label) for label in slip.result.labels]
+
+
+def _integrated(solver: str, dae: dict[str, ca.SX], problem: Problem, z: np.ndarray, options: dict[str, Any]) -> Found:
+    """The rows at the output times; the first one is the state given."""
+    times = problem.times
+    steps = {"abstol": problem.atol, "reltol": problem.rtol, "max_num_steps": MOST_STEPS, "show_eval_warnings": False}
+    try:
+        run = ca.integrator("motion", solver, dae, times[0], times[1:], {**steps, **options})
+        result = run(x0=problem.x, z0=z, u=np.tile(problem.u[:, np.newaxis], (1, times.size - 1)), p=problem.p)
+    except RuntimeError as error:
+        why = str(error).strip().splitlines()[-1]
+        raise FloatingPointError(f"{problem.module.name}: {solver.upper()} stopped: {why}") from None
+    x = np.vstack([problem.x, np.asarray(result["xf"]).T])
+    work = np.concatenate([[0.0], np.asarray(result["qf"]).ravel()])
+    counts = run.stats()
+    return found(problem, x, work, counts["nsteps"], counts["netfails"], counts["nfevals"])
+
+
+def _needs_multipliers(equations: Equations) -> str:
+    if not equations.system.rows:
+        return "there are no constraints to hold"
+    if equations.formulation != "augmented":
+        return "it holds the constraints of the base velocities by multipliers of its own: give it the formulation augmented"
+    return "" if equations.system.written else "the mass matrix is not written out for a system of this length"
+
+
+_SOURCE = "A. C. Hindmarsh et al.: SUNDIALS, ACM TOMS 31, 2005, through CasADi"
+CVODES = Reference("cvodes", "CVODES (BDF) through CasADi on the same equations", _SOURCE, _cvodes)
+IDAS = Reference(
+    "idas",
+    "IDAS (BDF) through CasADi on the stabilised index-2 system of Gear, Gupta and Leimkuhler",
+    f"C. W. Gear, B. Leimkuhler, G. K. Gupta, J. Comput. Appl. Math. 12, 1985; {_SOURCE}",
+    _idas,
+    _needs_multipliers,
+)

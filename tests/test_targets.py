@@ -300,3 +300,19 @@ def test_defaults_and_batches_use_precomputed_constants(module: ModuleType) -> N
     p[7, 2] = np.nan
     with pytest.warns(RuntimeWarning, match=r"1 of 30 rows failed and are NaN; row 7: not finite"):
         assert np.isnan(module.dynamics(t, x, u, p)[7]).all()
+
+
+@needs_compiler
+def test_batches_on_threads(module: ModuleType) -> None:
+    t, x, u = states(37)
+    expected = module.dynamics(t, x, u)
+    for binding in bindings(module):
+        many = module.threaded(binding.dynamics, 3)
+        tame = np.abs(expected).max(axis=1) < 1e3
+        np.testing.assert_allclose(many(t, x, u)[tame], expected[tame], rtol=1e-11)
+        np.testing.assert_array_equal(many(t[0], x[0], u[0]), binding.dynamics(t[0], x[0], u[0]))
+        out = np.empty((37, 2, 4))
+        assert many(t[:, None], x[:, None], u[:2], out=out) is out
+        np.testing.assert_allclose(out[tame, 0], module.dynamics(t, x, u[0])[tame], rtol=1e-9, atol=1e-9)
+    with pytest.raises(TypeError):
+        module.threaded(module.dynamics, 2)(t, x)

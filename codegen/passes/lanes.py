@@ -8,7 +8,7 @@ BATCHED = ("dynamics",)  # worth the time to compile them twice
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne", "and", "or", "not", "where",
 })  # fmt: skip
-WIDEST = 8_000  # values (inputs, outputs, statements) of one state, which all have to be kept for every lane
+WIDEST = 1_500  # statements, inputs and outputs together: longer loops over lanes take compilers too long
 
 
 def is_batched(kernel: Kernel) -> bool:

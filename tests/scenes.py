@@ -8,6 +8,7 @@ from derive.formulations.records import Equations
 from derive.mechanics import system
 from derive.mechanics.records import System
 from derive.model import load
+from derive.model.records import Model
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"
@@ -37,3 +38,8 @@ def mechanics(name: str) -> System:
 def derived(name: str, choice: str | None = None, formulation: str = "quasi_velocities") -> Equations:
     """Equations that several tests look at, derived once."""
     return equations(mechanics(name), choice, formulation)
+
+
+def is_tree(model: Model) -> bool:
+    """Joints alone: neither loops nor constraints, and no coordinates of the analytic form."""
+    return not (model.closures or model.constraints or model.kinetic)

@@ -27,19 +27,13 @@ def functions(e: Equations) -> dict[str, ca.Function]:
 
 
 def accelerations(e: Equations, found) -> np.ndarray:
-    """v̇ = S ẇ + σ at the sampled states."""
+    """v̇ at the sampled states: the derivative of v(t, x) along ẋ, so that a wrong ẇ shows whatever σ says."""
     f = functions(e)
     t, x, u, p = (a.symbols for a in e.arguments)
-    named = {n.name: n.value for n in e.named}
-    if "S" not in named:
-        return np.array([f["dynamics"](*a).full().ravel()[len(a[1]) - len(e.w) :] for a in arguments(f, found)])
-    split = ca.Function("split", [t, x, u, p], [ca.densify(named["S"]), named["sigma"]])
-    rows = []
-    for a in arguments(f, found):
-        S, sigma = split(*a)
-        wdot = f["dynamics"](*a).full().ravel()[len(a[1]) - len(e.w) :]
-        rows.append((S.full() @ wdot) + sigma.full().ravel())
-    return np.array(rows)
+    value = {function.name: function.result.value for function in e.functions}
+    vdot = ca.jtimes(ca.densify(value["velocity"]), ca.vertcat(t, x), ca.vertcat(1, ca.densify(value["dynamics"])))
+    rate = ca.Function("rate", [t, x, u, p], [ca.densify(vdot)])
+    return np.array([rate(*a).full().ravel() for a in arguments(f, found)])
 
 
 def arguments(f: dict[str, ca.Function], found) -> list[tuple]:

@@ -26,7 +26,7 @@ from derive.textbook.names import symbol, velocity
 from derive.textbook.typeset import Typesetter
 from derive.textbook.write_html import page
 from derive.textbook.write_latex import article, escape
-from tests.scenes import MODELS, ROOT
+from tests.scenes import MODELS, ROOT, is_tree
 
 TOLERANCE = 1e-9
 EVERY_CHOICE = {"four_bar", "snake3"}
@@ -41,7 +41,6 @@ ONE_CHOICE = {
     "planar_3r",
     "mobile_manipulator_2r",
 }
-TREES = {"cart_pole", "double_pendulum", "free_body", "planar_3r", "stanford_arm"}
 IMPOSSIBLE = {("snake3", "world")}  # x and y rates depend on each other through the wheel of link 1
 
 
@@ -54,7 +53,7 @@ def cases():
             yield case(path.stem, name, (), "quasi_velocities", soon)
             yield case(path.stem, name, "all", "quasi_velocities", k == 0 and path.stem in EVERY_CHOICE)
         for method in FORMULATIONS:
-            if method.name != "quasi_velocities" and (method.name == "recursive") <= (path.stem in TREES):
+            if method.name != "quasi_velocities" and (method.name == "recursive") <= is_tree(load(path)):
                 quick = EVERY_CHOICE | ({"cart_pole", "double_pendulum"} if method.name == "recursive" else {"bead_on_wire"})
                 yield case(path.stem, names[0], (), method.name, path.stem in quick)
 

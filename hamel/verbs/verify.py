@@ -25,7 +25,7 @@ def run(
 ) -> Verified:
     model = load(path)
     mechanics = mechanics_of(model, constants)
-    asked = {} if choice is None else {choice: equations(mechanics, choice, formulation)}
+    asked = {e.choice: e for e in ([] if choice is None else [equations(mechanics, choice, formulation)])}
     usable, refused = usable_choices(mechanics, formulation)
     wanted = asked or usable
     checks = [check for name in wanted for check in _checks(name, usable | asked, states, seed)]

@@ -143,6 +143,7 @@ class Program:
     left_out: tuple[str, ...] = ()  # functions and arguments this model has no use for
     positions: int = 0  # leading rows of `constraints` that are position constraints
     nominal: tuple[float, ...] = ()  # a state to show in examples; any when empty
+    inline: bool = False  # also as one header of inline functions
     flags: tuple[str, ...] = ()  # for the compiler, besides those it always gets
     timings: tuple[tuple[str, float], ...] = ()  # what tuning compared: nanoseconds of `dynamics` per state
     integrators: tuple[str, ...] = ()  # of `simulate`, the default first

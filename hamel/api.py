@@ -32,17 +32,19 @@ def build(
     integrators: Collection[str] = (),
     numpy: bool = False,
     tune: bool = False,
+    header: bool = False,
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
     `constants` names the parameters to bake in ("all" for every one); `integrators` those that the module's simulate() can use
     (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler
     this raises ToolchainError, unless `numpy` says that a module that runs on NumPy will do. `tune` compiles every formulation
-    that fits, with every choice where none is named, and takes the one whose `dynamics` is fastest on this machine.
+    that fits, with every choice where none is named, and takes the one whose `dynamics` is fastest on this machine. `header` adds
+    <model>_inline.h, all functions in one header for C and C++.
     """
     from hamel.verbs.build import run
 
-    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune)
+    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header)
 
 
 def verify(

@@ -106,6 +106,7 @@ def check(model: str) -> Any:
     "--integrator", "integrators", metavar="a,b", default="", help="What the module's simulate() uses (default: dop853)."
 )
 @click.option("--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy.")
+@click.option("--header", is_flag=True, help="Also write all functions as one header of inline functions, NAME_inline.h.")
 @click.option("--tune", is_flag=True, help="Time the candidates here (formulations, choices, flags) and take the fastest.")
 @click.option("--explain", is_flag=True, help="Also print what each pass saved and what was left out.")
 def build(model: str, constants: str, functions: str, integrators: str, explain: bool, **options: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -36,6 +36,7 @@ def made(
     states: int,
     numpy: bool,
     tune: bool,
+    header: bool,
 ) -> Built:
     """Derive, emit, compile, compare with the independent derivation, and only then publish."""
     clock = Clock()
@@ -46,7 +47,7 @@ def made(
     else:
         equations = equations_of(path, choice, constants, formulation, clock)
     with meanwhile(lambda: html(equations)) as page:
-        program = program_of(equations, functions, clock, integrators)
+        program = replace(program_of(equations, functions, clock, integrators), inline=header)
         if tune:
             program = tuned(program, times, clock)
         folder = Path(out) if out else Path("generated") / program.name

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -316,3 +317,29 @@ def test_batches_on_threads(module: ModuleType) -> None:
         np.testing.assert_allclose(out[tame, 0], module.dynamics(t, x, u[0])[tame], rtol=1e-9, atol=1e-9)
     with pytest.raises(TypeError):
         module.threaded(module.dynamics, 2)(t, x)
+
+
+@needs_compiler
+def test_one_header_for_c_and_cpp(tmp_path: Path, module: ModuleType) -> None:
+    written = build.emit(replace(program(toy()), inline=True))
+    (tmp_path / "toy_inline.h").write_text(written["toy_inline.h"])
+    main = """#include "toy_inline.h"
+#include <stdio.h>
+int main(void) {
+    const double x[4] = {0.1, 0.2, 0.3, 0.4}, u[1] = {0.0};
+    double out[4];
+    int i, status = toy_dynamics(0.0, x, u, toy_defaults, out);
+    for (i = 0; i < 4; i++) printf("%.17g\\n", out[i]);
+    return status;
+}
+"""
+    (tmp_path / "main.c").write_text(main)
+    command = compiler.find_compiler()
+    assert command
+    quiet = ["-Wno-unused-function"]
+    subprocess.run([*command, *STRICT, *quiet, "main.c", "-lm", "-o", "main"], cwd=tmp_path, check=True)
+    printed = subprocess.run([str(tmp_path / "main")], capture_output=True, text=True, check=True).stdout
+    np.testing.assert_allclose([float(x) for x in printed.split()], module.dynamics(0.0, [0.1, 0.2, 0.3, 0.4], [0.0]), rtol=1e-12)
+    if shutil.which("g++"):
+        subprocess.run(["g++", "-fsyntax-only", "-x", "c++", "main.c"], cwd=tmp_path, check=True)
+    assert "toy_inline.h" not in build.emit(program(toy()))

@@ -71,6 +71,7 @@ def files(program: Program) -> dict[str, str]:
         f"{program.name}.h": text.render("header.h.j2", bodies=bodies, batches=batches, **data),
         f"{program.name}.c": text.render("source.c.j2", bodies=short, features=FEATURES, **data),
         f"{program.name}_cpu.c": text.render("cpu.c.j2", features=FEATURES, **data),
+        **({f"{program.name}_inline.h": text.render("inline.h.j2", bodies=bodies, **data)} if program.inline else {}),
         **({f"{program.name}_batch.c": text.render("batch.c.j2", bodies=batches, **data)} if batches else {}),
         **long,
     }

@@ -25,6 +25,7 @@ def run(
     states: int,
     numpy: bool,
     tune: bool = False,
+    header: bool = False,
 ) -> Built:
     options = {
         "choice": choice,
@@ -35,6 +36,7 @@ def run(
         "states": states,
         "numpy": numpy,
         "tune": tune,
+        "header": header,
     }
     name = kept.key(path, options)
     found = kept.restored(name, out)

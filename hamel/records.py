@@ -173,6 +173,27 @@ class CriticalValue:
 
 
 @dataclass(frozen=True)
+class ModeOf:
+    """An eigenvalue at `values`, of a pair the one above the real axis: its course and shape in words, and dλ/d(name)."""
+
+    eigenvalue: Sequence[float]
+    course: str
+    shape: str
+    sensitivity: Mapping[str, Sequence[float]]
+
+
+@dataclass(frozen=True)
+class UnreducedForm:
+    """The multiplier equations in all coordinates and velocities that are not cyclic: how far they are from the minimal form on
+    the constraints, relative to the largest entry of A, and their spurious zero eigenvalues, 2 m_h + m_n."""
+
+    states: tuple[str, ...]
+    A: Sequence[Sequence[float]]
+    difference: float
+    spurious: int
+
+
+@dataclass(frozen=True)
 class Linearized:
     """δẋ = A δx + B δu, δy = C δx + D δu along a steady motion, in `states`: independent coordinates and quasi-velocities.
 
@@ -199,6 +220,8 @@ class Linearized:
     swept: tuple[str, ...]
     rows: tuple[Mapping[str, Any], ...]
     critical: tuple[CriticalValue, ...]
+    modes: tuple[ModeOf, ...]
+    unreduced: UnreducedForm | None  # where neither base velocities nor rates are constant along the motion there is none
     stable: tuple[tuple[float, float], ...]  # intervals of the swept name without an unstable eigenvalue
     seconds: Mapping[str, float]
     step: float | None  # s; δx(t + step) = Φ δx + Γ δu where it is given

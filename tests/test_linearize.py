@@ -269,3 +269,25 @@ def test_the_walk_through_says_what_is_found(bicycle):
     printed_values = [float(x) for x in re.findall(r"at speed = ([\d.]+)", text)]
     assert printed_values == pytest.approx([0.68428307889245579629, 4.2923825363411039587, 6.0242620153883588899], abs=1e-12)
     assert "hamel linearize" in text and "spurious" in text
+
+
+def test_zeros_are_taken_out_whichever_way_they_are_named(bicycle):
+    """All as families, some by name, all as cyclic: the same four eigenvalues."""
+    motion = motion_of(bicycle.equations, None)
+    wanted = eigenvalues(bicycle.along({}))
+    for cyclic in ((), ("x", "rear_spin")):
+        found = study(bicycle.equations, motion, {}, cyclic)
+        assert sum(map(len, found.families)) + len(found.cyclic) == 6
+        assert np.max(np.abs(eigenvalues(found.along({})) - wanted)) < 1e-9
+    with pytest.raises(AssumptionError, match="'lean' is not cyclic"):
+        study(bicycle.equations, motion, {}, ("lean",))
+
+
+def test_equilibria_are_found_from_the_initial_values():
+    hanging = studied("pendulum", "guess")
+    assert hanging.motions({}).x[0, :2] == pytest.approx([0.0, -1.0], abs=1e-9)
+    assert eigenvalues(hanging.along({}))[0] == pytest.approx([1j * np.sqrt(9.81), -1j * np.sqrt(9.81)], abs=1e-9)
+    with pytest.raises(AssumptionError, match="depends on time"):
+        studied("car_axis", "guess")
+    with pytest.raises(AssumptionError, match="no steady motion was found near the initial values"):
+        studied("screw_press", "guess")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,6 +10,7 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic, did_you_mean, listed
 from derive.expressions.evaluate import casadi_functions, number, value
+from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
@@ -22,6 +23,8 @@ STEPS = 40
 RANK = 1e-10  # relative singular value below which a direction is left alone
 KEPT = 1e-9  # relative residual up to which a motion is steady
 HALVINGS = 8
+CREEPS = 1e-5  # a largest speed below this is tried at rest
+BESIDE = (0.1, 0.3, 1.0)  # how far beside the initial values `guess` starts at last
 FLAT = 1e-3  # the least slope that a row's residual is measured by
 
 
@@ -38,6 +41,12 @@ class Problem:
     shifts: ca.Function  # (x, u, p, s) → ∂R/∂(p, s)
     kinematics: Kinematics
     speeds: ca.Function  # (t, q, p) → B of w = B v
+    names: tuple[str, ...]  # what is held
+    held: ca.Function  # (p, s) → its values
+
+    def given(self, p: np.ndarray, s: np.ndarray) -> dict[str, float]:
+        """Held values by name."""
+        return dict(zip(self.names, self.held(p, s).full().ravel().tolist()))
 
 
 def rest(equations: Equations) -> SteadyMotion:
@@ -72,7 +81,9 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         )
     s = ca.vertcat(*[ca.SX.sym(name) for name in motion.sweepable]) if motion.sweepable else ca.SX(0, 1)
     still = [i for i in range(f.value.numel()) if i not in cyclic]
-    held, labels, units = _held(equations, motion, s)
+    wanted = _wanted(equations, motion, s)
+    quantities = _quantities(equations)
+    held = _column([quantities[name][0] - value for name, value in wanted.items()])
     positions = position_rows(system)
     names = [row.name for row in sorted((r for r in system.rows if r.position >= 0), key=lambda r: r.position)]
     names += [f"length of quaternion {k + 1}" for k in range(len(system.quaternions))]
@@ -83,25 +94,28 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     return Problem(
         equations=equations,
         motion=motion,
-        rows=(*names, *(f.labels[i] for i in still), *labels),
-        units=(*("" for _ in names), *(f.units[i] for i in still), *units),
+        rows=(*names, *(f.labels[i] for i in still), *wanted),
+        units=(*("" for _ in names), *(f.units[i] for i in still), *(quantities[name][1] for name in wanted)),
         function=ca.Function("steady", known, [R, ca.densify(ca.jacobian(R, y))]),
         residual=ca.Function("residual", known, [R]),
         shifts=ca.Function("shifts", known, [ca.densify(ca.jacobian(R, ca.vertcat(p, s)))]),
         kinematics=Kinematics(system),
         speeds=ca.Function("B", [system.t, system.q, system.p], [ca.densify(B)]),
+        names=tuple(wanted),
+        held=ca.Function("held", [p, s], [_column(list(wanted.values()))]),
     )
 
 
-def _held(equations: Equations, motion: SteadyMotion, s: ca.SX) -> tuple[ca.SX, list[str], list[str]]:
-    """Held quantity − its value, row by row; inputs that are not named are zero."""
+def _column(entries: list[ca.SX]) -> ca.SX:
+    return ca.densify(ca.vertcat(*entries)) if entries else ca.SX(0, 1)
+
+
+def _wanted(equations: Equations, motion: SteadyMotion, s: ca.SX) -> dict[str, ca.SX]:
+    """Values of what is held, by name; inputs that are not named are zero."""
     system = equations.system
-    quantities = _quantities(equations)
     names = dict(system.symbols.names) | {name: s[k] for k, name in enumerate(motion.sweepable)}
     wanted = {i.name: ca.SX(0) for i in system.model.inputs if i.name not in motion.free}
-    wanted |= {name: ca.SX(value(e, names, system.symbols.rates, casadi_functions())) for name, e in motion.values}
-    rows = [quantities[name][0] - wanted[name] for name in wanted]
-    return ca.vertcat(*rows) if rows else ca.SX(0, 1), list(wanted), [quantities[name][1] for name in wanted]
+    return wanted | {name: ca.SX(value(e, names, system.symbols.rates, casadi_functions())) for name, e in motion.values}
 
 
 def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
@@ -114,22 +128,62 @@ def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
     return found | {i.name: (system.u[k], i.unit) for k, i in enumerate(model.inputs)}
 
 
-def start(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """(x, u) to begin with: held and guessed values put in, the rest nearest to rest on the constraints."""
+def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """(x, u) of the steady motion for one set of values, from the starts in turn.
+
+    Motions that creep are tried at rest: where velocities enter squared, Newton's method comes to rest slowly. Raises
+    AssumptionError.
+    """
+    problem: AssumptionError | None = None
+    for y in starts(found, p, s):
+        try:
+            return _at_rest(found, solved(found, p, s, y), p, s)
+        except AssumptionError as error:
+            problem = problem or error
+    raise problem or AssertionError
+
+
+def _at_rest(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    w = slice(found.equations.system.q.numel(), found.equations.arguments[1].symbols.numel())
+    if not 0 < np.max(np.abs(y[w]), initial=0.0) < CREEPS:
+        return y
+    still = y.copy()
+    still[w] = 0.0
+    try:
+        still = solved(found, p, s, still)
+    except AssumptionError:
+        return y
+    return still if np.max(np.abs(still - y), initial=0.0) < np.sqrt(CREEPS) else y
+
+
+def starts(found: Problem, p: np.ndarray, s: np.ndarray) -> Iterator[np.ndarray]:
+    """(x, u) to begin with. A motion of the file has one: held and guessed values put in, the rest nearest to rest on the
+    constraints. `guess` begins at the initial values, then at rest there, then at rest a little beside them.
+    """
     system, motion = found.equations.system, found.motion
-    model = system.model
-    if motion.name == GUESS and not motion.values:
-        initial = initial_state(system, p=p)
-        q, v = initial.q, initial.v
-        given: dict[str, float] = {}
-    else:
-        names = dict(zip([x.name for x in model.parameters], (x.value for x in model.parameters)))
-        names |= dict(zip(found.equations.arguments[3].labels, p)) | dict(zip(motion.sweepable, s))
-        given = {name: number(e, names) for name, e in (*motion.guesses, *motion.values)}
+    if motion.name != GUESS or motion.values:
+        given = found.given(p, s) | {name: _number(found, e, p) for name, e in motion.guesses}
         q = _positions(found, given, p)
-        v = _velocities(found, given, q, p)
+        yield _state(found, given, q, _velocities(found, given, q, p), p)
+        return
+    initial = initial_state(system, p=p)
+    yield _state(found, {}, initial.q, initial.v, p)
+    rng, rest = np.random.default_rng(0), np.zeros(system.v.numel())
+    for spread in (0.0, *BESIDE):
+        q = normalised(system, initial.q + spread * rng.uniform(-1, 1, len(initial.q)))
+        on = closed(found.kinematics, 0.0, q, p)
+        if on is not None:
+            yield _state(found, {}, on, rest, p)
+
+
+def _number(found: Problem, formula: Expression, p: np.ndarray) -> float:
+    names = {x.name: x.value for x in found.equations.system.model.parameters}
+    return number(formula, names | dict(zip(found.equations.arguments[3].labels, p)))
+
+
+def _state(found: Problem, given: dict[str, float], q: np.ndarray, v: np.ndarray, p: np.ndarray) -> np.ndarray:
     w = found.speeds(0.0, q, p).full() @ v
-    return np.concatenate([q, w, [given.get(i.name, 0.0) for i in model.inputs]])
+    return np.concatenate([q, w, [given.get(i.name, 0.0) for i in found.equations.system.model.inputs]])
 
 
 def _positions(found: Problem, given: dict[str, float], p: np.ndarray) -> np.ndarray:
@@ -156,9 +210,10 @@ def _velocities(found: Problem, given: dict[str, float], q: np.ndarray, p: np.nd
 
 def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
     """(x, u) of the steady motion near y. Raises AssumptionError, with the residual, where there is none."""
+    y, free = _with_inputs(found, y, p, s)
     for _ in range(STEPS):
         R, J = _evaluated(found, y, p, s)
-        step = -np.linalg.lstsq(J, R, rcond=RANK)[0]
+        step = -np.linalg.lstsq(J * free, R, rcond=RANK)[0]
         y, done = _damped(found, y, step, p, s, R)
         if done:
             break
@@ -167,6 +222,17 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
     if not np.all(np.isfinite(R)) or np.max(worst, initial=0.0) > KEPT:
         raise _refused(found, R, worst)
     return y
+
+
+def _with_inputs(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """y with the inputs that are held at their values, and which entries are left to find."""
+    y, free = y.copy(), np.ones(len(y))
+    first = found.equations.arguments[1].symbols.numel()
+    given = found.given(p, s)
+    for k, name in enumerate(found.equations.arguments[2].labels, start=first):
+        if name in given:
+            y[k], free[k] = given[name], 0.0
+    return y, free
 
 
 def _evaluated(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -209,6 +275,9 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionErr
     model, motion = found.equations.system.model, found.motion
     k = int(np.argmax(excess))
     unit = f" {found.units[k]}" if found.units[k] else ""
+    what = f"'{motion.name}' is no steady motion"
+    if motion.name == GUESS and not motion.values:
+        what = "no steady motion was found near the initial values"
     missed = f"is missed by {R[k]:.3g}{unit}"
     if found.rows[k].startswith("der(") and found.rows[k] not in dict(motion.values):
         missed = f"would have to vanish and is {R[k]:.3g}{unit}"
@@ -220,7 +289,7 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionErr
             line=span.line,
             column=span.column,
             length=span.length,
-            message=f"'{motion.name}' is no steady motion: {found.rows[k]} {missed}",
+            message=f"{what}: {found.rows[k]} {missed}",
             expected="held values that can be kept for ever; other guesses, an input that is `free`, or another --choice",
             source_line=lines[span.line - 1] if 0 < span.line <= len(lines) else "",
         )
@@ -231,7 +300,7 @@ def family(found: Problem, p: np.ndarray, s: np.ndarray) -> Steady:
     """The steady motions for rows of p and s: continued from row to row, with straight lines between where those will do."""
     many, nx = len(p), found.equations.arguments[1].symbols.numel()
     y = np.zeros((many, nx + found.equations.system.u.numel()))
-    y[0] = solved(found, p[0], s[0], start(found, p[0], s[0]))
+    y[0] = settled(found, p[0], s[0])
     _between(found, p, s, y, 0, many - 1, y[0])
     R = _residuals(found, y, p, s)
     return Steady(y[:, :nx], y[:, nx:], p, np.max(np.abs(R), axis=1, initial=0.0))

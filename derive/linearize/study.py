@@ -14,7 +14,7 @@ from derive.linearize.cyclic import confirmed, cyclic_coordinates
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families
-from derive.linearize.steady import Problem, family, problem, solved, start
+from derive.linearize.steady import Problem, family, problem, settled
 from derive.model.records import SteadyMotion
 
 SAMPLES = 3
@@ -101,7 +101,7 @@ def study(
     found = problem(equations, motion, ignorable)
     p = np.array([given[name] for name in equations.arguments[3].labels])
     s = np.array([given[name] for name in motion.sweepable])
-    y = solved(found, p, s, start(found, p, s))
+    y = settled(found, p, s)
     form = linear(equations, y[: equations.system.q.numel()], p)
     places = tuple(k for k, j in enumerate(form.independent) if j in left_out)
     kept = tuple(k for k in range(len(form.states)) if k not in places)

@@ -10,17 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.linearize import study
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
+from derive.linearize.records import Steady
+from derive.linearize.sensitivity import Mode, modes
 from derive.linearize.steady import motion_of
 from derive.linearize.study import Study
+from derive.linearize.unreduced import unreduced
 from hamel.linear.page import page
 from hamel.linear.ranges import ranges, values
 from hamel.linear.sweep import Sweep, swept
+from hamel.linear.words import course, shape
 from hamel.pipeline import Clock, equations_of
-from hamel.records import CriticalValue, Linearized
+from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
 from hamel.staging import write_text
 
 if TYPE_CHECKING:
@@ -83,12 +87,27 @@ def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
         rows=tuple(_rows(found, made)),
         critical=tuple(CriticalValue(c.kind, made.names[0], c.value, _pair(c.eigenvalue)) for c in made.critical),
         stable=made.stable,
+        modes=tuple(_mode(found, mode) for mode in modes(found)),
+        unreduced=_unreduced(found, motions),
         seconds=clock.seconds,
         step=None,
         Phi=None,
         Gamma=None,
         page=None,
     )
+
+
+def _mode(found: Study, mode: Mode) -> ModeOf:
+    slopes = {name: _pair(slope) for name, slope in mode.sensitivity.items()}
+    return ModeOf(_pair(mode.eigenvalue), course(mode.eigenvalue), shape(found, mode), slopes)
+
+
+def _unreduced(found: Study, motions: Steady) -> UnreducedForm | None:
+    try:
+        other = unreduced(found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic))
+    except AssumptionError:
+        return None
+    return UnreducedForm(other.states, other.A.tolist(), other.difference, other.spurious)
 
 
 def _sampled(found: Study, step: float) -> dict[str, Any]:
@@ -124,6 +143,10 @@ def show(record: Linearized, console: Console) -> None:
     rows = [(*(f"{row[name]:.6g}" for name in record.swept), "  ".join(map(_shown, row["eigenvalues"]))) for row in record.rows]
     every = max(1, len(rows) // MOST_ROWS)
     table(console, (*record.swept, "eigenvalues (1/s)"), rows[::every], right=range(len(record.swept)))
+    if record.swept:
+        console.print(f"at {', '.join(f'{name} = {record.values[name]:.6g}' for name in record.swept)}:")
+    for mode in record.modes:
+        console.print(f"{_shown(mode.eigenvalue)}: {mode.course}; {mode.shape}")
     for c in record.critical:
         console.print(f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_shown(c.eigenvalue)}")
     for first, last in record.stable:

@@ -209,6 +209,8 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any) -> Any:
     """Linearise MODEL along a steady motion in minimal states, and find its eigenvalues."""
     ranges = dict(_setting(text, "--sweep") for text in sweep)
+    if len(ranges) < len(sweep):
+        raise click.BadParameter("a name is swept twice", param_hint="--sweep")
     left_out = None if cyclic is None else () if cyclic.strip() == "none" else _names(cyclic)
     return hamel.linearize(model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options)
 

@@ -33,16 +33,16 @@ def settings(model: Model, values: Mapping[str, float | str]) -> Settings:
     parameters = {p.name: p.value for p in model.parameters}
     inputs = {i.name: 0.0 for i in model.inputs}
     initial: dict[str, float] = {}
-    units = _units(model)
+    known = units(model)
     given = {"".join(name.split()): value for name, value in values.items()}
-    found = {name: _value(name, value, units, parameters) for name, value in given.items()}
+    found = {name: _value(name, value, known, parameters) for name, value in given.items()}
     for name, value in found.items():
         place = next((table for table in (parameters, inputs) if name in table), initial)
         place[name] = value
     return Settings(initial, parameters, inputs)
 
 
-def _units(model: Model) -> dict[str, str]:
+def units(model: Model) -> dict[str, str]:
     """Unit of everything that can be set."""
     units = {item.name: item.unit for item in (*model.parameters, *model.inputs, *model.coordinates, *model.velocities)}
     rates = {f"der({c.name})": f"{c.unit or 1}/s" for c in model.coordinates}
@@ -53,7 +53,7 @@ def _value(name: str, value: float | str, units: Mapping[str, str], parameters: 
     if name not in units:
         raise ModelError(_unknown(name, units))
     if isinstance(value, str):
-        return _parsed(name, value, units[name], parameters)
+        return parsed(name, value, units[name], parameters)
     if not math.isfinite(value):
         raise ModelError(f"{name} is set to {value}, which is not a finite number")
     return float(value)
@@ -64,15 +64,15 @@ def _unknown(name: str, units: Mapping[str, str]) -> str:
     return f"'{name}' is set, but it is no initial value, parameter or input of this model; {near or f'it has {listed(units)}'}"
 
 
-def _parsed(name: str, text: str, unit: str, parameters: Mapping[str, float]) -> float:
-    """The value of a formula of parameters; what is wrong with it is said of this name."""
+def parsed(name: str, text: str, unit: str | None, parameters: Mapping[str, float]) -> float:
+    """The value of a formula of parameters, in any unit when `unit` is None; what is wrong with it is said of this name."""
     try:
         return _evaluated(name, text, unit, parameters)
     except FormulaError as error:
         raise ModelError([replace(found, file=f"value of {name}") for found in error.diagnostics]) from None
 
 
-def _evaluated(name: str, text: str, unit: str, parameters: Mapping[str, float]) -> float:
+def _evaluated(name: str, text: str, unit: str | None, parameters: Mapping[str, float]) -> float:
     formula = expression(text, parameters)
     strange = [
         node.name for node in tree.walk(formula) if isinstance(node, tree.Name | tree.Rate) and node.name not in parameters
@@ -80,6 +80,6 @@ def _evaluated(name: str, text: str, unit: str, parameters: Mapping[str, float])
     if strange:
         raise ModelError(f"{name} is set to '{text}', but '{strange[0]}' is no parameter")
     dimension = infer(formula, {}, text)
-    if isinstance(dimension, tuple) and dimension != parsed_unit(unit).dimension:
+    if unit is not None and isinstance(dimension, tuple) and dimension != parsed_unit(unit).dimension:
         raise ModelError(f"{name} is set to '{text}', which is no quantity in {unit or 'plain numbers'}")
     return number(formula, parameters, text)

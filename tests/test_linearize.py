@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import hamel
-from derive.diagnostics import AssumptionError, HamelError
+from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.formulations import equations
 from derive.linearize import study
 from derive.linearize.critical import critical_values
@@ -20,8 +20,9 @@ from derive.linearize.spectrum import eigenvalues
 from derive.linearize.steady import motion_of
 from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.mechanics import system
-from derive.model import load
+from derive.model import load, load_text
 from derive.textbook import printed
+from hamel.cli import main
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -291,3 +292,45 @@ def test_equilibria_are_found_from_the_initial_values():
         studied("car_axis", "guess")
     with pytest.raises(AssumptionError, match="no steady motion was found near the initial values"):
         studied("screw_press", "guess")
+
+
+@pytest.mark.parametrize(
+    ("entry", "said", "expected"),
+    [
+        ("{th: 0, push: 3 rad}", "a steady motion in rad", "N"),
+        ("{th: 0, push: free, guess: {th: 1 rad}}", "'th' is held and guessed", "one of the two"),
+        ("{th: 0, cyclic: [q]}", "unknown coordinate 'q'", "s, th"),
+        ("{th: 0, sweep: {ll: [1 m, 2 m]}}", "'ll' is neither free in this motion nor a parameter", "did you mean 'l'?"),
+        ("{th: 0, sweep: {l: [1 m, 1 m]}}", "the range of 'l'", "two different values"),
+        ("{th: 0, guess: 3}", "'guess' is not a mapping", "names and numbers"),
+        ("{th: [0]}", "'th' is a list or mapping", "a formula"),
+    ],
+)
+def test_mistakes_in_a_steady_motion_are_shown_where_they_are(entry, said, expected):
+    text = (MODELS / "cart_pole.yaml").read_text(encoding="utf-8").replace("{s: 0 m, th: 0 rad}", entry)
+    line = next(k for k, x in enumerate(text.splitlines(), start=1) if "upright:" in x)
+    with pytest.raises(ModelError) as refused:
+        load_text(text, "cart.yaml")
+    message = str(refused.value)
+    assert message.startswith(f"cart.yaml:{line}:") and said in message and expected in message and "^" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["--sweep", "speed=1:nan:3"], 1, "'nan' is no parameter"),
+        (["--set", "speed=3 kg"], 1, "no quantity in rad/s"),
+        (["--set", "sped=3"], 1, "did you mean 'speed'"),
+        (["--cyclic", "foo"], 2, "unknown coordinate 'foo'"),
+        (["--cyclic", "lean"], 2, "not cyclic"),
+        (["--choice", "best"], 2, "rolling_disk.yaml:16:3: error: 'straight' is no steady motion"),
+        (["--sweep", "r=0:1:3"], 2, "singular"),
+        (["--step", "-1"], 1, "more than zero"),
+        (["--sweep", "r=1:2:3", "--sweep", "r=1:2:3"], 64, "swept twice"),
+    ],
+)
+def test_mistakes_on_the_command_line_are_answered(arguments, code, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["linearize", str(MODELS / "rolling_disk.yaml"), *arguments])
+    told = capsys.readouterr().err
+    assert ended.value.code == code and said in told and "Traceback" not in told and "internal" not in told

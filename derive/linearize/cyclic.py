@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from derive.diagnostics import AssumptionError, listed
+from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.minimal import evaluator, position_rows
 from derive.mechanics.sampling import states
@@ -54,6 +54,8 @@ def confirmed(equations: Equations, names: tuple[str, ...]) -> tuple[int, ...]:
     known = [c.name for c in equations.system.model.coordinates]
     found = cyclic_coordinates(equations)
     for name in names:
+        if name not in known:
+            raise AssumptionError(f"unknown coordinate '{name}'", did_you_mean(name, known) or f"known: {listed(known)}")
         if known.index(name) not in found:
             cyclic = listed(known[i] for i in found) or "none"
             raise AssumptionError(f"'{name}' is not cyclic: the equations depend on it", f"cyclic coordinates: {cyclic}")

@@ -168,7 +168,7 @@ Evaluator = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 def evaluator(equations: Equations, value: ca.SX) -> Evaluator:
     """`value` at t = 0 for rows of x, u and p: (N, rows, columns)."""
     symbols = [argument.symbols for argument in equations.arguments]
-    function = ca.Function("value", symbols, [ca.densify(value)])
+    function = ca.Function("value", symbols, [ca.cse(ca.densify(value))])
     shape = value.shape
 
     def evaluated(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -32,6 +32,7 @@ class Study:
     kept: tuple[int, ...]
     families: tuple[Stage, ...]
     A: Evaluator
+    A_kept: Evaluator  # without the cyclic coordinates
 
     @property
     def equations(self) -> Equations:
@@ -77,7 +78,7 @@ class Study:
 
     def matrices(self, motions: Steady) -> np.ndarray:
         """A without cyclic coordinates and families, N × k × k."""
-        return deflated(self.full(motions)[:, self.kept][:, :, self.kept], self.families)
+        return deflated(self.A_kept(motions.x, motions.u, motions.p), self.families)
 
     def along(self, sweep: Columns) -> np.ndarray:
         return self.matrices(self.motions(sweep))
@@ -105,9 +106,10 @@ def study(
     form = linear(equations, y[: equations.system.q.numel()], p)
     places = tuple(k for k, j in enumerate(form.independent) if j in left_out)
     kept = tuple(k for k in range(len(form.states)) if k not in places)
-    first = Study(form, found, given, places, kept, (), evaluator(equations, form.A))
+    at = list(kept)
+    first = Study(form, found, given, places, kept, (), evaluator(equations, form.A), evaluator(equations, form.A[at, at]))
     velocity = [form.independent[k] >= equations.system.q.numel() for k in kept]
-    return Study(form, found, given, places, kept, families(_samples(first), velocity), first.A)
+    return replace(first, families=families(_samples(first), velocity))
 
 
 def _given(equations: Equations, motion: SteadyMotion, values: Mapping[str, float]) -> dict[str, float]:
@@ -142,9 +144,9 @@ def _samples(found: Study) -> np.ndarray:
             motions = found.motions({name: [value] for name, value in changed.items()})
         except AssumptionError:
             continue
-        stacks.append(found.full(motions)[:, found.kept][:, :, found.kept])
+        stacks.append(found.matrices(motions))
         if len(stacks) == SAMPLES:
             break
     if not stacks:
-        stacks = [found.full(found.motions({}))[:, found.kept][:, :, found.kept]]
+        stacks = [found.matrices(found.motions({}))]
     return np.concatenate(stacks)

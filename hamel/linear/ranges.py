@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,10 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from derive.diagnostics import ModelError, did_you_mean, listed
-from derive.expressions.evaluate import number
-from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression
-from hamel.settings import settings
+from derive.expressions.tree import Name
+from hamel.settings import parsed, settings, units
 
 if TYPE_CHECKING:
     from derive.model.records import Model, SteadyMotion
@@ -35,15 +34,17 @@ def value(model: Model, motion: SteadyMotion, name: str, given: float | str) -> 
         known = (*motion.sweepable, *(parameter.name for parameter in model.parameters))
         near = did_you_mean(name, known) or f"known: {listed(known)}"
         raise ModelError(f"'{name}' is neither free in the steady motion '{motion.name}' nor a parameter of {model.name}", near)
-    return _number(name, given)
+    if isinstance(given, str):
+        return parsed(name, given, _unit(model, motion, name), {})
+    if not math.isfinite(given):
+        raise ModelError(f"{name} is set to {given}, which is not a finite number")
+    return float(given)
 
 
-def _number(name: str, given: float | str) -> float:
-    try:
-        found = number(expression(str(given), {}), {}, str(given))
-    except FormulaError:
-        raise ModelError(f"{name} is set to '{given}', which is no number") from None
-    return found
+def _unit(model: Model, motion: SteadyMotion, name: str) -> str | None:
+    """Of a free name: that of what is held at its value; None where it stands in a formula."""
+    known = units(model)
+    return next((known.get(held) for held, formula in motion.values if formula == Name(name)), None)
 
 
 def values(model: Model, motion: SteadyMotion, given: Mapping[str, float | str]) -> dict[str, float]:

@@ -23,7 +23,7 @@ from codegen.passes.split import is_long
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.watch import watch
 from codegen.program import KINDS, Argument, Entry, Hoisted, Kernel, Loop, Pivot, Program
-from derive.diagnostics import HamelError
+from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations import records
 from derive.formulations.records import Equations, Function
 from derive.keepings import KEEPINGS
@@ -31,6 +31,7 @@ from derive.keepings import KEEPINGS
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
 LONG = 2_000  # operations from which one round has to do
+MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
 LARGE = 10_000  # operations from which factoring once has to do
 
 _KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
@@ -55,6 +56,7 @@ def program(
         watched = [request.name for request in equations.requests if request.name == "guards"]
         further = (*_needs(integrators), *_needs_of_keepings(equations, keepings), *watched)
         chosen = _chosen(equations, [*(function.name for function in chosen), *further])
+        _check_size([function for function in chosen if function.name in further])
     kernels, ledger = [], []
     for function in chosen:
         kernel, entries = _kernel(equations, function)
@@ -88,6 +90,17 @@ def _needs(integrators: Sequence[str]) -> list[str]:
         if name not in known:
             raise HamelError(f"unknown integrator {name!r}; known: {', '.join(known)}")
     return list(dict.fromkeys(need for name in integrators for need in known[name].needs))
+
+
+def _check_size(chosen: Sequence[Function]) -> None:
+    """Jacobians are worked on in place, on the stack: refuse those that would not fit there."""
+    for function in chosen:
+        many = function.result.value.numel()
+        if many > MOST_ON_STACK:
+            raise AssumptionError(
+                f"{function.name} has {many} entries, too many to solve with on the stack",
+                "an explicit integrator and the keeping projection or none have no such limit",
+            )
 
 
 def _needs_of_keepings(equations: Equations, keepings: Sequence[str]) -> list[str]:

@@ -54,7 +54,7 @@ def files(program: Program) -> dict[str, str]:
     sizes = {kernel.name: kernel.shape[0] for kernel in program.kernels}
     chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
     has = {name: name in sizes for name in ("power", "project", "constraints", "guards", "manifold")}
-    has["project"] &= "projection" in program.keepings
+    has["project"] &= has["manifold"] or "projection" in program.keepings
     has["charts"] = any(name in CHARTS for name in program.keepings)
     has["linear"] = has["charts"] or any(x.needs for x in chosen)
     rows = {name: sizes.get(name, 0) for name in ("closure", "slip", "manifold", "guards")}

@@ -112,7 +112,7 @@ def _keeping(name: str, near: str, euclidean: bool) -> Keeping:
         source="J. Tuomela, T. Arponen, V. Normi: On the simulation of multibody systems with holonomic constraints (jet spaces)",
         level="steps",
         refusal=_refusal,
-        needs=lambda found: ("manifold",),
+        needs=lambda found: ("manifold", *(function.name for function in found.functions if function.name == "project")),
         equations=lambda found, options: _with_manifold(euclidean, found, options),
     )
 

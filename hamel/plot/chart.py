@@ -99,8 +99,9 @@ def _stairs(points: Sequence[Point]) -> list[Point]:
 
 
 def _marks(points: Sequence[Point], across: Axis, up: Axis, colour: str, size: float) -> list[str]:
-    places = [_place(point, across, up) for point in points]
-    return [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{size}" fill="{colour}"/>' for x, y in places]
+    """All dots as one path of strokes without length: a tenth of the text of as many circles."""
+    dots = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in (_place(point, across, up) for point in points))
+    return [f'<path d="{dots}" stroke="{colour}" stroke-width="{2 * size}" stroke-linecap="round"/>'] if dots else []
 
 
 def _place(point: Point, across: Axis, up: Axis) -> Point:

@@ -62,7 +62,11 @@ def built(
     fitting = [keeping for keeping in known.values() if not refused[keeping.name]]
     if not fitting:
         raise AssumptionError("; ".join(refused.values()))
-    made = kept_equations(found.system, plain.choice, plain.formulation, fitting[0], Options(alpha)) if unit["own"] else plain
+    made = (
+        kept_equations(found.system, unit["choice"] or None, plain.formulation, fitting[0], Options(alpha))
+        if unit["own"]
+        else plain
+    )
     for keeping in fitting if not unit["own"] else ():
         made = keeping.equations(made, Options())
     names = [function.name for function in made.functions if function.name in FUNCTIONS]

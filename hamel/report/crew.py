@@ -58,8 +58,7 @@ class Crew:
             for seat in seats:
                 threads.append(threading.Thread(target=self._work, args=(seat, waiting, found, stop), daemon=True))
                 threads[-1].start()
-            left = len(waiting) + sum(thread.is_alive() for thread in threads)
-            while left and (any(thread.is_alive() for thread in threads) or not found.empty()):
+            while any(thread.is_alive() for thread in threads) or not found.empty():
                 try:
                     yield found.get(timeout=0.2)
                 except queue.Empty:
@@ -67,7 +66,7 @@ class Crew:
         finally:
             stop.set()
             waiting.clear()
-            if sys.exc_info()[0] is not None or any(thread.is_alive() for thread in threads):
+            if any(thread.is_alive() for thread in threads):  # whoever asked wants no more: what is under way is in vain
                 self.__exit__(None, None, None)
 
     def _work(self, seat: int, waiting: deque[Task], found: queue.Queue[tuple[Task, Message]], stop: threading.Event) -> None:
@@ -76,8 +75,11 @@ class Crew:
                 task = waiting.popleft()
             except IndexError:
                 return
-            for message in self._done(seat, task):
-                found.put((task, message))
+            try:
+                for message in self._done(seat, task):
+                    found.put((task, message))
+            except OSError as error:  # no process can be started
+                found.put((task, {"error": f"{type(error).__name__}: {error}", "exit_code": 3}))
 
     def _done(self, seat: int, task: Task) -> Iterator[Message]:
         process = self._process(seat)

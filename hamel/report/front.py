@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ from codegen.integrators import INTEGRATORS
 Row = Mapping[str, Any]
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10)
 NOISE = 1.1  # times that differ by less are the same
+SMALL = 1e-12  # drift that is rounding
 OWN = {method.name for method in INTEGRATORS}
 MULTIPLIERS = (
     "augmented",
@@ -41,10 +43,15 @@ def front(rows: Iterable[Row]) -> list[Row]:
 
 
 def cheapest(rows: Iterable[Row], level: float) -> Row | None:
-    """The fastest run with an error of at most `level`; among those as fast, for all one can tell, the one that drifts least."""
+    """The fastest run with an error of at most `level`; of those as fast, for all one can tell, the one that drifts least."""
     reached = [row for row in good(rows) if row["error"] <= level]
     least = min((row["ms"] for row in reached), default=0.0)
-    return min((row for row in reached if row["ms"] <= NOISE * least), key=lambda row: row["phi"] + row["velocity"], default=None)
+    return min((row for row in reached if row["ms"] <= NOISE * least), key=_merit, default=None)
+
+
+def _merit(row: Row) -> tuple[float, ...]:
+    """The decade of the drift, then the size of the equations."""
+    return round(math.log10(max(row["phi"] + row["velocity"], SMALL))), row["operations"] or math.inf, row["ms"]
 
 
 def families(rows: Sequence[Row], *names: str) -> dict[tuple[str, ...], list[Row]]:

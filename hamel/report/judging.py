@@ -13,7 +13,7 @@ from hamel.report.plan import Unit
 
 AGREE = 1e-3  # two tight runs that differ by more give no reference
 FAR = 0.1  # an error above this is no result: wrong where another method with the same tolerance is this much closer
-CLOSER = 100.0
+CLOSER, NEAR = 100.0, 1e-4  # … and is near
 LEAST = 1e-15
 CONTRADICTED = 1e3  # times the bound and the scatter of the best runs
 
@@ -96,7 +96,7 @@ class Judge:
                 best[_effort(row)] = min(best.get(_effort(row), np.inf), row["error"])
         for row in rows:
             if row["error"] is not None and row["error"] > FAR:
-                row["status"] = "wrong" if row["error"] > CLOSER * best[_effort(row)] else "too coarse"
+                row["status"] = "wrong" if best[_effort(row)] < min(NEAR, row["error"] / CLOSER) else "too coarse"
         return rows
 
     def _row(self, model: str, unit: Unit, run: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,7 +119,7 @@ class Judge:
     def _error(self, row: Mapping[str, Any]) -> float | None:
         if row.get("end") is None or self.reference.end is None:
             return None
-        return max(self._distance(row["end"], self.reference.end), LEAST)
+        return max(self._distance(row["end"], self.reference.end), self.reference.bound or LEAST)
 
 
 def _effort(row: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
 from hamel.report.front import LEVELS, MULTIPLIERS, Row, accuracy, cheapest, families, front, good, is_library, method
 from hamel.report.judging import COLUMNS
+from hamel.report.plan import Excluded
 from hamel.report.plots import FIRST, error_charts, time_charts
 from hamel.report.study import Study
 from hamel.report.words import advice
@@ -44,6 +46,7 @@ def _section(study: Study, markup: Any) -> dict[str, Any]:
         "rows": table(COLUMNS[1:], rows),
         "statuses": families(rows, "status"),
         "reference": _reference(study),
+        "left_out": _left_out(study.excluded),
     }
 
 
@@ -95,6 +98,19 @@ def _compared(rows: Sequence[Row]) -> float | None:
     """The tolerance of the comparison, or the next one to it that was run."""
     known = sorted({row["rtol"] for row in rows if row["integrator"] == FIRST and row["rtol"]}, reverse=True)
     return next((rtol for rtol in known if rtol <= COMPARED), known[-1] if known else None)
+
+
+def _left_out(excluded: Sequence[Excluded]) -> list[tuple[str, str]]:
+    """Reasons that differ in numbers only are given once: (what, why)."""
+    groups: dict[tuple[str, str, str], list[Excluded]] = {}
+    for each in excluded:
+        groups.setdefault((each.keeping, each.integrator, re.sub(r"[-+.\de]*\d", "", each.reason)), []).append(each)
+    return [(_what(group), group[0].reason) for group in groups.values()]
+
+
+def _what(group: Sequence[Excluded]) -> str:
+    units = [f"{each.formulation} ({each.choice})" if each.choice else each.formulation for each in group]
+    return "; ".join(filter(None, [", ".join(dict.fromkeys(filter(None, units))), group[0].keeping, group[0].integrator]))
 
 
 def _reference(study: Study) -> str:

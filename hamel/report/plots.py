@@ -26,8 +26,8 @@ def error_charts(model: str, rows: Sequence[Row]) -> list[str]:
     by_form = _lines([row for row in first if row["keeping"] == keeping], "formulation", "choice")
     by_keeping = _lines([row for row in first if (row["formulation"], row["choice"]) == (formulation, choice)], "keeping")
     by_keeping += _lines([row for row in first if row["formulation"] == "augmented"], "formulation", "keeping")
-    where = f"{formulation}{f' ({choice})' if choice else ''}"
-    titles = [f"{model}: integrators on {where}", f"{model}: formulations and choices, {FIRST}", f"{model}: keepings, {FIRST}"]
+    where = choice or formulation
+    titles = [f"{model}: integrators, {where}", f"{model}: formulations and choices, {FIRST}", f"{model}: keepings, {FIRST}"]
     return [_error_chart(title, rows, lines) for title, lines in zip(titles, (by_integrator, by_form, by_keeping))]
 
 

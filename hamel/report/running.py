@@ -156,13 +156,14 @@ def _cause(problem: Exception) -> tuple[str, float | None]:
 def tracks(
     path: str, values: Mapping[str, float | str], folder: str, span: float, runs: Sequence[Mapping[str, Any]], limit: float
 ) -> Iterator[dict[str, Any]]:
-    """Violations and energy error over time, one message per run that comes to its end."""
+    """Violations and energy error over time, a message per run; without them where it does not come to its end."""
     found, module = start(path, values), load_module(Path(folder))
     times = np.linspace(0.0, span, POINTS)
     for run in runs:
         try:
             made = _simulated(module, found, times, run, span, limit)
-        except (FloatingPointError, TooLong):
+        except (FloatingPointError, TooLong) as problem:
+            yield {"track": run["key"], "failed": _cause(problem)[0]}
             continue
         energy = module.energy(times, made.x, found.u, found.p).sum(axis=1)
         closed = found.system.phi.numel()

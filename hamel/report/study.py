@@ -186,13 +186,13 @@ Made = list[tuple[Unit, dict[str, Any], dict[str, Any]]]
 
 
 def _runs(site: Worksite, units: Sequence[Unit], scale: int) -> Wanted:
-    """Every run of every unit; those of the first integrator come first."""
+    """Every run of every unit; those of the first integrator come first, then those that are compared with every keeping."""
     asked, wanted = site.asked, []
+    compared = {units[0], *(unit for unit in units if unit.formulation == "augmented")} if units else set()
     for unit in units:
         keepings = site.found[_name(unit, "built")]["keepings"]
-        every = unit == units[0] or unit.formulation == "augmented"
-        wanted += [(unit, run) for run in plan.runs(asked, keepings, every, scale)]
-    return sorted(wanted, key=lambda item: item[1]["integrator"] != INTEGRATORS[0].name)
+        wanted += [(unit, run) for run in plan.runs(asked, keepings, unit in compared, scale)]
+    return sorted(wanted, key=lambda item: (item[1]["integrator"] != INTEGRATORS[0].name, item[0] not in compared))
 
 
 def _measured(site: Worksite, units: Sequence[Unit], wanted: Wanted) -> Made:
@@ -254,18 +254,17 @@ def _left(site: Worksite, task: Task, message: Message, limit: float) -> Wanted:
 
 def _collected(site: Worksite, wanted: Wanted) -> Made:
     made: Made = []
-    late: dict[tuple[Unit, str, str], int] = {}
+    late: dict[Unit, int] = {}
     for unit, run in wanted:
         row = site.found.get(_name(unit, run["key"]))
         if row is None:
-            family = (unit, run["keeping"], run["integrator"])
-            late[family] = late.get(family, 0) + 1
+            late[unit] = late.get(unit, 0) + 1
             continue
         operations = site.found[_name(unit, "built")]["operations"]
         made.append((unit, run, {**row, "operations": operations}))
-    for (unit, keeping, integrator), count in late.items():
+    for unit, count in late.items():
         reason = f"{count} runs not done: the {site.asked.budget:g} s for this model were used up; the same command goes on"
-        site.excluded.append(Excluded(unit.formulation, unit.choice, keeping, integrator, reason))
+        site.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", reason))
     return made
 
 
@@ -317,7 +316,8 @@ def _tracks(site: Worksite, units: Sequence[Unit]) -> list[dict[str, Any]]:
     """Violations over time: the default unit with every keeping, the other formulations without any."""
     wanted = []
     for unit in units:
-        keepings = site.found[_name(unit, "built")]["keepings"]
+        known = site.found[_name(unit, "built")]["keepings"]
+        keepings = [keeping for keeping in known if not site.asked.keepings or keeping in site.asked.keepings]
         if unit == units[0] or unit.own:
             wanted += [(unit, keeping) for keeping in keepings]
         elif unit.formulation == "augmented":
@@ -337,7 +337,7 @@ def _tracks(site: Worksite, units: Sequence[Unit]) -> list[dict[str, Any]]:
         if "track" in message:
             site.found.put(message["track"], message)
     known = [(unit, keeping, site.found.get(name)) for (unit, keeping), name in made.items()]
-    return [{**track, "about": _label(unit, keeping)} for unit, keeping, track in known if track]
+    return [{**track, "about": _label(unit, keeping)} for unit, keeping, track in known if track and "t" in track]
 
 
 def _label(unit: Unit, keeping: str) -> str:

@@ -81,8 +81,11 @@ def broken(own: Sequence[Row]) -> list[str]:
     """Methods that stop, give wrong results or take too long, with how often and why."""
     lines = []
     for (formulation, choice, cause), rows in _causes(own).items():
+        same = [row for row in own if row["formulation"] == formulation and row["choice"] == choice]
+        kept = dict.fromkeys(row["keeping"] for row in rows)
+        total = sum(row["keeping"] in kept for row in same)
         where = f"{formulation} ({choice})" if choice else formulation
-        total = sum(row["formulation"] == formulation and row["choice"] == choice for row in own)
+        where += f", {' and '.join(kept)}" if total < len(same) else ""
         lines.append((len(rows), f"{where}: {len(rows)} of {total} runs: {cause}."))
     lines.sort(key=lambda line: -line[0])
     more = [f"{len(lines) - MOST_BROKEN} more kinds of failures are in the tables."] if len(lines) > MOST_BROKEN else []
@@ -97,7 +100,7 @@ def _causes(own: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:
 def _cause(status: str) -> str:
     """Without the time and the numbers, which differ from run to run."""
     if status == "wrong":
-        return "wrong: an error above 0.1 where others at the same tolerance are 100 times closer"
+        return "wrong: an error above 0.1 where others with the same tolerance are right"
     return re.sub(r" \(at .*\)$", "", status)
 
 

@@ -40,8 +40,9 @@ def made(
 ) -> Built:
     """Derive, emit, compile, compare with the independent derivation, and only then publish."""
     clock = Clock()
+    times: dict[str, float] = {}
     if tune:
-        from hamel.tuning import fastest, tuned
+        from hamel.tuning import fastest
 
         equations, times = fastest(path, choice, constants, clock)
     else:
@@ -49,6 +50,8 @@ def made(
     with meanwhile(lambda: html(equations)) as page:
         program = replace(program_of(equations, functions, clock, integrators), inline=header)
         if tune:
+            from hamel.tuning import tuned
+
             program = tuned(program, times, clock)
         folder = Path(out) if out else Path("generated") / program.name
         with drafted(program, folder, clock) as draft:

@@ -14,6 +14,7 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
 from hamel.plot import Curve, Panel, draw
+from hamel.records import Switch
 from hamel.references import REFERENCES, Problem
 from hamel.staging import staged_file, write_text
 
@@ -49,6 +50,7 @@ class Motion:
     seconds: float
     charts: int = 0
     acceleration_violation: float = 0.0
+    switches: tuple[Switch, ...] = ()
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
@@ -100,10 +102,10 @@ def integrated(
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         raise AssumptionError(str(error), hint) from None
-    return _judged(module, equations, found, u, p, time.perf_counter() - start)
+    return judged(module, equations, found, u, p, time.perf_counter() - start)
 
 
-def _judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:
+def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:
     """What the module's own functions say about every row."""
     t, x = found.t, found.x
     results = {function.name: function.result for function in equations.functions}

@@ -247,6 +247,15 @@ class Listed:
 
 
 @dataclass(frozen=True)
+class Switch:
+    """Where one choice of quasi-velocities took over from another that came near a singular position."""
+
+    time: float
+    left: str
+    entered: str
+
+
+@dataclass(frozen=True)
 class Simulated:
     """A motion and how far it can be trusted. The arrays are in `motion` and are left out of `--json`."""
 
@@ -267,6 +276,7 @@ class Simulated:
     energy_balance: float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy exchanged
     crossings: int  # singular positions on the way; two ways across each agreed within the tolerance
     charts: int  # that the keeping used, 0 where it has none
+    switches: tuple[Switch, ...]  # of the choice of quasi-velocities
     moved: Mapping[str, Mapping[str, float]]
     final: Mapping[str, float]
     file: Path | None

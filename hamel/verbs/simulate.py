@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.keepings import KEEPINGS, Keeping, Options, kept_equations, usual_rate
 from derive.mechanics.initial import Initial, initial_state
-from hamel import motion
+from hamel import charts, motion
 from hamel.importing import load
 from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Simulated
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from derive.formulations.records import Equations
+    from derive.mechanics.records import System
 
 ROWS = 500  # of the output when no step is given
 MOST_ROWS = 10_000_000
@@ -69,14 +71,53 @@ def run(
     keeping = _keeping(method, plain)
     x = _state(plain, initial, p)
     alpha = usual_rate(plain, 0.0, x, u, p, time) if keeping.level == "rates" and method.alpha is None else method.alpha
-    chosen = kept_equations(mechanics, method.choice, method.formulation, keeping, Options(alpha, method.conserve))
+    options = Options(alpha, method.conserve)
+    chosen = kept_equations(mechanics, method.choice, method.formulation, keeping, options)
+    stepping = motion.Stepping(method.integrator, keeping.name, method.step_size, *tolerances)
     integrators = (method.integrator,) if _own(method) else ()
     with temporary_module(chosen, integrators, (keeping.name,)) as module:
-        stepping = motion.Stepping(method.integrator, keeping.name, method.step_size, *tolerances)
-        found = motion.integrated(module, chosen, times, x, u, p, stepping, progress)
+        try:
+            found = motion.integrated(module, chosen, times, x, u, p, stepping, progress)
+        except AssumptionError as error:
+            others = _others(mechanics, chosen, keeping, options) if integrators else []
+            if not others:
+                raise
+            found = _over_charts((chosen, *others), error, initial, times, u, p, stepping, progress)
     for write in files:
         write(found)
     return _record(chosen, replace(method, keeping=keeping.name, alpha=alpha), initial, found, out, plot)
+
+
+def _others(mechanics: System, chosen: Equations, keeping: Keeping, options: Options) -> list[Equations]:
+    """Other choices that can take over where the chosen one is singular."""
+    if chosen.formulation not in ("quasi_velocities", "maggi") or keeping.level not in ("none", "steps"):
+        return []
+    found = []
+    for name in dict.fromkeys((*(choice.name for choice in mechanics.model.choices), "orthonormal")):
+        if name != chosen.choice:
+            with contextlib.suppress(AssumptionError):
+                found.append(kept_equations(mechanics, name, chosen.formulation, keeping, options))
+    return found
+
+
+def _over_charts(
+    choices: Sequence[Equations],
+    error: AssumptionError,
+    initial: Initial,
+    times: np.ndarray,
+    u: np.ndarray,
+    p: np.ndarray,
+    by: motion.Stepping,
+    progress: Callable[[float], None] | None,
+) -> motion.Motion:
+    """The motion again, with all choices as charts; the first error where they do not help."""
+    with contextlib.ExitStack() as stack:
+        modules = [stack.enter_context(temporary_module(one, (by.integrator,), (by.keeping,))) for one in choices]
+        over = [charts.chart(one, module) for one, module in zip(choices, modules)]
+        try:
+            return charts.followed(over, times, initial.q, initial.v, u, p, by, progress)
+        except AssumptionError as again:
+            raise error from again
 
 
 def _keeping(method: Method, plain: Equations) -> Keeping:
@@ -186,6 +227,7 @@ def _record(
         energy_balance=found.energy_balance,
         crossings=found.crossings,
         charts=found.charts,
+        switches=found.switches,
         moved={name: {"given": wanted, "used": used} for name, wanted, used in initial.moved},
         final={name: float(values[-1]) for name, values in found.columns().items()},
         file=Path(out) if out else None,
@@ -210,6 +252,8 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"  crossed {record.crossings} singular positions; two ways across each agree within the tolerance")
     if record.charts:
         console.print(f"  charts used         {record.charts}")
+    for switch in record.switches:
+        console.print(f"  at {switch.time:.6g} s choice {switch.left} came near a singular position; {switch.entered} took over")
     for place in (record.file, record.plot):
         if place:
             console.print(f"  wrote {place}")

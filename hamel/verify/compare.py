@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ def sizes(values: Array, floor: float = FLOOR, small: float = SMALL) -> Array:
     return np.maximum(np.abs(values), np.maximum(typical, least))
 
 
-def worst(errors: Array | Sequence[float]) -> float:
+def worst(errors: Array | Sequence[Any]) -> float:
     """The largest entry; infinite where one is not a number, zero where there is none."""
     errors = np.abs(np.asarray(errors, dtype=float))
     if not errors.size:

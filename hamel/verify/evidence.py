@@ -100,7 +100,7 @@ class Graph:
     functions: Mapping[str, ca.Function]
     named: Mapping[str, ca.Function]  # S, R, Y, B … as functions of (t, x, u, p)
     residuals: Mapping[str, ca.Function]  # of the functions that are iterated
-    rate: Callable[..., Array]  # (t, x, u, p, ẋ) → v̇
+    rate: ca.Function  # (t, x, u, p, ẋ) → v̇
 
     def __call__(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
         """The result of a function at one state, as the generated module shapes it."""

@@ -44,6 +44,11 @@ def bicycle():
     return studied("bicycle")
 
 
+@pytest.fixture(scope="module")
+def waveboard():
+    return studied("waveboard")
+
+
 # Meijaard, Papadopoulos, Ruina, Schwab (2007), evaluated with 40 digits: weave, capsize, castering.
 SPECTRA = {
     0: [3.13164324790655567, -3.13164324790655567, 5.53094371765393464, -5.53094371765393464],
@@ -219,9 +224,12 @@ def test_a_held_input_and_a_free_one():
     assert motions.u[0, 0] == pytest.approx(0.11 * 9.81 * 0.2, rel=1e-13)  # the torque that holds the ball's weight
 
 
-def test_the_waveboard_is_never_self_stable_as_given():
+def test_the_waveboard_is_never_self_stable_as_given(waveboard):
     """Straight ahead det A keeps its sign whatever the speed: the capsize mode of a board alike at both ends cannot pass zero."""
-    found = studied("waveboard")
+    found = waveboard
+    motions = found.motions({})
+    other = unreduced(found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic))
+    assert other.spurious == 8 and other.difference < 1e-9 and other.nilpotent < 1e-9
     assert found.spurious == 0 and len(found.linear.states) == 14 and len(found.reduced) == 8
     speeds = np.linspace(0.5, 8, 6)
     for name, values in (("eps", (0.2, 0.5)), ("kt", (200.0, 900.0)), ("mu", (0.1, 0.9)), ("mr", (10.0, 90.0))):
@@ -336,3 +344,10 @@ def test_mistakes_on_the_command_line_are_answered(arguments, code, said, capsys
         main(["linearize", str(MODELS / "rolling_disk.yaml"), *arguments])
     told = capsys.readouterr().err
     assert ended.value.code == code and said in told and "Traceback" not in told and "internal" not in told
+
+
+def test_a_board_with_unlike_ends_falls_more_slowly(waveboard):
+    """What docs/waveboard.md says of `de`: the real eigenvalue becomes a slow oscillation, still growing."""
+    values = eigenvalues(waveboard.along({"speed": [3.0], "de": [np.radians(7.5)]}))[0]
+    assert values[0].real == pytest.approx(0.496, abs=1e-3) and values[0].imag > 0
+    assert eigenvalues(waveboard.along({"speed": [3.0]}))[0, 0].real > 2

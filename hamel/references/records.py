@@ -60,5 +60,5 @@ def found(problem: Problem, x: np.ndarray, work: np.ndarray, steps: int, rejecte
     if not hasattr(module, "constraints"):
         return Found(problem.times, x, work, steps, rejected, calls, 0.0, 0.0)
     size = np.abs(module.constraints(problem.times, x, problem.u, problem.p))
-    largest = (float(np.max(part, initial=0.0)) for part in (size[:, :positions], size[:, positions:]))
-    return Found(problem.times, x, work, steps, rejected, calls, *largest)
+    position, velocity = (float(np.max(part, initial=0.0)) for part in (size[:, :positions], size[:, positions:]))
+    return Found(problem.times, x, work, steps, rejected, calls, position, velocity)

@@ -16,7 +16,7 @@ from math import comb
 import casadi as ca
 import numpy as np
 
-from derive.diagnostics import AssumptionError, Diagnostic
+from derive.diagnostics import AssumptionError, Diagnostic, ModelError
 from derive.expressions.counting import alternatives
 from derive.formulations.elimination import Dependent, Undetermined
 from derive.formulations.orthonormal import orthonormal
@@ -25,10 +25,12 @@ from derive.formulations.reduction import Reduction, by_elimination, unreduced
 from derive.joints.rotations import is_one
 from derive.mechanics.closing import Kinematics
 from derive.mechanics.constraints import velocity_row
+from derive.mechanics.initial import initial_state
 from derive.mechanics.records import RowForm, System
 from derive.mechanics.sampling import States, states
 from derive.model.records import Choice, Span
 
+REGULAR = 1e-4  # a singular value of the scaled rows above this is no sign of a singular position
 SAMPLES = 40
 ENTRIES, FEWEST = 2_000, 10  # of large systems fewer states are looked at: about so many velocities, at least so many states
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
@@ -75,7 +77,8 @@ class Workshop:
     @cached_property
     def sampled(self) -> States:
         nv = max(1, self.system.v.numel())
-        return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+        found = states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+        return _with_initial(self.system, self.solver, found)
 
     @cached_property
     def plain_rows(self) -> np.ndarray:
@@ -130,6 +133,24 @@ class Workshop:
     @property
     def freedom(self) -> int:
         return self.system.v.numel() - self.rank
+
+
+def _with_initial(system: System, solver: Kinematics, found: States) -> States:
+    """The initial state among the others, unless rows depend on each other there that do not elsewhere.
+
+    It is no random state: a pivot that is zero just there must not be taken where another is not.
+    """
+    if not len(found.t):
+        return found
+    try:
+        start = initial_state(system)
+    except ModelError:
+        return found
+    more = (np.zeros(1), start.q[None, :], start.v[None, :], np.zeros((1, system.u.numel())), np.array([system.parameters]))
+    joined = States(*(np.concatenate(pair) for pair in zip((found.t, found.q, found.v, found.u, found.p), more)))
+    rows = _scaled(solver.rows(joined.t, joined.q, joined.p)[0])
+    ranks = np.linalg.matrix_rank(rows, tol=REGULAR) if rows.shape[1] else np.zeros(len(rows))
+    return joined if ranks[-1] >= np.median(ranks) else found
 
 
 def _repetition(names: Sequence[str], A: np.ndarray, kept: Sequence[int], i: int) -> str:

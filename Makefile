@@ -25,10 +25,10 @@ demo: $(VENV)/.run-time
 	@echo "Try    cd $(DEMO) && ../../$(BIN)/python -c 'import four_bar; print(four_bar.__doc__)'"
 
 test: lint
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
 
 test-slow: $(VENV)/.test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .

@@ -7,7 +7,7 @@ HAMEL  := $(BIN)/hamel
 DEMO   := build/demo
 ROBOTS := build/robots/venv
 
-.PHONY: demo test test-slow lint robots loops growth fresh clean
+.PHONY: demo report test test-slow lint robots loops growth fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -23,6 +23,10 @@ demo: $(VENV)/.run-time
 	@echo "Read   $(DEMO)/snake3/derivation.html"
 	@echo "Look   $(DEMO)/four_bar.svg"
 	@echo "Try    cd $(DEMO) && ../../$(BIN)/python -c 'import four_bar; print(four_bar.__doc__)'"
+
+# Error against run time: quasi-velocities against traditional methods. Interrupted, it goes on where it was.
+report: $(VENV)/.test
+	$(HAMEL) report models/snake3.yaml models/four_bar.yaml --set tau1=0.01 --set tau2=-0.02 --set base.vx=0.3 -o build/report
 
 test: lint
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
@@ -118,6 +120,8 @@ def test_page(record: Reported) -> None:
     text = record.html.read_text("utf-8")
     page = Page()
     page.feed(text)
+    for drawn in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
+        ElementTree.fromstring(drawn)
     assert not page.open and page.seen.count("svg") >= 5 and page.seen.count("table") >= 4
     assert all(link.startswith("#") for link in page.links)
     assert "http" not in text.replace('xmlns="http://www.w3.org/2000/svg"', "") and "url(" not in text
@@ -184,6 +188,7 @@ def test_a_chart_is_drawn_with_both_axes_logarithmic() -> None:
     text = chart(
         "t", "x", "y", [Series("a & b", [(1e-3, 1e-9), (1e2, 1e-3), (float("nan"), 1.0)]), Series("f", [(1, 1)], "front")]
     )
+    ElementTree.fromstring(text)
     assert "a &amp; b" in text and "1e-9" in text and "1e2" in text and text.count("h0") == 2 and "nan" not in text
 
 

@@ -82,7 +82,7 @@ def _series(one: Series, points: Sequence[Point], across: Axis, up: Axis, index:
 def _style(one: Series, index: int) -> tuple[str, str]:
     """Colours in turn; black is for the front."""
     if one.kind == "front":
-        return COLOURS[-1], ' stroke-width="2.5" stroke-opacity="0.35"'
+        return COLOURS[-1], ' style="stroke-width:2.5;stroke-opacity:0.35"'
     usable = len(COLOURS) - 1
     dash = DASHES[index // usable % len(DASHES)]
     return COLOURS[index % usable], f' stroke-dasharray="{dash}"' if dash else ""

@@ -22,7 +22,7 @@ from hamel.report import page
 from hamel.report.crew import Crew
 from hamel.report.plan import Asked
 from hamel.report.study import Case, Study, studied
-from hamel.settings import settings
+from hamel.settings import settings, units
 from hamel.staging import write_text
 
 if TYPE_CHECKING:
@@ -77,15 +77,9 @@ def _cases(paths: Sequence[str | Path], time: float, values: Mapping[str, float 
     models = [load(path) for path in paths]
     cases, used = [], set()
     for path, model in zip(paths, models):
-        own = {}
-        for name, value in values.items():
-            try:
-                settings(model, {name: value})
-            except ModelError:
-                if len(paths) == 1:
-                    raise
-                continue
-            own[name] = value
+        known = units(model)
+        own = {name: value for name, value in values.items() if "".join(name.split()) in known or len(paths) == 1}
+        settings(model, own)
         used |= own.keys()
         mechanics_of(model)  # what is wrong with a model is said before anything is run
         cases.append(Case(str(path), own, time))

@@ -6,8 +6,10 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 HAMEL  := $(BIN)/hamel
 DEMO   := build/demo
 ROBOTS := build/robots/venv
+BENCH  := build/bench/venv
+PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy
 
-.PHONY: demo report test test-slow lint robots loops growth fresh clean
+.PHONY: demo report test test-slow lint robots loops growth bench fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -51,6 +53,17 @@ loops: $(ROBOTS)/.ready
 # Derivation, emission, compilation and evaluation of chains and trees of 10 to 1,000 links, beside KanesMethod and Pinocchio.
 growth: $(VENV)/.run-time
 	$(VENV)/bin/python benchmarks/growth.py --json build/growth.json --plot build/growth.svg
+
+# Our C beside that of every peer the package indexes carry; the peers are compiled once (minutes) and kept in build/bench.
+bench: $(BENCH)/.ready
+	$(BENCH)/bin/python benchmarks/bench.py
+
+$(BENCH)/.ready: pyproject.toml
+	@echo "installing hamel and its peers ($(PEERS)) into $(BENCH)"
+	@test -d /usr/include/eigen3 || echo "Eigen's headers are missing, so Pinocchio and SymForce are left out: apt install libeigen3-dev"
+	@$(PYTHON) -m venv --clear $(BENCH)
+	@$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable . $(PEERS)
+	@touch $@
 
 $(ROBOTS)/.ready: pyproject.toml
 	@echo "installing hamel, Pinocchio, MuJoCo, Exudyn and robots into $(ROBOTS)"

@@ -1,0 +1,1 @@
+"""Contenders for `make bench`: each module makes shared libraries with the two functions that driver.c calls."""

@@ -1,0 +1,129 @@
+"""Contenders side by side: compiled once and kept, compared with each other, then timed in turn by driver.c."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+BUILD = Path("build/bench")
+HERE = Path(__file__).resolve().parent
+ROWS = 128  # random states
+COPIES = 3  # of every binary: where a file comes to lie in memory alone may cost a factor
+AGREEMENT = 1e-9
+NATIVE = ("-march=native",)
+PLAIN = ("-O2", *NATIVE)  # what users of other generators call; they are also compiled with all flags of ours
+
+
+class Unavailable(Exception):
+    """A peer that cannot be had or does not build here; the message goes into the table."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A library that maps rows of `inputs` to rows of `size` results; `read`: those results → what is compared."""
+
+    peer: str
+    library: Path
+    inputs: np.ndarray
+    size: int
+    argument: str = "-"
+    read: Callable[[np.ndarray], np.ndarray] = lambda rows: rows
+    tolerance: float = AGREEMENT
+    turn: int = 0  # additions and multiplications of a sine with its cosine, of ours
+    variant: str = ""  # several ways of one peer; the fastest counts
+
+
+@dataclass(frozen=True)
+class Time:
+    """Least time of one evaluation, and what came out."""
+
+    ns: float
+    results: np.ndarray
+
+
+def compiled(name: str, sources: Mapping[Path, Sequence[str]], link: Sequence[str] = (), shared: bool = True) -> Path:
+    """A library (or program) below build/bench/kept, made anew only where a source, an option or the compiler has changed.
+
+    `sources`: each file with its options; .cpp files are g++'s.
+    """
+    commands = {path: "g++" if path.suffix == ".cpp" else "gcc" for path in sources}
+    digest = hashlib.sha256(repr((list(sources.values()), link, shared, [version(c) for c in commands.values()])).encode())
+    for file in [*sources, *HERE.glob("*.hpp"), *{header for path in sources for header in path.parent.glob("*.h")}]:
+        digest.update(file.read_bytes())
+    made = BUILD / "kept" / f"{name}-{digest.hexdigest()[:16]}{'.so' if shared else ''}"
+    if not made.exists():
+        made.parent.mkdir(parents=True, exist_ok=True)
+        kind = ["-shared", "-Wl,-Bsymbolic"] if shared else []
+        with tempfile.TemporaryDirectory(prefix="new-", dir=made.parent) as folder:
+            objects = [f"{folder}/{i}.o" for i in range(len(sources))]
+            for out, (path, options) in zip(objects, sources.items()):
+                run(["nice", commands[path], *options, *(["-fPIC"] if shared else []), "-c", str(path), "-o", out])
+            run([max(commands.values()), *kind, *objects, *link, "-lm", "-o", f"{folder}/made"])
+            Path(folder, "made").rename(made)
+    return made.resolve()
+
+
+def run(command: Sequence[str], text: str = "", folder: Path | None = None) -> str:
+    """What a command prints; Unavailable with its last words where it fails."""
+    done = subprocess.run(list(command), input=text, capture_output=True, text=True, check=False, cwd=folder)
+    if done.returncode:
+        said = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines() or ["no words"]
+        raise Unavailable(f"{said[0].strip()[:200]}")
+    return done.stdout
+
+
+def version(command: str) -> str:
+    if not shutil.which(command):
+        raise Unavailable(f"{command} is not installed")
+    return subprocess.run([command, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+
+
+def times(contenders: Sequence[Contender], seconds: float = 2.0, rows: int = ROWS, passing: float = 150e3) -> list[Time]:
+    """All of them, in turn, in one process; RuntimeError where one does not agree with the first.
+
+    `rows`: their states, repeated as often as it takes; `passing`: ns of one pass over as many of them as fit.
+    """
+    driver = compiled("driver", {HERE / "driver.c": ["-O2", "-std=gnu11"]}, ["-ldl"], shared=False)
+    with tempfile.TemporaryDirectory(prefix="bench-") as folder:
+        jobs = [_job(Path(folder), f"{i}-{copy}", c, rows) for copy in range(COPIES) for i, c in enumerate(contenders)]
+        said = run([str(driver), str(seconds), str(rows), str(passing)], "\n".join(jobs) + "\n")
+        results = [_results(Path(folder), f"{i}-0", c) for i, c in enumerate(contenders)]
+    least = [float(line) for line in said.split()]
+    for contender, result in zip(contenders, results):
+        check(contender.peer, result, results[0], contender.tolerance)
+    return [Time(min(least[i :: len(contenders)]), result) for i, result in enumerate(results)]
+
+
+def check(peer: str, found: np.ndarray, expected: np.ndarray, tolerance: float = AGREEMENT) -> None:
+    """RuntimeError unless both are the same to the tolerance, relative to the largest entry of a state."""
+    if tolerance == np.inf:
+        return
+    error = float(np.max(np.max(np.abs(found - expected), axis=1) / np.max(np.abs(expected), axis=1)))
+    if not error <= tolerance:
+        raise RuntimeError(f"{peer} differs from ours by {error:.1e}")
+
+
+def _job(folder: Path, label: str, contender: Contender, count: int) -> str:
+    library = folder / f"{label}.so"
+    shutil.copyfile(contender.library, library)
+    rows = np.resize(np.asarray(contender.inputs, dtype=float), (count, contender.inputs.shape[1]))
+    rows.tofile(folder / f"{label}.in")
+    return f"{library} {folder / label}.in {rows.shape[1]} {folder / label}.out {contender.size} {contender.argument}"
+
+
+def _results(folder: Path, label: str, contender: Contender) -> np.ndarray:
+    return contender.read(np.fromfile(folder / f"{label}.out").reshape(-1, contender.size)[: len(contender.inputs)])
+
+
+def pinned() -> None:
+    """This process and its children on one core."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})

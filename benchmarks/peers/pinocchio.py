@@ -1,0 +1,123 @@
+"""Pinocchio: its own C++ (`aba`, `rnea`, `crba`), and the same algorithms through CasADi's C generator."""
+
+from __future__ import annotations
+
+import functools
+import sysconfig
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from derive.expressions.evaluate import number
+from derive.expressions.tree import Expression
+from derive.model.records import GROUND, Joint, Model, Placement
+from peers.casadi_c import Read, of_source
+from peers.contest import BUILD, HERE, NATIVE, Contender, Unavailable, compiled, run
+
+SITE = Path(sysconfig.get_paths()["purelib"])
+EIGEN = Path("/usr/include/eigen3")
+FLAGS = (
+    *("-std=c++17", "-DNDEBUG", "-fno-gnu-unique", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30"),
+    *("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS"),
+    *("-isystem", f"{SITE}/cmeel.prefix/include", "-isystem", str(EIGEN), "-isystem", f"{SITE}/casadi/include"),
+)
+
+
+def written(model: Any, name: str) -> Path:
+    """The tree as text for tree.hpp. Entries of rotations within 1e-12 of 0 and ±1 are made exact, which saves CasADi work."""
+    path = BUILD / "models" / f"{name}.tree"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = [_numbers(model.gravity.linear)]
+    for i in range(1, model.njoints):
+        kind, axis = _kind(model.joints[i])
+        place, body = model.jointPlacements[i], model.inertias[i]
+        R = np.where(np.abs(place.rotation - np.round(place.rotation)) < 1e-12, np.round(place.rotation), place.rotation)
+        numbers = (axis, R.ravel(), place.translation, [body.mass], body.lever, body.inertia.ravel())
+        lines.append(f"{model.parents[i]} {kind} " + " ".join(_numbers(part) for part in numbers))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(repr(float(x)) for x in values)
+
+
+def model_of(model: Model) -> Any:
+    """A tree of revolute and sliding joints in hamel's records as Pinocchio's model."""
+    import pinocchio as pin
+
+    values = {parameter.name: parameter.value for parameter in model.parameters}
+    made, places = pin.Model(), {GROUND: (0, pin.SE3.Identity())}
+    bodies = {body.name: body for body in model.bodies}
+    made.gravity.linear = _vector(model.gravity, values)
+    for joint in model.joints:
+        parent, behind = places[joint.parent]
+        id = made.addJoint(parent, _joint(joint, values), behind * _place(joint.at_parent, values), joint.name)
+        body, inside = bodies[joint.child], _place(joint.at_child, values).inverse()
+        xx, yy, zz, xy, xz, yz = _vector(body.inertia, values)
+        I = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        made.appendBodyToJoint(id, pin.Inertia(number(body.mass, values), _vector(body.com, values), I), inside)
+        places[joint.child] = id, inside
+    return made
+
+
+def _joint(joint: Joint, values: Mapping[str, float]) -> Any:
+    import pinocchio as pin
+
+    axis, letter = _vector(joint.axis, values), {"revolute": "R", "prismatic": "P"}[joint.type]
+    for own, unit in zip("XYZ", np.eye(3)):
+        if np.array_equal(axis, unit):
+            return getattr(pin, f"JointModel{letter}{own}")()
+    return getattr(pin, "JointModelRevoluteUnaligned" if letter == "R" else "JointModelPrismaticUnaligned")(axis)
+
+
+def _place(placement: Placement, values: Mapping[str, float]) -> Any:
+    import pinocchio as pin
+
+    rotation = np.eye(3) if placement.rotation is None else np.array([_vector(row, values) for row in placement.rotation])
+    return pin.SE3(rotation, _vector(placement.position, values))
+
+
+def _vector(entries: Sequence[Expression], values: Mapping[str, float]) -> np.ndarray:
+    return np.array([number(entry, values) for entry in entries])
+
+
+def _kind(joint: Any) -> tuple[str, np.ndarray]:
+    name = joint.shortname().removeprefix("JointModel")
+    if name.endswith("Unaligned"):
+        return name[0], joint.extract().axis if hasattr(joint, "extract") else joint.axis
+    return {"FreeFlyer": "Free"}.get(name, name), np.zeros(3)
+
+
+def own(tree: Path, function: str, inputs: np.ndarray, size: int, read: Read) -> Contender:
+    """`function`: aba, aba_world, rnea or crba."""
+    _check_headers()
+    library = compiled("pinocchio", {HERE / "pinocchio.cpp": ["-O3", *NATIVE, *FLAGS]})
+    return Contender("Pinocchio C++", library, inputs, size, f"{function} {tree.resolve()}", read, variant=function)
+
+
+def generated(tree: Path, function: str, inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
+    """`function`: aba, aba_world, rnea, crba or crba_world; straight-line C with all numbers folded in."""
+    source = code(tree) / f"{function}.c"
+    return of_source("Pinocchio→CasADi→C", source, inputs, size, read)
+
+
+@functools.cache
+def code(tree: Path) -> Path:
+    """The folder with the C of all functions."""
+    _check_headers()
+    link = [f"-L{SITE}/casadi", "-lcasadi", f"-Wl,-rpath,{SITE}/casadi"]
+    maker = compiled("pinocchio_casadi", {HERE / "pinocchio_casadi.cpp": ["-O1", *FLAGS]}, link, shared=False)
+    folder = BUILD / "models" / f"{tree.stem}-casadi"
+    folder.mkdir(exist_ok=True)
+    run([str(maker), str(tree.resolve())], folder=folder)
+    return folder
+
+
+def _check_headers() -> None:
+    if not EIGEN.exists():
+        raise Unavailable("Eigen's headers are missing: apt install libeigen3-dev")
+    if not (SITE / "cmeel.prefix/include/pinocchio").exists():
+        raise Unavailable("Pinocchio's headers are missing: pip install pin")

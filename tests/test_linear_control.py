@@ -2,9 +2,8 @@
 
 import importlib.util
 import json
-import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -112,17 +111,7 @@ def test_the_regulator_holds_the_nonlinear_pole():
     assert np.max(np.abs(np.degrees(late[:, 1]))) < 1.0 and np.max(np.abs(late[:, 0])) < 0.08
 
 
-def test_a_and_b_go_to_python_control(monkeypatch):
-    """With python-control where it is installed, else with something that takes what it takes."""
-    if importlib.util.find_spec("control") is None:
-
-        def taken(A, B, C, D, states, inputs, outputs):
-            assert (
-                A.shape == (len(states),) * 2 and B.shape == (len(states), len(inputs)) and D.shape == (len(outputs), len(inputs))
-            )
-            return SimpleNamespace(A=A, B=B, C=C, D=D, poles=lambda: np.linalg.eigvals(A))
-
-        monkeypatch.setitem(sys.modules, "control", SimpleNamespace(ss=taken))
+def test_a_and_b_go_to_python_control():
     found = example("bicycle_state_space").state_space(5.0)
     weave = -0.775341882195841925 + 4.46486771378822514j
     assert np.min(np.abs(found.poles() - weave)) < 1e-12

@@ -96,7 +96,7 @@ def integrated(
     library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
     try:
         if library is not None:
-            found = library.run(Problem(module, equations, times, x, u, p, by.rtol, by.atol))
+            found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
             found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by))
     except FloatingPointError as error:

@@ -159,7 +159,7 @@ def test_libraries_agree(model: str, reference: Any) -> None:
     module, found = made(model, formulation, "")
     assert not reference.refusal(found)
     x, u, p = start(model, formulation)
-    motion = reference.run(Problem(module, found, np.array([0.0, TIME / 2, TIME]), x, u, p, 1e-8, 1e-10))
+    motion = reference.prepare(Problem(module, found, np.array([0.0, TIME / 2, TIME]), x, u, p, 1e-8, 1e-10))()
     assert np.abs(ends(module, motion.x[-1], p, mechanics(model).q.numel()) - expected(model)).max() < 1e-5
     assert motion.steps > 3 and motion.calls > 3
 

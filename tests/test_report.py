@@ -69,7 +69,7 @@ def test_rows(record: Reported) -> None:
         if rows[0]["rtol"] and rows[0]["choice"] in ("swing", ""):
             assert [row["rtol"] for row in rows] == [1e-5, 1e-9], name
             assert rows[1]["error"] < 0.05 * rows[0]["error"], name
-    assert {"dop853", "rk4", "CVODES", "IDAS"} <= {name[3] for name in families}
+    assert {"dop853", "rk4", "cvodes", "idas"} <= {name[3] for name in families}
     held = [row for row in front.good(record.rows) if row["keeping"] == "projection"]
     assert held and all(row["phi"] < 1e-13 for row in held)
     steps = [row["step"] for row in record.rows if row["integrator"] == "rk4"]

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Problem:
-    """A motion to compute: compiled functions, what they were made of, output times, state at the first, inputs, parameters."""
+    """A motion to compute: compiled functions, what they were made of, output times, state at the first, inputs, parameters.
+
+    `compiled`: what the solver evaluates goes through the C compiler first, which pays where a run is repeated or long.
+    """
 
     module: ModuleType
     equations: Equations
@@ -25,6 +28,7 @@ class Problem:
     p: np.ndarray
     rtol: float
     atol: float
+    compiled: bool = False
 
 
 @dataclass(frozen=True)
@@ -45,12 +49,12 @@ class Found:
 
 @dataclass(frozen=True)
 class Reference:
-    """`refusal` says why it does not fit some equations, "" where it does."""
+    """`prepare` makes all that is no part of a run, and gives the run; `refusal` says why it does not fit some equations."""
 
     name: str
     about: str
     source: str
-    run: Callable[[Problem], Found]
+    prepare: Callable[[Problem], Callable[[], Found]]
     refusal: Callable[[Equations], str] = lambda found: ""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,18 @@ from derive.diagnostics import ToolchainError
 from hamel.references.records import Found, Problem, Reference, found
 
 
-def _run(solver: str, problem: Problem) -> Found:
+def _prepared(solver: str, problem: Problem) -> Callable[[], Found]:
     try:
         from scipy import integrate
     except ImportError:
         raise ToolchainError("SciPy is not installed", "pip install scipy, or use an integrator of the module itself") from None
+    return lambda: _run(getattr(integrate, solver), solver, problem)
+
+
+def _run(method: Any, solver: str, problem: Problem) -> Found:
     times, module = problem.times, problem.module
     rows = np.empty((times.size, problem.x.size + 1))
-    stepper: Any = getattr(integrate, solver)(
+    stepper = method(
         lambda t, y: _slope(module, t, y, problem),
         times[0],
         np.append(problem.x, 0.0),
@@ -49,7 +54,7 @@ def _slope(module: Any, t: float, y: np.ndarray, problem: Problem) -> np.ndarray
 def _reference(name: str, solver: str, about: str) -> Reference:
     source = "P. Virtanen et al.: SciPy 1.0, Nature Methods 17, 2020"
     return Reference(
-        name, f"{solver} of SciPy over the compiled functions: {about}", source, lambda problem: _run(solver, problem)
+        name, f"{solver} of SciPy over the compiled functions: {about}", source, lambda problem: _prepared(solver, problem)
     )
 
 

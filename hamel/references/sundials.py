@@ -7,26 +7,32 @@ so that positions and velocities are both held, without a choice of quasi-veloci
 
 from __future__ import annotations
 
+import os
+import subprocess
+import tempfile
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from codegen.compiler import FLAGS, SUFFIX, find_compiler
 from derive.formulations.records import Equations
 from hamel.references.records import Found, Problem, Reference, found
 
 MOST_STEPS = 10_000_000
+Run = Callable[[], Found]
 
 
-def _cvodes(problem: Problem) -> Found:
+def _cvodes(problem: Problem) -> Run:
     slots = {argument.name: argument.symbols for argument in problem.equations.arguments}
     made = {function.name: function.result.value for function in problem.equations.functions}
     work = made["power"] if "power" in made else ca.SX(0)
     system = {"x": slots["x"], "t": slots["t"], "u": slots["u"], "p": slots["p"], "ode": made["dynamics"], "quad": work}
-    return _integrated("cvodes", system, problem, np.zeros(0), {})
+    return _prepared("cvodes", system, problem, np.zeros(0), {})
 
 
-def _idas(problem: Problem) -> Found:
+def _idas(problem: Problem) -> Run:
     equations, x = problem.equations, problem.x
     system, kept = equations.system, _kept(equations)
     closing = [i for i in kept if system.rows[i].position >= 0]
@@ -43,7 +49,7 @@ def _idas(problem: Problem) -> Found:
     t, module = float(problem.times[0]), problem.module
     z = np.concatenate([np.zeros(len(closing)), module.reactions(t, x, problem.u, problem.p)[kept]])
     rates = module.dynamics(t, x, problem.u, problem.p).tolist()
-    return _integrated(
+    return _prepared(
         "idas",
         dae,
         problem,
@@ -64,20 +70,52 @@ def _kept(equations: Equations) -> list[int]:
     return [names.index(label) for label in slip.result.labels]
 
 
-def _integrated(solver: str, dae: dict[str, ca.SX], problem: Problem, z: np.ndarray, options: dict[str, Any]) -> Found:
-    """The rows at the output times; the first one is the state given."""
+def _prepared(solver: str, dae: dict[str, ca.SX], problem: Problem, z: np.ndarray, options: dict[str, Any]) -> Run:
+    """Gives the rows at the output times; the first one is the state given."""
     times = problem.times
     steps = {"abstol": problem.atol, "reltol": problem.rtol, "max_num_steps": MOST_STEPS, "show_eval_warnings": False}
-    try:
-        run = ca.integrator("motion", solver, dae, times[0], times[1:], {**steps, **options})
-        result = run(x0=problem.x, z0=z, u=np.tile(problem.u[:, np.newaxis], (1, times.size - 1)), p=problem.p)
-    except RuntimeError as error:
-        why = str(error).strip().splitlines()[-1]
-        raise FloatingPointError(f"{problem.module.name}: {solver.upper()} stopped: {why}") from None
-    x = np.vstack([problem.x, np.asarray(result["xf"]).T])
-    work = np.concatenate([[0.0], np.asarray(result["qf"]).ravel()])
-    counts = run.stats()
-    return found(problem, x, work, counts["nsteps"], counts["netfails"], counts["nfevals"])
+    made = _compiled(dae) if problem.compiled else dae
+    motion = ca.integrator("motion", solver, made, times[0], times[1:], {**steps, **options})
+    u = np.tile(problem.u[:, np.newaxis], (1, times.size - 1))
+
+    def run() -> Found:
+        try:
+            result = motion(x0=problem.x, z0=z, u=u, p=problem.p)
+        except RuntimeError as error:
+            why = str(error).strip().splitlines()[-1]
+            raise FloatingPointError(f"{problem.module.name}: {solver.upper()} stopped: {why}") from None
+        x = np.vstack([problem.x, np.asarray(result["xf"]).T])
+        work = np.concatenate([[0.0], np.asarray(result["qf"]).ravel()])
+        counts: dict[str, Any] = motion.stats()
+        return found(problem, x, work, counts["nsteps"], counts["netfails"], counts["nfevals"])
+
+    return run
+
+
+def _compiled(dae: dict[str, ca.SX]) -> dict[str, ca.MX]:
+    """The same system with its functions and their derivatives as C of CasADi's, compiled with the flags of our own modules."""
+    given = {name: dae[name] for name in ("x", "z", "t", "u", "p") if name in dae}
+    sides = {name: ca.densify(dae[name]) for name in ("ode", "alg", "quad") if name in dae}
+    function = ca.Function("sides", [*given.values()], [*sides.values()], [*given], [*sides])
+    symbols = {name: ca.MX.sym(name, value.shape[0]) for name, value in given.items()}  # type: ignore[call-overload]
+    results = _external(function)(*symbols.values())
+    return {**symbols, **dict(zip(sides, results if isinstance(results, tuple) else (results,)))}
+
+
+def _external(function: ca.Function) -> ca.Function:
+    """Loaded for as long as the process lives; the files are gone at once. The function itself without a compiler."""
+    command = find_compiler()
+    if command is None:
+        return function
+    with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
+        code = ca.CodeGenerator("sides.c")
+        for each in (function, function.jacobian(), function.forward(1)):
+            code.add(each)
+        code.generate(folder + os.sep)
+        library = os.path.join(folder, f"sides{SUFFIX}")
+        flags = [*FLAGS, "-shared", os.path.join(folder, "sides.c"), "-o", library, "-lm"]
+        subprocess.run([*command, *flags], check=True, capture_output=True)
+        return ca.external(function.name(), library)
 
 
 def _needs_multipliers(equations: Equations) -> str:

@@ -23,7 +23,7 @@ from hamel.pipeline import emit, mechanics_of, program_of
 from hamel.report.plan import OWN
 from hamel.settings import settings
 
-FUNCTIONS = ("dynamics", "constraints", "project", "energy", "power", "velocity", "state")
+FUNCTIONS = ("dynamics", "constraints", "project", "energy", "power", "velocity", "state", "reactions")
 
 
 @dataclass(frozen=True)

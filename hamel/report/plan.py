@@ -25,8 +25,8 @@ from derive.model.motions import KINDS
 DEFAULT = "quasi_velocities"
 TIGHTEST, LOOSEST = 12, 4
 COUNTS = (3, 10, 30, 100, 300)  # equal steps, as multiples of those of dop853 at rtol 1e-6
-SCIPY = ("DOP853 (SciPy)", "Radau (SciPy)")
-SOLVERS = ((DEFAULT, ("CVODES", *SCIPY)), ("augmented", ("CVODES", "IDAS")))
+SCIPY = ("scipy_dop853", "scipy_radau")
+SOLVERS = ((DEFAULT, ("cvodes", *SCIPY)), ("augmented", ("cvodes", "idas")))  # of hamel.references
 
 
 @dataclass(frozen=True)

@@ -83,6 +83,11 @@ def _row(module: ModuleType, found: Start, span: float, run: Mapping[str, Any], 
     except (FloatingPointError, TooLong) as problem:
         status, reached = _cause(problem)
         return {"status": status, "stopped": reached}
+    return judged(module, found, span, ms, made)
+
+
+def judged(module: ModuleType, found: Start, span: float, ms: float, made: Any) -> dict[str, Any]:
+    """The row of a run that came to its end."""
     before, after = (module.energy(t, x, found.u, found.p) for t, x in ((0.0, _state(module, found)), (span, made.x[-1])))
     v = module.velocity(span, made.x[-1], found.u, found.p)
     return {

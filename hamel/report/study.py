@@ -290,7 +290,7 @@ def _library_rows(site: Worksite, units: Sequence[Unit]) -> Made:
     return [(unit, run, site.found[_name(unit, run["key"])]) for unit, run in wanted if _name(unit, run["key"]) in site.found]
 
 
-LIBRARY_LIMIT = 4.0
+LIBRARY_LIMIT = 2.0
 
 
 def _run_libraries(site: Worksite, groups: Sequence[tuple[Unit, str, list[dict[str, Any]]]]) -> None:
@@ -298,11 +298,11 @@ def _run_libraries(site: Worksite, groups: Sequence[tuple[Unit, str, list[dict[s
     for unit, solver, runs in groups:
         how = {"limit": LIBRARY_LIMIT, "share": 0.1, "span": site.case.span, "unit": unit.about, "solver": solver, "runs": runs}
         arguments = {**site.case.start, "folder": site.ready[unit], **how}
-        tasks.append(Task("library", arguments, GRACE + 10 * LIBRARY_LIMIT, (unit, runs)))
+        tasks.append(Task("library", arguments, GRACE, (unit, runs)))
     for task, message in site.crew.answers(tasks):
         if "run" in message:
             _put(site, task.about[0], message, LIBRARY_LIMIT)
-        else:
+        elif "ready" not in message:
             unit, runs = task.about
             for run in [run for run in runs if _name(unit, run["key"]) not in site.found]:
                 status = TOO_LONG if message.get("over") == "killed" else message.get("error", "not run")

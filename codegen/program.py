@@ -76,6 +76,15 @@ class Loop:
 
 
 @dataclass(frozen=True)
+class Pattern:
+    """Where the outputs stand in the matrix of that shape, which is zero elsewhere."""
+
+    shape: tuple[int, int]
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Kernel:
     """One generated function. `outputs` are the entries of the result, row-major; `shape` is (n,) or (r, c)."""
 
@@ -96,6 +105,7 @@ class Kernel:
     results: tuple[int, ...]  # the outputs that have to be finite; the others are arguments or constants
     operations: Mapping[str, int]  # of each kind and "total"
     hoisted: Hoisted | None = None
+    pattern: Pattern | None = None  # of a result that holds the values of a sparse matrix
 
     @property
     def singular(self) -> str:

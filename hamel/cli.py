@@ -101,7 +101,12 @@ def check(model: str) -> Any:
 @FORMULATION
 @click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
 @CONSTANTS
-@click.option("--functions", metavar="a,b", default="", help='Emit these functions only; "default" stands for all of use.')
+@click.option(
+    "--functions",
+    metavar="a,b",
+    default="",
+    help='Emit these functions only (`hamel list MODEL` names all); "default" stands for all of use.',
+)
 @click.option(
     "--integrator", "integrators", metavar="a,b", default="", help="What the module's simulate() uses (default: dop853)."
 )

@@ -55,12 +55,19 @@ def made(
             program = tuned(program, times, clock)
         folder = Path(out) if out else Path("generated") / program.name
         with drafted(program, folder, clock) as draft:
-            found = _confirmed(equations, draft, states, numpy, clock)
+            found = _confirmed(_with_requested(equations, program), draft, states, numpy, clock)
             with clock("textbook"):
                 pages = {"derivation.html": page(), VERIFICATION: stored(found, equations)}
             _publish(draft, pages, clock)
             compiled = bool(draft.command)
     return _record(program, folder, compiled, clock)
+
+
+def _with_requested(equations: Equations, program: Program) -> Equations:
+    """What was emitted on request is verified like the rest."""
+    emitted = {kernel.name for kernel in program.kernels}
+    requested = tuple(request.make() for request in equations.requests if request.name in emitted)
+    return replace(equations, functions=(*equations.functions, *requested))
 
 
 def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clock: Clock) -> Verification:

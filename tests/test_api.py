@@ -126,6 +126,7 @@ def test_list_of_a_model():
     named = hamel.list(MODELS / "four_bar.yaml").kinds
     assert [item.name for item in named["bodies"]] == ["crank", "coupler", "rocker"]
     assert "dynamics" in [item.name for item in named["functions"]]
+    assert {"jacobian_values", "step_sensitivity", "linearization"} <= {item.name for item in named["functions on request"]}
 
 
 def test_schema_accepts_no_unknown_keys():

@@ -22,7 +22,7 @@ from codegen.passes.share import share
 from codegen.passes.split import is_long
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.watch import watch
-from codegen.program import KINDS, Argument, Entry, Hoisted, Kernel, Loop, Pivot, Program
+from codegen.program import KINDS, Argument, Entry, Hoisted, Kernel, Loop, Pattern, Pivot, Program
 from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations import records
 from derive.formulations.records import Equations, Function
@@ -276,7 +276,7 @@ def _written(
         name=function.name,
         about=function.about,
         result=function.result.name,
-        shape=(rows,) if columns == 1 else (rows, columns),
+        shape=(rows,) if columns == 1 and not function.result.matrix else (rows, columns),
         labels=function.result.labels,
         units=function.result.units,
         x=next(argument for argument in arguments if argument.name == "x"),
@@ -289,6 +289,7 @@ def _written(
         watched=watched.entries,
         results=watched.outputs,
         operations=count(needed(lowered)),
+        pattern=function.result.pattern and Pattern(**vars(function.result.pattern)),
     )
 
 

@@ -121,10 +121,11 @@ def _lines(program: Program, part: Part, style: _Style) -> Iterator[str]:
             yield f"const double {load.name} = {style.entry.format(load.argument, load.index)};"
     for name, slot in part.taken:
         yield f"const double {name} = {style.entry.format('work', slot)};"
+    taken = {statement.name for section in part.sections for statement in section.statements}
     for section in part.sections:
         yield ""
         yield f"/* {text.comment(section.title)} */"
-        turns = style.turns(program.name, section, _names(part))
+        turns = style.turns(program.name, section, taken)
         for statement in section.statements:
             if _is_turn(statement):
                 yield from turns.pop(statement.name, ())
@@ -135,10 +136,6 @@ def _lines(program: Program, part: Part, style: _Style) -> Iterator[str]:
 def _is_turn(statement: Statement) -> bool:
     """A sine or a cosine."""
     return isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
-
-
-def _names(part: Part) -> set[str]:
-    return {statement.name for section in part.sections for statement in section.statements}
 
 
 def _angles(section: Section) -> dict[Expression, dict[str, str]]:

@@ -60,6 +60,8 @@ def _function(kernel: Kernel) -> dict[str, object]:
         "shape": list(kernel.shape),
         "labels": list(kernel.labels),
         "units": list(kernel.units),
+        "pattern": kernel.pattern
+        and {"shape": kernel.pattern.shape, "rows": kernel.pattern.rows, "columns": kernel.pattern.columns},
         "guards": [{"name": guard.name, "limit": guard.limit} for guard in kernel.guards],
         "iteration": {"tolerance": kernel.loop.tolerance, "most": kernel.loop.most} if kernel.loop else None,
     }

@@ -41,13 +41,27 @@ class Guard:
 
 
 @dataclass(frozen=True)
+class Pattern:
+    """Where the entries of a result stand in the matrix of that shape: row and column of each."""
+
+    shape: tuple[int, int]
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Result:
-    """One result array of a function, row-major; `value` is dense r × c. Vectors are n × 1 and come out as (n,)."""
+    """One result array of a function, row-major; `value` is dense r × c. Vectors are n × 1 and come out as (n,).
+
+    A `matrix` comes out as (r, c) even where it has one column. A vector with a `pattern` holds entries of a sparse matrix.
+    """
 
     name: str
     value: ca.SX
     labels: tuple[str, ...]
     units: tuple[str, ...]
+    matrix: bool = False
+    pattern: Pattern | None = None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from codegen.integrators import INTEGRATORS
 from codegen.targets import TARGETS
 from derive.formulations import FORMULATIONS, equations
 from derive.keepings import KEEPINGS
+from derive.linearize.minimal import with_linearization
 from derive.model import KINDS, load_text
 from hamel.importing import load
 from hamel.pipeline import mechanics_of
@@ -49,7 +50,7 @@ def _known() -> dict[str, tuple[Known, ...]]:
         "keepings": _abouts(KEEPINGS),
         "integrators": (*_abouts(INTEGRATORS), *_abouts(REFERENCES)),
         "targets": _abouts(TARGETS),
-        "functions": tuple(_functions(load_text(_EVERYTHING))),
+        **{kind: tuple(names) for kind, names in _functions(load_text(_EVERYTHING)).items()},
     }
 
 
@@ -71,7 +72,7 @@ def _named(path: str | Path) -> dict[str, tuple[Known, ...]]:
         "coordinates": (Known(c.name, c.unit) for c in model.coordinates),
         "velocities": (Known(v.name, v.unit) for v in model.velocities),
         "choices": _choices(model),
-        "functions": _functions(model),
+        **_functions(model),
     }
     listed = {kind: tuple(names) for kind, names in kinds.items()}
     return {kind: names for kind, names in listed.items() if names}
@@ -92,11 +93,13 @@ def _choices(model: Model) -> Iterator[Known]:
         yield Known(choice.name, ", ".join(name for name, _ in choice.rows) or choice.kind)
 
 
-def _functions(model: Model) -> Iterator[Known]:
-    """The functions of the generated module: all of the model's first choice."""
-    for function in equations(mechanics_of(model)).functions:
-        if function.result.value.numel():
-            yield Known(function.name, function.about)
+def _functions(model: Model) -> dict[str, Iterable[Known]]:
+    """The functions of the generated module, by the model's first choice, and those that are emitted when asked for by name."""
+    found = with_linearization(equations(mechanics_of(model)))
+    return {
+        "functions": (Known(f.name, f.about) for f in found.functions if f.result.value.numel()),
+        "functions on request": (Known(request.name, request.about) for request in found.requests),
+    }
 
 
 def show(record: Listed, console: Console) -> None:

@@ -21,6 +21,8 @@ from hamel.verify.states import State
 from hamel.verify.vectors import Array
 
 VARIED = 0.2  # parameters that are arguments vary by this part of their value
+STEPS = ("step", "step_sensitivity")  # x, then the length of the step
+SHORT = 1e-3  # s
 TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "power")
 VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
 
@@ -250,7 +252,17 @@ class Evidence:
             return tuple(np.concatenate([s.q, other.q]) for s, other in zip(self.samples, others))
         if name == "normalise":
             return tuple(1.1 * s.q for s in self.samples)
-        return self.x
+        if name in STEPS:
+            return tuple(np.append(x, SHORT) for x in self.x)
+        return self._with_seeds(name)
+
+    def _with_seeds(self, name: str) -> tuple[Array, ...]:
+        """The state, and behind it random directions where the function takes some."""
+        taken = next((f.x for f in self.graph.equations.functions if f.name == name), None)
+        if taken is None:
+            return self.x
+        rng = np.random.default_rng(5)
+        return tuple(np.append(x, rng.normal(size=taken.symbols.numel() - len(x))) for x in self.x)
 
     def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:
         """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of that name."""

@@ -398,3 +398,4 @@ class Model:
     kinetic: Expression | None
     potential: Expression | None
     published: tuple[Published, ...] = ()
+    fixed: tuple[tuple[str, float], ...] = ()  # inputs and parameters of the file that are numbers here, in SI units

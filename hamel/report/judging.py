@@ -15,7 +15,7 @@ AGREE = 1e-3  # two tight runs that differ by more give no reference
 FAR = 0.1  # an error above this is no result: wrong where another method with the same tolerance is this much closer
 CLOSER, NEAR = 100.0, 1e-4  # … and is near
 LEAST = 1e-15
-CONTRADICTED = 1e3  # times the bound and the scatter of the best runs
+CONTRADICTED = 10.0  # times the bound and what the best runs differ by, from each other and from their looser ones
 
 COLUMNS = (
     *("model", "formulation", "choice", "keeping", "integrator", "rtol", "step", "error", "phi", "velocity", "energy"),
@@ -81,8 +81,8 @@ class Judge:
         best = _tightest(made)
         if self.reference.end is None or self.reference.bound is None or len(best) < 2:
             return self.reference
-        off = [self._distance(end, self.reference.end) for end in best]
-        apart = self._distance(best[0], best[1])
+        off = [self._distance(ends[0], self.reference.end) for ends in best]
+        apart = max(self._distance(best[0][0], other) for other in (*best[0][1:], *best[1]))
         if min(off) > CONTRADICTED * (self.reference.bound + apart):
             doubt = f"runs that agree with each other within {apart:.1e} are {min(off):.1e} away from it"
             return replace(self.reference, doubt=doubt)
@@ -143,11 +143,15 @@ def _scales(system: System, sizes: Sequence[float]) -> np.ndarray:
     return np.array([1.0 if group in plain else largest[group] or 1.0 for group in groups])
 
 
-def _tightest(made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]) -> list[Sequence[float]]:
-    """Ends of the tightest adaptive run of each unit, one unit per formulation and choice."""
-    best: dict[Unit, tuple[float, Sequence[float]]] = {}
+def _tightest(made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]) -> list[list[Sequence[float]]]:
+    """Per family that ran at two tolerances or more the ends of its two tightest runs; of each unit the best family."""
+    families: dict[tuple[Unit, str, str], list[tuple[float, Sequence[float]]]] = {}
     for unit, run, row in made:
-        rtol = run.get("rtol")
-        if row.get("end") is not None and rtol and (unit not in best or rtol < best[unit][0]):
-            best[unit] = (rtol, row["end"])
-    return [end for _, end in sorted(best.values(), key=lambda item: item[0])]
+        if row.get("end") is not None and run.get("rtol"):
+            families.setdefault((unit, run["keeping"], run["integrator"]), []).append((run["rtol"], row["end"]))
+    best: dict[Unit, list[tuple[float, Sequence[float]]]] = {}
+    for (unit, _, _), ends in families.items():
+        two = sorted(ends, key=lambda item: item[0])[:2]
+        if len(two) == 2 and (unit not in best or two[0][0] < best[unit][0][0]):
+            best[unit] = two
+    return [[end for _, end in two] for two in sorted(best.values(), key=lambda two: two[0][0])]

@@ -85,6 +85,7 @@ def plan(system: System, asked: Asked) -> Plan:
             excluded.append(Excluded(formulation.name, "", "", "", reason))
         else:
             units.append(Unit(formulation.name, choices[0] if formulation.chooses else ""))
+    units.sort(key=lambda unit: (unit.choice not in choices[:1] or unit.formulation != DEFAULT, unit.formulation != "augmented"))
     own = [name for name in OWN if not asked.keepings or name in asked.keepings]
     return Plan((*units, *_with_own_keeping(units, own)), (*excluded, *_RESTRICTED))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -64,6 +66,7 @@ class Worksite:
     advance: Callable[[float, float], None]  # done, of
     excluded: list[Excluded] = field(default_factory=list)
     ready: dict[Unit, str] = field(default_factory=dict)  # folders of modules
+    places: Iterator[int] = field(default_factory=itertools.count)  # each folder is used once
 
 
 def studied(case: Case, asked: Asked, crew: Crew, folder: Path, advance: Callable[[float, float], None]) -> Study:
@@ -99,10 +102,11 @@ def _name(unit: Unit, *more: str) -> str:
 
 def _built(site: Worksite, units: Sequence[Unit]) -> list[Unit]:
     """The units that can be built, known or built now; the others are noted with their reasons."""
-    _ensure(site, [unit for unit in units if _name(unit, "built") not in site.found])
+    _ensure(site, [unit for unit in units if _name(unit, "built") not in site.found], time.monotonic() + site.asked.budget)
     good = []
     for unit in units:
-        about: dict[str, Any] = site.found.get(_name(unit, "built")) or {"refused": "it took too long to build"}
+        late = {"refused": f"not built: the {site.asked.budget:g} s for modules were used up; the same command goes on"}
+        about: dict[str, Any] = site.found.get(_name(unit, "built")) or late
         if "refused" in about:
             site.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", about["refused"]))
         else:
@@ -111,12 +115,12 @@ def _built(site: Worksite, units: Sequence[Unit]) -> list[Unit]:
     return good
 
 
-def _ensure(site: Worksite, units: Sequence[Unit]) -> None:
-    """Modules on disk for these units."""
+def _ensure(site: Worksite, units: Sequence[Unit], end: float = math.inf) -> None:
+    """Modules on disk for these units; those that are not ready at the time `end` are left, but for two."""
     missing = [unit for unit in dict.fromkeys(units) if unit not in site.ready]
     tasks = []
     for unit in missing:
-        place = str(site.folder / f"unit{len(site.ready) + len(tasks)}" / "module")
+        place = str(site.folder / f"unit{next(site.places)}" / "module")
         arguments = {**site.case.start, "unit": unit.about, "span": site.case.span, "folder": place}
         tasks.append(Task("build", arguments, BUILD_LIMIT + GRACE, unit))
     for task, message in site.crew.answers(tasks):
@@ -125,6 +129,8 @@ def _ensure(site: Worksite, units: Sequence[Unit]) -> None:
             site.found.put(_name(task.about, "built"), message)
         elif "error" in message:
             site.found.put(_name(task.about, "built"), {"refused": message["error"]})
+        if time.monotonic() > end and len(site.ready) >= 2:
+            break
 
 
 # ---- reference

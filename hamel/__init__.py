@@ -10,7 +10,22 @@ Each verb of the command line is a function here. Importing this package imports
 import sys
 from types import ModuleType
 
-from hamel.api import build, check, choices, derive, explain, import_, linearize, list, load, report, schema, simulate, verify
+from hamel.api import (
+    build,
+    check,
+    choices,
+    derive,
+    explain,
+    import_,
+    linearize,
+    list,
+    load,
+    report,
+    schema,
+    simulate,
+    stress,
+    verify,
+)
 
 __version__ = "0.1.0"
 __all__ = [
@@ -26,6 +41,7 @@ __all__ = [
     "report",
     "schema",
     "simulate",
+    "stress",
     "verify",
 ]
 

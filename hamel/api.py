@@ -33,7 +33,6 @@ def build(
     numpy: bool = False,
     tune: bool = False,
     header: bool = False,
-    fix: Mapping[str, float | str] | None = None,
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
@@ -41,12 +40,11 @@ def build(
     (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler
     this raises ToolchainError, unless `numpy` says that a module that runs on NumPy will do. `tune` compiles every formulation
     that fits, with every choice where none is named, and takes the one whose `dynamics` is fastest on this machine. `header` adds
-    <model>_inline.h, all functions in one header for C and C++. `fix` gives inputs and parameters a value, a number in SI or
-    text with a unit, and bakes it in: the functions take them no more, and u is shorter.
+    <model>_inline.h, all functions in one header for C and C++.
     """
     from hamel.verbs.build import run
 
-    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header, fix or {})
+    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header)
 
 
 def verify(
@@ -66,6 +64,15 @@ def verify(
     from hamel.verbs.verify import run
 
     return run(path, choice, states, seed, constants, formulation, mutate)
+
+
+def stress(
+    paths: Model | Sequence[Model], *, case: str | None = None, progress: Callable[[str], None] | None = None
+) -> records.Stressed:
+    """Run the `stress:` cases of model files, or of all in a folder, and judge each end by a closed form or many digits."""
+    from hamel.verbs.stress import run
+
+    return run([paths] if isinstance(paths, str | Path) else paths, case, progress)
 
 
 def simulate(

@@ -95,6 +95,37 @@ class Verified:
 
 
 @dataclass(frozen=True)
+class StressRow:
+    """An extreme case: survived with an `error` within the tolerance, refused with a `status`, or wrong."""
+
+    model: str
+    case: str
+    about: str
+    method: str
+    outcome: str  # survived, refused or wrong
+    error: float | None  # at the end: angles in radians, else relative to the largest value of the same unit
+    tolerance: float | None  # None: the error is only reported
+    status: str
+    expected: str  # survived or refused
+    passed: bool
+    judged_by: str
+    steps: int
+    seconds: float
+    moved: float  # how far held initial values had to give way
+    constraints: float  # largest |φ| or |A v − c|
+    energy: float  # energy balance
+
+
+@dataclass(frozen=True)
+class Stressed:
+    passed: bool  # every case came out as its file expects
+    rows: tuple[StressRow, ...]
+    survived: int
+    refused: int
+    wrong: int
+
+
+@dataclass(frozen=True)
 class Derived:
     model: str
     choice: str

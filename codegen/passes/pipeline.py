@@ -73,7 +73,6 @@ def program(
         quasi_velocities=equations.w,
         assumptions=equations.assumptions,
         constants=equations.system.constants,
-        fixed=model.fixed,
         arguments=arguments,
         kernels=tuple(kernels),
         ledger=tuple(ledger),

@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Guard, Iteration, Result
 from derive.joints.records import Vector
+from derive.mechanics.closing import Kinematics, nominal
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
 
-CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ
+CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ, divided by …
+USUAL = 3  # … the size of its terms where that is more than so many powers of ten from one
 MOST_STEPS = 20
 
 
@@ -149,7 +152,9 @@ def _project(system: System, motion: Motion) -> Function | None:
     if not closing and not system.quaternions and not (motion.projects_velocity and motion.kept):
         return None
     q = system.q + _position_step(system, closing) if closing else system.q
-    violation = [system.phi[system.rows[i].position] for i in closing]
+    sizes = _sizes(system) if closing else []
+    positions = [system.rows[i].position for i in closing]
+    violation = [system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k] for k in positions]
     w = motion.w
     if motion.projects_velocity and motion.kept:
         w, rest = _velocity_step(system, motion)
@@ -159,6 +164,20 @@ def _project(system: System, motion: Motion) -> Function | None:
     labels = (*(c.name for c in system.model.coordinates), *motion.names)
     step = Result("x", ca.vertcat(_with_unit_quaternions(system, q), w), labels, ())
     return Function("project", about, step, iteration=Iteration(CLOSED, MOST_STEPS), residual=_largest(violation))
+
+
+def _sizes(system: System) -> list[float]:
+    """How large the terms of each φ are at the initial values, as powers of ten; 1 where that is not far from one.
+
+    A length of a megametre squared cannot be closed to 1e-13, and one of a micrometre would be closed too early.
+    """
+    q, p = nominal(system), np.array(system.parameters)
+    J = np.abs(Kinematics(system).closing(np.zeros(1), q[None], p[None])[1][0])
+    lengths = [abs(x) for c, x in zip(system.model.coordinates, q) if c.unit == "m"]
+    longest = max(lengths, default=0.0) or 1.0
+    sizes = np.nan_to_num(J) @ [longest if v.unit == "m/s" else 1.0 for v in system.model.velocities]
+    powers = np.round(np.log10(np.maximum(sizes, 1e-300)))
+    return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
 
 
 def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:

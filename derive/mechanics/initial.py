@@ -31,7 +31,7 @@ def initial_state(system: System, changes: Mapping[str, float] | None = None, p:
     `changes` overrides values by name and holds them. Raises ModelError where no consistent state is found.
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
-    given, held = _given(system, changes or {})
+    given, held = _given(system, changes or {}, parameters)
     solver = Kinematics(system)
     q = _positions(system, solver, given, held, parameters)
     v = _velocities(system, solver, given, held, q, parameters)
@@ -42,22 +42,43 @@ def initial_state(system: System, changes: Mapping[str, float] | None = None, p:
     return Initial(q, v, tuple(moved))
 
 
-def _given(system: System, changes: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
+def _given(system: System, changes: Mapping[str, float], p: np.ndarray) -> tuple[dict[str, float], set[str]]:
     names = {x.name: x.value for x in system.model.parameters} | {"t": 0.0}
+    names |= dict(zip([x.name for x in system.model.parameters if x.name not in system.constants], map(float, p)))
     given = {x.name: number(x.value, names) for x in system.model.initial} | dict(changes)
     return given, {x.name for x in system.model.initial if x.held} | set(changes)
 
 
-def _positions(system: System, solver: Kinematics, given: dict[str, float], held: set[str], p: np.ndarray) -> np.ndarray:
+def initial_position(solver: Kinematics) -> np.ndarray | None:
+    """q of the initial state at the model's own parameters; None where no configuration near it is consistent."""
+    system = solver.system
+    p = np.array(system.parameters)
+    given, held = _given(system, {}, p)
+    return _closed(system, solver, _start(system, given), held, p)
+
+
+def _start(system: System, given: dict[str, float]) -> np.ndarray:
     start = nominal(system)
     for i, c in enumerate(system.model.coordinates):
         start[i] = given.get(c.name, start[i])
-    start = normalised(system, start)
+    return normalised(system, start)
+
+
+def _closed(system: System, solver: Kinematics, start: np.ndarray, held: set[str], p: np.ndarray) -> np.ndarray | None:
+    """Guesses move, else everything may."""
     free = np.array([c.name not in held for c in system.model.coordinates])
     for choice in (free, np.ones(len(start), dtype=bool)):
         q = closed(solver, 0.0, start, p, choice)
         if q is not None:
             return normalised(system, q)
+    return None
+
+
+def _positions(system: System, solver: Kinematics, given: dict[str, float], held: set[str], p: np.ndarray) -> np.ndarray:
+    start = _start(system, given)
+    q = _closed(system, solver, start, held, p)
+    if q is not None:
+        return q
     phi = solver.positions(0.0, start, p)[0]
     worst = int(np.argmax(np.abs(phi)))
     row = next(row.name for row in system.rows if row.position == worst)

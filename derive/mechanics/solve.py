@@ -20,6 +20,7 @@ SAFE = 0.5  # a pivot whose least value is at least this part of its largest is 
 BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred
 ALONE = 10.0  # a ratio this many times its median says that one pivot vanishes where the other does not
 VANISHES = 1e-8  # relative size that counts as zero: what is left of a row that repeats others, at closed positions
+ZERO = 1e-6  # a pivot that comes so near zero at a sample, relative to its largest, vanishes there
 SAME = 1e-9  # relative variation that counts as none
 MOST = 200  # candidate blocks looked at
 
@@ -171,7 +172,7 @@ def _best_single(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, sca
     a, b = least[r, c], largest[r, c]
     varies = ~fixed[r, c] & (b - a > SAME * b)
     fill = (pattern.sum(axis=1)[r] - 1) * (pattern.sum(axis=0)[c] - 1)
-    k = int(np.lexsort((-a, fill, -np.round(a / b, 2), varies))[0])
+    k = int(np.lexsort((-a, fill, -np.round(a / b, 2), varies & (a <= ZERO * b), varies))[0])
     grade = 0 if fixed[r[k], c[k]] else 2 if varies[k] else 1
     return Block((int(r[k]),), (int(c[k]),), float(a[k]), float(b[k]), grade)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from derive.expressions.tree import ZERO, Expression, Number
-from derive.model import actuators, bodies, definitions, frames, loads, mechanism, motions, published, steady, ties
+from derive.model import actuators, bodies, definitions, frames, loads, mechanism, motions, published, steady, stress, ties
 from derive.model.collisions import check_collisions
 from derive.model.document import Scalar, Source
 from derive.model.frames import Frame, Names
@@ -89,6 +89,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         steady_motions=tuple(steady.steady_motion(reader, key, entry) for key, entry in document.steady_motion.items()),
         kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),
         published=tuple(published.published(reader, tuple(document.outputs), *item) for item in document.reference.items()),
+        stress=tuple(stress.stress(reader, key, entry) for key, entry in document.stress.items()),
         potential=_energy(reader, document.potential, "a potential energy", frozenset({PARAMETER, COORDINATE, TIME})),
     )
 

@@ -374,6 +374,26 @@ class Published:
 
 
 @dataclass(frozen=True)
+class Stress:
+    """An extreme case: `values` set, then a motion of `time` seconds; `end` in closed form where there is one.
+
+    `tolerance` None: the error is only reported. `refused`: words of the message that is expected instead of a motion.
+    """
+
+    name: str
+    about: str
+    values: tuple[tuple[str, str], ...]
+    time: float
+    integrator: str
+    choice: str
+    rtol: float
+    tolerance: float | None
+    end: tuple[tuple[str, Expression], ...]
+    refused: str
+    span: Span
+
+
+@dataclass(frozen=True)
 class Model:
     name: str
     description: str
@@ -398,4 +418,4 @@ class Model:
     kinetic: Expression | None
     potential: Expression | None
     published: tuple[Published, ...] = ()
-    fixed: tuple[tuple[str, float], ...] = ()  # inputs and parameters of the file that are numbers here, in SI units
+    stress: tuple[Stress, ...] = ()

@@ -147,6 +147,23 @@ class ReferenceEntry(Entry):
     accelerations: dict[Name, Formula] = Field({}, description="Rates of the base velocities, such as der(q1).")
 
 
+class StressEntry(Entry):
+    """An extreme case of the model, which `hamel stress` simulates and judges."""
+
+    about: Formula | None = Field(None, description="What is extreme about it.")
+    set: dict[Name, Formula] = Field({}, description="Initial values, parameters and inputs, as with `hamel simulate --set`.")
+    time: Formula = Field(description="The end of the motion, in seconds.")
+    integrator: Formula | None = Field(None, description="How to step (default: dop853).")
+    choice: Formula | None = Field(None, description="The choice of quasi-velocities (default: the file's first).")
+    rtol: Formula | None = Field(None, description="Relative tolerance of a step (default: 1e-11).")
+    tolerance: Formula | None = Field(None, description="Relative error that is allowed; when left out it is only reported.")
+    end: dict[Name, Formula] = Field(
+        {},
+        description="Coordinates and velocities at the end, in closed form; when left out, many digits are computed.",
+    )
+    refused: Formula | None = Field(None, description="For a case that must be refused: words of the message.")
+
+
 class ParameterEntry(Entry):
     value: Formula = Field(description="Number with its unit, such as 0.2 m.")
     about: Formula | None = Field(None, description="What it is, for readers.")
@@ -635,6 +652,8 @@ class Document(Entry):
     )
 
     reference: dict[Name, ReferenceEntry] = Field({}, description="Published values that `hamel verify` holds the model to.")
+
+    stress: dict[Name, StressEntry] = Field({}, description="Extreme cases and what is expected of each, for `hamel stress`.")
 
     @model_validator(mode="before")
     @classmethod

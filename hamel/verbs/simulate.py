@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 
 from codegen.integrators import INTEGRATORS, Integrator
@@ -23,6 +22,7 @@ from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Simulated
 from hamel.references import REFERENCES
 from hamel.settings import settings
+from hamel.solutions import state_of as _state
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -116,7 +116,7 @@ def _over_charts(
         over = [charts.chart(one, module) for one, module in zip(choices, modules)]
         try:
             return charts.followed(over, times, initial.q, initial.v, u, p, by, progress)
-        except AssumptionError as again:
+        except (AssumptionError, FloatingPointError) as again:
             raise error from again
 
 
@@ -151,15 +151,6 @@ def _check_reference(method: Method, keeping: Keeping, plain: Equations) -> None
         raise AssumptionError(
             f"{method.integrator} does not fit: {reason or 'it holds the constraints itself, without a keeping'}"
         )
-
-
-def _state(plain: Equations, initial: Initial, p: np.ndarray) -> np.ndarray:
-    """x from (q, v) by the equations' own function."""
-    made = next(function for function in plain.functions if function.name == "state")
-    assert made.x is not None
-    slots = {argument.name: argument.symbols for argument in plain.arguments} | {"x": made.x.symbols}
-    function = ca.Function("state", [slots["t"], slots["x"], slots["p"]], [ca.densify(made.result.value)])
-    return np.asarray(function(0.0, np.concatenate([initial.q, initial.v]), p)).ravel()
 
 
 def _check(method: Method) -> None:

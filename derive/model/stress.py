@@ -1,0 +1,53 @@
+"""Extreme cases: what is set, how long the motion lasts, and where it ends or why it is refused."""
+
+from __future__ import annotations
+
+from derive.expressions.tree import Expression
+from derive.model.document import Key, Scalar
+from derive.model.motions import state_name
+from derive.model.reader import Reader
+from derive.model.records import Stress
+from derive.model.shape import StressEntry
+
+INTEGRATOR, RTOL = "dop853", 1e-11  # where a case says nothing
+
+
+def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
+    """One entry of `stress:`."""
+    reader.name(key)
+    if entry.refused and (entry.end or entry.tolerance):
+        reader.report(entry.refused.span, f"the case '{key}' is refused and ends", "refused: or tolerance: and end:")
+    ends = [_end(reader, name, scalar) for name, scalar in entry.end.items()]
+    return Stress(
+        name=str(key),
+        about=_text(entry.about),
+        values=tuple((str(name), scalar.text) for name, scalar in entry.set.items()),
+        time=_positive(reader, entry.time, "the time of a case", "s") or 0.0,
+        integrator=_text(entry.integrator) or INTEGRATOR,
+        choice=_text(entry.choice),
+        rtol=_positive(reader, entry.rtol, "the tolerance of a step", "1") or RTOL,
+        tolerance=_positive(reader, entry.tolerance, "the tolerance of a case", "1"),
+        end=tuple(pair for pair in ends if pair is not None),
+        refused=_text(entry.refused),
+        span=key.span,
+    )
+
+
+def _text(scalar: Scalar | None) -> str:
+    return scalar.text if scalar else ""
+
+
+def _positive(reader: Reader, scalar: Scalar | None, where: str, unit: str) -> float | None:
+    if scalar is None:
+        return None
+    found = reader.value(reader.of_parameters(scalar, where, unit=unit), scalar)
+    if found is not None and not found > 0:
+        reader.report(scalar.span, f"{where} is {found:g}", "a number above zero")
+    return found
+
+
+def _end(reader: Reader, key: Key, scalar: Scalar) -> tuple[str, Expression] | None:
+    name = state_name(reader, key)
+    if name is None:
+        return None
+    return name, reader.of_parameters(scalar, f"the end of {name}", unit=reader.scope.symbols[name].unit)

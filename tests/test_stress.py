@@ -1,0 +1,95 @@
+"""Stiff, extreme and singular cases: survived, or refused by name; never wrong."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from derive.diagnostics import AssumptionError
+from derive.formulations import equations
+from derive.mechanics import system
+from derive.mechanics.initial import initial_state
+from derive.model import load
+from hamel.solutions import Problem, Solution, solution, state_of
+from hamel.stress import judged
+from tests.scenes import MODELS
+
+AT_THE_START = {("snake3", "hinges")}  # stretched out, hinge rates say nothing of how the snake glides: refused with a status
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_no_pivot_of_an_accepted_choice_vanishes_at_the_initial_state(path: Path) -> None:
+    s = system(load(path))
+    start = initial_state(s)
+    for choice in s.model.choices:
+        try:
+            e = equations(s, choice.name)
+        except AssumptionError:
+            continue
+        guards = next(f for f in e.functions if f.name == "dynamics").guards
+        values = ca.vertcat(*[g.value / g.tolerance for g in guards])
+        at = ca.Function("guards", [a.symbols for a in e.arguments], [values])
+        x = state_of(e, start, np.array(s.parameters))
+        found = np.abs(at(0.0, x, np.zeros(s.u.numel()), e.parameters).full())
+        assert np.min(found, initial=np.inf) > 1e6 or (path.stem, choice.name) in AT_THE_START, choice.name
+
+
+STRESSED = sorted(path for path in (MODELS / "stress").glob("*.yaml") if load(path).stress)
+SLOW = {"soft_pin", "chaos", "bricard", "long_run", "four_bar_chain", "heavy_top", "gimbal", "scale_megametre"}
+
+
+@pytest.mark.parametrize("path", [pytest.param(p, marks=[pytest.mark.slow] * (p.stem in SLOW), id=p.stem) for p in STRESSED])
+def test_every_case_comes_out_as_its_file_expects(path: Path) -> None:
+    model = load(path)
+    for entry in model.stress:
+        row = judged(path, model, entry)
+        assert row.passed and row.outcome != "wrong", row
+
+
+def test_a_wrong_end_is_seen(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.yaml"
+    text = (MODELS / "stress" / "stiff_spring.yaml").read_text().replace("y: -g*(1 s)^2/2,", "y: -g*(1 s)^2/3,")
+    path.write_text(text)
+    model = load(path)
+    row = judged(path, model, model.stress[0])
+    assert row.outcome == "wrong" and not row.passed
+
+
+# ---- solutions of many digits, at closed forms
+
+KNOWN = {
+    ("pendulum", 10.0): {"x": "-0.27508746257611686005", "y": "-0.96141920509912506427"},
+    ("free_body", 10.0): {
+        "base.wx": "-0.466448718855779853",
+        "base.wy": "-0.180071076738607982",
+        "base.wz": "0.994581052055285966",
+    },
+}
+
+
+@pytest.mark.parametrize(("name", "time"), KNOWN, ids=[name for name, _ in KNOWN])
+def test_solutions_meet_closed_forms_in_all_their_digits(name: str, time: float) -> None:
+    found = solved(name, time, 20)
+    assert found.bound < 1e-19 and found.agreement < 1e-12
+    for key, value in KNOWN[name, time].items():
+        assert abs(found.at(0)[key] - Decimal(value)) <= Decimal(10) ** (5 - len(value)), key
+
+
+@pytest.mark.slow
+def test_thirty_digits_are_thirty_digits() -> None:
+    found = solved("pendulum", 1.0, 30)
+    finer = solved("pendulum", 1.0, 40)
+    assert found.bound < 1.1e-30
+    for key, value in found.at(0).items():
+        assert abs(value - finer.at(0)[key]) < Decimal("1e-30")
+
+
+def solved(name: str, time: float, digits: int) -> Solution:
+    s = system(load(MODELS / f"{name}.yaml"))
+    e = equations(s)
+    x = state_of(e, initial_state(s), np.array(s.parameters))
+    return solution(Problem(e, tuple(map(float, x)), (0.0,) * s.u.numel(), tuple(e.parameters)), [time], digits)

@@ -140,13 +140,14 @@ def report(
     keepings: Collection[str] = (),
     integrators: Collection[str] = (),
     tolerances: Sequence[float] = (),
+    stress: Sequence[Model] = (),
     budget: float = 90.0,
     progress: Callable[[float], None] | None = None,
 ) -> records.Reported:
     """Run every method that fits the models, and write what each costs and reaches to report.html, .csv and .json in `out`.
 
     `formulations` to `tolerances` restrict what is run ("libraries" among the integrators stands for the library solvers).
-    The runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes on where it was. Raises
+    `stress` names files or folders whose extreme cases are run too. The runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes on where it was. Raises
     ToolchainError without a C compiler.
     """
     from hamel.report.plan import Asked
@@ -154,7 +155,7 @@ def report(
 
     names = (tuple(each) for each in (formulations, choices, keepings, integrators))
     asked = Asked(*names, tolerances=tuple(tolerances), budget=budget)
-    return run(tuple(paths), out, time, values or {}, asked, progress)
+    return run(tuple(paths), out, time, values or {}, asked, tuple(stress), progress)
 
 
 def derive(

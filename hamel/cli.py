@@ -173,7 +173,8 @@ def simulate(model: str, settings: Sequence[str], conserve: str, **options: Any)
 
 
 @verb
-@click.argument("models", nargs=-1, required=True, metavar="MODEL...")
+@click.argument("models", nargs=-1, metavar="MODEL...")
+@click.option("--stress", multiple=True, metavar="PATH", help="Add the extreme cases of a file or folder; may be repeated.")
 @click.option("-o", "--out", metavar="DIR", default="report", show_default=True, help="The folder of the report.")
 @click.option("--time", type=float, default=10.0, show_default=True, metavar="S", help="The length of the motions, in seconds.")
 @click.option("--budget", type=float, default=90.0, show_default=True, metavar="S", help="Seconds for all runs of one model.")

@@ -319,13 +319,15 @@ class Simulated:
 class Reported:
     """Error against run time. A row per run; `models` hold the time, the reference, what to use and what was left out.
 
-    Not `passed`: runs that agree with each other contradict the reference solution.
+    Not `passed`: runs that agree with each other contradict the reference solution, or an extreme case came out otherwise than its
+    file expects.
     """
 
     model: str
     passed: bool
     rows: tuple[Mapping[str, Any], ...]
     models: tuple[Mapping[str, Any], ...]
+    stress: tuple[StressRow, ...]
     html: Path
     csv: Path
     json: Path

@@ -39,6 +39,10 @@ class Reference:
     bound: float | None
     doubt: str = ""  # why there is none, or why this one is wrong
 
+    @property
+    def contradicted(self) -> bool:
+        return bool(self.doubt) and self.end is not None
+
 
 def agreed(found: Sequence[tuple[str, Mapping[str, Any]]]) -> Reference:
     """The first of two runs; whether they agree is for the judge to say, who knows the scales."""

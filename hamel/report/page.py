@@ -6,9 +6,11 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from importlib.resources import files
 from typing import Any
 
+from hamel.records import StressRow
 from hamel.report.front import LEVELS, MULTIPLIERS, Row, accuracy, cheapest, families, front, good, is_library, method
 from hamel.report.judging import COLUMNS
 from hamel.report.plan import Excluded
@@ -19,19 +21,20 @@ from hamel.report.words import advice
 COMPARED = 1e-8  # tolerance of the comparison of formulations and keepings
 HEADINGS = {
     "rtol": "rtol", "step": "step (s)", "phi": "|φ|", "velocity": "|A v − c|", "energy": "energy error", "ms": "ms",
-    "operations": "operations of ẋ",
+    "operations": "operations of ẋ", "judged_by": "judged by",
 }  # fmt: skip
 
 
-def page(studies: Sequence[Study], version: str) -> str:
+def page(studies: Sequence[Study], stress: Sequence[StressRow], version: str) -> str:
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
     environment = Environment(undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string(files("hamel.report").joinpath("page.html.j2").read_text("utf-8"))
     sections = [_section(study, Markup) for study in studies]
-    title = ", ".join(study.model for study in studies)
-    return template.render(title=title, version=version, sections=sections, comparison=_comparison(studies), heading=_heading)
+    title = ", ".join([*(study.model for study in studies), *(["extreme cases"] if stress else [])])
+    tables = {"comparison": _comparison(studies), "stress": _stress(stress), "outcomes": outcomes(stress)}
+    return template.render(title=title, version=version, sections=sections, heading=_heading, **tables)
 
 
 def _section(study: Study, markup: Any) -> dict[str, Any]:
@@ -92,6 +95,19 @@ def _comparison(studies: Sequence[Study]) -> Table:
             kind = "traditional" if row["formulation"] in MULTIPLIERS else "quasi-velocities"
             made.append([_cell({**row, "kind": kind}[name]) for name in names])
     return names, made
+
+
+STRESSED = ("model", "case", "method", "outcome", "error", "tolerance", "status", "judged_by", "steps", "constraints", "about")
+
+
+def _stress(rows: Sequence[StressRow]) -> Table:
+    marked = [{**asdict(row), "outcome": row.outcome if row.passed else f"{row.outcome}, not {row.expected}"} for row in rows]
+    return table(STRESSED, marked)
+
+
+def outcomes(rows: Sequence[StressRow]) -> str:
+    counts = {name: sum(row.outcome == name for row in rows) for name in ("survived", "refused", "wrong")}
+    return f"{len(rows)} extreme cases: " + ", ".join(f"{count} {name}" for name, count in counts.items())
 
 
 def _compared(rows: Sequence[Row]) -> float | None:

@@ -17,13 +17,14 @@ from derive.formulations import FORMULATIONS
 from derive.keepings import KEEPINGS
 from hamel.importing import load
 from hamel.pipeline import mechanics_of
-from hamel.records import Reported, as_json
+from hamel.records import Reported, StressRow, as_json
 from hamel.report import page
 from hamel.report.crew import Crew
 from hamel.report.plan import Asked
 from hamel.report.study import Case, Study, studied
 from hamel.settings import settings, units
 from hamel.staging import write_text
+from hamel.stress import stress_table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,9 +38,10 @@ def run(
     time: float,
     values: Mapping[str, float | str],
     asked: Asked,
+    stress: Sequence[str | Path],
     progress: Callable[[float], None] | None,
 ) -> Reported:
-    _check(paths, time, asked)
+    _check((*paths, *stress), time, asked)
     cases = _cases(paths, time, values)
     studies = []
     with Crew(os.cpu_count() or 1) as crew, tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
@@ -50,7 +52,7 @@ def run(
                     progress((number + done / of) / len(cases))
 
             studies.append(studied(case, asked, crew, Path(folder) / f"model{number}", advance))
-    return _written(studies, Path(out))
+    return _written(studies, stress_table(stress) if stress else (), Path(out))
 
 
 def _check(paths: Sequence[str | Path], time: float, asked: Asked) -> None:
@@ -89,13 +91,14 @@ def _cases(paths: Sequence[str | Path], time: float, values: Mapping[str, float 
     return cases
 
 
-def _written(studies: Sequence[Study], out: Path) -> Reported:
+def _written(studies: Sequence[Study], stress: tuple[StressRow, ...], out: Path) -> Reported:
     rows = tuple(row for study in studies for row in study.rows)
     record = Reported(
         model=", ".join(study.model for study in studies),
-        passed=not any(study.reference.doubt and study.reference.end is not None for study in studies),
+        passed=all(row.passed for row in stress) and not any(study.reference.contradicted for study in studies),
         rows=rows,
         models=tuple(page.summary(study) for study in studies),
+        stress=stress,
         html=out / "report.html",
         csv=out / "report.csv",
         json=out / "report.json",
@@ -104,7 +107,7 @@ def _written(studies: Sequence[Study], out: Path) -> Reported:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ToolchainError(f"cannot write {out}: {error.strerror or error}", hint="choose another folder with -o") from error
-    write_text(record.html, page.page(studies, hamel.__version__))
+    write_text(record.html, page.page(studies, stress, hamel.__version__))
     write_text(record.csv, page.as_csv(rows))
     write_text(record.json, json.dumps(as_json(record), allow_nan=False, ensure_ascii=False) + "\n")
     return record
@@ -115,5 +118,7 @@ def show(record: Reported, console: Console) -> None:
         console.print(f"{model['model']}, {model['time']:g} s:")
         for line in model["advice"]:
             console.print(f"  {line}")
+    if record.stress:
+        console.print(page.outcomes(record.stress))
     runs = f"{len(record.rows)} runs, {sum(row['status'] == 'ok' for row in record.rows)} of them to the end"
     console.print(f"{runs}; wrote {record.html}, {record.csv.name} and {record.json.name}")

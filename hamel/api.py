@@ -147,8 +147,8 @@ def report(
     """Run every method that fits the models, and write what each costs and reaches to report.html, .csv and .json in `out`.
 
     `formulations` to `tolerances` restrict what is run ("libraries" among the integrators stands for the library solvers).
-    `stress` names files or folders whose extreme cases are run too. The runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes on where it was. Raises
-    ToolchainError without a C compiler.
+    `stress` names files or folders whose extreme cases are run too. The runs of one model may take `budget` seconds; finished
+    ones are kept, so that the same call goes on where it was. Raises ToolchainError without a C compiler.
     """
     from hamel.report.plan import Asked
     from hamel.verbs.report import run

@@ -319,8 +319,7 @@ class Simulated:
 class Reported:
     """Error against run time. A row per run; `models` hold the time, the reference, what to use and what was left out.
 
-    Not `passed`: runs that agree with each other contradict the reference solution, or an extreme case came out otherwise than its
-    file expects.
+    Not `passed`: runs that agree with each other contradict the reference solution, or an extreme case is not as expected.
     """
 
     model: str

@@ -176,6 +176,13 @@ def test_the_front_is_what_none_beats() -> None:
     assert front.front([{"ms": 1, "error": 1, "status": "too long"}]) == []
 
 
+def test_extreme_cases_are_on_the_page(place: Path) -> None:
+    path = Path(__file__).parent.parent / "models" / "stress" / "mass_ratio.yaml"
+    made = hamel.report([], stress=[path], out=place / "stress")
+    assert made.passed and not made.rows and {row.outcome for row in made.stress} == {"survived"}
+    assert all(row.case in made.html.read_text("utf-8") for row in made.stress)
+
+
 def test_causes_lose_their_numbers() -> None:
     base = {"formulation": "maggi", "choice": "a", "keeping": "none", "integrator": "rk4"}
     rows = [{**base, "status": f"singular: |pivot of C| < 2e-10 (at {t} s)"} for t in (1, 2.5)] + [{**base, "status": "ok"}]

@@ -107,6 +107,7 @@ def _stress(rows: Sequence[StressRow]) -> Table:
 
 def outcomes(rows: Sequence[StressRow]) -> str:
     counts = {name: sum(row.outcome == name for row in rows) for name in ("survived", "refused", "wrong")}
+    counts |= {row.outcome: sum(other.outcome == row.outcome for other in rows) for row in rows}
     return f"{len(rows)} extreme cases: " + ", ".join(f"{count} {name}" for name, count in counts.items())
 
 

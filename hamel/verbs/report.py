@@ -15,6 +15,7 @@ from codegen.integrators import INTEGRATORS
 from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
 from derive.formulations import FORMULATIONS
 from derive.keepings import KEEPINGS
+from derive.model.records import Stress
 from hamel.importing import load
 from hamel.pipeline import mechanics_of
 from hamel.records import Reported, StressRow, as_json
@@ -24,7 +25,7 @@ from hamel.report.plan import Asked
 from hamel.report.study import Case, Study, studied
 from hamel.settings import settings, units
 from hamel.staging import write_text
-from hamel.stress import stress_table
+from hamel.stress import files, judged
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -52,7 +53,7 @@ def run(
                     progress((number + done / of) / len(cases))
 
             studies.append(studied(case, asked, crew, Path(folder) / f"model{number}", advance))
-    return _written(studies, stress_table(stress) if stress else (), Path(out))
+    return _written(studies, _stressed(stress), Path(out))
 
 
 def _check(paths: Sequence[str | Path], time: float, asked: Asked) -> None:
@@ -91,6 +92,25 @@ def _cases(paths: Sequence[str | Path], time: float, values: Mapping[str, float 
     return cases
 
 
+def _stressed(paths: Sequence[str | Path]) -> tuple[StressRow, ...]:
+    """All cases; one that nothing can judge is a row that did not pass, and hides no other."""
+    rows: list[StressRow] = []
+    for file in files(paths):
+        model = load(file)
+        for case in model.stress:
+            try:
+                rows.append(judged(file, model, case))
+            except ModelError as error:
+                rows.append(_unjudged(model.name, case, error.diagnostics[0].message))
+    return tuple(rows)
+
+
+def _unjudged(model: str, case: Stress, why: str) -> StressRow:
+    expected = "refused" if case.refused else "survived"
+    told = (model, case.name, case.about, "", "not judged", None, case.tolerance, why, expected, False, "")
+    return StressRow(*told, 0, 0.0, 0.0, 0.0, 0.0)
+
+
 def _written(studies: Sequence[Study], stress: tuple[StressRow, ...], out: Path) -> Reported:
     rows = tuple(row for study in studies for row in study.rows)
     record = Reported(
@@ -120,5 +140,9 @@ def show(record: Reported, console: Console) -> None:
             console.print(f"  {line}")
     if record.stress:
         console.print(page.outcomes(record.stress))
-    runs = f"{len(record.rows)} runs, {sum(row['status'] == 'ok' for row in record.rows)} of them to the end"
-    console.print(f"{runs}; wrote {record.html}, {record.csv.name} and {record.json.name}")
+    runs = (
+        f"{len(record.rows)} runs, {sum(row['status'] == 'ok' for row in record.rows)} of them to the end; "
+        if record.rows
+        else ""
+    )
+    console.print(f"{runs}wrote {record.html}, {record.csv.name} and {record.json.name}")

@@ -266,13 +266,24 @@ def carried_out(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], r
         equations = explicit(shop.system, reduction)
         ranking = Ranking(name, kind, names, True, 1.0, 1.0, equations.operations, (), equations.gathered)
         return Resolved(ranking, reduction, equations, reason)
-    sizes = [*shop.sizes, *_lengths(_numeric_rows(shop, _matrix(rows, shop.system.v.numel())))]
-    found = [by_elimination(shop.system, names, rows, ways, shop.sampled, shop.kept, sizes) for ways in _ways(shop.system)]
+    B = _numeric_rows(shop, _matrix(rows, shop.system.v.numel()))
+    sampled, sizes = _regular(shop, B), [*shop.sizes, *_lengths(B)]
+    found = [by_elimination(shop.system, names, rows, ways, sampled, shop.kept, sizes) for ways in _ways(shop.system)]
     counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
     best = min(range(len(found)), key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]))
     reduction, equations = found[best], explicit(shop.system, found[best])
     ranking = judged(shop, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
+
+
+def _regular(shop: Workshop, B: np.ndarray) -> States:
+    """The sampled states without those where the choice itself is singular: no order of pivots helps there."""
+    s = shop.sampled
+    if not shop.system.rows:
+        return s
+    values = np.linalg.svd(np.concatenate([shop.rows, _scaled(B)], axis=1), compute_uv=False)
+    good = values[:, -1] > RANK * values[:, 0]
+    return s if good.all() or not good.any() else States(*[x[good] for x in (s.t, s.q, s.v, s.u, s.p)])
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:

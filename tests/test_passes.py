@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from codegen.passes import program
 from codegen.passes.factor import factor
-from codegen.passes.graph import Work, live
+from codegen.passes.graph import Work
 from codegen.passes.invert import invert
 from codegen.passes.lower import lower
 from codegen.passes.pipeline import PASSES, count
@@ -144,7 +144,7 @@ def test_long_chains_are_no_trouble() -> None:
         step = ca.sin(step * X[i % 5] + 0.1)
         total_sum = total_sum + step
     work = traced(total_sum)
-    assert len(live(share(factor(work)))) > 10_000
+    assert len(share(factor(work)).live) > 10_000
 
 
 def test_program_of_toy() -> None:

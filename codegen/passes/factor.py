@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, copied, live, nearly_sum, rewrite, scaled, uses
+from codegen.passes.graph import ONE, Graph, Reference, Work, copied, nearly_sum, rewrite, scaled, uses
 
 Factors = tuple[tuple[int, int], ...]  # (node, exponent), …
 Term = tuple[float, Factors]
@@ -41,7 +41,7 @@ class _Spot:
 
 def _opened(work: Work) -> set[int]:
     """Sums used once in a sum, products used once in a sum or as a plain factor of a product."""
-    nodes = live(work)
+    nodes = work.live
     count = uses(work, nodes)
     spots: dict[int, _Spot] = {}
     for node in nodes:

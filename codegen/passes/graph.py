@@ -41,6 +41,7 @@ class Graph:
         self.nodes: list[tuple[Any, ...]] = [("one",)]
         self.natural: dict[int, float] = {}  # the factor with which a sum was first met: its own numbers, undivided
         self._ids: dict[tuple[Any, ...], int] = {("one",): ONE}
+        self._operands: dict[int, tuple[int, ...]] = {}
 
     def node(self, key: tuple[Any, ...]) -> int:
         """The id of a node, made on first use."""
@@ -123,14 +124,17 @@ class Graph:
             sign, operands = operands[0][0], ((1.0, operands[0][1]),)
         return (sign, self.node(("call", function, operands)))
 
-    def operands(self, node: int) -> list[int]:
+    def operands(self, node: int) -> tuple[int, ...]:
         """The nodes that a node is computed from (the number one excluded)."""
-        found = self.nodes[node]
-        if found[0] in _NARY:
-            return [other for other, _ in found[1] if other != ONE]
-        if found[0] == "call":
-            return [other for _, other in found[2] if other != ONE]
-        return []
+        known = self._operands.get(node)
+        if known is None:
+            found = self.nodes[node]
+            if found[0] in _NARY:
+                known = tuple([other for other, _ in found[1] if other != ONE])
+            else:
+                known = tuple([other for _, other in found[2] if other != ONE]) if found[0] == "call" else ()
+            self._operands[node] = known
+        return known
 
 
 @dataclass(frozen=True)
@@ -149,6 +153,18 @@ class Work:
     graph: Graph
     roots: tuple[Reference, ...]
     marks: tuple[Mark, ...]
+
+    @functools.cached_property
+    def live(self) -> tuple[int, ...]:
+        """Nodes that the roots need, in increasing order."""
+        seen = {node for _, node in self.roots}
+        stack = list(seen)
+        while stack:
+            fresh = [other for other in self.graph.operands(stack.pop()) if other not in seen]
+            seen.update(fresh)
+            stack += fresh
+        seen.discard(ONE)
+        return tuple(sorted(seen))
 
 
 def scaled(factor: float, reference: Reference) -> Reference:
@@ -181,19 +197,6 @@ def same(one: Work, other: Work) -> bool:
     return one is other or (one.roots == other.roots and one.graph.nodes == other.graph.nodes)
 
 
-def live(work: Work) -> list[int]:
-    """Nodes that the roots need, in increasing order."""
-    seen = {node for _, node in work.roots}
-    stack = sorted(seen)
-    while stack:
-        for other in work.graph.operands(stack.pop()):
-            if other not in seen:
-                seen.add(other)
-                stack.append(other)
-    seen.discard(ONE)
-    return sorted(seen)
-
-
 def uses(work: Work, nodes: Iterable[int]) -> dict[int, int]:
     """How often each node is used, the roots' own uses included."""
     count: dict[int, int] = {}
@@ -215,7 +218,7 @@ def rewrite(work: Work, rule: Rule) -> Work:
     """
     graph = Graph()
     done: dict[int, Reference] = {ONE: (1.0, ONE)}
-    for node in live(work):
+    for node in work.live:
         found = rule(graph, node, done)
         if found is not None:
             done[node] = found

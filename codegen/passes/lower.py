@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, live, snapped
+from codegen.passes.graph import ONE, Graph, Reference, Work, snapped
 from codegen.passes.scales import free_scale, scales
 
 Operand = int | float  # the index of an operation, or a constant; of "input" the argument's name and the index
@@ -55,7 +55,7 @@ class Lowered:
 
 def lower(work: Work, loose: Sequence[int] = ()) -> Lowered:
     """Operations for all roots; the roots numbered in `loose` may come out times a constant (they are only compared)."""
-    nodes = live(work)
+    nodes = work.live
     found = scales(work, nodes, set(loose))
     maker = _Maker(work.graph, found)
     for node in nodes:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from codegen.passes.graph import ONE, Graph, Work, snapped, uses
 
+_ONLY = frozenset({1.0})
 _WIDE = 16  # sums with more distinct factors than this are not searched for the best scale
 _BUSY = 24  # nodes with more users than this keep their scale
 _SWEEPS = 4
@@ -25,10 +26,11 @@ def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float
         return _from_origin(work, nodes)
     wants = _wants(work, nodes, loose)
     first = _from_users(work, nodes, wants)
-    best = _settled(_Balance(work.graph, nodes, wants, first))
+    structure = _Structure(work.graph, nodes, wants)
+    best = _settled(_Balance(structure, first))
     if best.needed:
-        best = min(best, _settled(_Balance(work.graph, nodes, wants, _from_origin(work, nodes))), key=lambda b: len(b.needed))
-    return {node: _signed(best.scales[node], first[node]) for node in best.order}
+        best = min(best, _settled(_Balance(structure, _from_origin(work, nodes))), key=lambda b: len(b.needed))
+    return {node: _signed(best.scales[node], first[node]) for node in structure.order}
 
 
 def _signed(size: float, like: float) -> float:
@@ -111,11 +113,13 @@ def _sum_scale(terms: Sequence[tuple[int, float]], wants: Sequence[float], natur
     if len(set(factors)) <= _WIDE:
         candidates += dict.fromkeys(snapped(1.0 / abs(factor)) for factor in factors)
 
-    def cost(scale: float) -> int:
-        inside = _distinct(snapped(scale * factor) for factor in factors)
-        return inside + _distinct(snapped(want / scale) for want in wants)
+    sizes, wanted = {abs(factor) for factor in factors}, {abs(want) for want in wants}
 
-    return sign * min(candidates, key=cost)
+    def cost(scale: float) -> int:
+        inside = {snapped(scale * size) for size in sizes} - _ONLY
+        return len(inside) + len({snapped(want / scale) for want in wanted} - _ONLY)
+
+    return sign * min(dict.fromkeys(candidates), key=cost)
 
 
 def _prefers_negative(wants: Sequence[float]) -> bool:
@@ -167,13 +171,13 @@ def _want_terms(terms: Sequence[tuple[int, float]], scale: float, wanted: dict[i
 # ---- one by one
 
 
-class _Balance:
-    """Scales, and the multiplications by constants that they need."""
+class _Structure:
+    """Sums, products and who uses what: the same for every choice of scales."""
 
-    def __init__(self, graph: Graph, nodes: Sequence[int], wants: dict[int, list[float]], start: dict[int, float]) -> None:
+    def __init__(self, graph: Graph, nodes: Sequence[int], wants: dict[int, list[float]]) -> None:
         self.graph = graph
-        self.scales = dict.fromkeys(nodes, 1.0) | {node: abs(scale) for node, scale in start.items()}
-        self.order = [node for node in nodes if node in start]
+        self.nodes = nodes
+        self.order = [node for node in nodes if graph.nodes[node][0] in ("sum", "product")]
         self.wants = {node: sorted({abs(want) for want in wanted}) for node, wanted in wants.items()}
         self.users: dict[int, list[int]] = {}
         self.sums: dict[int, list[tuple[int, float]]] = {}  # the terms that are no constants, and the sizes of their factors
@@ -181,13 +185,10 @@ class _Balance:
         self.fixed: set[int] = set()  # terms of wide sums: each trial would look at all the others
         for node in self.order:
             self._note(node)
-        self.keys = {node: keys for node in nodes if (keys := self._keys(node))}
-        self.needed = Counter(key for keys in self.keys.values() for key in keys)
-        self.sweeps = _SWEEPS if len(nodes) <= _LONG else 1
 
     def _note(self, node: int) -> None:
         kind, terms = self.graph.nodes[node]
-        operands = [other for other, _ in terms if other != ONE]
+        operands = self.graph.operands(node)
         if kind == "sum":
             self.sums[node] = [(other, abs(factor)) for other, factor in terms if other != ONE]
         else:
@@ -195,6 +196,19 @@ class _Balance:
         for other in operands:
             self.users.setdefault(other, []).append(node)
         self.fixed.update(operands if len(operands) > _WIDE else ())
+
+
+class _Balance:
+    """Scales, and the multiplications by constants that they need."""
+
+    def __init__(self, structure: _Structure, start: dict[int, float]) -> None:
+        self.graph, self.order, self.wants = structure.graph, structure.order, structure.wants
+        self.users, self.sums, self.products, self.fixed = structure.users, structure.sums, structure.products, structure.fixed
+        nodes = structure.nodes
+        self.scales = dict.fromkeys(nodes, 1.0) | {node: abs(scale) for node, scale in start.items()}
+        self.keys = {node: keys for node in nodes if (keys := self._keys(node))}
+        self.needed = Counter([key for keys in self.keys.values() for key in keys])
+        self.sweeps = _SWEEPS if len(nodes) <= _LONG else 1
 
     def settle(self) -> None:
         """Sweep up and down until no node can be rescaled with profit; after the first sweep only near what changed."""
@@ -245,6 +259,8 @@ class _Balance:
         """The scale with the fewest multiplications that nothing else needs."""
         best = own
         for candidate in dict.fromkeys(self._candidates(node, near[1:])):
+            if candidate == own:
+                continue  # costs `least`
             self.scales[node] = candidate
             cost = self._fresh(near, least)
             if cost < least:

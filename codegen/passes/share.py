@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterator
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, copied, live, rewrite, snapped
+from codegen.passes.graph import ONE, Graph, Reference, Work, copied, rewrite, snapped
 
 Pair = tuple[int, int, float]  # two nodes and the ratio of their factors; in products the ratio is 1 (above) or −1 (below)
 _WIDE = 48  # in wider sums and products only neighbours are looked at
@@ -18,7 +18,7 @@ def share(work: Work) -> Work:
 
 def _share(work: Work, kind: str) -> Work:
     members: dict[int, dict[int, float]] = {}
-    for node in live(work):
+    for node in work.live:
         if work.graph.nodes[node][0] == kind:
             members[node] = {other: float(value) for other, value in work.graph.nodes[node][1] if other != ONE}
     extracted = _extract(members, len(work.graph.nodes), _product_pairs if kind == "product" else _sum_pairs)

@@ -17,9 +17,11 @@ from typing import Any
 from peers import peak, python_call
 from peers.contest import Contender, Time, Unavailable, check, pinned, times
 from scenes import SCENES, Scene
-from targets import BEST, PEAK, TARGETS
+from targets import BEST, CHAINS, PEAK, TARGETS
 
-OUT = Path("build/bench.json")
+from hamel.plot import Curve, Panel, draw
+
+OUT, PLOT = Path("build/bench.json"), Path("build/bench_chains.svg")
 Row = dict[str, Any]
 
 
@@ -109,6 +111,28 @@ def _number(value: float | None, digits: int = 1) -> str:
     return f"{'–':>10}" if value is None else f"{value:10.{digits}f}"
 
 
+def _keep(found: Sequence[Row]) -> None:
+    """Into the file and the plot; models that were not run now keep their rows."""
+    fresh = {row["model"] for row in found}
+    kept = json.loads(OUT.read_text()) if OUT.exists() else []
+    everything = [row for row in kept if row["model"] not in fresh] + list(found)
+    OUT.parent.mkdir(exist_ok=True)
+    OUT.write_text(json.dumps(everything, indent=1, ensure_ascii=False) + "\n")
+    if all(any(row["model"] == f"chain{n}" for row in everything) for n in CHAINS):
+        PLOT.write_text(chains(everything))
+
+
+def chains(everything: Sequence[Row]) -> str:
+    """Time over the number of links, ours and the peers that have them all."""
+    of = {n: [row for row in everything if row["model"] == f"chain{n}"] for n in CHAINS}
+    curves = [Curve("hamel", [of[n][0]["ours_ns"] for n in CHAINS])]
+    for peer in [row["peer"] for row in of[CHAINS[0]] if row["peer"] != BEST]:
+        times = [next((row["peer_ns"] for row in of[n] if row["peer"] == peer), None) for n in CHAINS]
+        if all(times):
+            curves.append(Curve(peer, [time for time in times if time]))
+    return draw("Planar pendulum chains", "links", CHAINS, [Panel("forward dynamics, ns", tuple(curves), log=True)])
+
+
 def main(chosen: Sequence[str]) -> int:
     unknown = [name for name in chosen if name not in SCENES]
     if unknown:
@@ -122,10 +146,10 @@ def main(chosen: Sequence[str]) -> int:
             for row in rows(scene):
                 found.append(row)
                 print(line(row), flush=True)
-    OUT.parent.mkdir(exist_ok=True)
-    OUT.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+    _keep(found)
     missed = sum(row["met"] is False for row in found)
-    print(f"{sum(row['met'] is True for row in found)} targets met, {missed} missed, {time.monotonic() - start:.0f} s; see {OUT}")
+    met = sum(row["met"] is True for row in found)
+    print(f"{met} targets met, {missed} missed, {time.monotonic() - start:.0f} s; see {OUT} and {PLOT}")
     return 0
 
 

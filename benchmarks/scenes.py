@@ -18,7 +18,7 @@ from robots import Peer, robots
 from targets import AUGMENTED, AUGMENTED_MX, BATCH, CHAINS, INVERSE, LANES, MASS, PINOCCHIO, PYDY, SCALAR, THROUGH_CASADI
 
 from derive.mechanics.sampling import States
-from derive.model import load
+from derive.model import Model, load
 from hamel.importing import imported
 from models import four_bars
 
@@ -95,6 +95,11 @@ def four_bars40() -> Iterator[Scene]:
             mujoco.four_bars(n, BUILD / f"models/four_bars{n}.xml"), _with_zeros(inputs, q), q.shape[1], read, True
         )
 
+    def closed() -> Sequence[Contender]:
+        open_chain = pinocchio.written(pinocchio.model_of(_in_order(model, place)), f"four_bars{n}")
+        closures = [(2 * i, 2 * i + 1, 1, 0, 0, 1, 0, 0) for i in range(1, n + 1)]
+        return pinocchio.closed(open_chain, closures, _with_zeros(inputs, q), q.shape[1], read)
+
     yield Scene(
         SCALAR,
         f"four_bars{n}",
@@ -103,9 +108,14 @@ def four_bars40() -> Iterator[Scene]:
             AUGMENTED: lambda: [*augmented.unrolled(by, inputs, read), *augmented.unrolled(by, inputs, read, True)],
             AUGMENTED_MX: lambda: augmented.sparse(by, inputs, read),
             "MuJoCo": soft,
+            "Pinocchio lcaba": closed,
         },
         ours.operations(of),
     )
+
+
+def _in_order(model: Model, place: Mapping[str, int]) -> Model:
+    return replace(model, joints=tuple(sorted(model.joints, key=lambda joint: place[joint.coordinates[0]])))
 
 
 def _with_zeros(inputs: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -125,10 +135,11 @@ def chain(n: int) -> Iterator[Scene]:
     inputs, full = np.hstack([q, v]), _with_zeros(np.hstack([q, v]), q)
     by = augmented.chain(n)
     peers: dict[str, Made] = {
-        AUGMENTED: lambda: [*augmented.unrolled(by, inputs, same), *augmented.unrolled(by, inputs, same, True)],
         THROUGH_CASADI: lambda: [c for f in ("aba", "aba_world") for c in pinocchio.generated(tree, f, full, n, same)],
         PINOCCHIO: lambda: [pinocchio.own(tree, f, full, n, same) for f in ("aba", "aba_world")],
     }
+    if n <= 20:  # its elimination fills in: the cube of n
+        peers[AUGMENTED] = lambda: [*augmented.unrolled(by, inputs, same), *augmented.unrolled(by, inputs, same, True)]
     if n <= 5:
         peers[PYDY] = lambda: kane.contender(kane.chain(n), inputs, same)
     own: Made = partial(_last, of, n)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -80,7 +81,11 @@ def numba(source: Path, inputs: np.ndarray, size: int) -> Timed:
 
 
 def jax(source: Path, inputs: np.ndarray, size: int) -> Timed:
-    """The same lines on arrays of all states, under jax.jit in float64."""
+    """The same lines on arrays of all states, under jax.jit in float64.
+
+    XLA does not fuse them here: its fusions repeat what is shared, and do not come to an end with a recursion of this length.
+    """
+    os.environ["XLA_FLAGS"] = "--xla_disable_hlo_passes=fusion"
     try:
         import jax as library
         import jax.numpy as jnp

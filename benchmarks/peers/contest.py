@@ -65,7 +65,7 @@ def compiled(name: str, sources: Mapping[Path, Sequence[str]], link: Sequence[st
         with tempfile.TemporaryDirectory(prefix="new-", dir=made.parent) as folder:
             objects = [f"{folder}/{i}.o" for i in range(len(sources))]
             for out, (path, options) in zip(objects, sources.items()):
-                run(["nice", commands[path], *options, *(["-fPIC"] if shared else []), "-c", str(path), "-o", out])
+                run([commands[path], *options, *(["-fPIC"] if shared else []), "-c", str(path), "-o", out])
             run([max(commands.values()), *kind, *objects, *link, "-lm", "-o", f"{folder}/made"])
             Path(folder, "made").rename(made)
     return made.resolve()

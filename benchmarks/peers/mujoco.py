@@ -27,7 +27,7 @@ def contender(file: Path, inputs: np.ndarray, size: int, read: Read, full: bool 
 
 def four_bars(n: int, place: Path) -> Path:
     """IFToMM A02 with n four-bars of rods of one metre and one kilogram, loops closed by `connect`."""
-    lines = ['<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0" tolerance="0" iterations="100"/>']
+    lines = ['<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/>']
     lines.append('<default><equality solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"/></default><worldbody>')
     rod = '<inertial pos="0.5 0 0" mass="1" diaginertia="0.0001 0.0833333333333333333 0.0833333333333333333"/>'
     for i in range(n + 1):

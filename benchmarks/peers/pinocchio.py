@@ -16,6 +16,7 @@ from derive.model.records import GROUND, Joint, Model, Placement
 from peers.casadi_c import Read, of_source
 from peers.contest import BUILD, HERE, NATIVE, Contender, Unavailable, compiled, run
 
+SOFT = 1e-5  # what mu costs where loops are closed in space, though they move in a plane
 SITE = Path(sysconfig.get_paths()["purelib"])
 EIGEN = Path("/usr/include/eigen3")
 FLAGS = (
@@ -102,6 +103,20 @@ def generated(tree: Path, function: str, inputs: np.ndarray, size: int, read: Re
     """`function`: aba, aba_world, rnea, crba or crba_world; straight-line C with all numbers folded in."""
     source = code(tree) / f"{function}.c"
     return of_source("Pinocchio→CasADi→C", source, inputs, size, read)
+
+
+def closed(tree: Path, closures: Sequence[Sequence[float]], inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
+    """Loops closed in points: lines of two joints and the point on each. Both of Pinocchio's methods, mu = 1e-8."""
+    _check_headers()
+    loops = tree.with_suffix(".loops")
+    loops.write_text("".join(f"{int(a)} {int(b)} {_numbers(points)}\n" for a, b, *points in closures))
+    library = compiled("pinocchio_loops", {HERE / "pinocchio_loops.cpp": ["-O2", *NATIVE, *FLAGS]})
+    return [
+        Contender(
+            "Pinocchio lcaba", library, inputs, size, f"{name} {tree.resolve()} {loops.resolve()}", read, SOFT, variant=name
+        )
+        for name in ("lcaba", "constraintDynamics")
+    ]
 
 
 @functools.cache

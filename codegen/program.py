@@ -151,6 +151,7 @@ class Program:
     kernels: tuple[Kernel, ...]
     ledger: tuple[Entry, ...] = ()
     left_out: tuple[str, ...] = ()  # functions and arguments this model has no use for
+    fixed: tuple[tuple[str, float], ...] = ()  # inputs and parameters that were given a value and baked in
     positions: int = 0  # leading rows of `constraints` that are position constraints
     nominal: tuple[float, ...] = ()  # a state to show in examples; any when empty
     inline: bool = False  # also as one header of inline functions

@@ -33,6 +33,7 @@ def build(
     numpy: bool = False,
     tune: bool = False,
     header: bool = False,
+    fix: Mapping[str, float | str] | None = None,
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
@@ -40,11 +41,12 @@ def build(
     (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler
     this raises ToolchainError, unless `numpy` says that a module that runs on NumPy will do. `tune` compiles every formulation
     that fits, with every choice where none is named, and takes the one whose `dynamics` is fastest on this machine. `header` adds
-    <model>_inline.h, all functions in one header for C and C++.
+    <model>_inline.h, all functions in one header for C and C++. `fix` gives inputs and parameters a value, a number in SI or
+    text with a unit, and bakes it in: the functions take them no more, and u is shorter.
     """
     from hamel.verbs.build import run
 
-    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header)
+    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header, fix or {})
 
 
 def verify(

@@ -102,6 +102,9 @@ def check(model: str) -> Any:
 @click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
 @CONSTANTS
 @click.option(
+    "--fix", metavar="u1=0,a=2 m", default="", help="Inputs and parameters to bake in with these values; u is then shorter."
+)
+@click.option(
     "--functions",
     metavar="a,b",
     default="",
@@ -114,10 +117,11 @@ def check(model: str) -> Any:
 @click.option("--header", is_flag=True, help="Also write all functions as one header of inline functions, NAME_inline.h.")
 @click.option("--tune", is_flag=True, help="Time the candidates here (formulations, choices, flags) and take the fastest.")
 @click.option("--explain", is_flag=True, help="Also print what each pass saved and what was left out.")
-def build(model: str, constants: str, functions: str, integrators: str, explain: bool, **options: Any) -> Any:
+def build(model: str, constants: str, fix: str, functions: str, integrators: str, explain: bool, **options: Any) -> Any:
     """Derive, compile and quickly verify a module of MODEL."""
-    functions_ = _names(functions) or None
-    return hamel.build(model, constants=_constants(constants), functions=functions_, integrators=_names(integrators), **options)
+    values = dict(_setting(text, "--fix") for text in _names(fix))
+    lists = {"functions": _names(functions) or None, "integrators": _names(integrators)}
+    return hamel.build(model, constants=_constants(constants), fix=values, **lists, **options)
 
 
 @verb

@@ -1,6 +1,7 @@
 """Modules that were built and verified before: building again, with nothing changed that they depend on, copies them.
 
-The key covers the model file, the options, every file of hamel itself, the libraries it derives with, Python and the compiler.
+The key covers the model file, the options, every file of hamel itself, the libraries it derives with, Python, and what a binary
+depends on: the compiler, its flags and this processor.
 A cache that cannot be read or written only costs time.
 """
 
@@ -12,6 +13,7 @@ import hashlib
 import importlib.util
 import json
 import os
+import platform
 import shutil
 import sys
 import tempfile
@@ -21,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from codegen import cache
-from codegen.compiler import find_compiler
+from codegen.compiler import find_compiler, probe
 from codegen.placing import check_place, new_folder, put
 from hamel.records import Built, as_json
 
@@ -41,6 +43,8 @@ def key(path: str | Path, options: Mapping[str, Any]) -> str | None:
         for place in (*_generator(), *_libraries(), *_compiler()):
             found = os.stat(place)
             digest.update(f"\0{place}\0{found.st_mtime_ns}\0{found.st_size}".encode())
+        command = find_compiler()
+        digest.update(f"\0{probe(tuple(command)) if command else platform.machine()}".encode())
         return digest.hexdigest()[:40]
     return None
 

@@ -14,7 +14,7 @@ from codegen.compiler import INSTALL
 from derive.diagnostics import ToolchainError, VerificationError
 from derive.textbook import html
 from hamel.meanwhile import meanwhile
-from hamel.pipeline import Clock, Constants, drafted, equations_of, load_quietly, program_of
+from hamel.pipeline import Clock, Constants, Fixed, drafted, equations_of, load_quietly, program_of
 from hamel.records import Built
 from hamel.verify import Verification, quick_verification
 from hamel.verify.stored import stored
@@ -37,6 +37,7 @@ def made(
     numpy: bool,
     tune: bool,
     header: bool,
+    fix: Fixed,
 ) -> Built:
     """Derive, emit, compile, compare with the independent derivation, and only then publish."""
     clock = Clock()
@@ -44,9 +45,9 @@ def made(
     if tune:
         from hamel.tuning import fastest
 
-        equations, times = fastest(path, choice, constants, clock)
+        equations, times = fastest(path, choice, constants, fix, clock)
     else:
-        equations = equations_of(path, choice, constants, formulation, clock)
+        equations = equations_of(path, choice, constants, formulation, clock, fix)
     with meanwhile(lambda: html(equations)) as page:
         program = replace(program_of(equations, functions, clock, integrators), inline=header)
         if tune:

@@ -8,11 +8,11 @@ from __future__ import annotations
 import tempfile
 import time
 import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 MARK = "manifest.json"  # a folder with this file is one that hamel made
 Constants = Collection[str] | Literal["all"]
+Fixed = Mapping[str, float | str]  # inputs and parameters that become numbers
 
 
 @dataclass
@@ -48,13 +49,15 @@ def equations_of(
     constants: Constants = (),
     formulation: str = "quasi_velocities",
     clock: Clock | None = None,
+    fix: Fixed = MappingProxyType({}),
 ) -> Equations:
     """Model file → Equations of one formulation and choice; the first choice of the file when none is named."""
     clock = clock or Clock()
     with clock("model"):
+        from hamel.fixing import fixed
         from hamel.importing import load
 
-        model = load(path)
+        model, constants = fixed(load(path), constants, fix)
     with clock("mechanics"):
         mechanics = mechanics_of(model, constants)
     with clock("formulation"):

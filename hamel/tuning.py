@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import AssumptionError
-from hamel.pipeline import Clock, Constants, mechanics_of, program_of
+from hamel.pipeline import Clock, Constants, Fixed, mechanics_of, program_of
 
 if TYPE_CHECKING:
     from codegen.program import Program
@@ -18,16 +18,19 @@ if TYPE_CHECKING:
 FEW = 1.5  # candidates with more than so many times the fewest operations are not compiled
 
 
-def fastest(path: str | Path, choice: str | None, constants: Constants, clock: Clock) -> tuple[Equations, dict[str, float]]:
+def fastest(
+    path: str | Path, choice: str | None, constants: Constants, fix: Fixed, clock: Clock
+) -> tuple[Equations, dict[str, float]]:
     """The equations whose `dynamics` is fastest here, and the nanoseconds per state of all that were compiled.
 
     Every formulation that fits is tried, with every choice of the file where `choice` names none.
     """
     from codegen.tune import timings
+    from hamel.fixing import fixed
     from hamel.importing import load
 
     with clock("model"):
-        model = load(path)
+        model, constants = fixed(load(path), constants, fix)
     with clock("mechanics"):
         mechanics = mechanics_of(model, constants)
     with clock("tune"):

@@ -255,5 +255,7 @@ def test_building_again_copies_what_was_verified(hamel, tmp_path, tmp_path_facto
     again = json.loads(hamel("build", str(model), "-o", "elsewhere", "--json")[1])
     assert again["kept"] and not first["kept"] and again["operations"] == first["operations"]
     assert {file.name: file.read_bytes() for file in Path("elsewhere").iterdir() if file.is_file()} == before
+    monkeypatch.setattr("hamel.kept.probe", lambda command: (("-march=other",), ""))
+    assert not json.loads(hamel("build", str(model), "--json")[1])["kept"], "binaries are made for one processor"
     model.write_text(model.read_text() + "# changed\n")
     assert not json.loads(hamel("build", str(model), "--json")[1])["kept"]

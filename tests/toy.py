@@ -36,7 +36,9 @@ def toy(name: str = "toy", description: str = "Two links on a hinge.", about: st
         Argument("u", u, ("tau",), ("N*m",)),
         Argument("p", p, ("l1", "l2", "m"), ("m", "m", "kg")),
     )
-    system: Any = SimpleNamespace(model=SimpleNamespace(name=name, description=description), constants=(), phi=ca.SX(0, 1))
+    system: Any = SimpleNamespace(
+        model=SimpleNamespace(name=name, description=description, fixed=()), constants=(), phi=ca.SX(0, 1)
+    )
     return Equations(
         system,
         "quasi-velocities",

@@ -73,6 +73,7 @@ def program(
         quasi_velocities=equations.w,
         assumptions=equations.assumptions,
         constants=equations.system.constants,
+        fixed=model.fixed,
         arguments=arguments,
         kernels=tuple(kernels),
         ledger=tuple(ledger),

@@ -25,6 +25,7 @@ def _manifest(program: Program) -> dict[str, object]:
         "quasi_velocities": list(program.quasi_velocities),
         "assumptions": list(program.assumptions),
         "constants": list(program.constants),
+        "fixed": dict(program.fixed),
         "left_out": list(program.left_out),
         "program": program.fingerprint,
         "arguments": {argument.name: _argument(argument) for argument in program.arguments},

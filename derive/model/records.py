@@ -419,3 +419,4 @@ class Model:
     potential: Expression | None
     published: tuple[Published, ...] = ()
     stress: tuple[Stress, ...] = ()
+    fixed: tuple[tuple[str, float], ...] = ()  # inputs and parameters of the file that are numbers here, in SI units

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from hamel import kept
-from hamel.pipeline import Constants
+from hamel.pipeline import Constants, Fixed
 from hamel.records import Built
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def run(
     numpy: bool,
     tune: bool = False,
     header: bool = False,
+    fix: Fixed = MappingProxyType({}),
 ) -> Built:
     options = {
         "choice": choice,
@@ -37,6 +39,7 @@ def run(
         "numpy": numpy,
         "tune": tune,
         "header": header,
+        "fix": dict(fix),
     }
     name = kept.key(path, options)
     found = kept.restored(name, out)

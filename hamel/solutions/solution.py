@@ -28,7 +28,7 @@ from hamel.verify.evidence import all_parameters, graph, slots_of
 from hamel.verify.reference import evaluate, reference
 from hamel.verify.reference import state_of as spelled_out
 
-VERSION = 1
+VERSION = 2
 MORE = 4  # digits carried beyond those asked for
 FIRST_CORRECTIONS = 6  # each gains as many digits as a double holds
 
@@ -158,14 +158,15 @@ def _with_velocities(problem: Problem, time: float, x: Sequence[Fraction], digit
 
 
 def _agreement(problem: Problem, time: float, x: Sequence[float]) -> float:
-    """How far v̇ is from that of the independent derivation, relative to the largest entry."""
+    """How far v̇ is from that of the independent derivation, relative to the largest entry of v̇ or of v in a second."""
     s, seen, p = problem.equations.system, graph(problem.equations), np.array(problem.p)
     place = (time, np.array(x), np.array(problem.u), p)
     own, v = seen.acceleration(*place), seen("velocity", *place)
     ref = reference(s.model)
     state = spelled_out(ref, time, np.array(x[: s.q.numel()]), v, np.array(problem.u), all_parameters(s, p))
     other = evaluate(ref, state).vdot
-    return float(np.max(np.abs(own - other), initial=0.0) / max(1e-300, float(np.max(np.abs(other), initial=0.0))))
+    size = max(float(np.max(np.abs(x), initial=1e-300)) for x in (other, v))
+    return float(np.max(np.abs(own - other), initial=0.0)) / size
 
 
 def _decimal(value: Fraction, digits: int) -> str:

@@ -30,7 +30,7 @@ from derive.mechanics.records import RowForm, System
 from derive.mechanics.sampling import States, states
 from derive.model.records import Choice, Span
 
-REGULAR = 1e-4  # a singular value of the scaled rows above this is no sign of a singular position
+REGULAR = 1e-3  # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
 SAMPLES = 40
 ENTRIES, FEWEST = 2_000, 10  # of large systems fewer states are looked at: about so many velocities, at least so many states
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
@@ -77,8 +77,32 @@ class Workshop:
     @cached_property
     def sampled(self) -> States:
         nv = max(1, self.system.v.numel())
-        found = states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
-        return _with_initial(self.system, self.solver, found)
+        return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+
+    def sampled_for(self, B: ca.SX) -> States:
+        """The sampled states, and the initial one where [A; B] is regular there.
+
+        It is no random state: a pivot that is zero just there must not be taken where another is not.
+        """
+        start = self.initial
+        if start is None or not len(self.sampled.t):
+            return self.sampled
+        A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
+        Y = np.concatenate([_scaled(A), _scaled(self.solver.values(B, start.t, start.q, start.p))], axis=1)[0]
+        if np.linalg.svd(Y, compute_uv=False)[-1] < REGULAR:
+            return self.sampled
+        pairs = ((getattr(self.sampled, name), getattr(start, name)) for name in ("t", "q", "v", "u", "p"))
+        return States(*(np.concatenate(pair) for pair in pairs))
+
+    @cached_property
+    def initial(self) -> States | None:
+        """The consistent initial state of the model, where there is one."""
+        try:
+            start = initial_state(self.system)
+        except ModelError:
+            return None
+        u, p = np.zeros((1, self.system.u.numel())), np.array([self.system.parameters], dtype=float)
+        return States(np.zeros(1), start.q[None, :], start.v[None, :], u, p.reshape(1, -1))
 
     @cached_property
     def plain_rows(self) -> np.ndarray:
@@ -133,24 +157,6 @@ class Workshop:
     @property
     def freedom(self) -> int:
         return self.system.v.numel() - self.rank
-
-
-def _with_initial(system: System, solver: Kinematics, found: States) -> States:
-    """The initial state among the others, unless rows depend on each other there that do not elsewhere.
-
-    It is no random state: a pivot that is zero just there must not be taken where another is not.
-    """
-    if not len(found.t):
-        return found
-    try:
-        start = initial_state(system)
-    except ModelError:
-        return found
-    more = (np.zeros(1), start.q[None, :], start.v[None, :], np.zeros((1, system.u.numel())), np.array([system.parameters]))
-    joined = States(*(np.concatenate(pair) for pair in zip((found.t, found.q, found.v, found.u, found.p), more)))
-    rows = _scaled(solver.rows(joined.t, joined.q, joined.p)[0])
-    ranks = np.linalg.matrix_rank(rows, tol=REGULAR) if rows.shape[1] else np.zeros(len(rows))
-    return joined if ranks[-1] >= np.median(ranks) else found
 
 
 def _repetition(names: Sequence[str], A: np.ndarray, kept: Sequence[int], i: int) -> str:
@@ -266,24 +272,14 @@ def carried_out(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], r
         equations = explicit(shop.system, reduction)
         ranking = Ranking(name, kind, names, True, 1.0, 1.0, equations.operations, (), equations.gathered)
         return Resolved(ranking, reduction, equations, reason)
-    B = _numeric_rows(shop, _matrix(rows, shop.system.v.numel()))
-    sampled, sizes = _regular(shop, B), [*shop.sizes, *_lengths(B)]
+    B = _matrix(rows, shop.system.v.numel())
+    sizes, sampled = [*shop.sizes, *_lengths(_numeric_rows(shop, B))], shop.sampled_for(B)
     found = [by_elimination(shop.system, names, rows, ways, sampled, shop.kept, sizes) for ways in _ways(shop.system)]
     counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
     best = min(range(len(found)), key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]))
     reduction, equations = found[best], explicit(shop.system, found[best])
     ranking = judged(shop, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
-
-
-def _regular(shop: Workshop, B: np.ndarray) -> States:
-    """The sampled states without those where the choice itself is singular: no order of pivots helps there."""
-    s = shop.sampled
-    if not shop.system.rows:
-        return s
-    values = np.linalg.svd(np.concatenate([shop.rows, _scaled(B)], axis=1), compute_uv=False)
-    good = values[:, -1] > RANK * values[:, 0]
-    return s if good.all() or not good.any() else States(*[x[good] for x in (s.t, s.q, s.v, s.u, s.p)])
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:

@@ -96,7 +96,7 @@ def _portion(here: Chart, times: np.ndarray, x: np.ndarray, u: np.ndarray, p: np
         found = here.module.simulate(times, x, u, p, max_steps=MOST_STEPS, **asdict(by))
     except FloatingPointError as error:
         found, why = error.partial, str(error)  # type: ignore[attr-defined]
-    margins = _margins(here, found.t, found.x, u, p)
+    margins = np.where(np.isfinite(found.x).all(axis=1), _margins(here, found.t, found.x, u, p), np.nan)
     bad = np.nonzero(~(margins >= min(LOW, 0.5 * margins[0])))[0]
     last = int(bad[0]) - 1 if len(bad) else len(found.t) - 1
     return _Portion(here, found, max(0, last), why)

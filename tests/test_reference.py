@@ -131,7 +131,7 @@ MORE = dict.fromkeys(("revolute", "prismatic", "cylindrical", "planar"), AXIS)
 MORE |= {"universal": AXIS + ", axis2: [-0.8, 0, 0.6]", "screw": AXIS + ", pitch: 0.3 m", "ball": "", "fixed": ""}
 LOOPS = {kind: LOOP.replace("TYPE", kind).replace("MORE", more) for kind, more in MORE.items()}
 ON_SURFACE = """
-parameters: {D: 0.5 m^2, f: 1 rad/s}
+parameters: {D: 0.3 m^2, f: 1 rad/s}
 constraints:
   rod: {type: distance, between: [ground, a], at: [[0, 0, 2], [0.1, 0, 0.1]], length: 1.5 m}
   bowl: {type: point_on_surface, body: b, at: [0.1, 0, 0.2], of: a, surface: x**2 + y**2/2 + 2*z**2 + x*z*sin(f*t) - D}

@@ -90,7 +90,7 @@ def run(
 
 def _others(mechanics: System, chosen: Equations, keeping: Keeping, options: Options) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
-    if chosen.formulation not in ("quasi_velocities", "maggi") or keeping.level not in ("none", "steps"):
+    if not mechanics.rows or chosen.formulation not in ("quasi_velocities", "maggi") or keeping.level not in ("none", "steps"):
         return []
     found = []
     for name in dict.fromkeys((*(choice.name for choice in mechanics.model.choices), "orthonormal")):

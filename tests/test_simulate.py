@@ -165,3 +165,11 @@ def test_numbers_and_files_that_make_no_sense(tmp_path, monkeypatch, options):
     with pytest.raises(ModelError):
         hamel.simulate(SLEIGH, **options)
     assert not list(tmp_path.iterdir())
+
+
+def test_energy_is_not_held_where_inputs_do_work():
+    """At rest the input does nothing and energy is conserved; with it the keeping would make a wrong answer look right."""
+    snake = MODELS / "snake3.yaml"
+    assert hamel.simulate(snake, keeping="invariants", time=0.5, values={"base.vx": 0.3}).energy_balance < 1e-12
+    with pytest.raises(AssumptionError, match="energy is not conserved"):
+        hamel.simulate(snake, keeping="invariants", time=0.5, values={"base.vx": 0.3, "tau1": 0.01})

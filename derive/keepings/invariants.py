@@ -33,7 +33,7 @@ def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
     known |= {f"{name}": momenta[j] for name, j in names.items()}
     known |= {c.name: momenta[names[f"der({c.name})"]] for c in system.model.coordinates if f"der({c.name})" in names}
     asked = [(name, known[name]) for name in options.conserve or ("energy",)]
-    also = "energy" not in options.conserve and _relative_rate(found, known["energy"]) <= CONSERVED
+    also = "energy" not in options.conserve and _relative_rate(found, known["energy"], options) <= CONSERVED
     return [("energy", known["energy"]), *asked] if options.conserve and also else asked
 
 
@@ -43,15 +43,15 @@ def _refusal(found: Equations, options: Options) -> str:
     except KeyError as missing:
         return f"{missing} is no invariant that could be held: energy, or a coordinate or base velocity with its momentum"
     for name, value in held:
-        rate = _relative_rate(found, value)
+        rate = _relative_rate(found, value, options)
         if rate > CONSERVED:
             what = "energy" if name == "energy" else f"the momentum of {name}"
             return f"{what} is not conserved: at random admissible states it changes at {rate:.2g} of the rate of its parts"
     return ""
 
 
-def _relative_rate(found: Equations, value: ca.SX) -> float:
-    """max |dH/dt| over the sampled states, relative to the sum of the sizes of its terms; inputs at rest."""
+def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
+    """max |dH/dt| over the sampled states, relative to the sum of the sizes of its terms."""
     slots = {argument.name: argument.symbols for argument in found.arguments}
     xdot = next(function for function in found.functions if function.name == "dynamics").result.value
     gradient = ca.jacobian(value, slots["x"])
@@ -61,10 +61,11 @@ def _relative_rate(found: Equations, value: ca.SX) -> float:
     assert state.x is not None
     to_x = ca.Function("x", [slots["t"], state.x.symbols, slots["p"]], [ca.densify(state.result.value)])
     s = workshop(found.system).sampled
+    u = np.array(options.inputs) if options.inputs else np.zeros(found.system.u.numel())
     rates = []
     for t, q, v, p in zip(s.t, s.q, s.v, s.p):
-        x = to_x(t, np.concatenate([q, v]), p)
-        entries = np.asarray(function(t, x, np.zeros(found.system.u.numel()), p)).ravel()
+        x = to_x(t, np.concatenate([q, v]), options.parameters or p)
+        entries = np.asarray(function(t, x, u, options.parameters or p)).ravel()
         if np.isfinite(entries).all() and np.any(entries):
             rates.append(abs(entries.sum()) / np.abs(entries).sum())
     return max(rates, default=0.0)

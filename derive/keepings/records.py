@@ -17,10 +17,13 @@ from derive.mechanics.records import System
 @dataclass(frozen=True)
 class Options:
     """`alpha`: rate in 1/s at which violations decay (baumgarte, feedback); `conserve`: cyclic coordinates whose
-    momenta are held (invariants)."""
+    momenta are held (invariants); `inputs` and `parameters`: u and p of the motion, zero and their defaults where none
+    are given."""
 
     alpha: float | None = None
     conserve: tuple[str, ...] = ()
+    inputs: tuple[float, ...] = ()
+    parameters: tuple[float, ...] = ()
 
 
 def unchanged(found: Equations, options: Options) -> Equations:

@@ -58,17 +58,14 @@ def built(
         keeping.name: keeping for keeping in KEEPINGS if (keeping.name == unit["own"] if unit["own"] else keeping.name not in OWN)
     }
     alpha = _rate(found, plain, span) if unit["own"] else None
-    refused = {name: keeping.refusal(plain, Options(alpha)) for name, keeping in known.items()}
+    options = Options(alpha, (), tuple(found.u), tuple(found.p))
+    refused = {name: keeping.refusal(plain, options) for name, keeping in known.items()}
     fitting = [keeping for keeping in known.values() if not refused[keeping.name]]
     if not fitting:
         raise AssumptionError("; ".join(refused.values()))
-    made = (
-        kept_equations(found.system, unit["choice"] or None, plain.formulation, fitting[0], Options(alpha))
-        if unit["own"]
-        else plain
-    )
+    made = kept_equations(found.system, unit["choice"] or None, plain.formulation, fitting[0], options) if unit["own"] else plain
     for keeping in fitting if not unit["own"] else ():
-        made = keeping.equations(made, Options())
+        made = keeping.equations(made, options)
     names = [function.name for function in made.functions if function.name in FUNCTIONS]
     methods = [method.name for method in INTEGRATORS]
     program = program_of(made, names, integrators=methods, keepings=[keeping.name for keeping in fitting])

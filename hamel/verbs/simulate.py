@@ -71,7 +71,7 @@ def run(
     keeping = _keeping(method, plain)
     x = _state(plain, initial, p)
     alpha = usual_rate(plain, 0.0, x, u, p, time) if keeping.level == "rates" and method.alpha is None else method.alpha
-    options = Options(alpha, method.conserve)
+    options = Options(alpha, method.conserve, tuple(u), tuple(p))
     chosen = kept_equations(mechanics, method.choice, method.formulation, keeping, options)
     stepping = motion.Stepping(method.integrator, keeping.name, method.step_size, *tolerances)
     integrators = (method.integrator,) if _own(method) else ()

@@ -18,7 +18,12 @@ units: dict[str, tuple[str, ...]]
 defaults: NDArray[np.float64]
 status: tuple[str, ...]
 functions: tuple[str, ...]
+integrators: tuple[str, ...]
+keepings: tuple[str, ...]
 backend: Literal["extension", "ctypes", "numpy"]
+
+def threaded(function: Callable[..., NDArray[np.float64]], threads: int) -> Callable[..., NDArray[np.float64]]:
+    """The function for batches, their first axis divided among threads."""
 
 def dynamics(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
@@ -80,6 +85,11 @@ def state(
 ) -> NDArray[np.float64]:
     """state x = (q, w) from (q, v): w = B v: shape (..., 4)."""
 
+def guards(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """what must not change its sign or vanish on the way: pivots, and how independent the rows of A are: shape (..., 1)."""
+
 @dataclass(frozen=True)
 class Simulation:
     t: NDArray[np.float64]
@@ -90,6 +100,8 @@ class Simulation:
     calls: int
     position_violation: float
     velocity_violation: float
+    crossings: int
+    charts: int
     status: str
 
 def simulate(
@@ -103,5 +115,8 @@ def simulate(
     times: ArrayLike | None = None,
     max_steps: int = 1_000_000,
     progress: Callable[[float], object] | None = None,
+    integrator: Literal["dop853", ] | None = None,
+    keeping: Literal["projection", "none", ] | None = None,
+    step_size: float | None = None,
 ) -> Simulation:
     """The motion from state x at t_span[0] with constant inputs u, at the entries of t_span or at times."""

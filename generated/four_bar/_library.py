@@ -17,6 +17,9 @@ _library.four_bar_program.restype = ctypes.c_char_p
 if _library.four_bar_program().decode() != PROGRAM:
     raise ImportError("libfour_bar was compiled from other equations; run build.py")
 
+if not _library.four_bar_fits():
+    raise ImportError("libfour_bar was compiled for another processor; run build.py")
+
 _rows = _library.four_bar_rows
 _rows.restype = ctypes.c_size_t
 _address, _count = ctypes.c_void_p, ctypes.c_ssize_t
@@ -31,7 +34,16 @@ def _one(name):
     return function, ctypes.cast(function, _address)
 
 
+def _batch(name):
+    """The C function for many states."""
+    function = getattr(_library, f"four_bar_{name}_batch")
+    function.argtypes = [_count, *([_address, _count] * 5), _address]
+    function.restype = ctypes.c_size_t
+    return function
+
+
 _functions = {name: _one(name) for name in FUNCTIONS}
+_batches = {name: _batch(name) for name in ['dynamics']}
 
 
 def _at(values):
@@ -66,6 +78,9 @@ def _many(name, given, lead, result):
         kept.append(rows)
         arguments += [_at(rows), 0 if alone else int(np.prod(width))]
     size = int(np.prod(FUNCTIONS[name][0]))
+    if name in _batches:
+        _batches[name](status.size, *arguments, _at(result), size, _at(status))
+        return status
     _rows(_functions[name][1], size, status.size, *arguments, _at(result), _at(status))
     return status
 
@@ -139,3 +154,8 @@ def velocity(t, x, u=None, p=None, out=None):
 def state(t, x, u=None, p=None, out=None):
     """state x = (q, w) from (q, v): w = B v"""
     return _evaluate("state", t, x, u, p, out)
+
+
+def guards(t, x, u=None, p=None, out=None):
+    """what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"""
+    return _evaluate("guards", t, x, u, p, out)

@@ -45,61 +45,68 @@ def _dynamics(t, x, u, p, out):
     m2 = p[..., 5]
     m3 = p[..., 6]
 
-    # S: base velocities per quasi-velocity, v = S w + R c
+    # angles: their sines and cosines, all together
+    cos_q2 = np.cos(q2)
     z1 = q2 + q1
     z2 = z1 - q3
     cos_z2 = np.cos(z2)
-    z3 = cos_z2 * l3 / l2
     sin_q2 = np.sin(q2)
-    z4 = l1 * sin_q2
     sin_z2 = np.sin(z2)
-    z5 = l3 * sin_z2
-    S_3 = z4 / z5
-    cos_q2 = np.cos(q2)
-    z6 = cos_q2 * l1
-    z7 = z3 * S_3 - z6 / l2
-    S_2 = z7 - 1.0
+    cos_z1 = np.cos(z1)
+    cos_q1 = np.cos(q1)
+    cos_q3 = np.cos(q3)
+
+    # S: base velocities per quasi-velocity, v = S w + R c
+    z3 = 1.0 / l2
+    z4 = cos_z2 * l3 * z3
+    z5 = l1 * sin_q2
+    z6 = l3 * sin_z2
+    z7 = 1.0 / z6
+    S_3 = z5 * z7
+    z8 = cos_q2 * l1
+    z9 = z4 * S_3 - z8 * z3
+    S_2 = z9 - 1.0
 
     # v: base velocities
     v_2 = q1_dot * S_2
     v_3 = q1_dot * S_3
 
     # sigma: v̇ where ẇ = 0
-    z8 = q1_dot * z7
-    z9 = z4 * z8
-    z10 = q1_dot * l1 * v_2
-    z11 = q1_dot * z9 - sin_q2 * z10
-    z12 = v_3 * v_3 * l3
-    z13 = z8 * (q1_dot * z6 + l2 * z8) - cos_z2 * z12
-    z14 = (z13 - cos_q2 * z10) / z5
-    z15 = (z11 - sin_z2 * z12) / l2 + z3 * z14
+    z10 = q1_dot * z9
+    z11 = z5 * z10
+    z12 = q1_dot * l1 * v_2
+    z13 = q1_dot * z11 - sin_q2 * z12
+    z14 = v_3 * v_3 * l3
+    z15 = z10 * (q1_dot * z8 + l2 * z10) - cos_z2 * z14
+    z16 = z7 * (z15 - cos_q2 * z12)
+    z17 = z3 * (z13 - sin_z2 * z14) + z4 * z16
 
     # M_w: mass matrix of the quasi-velocities, Sᵀ M S
-    z16 = l3 * m3
-    z17 = l3 * z16
-    z18 = l2 * m2
-    z19 = l2 * z18
-    z20 = l1 * m2
-    z21 = l1 * m1 * 0.3333333333333333
-    z22 = z7 * (z6 * z18 + z7 * z19 * 0.3333333333333333) + l1 * (z20 + z21)
-    z23 = S_3 * S_3 * z17 + 3.0 * z22
+    z18 = l3 * m3
+    z19 = l3 * z18
+    z20 = l2 * m2
+    z21 = l2 * z20
+    z22 = l1 * m2
+    z23 = l1 * m1 * 0.3333333333333333
+    z24 = z9 * (z8 * z20 + z9 * z21 * 0.3333333333333333) + l1 * (z22 + z23)
+    z25 = S_3 * S_3 * z19 + 3.0 * z24
 
     # f_w: right-hand side, Sᵀ (Q − h − M σ)
-    z24 = 1.5 * z18
-    z25 = z19 * z15 - (z11 + 9.81 * np.cos(z1)) * z24
-    z26 = z7 * z25 - (z20 + 1.5 * z21) * np.cos(q1) * 29.43
-    z27 = z16 * np.cos(q3) * 14.715 - z14 * z17 + 0.03 * v_3
-    z28 = z24 * (z6 * z15 + z8 * z9) + z26 + (3.0 * tau - S_3 * z27)
+    z26 = 1.5 * z20
+    z27 = z9 * (z21 * z17 - (z13 + 9.81 * cos_z1) * z26)
+    z28 = z27 - (z22 + 1.5 * z23) * cos_q1 * 29.43 + z26 * (z8 * z17 + z10 * z11)
+    z29 = z18 * cos_q3 * 14.715 - z16 * z19 + 0.03 * v_3
+    z30 = 3.0 * tau - S_3 * z29 + z28
 
     # xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)
-    z29 = z28 / z23
+    z31 = z30 / z25
 
     out[..., 0] = q1_dot
     out[..., 1] = v_2
     out[..., 2] = v_3
-    out[..., 3] = z29
+    out[..., 3] = z31
     singular = False
-    singular = singular | (np.abs(z5) < 3.997867199824383e-10)  # pivot of C.x
+    singular = singular | (np.abs(z6) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -113,9 +120,12 @@ def _mass(t, x, u, p, out):
     m2 = p[..., 5]
     m3 = p[..., 6]
 
+    # angles: their sines and cosines, all together
+    cos_q2 = np.cos(q2)
+
     # M: mass matrix M(q) of the base velocities v, nv × nv
     z1 = m2 * l2
-    z2 = z1 * np.cos(q2) * 0.5
+    z2 = z1 * cos_q2 * 0.5
     z3 = l1 * (z2 + l1 * m2 + m1 * l1 * 0.3333333333333333)
     z4 = l2 * z1 * 0.3333333333333333
     z5 = z4 + l1 * z2
@@ -148,28 +158,33 @@ def _bias(t, x, u, p, out):
     m2 = p[..., 5]
     m3 = p[..., 6]
 
-    # h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
+    # angles: their sines and cosines, all together
     cos_q1 = np.cos(q1)
     cos_q2 = np.cos(q2)
     sin_q2 = np.sin(q2)
+    sin_q1 = np.sin(q1)
     z1 = q1 + q2 - q3
+    cos_z1 = np.cos(z1)
     sin_z1 = np.sin(z1)
-    z2 = l1 * (cos_q2 - sin_q2 * np.cos(z1) / sin_z1) / l2
-    z3 = q1_dot - q1_dot * (1.0 + z2)
+    cos_q3 = np.cos(q3)
+
+    # h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
+    z2 = 1.0 + l1 * (cos_q2 - sin_q2 * cos_z1 / sin_z1) / l2
+    z3 = q1_dot - q1_dot * z2
     z4 = m2 * l2
     z5 = (m1 + 2.0 * m2) * cos_q1 - z3 * z3 * (z4 * sin_q2) * 0.1019367991845056
-    z6 = sin_q2 * (np.sin(q1) - q1_dot * q1_dot * l1 * 0.1019367991845056)
-    z7 = z4 * (z6 - cos_q1 * cos_q2)
+    z6 = sin_q2 * (sin_q1 - q1_dot * q1_dot * l1 * 0.1019367991845056) - cos_q1 * cos_q2
+    z7 = z4 * z6
     z8 = 4.905 * (l1 * z5 - z7)
     z9 = -4.905 * z7
-    z10 = l3 * m3 * np.cos(q3) * 4.905
+    z10 = l3 * m3 * cos_q3 * 4.905
     z11 = l3 * sin_z1
 
     out[..., 0] = z8
     out[..., 1] = z9
     out[..., 2] = z10
     singular = False
-    singular = singular | (np.abs(z11) < 3.997867199824383e-10)  # pivot of C.x
+    singular = singular | (np.abs(z11) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -191,22 +206,26 @@ def _inverse_dynamics(t, x, u, p, out):
     m2 = p[..., 5]
     m3 = p[..., 6]
 
+    # angles: their sines and cosines, all together
+    cos_q1 = np.cos(q1)
+    cos_q2 = np.cos(q2)
+    sin_q2 = np.sin(q2)
+    sin_q1 = np.sin(q1)
+    cos_q3 = np.cos(q3)
+
     # tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇)
     z1 = l1 * m2
     z2 = m1 * l1 * 0.5
     z3 = m2 * l2
-    sin_q2 = np.sin(q2)
     z4 = der_q1 + der_q2
     z5 = der_der_q1 + der_der_q2
-    cos_q2 = np.cos(q2)
     z6 = z3 * (z4 * z4 * sin_q2 - z5 * cos_q2) * 0.5
-    cos_q1 = np.cos(q1)
     z7 = 0.1019367991845056 * l1
-    z8 = l2 * z5 * 0.06795786612300374 - sin_q2 * (np.sin(q1) - der_q1 * der_q1 * z7)
+    z8 = l2 * z5 * 0.06795786612300374 - sin_q2 * (sin_q1 - der_q1 * der_q1 * z7)
     z9 = z3 * (cos_q2 * (cos_q1 + der_der_q1 * z7) + z8) * 4.905
     z10 = z9 + (z1 + z2) * cos_q1 * 9.81 + l1 * ((z1 + 0.6666666666666666 * z2) * der_der_q1 - z6)
-    z11 = m3 * l3 * (l3 * der_der_q3 + 14.715 * np.cos(q3))
-    z12 = 0.3333333333333333 * z11 + 0.01 * der_q3
+    z11 = m3 * l3 * (l3 * der_der_q3 + 14.715 * cos_q3) * 0.3333333333333333
+    z12 = z11 + 0.01 * der_q3
 
     out[..., 0] = z10
     out[..., 1] = z9
@@ -226,36 +245,45 @@ def _constraints(t, x, u, p, out):
     l3 = p[..., 2]
     l4 = p[..., 3]
 
-    # violation: constraint violation: φ(q, t), then A v − c row by row
-    z1 = np.cos(q3) * l3
-    z2 = q1 + q2
-    cos_z2 = np.cos(z2)
-    z3 = cos_z2 * l2
-    z4 = l4 + z1 - (z3 + np.cos(q1) * l1)
-    z5 = l3 * np.sin(q3)
+    # angles: their sines and cosines, all together
+    cos_q3 = np.cos(q3)
+    cos_q1 = np.cos(q1)
+    z1 = q1 + q2
+    cos_z1 = np.cos(z1)
+    sin_q3 = np.sin(q3)
+    sin_q1 = np.sin(q1)
+    sin_z1 = np.sin(z1)
+    sin_q2 = np.sin(q2)
+    z2 = q3 - z1
     sin_z2 = np.sin(z2)
-    z6 = l2 * sin_z2
-    z7 = z5 - z6 - l1 * np.sin(q1)
-    z8 = l1 * np.sin(q2)
-    z9 = q3 - z2
-    z10 = l3 * np.sin(z9)
-    z11 = z8 / z10
-    z12 = z11 * q1_dot
-    z13 = l1 * np.cos(q2)
-    z14 = l2 + z13
-    z15 = 1.0 + (z13 + l3 * z11 * np.cos(z9)) / l2
-    z16 = q1_dot * z15
-    z17 = q1_dot * (cos_z2 * z8 - sin_z2 * z14) + z6 * z16
-    z18 = z5 * z12 - z17
-    z19 = z3 * z16 - q1_dot * (sin_z2 * z8 + cos_z2 * z14)
-    z20 = z19 - z1 * z12
+    cos_q2 = np.cos(q2)
+    cos_z2 = np.cos(z2)
 
-    out[..., 0] = z4
-    out[..., 1] = z7
-    out[..., 2] = z18
-    out[..., 3] = z20
+    # violation: constraint violation: φ(q, t), then A v − c row by row
+    z3 = cos_q3 * l3
+    z4 = cos_z1 * l2
+    z5 = l4 + z3 - (z4 + cos_q1 * l1)
+    z6 = l3 * sin_q3
+    z7 = l2 * sin_z1
+    z8 = z6 - z7 - l1 * sin_q1
+    z9 = l1 * sin_q2
+    z10 = l3 * sin_z2
+    z11 = z9 / z10
+    z12 = z11 * q1_dot
+    z13 = l1 * cos_q2
+    z14 = l2 + z13
+    z15 = q1_dot * (1.0 + (z13 + l3 * z11 * cos_z2) / l2)
+    z16 = q1_dot * (cos_z1 * z9 - sin_z1 * z14) + z7 * z15
+    z17 = z6 * z12 - z16
+    z18 = z4 * z15 - q1_dot * (sin_z1 * z9 + cos_z1 * z14)
+    z19 = z18 - z3 * z12
+
+    out[..., 0] = z5
+    out[..., 1] = z8
+    out[..., 2] = z17
+    out[..., 3] = z19
     singular = False
-    singular = singular | (np.abs(z10) < 3.997867199824383e-10)  # pivot of C.x
+    singular = singular | (np.abs(z10) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -273,54 +301,62 @@ def _project_step(t, x, u, p, out):
     m2 = p[..., 5]
     m3 = p[..., 6]
 
-    # x: nearest consistent state: q on φ = 0, w kept
-    z1 = m2 * l2
-    z2 = l2 * z1
+    # angles: their sines and cosines, all together
     cos_q2 = np.cos(q2)
-    z3 = z1 * cos_q2 * 1.5
-    z4 = z2 + l1 * z3
-    z5 = z4 / z2
-    z6 = q1 + q2
-    cos_z6 = np.cos(z6)
-    z7 = l2 * cos_z6
-    z8 = l2 + l1 * cos_q2
-    sin_z6 = np.sin(z6)
-    z9 = l1 * np.sin(q2)
-    z10 = z5 * z7 - cos_z6 * z8 - sin_z6 * z9
-    z11 = z4 + l1 * (z3 + l1 * (m1 + 3.0 * m2))
-    z12 = z11 - z4 * z5
-    z13 = z10 / z12
-    z14 = l2 * sin_z6
-    z15 = l3 * np.sin(q3)
-    z16 = z14 - z15 + l1 * np.sin(q1)
-    z17 = np.cos(q3) * l3
-    z18 = l4 + z17 - (z7 + l1 * np.cos(q1))
-    z19 = l3 * l3 * m3
-    z20 = z15 / z19
-    z21 = z5 * z14 - sin_z6 * z8 + cos_z6 * z9
-    z22 = z21 / z12
-    z23 = z14 / z2
-    z24 = z22 * z10 + z7 * z23 + z17 * z20
-    z25 = z21 * z22 + z14 * z23 + z15 * z20
-    z26 = z24 / z25
-    z27 = z7 / z2
-    z28 = z17 / z19
-    z29 = z24 * z26 - z10 * z13 - (z7 * z27 + z17 * z28)
-    z30 = (z16 - z18 * z26) / z29
-    z31 = z26 * z30 + z18 / z25
-    z32 = z13 * z30 - z22 * z31
-    z33 = q1 - z32
-    z34 = q2 + z27 * z30 + (z5 * z32 - z23 * z31)
-    z35 = q3 - z28 * z30 + z20 * z31
-    z36 = np.fmax(np.fmax(0.0, np.fabs(z18)), np.fabs(z16))
+    z1 = q1 + q2
+    sin_z1 = np.sin(z1)
+    cos_z1 = np.cos(z1)
+    sin_q2 = np.sin(q2)
+    cos_q3 = np.cos(q3)
+    cos_q1 = np.cos(q1)
+    sin_q3 = np.sin(q3)
+    sin_q1 = np.sin(q1)
 
-    out[..., 0] = z33
-    out[..., 1] = z34
-    out[..., 2] = z35
+    # x: nearest consistent state: q on φ = 0, w kept
+    z2 = m2 * l2
+    z3 = l2 * z2
+    z4 = z2 * cos_q2 * 1.5
+    z5 = z3 + l1 * z4
+    z6 = z5 + l1 * (z4 + l1 * (m1 + 3.0 * m2))
+    z7 = 1.0 / z3
+    z8 = z5 * z7
+    z9 = 1.0 / (z6 - z5 * z8)
+    z10 = l2 * cos_z1
+    z11 = l2 + l1 * cos_q2
+    z12 = l1 * sin_q2
+    z13 = z8 * z10 - cos_z1 * z11 - sin_z1 * z12
+    z14 = z9 * z13
+    z15 = l2 * sin_z1
+    z16 = l3 * sin_q3
+    z17 = z15 - z16 + l1 * sin_q1
+    z18 = cos_q3 * l3
+    z19 = l4 + z18 - (z10 + l1 * cos_q1)
+    z20 = 1.0 / (l3 * l3 * m3)
+    z21 = z16 * z20
+    z22 = z8 * z15 - sin_z1 * z11 + cos_z1 * z12
+    z23 = z22 * z9
+    z24 = z7 * z15
+    z25 = z23 * z13 + z10 * z24 + z18 * z21
+    z26 = 1.0 / (z22 * z23 + z15 * z24 + z16 * z21)
+    z27 = z25 * z26
+    z28 = z7 * z10
+    z29 = z18 * z20
+    z30 = z25 * z27 - z13 * z14 - (z10 * z28 + z18 * z29)
+    z31 = (z17 - z19 * z27) / z30
+    z32 = z27 * z31 + z19 * z26
+    z33 = z14 * z31 - z23 * z32
+    z34 = q1 - z33
+    z35 = q2 + z28 * z31 + (z8 * z33 - z24 * z32)
+    z36 = q3 - z29 * z31 + z21 * z32
+    z37 = np.fmax(np.fmax(0.0, np.fabs(z19)), np.fabs(z17))
+
+    out[..., 0] = z34
+    out[..., 1] = z35
+    out[..., 2] = z36
     out[..., 3] = q1_dot
     singular = False
     status = _status(singular, out, x, p)
-    return status, np.where(status == 0, z36, np.inf)
+    return status, np.where(status == 0, z37, np.inf)
 
 
 def _project(t, x, u, p, out):
@@ -351,61 +387,69 @@ def _reactions(t, x, u, p, out):
     m2 = p[..., 5]
     m3 = p[..., 6]
 
-    # lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row
-    cos_q3 = np.cos(q3)
-    z1 = l3 * cos_q3
-    cos_q2 = np.cos(q2)
-    z2 = l1 * cos_q2
+    # angles: their sines and cosines, all together
     sin_q2 = np.sin(q2)
-    z3 = sin_q2 * l1
-    z4 = q2 + q1
-    z5 = z4 - q3
-    sin_z5 = np.sin(z5)
-    z6 = l3 * sin_z5
-    z7 = z3 / z6
-    cos_z5 = np.cos(z5)
-    z8 = l3 * cos_z5 / l2
-    z9 = z2 / l2 - z7 * z8
-    z10 = q1_dot * z9
-    z11 = z3 * z10
-    z12 = 1.0 + z9
-    z13 = q1_dot * q1_dot * l1
-    z14 = z12 * z13
-    z15 = q1_dot * z11 - sin_q2 * z14
-    z16 = z7 * q1_dot
-    z17 = z16 * z16 * l3
-    z18 = z10 * (q1_dot * z2 - l2 * z10) + cos_z5 * z17
-    z19 = (z18 - cos_q2 * z14) / z6
-    z20 = (z15 + sin_z5 * z17) / l2 + z8 * z19
-    z21 = l2 * m2
-    z22 = l2 * z21
-    z23 = 0.3333333333333333 * z22
-    cos_z4 = np.cos(z4)
-    z24 = 0.5 * z21
-    z25 = z9 * (z20 * z23 - (z15 - 9.81 * cos_z4) * z24)
-    z26 = l1 * m2
-    z27 = l1 * m1 * 0.3333333333333333
-    z28 = 9.81 * np.cos(q1)
-    z29 = m3 * l3
-    z30 = l3 * z29
-    z31 = 0.01 * (z16 + z29 * cos_q3 * 490.5)
-    z32 = 0.5 * (z2 * z20 - z10 * z11) * z21 + z7 * (z30 * z19 * 0.3333333333333333 + z31)
-    z33 = tau + z25 - (z26 + 1.5 * z27) * z28 - z32
-    z34 = z2 * z21
-    z35 = l1 * (z26 + z27) - z9 * (z34 - z9 * z23)
-    z36 = z33 / (z7 * z7 * z30 + 3.0 * z35)
-    z37 = z36 * (z22 + 1.5 * z34) + z22 * (0.3333333333333333 * z20 - z12 * z36)
-    z38 = cos_q2 * z28 + sin_q2 * (z13 - 9.81 * np.sin(q1))
-    z39 = z31 + z30 * (z19 + z7 * z36 * 3.0) * 0.3333333333333333
-    z40 = l3 * np.sin(q3)
-    z41 = l2 * np.sin(z4) / z40
-    z42 = (z24 * z38 + z39 * z41 + z37) / (z1 * z41 - l2 * cos_z4)
-    z43 = (z1 * z42 - z39) / z40
+    z1 = q2 + q1
+    z2 = z1 - q3
+    sin_z2 = np.sin(z2)
+    cos_z2 = np.cos(z2)
+    cos_q2 = np.cos(q2)
+    cos_z1 = np.cos(z1)
+    cos_q1 = np.cos(q1)
+    cos_q3 = np.cos(q3)
+    sin_q1 = np.sin(q1)
+    sin_z1 = np.sin(z1)
+    sin_q3 = np.sin(q3)
 
-    out[..., 0] = z43
-    out[..., 1] = z42
+    # lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row
+    z3 = 1.0 / (l3 * sin_q3)
+    z4 = l3 * cos_q3
+    z5 = 1.0 / l2
+    z6 = l1 * cos_q2
+    z7 = sin_q2 * l1
+    z8 = l3 * sin_z2
+    z9 = 1.0 / z8
+    z10 = z7 * z9
+    z11 = l3 * cos_z2 * z5
+    z12 = z5 * z6 - z10 * z11
+    z13 = q1_dot * z12
+    z14 = z7 * z13
+    z15 = 1.0 + z12
+    z16 = q1_dot * q1_dot * l1
+    z17 = z15 * z16
+    z18 = q1_dot * z14 - sin_q2 * z17
+    z19 = z10 * q1_dot
+    z20 = z19 * z19 * l3
+    z21 = z13 * (q1_dot * z6 - l2 * z13) + cos_z2 * z20
+    z22 = z9 * (z21 - cos_q2 * z17)
+    z23 = z5 * (z18 + sin_z2 * z20) + z11 * z22
+    z24 = l2 * m2
+    z25 = l2 * z24
+    z26 = 0.3333333333333333 * z25
+    z27 = 0.5 * z24
+    z28 = z12 * (z23 * z26 - (z18 - 9.81 * cos_z1) * z27)
+    z29 = l1 * m2
+    z30 = l1 * m1 * 0.3333333333333333
+    z31 = 9.81 * cos_q1
+    z32 = m3 * l3
+    z33 = l3 * z32
+    z34 = 0.01 * (z19 + z32 * cos_q3 * 490.5)
+    z35 = 0.5 * (z6 * z23 - z13 * z14) * z24 + z10 * (z33 * z22 * 0.3333333333333333 + z34)
+    z36 = tau + z28 - (z29 + 1.5 * z30) * z31 - z35
+    z37 = z6 * z24
+    z38 = l1 * (z29 + z30) - z12 * (z37 - z12 * z26)
+    z39 = z36 / (z10 * z10 * z33 + 3.0 * z38)
+    z40 = z39 * (z25 + 1.5 * z37) + z25 * (0.3333333333333333 * z23 - z15 * z39)
+    z41 = z27 * (cos_q2 * z31 + sin_q2 * (z16 - 9.81 * sin_q1))
+    z42 = z34 + z33 * (z22 + z10 * z39 * 3.0) * 0.3333333333333333
+    z43 = l2 * sin_z1 * z3
+    z44 = (z41 + z42 * z43 + z40) / (z4 * z43 - l2 * cos_z1)
+    z45 = z3 * (z4 * z44 - z42)
+
+    out[..., 0] = z45
+    out[..., 1] = z44
     singular = False
-    singular = singular | (np.abs(z6) < 3.997867199824383e-10)  # pivot of C.x
+    singular = singular | (np.abs(z8) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -422,32 +466,39 @@ def _energy(t, x, u, p, out):
     m2 = p[..., 5]
     m3 = p[..., 6]
 
-    # energy: kinetic and potential energy T, V
-    z1 = q1_dot * l1
-    z2 = l3 * m3
+    # angles: their sines and cosines, all together
+    cos_q2 = np.cos(q2)
+    z1 = q2 + q1
+    z2 = z1 - q3
+    cos_z2 = np.cos(z2)
     sin_q2 = np.sin(q2)
-    z3 = q2 + q1
-    z4 = z3 - q3
-    z5 = l3 * np.sin(z4)
+    sin_z2 = np.sin(z2)
+    sin_q1 = np.sin(q1)
+    sin_z1 = np.sin(z1)
+    sin_q3 = np.sin(q3)
+
+    # energy: kinetic and potential energy T, V
+    z3 = q1_dot * l1
+    z4 = l3 * m3
+    z5 = l3 * sin_z2
     z6 = l1 * sin_q2 / z5
     z7 = q1_dot * z6
-    z8 = z1 * z1 * m1 + z7 * z7 * l3 * z2
-    z9 = sin_q2 * z1
-    cos_q2 = np.cos(q2)
-    z10 = cos_q2 * z1
-    z11 = (l1 * cos_q2 - np.cos(z4) * l3 * z6) / l2
-    z12 = q1_dot - q1_dot * (1.0 + z11)
+    z8 = z3 * z3 * m1 + z7 * z7 * l3 * z4
+    z9 = sin_q2 * z3
+    z10 = cos_q2 * z3
+    z11 = 1.0 + (l1 * cos_q2 - cos_z2 * l3 * z6) / l2
+    z12 = q1_dot - q1_dot * z11
     z13 = l2 * m2
     z14 = z12 * z13
     z15 = z10 * (z14 + m2 * z10 * 2.0) + (z10 + l2 * z12 * 0.6666666666666666) * z14
     z16 = z9 * z9 * m2 * 0.5 + 0.25 * z15 + 0.16666666666666666 * z8
-    z17 = z13 * np.sin(z3) + z2 * np.sin(q3) + l1 * np.sin(q1) * (m1 + 2.0 * m2)
+    z17 = z13 * sin_z1 + z4 * sin_q3 + l1 * sin_q1 * (m1 + 2.0 * m2)
     z18 = 4.905 * z17
 
     out[..., 0] = z16
     out[..., 1] = z18
     singular = False
-    singular = singular | (np.abs(z5) < 3.997867199824383e-10)  # pivot of C.x
+    singular = singular | (np.abs(z5) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -461,14 +512,18 @@ def _power(t, x, u, p, out):
     l1 = p[..., 0]
     l3 = p[..., 2]
 
-    # power: power of forces without potential: d(T + V)/dt
-    z1 = np.sin(q2 + q1 - q3) * l3
-    z2 = q1_dot * np.sin(q2) * l1 / z1
-    z3 = tau * q1_dot - z2 * z2 * 0.01
+    # angles: their sines and cosines, all together
+    sin_q2 = np.sin(q2)
+    z1 = np.sin(q2 + q1 - q3)
 
-    out[..., 0] = z3
+    # power: power of forces without potential: d(T + V)/dt
+    z2 = z1 * l3
+    z3 = q1_dot * sin_q2 * l1 / z2
+    z4 = tau * q1_dot - z3 * z3 * 0.01
+
+    out[..., 0] = z4
     singular = False
-    singular = singular | (np.abs(z1) < 3.997867199824383e-10)  # pivot of C.x
+    singular = singular | (np.abs(z2) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -481,19 +536,24 @@ def _outputs(t, x, u, p, out):
     l2 = p[..., 1]
     l3 = p[..., 2]
 
-    # y: the model's outputs
+    # angles: their sines and cosines, all together
+    cos_q1 = np.cos(q1)
     z1 = q1 + q2
     cos_z1 = np.cos(z1)
-    z2 = 0.5 * l2
     sin_z1 = np.sin(z1)
-    z3 = np.cos(q1) * l1 + cos_z1 * z2 - 0.1 * sin_z1
-    z4 = l1 * np.sin(q1) + sin_z1 * z2 + 0.1 * cos_z1
-    z5 = np.sin(z1 - q3) * l3
+    sin_q1 = np.sin(q1)
+    z2 = np.sin(z1 - q3)
 
-    out[..., 0] = z3
-    out[..., 1] = z4
+    # y: the model's outputs
+    z3 = 0.5 * l2
+    z4 = cos_q1 * l1 + cos_z1 * z3 - 0.1 * sin_z1
+    z5 = l1 * sin_q1 + sin_z1 * z3 + 0.1 * cos_z1
+    z6 = z2 * l3
+
+    out[..., 0] = z4
+    out[..., 1] = z5
     singular = False
-    singular = singular | (np.abs(z5) < 3.997867199824383e-10)  # pivot of C.x
+    singular = singular | (np.abs(z6) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -507,19 +567,25 @@ def _velocity(t, x, u, p, out):
     l2 = p[..., 1]
     l3 = p[..., 2]
 
-    # v: base velocities v = S w + R c
+    # angles: their sines and cosines, all together
+    cos_q2 = np.cos(q2)
     z1 = q2 + q1 - q3
-    z2 = l3 * np.sin(z1)
-    z3 = l1 * np.sin(q2) / z2
-    z4 = (np.cos(z1) * l3 * z3 - np.cos(q2) * l1) / l2
-    z5 = q1_dot * (z4 - 1.0)
+    cos_z1 = np.cos(z1)
+    sin_q2 = np.sin(q2)
+    sin_z1 = np.sin(z1)
+
+    # v: base velocities v = S w + R c
+    z2 = l3 * sin_z1
+    z3 = l1 * sin_q2 / z2
+    z4 = (cos_z1 * l3 * z3 - cos_q2 * l1) / l2 - 1.0
+    z5 = q1_dot * z4
     z6 = q1_dot * z3
 
     out[..., 0] = q1_dot
     out[..., 1] = z5
     out[..., 2] = z6
     singular = False
-    singular = singular | (np.abs(z2) < 3.997867199824383e-10)  # pivot of C.x
+    singular = singular | (np.abs(z2) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -536,6 +602,24 @@ def _state(t, x, u, p, out):
     out[..., 3] = der_q1
     singular = False
     status = _status(singular, out, x)
+    return status
+
+
+def _guards(t, x, u, p, out):
+    q1 = x[..., 0]
+    q2 = x[..., 1]
+    q3 = x[..., 2]
+    l3 = p[..., 2]
+
+    # angles: their sines and cosines, all together
+    z1 = np.sin(q1 + q2 - q3)
+
+    # guards: what must not change its sign or vanish on the way: pivots, and how independent the rows of A are
+    z2 = z1 * l3 * 2500066912.2937355
+
+    out[..., 0] = z2
+    singular = False
+    status = _status(singular, out, x, p)
     return status
 
 
@@ -597,3 +681,8 @@ def velocity(t, x, u=None, p=None, out=None):
 def state(t, x, u=None, p=None, out=None):
     """state x = (q, w) from (q, v): w = B v"""
     return _evaluate("state", _state, t, x, u, p, out)
+
+
+def guards(t, x, u=None, p=None, out=None):
+    """what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"""
+    return _evaluate("guards", _guards, t, x, u, p, out)

@@ -5,6 +5,18 @@
 #include "four_bar.h"
 
 #include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#if defined(__GNUC__)
+#define RARELY(condition) __builtin_expect(condition, 0)
+#define INLINE static inline __attribute__((always_inline))
+#define COLD static __attribute__((noinline, cold, unused))
+#else
+#define COLD static
+#define INLINE static inline
+#define RARELY(condition) (condition)
+#endif
 
 const double four_bar_defaults[FOUR_BAR_NP] = {
     0.2, /* l1 */
@@ -16,9 +28,81 @@ const double four_bar_defaults[FOUR_BAR_NP] = {
     2.0 /* m3 */
 };
 
+/* Instructions that this file was compiled with; four_bar_fits in four_bar_cpu.c reads it. */
+extern const unsigned four_bar_needs;
+const unsigned four_bar_needs = 0
+#ifdef __AVX__
+    | 1u
+#endif
+#ifdef __AVX2__
+    | 2u
+#endif
+#ifdef __FMA__
+    | 4u
+#endif
+#ifdef __BMI__
+    | 8u
+#endif
+#ifdef __BMI2__
+    | 16u
+#endif
+#ifdef __AVX512F__
+    | 32u
+#endif
+#ifdef __AVX512DQ__
+    | 64u
+#endif
+#ifdef __AVX512BW__
+    | 128u
+#endif
+#ifdef __AVX512VL__
+    | 256u
+#endif
+    ;
+
 const char *four_bar_program(void)
 {
     return FOUR_BAR_PROGRAM;
+}
+
+/* Sine and cosine without a branch: x = k pi/2 + r + y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
+   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5; beyond that and where x is not finite
+   the library's functions are called. */
+COLD void four_bar_far(double p, double q, double u, double v, double *sines, double *cosines)
+{
+    sines[0] = sin(p), sines[1] = sin(q), sines[2] = sin(u), sines[3] = sin(v);
+    cosines[0] = cos(p), cosines[1] = cos(q), cosines[2] = cos(u), cosines[3] = cos(v);
+}
+
+/* Of four angles side by side. */
+INLINE void four_bar_turns(double p, double q, double u, double v, double *restrict sines, double *restrict cosines)
+{
+#if defined(__GNUC__)
+    typedef double four __attribute__((vector_size(32)));
+    typedef uint64_t bits __attribute__((vector_size(32)));
+    const four x = {p, q, u, v};
+    const double round = 0x1.8p52;
+    const four near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
+    const four a = x - k * 0x1.921fb5444p+0, b = k * 0x1.68c234c4cp-39, c = a - b, d = c - a;
+    const four e = ((a - (c - d)) - (b + d)) - k * 0x1.98a2e03707345p-77, r = c + e, y = (c - r) + e, z = r * r;
+    const four s = -0x1.5555555555549p-3 + z * (0x1.111111110f87ap-7 + z * (-0x1.a01a019c118bdp-13 +
+        z * (0x1.71de3577acb24p-19 + z * (-0x1.ae5e6633c330cp-26 + z * 0x1.5d92ff36b5cd1p-33))));
+    const four h = 0x1.555555555554bp-5 + z * (-0x1.6c16c16c14f8ap-10 + z * (0x1.a01a019c8391bp-16 +
+        z * (-0x1.27e4f7ea3810ep-22 + z * (0x1.1ee9d752de8c6p-29 + z * -0x1.8fa46612f4219p-37))));
+    const four half = 0.5 * z, w = 1.0 - half;
+    const four sin_r = r + (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h - r * y));
+    bits n, one, two, swap;
+    memcpy(&n, &near, sizeof n); /* its last bits are those of k */
+    memcpy(&one, &sin_r, sizeof one);
+    memcpy(&two, &cos_r, sizeof two);
+    swap = (one ^ two) & (0 - (n & 1));
+    one ^= swap ^ ((n & 2) << 62);
+    two ^= swap ^ (((n + 1) & 2) << 62);
+    memcpy(sines, &one, sizeof one);
+    memcpy(cosines, &two, sizeof two);
+    if (RARELY(!(p * p + q * q + (u * u + v * v) <= 1e10)))
+#endif
+        four_bar_far(p, q, u, v, sines, cosines);
 }
 
 /* Zero when all values are finite: 0 * value is 0 for finite values and NaN for the others. */
@@ -33,7 +117,7 @@ static inline double four_bar_stray(const double *values, int n)
     return i < n ? even + odd + 0.0 * values[i] : even + odd;
 }
 
-/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 91 operations */
+/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 93 operations */
 int four_bar_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -48,64 +132,75 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
     const double m2 = p[5];
     const double m3 = p[6];
 
-    /* S: base velocities per quasi-velocity, v = S w + R c */
+    /* angles: their sines and cosines, all together */
     const double z1 = q2 + q1;
     const double z2 = z1 - q3;
-    const double cos_z2 = cos(z2);
-    const double z3 = cos_z2 * l3 / l2;
-    const double sin_q2 = sin(q2);
-    const double z4 = l1 * sin_q2;
-    const double sin_z2 = sin(z2);
-    const double z5 = l3 * sin_z2;
-    const double S_3 = z4 / z5;
-    const double cos_q2 = cos(q2);
-    const double z6 = cos_q2 * l1;
-    const double z7 = z3 * S_3 - z6 / l2;
-    const double S_2 = z7 - 1.0;
+    double sines[4], cosines[4];
+    four_bar_turns(q2, z2, z1, q1, sines, cosines);
+    const double cos_q2 = cosines[0];
+    const double sin_q2 = sines[0];
+    const double cos_z2 = cosines[1];
+    const double sin_z2 = sines[1];
+    const double cos_z1 = cosines[2];
+    const double cos_q1 = cosines[3];
+    double sines_[4], cosines_[4];
+    four_bar_turns(q3, 0.0, 0.0, 0.0, sines_, cosines_);
+    const double cos_q3 = cosines_[0];
+
+    /* S: base velocities per quasi-velocity, v = S w + R c */
+    const double z3 = 1.0 / l2;
+    const double z4 = cos_z2 * l3 * z3;
+    const double z5 = l1 * sin_q2;
+    const double z6 = l3 * sin_z2;
+    const double z7 = 1.0 / z6;
+    const double S_3 = z5 * z7;
+    const double z8 = cos_q2 * l1;
+    const double z9 = z4 * S_3 - z8 * z3;
+    const double S_2 = z9 - 1.0;
 
     /* v: base velocities */
     const double v_2 = q1_dot * S_2;
     const double v_3 = q1_dot * S_3;
 
     /* sigma: v̇ where ẇ = 0 */
-    const double z8 = q1_dot * z7;
-    const double z9 = z4 * z8;
-    const double z10 = q1_dot * l1 * v_2;
-    const double z11 = q1_dot * z9 - sin_q2 * z10;
-    const double z12 = v_3 * v_3 * l3;
-    const double z13 = z8 * (q1_dot * z6 + l2 * z8) - cos_z2 * z12;
-    const double z14 = (z13 - cos_q2 * z10) / z5;
-    const double z15 = (z11 - sin_z2 * z12) / l2 + z3 * z14;
+    const double z10 = q1_dot * z9;
+    const double z11 = z5 * z10;
+    const double z12 = q1_dot * l1 * v_2;
+    const double z13 = q1_dot * z11 - sin_q2 * z12;
+    const double z14 = v_3 * v_3 * l3;
+    const double z15 = z10 * (q1_dot * z8 + l2 * z10) - cos_z2 * z14;
+    const double z16 = z7 * (z15 - cos_q2 * z12);
+    const double z17 = z3 * (z13 - sin_z2 * z14) + z4 * z16;
 
     /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-    const double z16 = l3 * m3;
-    const double z17 = l3 * z16;
-    const double z18 = l2 * m2;
-    const double z19 = l2 * z18;
-    const double z20 = l1 * m2;
-    const double z21 = l1 * m1 * 0.3333333333333333;
-    const double z22 = z7 * (z6 * z18 + z7 * z19 * 0.3333333333333333) + l1 * (z20 + z21);
-    const double z23 = S_3 * S_3 * z17 + 3.0 * z22;
+    const double z18 = l3 * m3;
+    const double z19 = l3 * z18;
+    const double z20 = l2 * m2;
+    const double z21 = l2 * z20;
+    const double z22 = l1 * m2;
+    const double z23 = l1 * m1 * 0.3333333333333333;
+    const double z24 = z9 * (z8 * z20 + z9 * z21 * 0.3333333333333333) + l1 * (z22 + z23);
+    const double z25 = S_3 * S_3 * z19 + 3.0 * z24;
 
     /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-    const double z24 = 1.5 * z18;
-    const double z25 = z19 * z15 - (z11 + 9.81 * cos(z1)) * z24;
-    const double z26 = z7 * z25 - (z20 + 1.5 * z21) * cos(q1) * 29.43;
-    const double z27 = z16 * cos(q3) * 14.715 - z14 * z17 + 0.03 * v_3;
-    const double z28 = z24 * (z6 * z15 + z8 * z9) + z26 + (3.0 * tau - S_3 * z27);
+    const double z26 = 1.5 * z20;
+    const double z27 = z9 * (z21 * z17 - (z13 + 9.81 * cos_z1) * z26);
+    const double z28 = z27 - (z22 + 1.5 * z23) * cos_q1 * 29.43 + z26 * (z8 * z17 + z10 * z11);
+    const double z29 = z18 * cos_q3 * 14.715 - z16 * z19 + 0.03 * v_3;
+    const double z30 = 3.0 * tau - S_3 * z29 + z28;
 
     /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-    const double z29 = z28 / z23;
+    const double z31 = z30 / z25;
 
     out[0] = q1_dot; /* der(q1), rad/s */
     out[1] = v_2; /* der(q2), rad/s */
     out[2] = v_3; /* der(q3), rad/s */
-    out[3] = z29; /* der(q1_dot), rad/s^2 */
+    out[3] = z31; /* der(q1_dot), rad/s^2 */
     (void)t;
 
-    if (fabs(z5) < 3.997867199824383e-10) /* pivot of C.x */
+    if (fabs(z6) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
-    if (!(four_bar_stray(x, 4) + four_bar_stray(u, 1) + four_bar_stray(p, 7) + four_bar_stray(out, 4) == 0.0))
+    if (!((0.0 * p[3] + 0.0 * out[3]) + (0.0 * out[1]) + (0.0 * out[2]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -121,9 +216,14 @@ int four_bar_mass(double t, const double *x, const double *u, const double *p, d
     const double m2 = p[5];
     const double m3 = p[6];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    four_bar_turns(q2, 0.0, 0.0, 0.0, sines, cosines);
+    const double cos_q2 = cosines[0];
+
     /* M: mass matrix M(q) of the base velocities v, nv × nv */
     const double z1 = m2 * l2;
-    const double z2 = z1 * cos(q2) * 0.5;
+    const double z2 = z1 * cos_q2 * 0.5;
     const double z3 = l1 * (z2 + l1 * m2 + m1 * l1 * 0.3333333333333333);
     const double z4 = l2 * z1 * 0.3333333333333333;
     const double z5 = z4 + l1 * z2;
@@ -142,7 +242,7 @@ int four_bar_mass(double t, const double *x, const double *u, const double *p, d
     (void)t;
     (void)u;
 
-    if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 9) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * p[3] + 0.0 * out[3]) + (0.0 * x[2] + 0.0 * out[0] + 0.0 * out[4]) + (0.0 * x[3] + 0.0 * out[1] + 0.0 * out[8]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -161,21 +261,28 @@ int four_bar_bias(double t, const double *x, const double *u, const double *p, d
     const double m2 = p[5];
     const double m3 = p[6];
 
-    /* h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
-    const double cos_q1 = cos(q1);
-    const double cos_q2 = cos(q2);
-    const double sin_q2 = sin(q2);
+    /* angles: their sines and cosines, all together */
     const double z1 = q1 + q2 - q3;
-    const double sin_z1 = sin(z1);
-    const double z2 = l1 * (cos_q2 - sin_q2 * cos(z1) / sin_z1) / l2;
-    const double z3 = q1_dot - q1_dot * (1.0 + z2);
+    double sines[4], cosines[4];
+    four_bar_turns(q1, q2, z1, q3, sines, cosines);
+    const double cos_q1 = cosines[0];
+    const double sin_q1 = sines[0];
+    const double cos_q2 = cosines[1];
+    const double sin_q2 = sines[1];
+    const double cos_z1 = cosines[2];
+    const double sin_z1 = sines[2];
+    const double cos_q3 = cosines[3];
+
+    /* h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
+    const double z2 = 1.0 + l1 * (cos_q2 - sin_q2 * cos_z1 / sin_z1) / l2;
+    const double z3 = q1_dot - q1_dot * z2;
     const double z4 = m2 * l2;
     const double z5 = (m1 + 2.0 * m2) * cos_q1 - z3 * z3 * (z4 * sin_q2) * 0.1019367991845056;
-    const double z6 = sin_q2 * (sin(q1) - q1_dot * q1_dot * l1 * 0.1019367991845056);
-    const double z7 = z4 * (z6 - cos_q1 * cos_q2);
+    const double z6 = sin_q2 * (sin_q1 - q1_dot * q1_dot * l1 * 0.1019367991845056) - cos_q1 * cos_q2;
+    const double z7 = z4 * z6;
     const double z8 = 4.905 * (l1 * z5 - z7);
     const double z9 = -4.905 * z7;
-    const double z10 = l3 * m3 * cos(q3) * 4.905;
+    const double z10 = l3 * m3 * cos_q3 * 4.905;
     const double z11 = l3 * sin_z1;
 
     out[0] = z8; /* der(q1) */
@@ -184,9 +291,9 @@ int four_bar_bias(double t, const double *x, const double *u, const double *p, d
     (void)t;
     (void)u;
 
-    if (fabs(z11) < 3.997867199824383e-10) /* pivot of C.x */
+    if (fabs(z11) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
-    if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 3) == 0.0))
+    if (!((0.0 * p[3] + 0.0 * out[2]) + (0.0 * out[0]) + (0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -210,22 +317,28 @@ int four_bar_inverse_dynamics(double t, const double *x, const double *u, const 
     const double m2 = p[5];
     const double m3 = p[6];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    four_bar_turns(q1, q2, q3, 0.0, sines, cosines);
+    const double cos_q1 = cosines[0];
+    const double sin_q1 = sines[0];
+    const double cos_q2 = cosines[1];
+    const double sin_q2 = sines[1];
+    const double cos_q3 = cosines[2];
+
     /* tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇) */
     const double z1 = l1 * m2;
     const double z2 = m1 * l1 * 0.5;
     const double z3 = m2 * l2;
-    const double sin_q2 = sin(q2);
     const double z4 = der_q1 + der_q2;
     const double z5 = der_der_q1 + der_der_q2;
-    const double cos_q2 = cos(q2);
     const double z6 = z3 * (z4 * z4 * sin_q2 - z5 * cos_q2) * 0.5;
-    const double cos_q1 = cos(q1);
     const double z7 = 0.1019367991845056 * l1;
-    const double z8 = l2 * z5 * 0.06795786612300374 - sin_q2 * (sin(q1) - der_q1 * der_q1 * z7);
+    const double z8 = l2 * z5 * 0.06795786612300374 - sin_q2 * (sin_q1 - der_q1 * der_q1 * z7);
     const double z9 = z3 * (cos_q2 * (cos_q1 + der_der_q1 * z7) + z8) * 4.905;
     const double z10 = z9 + (z1 + z2) * cos_q1 * 9.81 + l1 * ((z1 + 0.6666666666666666 * z2) * der_der_q1 - z6);
-    const double z11 = m3 * l3 * (l3 * der_der_q3 + 14.715 * cos(q3));
-    const double z12 = 0.3333333333333333 * z11 + 0.01 * der_q3;
+    const double z11 = m3 * l3 * (l3 * der_der_q3 + 14.715 * cos_q3) * 0.3333333333333333;
+    const double z12 = z11 + 0.01 * der_q3;
 
     out[0] = z10; /* der(q1) */
     out[1] = z9; /* der(q2) */
@@ -233,7 +346,7 @@ int four_bar_inverse_dynamics(double t, const double *x, const double *u, const 
     (void)t;
     (void)u;
 
-    if (!(four_bar_stray(x, 9) + four_bar_stray(p, 7) + four_bar_stray(out, 3) == 0.0))
+    if (!((0.0 * p[3] + 0.0 * out[2]) + (0.0 * out[0]) + (0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -250,45 +363,58 @@ int four_bar_constraints(double t, const double *x, const double *u, const doubl
     const double l3 = p[2];
     const double l4 = p[3];
 
-    /* violation: constraint violation: φ(q, t), then A v − c row by row */
-    const double z1 = cos(q3) * l3;
-    const double z2 = q1 + q2;
-    const double cos_z2 = cos(z2);
-    const double z3 = cos_z2 * l2;
-    const double z4 = l4 + z1 - (z3 + cos(q1) * l1);
-    const double z5 = l3 * sin(q3);
-    const double sin_z2 = sin(z2);
-    const double z6 = l2 * sin_z2;
-    const double z7 = z5 - z6 - l1 * sin(q1);
-    const double z8 = l1 * sin(q2);
-    const double z9 = q3 - z2;
-    const double z10 = l3 * sin(z9);
-    const double z11 = z8 / z10;
-    const double z12 = z11 * q1_dot;
-    const double z13 = l1 * cos(q2);
-    const double z14 = l2 + z13;
-    const double z15 = 1.0 + (z13 + l3 * z11 * cos(z9)) / l2;
-    const double z16 = q1_dot * z15;
-    const double z17 = q1_dot * (cos_z2 * z8 - sin_z2 * z14) + z6 * z16;
-    const double z18 = z5 * z12 - z17;
-    const double z19 = z3 * z16 - q1_dot * (sin_z2 * z8 + cos_z2 * z14);
-    const double z20 = z19 - z1 * z12;
+    /* angles: their sines and cosines, all together */
+    const double z1 = q1 + q2;
+    const double z2 = q3 - z1;
+    double sines[4], cosines[4];
+    four_bar_turns(q3, q1, z1, q2, sines, cosines);
+    const double cos_q3 = cosines[0];
+    const double sin_q3 = sines[0];
+    const double cos_q1 = cosines[1];
+    const double sin_q1 = sines[1];
+    const double cos_z1 = cosines[2];
+    const double sin_z1 = sines[2];
+    const double sin_q2 = sines[3];
+    const double cos_q2 = cosines[3];
+    double sines_[4], cosines_[4];
+    four_bar_turns(z2, 0.0, 0.0, 0.0, sines_, cosines_);
+    const double sin_z2 = sines_[0];
+    const double cos_z2 = cosines_[0];
 
-    out[0] = z4; /* phi C.x */
-    out[1] = z7; /* phi C.y */
-    out[2] = z18; /* velocity C.x */
-    out[3] = z20; /* velocity C.y */
+    /* violation: constraint violation: φ(q, t), then A v − c row by row */
+    const double z3 = cos_q3 * l3;
+    const double z4 = cos_z1 * l2;
+    const double z5 = l4 + z3 - (z4 + cos_q1 * l1);
+    const double z6 = l3 * sin_q3;
+    const double z7 = l2 * sin_z1;
+    const double z8 = z6 - z7 - l1 * sin_q1;
+    const double z9 = l1 * sin_q2;
+    const double z10 = l3 * sin_z2;
+    const double z11 = z9 / z10;
+    const double z12 = z11 * q1_dot;
+    const double z13 = l1 * cos_q2;
+    const double z14 = l2 + z13;
+    const double z15 = q1_dot * (1.0 + (z13 + l3 * z11 * cos_z2) / l2);
+    const double z16 = q1_dot * (cos_z1 * z9 - sin_z1 * z14) + z7 * z15;
+    const double z17 = z6 * z12 - z16;
+    const double z18 = z4 * z15 - q1_dot * (sin_z1 * z9 + cos_z1 * z14);
+    const double z19 = z18 - z3 * z12;
+
+    out[0] = z5; /* phi C.x */
+    out[1] = z8; /* phi C.y */
+    out[2] = z17; /* velocity C.x */
+    out[3] = z19; /* velocity C.y */
     (void)t;
     (void)u;
 
-    if (fabs(z10) < 3.997867199824383e-10) /* pivot of C.x */
+    if (fabs(z10) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
-    if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 4) == 0.0))
+    if (!((0.0 * p[4] + 0.0 * out[0] + 0.0 * out[3]) + (0.0 * p[5] + 0.0 * out[1]) + (0.0 * p[6] + 0.0 * out[2]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
 
-/* nearest consistent state: q on φ = 0, w kept: 98 operations a step */
+/* nearest consistent state: q on φ = 0, w kept: 102 operations a step */
 static int four_bar_project_step(double t, const double *x, const double *u, const double *p, double *restrict out, double *residual)
 {
     const double q1 = x[0];
@@ -303,56 +429,66 @@ static int four_bar_project_step(double t, const double *x, const double *u, con
     const double m2 = p[5];
     const double m3 = p[6];
 
-    /* x: nearest consistent state: q on φ = 0, w kept */
-    const double z1 = m2 * l2;
-    const double z2 = l2 * z1;
-    const double cos_q2 = cos(q2);
-    const double z3 = z1 * cos_q2 * 1.5;
-    const double z4 = z2 + l1 * z3;
-    const double z5 = z4 / z2;
-    const double z6 = q1 + q2;
-    const double cos_z6 = cos(z6);
-    const double z7 = l2 * cos_z6;
-    const double z8 = l2 + l1 * cos_q2;
-    const double sin_z6 = sin(z6);
-    const double z9 = l1 * sin(q2);
-    const double z10 = z5 * z7 - cos_z6 * z8 - sin_z6 * z9;
-    const double z11 = z4 + l1 * (z3 + l1 * (m1 + 3.0 * m2));
-    const double z12 = z11 - z4 * z5;
-    const double z13 = z10 / z12;
-    const double z14 = l2 * sin_z6;
-    const double z15 = l3 * sin(q3);
-    const double z16 = z14 - z15 + l1 * sin(q1);
-    const double z17 = cos(q3) * l3;
-    const double z18 = l4 + z17 - (z7 + l1 * cos(q1));
-    const double z19 = l3 * l3 * m3;
-    const double z20 = z15 / z19;
-    const double z21 = z5 * z14 - sin_z6 * z8 + cos_z6 * z9;
-    const double z22 = z21 / z12;
-    const double z23 = z14 / z2;
-    const double z24 = z22 * z10 + z7 * z23 + z17 * z20;
-    const double z25 = z21 * z22 + z14 * z23 + z15 * z20;
-    const double z26 = z24 / z25;
-    const double z27 = z7 / z2;
-    const double z28 = z17 / z19;
-    const double z29 = z24 * z26 - z10 * z13 - (z7 * z27 + z17 * z28);
-    const double z30 = (z16 - z18 * z26) / z29;
-    const double z31 = z26 * z30 + z18 / z25;
-    const double z32 = z13 * z30 - z22 * z31;
-    const double z33 = q1 - z32;
-    const double z34 = q2 + z27 * z30 + (z5 * z32 - z23 * z31);
-    const double z35 = q3 - z28 * z30 + z20 * z31;
-    const double z36 = fmax(fmax(0.0, fabs(z18)), fabs(z16));
+    /* angles: their sines and cosines, all together */
+    const double z1 = q1 + q2;
+    double sines[4], cosines[4];
+    four_bar_turns(q2, z1, q3, q1, sines, cosines);
+    const double cos_q2 = cosines[0];
+    const double sin_q2 = sines[0];
+    const double sin_z1 = sines[1];
+    const double cos_z1 = cosines[1];
+    const double cos_q3 = cosines[2];
+    const double sin_q3 = sines[2];
+    const double cos_q1 = cosines[3];
+    const double sin_q1 = sines[3];
 
-    out[0] = z33; /* q1 */
-    out[1] = z34; /* q2 */
-    out[2] = z35; /* q3 */
+    /* x: nearest consistent state: q on φ = 0, w kept */
+    const double z2 = m2 * l2;
+    const double z3 = l2 * z2;
+    const double z4 = z2 * cos_q2 * 1.5;
+    const double z5 = z3 + l1 * z4;
+    const double z6 = z5 + l1 * (z4 + l1 * (m1 + 3.0 * m2));
+    const double z7 = 1.0 / z3;
+    const double z8 = z5 * z7;
+    const double z9 = 1.0 / (z6 - z5 * z8);
+    const double z10 = l2 * cos_z1;
+    const double z11 = l2 + l1 * cos_q2;
+    const double z12 = l1 * sin_q2;
+    const double z13 = z8 * z10 - cos_z1 * z11 - sin_z1 * z12;
+    const double z14 = z9 * z13;
+    const double z15 = l2 * sin_z1;
+    const double z16 = l3 * sin_q3;
+    const double z17 = z15 - z16 + l1 * sin_q1;
+    const double z18 = cos_q3 * l3;
+    const double z19 = l4 + z18 - (z10 + l1 * cos_q1);
+    const double z20 = 1.0 / (l3 * l3 * m3);
+    const double z21 = z16 * z20;
+    const double z22 = z8 * z15 - sin_z1 * z11 + cos_z1 * z12;
+    const double z23 = z22 * z9;
+    const double z24 = z7 * z15;
+    const double z25 = z23 * z13 + z10 * z24 + z18 * z21;
+    const double z26 = 1.0 / (z22 * z23 + z15 * z24 + z16 * z21);
+    const double z27 = z25 * z26;
+    const double z28 = z7 * z10;
+    const double z29 = z18 * z20;
+    const double z30 = z25 * z27 - z13 * z14 - (z10 * z28 + z18 * z29);
+    const double z31 = (z17 - z19 * z27) / z30;
+    const double z32 = z27 * z31 + z19 * z26;
+    const double z33 = z14 * z31 - z23 * z32;
+    const double z34 = q1 - z33;
+    const double z35 = q2 + z28 * z31 + (z8 * z33 - z24 * z32);
+    const double z36 = q3 - z29 * z31 + z21 * z32;
+    const double z37 = fmax(fmax(0.0, fabs(z19)), fabs(z17));
+
+    out[0] = z34; /* q1 */
+    out[1] = z35; /* q2 */
+    out[2] = z36; /* q3 */
     out[3] = q1_dot; /* q1_dot */
-    *residual = z36;
+    *residual = z37;
     (void)t;
     (void)u;
 
-    if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 4) == 0.0))
+    if (!((0.0 * x[3] + 0.0 * out[0]) + (0.0 * p[4] + 0.0 * out[1]) + (0.0 * p[6] + 0.0 * out[2]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -375,7 +511,7 @@ int four_bar_project(double t, const double *x, const double *u, const double *p
     return FOUR_BAR_NOT_CONVERGED;
 }
 
-/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 129 operations */
+/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 132 operations */
 int four_bar_reactions(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -390,64 +526,76 @@ int four_bar_reactions(double t, const double *x, const double *u, const double 
     const double m2 = p[5];
     const double m3 = p[6];
 
-    /* lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row */
-    const double cos_q3 = cos(q3);
-    const double z1 = l3 * cos_q3;
-    const double cos_q2 = cos(q2);
-    const double z2 = l1 * cos_q2;
-    const double sin_q2 = sin(q2);
-    const double z3 = sin_q2 * l1;
-    const double z4 = q2 + q1;
-    const double z5 = z4 - q3;
-    const double sin_z5 = sin(z5);
-    const double z6 = l3 * sin_z5;
-    const double z7 = z3 / z6;
-    const double cos_z5 = cos(z5);
-    const double z8 = l3 * cos_z5 / l2;
-    const double z9 = z2 / l2 - z7 * z8;
-    const double z10 = q1_dot * z9;
-    const double z11 = z3 * z10;
-    const double z12 = 1.0 + z9;
-    const double z13 = q1_dot * q1_dot * l1;
-    const double z14 = z12 * z13;
-    const double z15 = q1_dot * z11 - sin_q2 * z14;
-    const double z16 = z7 * q1_dot;
-    const double z17 = z16 * z16 * l3;
-    const double z18 = z10 * (q1_dot * z2 - l2 * z10) + cos_z5 * z17;
-    const double z19 = (z18 - cos_q2 * z14) / z6;
-    const double z20 = (z15 + sin_z5 * z17) / l2 + z8 * z19;
-    const double z21 = l2 * m2;
-    const double z22 = l2 * z21;
-    const double z23 = 0.3333333333333333 * z22;
-    const double cos_z4 = cos(z4);
-    const double z24 = 0.5 * z21;
-    const double z25 = z9 * (z20 * z23 - (z15 - 9.81 * cos_z4) * z24);
-    const double z26 = l1 * m2;
-    const double z27 = l1 * m1 * 0.3333333333333333;
-    const double z28 = 9.81 * cos(q1);
-    const double z29 = m3 * l3;
-    const double z30 = l3 * z29;
-    const double z31 = 0.01 * (z16 + z29 * cos_q3 * 490.5);
-    const double z32 = 0.5 * (z2 * z20 - z10 * z11) * z21 + z7 * (z30 * z19 * 0.3333333333333333 + z31);
-    const double z33 = tau + z25 - (z26 + 1.5 * z27) * z28 - z32;
-    const double z34 = z2 * z21;
-    const double z35 = l1 * (z26 + z27) - z9 * (z34 - z9 * z23);
-    const double z36 = z33 / (z7 * z7 * z30 + 3.0 * z35);
-    const double z37 = z36 * (z22 + 1.5 * z34) + z22 * (0.3333333333333333 * z20 - z12 * z36);
-    const double z38 = cos_q2 * z28 + sin_q2 * (z13 - 9.81 * sin(q1));
-    const double z39 = z31 + z30 * (z19 + z7 * z36 * 3.0) * 0.3333333333333333;
-    const double z40 = l3 * sin(q3);
-    const double z41 = l2 * sin(z4) / z40;
-    const double z42 = (z24 * z38 + z39 * z41 + z37) / (z1 * z41 - l2 * cos_z4);
-    const double z43 = (z1 * z42 - z39) / z40;
+    /* angles: their sines and cosines, all together */
+    const double z1 = q2 + q1;
+    const double z2 = z1 - q3;
+    double sines[4], cosines[4];
+    four_bar_turns(q2, z2, z1, q1, sines, cosines);
+    const double sin_q2 = sines[0];
+    const double cos_q2 = cosines[0];
+    const double sin_z2 = sines[1];
+    const double cos_z2 = cosines[1];
+    const double cos_z1 = cosines[2];
+    const double sin_z1 = sines[2];
+    const double cos_q1 = cosines[3];
+    const double sin_q1 = sines[3];
+    double sines_[4], cosines_[4];
+    four_bar_turns(q3, 0.0, 0.0, 0.0, sines_, cosines_);
+    const double cos_q3 = cosines_[0];
+    const double sin_q3 = sines_[0];
 
-    out[0] = z43; /* C.x */
-    out[1] = z42; /* C.y */
+    /* lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row */
+    const double z3 = 1.0 / (l3 * sin_q3);
+    const double z4 = l3 * cos_q3;
+    const double z5 = 1.0 / l2;
+    const double z6 = l1 * cos_q2;
+    const double z7 = sin_q2 * l1;
+    const double z8 = l3 * sin_z2;
+    const double z9 = 1.0 / z8;
+    const double z10 = z7 * z9;
+    const double z11 = l3 * cos_z2 * z5;
+    const double z12 = z5 * z6 - z10 * z11;
+    const double z13 = q1_dot * z12;
+    const double z14 = z7 * z13;
+    const double z15 = 1.0 + z12;
+    const double z16 = q1_dot * q1_dot * l1;
+    const double z17 = z15 * z16;
+    const double z18 = q1_dot * z14 - sin_q2 * z17;
+    const double z19 = z10 * q1_dot;
+    const double z20 = z19 * z19 * l3;
+    const double z21 = z13 * (q1_dot * z6 - l2 * z13) + cos_z2 * z20;
+    const double z22 = z9 * (z21 - cos_q2 * z17);
+    const double z23 = z5 * (z18 + sin_z2 * z20) + z11 * z22;
+    const double z24 = l2 * m2;
+    const double z25 = l2 * z24;
+    const double z26 = 0.3333333333333333 * z25;
+    const double z27 = 0.5 * z24;
+    const double z28 = z12 * (z23 * z26 - (z18 - 9.81 * cos_z1) * z27);
+    const double z29 = l1 * m2;
+    const double z30 = l1 * m1 * 0.3333333333333333;
+    const double z31 = 9.81 * cos_q1;
+    const double z32 = m3 * l3;
+    const double z33 = l3 * z32;
+    const double z34 = 0.01 * (z19 + z32 * cos_q3 * 490.5);
+    const double z35 = 0.5 * (z6 * z23 - z13 * z14) * z24 + z10 * (z33 * z22 * 0.3333333333333333 + z34);
+    const double z36 = tau + z28 - (z29 + 1.5 * z30) * z31 - z35;
+    const double z37 = z6 * z24;
+    const double z38 = l1 * (z29 + z30) - z12 * (z37 - z12 * z26);
+    const double z39 = z36 / (z10 * z10 * z33 + 3.0 * z38);
+    const double z40 = z39 * (z25 + 1.5 * z37) + z25 * (0.3333333333333333 * z23 - z15 * z39);
+    const double z41 = z27 * (cos_q2 * z31 + sin_q2 * (z16 - 9.81 * sin_q1));
+    const double z42 = z34 + z33 * (z22 + z10 * z39 * 3.0) * 0.3333333333333333;
+    const double z43 = l2 * sin_z1 * z3;
+    const double z44 = (z41 + z42 * z43 + z40) / (z4 * z43 - l2 * cos_z1);
+    const double z45 = z3 * (z4 * z44 - z42);
+
+    out[0] = z45; /* C.x */
+    out[1] = z44; /* C.y */
     (void)t;
 
-    if (fabs(z6) < 3.997867199824383e-10) /* pivot of C.x */
+    if (fabs(z8) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
-    if (!(four_bar_stray(x, 4) + four_bar_stray(u, 1) + four_bar_stray(p, 7) + four_bar_stray(out, 2) == 0.0))
+    if (!((0.0 * p[3]) + (0.0 * out[0]) + (0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -466,26 +614,37 @@ int four_bar_energy(double t, const double *x, const double *u, const double *p,
     const double m2 = p[5];
     const double m3 = p[6];
 
+    /* angles: their sines and cosines, all together */
+    const double z1 = q2 + q1;
+    const double z2 = z1 - q3;
+    double sines[4], cosines[4];
+    four_bar_turns(q2, z2, q1, z1, sines, cosines);
+    const double cos_q2 = cosines[0];
+    const double sin_q2 = sines[0];
+    const double cos_z2 = cosines[1];
+    const double sin_z2 = sines[1];
+    const double sin_q1 = sines[2];
+    const double sin_z1 = sines[3];
+    double sines_[4], cosines_[4];
+    four_bar_turns(q3, 0.0, 0.0, 0.0, sines_, cosines_);
+    const double sin_q3 = sines_[0];
+
     /* energy: kinetic and potential energy T, V */
-    const double z1 = q1_dot * l1;
-    const double z2 = l3 * m3;
-    const double sin_q2 = sin(q2);
-    const double z3 = q2 + q1;
-    const double z4 = z3 - q3;
-    const double z5 = l3 * sin(z4);
+    const double z3 = q1_dot * l1;
+    const double z4 = l3 * m3;
+    const double z5 = l3 * sin_z2;
     const double z6 = l1 * sin_q2 / z5;
     const double z7 = q1_dot * z6;
-    const double z8 = z1 * z1 * m1 + z7 * z7 * l3 * z2;
-    const double z9 = sin_q2 * z1;
-    const double cos_q2 = cos(q2);
-    const double z10 = cos_q2 * z1;
-    const double z11 = (l1 * cos_q2 - cos(z4) * l3 * z6) / l2;
-    const double z12 = q1_dot - q1_dot * (1.0 + z11);
+    const double z8 = z3 * z3 * m1 + z7 * z7 * l3 * z4;
+    const double z9 = sin_q2 * z3;
+    const double z10 = cos_q2 * z3;
+    const double z11 = 1.0 + (l1 * cos_q2 - cos_z2 * l3 * z6) / l2;
+    const double z12 = q1_dot - q1_dot * z11;
     const double z13 = l2 * m2;
     const double z14 = z12 * z13;
     const double z15 = z10 * (z14 + m2 * z10 * 2.0) + (z10 + l2 * z12 * 0.6666666666666666) * z14;
     const double z16 = z9 * z9 * m2 * 0.5 + 0.25 * z15 + 0.16666666666666666 * z8;
-    const double z17 = z13 * sin(z3) + z2 * sin(q3) + l1 * sin(q1) * (m1 + 2.0 * m2);
+    const double z17 = z13 * sin_z1 + z4 * sin_q3 + l1 * sin_q1 * (m1 + 2.0 * m2);
     const double z18 = 4.905 * z17;
 
     out[0] = z16; /* T, J */
@@ -493,9 +652,9 @@ int four_bar_energy(double t, const double *x, const double *u, const double *p,
     (void)t;
     (void)u;
 
-    if (fabs(z5) < 3.997867199824383e-10) /* pivot of C.x */
+    if (fabs(z5) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
-    if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 2) == 0.0))
+    if (!((0.0 * p[3]) + (0.0 * out[0]) + (0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -511,17 +670,23 @@ int four_bar_power(double t, const double *x, const double *u, const double *p, 
     const double l1 = p[0];
     const double l3 = p[2];
 
-    /* power: power of forces without potential: d(T + V)/dt */
-    const double z1 = sin(q2 + q1 - q3) * l3;
-    const double z2 = q1_dot * sin(q2) * l1 / z1;
-    const double z3 = tau * q1_dot - z2 * z2 * 0.01;
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    four_bar_turns(q2, q2 + q1 - q3, 0.0, 0.0, sines, cosines);
+    const double sin_q2 = sines[0];
+    const double z1 = sines[1];
 
-    out[0] = z3; /* power, W */
+    /* power: power of forces without potential: d(T + V)/dt */
+    const double z2 = z1 * l3;
+    const double z3 = q1_dot * sin_q2 * l1 / z2;
+    const double z4 = tau * q1_dot - z3 * z3 * 0.01;
+
+    out[0] = z4; /* power, W */
     (void)t;
 
-    if (fabs(z1) < 3.997867199824383e-10) /* pivot of C.x */
+    if (fabs(z2) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
-    if (!(four_bar_stray(x, 4) + four_bar_stray(u, 1) + four_bar_stray(p, 7) + four_bar_stray(out, 1) == 0.0))
+    if (!((0.0 * p[1] + 0.0 * p[4] + 0.0 * out[0]) + (0.0 * p[2] + 0.0 * p[5]) + (0.0 * p[3] + 0.0 * p[6]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -536,23 +701,30 @@ int four_bar_outputs(double t, const double *x, const double *u, const double *p
     const double l2 = p[1];
     const double l3 = p[2];
 
-    /* y: the model's outputs */
+    /* angles: their sines and cosines, all together */
     const double z1 = q1 + q2;
-    const double cos_z1 = cos(z1);
-    const double z2 = 0.5 * l2;
-    const double sin_z1 = sin(z1);
-    const double z3 = cos(q1) * l1 + cos_z1 * z2 - 0.1 * sin_z1;
-    const double z4 = l1 * sin(q1) + sin_z1 * z2 + 0.1 * cos_z1;
-    const double z5 = sin(z1 - q3) * l3;
+    double sines[4], cosines[4];
+    four_bar_turns(q1, z1, z1 - q3, 0.0, sines, cosines);
+    const double cos_q1 = cosines[0];
+    const double sin_q1 = sines[0];
+    const double cos_z1 = cosines[1];
+    const double sin_z1 = sines[1];
+    const double z2 = sines[2];
 
-    out[0] = z3; /* tip[0], m */
-    out[1] = z4; /* tip[1], m */
+    /* y: the model's outputs */
+    const double z3 = 0.5 * l2;
+    const double z4 = cos_q1 * l1 + cos_z1 * z3 - 0.1 * sin_z1;
+    const double z5 = l1 * sin_q1 + sin_z1 * z3 + 0.1 * cos_z1;
+    const double z6 = z2 * l3;
+
+    out[0] = z4; /* tip[0], m */
+    out[1] = z5; /* tip[1], m */
     (void)t;
     (void)u;
 
-    if (fabs(z5) < 3.997867199824383e-10) /* pivot of C.x */
+    if (fabs(z6) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
-    if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 2) == 0.0))
+    if (!((0.0 * x[2] + 0.0 * p[3] + 0.0 * p[6]) + (0.0 * x[3] + 0.0 * p[4] + 0.0 * out[0]) + (0.0 * p[2] + 0.0 * p[5] + 0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -568,12 +740,20 @@ int four_bar_velocity(double t, const double *x, const double *u, const double *
     const double l2 = p[1];
     const double l3 = p[2];
 
-    /* v: base velocities v = S w + R c */
+    /* angles: their sines and cosines, all together */
     const double z1 = q2 + q1 - q3;
-    const double z2 = l3 * sin(z1);
-    const double z3 = l1 * sin(q2) / z2;
-    const double z4 = (cos(z1) * l3 * z3 - cos(q2) * l1) / l2;
-    const double z5 = q1_dot * (z4 - 1.0);
+    double sines[4], cosines[4];
+    four_bar_turns(q2, z1, 0.0, 0.0, sines, cosines);
+    const double cos_q2 = cosines[0];
+    const double sin_q2 = sines[0];
+    const double cos_z1 = cosines[1];
+    const double sin_z1 = sines[1];
+
+    /* v: base velocities v = S w + R c */
+    const double z2 = l3 * sin_z1;
+    const double z3 = l1 * sin_q2 / z2;
+    const double z4 = (cos_z1 * l3 * z3 - cos_q2 * l1) / l2 - 1.0;
+    const double z5 = q1_dot * z4;
     const double z6 = q1_dot * z3;
 
     out[0] = q1_dot; /* der(q1), rad/s */
@@ -582,9 +762,9 @@ int four_bar_velocity(double t, const double *x, const double *u, const double *
     (void)t;
     (void)u;
 
-    if (fabs(z2) < 3.997867199824383e-10) /* pivot of C.x */
+    if (fabs(z2) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
-    if (!(four_bar_stray(x, 4) + four_bar_stray(p, 7) + four_bar_stray(out, 3) == 0.0))
+    if (!((0.0 * p[1] + 0.0 * p[5] + 0.0 * out[2]) + (0.0 * p[3] + 0.0 * p[6]) + (0.0 * p[4] + 0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
@@ -605,7 +785,157 @@ int four_bar_state(double t, const double *x, const double *u, const double *p, 
     (void)u;
     (void)p;
 
-    if (!(four_bar_stray(x, 6) + four_bar_stray(out, 4) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * x[3]) + (0.0 * x[1] + 0.0 * x[4]) + (0.0 * x[2] + 0.0 * x[5]) == 0.0))
+        return FOUR_BAR_NOT_FINITE;
+    return FOUR_BAR_OK;
+}
+
+/* what must not change its sign or vanish on the way: pivots, and how independent the rows of A are: 5 operations */
+int four_bar_guards(double t, const double *x, const double *u, const double *p, double *restrict out)
+{
+    const double q1 = x[0];
+    const double q2 = x[1];
+    const double q3 = x[2];
+    const double l3 = p[2];
+
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    four_bar_turns(q1 + q2 - q3, 0.0, 0.0, 0.0, sines, cosines);
+    const double z1 = sines[0];
+
+    /* guards: what must not change its sign or vanish on the way: pivots, and how independent the rows of A are */
+    const double z2 = z1 * l3 * 2500066912.2937355;
+
+    out[0] = z2; /* pivot of C.x */
+    (void)t;
+    (void)u;
+
+    if (!((0.0 * x[3] + 0.0 * p[3] + 0.0 * p[6]) + (0.0 * p[0] + 0.0 * p[4] + 0.0 * out[0]) + (0.0 * p[1] + 0.0 * p[5]) == 0.0))
+        return FOUR_BAR_NOT_FINITE;
+    return FOUR_BAR_OK;
+}
+
+/* constants of dynamics, from parameters alone: 13 operations */
+int four_bar_dynamics_precompute(const double *p, double *restrict c)
+{
+    const double l1 = p[0];
+    const double l2 = p[1];
+    const double l3 = p[2];
+    const double m1 = p[4];
+    const double m2 = p[5];
+    const double m3 = p[6];
+
+    /* c: constants of dynamics, from parameters alone */
+    const double z1 = 1.0 / l2;
+    const double z2 = l2 * m2;
+    const double z3 = l2 * z2;
+    const double z4 = 1.5 * z2;
+    const double z5 = l1 * m2;
+    const double z6 = l1 * m1 * 0.3333333333333333;
+    const double z7 = z5 + 1.5 * z6;
+    const double z8 = l3 * m3;
+    const double z9 = l3 * z8;
+    const double z10 = l1 * (z5 + z6);
+
+    c[0] = l1; /* l1 */
+    c[1] = l2; /* l2 */
+    c[2] = l3; /* l3 */
+    c[3] = z1; /* c4 */
+    c[4] = z2; /* c5 */
+    c[5] = z3; /* c6 */
+    c[6] = z4; /* c7 */
+    c[7] = z7; /* c8 */
+    c[8] = z8; /* c9 */
+    c[9] = z9; /* c10 */
+    c[10] = z10; /* c11 */
+
+    if (!((0.0 * p[3] + 0.0 * c[5] + 0.0 * c[8]) + (0.0 * c[3] + 0.0 * c[6] + 0.0 * c[9]) + (0.0 * c[4] + 0.0 * c[7] + 0.0 * c[10]) == 0.0))
+        return FOUR_BAR_NOT_FINITE;
+    return FOUR_BAR_OK;
+}
+
+/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 80 operations */
+int four_bar_dynamics_precomputed(double t, const double *x, const double *u, const double *c, double *restrict out)
+{
+    const double q1 = x[0];
+    const double q2 = x[1];
+    const double q3 = x[2];
+    const double q1_dot = x[3];
+    const double tau = u[0];
+    const double l1 = c[0];
+    const double l2 = c[1];
+    const double l3 = c[2];
+    const double c4 = c[3];
+    const double c5 = c[4];
+    const double c6 = c[5];
+    const double c7 = c[6];
+    const double c8 = c[7];
+    const double c9 = c[8];
+    const double c10 = c[9];
+    const double c11 = c[10];
+
+    /* angles: their sines and cosines, all together */
+    const double z1 = q2 + q1;
+    const double z2 = z1 - q3;
+    double sines[4], cosines[4];
+    four_bar_turns(q2, z2, z1, q1, sines, cosines);
+    const double cos_q2 = cosines[0];
+    const double sin_q2 = sines[0];
+    const double cos_z2 = cosines[1];
+    const double sin_z2 = sines[1];
+    const double cos_z1 = cosines[2];
+    const double cos_q1 = cosines[3];
+    double sines_[4], cosines_[4];
+    four_bar_turns(q3, 0.0, 0.0, 0.0, sines_, cosines_);
+    const double cos_q3 = cosines_[0];
+
+    /* S: base velocities per quasi-velocity, v = S w + R c */
+    const double z3 = cos_z2 * l3 * c4;
+    const double z4 = l1 * sin_q2;
+    const double z5 = l3 * sin_z2;
+    const double z6 = 1.0 / z5;
+    const double S_3 = z4 * z6;
+    const double z7 = cos_q2 * l1;
+    const double z8 = z3 * S_3 - z7 * c4;
+    const double S_2 = z8 - 1.0;
+
+    /* v: base velocities */
+    const double v_2 = q1_dot * S_2;
+    const double v_3 = q1_dot * S_3;
+
+    /* sigma: v̇ where ẇ = 0 */
+    const double z9 = q1_dot * z8;
+    const double z10 = z4 * z9;
+    const double z11 = q1_dot * l1 * v_2;
+    const double z12 = q1_dot * z10 - sin_q2 * z11;
+    const double z13 = v_3 * v_3 * l3;
+    const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
+    const double z15 = z6 * (z14 - cos_q2 * z11);
+    const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
+
+    /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
+    const double z17 = z8 * (z7 * c5 + z8 * c6 * 0.3333333333333333) + c11;
+    const double z18 = S_3 * S_3 * c10 + 3.0 * z17;
+
+    /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
+    const double z19 = z8 * (c6 * z16 - (z12 + 9.81 * cos_z1) * c7);
+    const double z20 = z19 - c8 * cos_q1 * 29.43 + c7 * (z7 * z16 + z9 * z10);
+    const double z21 = c9 * cos_q3 * 14.715 - z15 * c10 + 0.03 * v_3;
+    const double z22 = 3.0 * tau - S_3 * z21 + z20;
+
+    /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
+    const double z23 = z22 / z18;
+
+    out[0] = q1_dot; /* der(q1), rad/s */
+    out[1] = v_2; /* der(q2), rad/s */
+    out[2] = v_3; /* der(q3), rad/s */
+    out[3] = z23; /* der(q1_dot), rad/s^2 */
+    (void)t;
+
+    if (fabs(z5) < 3.99989294319539e-10) /* pivot of C.x */
+        return FOUR_BAR_SINGULAR;
+
+    if (!((0.0 * out[1]) + (0.0 * out[2]) + (0.0 * out[3]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }

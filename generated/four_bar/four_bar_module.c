@@ -23,6 +23,10 @@ static const char *const slot_names[SLOTS] = {"t", "x", "u", "p", "out"};
 typedef struct {
     const char *name;
     four_bar_function evaluate;
+    four_bar_batch many; /* NULL where it is done one by one */
+    four_bar_function quick; /* with constants in place of p, computed once from the defaults; NULL where there is none */
+    int (*precompute)(const double *p, double *c);
+    double *constants;
     int needs[4];
     npy_intp lengths[4]; /* of t, x, u, p */
     int ndim;
@@ -33,43 +37,47 @@ typedef struct {
     PyObject *batch;
 } Function;
 
+static double dynamics_constants[11];
 static Function functions[] = {
-    {"dynamics", four_bar_dynamics, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
-     "singular: |pivot of C.x| < 3.99787e-10", "not converged",
+    {"dynamics", four_bar_dynamics, four_bar_dynamics_batch, four_bar_dynamics_precomputed, four_bar_dynamics_precompute, dynamics_constants, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
+     "singular: |pivot of C.x| < 3.99989e-10", "not converged",
      "(),(4),(1),(7)->(4),()", "state derivative: q\314\207 = N v, \341\272\207 from (S\341\265\200 M S) \341\272\207 = S\341\265\200 (Q \342\210\222 h \342\210\222 M \317\203)", NULL},
-    {"mass", four_bar_mass, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 2, {3, 3}, 9,
+    {"mass", four_bar_mass, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 2, {3, 3}, 9,
      "singular:", "not converged",
      "(),(4),(1),(7)->(3,3),()", "mass matrix M(q) of the base velocities v, nv \303\227 nv", NULL},
-    {"bias", four_bar_bias, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
-     "singular: |pivot of C.x| < 3.99787e-10", "not converged",
+    {"bias", four_bar_bias, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
+     "singular: |pivot of C.x| < 3.99989e-10", "not converged",
      "(),(4),(1),(7)->(3),()", "bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v\314\207 + h = Q + A\341\265\200 \316\273", NULL},
-    {"inverse_dynamics", four_bar_inverse_dynamics, {0, 1, 0, 1}, {1, 9, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
+    {"inverse_dynamics", four_bar_inverse_dynamics, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 9, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
      "singular:", "not converged",
      "(),(9),(1),(7)->(3),()", "forces conjugate to v that give v\314\207: M v\314\207 + h \342\210\222 Q at u = 0, from (q, v, v\314\207)", NULL},
-    {"constraints", four_bar_constraints, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
-     "singular: |pivot of C.x| < 3.99787e-10", "not converged",
+    {"constraints", four_bar_constraints, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
+     "singular: |pivot of C.x| < 3.99989e-10", "not converged",
      "(),(4),(1),(7)->(4),()", "constraint violation: \317\206(q, t), then A v \342\210\222 c row by row", NULL},
-    {"project", four_bar_project, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
+    {"project", four_bar_project, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
      "singular:", "not converged to 1e-13 in 20 steps",
      "(),(4),(1),(7)->(4),()", "nearest consistent state: q on \317\206 = 0, w kept", NULL},
-    {"reactions", four_bar_reactions, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
-     "singular: |pivot of C.x| < 3.99787e-10", "not converged",
+    {"reactions", four_bar_reactions, NULL, NULL, NULL, NULL, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
+     "singular: |pivot of C.x| < 3.99989e-10", "not converged",
      "(),(4),(1),(7)->(2),()", "multipliers \316\273 of M v\314\207 + h = Q + A\341\265\200 \316\273: the force along each constraint row", NULL},
-    {"energy", four_bar_energy, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
-     "singular: |pivot of C.x| < 3.99787e-10", "not converged",
+    {"energy", four_bar_energy, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
+     "singular: |pivot of C.x| < 3.99989e-10", "not converged",
      "(),(4),(1),(7)->(2),()", "kinetic and potential energy T, V", NULL},
-    {"power", four_bar_power, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {1}, 1,
-     "singular: |pivot of C.x| < 3.99787e-10", "not converged",
+    {"power", four_bar_power, NULL, NULL, NULL, NULL, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {1}, 1,
+     "singular: |pivot of C.x| < 3.99989e-10", "not converged",
      "(),(4),(1),(7)->(1),()", "power of forces without potential: d(T + V)/dt", NULL},
-    {"outputs", four_bar_outputs, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
-     "singular: |pivot of C.x| < 3.99787e-10", "not converged",
+    {"outputs", four_bar_outputs, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
+     "singular: |pivot of C.x| < 3.99989e-10", "not converged",
      "(),(4),(1),(7)->(2),()", "the model's outputs", NULL},
-    {"velocity", four_bar_velocity, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
-     "singular: |pivot of C.x| < 3.99787e-10", "not converged",
+    {"velocity", four_bar_velocity, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
+     "singular: |pivot of C.x| < 3.99989e-10", "not converged",
      "(),(4),(1),(7)->(3),()", "base velocities v = S w + R c", NULL},
-    {"state", four_bar_state, {0, 1, 0, 0}, {1, 6, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
+    {"state", four_bar_state, NULL, NULL, NULL, NULL, {0, 1, 0, 0}, {1, 6, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
      "singular:", "not converged",
      "(),(6),(1),(7)->(4),()", "state x = (q, w) from (q, v): w = B v", NULL},
+    {"guards", four_bar_guards, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {1}, 1,
+     "singular:", "not converged",
+     "(),(4),(1),(7)->(1),()", "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are", NULL},
 };
 enum { FUNCTIONS = sizeof functions / sizeof functions[0] };
 
@@ -166,6 +174,9 @@ static inline PyObject *call(const Function *f, PyObject *const *args, Py_ssize_
             return NULL;
         out = (double *)PyArray_DATA((PyArrayObject *)result);
     }
+    if (f->quick && !slots[P])
+        status = f->quick(t, values[X], values[U], f->constants, out);
+    else
     status = f->evaluate(t, values[X], values[U], values[P], out);
     if (status != FOUR_BAR_OK) {
         Py_DECREF(result);
@@ -187,6 +198,25 @@ static inline const double *row(const char *values, npy_intp n, npy_intp stride,
     return room;
 }
 
+/* A distance in bytes as a number of doubles; `fit` becomes 0 where it is none. */
+static inline ptrdiff_t apart(npy_intp bytes, int *fit)
+{
+    *fit &= bytes % (npy_intp)sizeof(double) == 0;
+    return bytes / (npy_intp)sizeof(double);
+}
+
+/* Many rows at a time, where each is without gaps. Returns 0 where that is not so. */
+static int all_at_once(const Function *f, char **args, npy_intp n, npy_intp const *steps, npy_intp const *inner, int direct)
+{
+    const npy_intp one = (npy_intp)sizeof(double);
+    int fit = f->many && n > 1 && direct && inner[0] == one && inner[1] == one && inner[2] == one && steps[5] == 1;
+    const ptrdiff_t t = apart(steps[0], &fit), x = apart(steps[1], &fit), u = apart(steps[2], &fit), p = apart(steps[3], &fit), out = apart(steps[4], &fit);
+    if (fit)
+        f->many((size_t)n, (const double *)args[0], t, (const double *)args[1], x, (const double *)args[2], u, (const double *)args[3], p,
+            (double *)args[4], out, (signed char *)args[5]);
+    return fit;
+}
+
 /* The inner loop of the gufunc: operands t, x, u, p, out, status. Rows that fail become NaN. */
 static void loop(char **args, npy_intp const *dimensions, npy_intp const *steps, void *data)
 {
@@ -196,8 +226,13 @@ static void loop(char **args, npy_intp const *dimensions, npy_intp const *steps,
     const npy_intp next = f->ndim == 2 ? across[1] : (npy_intp)sizeof(double);
     const int direct = across[0] == columns * (npy_intp)sizeof(double) && next == (npy_intp)sizeof(double);
     double x_room[MOST_X], u_room[FOUR_BAR_NU], p_room[FOUR_BAR_NP];
-    double *room = direct ? NULL : (double *)PyMem_RawMalloc((size_t)f->size * sizeof(double));
+    double *room;
     npy_intp k, i, j;
+    if (all_at_once(f, args, dimensions[0], steps, inner, direct)) {
+        feclearexcept(FE_ALL_EXCEPT);
+        return;
+    }
+    room = direct ? NULL : (double *)PyMem_RawMalloc((size_t)f->size * sizeof(double));
     for (k = 0; k < dimensions[0]; k++) {
         const double t = *(const double *)(args[0] + k * steps[0]);
         const double *x = row(args[1] + k * steps[1], f->lengths[X], inner[0], x_room);
@@ -420,6 +455,12 @@ static PyObject *call_state(PyObject *self, PyObject *const *args, Py_ssize_t n,
     return call(&functions[11], args, n, keywords);
 }
 
+static PyObject *call_guards(PyObject *self, PyObject *const *args, Py_ssize_t n, PyObject *keywords)
+{
+    (void)self;
+    return call(&functions[12], args, n, keywords);
+}
+
 static PyMethodDef methods[] = {
     {"dynamics", (PyCFunction)(void (*)(void))call_dynamics, METH_FASTCALL | METH_KEYWORDS,
      "dynamics(t, x, u=None, p=None, out=None)\n--\n\n" "state derivative: q\314\207 = N v, \341\272\207 from (S\341\265\200 M S) \341\272\207 = S\341\265\200 (Q \342\210\222 h \342\210\222 M \317\203)"},
@@ -445,6 +486,8 @@ static PyMethodDef methods[] = {
      "velocity(t, x, u=None, p=None, out=None)\n--\n\n" "base velocities v = S w + R c"},
     {"state", (PyCFunction)(void (*)(void))call_state, METH_FASTCALL | METH_KEYWORDS,
      "state(t, x, u=None, p=None, out=None)\n--\n\n" "state x = (q, w) from (q, v): w = B v"},
+    {"guards", (PyCFunction)(void (*)(void))call_guards, METH_FASTCALL | METH_KEYWORDS,
+     "guards(t, x, u=None, p=None, out=None)\n--\n\n" "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"},
     {"advance", call_advance, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},
 };
@@ -453,10 +496,16 @@ static int prepare(PyObject *module)
 {
     static void *data[FUNCTIONS];
     int k;
+    if (!four_bar_fits()) {
+        PyErr_SetString(PyExc_ImportError, "_four_bar was compiled for another processor; run build.py");
+        return -1;
+    }
     import_array1(-1);
     import_umath1(-1);
     for (k = 0; k < FUNCTIONS; k++) {
         data[k] = &functions[k];
+        if (functions[k].quick && functions[k].precompute(four_bar_defaults, functions[k].constants) != FOUR_BAR_OK)
+            functions[k].quick = NULL;
         functions[k].batch = PyUFunc_FromFuncAndDataAndSignature(loops, &data[k], types, 1, 4, 2, PyUFunc_None,
             functions[k].name, functions[k].about, 0, functions[k].signature);
         if (!functions[k].batch)

@@ -18,7 +18,12 @@ units: dict[str, tuple[str, ...]]
 defaults: NDArray[np.float64]
 status: tuple[str, ...]
 functions: tuple[str, ...]
+integrators: tuple[str, ...]
+keepings: tuple[str, ...]
 backend: Literal["extension", "ctypes", "numpy"]
+
+def threaded(function: Callable[..., NDArray[np.float64]], threads: int) -> Callable[..., NDArray[np.float64]]:
+    """The function for batches, their first axis divided among threads."""
 
 def dynamics(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
@@ -70,6 +75,21 @@ def state(
 ) -> NDArray[np.float64]:
     """state x = (q, w) from (q, v): w = B v: shape (..., 7)."""
 
+def qdot(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """rates q̇ = N(q) v of the coordinates, from (q, v): shape (..., 5)."""
+
+def integrate(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """q ⊕ d: the configuration a displacement d over v away, from (q, d): shape (..., 5)."""
+
+def difference(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁): shape (..., 5)."""
+
 @dataclass(frozen=True)
 class Simulation:
     t: NDArray[np.float64]
@@ -80,6 +100,8 @@ class Simulation:
     calls: int
     position_violation: float
     velocity_violation: float
+    crossings: int
+    charts: int
     status: str
 
 def simulate(
@@ -93,5 +115,8 @@ def simulate(
     times: ArrayLike | None = None,
     max_steps: int = 1_000_000,
     progress: Callable[[float], object] | None = None,
+    integrator: Literal["dop853", ] | None = None,
+    keeping: Literal["none", ] | None = None,
+    step_size: float | None = None,
 ) -> Simulation:
     """The motion from state x at t_span[0] with constant inputs u, at the entries of t_span or at times."""

@@ -17,6 +17,9 @@ _library.snake3_program.restype = ctypes.c_char_p
 if _library.snake3_program().decode() != PROGRAM:
     raise ImportError("libsnake3 was compiled from other equations; run build.py")
 
+if not _library.snake3_fits():
+    raise ImportError("libsnake3 was compiled for another processor; run build.py")
+
 _rows = _library.snake3_rows
 _rows.restype = ctypes.c_size_t
 _address, _count = ctypes.c_void_p, ctypes.c_ssize_t
@@ -31,7 +34,16 @@ def _one(name):
     return function, ctypes.cast(function, _address)
 
 
+def _batch(name):
+    """The C function for many states."""
+    function = getattr(_library, f"snake3_{name}_batch")
+    function.argtypes = [_count, *([_address, _count] * 5), _address]
+    function.restype = ctypes.c_size_t
+    return function
+
+
 _functions = {name: _one(name) for name in FUNCTIONS}
+_batches = {name: _batch(name) for name in ['dynamics']}
 
 
 def _at(values):
@@ -66,6 +78,9 @@ def _many(name, given, lead, result):
         kept.append(rows)
         arguments += [_at(rows), 0 if alone else int(np.prod(width))]
     size = int(np.prod(FUNCTIONS[name][0]))
+    if name in _batches:
+        _batches[name](status.size, *arguments, _at(result), size, _at(status))
+        return status
     _rows(_functions[name][1], size, status.size, *arguments, _at(result), _at(status))
     return status
 
@@ -129,3 +144,18 @@ def velocity(t, x, u=None, p=None, out=None):
 def state(t, x, u=None, p=None, out=None):
     """state x = (q, w) from (q, v): w = B v"""
     return _evaluate("state", t, x, u, p, out)
+
+
+def qdot(t, x, u=None, p=None, out=None):
+    """rates q̇ = N(q) v of the coordinates, from (q, v)"""
+    return _evaluate("qdot", t, x, u, p, out)
+
+
+def integrate(t, x, u=None, p=None, out=None):
+    """q ⊕ d: the configuration a displacement d over v away, from (q, d)"""
+    return _evaluate("integrate", t, x, u, p, out)
+
+
+def difference(t, x, u=None, p=None, out=None):
+    """q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁)"""
+    return _evaluate("difference", t, x, u, p, out)

@@ -44,71 +44,77 @@ def _dynamics(t, x, u, p, out):
     m = p[..., 1]
     J = p[..., 2]
 
-    # S: base velocities per quasi-velocity, v = S w + R c
-    sin_phi1 = np.sin(phi1)
-    z1 = sin_phi1 / l
+    # angles: their sines and cosines, all together
+    cos_th = np.cos(th)
+    sin_th = np.sin(th)
     cos_phi1 = np.cos(phi1)
-    z2 = 1.0 + cos_phi1
-    sin_phi2 = np.sin(phi2)
+    sin_phi1 = np.sin(phi1)
     cos_phi2 = np.cos(phi2)
-    z3 = (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l
-    z4 = z1 - z3
-    z5 = cos_phi1 * l
-    z6 = sin_phi1 * l
-    z7 = (cos_phi2 * z5 + sin_phi2 * z6) / l
-    S_5_2 = cos_phi1 + z7
+    sin_phi2 = np.sin(phi2)
+
+    # S: base velocities per quasi-velocity, v = S w + R c
+    z1 = 1.0 / l
+    z2 = sin_phi1 * z1
+    z3 = 1.0 + cos_phi1
+    z4 = z1 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2)
+    z5 = z2 - z4
+    z6 = cos_phi1 * l
+    z7 = sin_phi1 * l
+    z8 = z1 * (cos_phi2 * z6 + sin_phi2 * z7)
+    S_5_2 = cos_phi1 + z8
 
     # v: base velocities
-    z8 = v * z1
-    z9 = om * z2 + 2.0 * z8
-    z10 = 2.0 * v
-    v_5 = om * S_5_2 + z4 * z10
+    z9 = v * z2
+    z10 = om * z3 + 2.0 * z9
+    z11 = 2.0 * v
+    v_5 = om * S_5_2 + z5 * z11
 
     # M_w: mass matrix of the quasi-velocities, Sᵀ M S
-    z11 = l * l * m * 0.5
-    z12 = J - 0.5 * z11
-    z13 = z7 * z12
-    z14 = cos_phi1 * z12
-    z15 = z3 * z13 - z1 * z14
-    M_w_2_2 = J + z11 + (z7 * z13 + cos_phi1 * z14)
+    z12 = l * l * m * 0.5
+    z13 = J - 0.5 * z12
+    z14 = z8 * z13
+    z15 = cos_phi1 * z13
+    z16 = z4 * z14 - z2 * z15
+    M_w_2_2 = J + z12 + (z8 * z14 + cos_phi1 * z15)
 
     # f_w: right-hand side, Sᵀ (Q − h − M σ)
-    z16 = v * cos_phi1
-    z17 = om * l
-    z18 = z9 * (z16 - sin_phi1 * z17 * 0.5)
-    z19 = 2.0 * J
-    z20 = z18 * z19 / l
-    z21 = z9 * (cos_phi1 * z17 + sin_phi1 * z10) * 0.5
-    z22 = 0.5 * om
-    z23 = l * (z8 + cos_phi1 * z22)
-    z24 = z16 - z6 * z22
-    z25 = v_5 * (sin_phi2 * z23 + cos_phi2 * z24) + cos_phi2 * z18
-    z26 = z19 * (sin_phi2 * z21 + z25) / l
-    z27 = m * z21
-    z28 = v_5 * (sin_phi2 * z24 - cos_phi2 * z23) - cos_phi2 * z21
-    z29 = m * (sin_phi2 * z18 + z28)
-    z30 = z6 * z27 - z29 * (cos_phi2 * z6 - sin_phi2 * z5)
-    f_w_2 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z20 + (z7 * z26 + 0.5 * z30)
+    z17 = v * cos_phi1
+    z18 = om * l
+    z19 = z10 * (z17 - sin_phi1 * z18 * 0.5)
+    z20 = 2.0 * J
+    z21 = z19 * z20 * z1
+    z22 = z10 * (cos_phi1 * z18 + sin_phi1 * z11) * 0.5
+    z23 = 0.5 * om
+    z24 = l * (z9 + cos_phi1 * z23)
+    z25 = z17 - z7 * z23
+    z26 = v_5 * (sin_phi2 * z24 + cos_phi2 * z25) + cos_phi2 * z19
+    z27 = z20 * (sin_phi2 * z22 + z26) * z1
+    z28 = m * z22
+    z29 = v_5 * (sin_phi2 * z25 - cos_phi2 * z24) - cos_phi2 * z22
+    z30 = m * (sin_phi2 * z19 + z29)
+    z31 = z7 * z28 - z30 * (cos_phi2 * z7 - sin_phi2 * z6)
+    f_w_2 = S_5_2 * tau2 - z3 * tau1 + cos_phi1 * z21 + (z8 * z27 + 0.5 * z31)
 
     # xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)
-    z31 = np.cos(th) * v
-    z32 = v * np.sin(th)
-    z33 = -z9
-    z34 = z15 / M_w_2_2
-    z35 = z1 * (tau1 - z20) - z34 * f_w_2 - z4 * tau2
-    z36 = cos_phi1 * z27 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z29
-    z37 = z12 * (z3 * z3 + z1 * z1) - z15 * z34
-    z38 = (z3 * z26 + 0.5 * z36 + z35) / (m + 1.3333333333333333 * z37)
-    z39 = -0.6666666666666666 * z38
-    z40 = f_w_2 / M_w_2_2 - z34 * z38 * 1.3333333333333333
+    z32 = cos_th * v
+    z33 = v * sin_th
+    z34 = -z10
+    z35 = 1.0 / M_w_2_2
+    z36 = z16 * z35
+    z37 = z2 * (tau1 - z21) - z36 * f_w_2 - z5 * tau2
+    z38 = cos_phi1 * z28 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z30
+    z39 = z13 * (z4 * z4 + z2 * z2) - z16 * z36
+    z40 = (z4 * z27 + 0.5 * z38 + z37) / (m + 1.3333333333333333 * z39)
+    z41 = -0.6666666666666666 * z40
+    z42 = z35 * f_w_2 - z36 * z40 * 1.3333333333333333
 
-    out[..., 0] = z31
-    out[..., 1] = z32
+    out[..., 0] = z32
+    out[..., 1] = z33
     out[..., 2] = om
-    out[..., 3] = z33
+    out[..., 3] = z34
     out[..., 4] = v_5
-    out[..., 5] = z39
-    out[..., 6] = z40
+    out[..., 5] = z41
+    out[..., 6] = z42
     singular = False
     status = _status(singular, out, x, u, p)
     return status
@@ -121,17 +127,21 @@ def _mass(t, x, u, p, out):
     m = p[..., 1]
     J = p[..., 2]
 
+    # angles: their sines and cosines, all together
+    sin_phi1 = np.sin(phi1)
+    cos_phi2 = np.cos(phi2)
+    cos_phi1 = np.cos(phi1)
+    sin_phi2 = np.sin(phi2)
+
     # M: mass matrix M(q) of the base velocities v, nv × nv
     z1 = 3.0 * m
-    sin_phi1 = np.sin(phi1)
     z2 = l / 2.0
     z3 = m * z2
-    z4 = np.cos(phi2) * z3
+    z4 = cos_phi2 * z3
     z5 = z3 + z4
     z6 = 2.0 * m * z2
     z7 = z5 + z6
-    cos_phi1 = np.cos(phi1)
-    z8 = z3 * np.sin(phi2)
+    z8 = z3 * sin_phi2
     z9 = cos_phi1 * z8
     z10 = sin_phi1 * z7 + z9
     z11 = z9 + sin_phi1 * z4
@@ -190,46 +200,49 @@ def _bias(t, x, u, p, out):
     l = p[..., 0]
     m = p[..., 1]
 
+    # angles: their sines and cosines, all together
+    cos_phi1 = np.cos(phi1)
+    sin_phi1 = np.sin(phi1)
+    cos_phi2 = np.cos(phi2)
+    sin_phi2 = np.sin(phi2)
+
     # h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
     z1 = om * om
     z2 = l / 2.0
     z3 = 2.0 * m * z2
-    cos_phi1 = np.cos(phi1)
-    sin_phi1 = np.sin(phi1)
-    z4 = sin_phi1 / z2
-    z5 = om * (-1.0 - cos_phi1) - z4 * v + om
-    z6 = z5 * z5
-    z7 = m * z2
-    z8 = z3 + z7
-    cos_phi2 = np.cos(phi2)
-    sin_phi2 = np.sin(phi2)
-    z9 = v * (z4 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / z2)
-    z10 = z2 * cos_phi1
-    z11 = z2 * sin_phi1 * sin_phi2 + cos_phi2 * (z10 - z10 + z10)
-    z12 = z9 + om * (cos_phi1 + z11 / z2) + z5
-    z13 = z12 * z12 * z7
-    z14 = z6 * z8 + cos_phi2 * z13
-    z15 = sin_phi2 * z13
-    z16 = cos_phi1 * z14 - sin_phi1 * z15 + z1 * z3
-    z17 = om * v
-    z18 = sin_phi1 * z14 + cos_phi1 * z15
-    z19 = 3.0 * m * z17 + z18
-    z20 = z2 * z15
-    z21 = z1 * z2
-    z22 = cos_phi1 * z17 - sin_phi1 * z21
-    z23 = z2 * z6
-    z24 = sin_phi2 * (cos_phi1 * z21 + sin_phi1 * z17 + z23 + z23)
-    z25 = z7 * (cos_phi2 * z22 - z24)
-    z26 = z25 + z20 + z8 * z22 + z20
-    z27 = -(z26 + z2 * z18 + z3 * z17)
-    z28 = -z26
-    z29 = -z25
+    z4 = 1.0 / z2
+    z5 = sin_phi1 * z4
+    z6 = om * (-1.0 - cos_phi1) - z5 * v + om
+    z7 = z6 * z6
+    z8 = m * z2
+    z9 = z3 + z8
+    z10 = v * (z5 + z4 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2))
+    z11 = z2 * cos_phi1
+    z12 = z2 * sin_phi1 * sin_phi2 + cos_phi2 * (z11 - z11 + z11)
+    z13 = z10 + om * (cos_phi1 + z4 * z12) + z6
+    z14 = z13 * z13 * z8
+    z15 = z7 * z9 + cos_phi2 * z14
+    z16 = sin_phi2 * z14
+    z17 = cos_phi1 * z15 - sin_phi1 * z16 + z1 * z3
+    z18 = om * v
+    z19 = sin_phi1 * z15 + cos_phi1 * z16
+    z20 = 3.0 * m * z18 + z19
+    z21 = z2 * z16
+    z22 = z1 * z2
+    z23 = cos_phi1 * z18 - sin_phi1 * z22
+    z24 = z2 * z7
+    z25 = sin_phi2 * (cos_phi1 * z22 + sin_phi1 * z18 + z24 + z24)
+    z26 = z8 * (cos_phi2 * z23 - z25)
+    z27 = z26 + z21 + z9 * z23 + z21
+    z28 = -(z27 + z2 * z19 + z3 * z18)
+    z29 = -z27
+    z30 = -z26
 
-    out[..., 0] = z16
-    out[..., 1] = z19
-    out[..., 2] = z27
-    out[..., 3] = z28
-    out[..., 4] = z29
+    out[..., 0] = z17
+    out[..., 1] = z20
+    out[..., 2] = z28
+    out[..., 3] = z29
+    out[..., 4] = z30
     singular = False
     status = _status(singular, out, x, p)
     return status
@@ -252,20 +265,22 @@ def _inverse_dynamics(t, x, u, p, out):
     m = p[..., 1]
     J = p[..., 2]
 
+    # angles: their sines and cosines, all together
+    cos_phi1 = np.cos(phi1)
+    sin_phi1 = np.sin(phi1)
+    cos_phi2 = np.cos(phi2)
+    sin_phi2 = np.sin(phi2)
+
     # tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇)
     z1 = der_base_vx - base_w * base_vy
-    cos_phi1 = np.cos(phi1)
     z2 = l / 2.0
     z3 = z1 + base_w * base_w * z2
-    sin_phi1 = np.sin(phi1)
     z4 = base_w * base_vx + der_base_vy
     z5 = z4 - z2 * der_base_w
     z6 = base_w + der_phi1
     z7 = z6 * z6 * z2
     z8 = cos_phi1 * z3 + sin_phi1 * z5 + z7
-    cos_phi2 = np.cos(phi2)
     z9 = z7 + z8
-    sin_phi2 = np.sin(phi2)
     z10 = der_base_w + der_der_phi1
     z11 = z2 * z10
     z12 = cos_phi1 * z5 - z3 * sin_phi1 - z11
@@ -302,29 +317,32 @@ def _constraints(t, x, u, p, out):
     om = x[..., 6]
     l = p[..., 0]
 
-    # violation: constraint violation: φ(q, t), then A v − c row by row
+    # angles: their sines and cosines, all together
     sin_phi1 = np.sin(phi1)
-    z1 = l / 2.0
     cos_phi1 = np.cos(phi1)
+    sin_phi2 = np.sin(phi2)
+    cos_phi2 = np.cos(phi2)
+
+    # violation: constraint violation: φ(q, t), then A v − c row by row
+    z1 = l / 2.0
     z2 = cos_phi1 * z1
     z3 = z1 + z2
-    z4 = sin_phi1 / z1
-    z5 = om * (-1.0 - cos_phi1) - v * z4
-    z6 = -(sin_phi1 * v + z3 * om + z1 * z5)
-    sin_phi2 = np.sin(phi2)
-    z7 = sin_phi1 * z1 * sin_phi2
-    cos_phi2 = np.cos(phi2)
-    z8 = cos_phi1 * sin_phi2
-    z9 = sin_phi1 * cos_phi2
-    z10 = om * (z1 - (z7 - cos_phi2 * (z1 + z3))) + v * (z8 + z9)
-    z11 = cos_phi1 + (z7 + cos_phi2 * (z2 - z2 + z2)) / z1
-    z12 = v * (z4 - (z8 - z9) / z1) + om * z11
-    z13 = z10 + z5 * (z1 + l * cos_phi2) + z1 * z12
-    z14 = -z13
+    z4 = 1.0 / z1
+    z5 = sin_phi1 * z4
+    z6 = om * (-1.0 - cos_phi1) - v * z5
+    z7 = -(sin_phi1 * v + z3 * om + z1 * z6)
+    z8 = sin_phi1 * z1 * sin_phi2
+    z9 = cos_phi1 * sin_phi2
+    z10 = sin_phi1 * cos_phi2
+    z11 = om * (z1 - (z8 - cos_phi2 * (z1 + z3))) + v * (z9 + z10)
+    z12 = cos_phi1 + z4 * (z8 + cos_phi2 * (z2 - z2 + z2))
+    z13 = v * (z5 - z4 * (z9 - z10)) + om * z12
+    z14 = z11 + z6 * (z1 + l * cos_phi2) + z1 * z13
+    z15 = -z14
 
     out[..., 0] = 0.0
-    out[..., 1] = z6
-    out[..., 2] = z14
+    out[..., 1] = z7
+    out[..., 2] = z15
     singular = False
     status = _status(singular, out, x, p)
     return status
@@ -341,16 +359,18 @@ def _reactions(t, x, u, p, out):
     m = p[..., 1]
     J = p[..., 2]
 
+    # angles: their sines and cosines, all together
+    sin_phi1 = np.sin(phi1)
+    sin_phi2 = np.sin(phi2)
+    cos_phi1 = np.cos(phi1)
+    cos_phi2 = np.cos(phi2)
+
     # lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row
     z1 = l / 2.0
     z2 = 2.0 * m * z1
-    sin_phi1 = np.sin(phi1)
-    sin_phi2 = np.sin(phi2)
     z3 = m * z1
     z4 = sin_phi2 * z3
     z5 = sin_phi1 * z4
-    cos_phi1 = np.cos(phi1)
-    cos_phi2 = np.cos(phi2)
     z6 = z3 * cos_phi2
     z7 = z3 + z6
     z8 = z7 + z2
@@ -360,89 +380,90 @@ def _reactions(t, x, u, p, out):
     z12 = z1 * cos_phi1
     z13 = z12 - z12
     z14 = z12 + z13
-    z15 = (sin_phi2 * z11 + cos_phi2 * z14) / z1
-    z16 = cos_phi1 + z15
-    z17 = cos_phi1 * v
-    z18 = z1 * om
-    z19 = sin_phi1 / z1
-    z20 = v * z19
-    z21 = z10 * om - z20
-    z22 = (z17 - sin_phi1 * z18) * z21
-    z23 = z22 / z1
-    z24 = J * z23
-    z25 = z20 + cos_phi1 * om
-    z26 = z13 * om
-    z27 = z21 * (sin_phi1 * v + cos_phi1 * z18)
-    z28 = m * (z25 * z26 - z27)
-    z29 = z17 - z11 * om
-    z30 = cos_phi1 * z24 - (z11 * z28 + z25 * z29 * m * z13)
-    z31 = z26 + z1 * z25
-    z32 = (sin_phi1 * cos_phi2 - sin_phi2 * cos_phi1) / z1
-    z33 = z19 + z32
-    z34 = v * z33 + z16 * om
-    z35 = sin_phi2 * z27 + cos_phi2 * z22 - (cos_phi2 * z29 + sin_phi2 * z31) * z34
-    z36 = z35 / z1
-    z37 = J * z36
-    z38 = sin_phi2 * z22 - cos_phi2 * z27 + z34 * (cos_phi2 * z31 - sin_phi2 * z29)
-    z39 = m * z38
-    z40 = z15 * z37 + (sin_phi2 * z14 - cos_phi2 * z11) * z39
-    z41 = z10 * tau1 + z16 * tau2 - (z30 + z40)
-    z42 = z1 * z2
-    z43 = z1 * z3
-    z44 = J + z43
-    z45 = z42 - z44
-    z46 = z3 + z2
-    z47 = cos_phi1 * z45 - z13 * z46
-    z48 = J + z42 - (cos_phi1 * z47 - cos_phi1 * z46 * z13)
-    z49 = J - z43
-    z50 = z15 * z49
-    z51 = z48 + z15 * z50
-    z52 = z19 * z47 - z32 * z50
-    z53 = z52 / z51
-    z54 = cos_phi1 * cos_phi2
-    z55 = sin_phi1 * sin_phi2
-    z56 = z19 * z24 + cos_phi1 * z28 + (z32 * z37 + z39 * (z54 + z55))
-    z57 = tau2 * z33 - tau1 * z19 - z56 + z41 * z53
-    z58 = 3.0 * m
-    z59 = z58 - z19 * z45 * z19 + z32 * z49 * z32
-    z60 = z57 / (z59 - z52 * z53)
-    z61 = z41 / z51 + z53 * z60
-    z62 = z23 - (z10 * z61 - z19 * z60)
-    z63 = z5 - cos_phi1 * z6
-    z64 = z33 * z60 + z16 * z61 + (z23 + z36)
-    z65 = (z2 - z9) * z61 + z9 * z62 - z63 * z64
-    z66 = v * om
-    z67 = om + z21
-    z68 = z67 * z67
-    z69 = z34 + z67
-    z70 = z69 * z69 * z3
-    z71 = sin_phi2 * z70
-    z72 = sin_phi1 * (z46 * z68 + cos_phi2 * z70) + cos_phi1 * z71
-    z73 = z4 * cos_phi1
-    z74 = z1 * z7
-    z75 = z1 * z6
-    z76 = z74 + z75 + z44 + J + z74 + z1 * z8
-    z77 = z60 * (z73 + sin_phi1 * z8) + z61 * (z76 - z1 * z9)
-    z78 = z44 + z75 + z75
-    z79 = z1 * z71
-    z80 = om * om * z1
-    z81 = cos_phi1 * z66 - sin_phi1 * z80
-    z82 = z1 * z68
-    z83 = sin_phi2 * (cos_phi1 * z80 + sin_phi1 * z66 + z82 + z82)
-    z84 = z3 * (cos_phi2 * z81 - z83)
-    z85 = z77 - z62 * z76 + z64 * z78 - (z84 + z79 + z46 * z81 + z79 + tau1)
-    z86 = z60 * (z73 + sin_phi1 * z6) + z61 * (z78 - z1 * z63)
-    z87 = z86 - z62 * z78 + z44 * z64 - (tau2 + z84)
-    z88 = z87 / z1
-    z89 = (z85 - (z1 + l * cos_phi2) * z88) / z1
-    z90 = z65 - (z58 * z66 + z72) - (cos_phi1 * z89 + z88 * (z54 - z55))
-    z91 = -z90
-    z92 = -z89
-    z93 = -z88
+    z15 = 1.0 / z1
+    z16 = (sin_phi2 * z11 + cos_phi2 * z14) * z15
+    z17 = cos_phi1 + z16
+    z18 = cos_phi1 * v
+    z19 = z1 * om
+    z20 = sin_phi1 * z15
+    z21 = v * z20
+    z22 = z10 * om - z21
+    z23 = (z18 - sin_phi1 * z19) * z22
+    z24 = z15 * z23
+    z25 = J * z24
+    z26 = z21 + cos_phi1 * om
+    z27 = z13 * om
+    z28 = z22 * (sin_phi1 * v + cos_phi1 * z19)
+    z29 = m * (z26 * z27 - z28)
+    z30 = z18 - z11 * om
+    z31 = cos_phi1 * z25 - (z11 * z29 + z26 * z30 * m * z13)
+    z32 = z27 + z1 * z26
+    z33 = z15 * (sin_phi1 * cos_phi2 - sin_phi2 * cos_phi1)
+    z34 = z20 + z33
+    z35 = v * z34 + z17 * om
+    z36 = sin_phi2 * z28 + cos_phi2 * z23 - (cos_phi2 * z30 + sin_phi2 * z32) * z35
+    z37 = z15 * z36
+    z38 = J * z37
+    z39 = sin_phi2 * z23 - cos_phi2 * z28 + z35 * (cos_phi2 * z32 - sin_phi2 * z30)
+    z40 = m * z39
+    z41 = z16 * z38 + (sin_phi2 * z14 - cos_phi2 * z11) * z40
+    z42 = z10 * tau1 + z17 * tau2 - (z31 + z41)
+    z43 = z1 * z2
+    z44 = z1 * z3
+    z45 = J + z44
+    z46 = z43 - z45
+    z47 = z3 + z2
+    z48 = cos_phi1 * z46 - z13 * z47
+    z49 = J + z43 - (cos_phi1 * z48 - cos_phi1 * z47 * z13)
+    z50 = J - z44
+    z51 = z16 * z50
+    z52 = 1.0 / (z49 + z16 * z51)
+    z53 = z20 * z48 - z33 * z51
+    z54 = z52 * z53
+    z55 = cos_phi1 * cos_phi2
+    z56 = sin_phi1 * sin_phi2
+    z57 = z20 * z25 + cos_phi1 * z29 + (z33 * z38 + z40 * (z55 + z56))
+    z58 = tau2 * z34 - tau1 * z20 - z57 + z42 * z54
+    z59 = 3.0 * m
+    z60 = z59 - z20 * z46 * z20 + z33 * z50 * z33
+    z61 = z58 / (z60 - z53 * z54)
+    z62 = z42 * z52 + z54 * z61
+    z63 = z24 - (z10 * z62 - z20 * z61)
+    z64 = z5 - cos_phi1 * z6
+    z65 = z34 * z61 + z17 * z62 + (z24 + z37)
+    z66 = (z2 - z9) * z62 + z9 * z63 - z64 * z65
+    z67 = v * om
+    z68 = om + z22
+    z69 = z68 * z68
+    z70 = z35 + z68
+    z71 = z70 * z70 * z3
+    z72 = sin_phi2 * z71
+    z73 = sin_phi1 * (z47 * z69 + cos_phi2 * z71) + cos_phi1 * z72
+    z74 = z4 * cos_phi1
+    z75 = z1 * z7
+    z76 = z1 * z6
+    z77 = z75 + z76 + z45 + J + z75 + z1 * z8
+    z78 = z61 * (z74 + sin_phi1 * z8) + z62 * (z77 - z1 * z9)
+    z79 = z45 + z76 + z76
+    z80 = z1 * z72
+    z81 = om * om * z1
+    z82 = cos_phi1 * z67 - sin_phi1 * z81
+    z83 = z1 * z69
+    z84 = sin_phi2 * (cos_phi1 * z81 + sin_phi1 * z67 + z83 + z83)
+    z85 = z3 * (cos_phi2 * z82 - z84)
+    z86 = z78 - z63 * z77 + z65 * z79 - (z85 + z80 + z47 * z82 + z80 + tau1)
+    z87 = z61 * (z74 + sin_phi1 * z6) + z62 * (z79 - z1 * z64)
+    z88 = z87 - z63 * z79 + z45 * z65 - (tau2 + z85)
+    z89 = z15 * z88
+    z90 = z15 * (z86 - (z1 + l * cos_phi2) * z89)
+    z91 = z66 - (z59 * z67 + z73) - (cos_phi1 * z90 + z89 * (z55 - z56))
+    z92 = -z91
+    z93 = -z90
+    z94 = -z89
 
-    out[..., 0] = z91
-    out[..., 1] = z92
-    out[..., 2] = z93
+    out[..., 0] = z92
+    out[..., 1] = z93
+    out[..., 2] = z94
     singular = False
     status = _status(singular, out, x, u, p)
     return status
@@ -457,29 +478,32 @@ def _energy(t, x, u, p, out):
     m = p[..., 1]
     J = p[..., 2]
 
-    # energy: kinetic and potential energy T, V
+    # angles: their sines and cosines, all together
     cos_phi1 = np.cos(phi1)
-    z1 = om * l
     sin_phi1 = np.sin(phi1)
-    z2 = sin_phi1 / l
-    z3 = 2.0 * v
-    z4 = om - z2 * z3 - om * (1.0 + cos_phi1)
-    z5 = l * z4
-    z6 = z5 + sin_phi1 * z3 + cos_phi1 * z1
-    z7 = sin_phi1 * z1 - cos_phi1 * z3
     cos_phi2 = np.cos(phi2)
-    z8 = z5 + z6
     sin_phi2 = np.sin(phi2)
-    z9 = 2.0 * (z2 - (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l)
-    z10 = z4 + om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1)
-    z11 = v * z9 + z10
-    z12 = l * z11 - z7 * sin_phi2 + cos_phi2 * z8
-    z13 = sin_phi2 * z8 + z7 * cos_phi2
-    z14 = z6 * z6 + z7 * z7 + (z12 * z12 + z13 * z13)
-    z15 = J * (om * om + z4 * z4 + z11 * z11)
-    z16 = 0.5 * (m * (v * v + 0.25 * z14) + z15)
 
-    out[..., 0] = z16
+    # energy: kinetic and potential energy T, V
+    z1 = om * l
+    z2 = 1.0 / l
+    z3 = sin_phi1 * z2
+    z4 = 2.0 * v
+    z5 = om - z3 * z4 - om * (1.0 + cos_phi1)
+    z6 = l * z5
+    z7 = z6 + sin_phi1 * z4 + cos_phi1 * z1
+    z8 = sin_phi1 * z1 - cos_phi1 * z4
+    z9 = z6 + z7
+    z10 = 2.0 * (z3 - z2 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2))
+    z11 = z5 + om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1)
+    z12 = v * z10 + z11
+    z13 = l * z12 - z8 * sin_phi2 + cos_phi2 * z9
+    z14 = sin_phi2 * z9 + z8 * cos_phi2
+    z15 = z7 * z7 + z8 * z8 + (z13 * z13 + z14 * z14)
+    z16 = J * (om * om + z5 * z5 + z12 * z12)
+    z17 = 0.5 * (m * (v * v + 0.25 * z15) + z16)
+
+    out[..., 0] = z17
     out[..., 1] = 0.0
     singular = False
     status = _status(singular, out, x, p)
@@ -495,18 +519,21 @@ def _power(t, x, u, p, out):
     tau2 = u[..., 1]
     l = p[..., 0]
 
-    # power: power of forces without potential: d(T + V)/dt
-    sin_phi1 = np.sin(phi1)
-    z1 = sin_phi1 / l
-    cos_phi2 = np.cos(phi2)
+    # angles: their sines and cosines, all together
     cos_phi1 = np.cos(phi1)
+    sin_phi1 = np.sin(phi1)
+    cos_phi2 = np.cos(phi2)
     sin_phi2 = np.sin(phi2)
-    z2 = 2.0 * (z1 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / l)
-    z3 = v * z2 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2)
-    z4 = tau1 * ((1.0 + cos_phi1) * om + z1 * v * 2.0)
-    z5 = tau2 * z3 - z4
 
-    out[..., 0] = z5
+    # power: power of forces without potential: d(T + V)/dt
+    z1 = 1.0 / l
+    z2 = sin_phi1 * z1
+    z3 = 2.0 * (z2 + z1 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2))
+    z4 = v * z3 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2)
+    z5 = tau1 * ((1.0 + cos_phi1) * om + z2 * v * 2.0)
+    z6 = tau2 * z4 - z5
+
+    out[..., 0] = z6
     singular = False
     status = _status(singular, out, x, u, p)
     return status
@@ -519,21 +546,24 @@ def _velocity(t, x, u, p, out):
     om = x[..., 6]
     l = p[..., 0]
 
-    # v: base velocities v = S w + R c
+    # angles: their sines and cosines, all together
     cos_phi1 = np.cos(phi1)
     sin_phi1 = np.sin(phi1)
-    z1 = sin_phi1 / l
-    z2 = -(om * (1.0 + cos_phi1) + v * z1 * 2.0)
     cos_phi2 = np.cos(phi2)
     sin_phi2 = np.sin(phi2)
-    z3 = 2.0 * (z1 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / l)
-    z4 = v * z3 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2)
+
+    # v: base velocities v = S w + R c
+    z1 = 1.0 / l
+    z2 = sin_phi1 * z1
+    z3 = -(om * (1.0 + cos_phi1) + v * z2 * 2.0)
+    z4 = 2.0 * (z2 + z1 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2))
+    z5 = v * z4 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2)
 
     out[..., 0] = v
     out[..., 1] = 0.0
     out[..., 2] = om
-    out[..., 3] = z2
-    out[..., 4] = z4
+    out[..., 3] = z3
+    out[..., 4] = z5
     singular = False
     status = _status(singular, out, x, p)
     return status
@@ -555,6 +585,100 @@ def _state(t, x, u, p, out):
     out[..., 4] = phi2
     out[..., 5] = base_vx
     out[..., 6] = base_w
+    singular = False
+    status = _status(singular, out, x)
+    return status
+
+
+def _qdot(t, x, u, p, out):
+    th = x[..., 2]
+    base_vx = x[..., 5]
+    base_vy = x[..., 6]
+    base_w = x[..., 7]
+    der_phi1 = x[..., 8]
+    der_phi2 = x[..., 9]
+
+    # angles: their sines and cosines, all together
+    cos_th = np.cos(th)
+    sin_th = np.sin(th)
+
+    # qdot: rates q̇ = N(q) v of the coordinates, from (q, v)
+    z1 = cos_th * base_vx - sin_th * base_vy
+    z2 = cos_th * base_vy + base_vx * sin_th
+
+    out[..., 0] = z1
+    out[..., 1] = z2
+    out[..., 2] = base_w
+    out[..., 3] = der_phi1
+    out[..., 4] = der_phi2
+    singular = False
+    status = _status(singular, out, x)
+    return status
+
+
+def _integrate(t, x, u, p, out):
+    x_2 = x[..., 0]
+    y = x[..., 1]
+    th = x[..., 2]
+    phi1 = x[..., 3]
+    phi2 = x[..., 4]
+    d_base_vx = x[..., 5]
+    d_base_vy = x[..., 6]
+    d_base_w = x[..., 7]
+    d_der_phi1 = x[..., 8]
+    d_der_phi2 = x[..., 9]
+
+    # angles: their sines and cosines, all together
+    cos_th = np.cos(th)
+    sin_th = np.sin(th)
+
+    # q: q ⊕ d: the configuration a displacement d over v away, from (q, d)
+    z1 = x_2 - sin_th * d_base_vy + cos_th * d_base_vx
+    z2 = y + cos_th * d_base_vy + d_base_vx * sin_th
+    z3 = th + d_base_w
+    z4 = phi1 + d_der_phi1
+    z5 = phi2 + d_der_phi2
+
+    out[..., 0] = z1
+    out[..., 1] = z2
+    out[..., 2] = z3
+    out[..., 3] = z4
+    out[..., 4] = z5
+    singular = False
+    status = _status(singular, out, x)
+    return status
+
+
+def _difference(t, x, u, p, out):
+    x_2 = x[..., 0]
+    y = x[..., 1]
+    th = x[..., 2]
+    phi1 = x[..., 3]
+    phi2 = x[..., 4]
+    to_x = x[..., 5]
+    to_y = x[..., 6]
+    to_th = x[..., 7]
+    to_phi1 = x[..., 8]
+    to_phi2 = x[..., 9]
+
+    # angles: their sines and cosines, all together
+    cos_th = np.cos(th)
+    sin_th = np.sin(th)
+
+    # d: q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁)
+    z1 = to_y - y
+    z2 = to_x - x_2
+    z3 = sin_th * z1 + cos_th * z2
+    z4 = cos_th * z1 - z2 * sin_th
+    z5 = to_th - th
+    z6 = to_phi1 - phi1
+    z7 = to_phi2 - phi2
+
+    out[..., 0] = z3
+    out[..., 1] = z4
+    out[..., 2] = z5
+    out[..., 3] = z6
+    out[..., 4] = z7
     singular = False
     status = _status(singular, out, x)
     return status
@@ -608,3 +732,18 @@ def velocity(t, x, u=None, p=None, out=None):
 def state(t, x, u=None, p=None, out=None):
     """state x = (q, w) from (q, v): w = B v"""
     return _evaluate("state", _state, t, x, u, p, out)
+
+
+def qdot(t, x, u=None, p=None, out=None):
+    """rates q̇ = N(q) v of the coordinates, from (q, v)"""
+    return _evaluate("qdot", _qdot, t, x, u, p, out)
+
+
+def integrate(t, x, u=None, p=None, out=None):
+    """q ⊕ d: the configuration a displacement d over v away, from (q, d)"""
+    return _evaluate("integrate", _integrate, t, x, u, p, out)
+
+
+def difference(t, x, u=None, p=None, out=None):
+    """q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁)"""
+    return _evaluate("difference", _difference, t, x, u, p, out)

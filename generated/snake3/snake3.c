@@ -5,6 +5,18 @@
 #include "snake3.h"
 
 #include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#if defined(__GNUC__)
+#define RARELY(condition) __builtin_expect(condition, 0)
+#define INLINE static inline __attribute__((always_inline))
+#define COLD static __attribute__((noinline, cold, unused))
+#else
+#define COLD static
+#define INLINE static inline
+#define RARELY(condition) (condition)
+#endif
 
 const double snake3_defaults[SNAKE3_NP] = {
     0.3, /* l */
@@ -12,9 +24,81 @@ const double snake3_defaults[SNAKE3_NP] = {
     0.0075 /* J */
 };
 
+/* Instructions that this file was compiled with; snake3_fits in snake3_cpu.c reads it. */
+extern const unsigned snake3_needs;
+const unsigned snake3_needs = 0
+#ifdef __AVX__
+    | 1u
+#endif
+#ifdef __AVX2__
+    | 2u
+#endif
+#ifdef __FMA__
+    | 4u
+#endif
+#ifdef __BMI__
+    | 8u
+#endif
+#ifdef __BMI2__
+    | 16u
+#endif
+#ifdef __AVX512F__
+    | 32u
+#endif
+#ifdef __AVX512DQ__
+    | 64u
+#endif
+#ifdef __AVX512BW__
+    | 128u
+#endif
+#ifdef __AVX512VL__
+    | 256u
+#endif
+    ;
+
 const char *snake3_program(void)
 {
     return SNAKE3_PROGRAM;
+}
+
+/* Sine and cosine without a branch: x = k pi/2 + r + y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
+   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5; beyond that and where x is not finite
+   the library's functions are called. */
+COLD void snake3_far(double p, double q, double u, double v, double *sines, double *cosines)
+{
+    sines[0] = sin(p), sines[1] = sin(q), sines[2] = sin(u), sines[3] = sin(v);
+    cosines[0] = cos(p), cosines[1] = cos(q), cosines[2] = cos(u), cosines[3] = cos(v);
+}
+
+/* Of four angles side by side. */
+INLINE void snake3_turns(double p, double q, double u, double v, double *restrict sines, double *restrict cosines)
+{
+#if defined(__GNUC__)
+    typedef double four __attribute__((vector_size(32)));
+    typedef uint64_t bits __attribute__((vector_size(32)));
+    const four x = {p, q, u, v};
+    const double round = 0x1.8p52;
+    const four near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
+    const four a = x - k * 0x1.921fb5444p+0, b = k * 0x1.68c234c4cp-39, c = a - b, d = c - a;
+    const four e = ((a - (c - d)) - (b + d)) - k * 0x1.98a2e03707345p-77, r = c + e, y = (c - r) + e, z = r * r;
+    const four s = -0x1.5555555555549p-3 + z * (0x1.111111110f87ap-7 + z * (-0x1.a01a019c118bdp-13 +
+        z * (0x1.71de3577acb24p-19 + z * (-0x1.ae5e6633c330cp-26 + z * 0x1.5d92ff36b5cd1p-33))));
+    const four h = 0x1.555555555554bp-5 + z * (-0x1.6c16c16c14f8ap-10 + z * (0x1.a01a019c8391bp-16 +
+        z * (-0x1.27e4f7ea3810ep-22 + z * (0x1.1ee9d752de8c6p-29 + z * -0x1.8fa46612f4219p-37))));
+    const four half = 0.5 * z, w = 1.0 - half;
+    const four sin_r = r + (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h - r * y));
+    bits n, one, two, swap;
+    memcpy(&n, &near, sizeof n); /* its last bits are those of k */
+    memcpy(&one, &sin_r, sizeof one);
+    memcpy(&two, &cos_r, sizeof two);
+    swap = (one ^ two) & (0 - (n & 1));
+    one ^= swap ^ ((n & 2) << 62);
+    two ^= swap ^ (((n + 1) & 2) << 62);
+    memcpy(sines, &one, sizeof one);
+    memcpy(cosines, &two, sizeof two);
+    if (RARELY(!(p * p + q * q + (u * u + v * v) <= 1e10)))
+#endif
+        snake3_far(p, q, u, v, sines, cosines);
 }
 
 /* Zero when all values are finite: 0 * value is 0 for finite values and NaN for the others. */
@@ -29,7 +113,7 @@ static inline double snake3_stray(const double *values, int n)
     return i < n ? even + odd + 0.0 * values[i] : even + odd;
 }
 
-/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 131 operations */
+/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 133 operations */
 int snake3_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double th = x[2];
@@ -43,74 +127,82 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
     const double m = p[1];
     const double J = p[2];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(th, phi1, phi2, 0.0, sines, cosines);
+    const double cos_th = cosines[0];
+    const double sin_th = sines[0];
+    const double cos_phi1 = cosines[1];
+    const double sin_phi1 = sines[1];
+    const double cos_phi2 = cosines[2];
+    const double sin_phi2 = sines[2];
+
     /* S: base velocities per quasi-velocity, v = S w + R c */
-    const double sin_phi1 = sin(phi1);
-    const double z1 = sin_phi1 / l;
-    const double cos_phi1 = cos(phi1);
-    const double z2 = 1.0 + cos_phi1;
-    const double sin_phi2 = sin(phi2);
-    const double cos_phi2 = cos(phi2);
-    const double z3 = (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l;
-    const double z4 = z1 - z3;
-    const double z5 = cos_phi1 * l;
-    const double z6 = sin_phi1 * l;
-    const double z7 = (cos_phi2 * z5 + sin_phi2 * z6) / l;
-    const double S_5_2 = cos_phi1 + z7;
+    const double z1 = 1.0 / l;
+    const double z2 = sin_phi1 * z1;
+    const double z3 = 1.0 + cos_phi1;
+    const double z4 = z1 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2);
+    const double z5 = z2 - z4;
+    const double z6 = cos_phi1 * l;
+    const double z7 = sin_phi1 * l;
+    const double z8 = z1 * (cos_phi2 * z6 + sin_phi2 * z7);
+    const double S_5_2 = cos_phi1 + z8;
 
     /* v: base velocities */
-    const double z8 = v * z1;
-    const double z9 = om * z2 + 2.0 * z8;
-    const double z10 = 2.0 * v;
-    const double v_5 = om * S_5_2 + z4 * z10;
+    const double z9 = v * z2;
+    const double z10 = om * z3 + 2.0 * z9;
+    const double z11 = 2.0 * v;
+    const double v_5 = om * S_5_2 + z5 * z11;
 
     /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-    const double z11 = l * l * m * 0.5;
-    const double z12 = J - 0.5 * z11;
-    const double z13 = z7 * z12;
-    const double z14 = cos_phi1 * z12;
-    const double z15 = z3 * z13 - z1 * z14;
-    const double M_w_2_2 = J + z11 + (z7 * z13 + cos_phi1 * z14);
+    const double z12 = l * l * m * 0.5;
+    const double z13 = J - 0.5 * z12;
+    const double z14 = z8 * z13;
+    const double z15 = cos_phi1 * z13;
+    const double z16 = z4 * z14 - z2 * z15;
+    const double M_w_2_2 = J + z12 + (z8 * z14 + cos_phi1 * z15);
 
     /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-    const double z16 = v * cos_phi1;
-    const double z17 = om * l;
-    const double z18 = z9 * (z16 - sin_phi1 * z17 * 0.5);
-    const double z19 = 2.0 * J;
-    const double z20 = z18 * z19 / l;
-    const double z21 = z9 * (cos_phi1 * z17 + sin_phi1 * z10) * 0.5;
-    const double z22 = 0.5 * om;
-    const double z23 = l * (z8 + cos_phi1 * z22);
-    const double z24 = z16 - z6 * z22;
-    const double z25 = v_5 * (sin_phi2 * z23 + cos_phi2 * z24) + cos_phi2 * z18;
-    const double z26 = z19 * (sin_phi2 * z21 + z25) / l;
-    const double z27 = m * z21;
-    const double z28 = v_5 * (sin_phi2 * z24 - cos_phi2 * z23) - cos_phi2 * z21;
-    const double z29 = m * (sin_phi2 * z18 + z28);
-    const double z30 = z6 * z27 - z29 * (cos_phi2 * z6 - sin_phi2 * z5);
-    const double f_w_2 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z20 + (z7 * z26 + 0.5 * z30);
+    const double z17 = v * cos_phi1;
+    const double z18 = om * l;
+    const double z19 = z10 * (z17 - sin_phi1 * z18 * 0.5);
+    const double z20 = 2.0 * J;
+    const double z21 = z19 * z20 * z1;
+    const double z22 = z10 * (cos_phi1 * z18 + sin_phi1 * z11) * 0.5;
+    const double z23 = 0.5 * om;
+    const double z24 = l * (z9 + cos_phi1 * z23);
+    const double z25 = z17 - z7 * z23;
+    const double z26 = v_5 * (sin_phi2 * z24 + cos_phi2 * z25) + cos_phi2 * z19;
+    const double z27 = z20 * (sin_phi2 * z22 + z26) * z1;
+    const double z28 = m * z22;
+    const double z29 = v_5 * (sin_phi2 * z25 - cos_phi2 * z24) - cos_phi2 * z22;
+    const double z30 = m * (sin_phi2 * z19 + z29);
+    const double z31 = z7 * z28 - z30 * (cos_phi2 * z7 - sin_phi2 * z6);
+    const double f_w_2 = S_5_2 * tau2 - z3 * tau1 + cos_phi1 * z21 + (z8 * z27 + 0.5 * z31);
 
     /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-    const double z31 = cos(th) * v;
-    const double z32 = v * sin(th);
-    const double z33 = -z9;
-    const double z34 = z15 / M_w_2_2;
-    const double z35 = z1 * (tau1 - z20) - z34 * f_w_2 - z4 * tau2;
-    const double z36 = cos_phi1 * z27 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z29;
-    const double z37 = z12 * (z3 * z3 + z1 * z1) - z15 * z34;
-    const double z38 = (z3 * z26 + 0.5 * z36 + z35) / (m + 1.3333333333333333 * z37);
-    const double z39 = -0.6666666666666666 * z38;
-    const double z40 = f_w_2 / M_w_2_2 - z34 * z38 * 1.3333333333333333;
+    const double z32 = cos_th * v;
+    const double z33 = v * sin_th;
+    const double z34 = -z10;
+    const double z35 = 1.0 / M_w_2_2;
+    const double z36 = z16 * z35;
+    const double z37 = z2 * (tau1 - z21) - z36 * f_w_2 - z5 * tau2;
+    const double z38 = cos_phi1 * z28 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z30;
+    const double z39 = z13 * (z4 * z4 + z2 * z2) - z16 * z36;
+    const double z40 = (z4 * z27 + 0.5 * z38 + z37) / (m + 1.3333333333333333 * z39);
+    const double z41 = -0.6666666666666666 * z40;
+    const double z42 = z35 * f_w_2 - z36 * z40 * 1.3333333333333333;
 
-    out[0] = z31; /* der(x), m/s */
-    out[1] = z32; /* der(y), m/s */
+    out[0] = z32; /* der(x), m/s */
+    out[1] = z33; /* der(y), m/s */
     out[2] = om; /* der(th), rad/s */
-    out[3] = z33; /* der(phi1), rad/s */
+    out[3] = z34; /* der(phi1), rad/s */
     out[4] = v_5; /* der(phi2), rad/s */
-    out[5] = z39; /* der(v), m/s^2 */
-    out[6] = z40; /* der(om), rad/s^2 */
+    out[5] = z41; /* der(v), m/s^2 */
+    out[6] = z42; /* der(om), rad/s^2 */
     (void)t;
 
-    if (!(snake3_stray(x, 7) + snake3_stray(u, 2) + snake3_stray(p, 3) + snake3_stray(out, 7) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * out[1] + 0.0 * out[5]) + (0.0 * x[1] + 0.0 * out[3] + 0.0 * out[6]) + (0.0 * out[0] + 0.0 * out[4]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
@@ -124,17 +216,23 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     const double m = p[1];
     const double J = p[2];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(phi1, phi2, 0.0, 0.0, sines, cosines);
+    const double sin_phi1 = sines[0];
+    const double cos_phi1 = cosines[0];
+    const double cos_phi2 = cosines[1];
+    const double sin_phi2 = sines[1];
+
     /* M: mass matrix M(q) of the base velocities v, nv × nv */
     const double z1 = 3.0 * m;
-    const double sin_phi1 = sin(phi1);
     const double z2 = l / 2.0;
     const double z3 = m * z2;
-    const double z4 = cos(phi2) * z3;
+    const double z4 = cos_phi2 * z3;
     const double z5 = z3 + z4;
     const double z6 = 2.0 * m * z2;
     const double z7 = z5 + z6;
-    const double cos_phi1 = cos(phi1);
-    const double z8 = z3 * sin(phi2);
+    const double z8 = z3 * sin_phi2;
     const double z9 = cos_phi1 * z8;
     const double z10 = sin_phi1 * z7 + z9;
     const double z11 = z9 + sin_phi1 * z4;
@@ -183,12 +281,12 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     (void)t;
     (void)u;
 
-    if (!(snake3_stray(x, 7) + snake3_stray(p, 3) + snake3_stray(out, 25) == 0.0))
+    if (!(snake3_stray(x, 7) + snake3_stray(out, 25) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
 
-/* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 76 operations */
+/* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 77 operations */
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -198,50 +296,55 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     const double l = p[0];
     const double m = p[1];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(phi1, phi2, 0.0, 0.0, sines, cosines);
+    const double cos_phi1 = cosines[0];
+    const double sin_phi1 = sines[0];
+    const double cos_phi2 = cosines[1];
+    const double sin_phi2 = sines[1];
+
     /* h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
     const double z1 = om * om;
     const double z2 = l / 2.0;
     const double z3 = 2.0 * m * z2;
-    const double cos_phi1 = cos(phi1);
-    const double sin_phi1 = sin(phi1);
-    const double z4 = sin_phi1 / z2;
-    const double z5 = om * (-1.0 - cos_phi1) - z4 * v + om;
-    const double z6 = z5 * z5;
-    const double z7 = m * z2;
-    const double z8 = z3 + z7;
-    const double cos_phi2 = cos(phi2);
-    const double sin_phi2 = sin(phi2);
-    const double z9 = v * (z4 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / z2);
-    const double z10 = z2 * cos_phi1;
-    const double z11 = z2 * sin_phi1 * sin_phi2 + cos_phi2 * (z10 - z10 + z10);
-    const double z12 = z9 + om * (cos_phi1 + z11 / z2) + z5;
-    const double z13 = z12 * z12 * z7;
-    const double z14 = z6 * z8 + cos_phi2 * z13;
-    const double z15 = sin_phi2 * z13;
-    const double z16 = cos_phi1 * z14 - sin_phi1 * z15 + z1 * z3;
-    const double z17 = om * v;
-    const double z18 = sin_phi1 * z14 + cos_phi1 * z15;
-    const double z19 = 3.0 * m * z17 + z18;
-    const double z20 = z2 * z15;
-    const double z21 = z1 * z2;
-    const double z22 = cos_phi1 * z17 - sin_phi1 * z21;
-    const double z23 = z2 * z6;
-    const double z24 = sin_phi2 * (cos_phi1 * z21 + sin_phi1 * z17 + z23 + z23);
-    const double z25 = z7 * (cos_phi2 * z22 - z24);
-    const double z26 = z25 + z20 + z8 * z22 + z20;
-    const double z27 = -(z26 + z2 * z18 + z3 * z17);
-    const double z28 = -z26;
-    const double z29 = -z25;
+    const double z4 = 1.0 / z2;
+    const double z5 = sin_phi1 * z4;
+    const double z6 = om * (-1.0 - cos_phi1) - z5 * v + om;
+    const double z7 = z6 * z6;
+    const double z8 = m * z2;
+    const double z9 = z3 + z8;
+    const double z10 = v * (z5 + z4 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
+    const double z11 = z2 * cos_phi1;
+    const double z12 = z2 * sin_phi1 * sin_phi2 + cos_phi2 * (z11 - z11 + z11);
+    const double z13 = z10 + om * (cos_phi1 + z4 * z12) + z6;
+    const double z14 = z13 * z13 * z8;
+    const double z15 = z7 * z9 + cos_phi2 * z14;
+    const double z16 = sin_phi2 * z14;
+    const double z17 = cos_phi1 * z15 - sin_phi1 * z16 + z1 * z3;
+    const double z18 = om * v;
+    const double z19 = sin_phi1 * z15 + cos_phi1 * z16;
+    const double z20 = 3.0 * m * z18 + z19;
+    const double z21 = z2 * z16;
+    const double z22 = z1 * z2;
+    const double z23 = cos_phi1 * z18 - sin_phi1 * z22;
+    const double z24 = z2 * z7;
+    const double z25 = sin_phi2 * (cos_phi1 * z22 + sin_phi1 * z18 + z24 + z24);
+    const double z26 = z8 * (cos_phi2 * z23 - z25);
+    const double z27 = z26 + z21 + z9 * z23 + z21;
+    const double z28 = -(z27 + z2 * z19 + z3 * z18);
+    const double z29 = -z27;
+    const double z30 = -z26;
 
-    out[0] = z16; /* base.vx */
-    out[1] = z19; /* base.vy */
-    out[2] = z27; /* base.w */
-    out[3] = z28; /* der(phi1) */
-    out[4] = z29; /* der(phi2) */
+    out[0] = z17; /* base.vx */
+    out[1] = z20; /* base.vy */
+    out[2] = z28; /* base.w */
+    out[3] = z29; /* der(phi1) */
+    out[4] = z30; /* der(phi2) */
     (void)t;
     (void)u;
 
-    if (!(snake3_stray(x, 7) + snake3_stray(p, 3) + snake3_stray(out, 5) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * p[2] + 0.0 * out[2]) + (0.0 * x[1] + 0.0 * out[0] + 0.0 * out[3]) + (0.0 * x[2] + 0.0 * out[1] + 0.0 * out[4]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
@@ -265,20 +368,24 @@ int snake3_inverse_dynamics(double t, const double *x, const double *u, const do
     const double m = p[1];
     const double J = p[2];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(phi1, phi2, 0.0, 0.0, sines, cosines);
+    const double cos_phi1 = cosines[0];
+    const double sin_phi1 = sines[0];
+    const double cos_phi2 = cosines[1];
+    const double sin_phi2 = sines[1];
+
     /* tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇) */
     const double z1 = der_base_vx - base_w * base_vy;
-    const double cos_phi1 = cos(phi1);
     const double z2 = l / 2.0;
     const double z3 = z1 + base_w * base_w * z2;
-    const double sin_phi1 = sin(phi1);
     const double z4 = base_w * base_vx + der_base_vy;
     const double z5 = z4 - z2 * der_base_w;
     const double z6 = base_w + der_phi1;
     const double z7 = z6 * z6 * z2;
     const double z8 = cos_phi1 * z3 + sin_phi1 * z5 + z7;
-    const double cos_phi2 = cos(phi2);
     const double z9 = z7 + z8;
-    const double sin_phi2 = sin(phi2);
     const double z10 = der_base_w + der_der_phi1;
     const double z11 = z2 * z10;
     const double z12 = cos_phi1 * z5 - z3 * sin_phi1 - z11;
@@ -306,12 +413,12 @@ int snake3_inverse_dynamics(double t, const double *x, const double *u, const do
     (void)t;
     (void)u;
 
-    if (!(snake3_stray(x, 15) + snake3_stray(p, 3) + snake3_stray(out, 5) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * out[0] + 0.0 * out[3]) + (0.0 * x[1] + 0.0 * out[1] + 0.0 * out[4]) + (0.0 * x[2] + 0.0 * out[2]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
 
-/* constraint violation: φ(q, t), then A v − c row by row: 47 operations */
+/* constraint violation: φ(q, t), then A v − c row by row: 48 operations */
 int snake3_constraints(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -320,38 +427,43 @@ int snake3_constraints(double t, const double *x, const double *u, const double 
     const double om = x[6];
     const double l = p[0];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(phi1, phi2, 0.0, 0.0, sines, cosines);
+    const double sin_phi1 = sines[0];
+    const double cos_phi1 = cosines[0];
+    const double sin_phi2 = sines[1];
+    const double cos_phi2 = cosines[1];
+
     /* violation: constraint violation: φ(q, t), then A v − c row by row */
-    const double sin_phi1 = sin(phi1);
     const double z1 = l / 2.0;
-    const double cos_phi1 = cos(phi1);
     const double z2 = cos_phi1 * z1;
     const double z3 = z1 + z2;
-    const double z4 = sin_phi1 / z1;
-    const double z5 = om * (-1.0 - cos_phi1) - v * z4;
-    const double z6 = -(sin_phi1 * v + z3 * om + z1 * z5);
-    const double sin_phi2 = sin(phi2);
-    const double z7 = sin_phi1 * z1 * sin_phi2;
-    const double cos_phi2 = cos(phi2);
-    const double z8 = cos_phi1 * sin_phi2;
-    const double z9 = sin_phi1 * cos_phi2;
-    const double z10 = om * (z1 - (z7 - cos_phi2 * (z1 + z3))) + v * (z8 + z9);
-    const double z11 = cos_phi1 + (z7 + cos_phi2 * (z2 - z2 + z2)) / z1;
-    const double z12 = v * (z4 - (z8 - z9) / z1) + om * z11;
-    const double z13 = z10 + z5 * (z1 + l * cos_phi2) + z1 * z12;
-    const double z14 = -z13;
+    const double z4 = 1.0 / z1;
+    const double z5 = sin_phi1 * z4;
+    const double z6 = om * (-1.0 - cos_phi1) - v * z5;
+    const double z7 = -(sin_phi1 * v + z3 * om + z1 * z6);
+    const double z8 = sin_phi1 * z1 * sin_phi2;
+    const double z9 = cos_phi1 * sin_phi2;
+    const double z10 = sin_phi1 * cos_phi2;
+    const double z11 = om * (z1 - (z8 - cos_phi2 * (z1 + z3))) + v * (z9 + z10);
+    const double z12 = cos_phi1 + z4 * (z8 + cos_phi2 * (z2 - z2 + z2));
+    const double z13 = v * (z5 - z4 * (z9 - z10)) + om * z12;
+    const double z14 = z11 + z6 * (z1 + l * cos_phi2) + z1 * z13;
+    const double z15 = -z14;
 
     out[0] = 0.0; /* velocity wheel1 */
-    out[1] = z6; /* velocity wheel2 */
-    out[2] = z14; /* velocity wheel3 */
+    out[1] = z7; /* velocity wheel2 */
+    out[2] = z15; /* velocity wheel3 */
     (void)t;
     (void)u;
 
-    if (!(snake3_stray(x, 7) + snake3_stray(p, 3) + snake3_stray(out, 3) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * p[1] + 0.0 * out[2]) + (0.0 * x[1] + 0.0 * p[2]) + (0.0 * x[2] + 0.0 * out[1]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
 
-/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 247 operations */
+/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 249 operations */
 int snake3_reactions(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -364,16 +476,20 @@ int snake3_reactions(double t, const double *x, const double *u, const double *p
     const double m = p[1];
     const double J = p[2];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(phi1, phi2, 0.0, 0.0, sines, cosines);
+    const double sin_phi1 = sines[0];
+    const double cos_phi1 = cosines[0];
+    const double sin_phi2 = sines[1];
+    const double cos_phi2 = cosines[1];
+
     /* lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row */
     const double z1 = l / 2.0;
     const double z2 = 2.0 * m * z1;
-    const double sin_phi1 = sin(phi1);
-    const double sin_phi2 = sin(phi2);
     const double z3 = m * z1;
     const double z4 = sin_phi2 * z3;
     const double z5 = sin_phi1 * z4;
-    const double cos_phi1 = cos(phi1);
-    const double cos_phi2 = cos(phi2);
     const double z6 = z3 * cos_phi2;
     const double z7 = z3 + z6;
     const double z8 = z7 + z2;
@@ -383,97 +499,98 @@ int snake3_reactions(double t, const double *x, const double *u, const double *p
     const double z12 = z1 * cos_phi1;
     const double z13 = z12 - z12;
     const double z14 = z12 + z13;
-    const double z15 = (sin_phi2 * z11 + cos_phi2 * z14) / z1;
-    const double z16 = cos_phi1 + z15;
-    const double z17 = cos_phi1 * v;
-    const double z18 = z1 * om;
-    const double z19 = sin_phi1 / z1;
-    const double z20 = v * z19;
-    const double z21 = z10 * om - z20;
-    const double z22 = (z17 - sin_phi1 * z18) * z21;
-    const double z23 = z22 / z1;
-    const double z24 = J * z23;
-    const double z25 = z20 + cos_phi1 * om;
-    const double z26 = z13 * om;
-    const double z27 = z21 * (sin_phi1 * v + cos_phi1 * z18);
-    const double z28 = m * (z25 * z26 - z27);
-    const double z29 = z17 - z11 * om;
-    const double z30 = cos_phi1 * z24 - (z11 * z28 + z25 * z29 * m * z13);
-    const double z31 = z26 + z1 * z25;
-    const double z32 = (sin_phi1 * cos_phi2 - sin_phi2 * cos_phi1) / z1;
-    const double z33 = z19 + z32;
-    const double z34 = v * z33 + z16 * om;
-    const double z35 = sin_phi2 * z27 + cos_phi2 * z22 - (cos_phi2 * z29 + sin_phi2 * z31) * z34;
-    const double z36 = z35 / z1;
-    const double z37 = J * z36;
-    const double z38 = sin_phi2 * z22 - cos_phi2 * z27 + z34 * (cos_phi2 * z31 - sin_phi2 * z29);
-    const double z39 = m * z38;
-    const double z40 = z15 * z37 + (sin_phi2 * z14 - cos_phi2 * z11) * z39;
-    const double z41 = z10 * tau1 + z16 * tau2 - (z30 + z40);
-    const double z42 = z1 * z2;
-    const double z43 = z1 * z3;
-    const double z44 = J + z43;
-    const double z45 = z42 - z44;
-    const double z46 = z3 + z2;
-    const double z47 = cos_phi1 * z45 - z13 * z46;
-    const double z48 = J + z42 - (cos_phi1 * z47 - cos_phi1 * z46 * z13);
-    const double z49 = J - z43;
-    const double z50 = z15 * z49;
-    const double z51 = z48 + z15 * z50;
-    const double z52 = z19 * z47 - z32 * z50;
-    const double z53 = z52 / z51;
-    const double z54 = cos_phi1 * cos_phi2;
-    const double z55 = sin_phi1 * sin_phi2;
-    const double z56 = z19 * z24 + cos_phi1 * z28 + (z32 * z37 + z39 * (z54 + z55));
-    const double z57 = tau2 * z33 - tau1 * z19 - z56 + z41 * z53;
-    const double z58 = 3.0 * m;
-    const double z59 = z58 - z19 * z45 * z19 + z32 * z49 * z32;
-    const double z60 = z57 / (z59 - z52 * z53);
-    const double z61 = z41 / z51 + z53 * z60;
-    const double z62 = z23 - (z10 * z61 - z19 * z60);
-    const double z63 = z5 - cos_phi1 * z6;
-    const double z64 = z33 * z60 + z16 * z61 + (z23 + z36);
-    const double z65 = (z2 - z9) * z61 + z9 * z62 - z63 * z64;
-    const double z66 = v * om;
-    const double z67 = om + z21;
-    const double z68 = z67 * z67;
-    const double z69 = z34 + z67;
-    const double z70 = z69 * z69 * z3;
-    const double z71 = sin_phi2 * z70;
-    const double z72 = sin_phi1 * (z46 * z68 + cos_phi2 * z70) + cos_phi1 * z71;
-    const double z73 = z4 * cos_phi1;
-    const double z74 = z1 * z7;
-    const double z75 = z1 * z6;
-    const double z76 = z74 + z75 + z44 + J + z74 + z1 * z8;
-    const double z77 = z60 * (z73 + sin_phi1 * z8) + z61 * (z76 - z1 * z9);
-    const double z78 = z44 + z75 + z75;
-    const double z79 = z1 * z71;
-    const double z80 = om * om * z1;
-    const double z81 = cos_phi1 * z66 - sin_phi1 * z80;
-    const double z82 = z1 * z68;
-    const double z83 = sin_phi2 * (cos_phi1 * z80 + sin_phi1 * z66 + z82 + z82);
-    const double z84 = z3 * (cos_phi2 * z81 - z83);
-    const double z85 = z77 - z62 * z76 + z64 * z78 - (z84 + z79 + z46 * z81 + z79 + tau1);
-    const double z86 = z60 * (z73 + sin_phi1 * z6) + z61 * (z78 - z1 * z63);
-    const double z87 = z86 - z62 * z78 + z44 * z64 - (tau2 + z84);
-    const double z88 = z87 / z1;
-    const double z89 = (z85 - (z1 + l * cos_phi2) * z88) / z1;
-    const double z90 = z65 - (z58 * z66 + z72) - (cos_phi1 * z89 + z88 * (z54 - z55));
-    const double z91 = -z90;
-    const double z92 = -z89;
-    const double z93 = -z88;
+    const double z15 = 1.0 / z1;
+    const double z16 = (sin_phi2 * z11 + cos_phi2 * z14) * z15;
+    const double z17 = cos_phi1 + z16;
+    const double z18 = cos_phi1 * v;
+    const double z19 = z1 * om;
+    const double z20 = sin_phi1 * z15;
+    const double z21 = v * z20;
+    const double z22 = z10 * om - z21;
+    const double z23 = (z18 - sin_phi1 * z19) * z22;
+    const double z24 = z15 * z23;
+    const double z25 = J * z24;
+    const double z26 = z21 + cos_phi1 * om;
+    const double z27 = z13 * om;
+    const double z28 = z22 * (sin_phi1 * v + cos_phi1 * z19);
+    const double z29 = m * (z26 * z27 - z28);
+    const double z30 = z18 - z11 * om;
+    const double z31 = cos_phi1 * z25 - (z11 * z29 + z26 * z30 * m * z13);
+    const double z32 = z27 + z1 * z26;
+    const double z33 = z15 * (sin_phi1 * cos_phi2 - sin_phi2 * cos_phi1);
+    const double z34 = z20 + z33;
+    const double z35 = v * z34 + z17 * om;
+    const double z36 = sin_phi2 * z28 + cos_phi2 * z23 - (cos_phi2 * z30 + sin_phi2 * z32) * z35;
+    const double z37 = z15 * z36;
+    const double z38 = J * z37;
+    const double z39 = sin_phi2 * z23 - cos_phi2 * z28 + z35 * (cos_phi2 * z32 - sin_phi2 * z30);
+    const double z40 = m * z39;
+    const double z41 = z16 * z38 + (sin_phi2 * z14 - cos_phi2 * z11) * z40;
+    const double z42 = z10 * tau1 + z17 * tau2 - (z31 + z41);
+    const double z43 = z1 * z2;
+    const double z44 = z1 * z3;
+    const double z45 = J + z44;
+    const double z46 = z43 - z45;
+    const double z47 = z3 + z2;
+    const double z48 = cos_phi1 * z46 - z13 * z47;
+    const double z49 = J + z43 - (cos_phi1 * z48 - cos_phi1 * z47 * z13);
+    const double z50 = J - z44;
+    const double z51 = z16 * z50;
+    const double z52 = 1.0 / (z49 + z16 * z51);
+    const double z53 = z20 * z48 - z33 * z51;
+    const double z54 = z52 * z53;
+    const double z55 = cos_phi1 * cos_phi2;
+    const double z56 = sin_phi1 * sin_phi2;
+    const double z57 = z20 * z25 + cos_phi1 * z29 + (z33 * z38 + z40 * (z55 + z56));
+    const double z58 = tau2 * z34 - tau1 * z20 - z57 + z42 * z54;
+    const double z59 = 3.0 * m;
+    const double z60 = z59 - z20 * z46 * z20 + z33 * z50 * z33;
+    const double z61 = z58 / (z60 - z53 * z54);
+    const double z62 = z42 * z52 + z54 * z61;
+    const double z63 = z24 - (z10 * z62 - z20 * z61);
+    const double z64 = z5 - cos_phi1 * z6;
+    const double z65 = z34 * z61 + z17 * z62 + (z24 + z37);
+    const double z66 = (z2 - z9) * z62 + z9 * z63 - z64 * z65;
+    const double z67 = v * om;
+    const double z68 = om + z22;
+    const double z69 = z68 * z68;
+    const double z70 = z35 + z68;
+    const double z71 = z70 * z70 * z3;
+    const double z72 = sin_phi2 * z71;
+    const double z73 = sin_phi1 * (z47 * z69 + cos_phi2 * z71) + cos_phi1 * z72;
+    const double z74 = z4 * cos_phi1;
+    const double z75 = z1 * z7;
+    const double z76 = z1 * z6;
+    const double z77 = z75 + z76 + z45 + J + z75 + z1 * z8;
+    const double z78 = z61 * (z74 + sin_phi1 * z8) + z62 * (z77 - z1 * z9);
+    const double z79 = z45 + z76 + z76;
+    const double z80 = z1 * z72;
+    const double z81 = om * om * z1;
+    const double z82 = cos_phi1 * z67 - sin_phi1 * z81;
+    const double z83 = z1 * z69;
+    const double z84 = sin_phi2 * (cos_phi1 * z81 + sin_phi1 * z67 + z83 + z83);
+    const double z85 = z3 * (cos_phi2 * z82 - z84);
+    const double z86 = z78 - z63 * z77 + z65 * z79 - (z85 + z80 + z47 * z82 + z80 + tau1);
+    const double z87 = z61 * (z74 + sin_phi1 * z6) + z62 * (z79 - z1 * z64);
+    const double z88 = z87 - z63 * z79 + z45 * z65 - (tau2 + z85);
+    const double z89 = z15 * z88;
+    const double z90 = z15 * (z86 - (z1 + l * cos_phi2) * z89);
+    const double z91 = z66 - (z59 * z67 + z73) - (cos_phi1 * z90 + z89 * (z55 - z56));
+    const double z92 = -z91;
+    const double z93 = -z90;
+    const double z94 = -z89;
 
-    out[0] = z91; /* wheel1 */
-    out[1] = z92; /* wheel2 */
-    out[2] = z93; /* wheel3 */
+    out[0] = z92; /* wheel1 */
+    out[1] = z93; /* wheel2 */
+    out[2] = z94; /* wheel3 */
     (void)t;
 
-    if (!(snake3_stray(x, 7) + snake3_stray(u, 2) + snake3_stray(p, 3) + snake3_stray(out, 3) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * out[0]) + (0.0 * x[1] + 0.0 * out[1]) + (0.0 * x[2] + 0.0 * out[2]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
 
-/* kinetic and potential energy T, V: 62 operations */
+/* kinetic and potential energy T, V: 63 operations */
 int snake3_energy(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -484,39 +601,44 @@ int snake3_energy(double t, const double *x, const double *u, const double *p, d
     const double m = p[1];
     const double J = p[2];
 
-    /* energy: kinetic and potential energy T, V */
-    const double cos_phi1 = cos(phi1);
-    const double z1 = om * l;
-    const double sin_phi1 = sin(phi1);
-    const double z2 = sin_phi1 / l;
-    const double z3 = 2.0 * v;
-    const double z4 = om - z2 * z3 - om * (1.0 + cos_phi1);
-    const double z5 = l * z4;
-    const double z6 = z5 + sin_phi1 * z3 + cos_phi1 * z1;
-    const double z7 = sin_phi1 * z1 - cos_phi1 * z3;
-    const double cos_phi2 = cos(phi2);
-    const double z8 = z5 + z6;
-    const double sin_phi2 = sin(phi2);
-    const double z9 = 2.0 * (z2 - (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2) / l);
-    const double z10 = z4 + om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1);
-    const double z11 = v * z9 + z10;
-    const double z12 = l * z11 - z7 * sin_phi2 + cos_phi2 * z8;
-    const double z13 = sin_phi2 * z8 + z7 * cos_phi2;
-    const double z14 = z6 * z6 + z7 * z7 + (z12 * z12 + z13 * z13);
-    const double z15 = J * (om * om + z4 * z4 + z11 * z11);
-    const double z16 = 0.5 * (m * (v * v + 0.25 * z14) + z15);
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(phi1, phi2, 0.0, 0.0, sines, cosines);
+    const double cos_phi1 = cosines[0];
+    const double sin_phi1 = sines[0];
+    const double cos_phi2 = cosines[1];
+    const double sin_phi2 = sines[1];
 
-    out[0] = z16; /* T, J */
+    /* energy: kinetic and potential energy T, V */
+    const double z1 = om * l;
+    const double z2 = 1.0 / l;
+    const double z3 = sin_phi1 * z2;
+    const double z4 = 2.0 * v;
+    const double z5 = om - z3 * z4 - om * (1.0 + cos_phi1);
+    const double z6 = l * z5;
+    const double z7 = z6 + sin_phi1 * z4 + cos_phi1 * z1;
+    const double z8 = sin_phi1 * z1 - cos_phi1 * z4;
+    const double z9 = z6 + z7;
+    const double z10 = 2.0 * (z3 - z2 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2));
+    const double z11 = z5 + om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1);
+    const double z12 = v * z10 + z11;
+    const double z13 = l * z12 - z8 * sin_phi2 + cos_phi2 * z9;
+    const double z14 = sin_phi2 * z9 + z8 * cos_phi2;
+    const double z15 = z7 * z7 + z8 * z8 + (z13 * z13 + z14 * z14);
+    const double z16 = J * (om * om + z5 * z5 + z12 * z12);
+    const double z17 = 0.5 * (m * (v * v + 0.25 * z15) + z16);
+
+    out[0] = z17; /* T, J */
     out[1] = 0.0; /* V, J */
     (void)t;
     (void)u;
 
-    if (!(snake3_stray(x, 7) + snake3_stray(p, 3) + snake3_stray(out, 2) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * out[0]) + (0.0 * x[1]) + (0.0 * x[2]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
 
-/* power of forces without potential: d(T + V)/dt: 26 operations */
+/* power of forces without potential: d(T + V)/dt: 27 operations */
 int snake3_power(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -527,26 +649,31 @@ int snake3_power(double t, const double *x, const double *u, const double *p, do
     const double tau2 = u[1];
     const double l = p[0];
 
-    /* power: power of forces without potential: d(T + V)/dt */
-    const double sin_phi1 = sin(phi1);
-    const double z1 = sin_phi1 / l;
-    const double cos_phi2 = cos(phi2);
-    const double cos_phi1 = cos(phi1);
-    const double sin_phi2 = sin(phi2);
-    const double z2 = 2.0 * (z1 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / l);
-    const double z3 = v * z2 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2);
-    const double z4 = tau1 * ((1.0 + cos_phi1) * om + z1 * v * 2.0);
-    const double z5 = tau2 * z3 - z4;
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(phi1, phi2, 0.0, 0.0, sines, cosines);
+    const double cos_phi1 = cosines[0];
+    const double sin_phi1 = sines[0];
+    const double cos_phi2 = cosines[1];
+    const double sin_phi2 = sines[1];
 
-    out[0] = z5; /* power, W */
+    /* power: power of forces without potential: d(T + V)/dt */
+    const double z1 = 1.0 / l;
+    const double z2 = sin_phi1 * z1;
+    const double z3 = 2.0 * (z2 + z1 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
+    const double z4 = v * z3 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2);
+    const double z5 = tau1 * ((1.0 + cos_phi1) * om + z2 * v * 2.0);
+    const double z6 = tau2 * z4 - z5;
+
+    out[0] = z6; /* power, W */
     (void)t;
 
-    if (!(snake3_stray(x, 7) + snake3_stray(u, 2) + snake3_stray(p, 3) + snake3_stray(out, 1) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * p[0] + 0.0 * out[0]) + (0.0 * x[1] + 0.0 * p[1]) + (0.0 * x[2] + 0.0 * p[2]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
 
-/* base velocities v = S w + R c: 23 operations */
+/* base velocities v = S w + R c: 24 operations */
 int snake3_velocity(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -555,25 +682,30 @@ int snake3_velocity(double t, const double *x, const double *u, const double *p,
     const double om = x[6];
     const double l = p[0];
 
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(phi1, phi2, 0.0, 0.0, sines, cosines);
+    const double cos_phi1 = cosines[0];
+    const double sin_phi1 = sines[0];
+    const double cos_phi2 = cosines[1];
+    const double sin_phi2 = sines[1];
+
     /* v: base velocities v = S w + R c */
-    const double cos_phi1 = cos(phi1);
-    const double sin_phi1 = sin(phi1);
-    const double z1 = sin_phi1 / l;
-    const double z2 = -(om * (1.0 + cos_phi1) + v * z1 * 2.0);
-    const double cos_phi2 = cos(phi2);
-    const double sin_phi2 = sin(phi2);
-    const double z3 = 2.0 * (z1 + (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2) / l);
-    const double z4 = v * z3 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2);
+    const double z1 = 1.0 / l;
+    const double z2 = sin_phi1 * z1;
+    const double z3 = -(om * (1.0 + cos_phi1) + v * z2 * 2.0);
+    const double z4 = 2.0 * (z2 + z1 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
+    const double z5 = v * z4 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2);
 
     out[0] = v; /* base.vx, m/s */
     out[1] = 0.0; /* base.vy, m/s */
     out[2] = om; /* base.w, rad/s */
-    out[3] = z2; /* der(phi1), rad/s */
-    out[4] = z4; /* der(phi2), rad/s */
+    out[3] = z3; /* der(phi1), rad/s */
+    out[4] = z5; /* der(phi2), rad/s */
     (void)t;
     (void)u;
 
-    if (!(snake3_stray(x, 7) + snake3_stray(p, 3) + snake3_stray(out, 5) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * p[0] + 0.0 * out[3]) + (0.0 * x[1] + 0.0 * p[1] + 0.0 * out[4]) + (0.0 * x[2] + 0.0 * p[2]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }
@@ -600,7 +732,245 @@ int snake3_state(double t, const double *x, const double *u, const double *p, do
     (void)u;
     (void)p;
 
-    if (!(snake3_stray(x, 10) + snake3_stray(out, 7) == 0.0))
+    if (!((0.0 * x[0] + 0.0 * x[3] + 0.0 * x[6] + 0.0 * x[9]) + (0.0 * x[1] + 0.0 * x[4] + 0.0 * x[7]) + (0.0 * x[2] + 0.0 * x[5] + 0.0 * x[8]) == 0.0))
+        return SNAKE3_NOT_FINITE;
+    return SNAKE3_OK;
+}
+
+/* rates q̇ = N(q) v of the coordinates, from (q, v): 8 operations */
+int snake3_qdot(double t, const double *x, const double *u, const double *p, double *restrict out)
+{
+    const double th = x[2];
+    const double base_vx = x[5];
+    const double base_vy = x[6];
+    const double base_w = x[7];
+    const double der_phi1 = x[8];
+    const double der_phi2 = x[9];
+
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(th, 0.0, 0.0, 0.0, sines, cosines);
+    const double cos_th = cosines[0];
+    const double sin_th = sines[0];
+
+    /* qdot: rates q̇ = N(q) v of the coordinates, from (q, v) */
+    const double z1 = cos_th * base_vx - sin_th * base_vy;
+    const double z2 = cos_th * base_vy + base_vx * sin_th;
+
+    out[0] = z1; /* der(x) */
+    out[1] = z2; /* der(y) */
+    out[2] = base_w; /* der(th) */
+    out[3] = der_phi1; /* der(phi1) */
+    out[4] = der_phi2; /* der(phi2) */
+    (void)t;
+    (void)u;
+    (void)p;
+
+    if (!((0.0 * x[0] + 0.0 * x[4] + 0.0 * x[9]) + (0.0 * x[1] + 0.0 * x[7] + 0.0 * out[0]) + (0.0 * x[3] + 0.0 * x[8] + 0.0 * out[1]) == 0.0))
+        return SNAKE3_NOT_FINITE;
+    return SNAKE3_OK;
+}
+
+/* q ⊕ d: the configuration a displacement d over v away, from (q, d): 13 operations */
+int snake3_integrate(double t, const double *x, const double *u, const double *p, double *restrict out)
+{
+    const double x_2 = x[0];
+    const double y = x[1];
+    const double th = x[2];
+    const double phi1 = x[3];
+    const double phi2 = x[4];
+    const double d_base_vx = x[5];
+    const double d_base_vy = x[6];
+    const double d_base_w = x[7];
+    const double d_der_phi1 = x[8];
+    const double d_der_phi2 = x[9];
+
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(th, 0.0, 0.0, 0.0, sines, cosines);
+    const double cos_th = cosines[0];
+    const double sin_th = sines[0];
+
+    /* q: q ⊕ d: the configuration a displacement d over v away, from (q, d) */
+    const double z1 = x_2 - sin_th * d_base_vy + cos_th * d_base_vx;
+    const double z2 = y + cos_th * d_base_vy + d_base_vx * sin_th;
+    const double z3 = th + d_base_w;
+    const double z4 = phi1 + d_der_phi1;
+    const double z5 = phi2 + d_der_phi2;
+
+    out[0] = z1; /* x */
+    out[1] = z2; /* y */
+    out[2] = z3; /* th */
+    out[3] = z4; /* phi1 */
+    out[4] = z5; /* phi2 */
+    (void)t;
+    (void)u;
+    (void)p;
+
+    if (!((0.0 * out[0] + 0.0 * out[3]) + (0.0 * out[1] + 0.0 * out[4]) + (0.0 * out[2]) == 0.0))
+        return SNAKE3_NOT_FINITE;
+    return SNAKE3_OK;
+}
+
+/* q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁): 13 operations */
+int snake3_difference(double t, const double *x, const double *u, const double *p, double *restrict out)
+{
+    const double x_2 = x[0];
+    const double y = x[1];
+    const double th = x[2];
+    const double phi1 = x[3];
+    const double phi2 = x[4];
+    const double to_x = x[5];
+    const double to_y = x[6];
+    const double to_th = x[7];
+    const double to_phi1 = x[8];
+    const double to_phi2 = x[9];
+
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(th, 0.0, 0.0, 0.0, sines, cosines);
+    const double cos_th = cosines[0];
+    const double sin_th = sines[0];
+
+    /* d: q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁) */
+    const double z1 = to_y - y;
+    const double z2 = to_x - x_2;
+    const double z3 = sin_th * z1 + cos_th * z2;
+    const double z4 = cos_th * z1 - z2 * sin_th;
+    const double z5 = to_th - th;
+    const double z6 = to_phi1 - phi1;
+    const double z7 = to_phi2 - phi2;
+
+    out[0] = z3; /* d base.vx */
+    out[1] = z4; /* d base.vy */
+    out[2] = z5; /* d base.w */
+    out[3] = z6; /* d der(phi1) */
+    out[4] = z7; /* d der(phi2) */
+    (void)t;
+    (void)u;
+    (void)p;
+
+    if (!((0.0 * out[0] + 0.0 * out[3]) + (0.0 * out[1] + 0.0 * out[4]) + (0.0 * out[2]) == 0.0))
+        return SNAKE3_NOT_FINITE;
+    return SNAKE3_OK;
+}
+
+/* constants of dynamics, from parameters alone: 8 operations */
+int snake3_dynamics_precompute(const double *p, double *restrict c)
+{
+    const double l = p[0];
+    const double m = p[1];
+    const double J = p[2];
+
+    /* c: constants of dynamics, from parameters alone */
+    const double z1 = 1.0 / l;
+    const double z2 = 2.0 * J;
+    const double z3 = l * l * m * 0.5;
+    const double z4 = J - 0.5 * z3;
+    const double z5 = J + z3;
+
+    c[0] = l; /* l */
+    c[1] = z1; /* c2 */
+    c[2] = z2; /* c3 */
+    c[3] = m; /* m */
+    c[4] = z4; /* c5 */
+    c[5] = z5; /* c6 */
+
+    if (!((0.0 * c[1] + 0.0 * c[5]) + (0.0 * c[2]) + (0.0 * c[4]) == 0.0))
+        return SNAKE3_NOT_FINITE;
+    return SNAKE3_OK;
+}
+
+/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 125 operations */
+int snake3_dynamics_precomputed(double t, const double *x, const double *u, const double *c, double *restrict out)
+{
+    const double th = x[2];
+    const double phi1 = x[3];
+    const double phi2 = x[4];
+    const double v = x[5];
+    const double om = x[6];
+    const double tau1 = u[0];
+    const double tau2 = u[1];
+    const double l = c[0];
+    const double c2 = c[1];
+    const double c3 = c[2];
+    const double m = c[3];
+    const double c5 = c[4];
+    const double c6 = c[5];
+
+    /* angles: their sines and cosines, all together */
+    double sines[4], cosines[4];
+    snake3_turns(th, phi1, phi2, 0.0, sines, cosines);
+    const double cos_th = cosines[0];
+    const double sin_th = sines[0];
+    const double cos_phi1 = cosines[1];
+    const double sin_phi1 = sines[1];
+    const double cos_phi2 = cosines[2];
+    const double sin_phi2 = sines[2];
+
+    /* S: base velocities per quasi-velocity, v = S w + R c */
+    const double z1 = sin_phi1 * c2;
+    const double z2 = 1.0 + cos_phi1;
+    const double z3 = c2 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2);
+    const double z4 = z1 - z3;
+    const double z5 = cos_phi1 * l;
+    const double z6 = sin_phi1 * l;
+    const double z7 = c2 * (cos_phi2 * z5 + sin_phi2 * z6);
+    const double S_5_2 = cos_phi1 + z7;
+
+    /* v: base velocities */
+    const double z8 = v * z1;
+    const double z9 = om * z2 + 2.0 * z8;
+    const double z10 = 2.0 * v;
+    const double v_5 = om * S_5_2 + z4 * z10;
+
+    /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
+    const double z11 = z7 * c5;
+    const double z12 = cos_phi1 * c5;
+    const double z13 = z3 * z11 - z1 * z12;
+    const double M_w_2_2 = z7 * z11 + cos_phi1 * z12 + c6;
+
+    /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
+    const double z14 = v * cos_phi1;
+    const double z15 = om * l;
+    const double z16 = z9 * (z14 - sin_phi1 * z15 * 0.5);
+    const double z17 = z16 * c3 * c2;
+    const double z18 = z9 * (cos_phi1 * z15 + sin_phi1 * z10) * 0.5;
+    const double z19 = 0.5 * om;
+    const double z20 = l * (z8 + cos_phi1 * z19);
+    const double z21 = z14 - z6 * z19;
+    const double z22 = v_5 * (sin_phi2 * z20 + cos_phi2 * z21) + cos_phi2 * z16;
+    const double z23 = c3 * (sin_phi2 * z18 + z22) * c2;
+    const double z24 = m * z18;
+    const double z25 = v_5 * (sin_phi2 * z21 - cos_phi2 * z20) - cos_phi2 * z18;
+    const double z26 = m * (sin_phi2 * z16 + z25);
+    const double z27 = z6 * z24 - z26 * (cos_phi2 * z6 - sin_phi2 * z5);
+    const double f_w_2 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z17 + (z7 * z23 + 0.5 * z27);
+
+    /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
+    const double z28 = cos_th * v;
+    const double z29 = v * sin_th;
+    const double z30 = -z9;
+    const double z31 = 1.0 / M_w_2_2;
+    const double z32 = z13 * z31;
+    const double z33 = z1 * (tau1 - z17) - z32 * f_w_2 - z4 * tau2;
+    const double z34 = cos_phi1 * z24 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z26;
+    const double z35 = c5 * (z3 * z3 + z1 * z1) - z13 * z32;
+    const double z36 = (z3 * z23 + 0.5 * z34 + z33) / (m + 1.3333333333333333 * z35);
+    const double z37 = -0.6666666666666666 * z36;
+    const double z38 = z31 * f_w_2 - z32 * z36 * 1.3333333333333333;
+
+    out[0] = z28; /* der(x), m/s */
+    out[1] = z29; /* der(y), m/s */
+    out[2] = om; /* der(th), rad/s */
+    out[3] = z30; /* der(phi1), rad/s */
+    out[4] = v_5; /* der(phi2), rad/s */
+    out[5] = z37; /* der(v), m/s^2 */
+    out[6] = z38; /* der(om), rad/s^2 */
+    (void)t;
+
+
+    if (!((0.0 * x[0] + 0.0 * out[1] + 0.0 * out[5]) + (0.0 * x[1] + 0.0 * out[3] + 0.0 * out[6]) + (0.0 * out[0] + 0.0 * out[4]) == 0.0))
         return SNAKE3_NOT_FINITE;
     return SNAKE3_OK;
 }

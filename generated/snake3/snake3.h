@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "e6c242a78e36673c02f7b16bd8c9d0c0"
+#define SNAKE3_PROGRAM "35dd1721dc1769818dc6858bf1ff4410"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2
@@ -33,6 +33,9 @@ extern "C" {
 #define SNAKE3_N_POWER 1
 #define SNAKE3_N_VELOCITY 5
 #define SNAKE3_N_STATE 7
+#define SNAKE3_N_QDOT 5
+#define SNAKE3_N_INTEGRATE 5
+#define SNAKE3_N_DIFFERENCE 5
 
 /* What a function returns. After anything but SNAKE3_OK the result must not be used. */
 enum {
@@ -70,9 +73,11 @@ enum {
 extern const double snake3_defaults[SNAKE3_NP];
 
 typedef int (*snake3_function)(double t, const double *x, const double *u, const double *p, double *out);
+typedef size_t (*snake3_batch)(size_t rows, const double *t, ptrdiff_t t_stride, const double *x, ptrdiff_t x_stride, const double *u,
+    ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *out, ptrdiff_t out_stride, signed char *status);
 
 /* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): out[7].
-   131 operations; reads x, u, p. */
+   133 operations; reads x, u, p. */
 int snake3_dynamics(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* mass matrix M(q) of the base velocities v, nv × nv: out[25], 5 x 5 row by row.
@@ -80,7 +85,7 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
 int snake3_mass(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[5].
-   76 operations; reads x, p. */
+   77 operations; reads x, p. */
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): out[5].
@@ -89,23 +94,23 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
 int snake3_inverse_dynamics(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* constraint violation: φ(q, t), then A v − c row by row: out[3].
-   47 operations; reads x, p. */
+   48 operations; reads x, p. */
 int snake3_constraints(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: out[3].
-   247 operations; reads x, u, p. */
+   249 operations; reads x, u, p. */
 int snake3_reactions(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* kinetic and potential energy T, V: out[2].
-   62 operations; reads x, p. */
+   63 operations; reads x, p. */
 int snake3_energy(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* power of forces without potential: d(T + V)/dt: out[1].
-   26 operations; reads x, u, p. */
+   27 operations; reads x, u, p. */
 int snake3_power(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* base velocities v = S w + R c: out[5].
-   23 operations; reads x, p. */
+   24 operations; reads x, p. */
 int snake3_velocity(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* state x = (q, w) from (q, v): w = B v: out[7].
@@ -113,10 +118,39 @@ int snake3_velocity(double t, const double *x, const double *u, const double *p,
    In the place of the state: x[10] = x, y, th, phi1, phi2, base.vx, base.vy, base.w, der(phi1), der(phi2). */
 int snake3_state(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
+/* rates q̇ = N(q) v of the coordinates, from (q, v): out[5].
+   8 operations; reads x.
+   In the place of the state: x[10] = x, y, th, phi1, phi2, base.vx, base.vy, base.w, der(phi1), der(phi2). */
+int snake3_qdot(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
+
+/* q ⊕ d: the configuration a displacement d over v away, from (q, d): out[5].
+   13 operations; reads x.
+   In the place of the state: x[10] = x, y, th, phi1, phi2, d base.vx, d base.vy, d base.w, d der(phi1), d der(phi2). */
+int snake3_integrate(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
+
+/* q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁): out[5].
+   13 operations; reads x.
+   In the place of the state: x[10] = x, y, th, phi1, phi2, to x, to y, to th, to phi1, to phi2. */
+int snake3_difference(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
+
 /* Evaluates a function with n results on many rows. A stride is the distance between rows in doubles, 0 to use one row for all.
    Rows that fail become NaN; status (one per row) may be NULL. Returns how many failed. */
 size_t snake3_rows(snake3_function function, size_t n, size_t rows, const double *t, ptrdiff_t t_stride, const double *x,
     ptrdiff_t x_stride, const double *u, ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *out, signed char *status);
+
+/* snake3_dynamics in two steps, for many states with the same parameters: c[6] from p, with a status; then the
+   result from t, x, u and c in 125 operations instead of 133. */
+#define SNAKE3_NC_DYNAMICS 6
+int snake3_dynamics_precompute(const double *p, double *SNAKE3_RESTRICT c);
+int snake3_dynamics_precomputed(double t, const double *x, const double *u, const double *c, double *SNAKE3_RESTRICT out);
+
+/* snake3_dynamics at many states, several of them side by side: as snake3_rows does it, but faster. Results differ from
+   those one by one by rounding. The rows of out, out_stride apart, must not overlap the arguments. */
+size_t snake3_dynamics_batch(size_t rows, const double *t, ptrdiff_t t_stride, const double *x, ptrdiff_t x_stride, const double *u,
+    ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *SNAKE3_RESTRICT out, ptrdiff_t out_stride, signed char *SNAKE3_RESTRICT status);
+
+/* Whether this processor has all instructions that the library was compiled with; else nothing of it but this may be called. */
+int snake3_fits(void);
 
 /* The program this library was compiled from; equal to SNAKE3_PROGRAM of the matching header. */
 const char *snake3_program(void);

@@ -23,6 +23,10 @@ static const char *const slot_names[SLOTS] = {"t", "x", "u", "p", "out"};
 typedef struct {
     const char *name;
     snake3_function evaluate;
+    snake3_batch many; /* NULL where it is done one by one */
+    snake3_function quick; /* with constants in place of p, computed once from the defaults; NULL where there is none */
+    int (*precompute)(const double *p, double *c);
+    double *constants;
     int needs[4];
     npy_intp lengths[4]; /* of t, x, u, p */
     int ndim;
@@ -33,37 +37,47 @@ typedef struct {
     PyObject *batch;
 } Function;
 
+static double dynamics_constants[6];
 static Function functions[] = {
-    {"dynamics", snake3_dynamics, {0, 1, 1, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {7}, 7,
+    {"dynamics", snake3_dynamics, snake3_dynamics_batch, snake3_dynamics_precomputed, snake3_dynamics_precompute, dynamics_constants, {0, 1, 1, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {7}, 7,
      "singular:", "not converged",
      "(),(7),(2),(3)->(7),()", "state derivative: q\314\207 = N v, \341\272\207 from (S\341\265\200 M S) \341\272\207 = S\341\265\200 (Q \342\210\222 h \342\210\222 M \317\203)", NULL},
-    {"mass", snake3_mass, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 2, {5, 5}, 25,
+    {"mass", snake3_mass, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 2, {5, 5}, 25,
      "singular:", "not converged",
      "(),(7),(2),(3)->(5,5),()", "mass matrix M(q) of the base velocities v, nv \303\227 nv", NULL},
-    {"bias", snake3_bias, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
+    {"bias", snake3_bias, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
      "singular:", "not converged",
      "(),(7),(2),(3)->(5),()", "bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v\314\207 + h = Q + A\341\265\200 \316\273", NULL},
-    {"inverse_dynamics", snake3_inverse_dynamics, {0, 1, 0, 1}, {1, 15, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
+    {"inverse_dynamics", snake3_inverse_dynamics, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 15, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
      "singular:", "not converged",
      "(),(15),(2),(3)->(5),()", "forces conjugate to v that give v\314\207: M v\314\207 + h \342\210\222 Q at u = 0, from (q, v, v\314\207)", NULL},
-    {"constraints", snake3_constraints, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {3}, 3,
+    {"constraints", snake3_constraints, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {3}, 3,
      "singular:", "not converged",
      "(),(7),(2),(3)->(3),()", "constraint violation: \317\206(q, t), then A v \342\210\222 c row by row", NULL},
-    {"reactions", snake3_reactions, {0, 1, 1, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {3}, 3,
+    {"reactions", snake3_reactions, NULL, NULL, NULL, NULL, {0, 1, 1, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {3}, 3,
      "singular:", "not converged",
      "(),(7),(2),(3)->(3),()", "multipliers \316\273 of M v\314\207 + h = Q + A\341\265\200 \316\273: the force along each constraint row", NULL},
-    {"energy", snake3_energy, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {2}, 2,
+    {"energy", snake3_energy, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {2}, 2,
      "singular:", "not converged",
      "(),(7),(2),(3)->(2),()", "kinetic and potential energy T, V", NULL},
-    {"power", snake3_power, {0, 1, 1, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {1}, 1,
+    {"power", snake3_power, NULL, NULL, NULL, NULL, {0, 1, 1, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {1}, 1,
      "singular:", "not converged",
      "(),(7),(2),(3)->(1),()", "power of forces without potential: d(T + V)/dt", NULL},
-    {"velocity", snake3_velocity, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
+    {"velocity", snake3_velocity, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 7, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
      "singular:", "not converged",
      "(),(7),(2),(3)->(5),()", "base velocities v = S w + R c", NULL},
-    {"state", snake3_state, {0, 1, 0, 0}, {1, 10, SNAKE3_NU, SNAKE3_NP}, 1, {7}, 7,
+    {"state", snake3_state, NULL, NULL, NULL, NULL, {0, 1, 0, 0}, {1, 10, SNAKE3_NU, SNAKE3_NP}, 1, {7}, 7,
      "singular:", "not converged",
      "(),(10),(2),(3)->(7),()", "state x = (q, w) from (q, v): w = B v", NULL},
+    {"qdot", snake3_qdot, NULL, NULL, NULL, NULL, {0, 1, 0, 0}, {1, 10, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
+     "singular:", "not converged",
+     "(),(10),(2),(3)->(5),()", "rates q\314\207 = N(q) v of the coordinates, from (q, v)", NULL},
+    {"integrate", snake3_integrate, NULL, NULL, NULL, NULL, {0, 1, 0, 0}, {1, 10, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
+     "singular:", "not converged",
+     "(),(10),(2),(3)->(5),()", "q \342\212\225 d: the configuration a displacement d over v away, from (q, d)", NULL},
+    {"difference", snake3_difference, NULL, NULL, NULL, NULL, {0, 1, 0, 0}, {1, 10, SNAKE3_NU, SNAKE3_NP}, 1, {5}, 5,
+     "singular:", "not converged",
+     "(),(10),(2),(3)->(5),()", "q\342\202\201 \342\212\226 q\342\202\200: the displacement over v from q\342\202\200 to q\342\202\201, from (q\342\202\200, q\342\202\201)", NULL},
 };
 enum { FUNCTIONS = sizeof functions / sizeof functions[0] };
 
@@ -160,6 +174,9 @@ static inline PyObject *call(const Function *f, PyObject *const *args, Py_ssize_
             return NULL;
         out = (double *)PyArray_DATA((PyArrayObject *)result);
     }
+    if (f->quick && !slots[P])
+        status = f->quick(t, values[X], values[U], f->constants, out);
+    else
     status = f->evaluate(t, values[X], values[U], values[P], out);
     if (status != SNAKE3_OK) {
         Py_DECREF(result);
@@ -181,6 +198,25 @@ static inline const double *row(const char *values, npy_intp n, npy_intp stride,
     return room;
 }
 
+/* A distance in bytes as a number of doubles; `fit` becomes 0 where it is none. */
+static inline ptrdiff_t apart(npy_intp bytes, int *fit)
+{
+    *fit &= bytes % (npy_intp)sizeof(double) == 0;
+    return bytes / (npy_intp)sizeof(double);
+}
+
+/* Many rows at a time, where each is without gaps. Returns 0 where that is not so. */
+static int all_at_once(const Function *f, char **args, npy_intp n, npy_intp const *steps, npy_intp const *inner, int direct)
+{
+    const npy_intp one = (npy_intp)sizeof(double);
+    int fit = f->many && n > 1 && direct && inner[0] == one && inner[1] == one && inner[2] == one && steps[5] == 1;
+    const ptrdiff_t t = apart(steps[0], &fit), x = apart(steps[1], &fit), u = apart(steps[2], &fit), p = apart(steps[3], &fit), out = apart(steps[4], &fit);
+    if (fit)
+        f->many((size_t)n, (const double *)args[0], t, (const double *)args[1], x, (const double *)args[2], u, (const double *)args[3], p,
+            (double *)args[4], out, (signed char *)args[5]);
+    return fit;
+}
+
 /* The inner loop of the gufunc: operands t, x, u, p, out, status. Rows that fail become NaN. */
 static void loop(char **args, npy_intp const *dimensions, npy_intp const *steps, void *data)
 {
@@ -190,8 +226,13 @@ static void loop(char **args, npy_intp const *dimensions, npy_intp const *steps,
     const npy_intp next = f->ndim == 2 ? across[1] : (npy_intp)sizeof(double);
     const int direct = across[0] == columns * (npy_intp)sizeof(double) && next == (npy_intp)sizeof(double);
     double x_room[MOST_X], u_room[SNAKE3_NU], p_room[SNAKE3_NP];
-    double *room = direct ? NULL : (double *)PyMem_RawMalloc((size_t)f->size * sizeof(double));
+    double *room;
     npy_intp k, i, j;
+    if (all_at_once(f, args, dimensions[0], steps, inner, direct)) {
+        feclearexcept(FE_ALL_EXCEPT);
+        return;
+    }
+    room = direct ? NULL : (double *)PyMem_RawMalloc((size_t)f->size * sizeof(double));
     for (k = 0; k < dimensions[0]; k++) {
         const double t = *(const double *)(args[0] + k * steps[0]);
         const double *x = row(args[1] + k * steps[1], f->lengths[X], inner[0], x_room);
@@ -402,6 +443,24 @@ static PyObject *call_state(PyObject *self, PyObject *const *args, Py_ssize_t n,
     return call(&functions[9], args, n, keywords);
 }
 
+static PyObject *call_qdot(PyObject *self, PyObject *const *args, Py_ssize_t n, PyObject *keywords)
+{
+    (void)self;
+    return call(&functions[10], args, n, keywords);
+}
+
+static PyObject *call_integrate(PyObject *self, PyObject *const *args, Py_ssize_t n, PyObject *keywords)
+{
+    (void)self;
+    return call(&functions[11], args, n, keywords);
+}
+
+static PyObject *call_difference(PyObject *self, PyObject *const *args, Py_ssize_t n, PyObject *keywords)
+{
+    (void)self;
+    return call(&functions[12], args, n, keywords);
+}
+
 static PyMethodDef methods[] = {
     {"dynamics", (PyCFunction)(void (*)(void))call_dynamics, METH_FASTCALL | METH_KEYWORDS,
      "dynamics(t, x, u=None, p=None, out=None)\n--\n\n" "state derivative: q\314\207 = N v, \341\272\207 from (S\341\265\200 M S) \341\272\207 = S\341\265\200 (Q \342\210\222 h \342\210\222 M \317\203)"},
@@ -423,6 +482,12 @@ static PyMethodDef methods[] = {
      "velocity(t, x, u=None, p=None, out=None)\n--\n\n" "base velocities v = S w + R c"},
     {"state", (PyCFunction)(void (*)(void))call_state, METH_FASTCALL | METH_KEYWORDS,
      "state(t, x, u=None, p=None, out=None)\n--\n\n" "state x = (q, w) from (q, v): w = B v"},
+    {"qdot", (PyCFunction)(void (*)(void))call_qdot, METH_FASTCALL | METH_KEYWORDS,
+     "qdot(t, x, u=None, p=None, out=None)\n--\n\n" "rates q\314\207 = N(q) v of the coordinates, from (q, v)"},
+    {"integrate", (PyCFunction)(void (*)(void))call_integrate, METH_FASTCALL | METH_KEYWORDS,
+     "integrate(t, x, u=None, p=None, out=None)\n--\n\n" "q \342\212\225 d: the configuration a displacement d over v away, from (q, d)"},
+    {"difference", (PyCFunction)(void (*)(void))call_difference, METH_FASTCALL | METH_KEYWORDS,
+     "difference(t, x, u=None, p=None, out=None)\n--\n\n" "q\342\202\201 \342\212\226 q\342\202\200: the displacement over v from q\342\202\200 to q\342\202\201, from (q\342\202\200, q\342\202\201)"},
     {"advance", call_advance, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},
 };
@@ -431,10 +496,16 @@ static int prepare(PyObject *module)
 {
     static void *data[FUNCTIONS];
     int k;
+    if (!snake3_fits()) {
+        PyErr_SetString(PyExc_ImportError, "_snake3 was compiled for another processor; run build.py");
+        return -1;
+    }
     import_array1(-1);
     import_umath1(-1);
     for (k = 0; k < FUNCTIONS; k++) {
         data[k] = &functions[k];
+        if (functions[k].quick && functions[k].precompute(snake3_defaults, functions[k].constants) != SNAKE3_OK)
+            functions[k].quick = NULL;
         functions[k].batch = PyUFunc_FromFuncAndDataAndSignature(loops, &data[k], types, 1, 4, 2, PyUFunc_None,
             functions[k].name, functions[k].about, 0, functions[k].signature);
         if (!functions[k].batch)

@@ -14,27 +14,45 @@ extern "C" {
 /* Besides the statuses of snake3.h: */
 enum {
     SNAKE3_STEP_TOO_SMALL = 4, /* the tolerance cannot be met, or the motion ends in a singular position */
-    SNAKE3_MORE = 5            /* the budget of steps is used up: call again to go on */
+    SNAKE3_MORE = 5,           /* the budget of steps is used up: call again to go on */
+    SNAKE3_NO_METHOD = 6,      /* no such integrator or keeping, or an integrator without step control and no fixed step */
+    SNAKE3_SINGULAR_POSITION = 7 /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
 };
 
-/* A simulation is an array of doubles. To start: zeros, then time and state. */
+/* Integrators: */
 enum {
-    SNAKE3_SIM_T = 0,        /* time */
-    SNAKE3_SIM_DONE = 1,     /* output times reached */
-    SNAKE3_SIM_STEPS = 2,    /* accepted steps */
-    SNAKE3_SIM_REJECTED = 3, /* rejected steps */
-    SNAKE3_SIM_CALLS = 4,    /* evaluations of dynamics */
-    SNAKE3_SIM_POSITION = 5, /* largest violation of a position constraint after a step */
-    SNAKE3_SIM_VELOCITY = 6, /* largest violation of a velocity constraint after a step */
-    SNAKE3_SIM_STEP = 7,     /* size of the next step */
-    SNAKE3_SIM_ERROR = 8,    /* error of the last step, for the step control */
-    SNAKE3_SIM_X = 9,        /* the state, then the work done by forces without potential since the start */
+    SNAKE3_INTEGRATOR_dop853 = 0 /* explicit Runge-Kutta of order 8 with error estimates of orders 5 and 3 */
+};
+
+/* Keepings, ways to stay on the constraints: */
+enum {
+    SNAKE3_KEEPING_none = 0,
+    SNAKE3_KEEPINGS = 1
+};
+
+/* A simulation is an array of doubles. To start: zeros, then time and state, and what is not to be 0 of the first three. */
+enum {
+    SNAKE3_SIM_INTEGRATOR = 0, /* which integrator, by number */
+    SNAKE3_SIM_KEEPING = 1, /* which keeping, by number */
+    SNAKE3_SIM_FIXED = 2, /* the size of equal steps; 0 lets the tolerance decide */
+    SNAKE3_SIM_T = 3, /* time */
+    SNAKE3_SIM_DONE = 4, /* output times reached */
+    SNAKE3_SIM_STEPS = 5, /* accepted steps */
+    SNAKE3_SIM_REJECTED = 6, /* rejected steps */
+    SNAKE3_SIM_CALLS = 7, /* evaluations of dynamics */
+    SNAKE3_SIM_POSITION = 8, /* largest violation of a position constraint after a step */
+    SNAKE3_SIM_VELOCITY = 9, /* largest violation of a velocity constraint after a step */
+    SNAKE3_SIM_PASSED = 10, /* singular positions that were crossed */
+    SNAKE3_SIM_CHARTS = 11, /* charts that were used */
+    SNAKE3_SIM_STEP = 12, /* size of the next step */
+    SNAKE3_SIM_ERROR = 13, /* error of the last step, for the step control */
+    SNAKE3_SIM_X = 14, /* the state, then the work done by forces without potential since the start */
     SNAKE3_SIM_SLOPE = SNAKE3_SIM_X + SNAKE3_NX + 1,
     SNAKE3_SIM_SIZE = SNAKE3_SIM_SLOPE + SNAKE3_NX + 1
 };
 
 /* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each. Method: J. R. Dormand, P. J. Prince: A family of embedded Runge-Kutta formulae, 1980. Returns a status; the array always holds the last good step. */
+   entry of work_out for each. Returns a status; the array always holds the last good step. */
 int snake3_simulate(double *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
     double atol, long budget, double *x_out, double *work_out);
 

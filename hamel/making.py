@@ -16,13 +16,12 @@ from derive.textbook import html
 from hamel.meanwhile import meanwhile
 from hamel.pipeline import Clock, Constants, Fixed, drafted, equations_of, load_quietly, program_of
 from hamel.records import Built
-from hamel.verify import Verification, quick_verification
-from hamel.verify.stored import stored
 
 if TYPE_CHECKING:
     from codegen.build import Draft
     from codegen.program import Program
     from derive.formulations.records import Equations
+    from hamel.verify import Verification
 
 
 def made(
@@ -57,6 +56,8 @@ def made(
         folder = Path(out) if out else Path("generated") / program.name
         with drafted(program, folder, clock) as draft:
             found = _confirmed(_with_requested(equations, program), draft, states, numpy, clock)
+            from hamel.verify.stored import stored
+
             with clock("textbook"):
                 pages = {"derivation.html": page(), VERIFICATION: stored(found, equations)}
             _publish(draft, pages, clock)
@@ -76,6 +77,8 @@ def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clo
     with ThreadPoolExecutor(1) as compiling:  # the derivation is checked while the compiler works
         module = compiling.submit(_compiled, draft, numpy, clock)
         with clock("verify"):
+            from hamel.verify import quick_verification  # imported while the compiler works, too
+
             found = quick_verification(equations.system.model, equations, module.result, states)
     failed = [check for check in found.checks if not check.passed]
     if failed:

@@ -37,6 +37,7 @@ def meanwhile(work: Callable[[], str]) -> Iterator[Callable[[], str]]:
 
 def _send(work: Callable[[], str], send: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process decides what an interrupt ends
+    os.nice(5)  # the compiler is waited for longest
     try:
         send.send(work())
     except BaseException:

@@ -221,7 +221,9 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 @CHOICE
 @click.option("--sweep", multiple=True, metavar="NAME=A:B:N", help="Range of a free name or parameter; give two for a map.")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="A free name or parameter; may be repeated.")
-@click.option("-o", "--out", metavar="FILE.html", help="Write the page: equations, plots, modes, sensitivities.")
+@click.option(
+    "-o", "--out", metavar="FILE.html", help="The page: equations, plots, modes (default: linearization.html; with --json none)."
+)
 @click.option("--step", type=float, metavar="S", help="Also in discrete time: the step in seconds (in --json: Phi, Gamma).")
 @click.option("--cyclic", metavar="a,b|none", help="Coordinates to leave out of the eigenvalues (default: all cyclic ones).")
 def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any) -> Any:
@@ -230,6 +232,8 @@ def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic:
     if len(ranges) < len(sweep):
         raise click.BadParameter("a name is swept twice", param_hint="--sweep")
     left_out = None if cyclic is None else () if cyclic.strip() == "none" else _names(cyclic)
+    if not click.get_current_context().params["as_json"]:
+        options["out"] = options["out"] or "linearization.html"
     return hamel.linearize(model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options)
 
 

@@ -346,6 +346,15 @@ def test_mistakes_on_the_command_line_are_answered(arguments, code, said, capsys
     assert ended.value.code == code and said in told and "Traceback" not in told and "internal" not in told
 
 
+def test_the_command_writes_its_page_here_unless_a_program_reads(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for arguments, there in ((["--json"], False), ([], True)):
+        with pytest.raises(SystemExit) as ended:
+            main(["linearize", str(MODELS / "rolling_disk.yaml"), *arguments])
+        assert ended.value.code in (0, None) and (tmp_path / "linearization.html").exists() is there
+    capsys.readouterr()
+
+
 def test_a_board_with_unlike_ends_falls_more_slowly(waveboard):
     """What docs/waveboard.md says of `de`: the real eigenvalue becomes a slow oscillation, still growing."""
     values = eigenvalues(waveboard.along({"speed": [3.0], "de": [np.radians(7.5)]}))[0]

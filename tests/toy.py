@@ -102,5 +102,7 @@ def circle() -> Equations:
         Argument("u", u, ("force",), ("N",)),
         Argument("p", p, ("rate",), ("rad/s",)),
     )
-    system: Any = SimpleNamespace(model=SimpleNamespace(name="circle", description="Round and round."), constants=(), phi=closing)
+    system: Any = SimpleNamespace(
+        model=SimpleNamespace(name="circle", description="Round and round.", fixed=()), constants=(), phi=closing
+    )
     return Equations(system, "quasi-velocities", "both", "it is simple", arguments, functions, (), (), ("b",), (2.0,))

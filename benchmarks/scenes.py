@@ -233,6 +233,7 @@ def panda() -> Iterator[Scene]:
     yield _mass(tree)
     for name, measure in {
         "one Python call": python_call.one_at_a_time,
+        "one Python call, fresh": partial(python_call.one_at_a_time, fresh=True),
         "a Python call of 10,000": python_call.many_at_once,
     }.items():
         yield Scene(name, "panda", list, {}, {}, called=partial(measure, tree.of))

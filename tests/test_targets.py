@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+import weakref
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -143,6 +144,36 @@ def test_arguments_in_every_form(module: ModuleType) -> None:
         np.testing.assert_array_equal(binding.mass(0.0, x, out=matrices), binding.mass(0.0, x))
         assert binding.mass(0.0, x[0]).shape == (2, 2) and binding.energy(0.0, x[0]).shape == (1,)
         assert binding.dynamics(0.0, np.empty((0, 4)), u[0]).shape == (0, 4)
+
+
+@needs_compiler
+def test_results_that_somebody_holds_are_never_written_again(module: ModuleType) -> None:
+    """The extension gives arrays out again that nobody holds: not their memory, nor a weak reference, nor in another shape."""
+    _, x, u = states(60)
+    one = module._binding.dynamics
+    expected = [one(0.0, x[i], u[i]).copy() for i in range(60)]
+    held = [one(0.0, x[i], u[i]) for i in range(60)]
+    views = [one(0.0, x[i], u[i])[1:] for i in range(60)]
+    buffers = [memoryview(one(0.0, x[i], u[i])) for i in range(60)]
+    for i in range(60):
+        np.testing.assert_array_equal(held[i], expected[i])
+        np.testing.assert_array_equal(views[i], expected[i][1:])
+        np.testing.assert_array_equal(np.asarray(buffers[i]), expected[i])
+    weak = [weakref.ref(one(0.0, x[i], u[i])) for i in range(60)]
+    assert all(found is None or (found == expected[i]).all() for i, found in enumerate(ref() for ref in weak))
+    for change in ({"shape": (2, 2)}, {"dtype": np.int64}, {"strides": (0,)}):
+        for _ in range(9):
+            odd = one(0.0, x[0], u[0])
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                for name, value in change.items():
+                    setattr(odd, name, value)
+            odd.flags.writeable = False
+        del odd
+        for i in range(20):
+            found = one(0.0, x[i], u[i])
+            assert found.flags.writeable and found.dtype == float
+            np.testing.assert_array_equal(found, expected[i])
 
 
 @needs_compiler

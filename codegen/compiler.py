@@ -94,17 +94,17 @@ def compile_folder(folder, name, command):
     includes = headers()
     own = manifest(folder).get("flags", [])
     tasks = [[*command, *FLAGS, *flags_of(command, name, stem), *own, "-c", f"{stem}.c"] for stem in stems]
-    if includes:
-        tasks.append([*command, *FLAGS, *(f"-I{include}" for include in includes), "-c", f"{name}_module.c"])
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        list(pool.map(lambda task: run(folder, task), tasks))
     objects = [f"{stem}.o" for stem in stems]
     made = [f"lib{name}{SUFFIX}"]
-    run(folder, [*command, *shared(), *objects, "-lm", "-o", made[0]])
-    if includes:
-        made.append(f"_{name}{extension_suffix()}")
-        run(folder, [*command, *shared(), f"{name}_module.o", *objects, "-lm", "-o", made[1]])
+    links = [[*command, *shared(), *objects, "-lm", "-o", made[0]]]
+    if includes:  # the headers of Python and NumPy take longer to read than most sources
+        tasks.insert(0, [*command, *FLAGS, *(f"-I{include}" for include in includes), "-c", f"{name}_module.c"])
         objects.append(f"{name}_module.o")
+        made.append(f"_{name}{extension_suffix()}")
+        links.append([*command, *shared(), *objects, "-lm", "-o", made[1]])
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        for stage in (tasks, links):
+            list(pool.map(lambda task: run(folder, task), stage))
     for item in objects:
         (folder / item).unlink()
     return made

@@ -9,10 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from codegen.build import VERIFICATION
-from codegen.compiler import INSTALL
 from derive.diagnostics import ToolchainError, VerificationError
-from derive.textbook import html
 from hamel.meanwhile import meanwhile
 from hamel.pipeline import Clock, Constants, Fixed, drafted, equations_of, load_quietly, program_of
 from hamel.records import Built
@@ -47,7 +44,7 @@ def made(
         equations, times = fastest(path, choice, constants, fix, clock)
     else:
         equations = equations_of(path, choice, constants, formulation, clock, fix)
-    with meanwhile(lambda: html(equations)) as page:
+    with meanwhile(lambda: _page(equations)) as page:
         program = replace(program_of(equations, functions, clock, integrators), inline=header)
         if tune:
             from hamel.tuning import tuned
@@ -56,6 +53,7 @@ def made(
         folder = Path(out) if out else Path("generated") / program.name
         with drafted(program, folder, clock) as draft:
             found = _confirmed(_with_requested(equations, program), draft, states, numpy, clock)
+            from codegen.build import VERIFICATION
             from hamel.verify.stored import stored
 
             with clock("textbook"):
@@ -63,6 +61,12 @@ def made(
             _publish(draft, pages, clock)
             compiled = bool(draft.command)
     return _record(program, folder, compiled, clock)
+
+
+def _page(equations: Equations) -> str:
+    from derive.textbook import html
+
+    return html(equations)
 
 
 def _with_requested(equations: Equations, program: Program) -> Equations:
@@ -89,6 +93,7 @@ def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clo
 
 def _compiled(draft: Draft, numpy: bool, clock: Clock) -> ModuleType:
     from codegen.build import compiled
+    from codegen.compiler import INSTALL
 
     with clock("compile"):
         found = compiled(draft)

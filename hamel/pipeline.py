@@ -5,6 +5,7 @@ model.yaml → derive.model → derive.mechanics → derive.formulations → cod
 
 from __future__ import annotations
 
+import sys
 import tempfile
 import time
 import warnings
@@ -14,6 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Literal
+
+from hamel.meanwhile import meanwhile
 
 if TYPE_CHECKING:
     from codegen.build import Built as MadeFolder
@@ -54,10 +57,7 @@ def equations_of(
     """Model file → Equations of one formulation and choice; the first choice of the file when none is named."""
     clock = clock or Clock()
     with clock("model"):
-        from hamel.fixing import fixed
-        from hamel.importing import load
-
-        model, constants = fixed(load(path), constants, fix)
+        model, constants = _read(path, constants, fix)
     with clock("mechanics"):
         mechanics = mechanics_of(model, constants)
     with clock("formulation"):
@@ -65,6 +65,24 @@ def equations_of(
         from derive.linearize.minimal import with_linearization
 
         return with_linearization(equations(mechanics, choice, formulation))
+
+
+def _read(path: str | Path, constants: Constants, fix: Fixed) -> tuple[Model, Constants]:
+    """The model, read in a copy of this process while this one imports what comes next, where it is not imported yet."""
+
+    def read() -> tuple[Model, Constants]:
+        from hamel.fixing import fixed
+        from hamel.importing import load
+
+        return fixed(load(path), constants, fix)
+
+    if "casadi" in sys.modules or Path(path).suffix not in (".yaml", ".yml"):  # robots warn of what is left out, here
+        return read()
+    with meanwhile(read, niceness=0) as received:
+        import derive.formulations
+        import derive.linearize.minimal  # noqa: F401
+
+        return received()
 
 
 def mechanics_of(model: Model, constants: Constants = ()) -> System:

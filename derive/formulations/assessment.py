@@ -16,8 +16,9 @@ import numpy as np
 
 from derive.diagnostics import HamelError
 from derive.formulations.choices import Ranking, Resolved, Workshop, ranked_partitions, score, workshop
-from derive.formulations.named_choices import KINDS, carried_through, declared
+from derive.formulations.named_choices import carried_through, declared
 from derive.mechanics.records import System
+from derive.model.records import CHOICE_KINDS
 
 STEP = 0.1  # by which the fastest coordinate moves at most, with its velocity and its acceleration
 ROUNDOFF = 2.0**-52
@@ -64,7 +65,7 @@ def _further(system: System, found: dict[str, Resolved]) -> Iterator[str]:
     kinds = {choice.kind for choice in system.model.choices}
     names = [choice.name for choice in system.model.choices if choice.kind != "auto"]
     yield from (name for name in names if name not in found)
-    yield from (name for name in KINDS if name != "auto" and name not in kinds and name not in names)
+    yield from (name for name in CHOICE_KINDS if name != "auto" and name not in kinds and name not in names)
 
 
 def _score(x: Assessed) -> tuple:

@@ -14,8 +14,7 @@ from derive.formulations.choices import Resolved, Workshop, resolved, speed_name
 from derive.formulations.frozen import frozen
 from derive.formulations.momenta import mass_orthogonal
 from derive.mechanics.records import System
-from derive.model.motions import KINDS
-from derive.model.records import Choice, Span, Velocity
+from derive.model.records import CHOICE_KINDS, Choice, Span, Velocity
 
 OF_THE_COMMAND = Span(0, 0)
 
@@ -27,9 +26,9 @@ def declared(system: System, name: str | None) -> Choice:
         return system.model.choices[0]
     if name in known:
         return known[name]
-    if name in KINDS:
+    if name in CHOICE_KINDS:
         return Choice(name, name, (), OF_THE_COMMAND)
-    return _partition(system, name) or _unknown(system, name, [*known, *KINDS])
+    return _partition(system, name) or _unknown(system, name, [*known, *CHOICE_KINDS])
 
 
 def _unknown(system: System, name: str, offered: list[str]) -> Choice:

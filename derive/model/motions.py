@@ -15,14 +15,13 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Frame, Names
 from derive.model.names import identifier
 from derive.model.reader import Reader
-from derive.model.records import Choice, InitialValue, Output, Span
+from derive.model.records import CHOICE_KINDS, Choice, InitialValue, Output, Span
 from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, VELOCITY
 from derive.model.shape import Document
 from derive.model.space import ORIGIN
 from derive.model.ties import velocity_degree
 
 AUTO = Choice("auto", "auto", (), Span(1, 1))
-KINDS = ("auto", "orthonormal", "frozen", "mass_orthogonal")
 Rows = list[tuple[str, Expression, Span]]
 
 
@@ -34,13 +33,15 @@ def choices(reader: Reader, document: Document) -> tuple[Choice, ...]:
 
 def _choice(reader: Reader, key: Key, entry: Scalar | Items | dict[Key, Scalar]) -> Choice:
     name = str(key)
-    if name not in KINDS:
+    if name not in CHOICE_KINDS:
         reader.name(key)
     if isinstance(entry, Scalar):
-        return Choice(name, reader.word(entry, KINDS, "kind of choice") or "auto", (), key.span)
+        return Choice(name, reader.word(entry, CHOICE_KINDS, "kind of choice") or "auto", (), key.span)
     rows = _named_rows(reader, entry) if isinstance(entry, dict) else _listed_rows(reader, entry)
     if not rows:
-        reader.report(key.span, f"the choice '{key}' has no rows", f"formulas linear in the velocities, or {listed(KINDS)}")
+        reader.report(
+            key.span, f"the choice '{key}' has no rows", f"formulas linear in the velocities, or {listed(CHOICE_KINDS)}"
+        )
     return Choice(name, "rows", tuple((row, formula) for row, formula, _ in rows), key.span)
 
 

@@ -13,6 +13,7 @@ from derive.expressions.tree import ONE, ZERO, Expression
 
 Vector3 = tuple[Expression, Expression, Expression]
 GROUND = "ground"
+CHOICE_KINDS = ("auto", "orthonormal", "frozen", "mass_orthogonal")  # of quasi-velocities, besides rows
 
 
 @dataclass(frozen=True)

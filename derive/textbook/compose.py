@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from fractions import Fraction
+from math import inf
 from typing import Any
 
 import sympy
@@ -12,6 +13,7 @@ from derive.textbook.ring import PLAIN, UNIT, Key, Monomial, Poly, Ring, TooBig,
 
 Expr = Any  # SymPy's own annotations say Basic for what is always an Expr
 DIGITS = 15
+HOPELESS = 4  # times too long
 
 
 def number(x: Fraction, decimal: bool) -> Expr:
@@ -31,19 +33,21 @@ class Composer:
         self.ring, self.decimal = ring, decimal
         self.made: dict[int, Expr] = {}
 
-    def shortest(self, poly: Poly) -> Expr:
-        """Term by term or over a common denominator, whichever has fewer operations."""
-        if not poly:
-            return sympy.Integer(0)
+    def shortest(self, poly: Poly, most: float = inf) -> Expr:
+        """Term by term or over a common denominator, whichever has fewer operations.
+
+        Where the first has far more than `most` operations, the second is not looked at.
+        """
+        plain = self.expression(poly)
+        if len(poly) < 2 or operations(plain) > HOPELESS * most:
+            return plain
         factor, monomial, rest = parted(poly)
-        if len(poly) == 1:
-            return self.expression(poly)
         try:
             rest = self.ring.product(rest, {UNIT: Fraction(1)})  # multiplies out what was a divisor
         except TooBig:
-            return self.expression(poly)
+            return plain
         over = sympy.Mul(number(factor, self.decimal), *self._factors(monomial), self._polynomial(rest))
-        return min(self.expression(poly), over, key=operations)
+        return min(plain, over, key=operations)
 
     def _polynomial(self, poly: Poly) -> Expr:
         """A sum without divisors, in product or in Fourier form."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import inf
 
 import casadi as ca
 import sympy
@@ -51,7 +52,7 @@ class Reader:
         return self._within(roots, self.known, most) if met else None
 
     def _within(self, roots: Sequence[int], names: dict[int, Expr], most: int) -> list[Expr] | None:
-        found = self._shortest(roots, names) if self._unrolled(roots, names) <= LARGEST else None
+        found = self._shortest(roots, names, most) if self._unrolled(roots, names) <= LARGEST else None
         return found if found is not None and all(operations(x) <= most for x in found) else None
 
     def _unrolled(self, roots: Sequence[int], names: dict[int, Expr]) -> int:
@@ -127,14 +128,14 @@ class Reader:
             return plain
         return [min(pair, key=operations) for pair in zip(found, plain)]
 
-    def _shortest(self, roots: Sequence[int], names: dict[int, Expr]) -> list[Expr] | None:
+    def _shortest(self, roots: Sequence[int], names: dict[int, Expr], most: float = inf) -> list[Expr] | None:
         """The shorter of product and Fourier form, entry by entry; None where neither stays within its budget."""
         trigonometric = any(self.graph.nodes[k].op in (ca.OP_SIN, ca.OP_COS, ca.OP_TAN) for k in self.graph.below(roots))
         ways = (False, True) if trigonometric else (False,)
-        forms = [x for x in (self._formed(roots, names, fourier) for fourier in ways) if x is not None]
+        forms = [x for x in (self._formed(roots, names, fourier, most) for fourier in ways) if x is not None]
         return [min(entries, key=operations) for entries in zip(*forms)] if forms else None
 
-    def _formed(self, roots: Sequence[int], names: dict[int, Expr], fourier: bool) -> list[Expr] | None:
+    def _formed(self, roots: Sequence[int], names: dict[int, Expr], fourier: bool, most: float) -> list[Expr] | None:
         ring = Ring(fourier)
         values: dict[int, Poly] = {}
         try:
@@ -144,7 +145,7 @@ class Reader:
         except (TooBig, OverflowError, ValueError, ZeroDivisionError):
             return None
         composer = Composer(ring, self.decimal)
-        return [composer.shortest(poly) for poly in polys]
+        return [composer.shortest(poly, most) for poly in polys]
 
     def _poly(self, ring: Ring, node: Node, values: dict[int, Poly]) -> Poly:
         if node.op == ca.OP_INPUT:

@@ -20,7 +20,7 @@ from derive.formulations.choices import workshop
 from derive.formulations.records import Equations
 from derive.keepings import KEEPINGS
 from derive.mechanics.records import System
-from derive.model.motions import KINDS
+from derive.model.records import CHOICE_KINDS
 
 DEFAULT = "quasi_velocities"
 TIGHTEST, LOOSEST = 12, 4
@@ -121,7 +121,7 @@ def _choices(system: System, asked: Collection[str]) -> tuple[list[str], list[Ex
     rng = np.random.default_rng(0)
     found: dict[str, np.ndarray] = {}
     excluded = []
-    known = [*(choice.name for choice in system.model.choices), *(KINDS if system.rows else KINDS[:1])]
+    known = [*(choice.name for choice in system.model.choices), *(CHOICE_KINDS if system.rows else CHOICE_KINDS[:1])]
     for name in dict.fromkeys(asked or known):
         try:
             w = _speeds(system, equations(system, name), np.random.default_rng(rng.integers(1) + 1))

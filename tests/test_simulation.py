@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from codegen import build, compiler, loader
-from codegen.integrators import INTEGRATORS, Integrator, Tableau
+from codegen.integrators import INTEGRATORS, Collocation, Integrator, Tableau
 from codegen.passes import program
 from derive.formulations.derivatives import derivatives
 from tests.toy import circle
@@ -53,6 +53,28 @@ def test_order_conditions(tableau: Tableau) -> None:
     for error, low in zip(tableau.errors, LOW[tableau.name], strict=True):
         moments = [abs(sum(e * c**power for e, c in zip(error, tableau.c))) for power in range(low + 1)]
         assert all(moment < tiny for moment in moments[:low]) and moments[low] > tiny
+
+
+@pytest.mark.parametrize("method", [x for x in INTEGRATORS if isinstance(x, Collocation)], ids=lambda method: method.name)
+def test_collocation(method: Collocation) -> None:
+    """A = T Λ⁻¹ T⁻¹ integrates polynomials up to every c, b up to 1, and the solution compared with is of order one less."""
+    c, T, inverse = (np.array(values, dtype=float) for values in (method.c, method.T, method.inverse))
+    blocks = np.zeros_like(T)
+    blocks[0, 0] = method.real
+    for k, (alpha, beta) in enumerate(method.pairs):
+        blocks[1 + 2 * k : 3 + 2 * k, 1 + 2 * k : 3 + 2 * k] = [[alpha, beta], [-beta, alpha]]
+    A = T @ np.linalg.inv(blocks) @ inverse
+    powers = np.arange(len(c))
+    tight = {"rtol": 0.0, "atol": 2e-14}
+    np.testing.assert_allclose(A @ c[:, None] ** powers, c[:, None] ** (powers + 1) / (powers + 1), **tight)
+    np.testing.assert_allclose(np.array(method.b, dtype=float), A[-1], **tight)
+    powers = np.arange(method.order)
+    np.testing.assert_allclose(A[-1] @ c[:, None] ** powers, 1 / (powers + 1), **tight)
+    # with the weight of the slope at the start, the weights of the estimate add up to nothing up to the power s − 1
+    weights = np.array(method.error, dtype=float) @ A
+    moments = [float(k == 0) + weights @ c**k for k in range(len(c) + 1)]
+    np.testing.assert_allclose(moments[:-1], 0.0, atol=1e-13)
+    assert abs(moments[-1]) > 1e-3
 
 
 @needs_compiler

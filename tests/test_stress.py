@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -48,6 +50,27 @@ def test_every_case_comes_out_as_its_file_expects(path: Path) -> None:
     for entry in model.stress:
         row = judged(path, model, entry)
         assert row.passed and row.outcome != "wrong", row
+
+
+@pytest.mark.parametrize(
+    ("name", "case", "error", "tolerances"),
+    [
+        ("stiff_damper", "heavily_damped", 1e-8, (1e-5, 1e-6)),
+        pytest.param("soft_pin", "stiff", 1e-7, (1e-3, 1e-4), marks=pytest.mark.slow),
+    ],
+)
+def test_stiff_cases_need_no_more_steps_than_those_of_scipy(
+    name: str, case: str, error: float, tolerances: Sequence[float]
+) -> None:
+    model = load(MODELS / "stress" / f"{name}.yaml")
+    entry = next(entry for entry in model.stress if entry.name == case)
+    fewest = {}
+    for integrator in ("radau", "scipy_radau"):
+        rows = [
+            judged(MODELS / "stress" / f"{name}.yaml", model, replace(entry, integrator=integrator, rtol=t)) for t in tolerances
+        ]
+        fewest[integrator] = min(row.steps for row in rows if row.error is not None and row.error <= error)
+    assert fewest["radau"] <= fewest["scipy_radau"]
 
 
 def test_a_wrong_end_is_seen(tmp_path: Path) -> None:

@@ -3,11 +3,12 @@
 from codegen.integrators.dop853 import DOP853
 from codegen.integrators.dopri5 import DOPRI5
 from codegen.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
-from codegen.integrators.records import Integrator, Midpoint, Rosenbrock, Tableau
+from codegen.integrators.radau import RADAU
+from codegen.integrators.records import Collocation, Integrator, Midpoint, Rosenbrock, Tableau
 from codegen.integrators.rk4 import RK4
 from codegen.integrators.rkf45 import RKF45
 from codegen.integrators.rosenbrock import ROSENBROCK
 
-INTEGRATORS: tuple[Integrator, ...] = (DOP853, DOPRI5, RKF45, RK4, ROSENBROCK, IMPLICIT_MIDPOINT)
+INTEGRATORS: tuple[Integrator, ...] = (DOP853, DOPRI5, RKF45, RK4, RADAU, ROSENBROCK, IMPLICIT_MIDPOINT)
 
-__all__ = ["INTEGRATORS", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]
+__all__ = ["INTEGRATORS", "Collocation", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]

@@ -1,7 +1,7 @@
-"""What an integrator is, as data: explicit Runge–Kutta methods, Rosenbrock methods, and the implicit midpoint rule.
+"""What an integrator is, as data: explicit Runge–Kutta methods, Rosenbrock methods, collocation, and the implicit midpoint rule.
 
-All advance x' = f(t, x). `order` is the order of the step and of the step control; `damping` the exponent of the previous error
-in the proportional–integral step control; `needs` the functions of the generated module beyond `dynamics`.
+All advance x' = f(t, x). `order` is the order of the step and `estimate` the power of h in its error estimate; `damping` the
+exponent of the previous error in the proportional–integral step control; `needs` the functions of the module beyond `dynamics`.
 """
 
 from __future__ import annotations
@@ -36,6 +36,10 @@ class Tableau:
     def adaptive(self) -> bool:
         return bool(self.errors)
 
+    @property
+    def estimate(self) -> int:
+        return self.order
+
 
 @dataclass(frozen=True)
 class Rosenbrock:
@@ -58,6 +62,40 @@ class Rosenbrock:
     exact: bool = True
     adaptive: bool = True
 
+    @property
+    def estimate(self) -> int:
+        return self.order
+
+
+@dataclass(frozen=True)
+class Collocation:
+    """zᵢ = h Σ aᵢⱼ f(t + cⱼ h, x + zⱼ); the last z is the step. By Newton's method with the Jacobian J at its start.
+
+    T splits A⁻¹ = T Λ T⁻¹ into a real eigenvalue λ and pairs α ± iβ, blocks [[α, β], [−β, α]] of Λ: one linear system of the size
+    of x and one of twice that per pair instead of a single one of all stages. b is the last row of A, `inverse` T⁻¹.
+    The error estimate is (λ/h − J)⁻¹ (f(t, x) + Σ eᵢ zᵢ/h).
+    """
+
+    name: str
+    about: str
+    source: str
+    order: int
+    c: Row
+    b: Row
+    real: Fraction
+    pairs: tuple[Row, ...]
+    T: tuple[Row, ...]
+    inverse: tuple[Row, ...]
+    error: Row
+    damping: Fraction = Fraction(0)
+    needs: tuple[str, ...] = ("jacobian",)
+    exact: bool = False
+    adaptive: bool = True
+
+    @property
+    def estimate(self) -> int:
+        return len(self.c) + 1
+
 
 @dataclass(frozen=True)
 class Midpoint:
@@ -67,13 +105,14 @@ class Midpoint:
     about: str
     source: str
     order: int = 2
+    estimate: int = 2
     damping: Fraction = Fraction(0)
     needs: tuple[str, ...] = ("jacobian",)
     exact: bool = False
     adaptive: bool = False
 
 
-Integrator = Tableau | Rosenbrock | Midpoint
+Integrator = Tableau | Rosenbrock | Collocation | Midpoint
 
 
 def row(text: str) -> Row:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from codegen import text
-from codegen.integrators import INTEGRATORS, Integrator, Rosenbrock, Tableau
+from codegen.integrators import INTEGRATORS, Collocation, Integrator, Rosenbrock, Tableau
 from codegen.program import Program
 from codegen.targets.records import Target
 
@@ -61,6 +61,7 @@ def files(program: Program) -> dict[str, str]:
     rows["closing"] = sum(label in _labels(program, "closure") for label in _labels(program, "slip"))
     nq = len(program.argument("x").names) - len(program.quasi_velocities)
     has["rosenbrock"] = any(isinstance(x, Rosenbrock) for x in chosen)
+    stages = max((len(x.c) for x in chosen if isinstance(x, Collocation)), default=0)
     data = {
         "program": program,
         "prefix": program.name,
@@ -73,7 +74,7 @@ def files(program: Program) -> dict[str, str]:
         "nq": nq,
         "chart_names": CHARTS,
         "manifold_names": MANIFOLDS,
-        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities)),
+        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities), stages),
         "schemes": [_scheme(x) for x in chosen],
     }
     return {
@@ -87,7 +88,7 @@ def _labels(program: Program, name: str) -> tuple[str, ...]:
     return next((kernel.labels for kernel in program.kernels if kernel.name == name), ())
 
 
-def _blocks(has: dict[str, bool], rows: dict[str, int], nq: int, nw: int) -> list[tuple[str, int, str]]:
+def _blocks(has: dict[str, bool], rows: dict[str, int], nq: int, nw: int, stages: int) -> list[tuple[str, int, str]]:
     """What a simulation's array holds after state and slope: name, size, meaning."""
     found = []
     if has["guards"]:
@@ -98,11 +99,14 @@ def _blocks(has: dict[str, bool], rows: dict[str, int], nq: int, nw: int) -> lis
     if has["charts"]:
         size = rows["closure"] * (nq + rows["closure"]) + rows["slip"] * nw + 1
         found.append(("CHART", size, "the directions of the chart, and the inverse that goes with them"))
+    if stages:
+        size = 2 + (stages + 1) * (nq + nw)
+        found.append(("COLLOCATED", size, "the last implicit step, which foretells the next: time, size, start, stages"))
     return found
 
 
 def _scheme(method: Integrator) -> Scheme:
-    grow, damp = _number(Fraction(1, method.order) - Fraction(3, 4) * method.damping), _number(method.damping)
+    grow, damp = _number(Fraction(1, method.estimate) - Fraction(3, 4) * method.damping), _number(method.damping)
     kind = type(method).__name__.lower()
     if isinstance(method, Tableau):
         stages = tuple((_number(c), _combination(a)) for c, a in zip(method.c[1:], method.a[1:]))
@@ -114,6 +118,17 @@ def _scheme(method: Integrator) -> Scheme:
             "alpha": _list(method.alpha),
             "gammas": _list(method.gammas),
             "gamma": _number(method.gamma),
+        }
+        return Scheme(method, kind, grow, damp, tables=tables)
+    if isinstance(method, Collocation):
+        tables = {
+            "c": _list(method.c),
+            "b": _list(method.b),
+            "T": _table(method.T, len(method.c)),
+            "inverse": _table(method.inverse, len(method.c)),
+            "real": _number(method.real),
+            "pairs": _table(method.pairs, 2),
+            "error": _list(method.error),
         }
         return Scheme(method, kind, grow, damp, tables=tables)
     return Scheme(method, kind, grow, damp)

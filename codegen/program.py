@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 Expression = str | float | tuple
 
@@ -127,6 +127,15 @@ class Hoisted:
 
 
 @dataclass(frozen=True)
+class Chart:
+    """One of several choices in a module: its functions are called NAME`suffix` where they differ from those of the first."""
+
+    choice: str
+    suffix: str  # none for the first
+    quasi_velocities: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Entry:
     """A line of the ledger: what one pass did to one function."""
 
@@ -159,11 +168,13 @@ class Program:
     timings: tuple[tuple[str, float], ...] = ()  # what tuning compared: nanoseconds of `dynamics` per state
     integrators: tuple[str, ...] = ()  # of `simulate`, the default first
     keepings: tuple[str, ...] = ()  # how `simulate` may stay on the constraints, the default first
+    charts: tuple[Chart, ...] = field(default=(), repr=False)  # all of them where there are several
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
-        return hashlib.sha256(repr(replace(self, timings=())).encode()).hexdigest()[:32]
+        several = repr(self.charts) if self.charts else ""
+        return hashlib.sha256(f"{replace(self, timings=())!r}{several}".encode()).hexdigest()[:32]
 
     @property
     def simulates(self) -> bool:

@@ -13,6 +13,8 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.charts import together
+from hamel import charts
 from hamel.plot import Curve, Panel, draw
 from hamel.records import Switch
 from hamel.references import REFERENCES, Problem
@@ -90,15 +92,17 @@ def integrated(
     p: np.ndarray,
     by: Stepping,
     progress: Callable[[float], None] | None,
+    chart: int = 0,
 ) -> Motion:
-    """The motion from x at times[0] with constant inputs u."""
+    """The motion from x, in the coordinates of `chart`, at times[0] with constant inputs u."""
     start = time.perf_counter()
     library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
     try:
         if library is not None:
             found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
-            found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by))
+            several = {"chart": chart} if equations.charts else {}
+            found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by), **several)
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         raise AssumptionError(str(error), hint) from None
@@ -106,21 +110,33 @@ def integrated(
 
 
 def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:
-    """What the module's own functions say about every row."""
+    """What the module's own functions say about every row, in the chart it was made in."""
     t, x = found.t, found.x
     results = {function.name: function.result for function in equations.functions}
-    nq, many = equations.system.q.numel(), len(t)
+    nq = equations.system.q.numel()
+    parts = list(charts.pieces(module, equations, found, u, p))
+
+    def rows(name: str) -> np.ndarray | None:
+        if name not in results or not hasattr(module, name):
+            return None
+        made = np.full((len(t), results[name].value.numel()), np.nan)
+        for chart, places, part in parts:
+            call = charts.in_chart(module, name, chart)
+            assert call is not None  # it is there in the first
+            made[places] = call(part.t, part.x, u, p)
+        return made
 
     def named(name: str) -> dict[str, np.ndarray]:
-        made = getattr(module, name, None)
-        return {} if made is None else dict(zip(results[name].labels, made(t, x, u, p).T))
+        made = rows(name)
+        return {} if made is None else dict(zip(results[name].labels, made.T))
 
-    energies = module.energy(t, x, u, p)
-    violation = np.abs(module.constraints(t, x, u, p)) if hasattr(module, "constraints") else np.zeros((many, 0))
+    energies, violation = rows("energy"), rows("constraints")
+    assert energies is not None  # every module has it
+    violation = np.zeros((len(t), 0)) if violation is None else np.abs(violation)
     closed = equations.system.phi.numel()
     labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
     return Motion(
-        title=f"{equations.system.model.name}, choice {equations.choice}",
+        title=f"{equations.system.model.name}, choice {together(equations)}",
         t=t,
         q=dict(zip(labels[:nq], x[:, :nq].T)),
         w=dict(zip(labels[nq:], x[:, nq:].T)),
@@ -140,15 +156,16 @@ def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, 
         crossings=found.crossings,
         seconds=seconds,
         charts=found.charts,
-        acceleration_violation=_acceleration_violation(equations, module, t, x, u, p),
+        acceleration_violation=max((_acceleration_violation(equations, module, *part, u, p) for part in parts), default=0.0),
+        switches=charts.switches(equations, found),
     )
 
 
 def _acceleration_violation(
-    equations: Equations, module: ModuleType, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray
+    first: Equations, module: ModuleType, chart: int, places: np.ndarray, part: Any, u: np.ndarray, p: np.ndarray
 ) -> float:
-    """max |A v̇ − β| over the rows, v̇ the derivative of v(t, x) along the compiled ẋ."""
-    system = equations.system
+    """max |A v̇ − β| over the rows of one chart, v̇ the derivative of v(t, x) along the compiled ẋ."""
+    equations, system, t, x = (first, *first.charts)[chart], first.system, part.t, part.x
     if not system.rows:
         return 0.0
     slots = {argument.name: argument.symbols for argument in equations.arguments}
@@ -157,7 +174,9 @@ def _acceleration_violation(
     vdot = ca.jtimes(v, slots["x"], xdot) + ca.jacobian(v, slots["t"])
     beta = ca.substitute(system.beta, system.v, v)
     residual = ca.Function("residual", [slots["t"], slots["x"], slots["p"], xdot], [ca.mtimes(system.A, vdot) - beta])
-    rates = module.dynamics(t, x, u, p)
+    dynamics = charts.in_chart(module, "dynamics", chart)
+    assert dynamics is not None  # it was integrated
+    rates = dynamics(t, x, u, p)
     return float(np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, np.tile(p, (len(t), 1)).T, rates.T)))))
 
 

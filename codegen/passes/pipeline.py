@@ -22,9 +22,10 @@ from codegen.passes.share import share
 from codegen.passes.split import is_long
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.watch import watch
-from codegen.program import KINDS, Argument, Entry, Hoisted, Kernel, Loop, Pattern, Pivot, Program
+from codegen.program import KINDS, Argument, Chart, Entry, Hoisted, Kernel, Loop, Pattern, Pivot, Program
 from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations import records
+from derive.formulations.charts import differs
 from derive.formulations.records import Equations, Function
 from derive.keepings import KEEPINGS
 
@@ -57,9 +58,14 @@ def program(
         further = (*_needs(integrators), *_needs_of_keepings(equations, keepings), *watched)
         chosen = _chosen(equations, [*(function.name for function in chosen), *further])
         _check_size([function for function in chosen if function.name in further])
+    charts = (equations, *equations.charts) if simulates else ()
+    if len(charts) > 1:
+        chosen = _chosen(equations, [*(function.name for function in chosen), *_for_charts(equations)])
+    emitted = [(equations, function) for function in chosen]
+    emitted += [(chart, f) for number, chart in enumerate(charts[1:], 1) for f in _in_chart(equations, chosen, chart, number)]
     kernels, ledger = [], []
-    for function in chosen:
-        kernel, entries = _kernel(equations, function)
+    for source, function in emitted:
+        kernel, entries = _kernel(source, function)
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
@@ -81,7 +87,32 @@ def program(
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
         keepings=tuple(keepings or ()) if simulates else (),
+        charts=tuple(Chart(x.choice, _suffix(k), x.w) for k, x in enumerate(charts)) if len(charts) > 1 else (),
     )
+
+
+def _suffix(number: int) -> str:
+    return f"_chart{number}" if number else ""
+
+
+def _for_charts(equations: Equations) -> list[str]:
+    """What carries a state from one chart to another, and tells how good a chart is where it has something to tell."""
+    known = [request.name for request in equations.requests]
+    return ["velocity", "state", *(name for name in ("guards",) if name in known)]
+
+
+def _in_chart(first: Equations, chosen: Sequence[Function], chart: Equations, number: int) -> list[Function]:
+    """The functions of a further chart: those of the first that depend on the chart, and its own guards."""
+    known = {*(function.name for function in chart.functions), *(request.name for request in chart.requests)}
+    wanted = dict.fromkeys([*(function.name for function in chosen), *_for_charts(chart)])
+    varying = {function.name for function in chosen if differs(first, function)}
+    own = _chosen(chart, [name for name in wanted if name in known])
+    where = f"; chart {number}, {chart.choice}"
+    return [
+        replace(function, name=f"{function.name}{_suffix(number)}", about=function.about + where)
+        for function in own
+        if function.name in varying or differs(chart, function)
+    ]
 
 
 def _needs(integrators: Sequence[str]) -> list[str]:

@@ -1,6 +1,7 @@
 """The targets, in the order they are emitted. To add one: a file with a Target, and its line here."""
 
 from codegen.targets.c import C
+from codegen.targets.charts import CHARTS
 from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
 from codegen.targets.manifest import MANIFEST
@@ -9,6 +10,6 @@ from codegen.targets.package import PACKAGE
 from codegen.targets.records import Target
 from codegen.targets.simulate import SIMULATE
 
-TARGETS: tuple[Target, ...] = (C, EXTENSION, SIMULATE, NUMPY, PACKAGE, EXAMPLE, MANIFEST)
+TARGETS: tuple[Target, ...] = (C, CHARTS, EXTENSION, SIMULATE, NUMPY, PACKAGE, EXAMPLE, MANIFEST)
 
 __all__ = ["TARGETS", "Target"]

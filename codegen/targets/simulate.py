@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
 from codegen import text
 from codegen.integrators import INTEGRATORS, Collocation, Integrator, Rosenbrock, Tableau
-from codegen.program import Program
+from codegen.program import Chart, Program
 from codegen.targets.records import Target
 
 # The head of a simulation's array.
@@ -28,10 +28,26 @@ ENTRIES = (
     ("STEP", "size of the next step"),
     ("ERROR", "error of the last step, for the step control"),
 )
+# More of it where the module has several charts.
+OF_CHARTS = (
+    ("CHOICE", "the chart that the state is in, by number"),
+    ("SWITCHES", "changes of the chart"),
+)
+CALLED = ("dynamics", "power", "project", "constraints", "guards", "closure", "slip", "manifold", "jacobian", "jacobian_t")
 
 
 CHARTS = ("partitioning", "selective", "tangent")  # keepings of simulate_charts.c.j2
 MANIFOLDS = ("invariants", "invariants_euclidean")  # keepings of simulate_keepings.c.j2
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A chart as text: the C function that stands for each name, and how many guards it has."""
+
+    choice: str
+    suffix: str
+    functions: dict[str, str]
+    guards: int
 
 
 @dataclass(frozen=True)
@@ -52,6 +68,10 @@ def files(program: Program) -> dict[str, str]:
     if not program.simulates:
         return {}
     sizes = {kernel.name: kernel.shape[0] for kernel in program.kernels}
+    tabled = _tabled(program, sizes)
+    charts = [_choice(program, chart, sizes, tabled) for chart in program.charts]
+    if most := max((chart.guards for chart in charts), default=0):
+        sizes["guards"] = most
     chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
     has = {name: name in sizes for name in ("power", "project", "constraints", "guards", "manifold")}
     has["project"] &= has["manifold"] or "projection" in program.keepings
@@ -69,7 +89,11 @@ def files(program: Program) -> dict[str, str]:
         "has": has,
         "positions": program.positions,
         "size": len(program.argument("x").names) + 1,
-        "entries": ENTRIES,
+        "entries": (*ENTRIES, *OF_CHARTS) if charts else ENTRIES,
+        "charts": charts,
+        "tabled": tabled,
+        "calls": {name: f"here(r)->{name}" if name in tabled else f"{program.name}_{name}" for name in CALLED},
+        "guards": _guards(program),
         "rows": rows,
         "nq": nq,
         "chart_names": CHARTS,
@@ -82,6 +106,26 @@ def files(program: Program) -> dict[str, str]:
         f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
         "_simulate.py": text.render("simulate.py.j2", tableaux=[_python(x) for x in chosen if isinstance(x, Tableau)], **data),
     }
+
+
+def _tabled(program: Program, sizes: Mapping[str, int]) -> tuple[str, ...]:
+    """What differs between the charts."""
+    return tuple(name for name in CALLED if any(chart.suffix and name + chart.suffix in sizes for chart in program.charts))
+
+
+def _choice(program: Program, chart: Chart, sizes: Mapping[str, int], tabled: Sequence[str]) -> Choice:
+    own = {name: name + chart.suffix for name in (*tabled, "velocity")}
+    there = {name: full if full in sizes else name for name, full in own.items()}
+    functions = {name: f"{program.name}_{full}" for name, full in there.items()}
+    if f"guards{chart.suffix}" not in sizes:
+        functions["guards"] = "none"
+    return Choice(chart.choice, chart.suffix, functions, sizes.get(f"guards{chart.suffix}", 0))
+
+
+def _guards(program: Program) -> dict[str, str]:
+    """How many guards there are at most, and in the chart that is used."""
+    count = f"{program.name.upper()}_N_GUARDS"
+    return {"most": "MOST_GUARDS", "here": "here(r)->count"} if program.charts else {"most": count, "here": count}
 
 
 def _labels(program: Program, name: str) -> tuple[str, ...]:

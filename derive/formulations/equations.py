@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
+from derive.formulations.charts import BETWEEN, charted
 from derive.formulations.choices import Ranking, ranked_partitions, workshop
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.derivatives import derivatives
@@ -19,9 +20,13 @@ from derive.mechanics.records import System
 def equations(system: System, choice: str | None = None, formulation: str = "quasi_velocities") -> Equations:
     """The functions of the generated module for a choice (the first declared one when not named) and a formulation.
 
-    Raises AssumptionError for an unknown name, where the formulation does not fit the system, and where the choice does not
-    fit the constraints.
+    Several choices, `a+b`, are charts of one module. Raises AssumptionError for an unknown name, where the formulation does not
+    fit the system, and where the choice does not fit the constraints.
     """
+    names = (choice or "").split(BETWEEN)
+    if len(names) > 1:
+        found = [equations(system, name.strip(), formulation) for name in names]
+        return found[0] if found[0].base_velocities else charted(found)
     asked, wanted, shop = named(formulation), declared(system, choice), workshop(system)
     reason = asked.misfit(shop)
     if reason:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
@@ -34,7 +36,8 @@ def kept_equations(system: System, choice: str | None, formulation: str, keeping
     reason = keeping.refusal(found, options)
     if reason:
         raise AssumptionError(f"{system.model.name}, {formulation}: keeping '{keeping.name}' does not fit: {reason}")
-    return keeping.equations(found, options)
+    charts = tuple(keeping.equations(chart, options) for chart in found.charts)
+    return replace(keeping.equations(found, options), charts=charts)
 
 
 __all__ = ["KEEPINGS", "Keeping", "Options", "kept_equations", "usual_rate"]

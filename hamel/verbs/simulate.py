@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ import numpy as np
 from codegen.integrators import INTEGRATORS, Integrator
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
+from derive.formulations.charts import charted, together
 from derive.keepings import KEEPINGS, Keeping, Options, kept_equations, usual_rate
 from derive.mechanics.initial import Initial, initial_state
 from hamel import charts, motion
@@ -74,15 +75,22 @@ def run(
     options = Options(alpha, method.conserve, tuple(u), tuple(p))
     chosen = kept_equations(mechanics, method.choice, method.formulation, keeping, options)
     stepping = motion.Stepping(method.integrator, keeping.name, method.step_size, *tolerances)
-    integrators = (method.integrator,) if _own(method) else ()
-    with temporary_module(chosen, integrators, (keeping.name,)) as module:
+
+    def moved(by: Equations) -> motion.Motion:
+        with temporary_module(by, (method.integrator,) if _own(method) else (), (keeping.name,)) as module:
+            start, chart = charts.start(module, initial.q, initial.v, u, p) if by.charts else (x, 0)
+            return motion.integrated(module, by, times, start, u, p, stepping, progress, chart)
+
+    try:
+        found = moved(chosen)
+    except AssumptionError as error:
+        others = _others(mechanics, chosen, keeping, options) if _own(method) else []
+        if not others:
+            raise
         try:
-            found = motion.integrated(module, chosen, times, x, u, p, stepping, progress)
-        except AssumptionError as error:
-            others = _others(mechanics, chosen, keeping, options) if integrators else []
-            if not others:
-                raise
-            found = _over_charts((chosen, *others), error, initial, times, u, p, stepping, progress)
+            found = moved(charted([chosen, *others]))
+        except AssumptionError as again:
+            raise error from again
     for write in files:
         write(found)
     return _record(chosen, replace(method, keeping=keeping.name, alpha=alpha), initial, found, out, plot)
@@ -90,7 +98,7 @@ def run(
 
 def _others(mechanics: System, chosen: Equations, keeping: Keeping, options: Options) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
-    if not mechanics.rows or chosen.formulation not in ("quasi_velocities", "maggi") or keeping.level not in ("none", "steps"):
+    if not mechanics.rows or chosen.base_velocities or chosen.charts or keeping.level not in ("none", "steps"):
         return []
     found = []
     for name in dict.fromkeys((*(choice.name for choice in mechanics.model.choices), "orthonormal")):
@@ -98,26 +106,6 @@ def _others(mechanics: System, chosen: Equations, keeping: Keeping, options: Opt
             with contextlib.suppress(AssumptionError):
                 found.append(kept_equations(mechanics, name, chosen.formulation, keeping, options))
     return found
-
-
-def _over_charts(
-    choices: Sequence[Equations],
-    error: AssumptionError,
-    initial: Initial,
-    times: np.ndarray,
-    u: np.ndarray,
-    p: np.ndarray,
-    by: motion.Stepping,
-    progress: Callable[[float], None] | None,
-) -> motion.Motion:
-    """The motion again, with all choices as charts; the first error where they do not help."""
-    with contextlib.ExitStack() as stack:
-        modules = [stack.enter_context(temporary_module(one, (by.integrator,), (by.keeping,))) for one in choices]
-        over = [charts.chart(one, module) for one, module in zip(choices, modules)]
-        try:
-            return charts.followed(over, times, initial.q, initial.v, u, p, by, progress)
-        except (AssumptionError, FloatingPointError) as again:
-            raise error from again
 
 
 def _keeping(method: Method, plain: Equations) -> Keeping:
@@ -146,6 +134,9 @@ def _check_reference(method: Method, keeping: Keeping, plain: Equations) -> None
     if keeping.level in ("steps", "stages"):
         why = "a library's loop has no place for it; none, baumgarte and feedback act on the equations"
         raise AssumptionError(f"{method.integrator} does not fit keeping '{keeping.name}': {why}")
+    if plain.charts:
+        why = "a library's loop does not change them on the way"
+        raise AssumptionError(f"{method.integrator} does not fit the charts {together(plain)}: {why}; name one choice")
     reason = next(reference for reference in REFERENCES if reference.name == method.integrator).refusal(plain)
     if reason or (method.integrator == "idas" and keeping.name != "none"):
         raise AssumptionError(
@@ -203,7 +194,7 @@ def _record(
     return Simulated(
         model=chosen.system.model.name,
         formulation=chosen.formulation,
-        choice=chosen.choice,
+        choice=together(chosen),
         keeping=method.keeping or "",
         integrator=method.integrator,
         alpha=method.alpha,

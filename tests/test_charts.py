@@ -122,7 +122,7 @@ def test_a_turn_switches_there_and_back(crank: Case, slider_rod: ModuleType) -> 
     assert (np.minimum(left, np.pi - left)[entered == 1] < 0.35).all() and (np.abs(left - np.pi / 2)[entered == 0] < 0.5).all()
 
 
-EXACT = ("rosenbrock", "radau", "implicit_midpoint")  # need the Jacobian of what is integrated, which solving coordinates would change
+EXACT = ("rosenbrock", "radau", "implicit_midpoint")  # need the Jacobian of what is integrated
 FITTING = [(i, k) for i in ALL for k in KEPT if k in KEPT[:2] or i not in EXACT]
 
 

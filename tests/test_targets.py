@@ -332,6 +332,13 @@ def test_defaults_and_batches_use_precomputed_constants(module: ModuleType) -> N
     p[7, 2] = np.nan
     with pytest.warns(RuntimeWarning, match=r"1 of 30 rows failed and are NaN; row 7: not finite"):
         assert np.isnan(module.dynamics(t, x, u, p)[7]).all()
+    p[:8, 2] = np.nan  # what all rows share is still to be read when the first vector of rows has failed
+    with pytest.warns(RuntimeWarning, match=r"8 of 30 rows failed"):
+        shared = module.dynamics(0.0, x, [1.7], p)
+    singles = np.array([module.dynamics(0.0, x[i], np.array([1.7]), p[i]) for i in range(8, 30)])
+    tame = np.abs(singles).max(axis=1) < 1e3
+    assert tame.any()
+    np.testing.assert_allclose(shared[8:][tame], singles[tame], rtol=1e-11)
 
 
 @needs_compiler

@@ -10,6 +10,8 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from codegen.reals import FLOAT64, Real
+
 Expression = str | float | tuple
 
 OK, SINGULAR, NOT_CONVERGED, NOT_FINITE = range(4)
@@ -57,13 +59,14 @@ class Load:
 class Pivot:
     """|value| < tolerance makes the function return SINGULAR.
 
-    `value` is computed up to a constant; for the quantity called `name` the bound is `limit`.
+    `value` is computed up to a constant; for the quantity called `name` the bound is `limit`, a `part` of its usual size.
     """
 
     name: str
     value: Expression
     tolerance: float
     limit: float
+    part: float = field(default=1e-9, repr=False)
 
 
 @dataclass(frozen=True)
@@ -169,12 +172,13 @@ class Program:
     integrators: tuple[str, ...] = ()  # of `simulate`, the default first
     keepings: tuple[str, ...] = ()  # how `simulate` may stay on the constraints, the default first
     charts: tuple[Chart, ...] = field(default=(), repr=False)  # all of them where there are several
+    real: Real = field(default=FLOAT64, repr=False)  # what it computes in
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
         several = repr(self.charts) if self.charts else ""
-        return hashlib.sha256(f"{replace(self, timings=())!r}{several}".encode()).hexdigest()[:32]
+        return hashlib.sha256(f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()).hexdigest()[:32]
 
     @property
     def simulates(self) -> bool:

@@ -8,7 +8,7 @@ import json
 import math
 import textwrap
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,8 @@ import jinja2
 import jinja2.bccache
 
 from codegen import cache
-from codegen.program import Expression
+from codegen.program import Expression, Program
+from codegen.reals import Real, recast
 
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _LEVEL = {"add": 1, "sub": 1, "mul": 2, "div": 2, "neg": 3}
@@ -58,6 +59,14 @@ NUMPY = Language(
     "np.inf",
     "np.nan",
 )  # fmt: skip
+
+
+def numpy(real: Real) -> Language:
+    """NumPy in that precision: what makes float64 of everything is called otherwise in the others."""
+    if not real.words:
+        return NUMPY
+    truths = {name: f"{NUMPY.calls[name]}.astype({real.python})" for name in ("lt", "le", "eq", "ne", "and", "or", "not")}
+    return replace(NUMPY, calls={**NUMPY.calls, **truths, "pow": "np.power({0}, {1})"})
 
 
 def number(value: float, language: Language = C) -> str:
@@ -165,6 +174,7 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def render(template: str, **data: object) -> str:
-    """A template of codegen/templates with data."""
-    return _environment().get_template(template).render(**data)
+def render(template: str, program: Program, **data: object) -> str:
+    """A template of codegen/templates with data; C comes out in the program's precision."""
+    made = _environment().get_template(template).render(program=program, **data)
+    return recast(made, program.real) if template.endswith((".c.j2", ".h.j2")) else made

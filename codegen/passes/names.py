@@ -6,6 +6,8 @@ import keyword
 import re
 from collections.abc import Iterable
 
+from codegen.reals import REALS
+
 _C = """auto break case char const continue default do double else enum extern float for goto if inline int long register restrict
 return short signed sizeof static struct switch typedef union unsigned void volatile while asm typeof linux unix bool true false
 NULL NAN INFINITY HUGE_VAL EOF errno main isnan isinf isfinite M_PI M_E M_PI_2 M_PI_4 M_1_PI M_2_PI M_SQRT2 M_LN2 M_LN10 M_LOG2E
@@ -14,7 +16,7 @@ cbrt round trunc rint nan fma erf erfc signbit ldexp frexp modf scalb logb"""
 _OURS = """t t_ c x u p out work lane LANES bad stray np math status step k finite residual error rows where isscalar
 sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log expm1 sqrt fabs floor ceil pow atan2 hypot fmin fmax copysign
 fmod sign"""
-RESERVED = frozenset([*_C.split(), *_OURS.split(), *keyword.kwlist, *keyword.softkwlist])
+RESERVED = frozenset([*_C.split(), *_OURS.split(), *(word for real in REALS for pair in real.words.items() for word in pair), *keyword.kwlist, *keyword.softkwlist])
 
 
 def identifier(label: str) -> str:

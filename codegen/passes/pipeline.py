@@ -297,7 +297,7 @@ def _written(
     free = Names([*Names().taken, *inputs.values(), identifier(function.result.name)])
     done = schedule(lowered, marks, f"{function.result.name}: {function.about}", inputs, free)
     guards = [
-        Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance)
+        Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance, guard.part)
         for guard, value, factor in zip(function.guards, done.roots[size:], lowered.factors[size:])
     ]
     loop = function.iteration and Loop(function.iteration.tolerance, function.iteration.most, done.roots[-1])

@@ -21,6 +21,7 @@ def _manifest(program: Program) -> dict[str, object]:
         "formulation": program.formulation,
         "choice": program.choice,
         "reason": program.reason,
+        **({"real": program.real.name} if program.real.words else {}),  # without it: float64
         "pivots": list(program.pivots),
         "quasi_velocities": list(program.quasi_velocities),
         "assumptions": list(program.assumptions),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from codegen import text
 from codegen.passes.lanes import is_batched
 from codegen.passes.split import Part, split
-from codegen.program import Expression, Kernel, Program
+from codegen.program import Kernel, Program
 from codegen.targets.records import Target
 
 
@@ -35,7 +35,8 @@ class Body:
 def files(program: Program) -> dict[str, str]:
     """_numpy.py, _library.py (the C library through ctypes) and what they share."""
     data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
-    bodies = [_body(kernel) for kernel in program.kernels]
+    language = text.numpy(program.real)
+    bodies = [_body(kernel, language) for kernel in program.kernels]
     erf = any(" _erf(" in f" {line}" or "(_erf(" in line for b in bodies for c in b.pieces for line in (*c.lines, *c.outputs))
     return {
         "_numpy.py": text.render("numpy.py.j2", bodies=bodies, erf=erf, **data),
@@ -44,26 +45,22 @@ def files(program: Program) -> dict[str, str]:
     }
 
 
-def _body(kernel: Kernel) -> Body:
+def _body(kernel: Kernel, language: text.Language) -> Body:
     parts = split(kernel)
-    return Body(kernel, tuple(_piece(part) for part in parts.parts), parts.size)
+    return Body(kernel, tuple(_piece(part, language) for part in parts.parts), parts.size)
 
 
-def _piece(part: Part) -> Piece:
+def _piece(part: Part, language: text.Language) -> Piece:
     return Piece(
-        lines=tuple(_lines(part)),
-        outputs=tuple(f"out[..., {i}] = {_value(value)}" for i, value in part.outputs),
+        lines=tuple(_lines(part, language)),
+        outputs=tuple(f"out[..., {i}] = {text.expression(value, language)}" for i, value in part.outputs),
         kept=tuple(f"work[{slot}] = {name}" for name, slot in part.kept),
-        guards=tuple((_value(g.value), text.number(g.tolerance, text.NUMPY), text.printable(g.name)) for g in part.guards),
-        residual=_value(part.residual) if part.residual is not None else "",
+        guards=tuple((text.expression(g.value, language), text.number(g.tolerance, language), text.printable(g.name)) for g in part.guards),
+        residual=text.expression(part.residual, language) if part.residual is not None else "",
     )
 
 
-def _value(value: Expression) -> str:
-    return text.expression(value, text.NUMPY)
-
-
-def _lines(part: Part) -> Iterator[str]:
+def _lines(part: Part, language: text.Language) -> Iterator[str]:
     for load in part.loads:
         if load.argument != "t":
             yield f"{load.name} = {load.argument}[..., {load.index}]"
@@ -73,7 +70,7 @@ def _lines(part: Part) -> Iterator[str]:
         yield ""
         yield f"# {text.printable(section.title)}"
         for statement in section.statements:
-            yield f"{statement.name} = {_value(statement.value)}"
+            yield f"{statement.name} = {text.expression(statement.value, language)}"
 
 
 NUMPY = Target("numpy", "NumPy module and the ctypes binding", files)

@@ -162,7 +162,7 @@ def _mean(rates: Sequence[ca.SX], h: ca.SX) -> ca.SX:
 def _guards(dynamics: Function, stages: Sequence[_Stage]) -> tuple[Guard, ...]:
     """Those of every stage."""
     return tuple(
-        Guard(f"{guard.name} at stage {number}", value, guard.tolerance)
+        Guard(f"{guard.name} at stage {number}", value, guard.tolerance, guard.part)
         for number, stage in enumerate(stages, 1)
         for guard, value in zip(dynamics.guards, stage.guards)
     )

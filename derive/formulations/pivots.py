@@ -55,7 +55,7 @@ def quadratic_guards(shop: Workshop, names: Sequence[str], pivots: Sequence[Scal
     """Of the pivots of A M⁻¹ Aᵀ: they vanish where A loses rank."""
     symbolic = [(name, x) for name, x in zip(names, pivots) if isinstance(x, ca.SX) and not x.is_constant()]
     sizes = np.max(np.abs(sampled(shop, ca.vertcat(*[x for _, x in symbolic]))), axis=0).ravel() if symbolic else ()
-    return tuple(Guard(f"pivot of {name}", x, SQUARED * float(size)) for (name, x), size in zip(symbolic, sizes))
+    return tuple(Guard(f"pivot of {name}", x, SQUARED * float(size), SQUARED) for (name, x), size in zip(symbolic, sizes))
 
 
 def sampled(shop: Workshop, matrix: ca.SX) -> np.ndarray:

@@ -33,11 +33,15 @@ class Iteration:
 
 @dataclass(frozen=True)
 class Guard:
-    """A pivot that must stay away from zero: |value| ≥ tolerance, else the function returns status SINGULAR."""
+    """A pivot that must stay away from zero: |value| ≥ tolerance, else the function returns status SINGULAR.
+
+    `part` is what the tolerance is of the pivot's usual size; code of fewer digits raises it.
+    """
 
     name: str
     value: ca.SX
     tolerance: float
+    part: float = 1e-9
 
 
 @dataclass(frozen=True)

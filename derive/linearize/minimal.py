@@ -131,7 +131,7 @@ def _tangent(
 
 
 def _guard(x: Argument, j: int, pivot: ca.SX) -> Guard:
-    return Guard(f"pivot of {x.labels[j]}", pivot, NEAR)
+    return Guard(f"pivot of {x.labels[j]}", pivot, NEAR, NEAR)
 
 
 def with_linearization(equations: Equations) -> Equations:

@@ -11,8 +11,11 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+
+from derive.diagnostics import HamelError, did_you_mean, listed
 
 FUNCTIONS = """sqrt sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log expm1 log1p erf floor ceil fabs pow atan2 hypot
 fmin fmax copysign fmod""".split()
@@ -65,6 +68,10 @@ class Real:
         """The cast to a double, where it has to be said; `recast` knows the word."""
         return "(WIDE)" if self.words else ""
 
+    def nearest(self, value: Any) -> Any:
+        """A number, or an array of them, rounded to this precision; double again."""
+        return np.asarray(value, dtype=float).astype(self.name).astype(float)
+
     def rounding(self, tolerance: float) -> float:
         """As many units of rounding as the tolerance is in double."""
         return tolerance * self.coarseness if self.words else tolerance
@@ -72,6 +79,10 @@ class Real:
     def share(self, tolerance: float) -> float:
         """What leaves the same share of the digits as the tolerance does in double."""
         return tolerance ** (math.log(self.epsilon) / math.log(math.ulp(1.0))) if self.words and tolerance > 0 else tolerance
+
+    def wider(self, part: float) -> float:
+        """How much farther from zero a pivot has to stay that in double may come to this part of its usual size."""
+        return self.share(part) / part
 
     def rounded(self, text: str) -> str:
         """`rounding` of a number in a template, as text."""
@@ -93,6 +104,14 @@ FLOAT32 = Real(
     {"double": "float", "DBL_EPSILON": "FLT_EPSILON", "NPY_DOUBLE": "NPY_FLOAT", "WIDE": "double", **{f: f"{f}f" for f in FUNCTIONS}},
 )  # fmt: skip
 REALS: tuple[Real, ...] = (FLOAT64, FLOAT32)
+
+def real_of(name: str) -> Real:
+    """The precision of that name. Raises HamelError where there is none."""
+    known = {real.name: real for real in REALS}
+    if name not in known:
+        raise HamelError(f"unknown precision {name!r}; {did_you_mean(name, known) or listed(known)}")
+    return known[name]
+
 
 _TOKENS = re.compile(
     r"""(?P<kept>/\*.*?\*/|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""

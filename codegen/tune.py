@@ -33,7 +33,7 @@ class Loop:
 
     rows: ctypes._CFuncPtr
     function: ctypes.c_void_p
-    arrays: tuple[np.ndarray, ...]  # t, x, u, p, out
+    arrays: tuple[np.ndarray, ...]  # t, x, u, p, out, in the precision of the code
 
     def nanoseconds(self) -> float:
         """Per state, of one run."""
@@ -72,7 +72,8 @@ def _loop(program: Program, folder: Path) -> Loop:
     kernel, random = program.kernel("dynamics"), np.random.default_rng(1)
     x, u = (random.uniform(-1, 1, (ROWS, n)) for n in (len(kernel.x.names), len(program.argument("u").names)))
     defaults = np.array(program.argument("p").defaults, dtype=float)
-    return Loop(rows, function, (np.zeros(1), x, u, defaults, np.empty((ROWS, len(kernel.outputs)))))
+    arrays = (np.zeros(1), x, u, defaults, np.empty((ROWS, len(kernel.outputs))))
+    return Loop(rows, function, tuple(array.astype(program.real.name) for array in arrays))
 
 
 def with_fastest_flags(program: Program, known: Mapping[str, float]) -> Program:

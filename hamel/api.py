@@ -34,6 +34,7 @@ def build(
     tune: bool = False,
     header: bool = False,
     fix: Mapping[str, float | str] | None = None,
+    real: str = "float64",
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
@@ -42,11 +43,12 @@ def build(
     this raises ToolchainError, unless `numpy` says that a module that runs on NumPy will do. `tune` compiles every formulation
     that fits, with every choice where none is named, and takes the one whose `dynamics` is fastest on this machine. `header` adds
     <model>_inline.h, all functions in one header for C and C++. `fix` gives inputs and parameters a value, a number in SI or
-    text with a unit, and bakes it in: the functions take them no more, and u is shorter.
+    text with a unit, and bakes it in: the functions take them no more, and u is shorter. `real` is what the code computes in,
+    float64 or float32.
     """
     from hamel.verbs.build import run
 
-    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header, fix or {})
+    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header, fix or {}, real)
 
 
 def verify(

@@ -34,6 +34,7 @@ def made(
     tune: bool,
     header: bool,
     fix: Fixed,
+    real: str,
 ) -> Built:
     """Derive, emit, compile, compare with the independent derivation, and only then publish."""
     clock = Clock()
@@ -41,11 +42,11 @@ def made(
     if tune:
         from hamel.tuning import fastest
 
-        equations, times = fastest(path, choice, constants, fix, clock)
+        equations, times = fastest(path, choice, constants, fix, real, clock)
     else:
         equations = equations_of(path, choice, constants, formulation, clock, fix)
     with meanwhile(lambda: _page(equations)) as page:
-        program = replace(program_of(equations, functions, clock, integrators), inline=header)
+        program = replace(program_of(equations, functions, clock, integrators, real=real), inline=header)
         if tune:
             from hamel.tuning import tuned
 
@@ -125,6 +126,7 @@ def _record(program: Program, folder: Path, compiled: bool, clock: Clock) -> Bui
         compiled=compiled,
         size=_size(folder, program.name),
         tuned=dict(program.timings),
+        real=program.real.name,
     )
 
 

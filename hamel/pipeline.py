@@ -128,16 +128,18 @@ def program_of(
     clock: Clock | None = None,
     integrators: Collection[str] = (),
     keepings: Collection[str] | None = None,
+    real: str = "float64",
 ) -> Program:
     """Equations → Program: the straight-line statements of each function, counted. `integrators`: the default one when empty."""
     with (clock or Clock())("passes"):
         from codegen.integrators import INTEGRATORS
-        from codegen.passes import program
+        from codegen.passes import in_precision, program
 
         chosen = tuple(integrators) or (INTEGRATORS[0].name,)
-        return program(
+        made = program(
             equations, None if functions is None else tuple(functions), chosen, None if keepings is None else tuple(keepings)
         )
+        return in_precision(made, real)
 
 
 def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None) -> MadeFolder:
@@ -181,8 +183,9 @@ def temporary_module(
     integrators: Collection[str] = (),
     keepings: Collection[str] | None = None,
     functions: Collection[str] | None = None,
+    real: str = "float64",
 ) -> Iterator[ModuleType]:
     """A module that is needed for the length of a command; codegen's cache keeps what was compiled."""
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
         place = Path(folder) / equations.system.model.name
-        yield load_quietly(emit(program_of(equations, functions, integrators=integrators, keepings=keepings), place, {}))
+        yield load_quietly(emit(program_of(equations, functions, integrators=integrators, keepings=keepings, real=real), place, {}))

@@ -51,6 +51,7 @@ class Built:
     size: int = 0  # bytes of the library for C
     tuned: Mapping[str, float] = field(default_factory=dict)  # nanoseconds of `dynamics` per state for what was compared
     kept: bool = False
+    real: str = "float64"  # what the code computes in
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ FEW = 1.5  # candidates with more than so many times the fewest operations are n
 
 
 def fastest(
-    path: str | Path, choice: str | None, constants: Constants, fix: Fixed, clock: Clock
+    path: str | Path, choice: str | None, constants: Constants, fix: Fixed, real: str, clock: Clock
 ) -> tuple[Equations, dict[str, float]]:
     """The equations whose `dynamics` is fastest here, and the nanoseconds per state of all that were compiled.
 
@@ -35,7 +35,7 @@ def fastest(
         mechanics = mechanics_of(model, constants)
     with clock("tune"):
         found = dict(_candidates(mechanics, [choice] if choice else [c.name for c in model.choices] or [None]))
-        programs = {name: program_of(equations, ("dynamics",)) for name, equations in found.items()}
+        programs = {name: program_of(equations, ("dynamics",), real=real) for name, equations in found.items()}
         fewest = min(map(_operations, programs.values()))
         worth = {name: program for name, program in programs.items() if _operations(program) <= FEW * fewest}
         taken = timings(worth)

@@ -6,16 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from codegen.program import Expression, Kernel, Pivot, Program
-from codegen.reals import FLOAT64, REALS, Real
-from derive.diagnostics import AssumptionError, HamelError, did_you_mean, listed
-
-
-def real_of(name: str) -> Real:
-    """The precision of that name. Raises HamelError where there is none."""
-    known = {real.name: real for real in REALS}
-    if name not in known:
-        raise HamelError(f"unknown precision {name!r}; {did_you_mean(name, known) or listed(known)}")
-    return known[name]
+from codegen.reals import FLOAT64, Real, real_of
+from derive.diagnostics import AssumptionError
 
 
 def in_precision(program: Program, name: str) -> Program:
@@ -47,7 +39,7 @@ def _kernel(kernel: Kernel, real: Real) -> Kernel:
 
 
 def _guard(guard: Pivot, real: Real) -> Pivot:
-    wider = real.share(guard.part) / guard.part
+    wider = real.wider(guard.part)
     return replace(guard, tolerance=_short(guard.tolerance * wider), limit=_short(guard.limit * wider))
 
 

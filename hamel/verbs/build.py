@@ -28,6 +28,7 @@ def run(
     tune: bool = False,
     header: bool = False,
     fix: Fixed = MappingProxyType({}),
+    real: str = "float64",
 ) -> Built:
     options = {
         "choice": choice,
@@ -40,6 +41,7 @@ def run(
         "tune": tune,
         "header": header,
         "fix": dict(fix),
+        "real": real,
     }
     name = kept.key(path, options)
     found = kept.restored(name, out)
@@ -55,7 +57,7 @@ def show(record: Built, console: Console) -> None:
     from hamel.show import durations, operations
 
     how = "verified when it was built from the same, copied to" if record.kept else "built and verified"
-    console.print(f"{record.model}: {how} {record.folder}{'' if record.compiled else ' (NumPy only, not compiled)'}")
+    console.print(f"{record.model}: {how} {record.folder}{'' if record.compiled else ' (NumPy only, not compiled)'}{'' if record.real == 'float64' else f', {record.real}'}")
     console.print(f"  choice      {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}")
     console.print(f"  operations  {operations(record.operations)}")
     if record.tuned:

@@ -10,6 +10,7 @@ from types import ModuleType
 import casadi as ca
 import numpy as np
 
+from codegen.reals import FLOAT64, Real, real_of
 from derive.formulations.records import Equations, Function
 from derive.mechanics import sampling
 from derive.mechanics.records import System
@@ -59,6 +60,7 @@ class Terms:
     power: float
 
 
+Row = tuple[float, Array, Array, Array]  # t, x, u, p
 TermsAt = Callable[[float, Array, Array, Array, Array], Terms]
 
 
@@ -119,12 +121,19 @@ class Graph:
                 break
         return x
 
-    def roundoff(self, name: str, rows: Sequence[tuple[float, Array, Array, Array]]) -> Array:
-        """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries."""
+    def roundoff(self, name: str, rows: Sequence[Row], real: Real) -> Array:
+        """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries, in units of double."""
         function = next(function for function in self.equations.functions if function.name == name)
         arguments = slots_of(self.equations, function)
         states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
-        return bound(arguments, ca.densify(function.result.value), states)
+        return bound(arguments, ca.densify(function.result.value), states, real)
+
+    def margins(self, name: str, rows: Sequence[Row], real: Real) -> Array:
+        """How far the function's guards are from refusing each (t, x, u, p): below one they do."""
+        function = next(function for function in self.equations.functions if function.name == name)
+        ratios = [guard.value / (guard.tolerance * real.wider(guard.part)) for guard in function.guards]
+        at = ca.Function("margins", slots_of(self.equations, function), [ca.vertcat(*ratios)])
+        return np.array([np.min(np.abs(np.array(at(*row))), initial=np.inf) for row in rows])
 
     def acceleration(self, t: float, x: Array, u: Array, p: Array) -> Array:
         """v̇ as the derivative of v(t, x) along ẋ."""
@@ -178,6 +187,16 @@ class Evidence:
     graph: Graph
     others: tuple[Graph, ...]
     module: ModuleType | None
+
+    @cached_property
+    def real(self) -> Real:
+        """What the module computes in."""
+        return FLOAT64 if self.module is None else real_of(self.module.defaults.dtype.name)
+
+    def rows_of(self, name: str) -> list[Row]:
+        """(t, x, u, p) of a function at every state, as the module's precision rounds them."""
+        near = self.real.nearest
+        return [(float(near(s.t)), near(x), near(s.u), near(s.p)) for s, x in zip(self.samples, self.arguments_of(name))]
 
     @cached_property
     def terms(self) -> tuple[Terms, ...]:
@@ -278,9 +297,9 @@ class Evidence:
         return {function.name: self._expected(function.name) for function in self.graph.equations.functions}
 
     def _expected(self, name: str) -> tuple[Array, Array]:
-        rows = [(s.t, x, s.u, s.p) for s, x in zip(self.samples, self.arguments_of(name))]
+        rows = self.rows_of(name)
         values = [np.ravel(self.graph.iterated(name, *row)) for row in rows]
-        return np.array(values), self.graph.roundoff(name, rows)
+        return np.array(values), self.graph.roundoff(name, rows, self.real)
 
     def results(self, name: str) -> tuple[Array, ...]:
         """A function of this choice at every state."""

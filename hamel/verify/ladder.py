@@ -91,4 +91,5 @@ def _check(rung: Rung, seen: Evidence) -> Check | None:
     if error is None:
         return None
     value = math.inf if math.isnan(error) else float(error)
-    return Check(rung.name, value, rung.tolerance, value <= rung.tolerance, rung.about)
+    tolerance = rung.tolerance * (seen.real.coarseness if rung.rounding else 1.0)
+    return Check(rung.name, value, tolerance, value <= tolerance, rung.about)

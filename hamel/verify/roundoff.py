@@ -13,6 +13,8 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
+from codegen.reals import FLOAT64, Real
+
 Array = np.ndarray
 EPSILON = float(np.finfo(float).eps) / 2
 EXACT = (ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_ASSIGN)
@@ -33,10 +35,11 @@ COMMON: dict[int, Callable[..., tuple]] = {
 }
 
 
-def bound(arguments: list[ca.SX], value: ca.SX, states: Array) -> Array:
+def bound(arguments: list[ca.SX], value: ca.SX, states: Array, real: Real = FLOAT64) -> Array:
     """The bound of each entry of a dense `value` (row by row), states × entries.
 
     `value` is an expression over the arguments; `states` holds their entries, states × all arguments, and counts as exact.
+    The bound is in terms of double's unit of rounding, whatever the precision `real`; constants that it rounds carry one unit.
     """
     program = ca.Function("program", [ca.vertcat(*arguments)], [value.T])
     columns, nothing = states.T, np.zeros(len(states))
@@ -51,7 +54,8 @@ def bound(arguments: list[ca.SX], value: ca.SX, states: Array) -> Array:
             elif operation == ca.OP_INPUT:
                 work[into[0]] = columns[operands[1]], nothing
             elif operation == ca.OP_CONST:
-                work[into[0]] = np.full(len(states), program.instruction_constant(index)), nothing
+                constant = program.instruction_constant(index)
+                work[into[0]] = np.full(len(states), constant), nothing + EPSILON * abs(constant) * (real.nearest(constant) != constant)
             else:
                 work[into[0]] = _operation(operation, [work[i] for i in operands])
     return result.T

@@ -11,9 +11,11 @@ import math
 from typing import Any
 
 from derive.formulations.records import Equations
+from hamel.verify.checks import RUNGS
 from hamel.verify.records import Check, Verification
 
 DECADES = 3
+ROUNDING = frozenset(rung.name for rung in RUNGS if rung.rounding)
 ROUNDOFF = 1e-12  # a tolerance below is a multiple of roundoff: it is met or not, and by how much is the machine's affair
 
 
@@ -42,7 +44,7 @@ def stored(found: Verification, equations: Equations) -> str:
 
 def _margin(check: Check) -> int | None:
     """Whole powers of ten between the error and its tolerance."""
-    if check.tolerance < ROUNDOFF:
+    if check.tolerance < ROUNDOFF or check.name in ROUNDING:
         return None
     if check.value <= check.tolerance * 10.0**-DECADES:
         return DECADES

@@ -16,3 +16,4 @@ class Rung:
     tolerance: float
     about: str
     error: Callable[[Evidence], float | None]
+    rounding: bool = False  # the tolerance counts in units of rounding of the module, and is given for double

@@ -34,6 +34,7 @@ class Real:
     reach: str
     rtol: str  # of `simulate`, when none is given
     atol: str
+    least_step: int  # of `simulate`, in units of rounding of the time
     words: Mapping[str, str] = field(default_factory=dict, repr=False)  # of C for double, and what stands for them
 
     @property
@@ -98,9 +99,9 @@ class Real:
         return value == 0 or not math.isfinite(value) or float(limits.tiny) <= abs(value) <= float(limits.max)
 
 
-FLOAT64 = Real("float64", "double", "", "float", "d", 17, "1e5", "1e-9", "1e-11")
+FLOAT64 = Real("float64", "double", "", "float", "d", 17, "1e5", "1e-9", "1e-11", 16)
 FLOAT32 = Real(
-    "float32", "float", "f", "np.float32", "f", 9, "1e4", "1e-5", "1e-7",
+    "float32", "float", "f", "np.float32", "f", 9, "1e4", "1e-5", "1e-7", 2,
     {"double": "float", "DBL_EPSILON": "FLT_EPSILON", "NPY_DOUBLE": "NPY_FLOAT", "WIDE": "double", **{f: f"{f}f" for f in FUNCTIONS}},
 )  # fmt: skip
 REALS: tuple[Real, ...] = (FLOAT64, FLOAT32)

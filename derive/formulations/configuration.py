@@ -21,7 +21,7 @@ from derive.joints.rotations import dot
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars, small_inverse
 
-TINY = 1e-300  # keeps 0/0 out of sin(θ)/θ; far below one unit in the last place of any θ² that matters
+TINY = 1e-30  # keeps 0/0 out of sin(θ)/θ, which does not change where θ² is not far above; float32 can hold it
 
 
 def is_plain(system: System) -> bool:

@@ -17,8 +17,10 @@ import numpy as np
 
 from derive.diagnostics import HamelError, did_you_mean, listed
 
-FUNCTIONS = """sqrt sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log expm1 log1p erf floor ceil fabs pow atan2 hypot
-fmin fmax copysign fmod""".split()
+FUNCTIONS = (
+    "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log", "expm1",
+    "log1p", "erf", "floor", "ceil", "fabs", "pow", "atan2", "hypot", "fmin", "fmax", "copysign", "fmod",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -102,9 +104,11 @@ class Real:
 FLOAT64 = Real("float64", "double", "", "float", "d", 17, "1e5", "1e-9", "1e-11", 16)
 FLOAT32 = Real(
     "float32", "float", "f", "np.float32", "f", 9, "1e4", "1e-5", "1e-7", 2,
-    {"double": "float", "DBL_EPSILON": "FLT_EPSILON", "NPY_DOUBLE": "NPY_FLOAT", "WIDE": "double", **{f: f"{f}f" for f in FUNCTIONS}},
+    {"double": "float", "WIDE": "double", "DBL_EPSILON": "FLT_EPSILON", "NPY_DOUBLE": "NPY_FLOAT"}
+    | {name: f"{name}f" for name in FUNCTIONS},
 )  # fmt: skip
 REALS: tuple[Real, ...] = (FLOAT64, FLOAT32)
+
 
 def real_of(name: str) -> Real:
     """The precision of that name. Raises HamelError where there is none."""
@@ -138,7 +142,7 @@ def recast(source: str, real: Real) -> str:
 
 def constant(text: str, real: Real) -> str:
     """A constant of C with its suffix, in as many digits as it takes; one that has a suffix is left alone."""
-    if text[-1] in "fF" and not text.lower().startswith("0x") or re.search(r"[pP][+-]?\d+[fF]$", text):
+    if text[-1] in "fF":  # the exponent of a hexadecimal constant is decimal
         return text
-    value = float.fromhex(text) if text.lower().startswith("0x") else float(text)
+    value = float.fromhex(text) if text[:2] in ("0x", "0X") else float(text)
     return f"{np.dtype(real.name).type(value)!s}{real.suffix}"

@@ -48,7 +48,9 @@ def build(
     """
     from hamel.verbs.build import run
 
-    return run(path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header, fix or {}, real)
+    return run(
+        path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header, fix or {}, real
+    )
 
 
 def verify(

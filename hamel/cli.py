@@ -113,7 +113,9 @@ def check(model: str) -> Any:
 @click.option(
     "--integrator", "integrators", metavar="a,b", default="", help="What the module's simulate() uses (default: dop853)."
 )
-@click.option("--real", default="float64", show_default=True, metavar="NAME", help="What the code computes in: float64 or float32.")
+@click.option(
+    "--real", default="float64", show_default=True, metavar="NAME", help="What the code computes in: float64 or float32."
+)
 @click.option("--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy.")
 @click.option("--header", is_flag=True, help="Also write all functions as one header of inline functions, NAME_inline.h.")
 @click.option("--tune", is_flag=True, help="Time the candidates here (formulations, choices, flags) and take the fastest.")

@@ -188,4 +188,6 @@ def temporary_module(
     """A module that is needed for the length of a command; codegen's cache keeps what was compiled."""
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
         place = Path(folder) / equations.system.model.name
-        yield load_quietly(emit(program_of(equations, functions, integrators=integrators, keepings=keepings, real=real), place, {}))
+        yield load_quietly(
+            emit(program_of(equations, functions, integrators=integrators, keepings=keepings, real=real), place, {})
+        )

@@ -80,7 +80,10 @@ def test_double_stays_as_it_is() -> None:
     assert single(made).fingerprint != made.fingerprint
     source = "double x = 0.1; /* a double */"
     assert recast(source, FLOAT64) is source
-    assert [FLOAT64.rounded("4e-15"), FLOAT64.shared("1e-6"), FLOAT64.dtype, FLOAT64.narrow, FLOAT64.widen] == ["4e-15", "1e-6"] + [""] * 3
+    assert [FLOAT64.rounded("4e-15"), FLOAT64.shared("1e-6"), FLOAT64.dtype, FLOAT64.narrow, FLOAT64.widen] == [
+        "4e-15",
+        "1e-6",
+    ] + [""] * 3
     assert FLOAT64.rounding(0.3) == FLOAT64.share(0.3) == 0.3 and FLOAT64.wider(1e-9) == 1.0
 
 
@@ -108,7 +111,9 @@ def test_no_double_anywhere(folder: Path, tmp_path: Path) -> None:
         text = re.sub(r"/\*.*?\*/", "", (folder / name).read_text(), flags=re.DOTALL)
         assert not re.search(r"\bdouble\b", text.replace("(double)out[i]", "")), name
     (tmp_path / "main.c").write_text('#include "toy_inline.h"\nint main(void) { return 0; }\n')
-    subprocess.run([*command, *strict[:6], "-Werror", f"-I{folder}", str(tmp_path / "main.c"), "-lm", "-o", str(tmp_path / "m")], check=True)
+    subprocess.run(
+        [*command, *strict[:6], "-Werror", f"-I{folder}", str(tmp_path / "main.c"), "-lm", "-o", str(tmp_path / "m")], check=True
+    )
     includes = [f"-isystem{place}" for place in (sysconfig.get_paths()["include"], np.get_include())]
     flags = ["-std=c99", "-O1", "-Wdouble-promotion", "-Wfloat-conversion", "-Werror"]
     subprocess.run([*command, *flags, *includes, "-c", "toy_module.c", "-o", str(tmp_path / "made.o")], cwd=folder, check=True)
@@ -235,9 +240,9 @@ def test_what_is_written_says_so(folder: Path) -> None:
 
 def test_what_loses_its_digits_is_refused() -> None:
     for value in (1e39, 1e-39):
-        with pytest.raises(AssumptionError, match="parameter l1 has the number .*float32 cannot hold"):
+        with pytest.raises(AssumptionError, match=r"parameter l1 has the number .*float32 cannot hold"):
             single(program(replace(toy(), parameters=(value, 0.7, 1.3))))
-    with pytest.raises(HamelError, match="unknown precision 'float3'; did you mean 'float32'"):
+    with pytest.raises(HamelError, match=r"unknown precision 'float3'; did you mean 'float32'"):
         hamel.build(MODELS / "pendulum.yaml", real="float3")
 
 
@@ -260,7 +265,9 @@ def wrong(kernel: Kernel) -> Iterator[Kernel]:
         for j, statement in enumerate(section.statements):
             for value in flipped(statement.value):
                 statements = (*section.statements[:j], replace(statement, value=value), *section.statements[j + 1 :])
-                yield replace(kernel, sections=(*kernel.sections[:i], replace(section, statements=statements), *kernel.sections[i + 1 :]))
+                yield replace(
+                    kernel, sections=(*kernel.sections[:i], replace(section, statements=statements), *kernel.sections[i + 1 :])
+                )
 
 
 def in_numpy(made: Program, place: Path) -> ModuleType:

@@ -16,7 +16,8 @@ cbrt round trunc rint nan fma erf erfc signbit ldexp frexp modf scalb logb"""
 _OURS = """t t_ c x u p out work lane LANES bad stray np math status step k finite residual error rows where isscalar
 sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log expm1 sqrt fabs floor ceil pow atan2 hypot fmin fmax copysign
 fmod sign"""
-RESERVED = frozenset([*_C.split(), *_OURS.split(), *(word for real in REALS for pair in real.words.items() for word in pair), *keyword.kwlist, *keyword.softkwlist])
+_RECAST = (word for real in REALS for pair in real.words.items() for word in pair)
+RESERVED = frozenset([*_C.split(), *_OURS.split(), *_RECAST, *keyword.kwlist, *keyword.softkwlist])
 
 
 def identifier(label: str) -> str:

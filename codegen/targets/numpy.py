@@ -55,7 +55,9 @@ def _piece(part: Part, language: text.Language) -> Piece:
         lines=tuple(_lines(part, language)),
         outputs=tuple(f"out[..., {i}] = {text.expression(value, language)}" for i, value in part.outputs),
         kept=tuple(f"work[{slot}] = {name}" for name, slot in part.kept),
-        guards=tuple((text.expression(g.value, language), text.number(g.tolerance, language), text.printable(g.name)) for g in part.guards),
+        guards=tuple(
+            (text.expression(g.value, language), text.number(g.tolerance, language), text.printable(g.name)) for g in part.guards
+        ),
         residual=text.expression(part.residual, language) if part.residual is not None else "",
     )
 

@@ -57,7 +57,9 @@ def show(record: Built, console: Console) -> None:
     from hamel.show import durations, operations
 
     how = "verified when it was built from the same, copied to" if record.kept else "built and verified"
-    console.print(f"{record.model}: {how} {record.folder}{'' if record.compiled else ' (NumPy only, not compiled)'}{'' if record.real == 'float64' else f', {record.real}'}")
+    notes = ["" if record.real == "float64" else record.real, "" if record.compiled else "NumPy only, not compiled"]
+    note = ", ".join(filter(None, notes))
+    console.print(f"{record.model}: {how} {record.folder}{note and f' ({note})'}")
     console.print(f"  choice      {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}")
     console.print(f"  operations  {operations(record.operations)}")
     if record.tuned:

@@ -55,7 +55,8 @@ def bound(arguments: list[ca.SX], value: ca.SX, states: Array, real: Real = FLOA
                 work[into[0]] = columns[operands[1]], nothing
             elif operation == ca.OP_CONST:
                 constant = program.instruction_constant(index)
-                work[into[0]] = np.full(len(states), constant), nothing + EPSILON * abs(constant) * (real.nearest(constant) != constant)
+                carried = EPSILON * abs(constant) if real.nearest(constant) != constant else 0.0
+                work[into[0]] = np.full(len(states), constant), nothing + carried
             else:
                 work[into[0]] = _operation(operation, [work[i] for i in operands])
     return result.T

@@ -25,6 +25,7 @@ BATCH = ("-O3",)  # the loops over states become vector instructions
 # Only gcc knows these: order statements for latency without running out of registers, and keep numbers out of integer registers.
 ORDER = ("-fschedule-insns", "-fsched-pressure")
 KEEP = {"x86_64": ("-mtune-ctrl=^general_regs_sse_spill,^inter_unit_moves_from_vec",)}
+LONG = ("-fno-tree-slp-vectorize",)  # it searches long straight lines at length, and what it joins it has to take apart again
 WIDE = "-mprefer-vector-width=512"  # of those as long as there are
 INSTALL = "install one (Debian: `apt install gcc`; macOS: `xcode-select --install`; anywhere: `pip install ziglang`)"
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
@@ -66,9 +67,8 @@ def choices():
 def identity(command):
     """What else a binary depends on: the compiler, its flags, this processor, this Python and the NumPy headers."""
     flags, macros = probe(tuple(command))
-    return "\n".join(
-        [*command, macros, *flags, *FLAGS, *BATCH, WIDE, sys.platform, sysconfig.get_platform(), extension_suffix(), *headers()]
-    )
+    given = (*flags, *FLAGS, *BATCH, *LONG, WIDE)
+    return "\n".join([*command, macros, *given, sys.platform, sysconfig.get_platform(), extension_suffix(), *headers()])
 
 
 def headers():
@@ -115,10 +115,12 @@ def flags_of(command, name, stem):
     if stem == f"{name}_cpu":
         return []
     flags, macros = probe(tuple(command))
-    if stem != f"{name}_batch":
+    if stem == f"{name}_batch":
+        wide = [WIDE] if "__AVX512F__" in macros else []
+        return [*(flag for flag in flags if flag not in ORDER), *BATCH, *wide]
+    if stem in (name, f"{name}_simulate"):
         return flags
-    wide = [WIDE] if "__AVX512F__" in macros else []
-    return [*(flag for flag in flags if flag not in ORDER), *BATCH, *wide]
+    return [*flags, *LONG]  # a function in a file of its own
 
 
 def manifest(folder):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib
 import random
+import re
 import subprocess
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -143,6 +145,35 @@ def test_operations_and_text_grow_in_proportion(folder: Path, monkeypatch: pytes
         text = sum(len(text) for name, text in build.emit(found).items() if name.endswith(".c"))
         sizes.append((found.kernel("dynamics").operations["total"], text))
     assert all(larger <= 2.3 * smaller for smaller, larger in zip(*sizes))
+
+
+def test_parts_are_bounded_and_load_near_the_use(folder: Path) -> None:
+    """A compiler's time is linear in the number of links: parts are no longer for more links, and nothing in them waits long for
+    its use, for gcc looks through all that stands between."""
+    lengths, lines = {}, {}
+    for n in (40, 80):
+        files = build.emit(program(derived(chain(n), folder), ["dynamics"]))
+        parts = _functions(files["chain_dynamics.c"], "PART chain_dynamics_part")
+        lengths[n], lines[n] = max(map(len, parts)), sum(map(len, parts))
+        waits = [wait for part in parts for wait in _waits(part)]
+        assert len(waits) > 100 and max(waits) <= 12  # four angles and what becomes of them
+        assert (
+            files["chain_dynamics.c"].count("0x1.5d92ff36b5cd1p-33") == 1
+            and "APART void chain_turns" in files["chain_dynamics.c"]
+        )
+    assert max(lengths.values()) <= 3 * split.LONGEST and lines[80] <= 2.3 * lines[40]
+
+
+def _functions(text: str, start: str) -> list[list[str]]:
+    """The lines of the functions whose head begins so."""
+    return [body.split("\n}\n")[0].splitlines() for body in text.split(start)[1:]]
+
+
+def _waits(part: list[str]) -> Iterator[int]:
+    """Of every value from an argument or the workspace, the number of lines until it is read."""
+    for i, line in enumerate(part):
+        if found := re.fullmatch(r" *const double (\w+) = (?:x|u|p|work)\[\d+\];", line):
+            yield next(k for k, later in enumerate(part[i + 1 :]) if re.search(rf"\b{found[1]}\b", later))
 
 
 def test_long_functions_name_their_files_and_their_stack(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

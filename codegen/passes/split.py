@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from codegen.program import Expression, Kernel, Load, Pivot, Section, Statement
 
 WHOLE = 1_000  # statements that a function may have and stay in one piece
-LONGEST = 500  # statements in one part of a longer one
+LONGEST = 250  # statements in one part of a longer one
 
 Slot = tuple[str, int]  # a local name and its place in the workspace
 
@@ -76,25 +76,25 @@ def _cut(sections: Sequence[Section]) -> list[tuple[Section, ...]]:
     return [tuple(piece) for piece in pieces]
 
 
-def _names(value: Expression) -> Iterator[str]:
+def names(value: Expression) -> Iterator[str]:
     """The local names in an expression."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, tuple):
         for operand in value[1:]:
-            yield from _names(operand)
+            yield from names(operand)
 
 
 def _ready(value: Expression, home: dict[str, int]) -> int:
     """The first part after which everything in the expression is known."""
-    return max((home.get(name, 0) for name in _names(value)), default=0)
+    return max((home.get(name, 0) for name in names(value)), default=0)
 
 
 def _read(part: Part) -> Iterator[str]:
     statements: Iterable[Statement] = (s for section in part.sections for s in section.statements)
     last = [part.residual] if part.residual is not None else []
     for value in (*(s.value for s in statements), *(v for _, v in part.outputs), *(g.value for g in part.guards), *last):
-        yield from _names(value)
+        yield from names(value)
 
 
 def _share_slots(parts: Sequence[Part], reads: Sequence[Sequence[str]], home: dict[str, int]) -> int:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from codegen import text
 from codegen.passes.lanes import is_batched
 from codegen.passes.schedule import TURNS
-from codegen.passes.split import Part, split
+from codegen.passes.split import Part, names, split
 from codegen.program import Expression, Kernel, Program, Section, Statement
 from codegen.targets.records import Target
 
@@ -24,9 +24,7 @@ FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512b
 class Piece:
     """A part of a kernel as lines of C."""
 
-    lines: tuple[str, ...]  # loads, values from the workspace, statements
-    outputs: tuple[str, ...]
-    kept: tuple[str, ...]  # values into the workspace
+    lines: tuple[str, ...]  # loads, values from the workspace, statements, results, values into the workspace
     guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
     unused: tuple[str, ...]
 
@@ -46,11 +44,20 @@ class Body:
 
 
 @dataclass(frozen=True)
+class _Step:
+    """Lines that belong together, the locals that they read and those that they make."""
+
+    lines: Sequence[str]
+    reads: Sequence[str]
+    makes: Sequence[str]
+
+
+@dataclass(frozen=True)
 class _Style:
-    """How entry i of an array is written; at which statement of a section what lines for sines and cosines stand."""
+    """How entry i of an array is written; at which statement of a section what step for sines and cosines stands."""
 
     entry: str
-    turns: Callable[[str, Section, set[str]], dict[str, list[str]]]
+    turns: Callable[[str, Section, set[str]], dict[str, _Step]]
 
 
 def files(program: Program) -> dict[str, str]:
@@ -87,10 +94,11 @@ def _batch(program: Program, kernel: Kernel) -> Body:
 
 def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
     parts = split(kernel)
+    lines = _near if len(parts.parts) > 1 and style is _ONE else _far
     return Body(
         kernel=kernel,
         size=len(kernel.outputs),
-        pieces=tuple(_piece(program, kernel, part, style) for part in parts.parts),
+        pieces=tuple(_piece(program, kernel, part, style, lines) for part in parts.parts),
         workspace=parts.size,
         stray=_stray(program, kernel, style),
         residual=_value(kernel.loop.residual) if kernel.loop else "",
@@ -98,16 +106,14 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
     )
 
 
-def _piece(program: Program, kernel: Kernel, part: Part, style: _Style) -> Piece:
+def _piece(program: Program, kernel: Kernel, part: Part, style: _Style, lines: Callable[..., Iterator[str]]) -> Piece:
     uses = {load.argument for load in part.loads} | ({"work"} if part.taken or part.kept else set())
     uses |= ({"out"} if part.outputs else set()) | (set() if part.residual is None else {"residual"})
-    names = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
+    given = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
     return Piece(
-        lines=tuple(_lines(program, part, style)),
-        outputs=tuple(_output(kernel, i, style) for i, _ in part.outputs),
-        kept=tuple(f"{style.entry.format('work', slot)} = {name};" for name, slot in part.kept),
+        lines=tuple(lines(program, kernel, part, style)),
         guards=tuple((_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in part.guards),
-        unused=tuple(name for name in names if name not in uses),
+        unused=tuple(name for name in given if name not in uses),
     )
 
 
@@ -115,22 +121,69 @@ def _value(value: Expression) -> str:
     return text.expression(value, text.C)
 
 
-def _lines(program: Program, part: Part, style: _Style) -> Iterator[str]:
-    for load in part.loads:
-        if load.argument != "t":
-            yield f"const double {load.name} = {style.entry.format(load.argument, load.index)};"
-    for name, slot in part.taken:
-        yield f"const double {name} = {style.entry.format('work', slot)};"
+def _far(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterator[str]:
+    """Loads first, stores last."""
+    yield from _loads(part, style).values()
+    for step in _steps(program, part, style):
+        yield from step.lines
+    yield ""
+    yield from (_output(kernel, i, style) for i, _ in part.outputs)
+    yield from (_kept(name, slot, style) for name, slot in part.kept)
+
+
+def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterator[str]:
+    """Loads at their first use, stores as soon as there is something to store, for the parts of a long function.
+
+    gcc looks through all lines between a load and its only use for what could change the value (combine.cc): with all loads at
+    the top its time is quadratic in the length of a part.
+    """
+    loads, stores = _loads(part, style), _stores(kernel, part, style)
+    for number, step in enumerate(_steps(program, part, style)):
+        for name in step.reads:
+            if name in loads:
+                yield from (loads.pop(name), *stores.pop(name, ()))
+        yield from step.lines if number else step.lines[1:]  # the first heading without an empty line above
+        for name in step.makes:
+            yield from stores.pop(name, ())
+    yield ""
+    for name, line in loads.items():  # what results and guards alone need
+        yield from (line, *stores.pop(name, ()))
+    for lines in stores.values():
+        yield from lines
+    yield from (_output(kernel, i, style) for i, value in part.outputs if not isinstance(value, str))
+
+
+def _loads(part: Part, style: _Style) -> dict[str, str]:
+    """What arguments and the workspace hold, as lines by local name; t is an argument by itself."""
+    entries = {load.name: (load.argument, load.index) for load in part.loads if load.argument != "t"}
+    entries |= {name: ("work", slot) for name, slot in part.taken}
+    return {name: f"const double {name} = {style.entry.format(*entry)};" for name, entry in entries.items()}
+
+
+def _stores(kernel: Kernel, part: Part, style: _Style) -> dict[str, list[str]]:
+    """The lines that store a local: into the workspace, as a result."""
+    lines = {name: [_kept(name, slot, style)] for name, slot in part.kept}
+    for i, value in part.outputs:
+        if isinstance(value, str):
+            lines.setdefault(value, []).append(_output(kernel, i, style))
+    return lines
+
+
+def _kept(name: str, slot: int, style: _Style) -> str:
+    return f"{style.entry.format('work', slot)} = {name};"
+
+
+def _steps(program: Program, part: Part, style: _Style) -> Iterator[_Step]:
     taken = {statement.name for section in part.sections for statement in section.statements}
     for section in part.sections:
-        yield ""
-        yield f"/* {text.comment(section.title)} */"
+        yield _Step(("", f"/* {text.comment(section.title)} */"), (), ())
         turns = style.turns(program.name, section, taken)
         for statement in section.statements:
-            if _is_turn(statement):
-                yield from turns.pop(statement.name, ())
-            else:
-                yield f"const double {statement.name} = {_value(statement.value)};"
+            if not _is_turn(statement):
+                line = f"const double {statement.name} = {_value(statement.value)};"
+                yield _Step([line], list(names(statement.value)), [statement.name])
+            elif statement.name in turns:
+                yield turns.pop(statement.name)
 
 
 def _is_turn(statement: Statement) -> bool:
@@ -147,22 +200,22 @@ def _angles(section: Section) -> dict[Expression, dict[str, str]]:
     return found
 
 
-def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, list[str]]:
-    """At the first of a sine and cosine the lines for both."""
-    lines = {}
+def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step]:
+    """At the first of a sine and cosine the a step for both."""
+    steps = {}
     for angle, found in _angles(section).items():
         first = next(iter(found.values()))
         sin, cos = (found.get(name) or _fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
         call = f"bad += {prefix}_sincos({_value(angle)}, &{sin}, &{cos});"
-        lines[first] = [f"double {sin}, {cos};", call]
-    return lines
+        steps[first] = _Step([f"double {sin}, {cos};", call], list(names(angle)), [sin, cos])
+    return steps
 
 
-def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, list[str]]:
-    """At the last sine or cosine the lines for all, four angles at a time; where one needs another, one by one."""
+def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step]:
+    """At the last sine or cosine the a step for all, four angles at a time; where one needs another, one by one."""
     angles = list(_angles(section).items())
     groups = [angles[i : i + 4] for i in range(0, len(angles), 4)] if section.title == TURNS else [[item] for item in angles]
-    lines = {}
+    steps = {}
     for group in groups:
         last = [s.name for s in section.statements if any(s.name in found.values() for _, found in group)]
         sines, cosines = _fresh("sines", taken), _fresh("cosines", taken)
@@ -170,8 +223,10 @@ def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, list[
         made = [f"double {sines}[4], {cosines}[4];", f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});"]
         for k, (_, found) in enumerate(group):
             made += [f"const double {local} = {sines if name == 'sin' else cosines}[{k}];" for name, local in found.items()]
-        lines[last[-1] if section.title == TURNS else last[0]] = made
-    return lines
+        reads = [name for angle, _ in group for name in names(angle)]
+        step = _Step(made, reads, [local for _, found in group for local in found.values()])
+        steps[last[-1] if section.title == TURNS else last[0]] = step
+    return steps
 
 
 def _fresh(wanted: str, taken: set[str]) -> str:

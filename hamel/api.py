@@ -99,17 +99,19 @@ def simulate(
     out: str | Path | None = None,
     plot: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
+    real: str = "float64",
 ) -> records.Simulated:
     """Integrate from the consistent initial state: one formulation, one keeping (how to stay on the constraints; projection where
     there is something to project on when None) and one integrator, with steps by the tolerances or equal ones of `step_size`.
 
     `alpha` is the rate in 1/s at which baumgarte and feedback pull violations back (twice the system's fastest rate when None),
     `conserve` names cyclic coordinates whose momenta the keeping invariants holds, beside the energy. `step` is the time between
-    rows of the result; `values` sets initial values, parameters and (constant) inputs by name.
+    rows of the result; `values` sets initial values, parameters and (constant) inputs by name. `real` is what
+    the code computes in, float64 or float32.
     """
     from hamel.verbs.simulate import Method, run
 
-    method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol, alpha, tuple(conserve))
+    method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol, alpha, tuple(conserve), real)
     return run(path, method, time, step, values or {}, out, plot, progress)
 
 

@@ -75,6 +75,9 @@ CHOICE = click.option("--choice", metavar="NAME", help="The choice of quasi-velo
 FORMULATION = click.option(
     "--formulation", metavar="NAME", default="quasi_velocities", show_default=True, help="How the equations are formed: see list."
 )
+REAL = click.option(
+    "--real", default="float64", show_default=True, metavar="NAME", help="What the code computes in: float64 or float32."
+)
 CONSTANTS = click.option(
     "--constants", metavar="all|a,b", default="", help="Parameters to bake in as numbers (default: none, all stay arguments)."
 )
@@ -113,9 +116,7 @@ def check(model: str) -> Any:
 @click.option(
     "--integrator", "integrators", metavar="a,b", default="", help="What the module's simulate() uses (default: dop853)."
 )
-@click.option(
-    "--real", default="float64", show_default=True, metavar="NAME", help="What the code computes in: float64 or float32."
-)
+@REAL
 @click.option("--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy.")
 @click.option("--header", is_flag=True, help="Also write all functions as one header of inline functions, NAME_inline.h.")
 @click.option("--tune", is_flag=True, help="Time the candidates here (formulations, choices, flags) and take the fastest.")
@@ -168,6 +169,7 @@ def stress(models: Sequence[str], case: str | None) -> Any:
 @click.option(
     "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Initial value, parameter or input; may be repeated."
 )
+@REAL
 @click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv or FILE.npz.")
 @click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
 def simulate(model: str, settings: Sequence[str], conserve: str, **options: Any) -> Any:

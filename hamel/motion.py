@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -106,6 +106,7 @@ def integrated(
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         raise AssumptionError(str(error), hint) from None
+    found = replace(found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float))
     return judged(module, equations, found, u, p, time.perf_counter() - start)
 
 
@@ -176,7 +177,7 @@ def _acceleration_violation(
     residual = ca.Function("residual", [slots["t"], slots["x"], slots["p"], xdot], [ca.mtimes(system.A, vdot) - beta])
     dynamics = charts.in_chart(module, "dynamics", chart)
     assert dynamics is not None  # it was integrated
-    rates = dynamics(t, x, u, p)
+    rates = dynamics(t, x, u, p).astype(float)
     return float(np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, np.tile(p, (len(t), 1)).T, rates.T)))))
 
 

@@ -17,6 +17,7 @@ from derive.expressions.evaluate import number
 from derive.formulations import equations
 from derive.mechanics.initial import initial_state
 from derive.model.records import Model, Stress
+from derive.model.stress import REAL
 from hamel.importing import load
 from hamel.pipeline import mechanics_of
 from hamel.records import Simulated, StressRow
@@ -65,7 +66,7 @@ def stress_table(
 
 def judged(path: Path, model: Model, entry: Stress) -> StressRow:
     """One case. An error of the model's file is no refusal and is raised."""
-    method = Method("quasi_velocities", entry.choice or None, None, entry.integrator, None, entry.rtol, None)
+    method = Method("quasi_velocities", entry.choice or None, None, entry.integrator, None, entry.rtol, None, real=entry.real)
     try:
         found = simulated(path, method, entry.time, entry.time, dict(entry.values), None, None, None)
     except HamelError as error:
@@ -79,7 +80,7 @@ def judged(path: Path, model: Model, entry: Stress) -> StressRow:
         model=model.name,
         case=entry.name,
         about=entry.about,
-        method=f"{found.choice}, {found.keeping}, {found.integrator}",
+        method=f"{found.choice}, {found.keeping}, {found.integrator}{_precision(entry)}",
         outcome="survived" if good else "wrong",
         error=error,
         tolerance=entry.tolerance,
@@ -96,12 +97,16 @@ def judged(path: Path, model: Model, entry: Stress) -> StressRow:
 
 
 def _refused(model: Model, entry: Stress, status: str) -> StressRow:
-    method = f"{entry.choice or 'default'}, {entry.integrator}"
+    method = f"{entry.choice or 'default'}, {entry.integrator}{_precision(entry)}"
     right = bool(entry.refused) and entry.refused in status
     expected = "refused" if entry.refused else "survived"
     judge = "what the file expects"
     names = (model.name, entry.name, entry.about, method, "refused", None, entry.tolerance, status, expected, right, judge)
     return StressRow(*names, 0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _precision(entry: Stress) -> str:
+    return "" if entry.real == REAL else f", {entry.real}"
 
 
 def _wanted(model: Model, entry: Stress) -> Ended:

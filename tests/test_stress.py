@@ -11,11 +11,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from derive.diagnostics import AssumptionError
+from codegen.reals import REALS
+from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.mechanics import system
 from derive.mechanics.initial import initial_state
 from derive.model import load
+from derive.model.stress import RTOL
 from hamel.solutions import Problem, Solution, solution, state_of
 from hamel.stress import judged
 from tests.scenes import MODELS
@@ -71,6 +73,19 @@ def test_stiff_cases_need_no_more_steps_than_those_of_scipy(
         ]
         fewest[integrator] = min(row.steps for row in rows if row.error is not None and row.error <= error)
     assert fewest["radau"] <= fewest["scipy_radau"]
+
+
+def test_what_a_case_is_computed_in(tmp_path: Path) -> None:
+    path = tmp_path / "half.yaml"
+    text = (MODELS / "stress" / "tumbling.yaml").read_text()
+    path.write_text(text.replace("real: float32", "real: float16"))
+    with pytest.raises(ModelError, match=r"the case 'single' is to be computed in 'float16'") as caught:
+        load(path)
+    assert caught.value.diagnostics[0].expected == "float64 or float32"
+    entries = {entry.name: entry for entry in load(MODELS / "stress" / "tumbling.yaml").stress}
+    assert (entries["single"].real, entries["single"].rtol) == ("float32", 1e-6)
+    assert (entries["disk"].real, entries["disk"].rtol) == ("float64", 1e-11)
+    assert set(RTOL) == {real.name for real in REALS}
 
 
 def test_a_wrong_end_is_seen(tmp_path: Path) -> None:

@@ -341,6 +341,16 @@ def test_defaults_and_batches_use_precomputed_constants(module: ModuleType) -> N
     np.testing.assert_allclose(shared[8:][tame], singles[tame], rtol=1e-11)
 
 
+def test_steps_use_precomputed_constants() -> None:
+    """Parameters stay as they are on the way, so what follows from them alone is computed once, not at every stage."""
+    made = program(toy())
+    hoisted = made.kernel("dynamics").hoisted
+    assert hoisted and hoisted.rest.operations["total"] < made.kernel("dynamics").operations["total"]
+    simulation = build.emit(made)["toy_simulate.c"]
+    assert simulation.count("toy_dynamics_precompute(p, c)") == simulation.count("toy_dynamics_precomputed(") == 1
+    assert "toy_dynamics(" not in simulation
+
+
 @needs_compiler
 def test_batches_on_threads(module: ModuleType) -> None:
     t, x, u = states(37)

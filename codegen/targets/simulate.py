@@ -76,6 +76,7 @@ def files(program: Program) -> dict[str, str]:
     has = {name: name in sizes for name in ("power", "project", "constraints", "guards", "manifold")}
     has["project"] &= has["manifold"] or "projection" in program.keepings
     has["charts"] = any(name in CHARTS for name in program.keepings)
+    has["constants"] = not program.charts and program.kernel("dynamics").hoisted is not None
     has["linear"] = has["charts"] or any(x.needs for x in chosen)
     rows = {name: sizes.get(name, 0) for name in ("closure", "slip", "manifold", "guards")}
     rows["closing"] = sum(label in _labels(program, "closure") for label in _labels(program, "slip"))

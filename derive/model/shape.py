@@ -155,7 +155,8 @@ class StressEntry(Entry):
     time: Formula = Field(description="The end of the motion, in seconds.")
     integrator: Formula | None = Field(None, description="How to step (default: dop853).")
     choice: Formula | None = Field(None, description="The choice of quasi-velocities (default: the file's first).")
-    rtol: Formula | None = Field(None, description="Relative tolerance of a step (default: 1e-11).")
+    real: Formula | None = Field(None, description="What the code computes in: float64 or float32 (default: float64).")
+    rtol: Formula | None = Field(None, description="Relative tolerance of a step (default: 1e-11, in float32 1e-6).")
     tolerance: Formula | None = Field(None, description="Relative error that is allowed; when left out it is only reported.")
     end: dict[Name, Formula] = Field(
         {},

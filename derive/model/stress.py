@@ -9,7 +9,8 @@ from derive.model.reader import Reader
 from derive.model.records import Stress
 from derive.model.shape import StressEntry
 
-INTEGRATOR, RTOL = "dop853", 1e-11  # where a case says nothing
+INTEGRATOR, REAL = "dop853", "float64"  # where a case says nothing
+RTOL = {"float64": 1e-11, "float32": 1e-6}
 
 
 def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
@@ -17,6 +18,9 @@ def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
     reader.name(key)
     if entry.refused and (entry.end or entry.tolerance):
         reader.report(entry.refused.span, f"the case '{key}' is refused and ends", "refused: or tolerance: and end:")
+    real = _text(entry.real) or REAL
+    if entry.real and real not in RTOL:
+        reader.report(entry.real.span, f"the case '{key}' is to be computed in '{real}'", " or ".join(RTOL))
     ends = [_end(reader, name, scalar) for name, scalar in entry.end.items()]
     return Stress(
         name=str(key),
@@ -24,8 +28,9 @@ def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
         values=tuple((str(name), scalar.text) for name, scalar in entry.set.items()),
         time=_positive(reader, entry.time, "the time of a case", "s") or 0.0,
         integrator=_text(entry.integrator) or INTEGRATOR,
+        real=real,
         choice=_text(entry.choice),
-        rtol=_positive(reader, entry.rtol, "the tolerance of a step", "1") or RTOL,
+        rtol=_positive(reader, entry.rtol, "the tolerance of a step", "1") or RTOL.get(real, 0.0),
         tolerance=_positive(reader, entry.tolerance, "the tolerance of a case", "1"),
         end=tuple(pair for pair in ends if pair is not None),
         refused=_text(entry.refused),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from codegen.integrators import INTEGRATORS, Integrator
+from codegen.reals import FLOAT64, Real, real_of
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.formulations.charts import charted, together
@@ -48,6 +49,7 @@ class Method:
     atol: float | None
     alpha: float | None = None
     conserve: tuple[str, ...] = ()
+    real: str = "float64"
 
 
 def run(
@@ -63,7 +65,8 @@ def run(
     _check(method)
     times = _times(time, step, method.step_size)
     files = motion.writers(out, plot)
-    tolerances = _tolerances(method.rtol, method.atol)
+    real = real_of(method.real)
+    tolerances = _tolerances(method.rtol, method.atol, real)
     mechanics = mechanics_of(load(path))
     given = settings(mechanics.model, values)
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
@@ -71,13 +74,14 @@ def run(
     plain = equations(mechanics, method.choice, method.formulation)
     keeping = _keeping(method, plain)
     x = _state(plain, initial, p)
+    _check_numbers(real, mechanics, x, u, p)
     alpha = usual_rate(plain, 0.0, x, u, p, time) if keeping.level == "rates" and method.alpha is None else method.alpha
     options = Options(alpha, method.conserve, tuple(u), tuple(p))
     chosen = kept_equations(mechanics, method.choice, method.formulation, keeping, options)
     stepping = motion.Stepping(method.integrator, keeping.name, method.step_size, *tolerances)
 
     def moved(by: Equations) -> motion.Motion:
-        with temporary_module(by, (method.integrator,) if _own(method) else (), (keeping.name,)) as module:
+        with temporary_module(by, (method.integrator,) if _own(method) else (), (keeping.name,), real=real.name) as module:
             start, chart = charts.start(module, initial.q, initial.v, u, p) if by.charts else (x, 0)
             return motion.integrated(module, by, times, start, u, p, stepping, progress, chart)
 
@@ -150,6 +154,10 @@ def _check(method: Method) -> None:
     if method.integrator not in names:
         raise ModelError(f"unknown integrator '{method.integrator}'; {did_you_mean(method.integrator, names) or listed(names)}")
     own = _own(method)
+    if own is None and method.real != FLOAT64.name:
+        raise ModelError(
+            f"{method.integrator} computes in float64: integrate {method.real} with {listed(x.name for x in INTEGRATORS)}"
+        )
     if method.step_size is not None:
         _positive("step size", method.step_size)
         if own is None:
@@ -171,11 +179,23 @@ def _times(time: float, step: float | None, step_size: float | None) -> np.ndarr
     return np.append(inner[inner < time * (1 - 1e-12)], time)
 
 
-def _tolerances(rtol: float, atol: float | None) -> tuple[float, float]:
+def _tolerances(rtol: float, atol: float | None, real: Real) -> tuple[float, float]:
+    """No tighter than rounding."""
     _positive("rtol", rtol)
+    rtol = max(rtol, real.rounding(1e-15))
     atol = rtol / 100 if atol is None else atol
     _positive("atol", atol)
-    return max(rtol, 1e-15), atol
+    return rtol, atol
+
+
+def _check_numbers(real: Real, mechanics: System, *given: np.ndarray) -> None:
+    """Refuse values that lose their digits before anything is computed."""
+    for value in np.concatenate(given):
+        if not real.holds(float(value)):
+            raise AssumptionError(
+                f"{mechanics.model.name}: {real.name} cannot hold {value:.6g} with all digits",
+                "float64 can; or choose units in which the numbers of the model are nearer to one",
+            )
 
 
 def _positive(name: str, value: float) -> None:

@@ -179,6 +179,9 @@ def test_sines_are_exact_to_a_unit(turn: ModuleType) -> None:
         found = turn.dynamics(np.float32(0), x[:, None])
         assert units(found[:, 0], np.sin(x.astype(float))) <= 0.8
         assert units(found[:, 1], np.cos(x.astype(float))) <= 0.8
+    zeros = np.array([0.0, -0.0] * 9, np.float32)
+    assert (np.signbit(turn.dynamics(0.0, zeros[:, None])[:, 0]) == np.signbit(zeros)).all()
+    assert np.signbit(turn.dynamics(0.0, zeros[1:2])[0])
     one_by_one = np.array([turn.dynamics(0.0, value[None]) for value in x])
     assert np.abs(one_by_one - found).max() <= EPSILON
 

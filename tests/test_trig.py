@@ -90,6 +90,13 @@ def test_nearest_to_multiples_of_half_a_turn(module: ModuleType) -> None:
 
 
 @needs_compiler
+def test_zeros_keep_their_signs(module: ModuleType) -> None:
+    x = np.array([0.0, -0.0] * 9)
+    assert (np.signbit(module.dynamics(0.0, x[:, None])[:, 0]) == np.signbit(x)).all()
+    assert [np.signbit(module.dynamics(0.0, value[None])[0]) for value in x[:2]] == [False, True]
+
+
+@needs_compiler
 def test_the_library_beyond(module: ModuleType) -> None:
     x = np.array([1e5 + 1e-9, -123456.7, 3e8, 1e22, -1.7e308, 2.5, 7.0, 1e300])
     wanted = [(math.sin(value), math.cos(value)) for value in x]

@@ -136,6 +136,7 @@ class Chart:
     choice: str
     suffix: str  # none for the first
     quasi_velocities: tuple[str, ...]
+    largest: tuple[float, ...]  # what is called the whole of each entry of `guards`
 
 
 @dataclass(frozen=True)

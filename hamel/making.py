@@ -10,6 +10,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import ToolchainError, VerificationError
+from derive.formulations.charts import BETWEEN, together
 from hamel.meanwhile import meanwhile
 from hamel.pipeline import Clock, Constants, Fixed, drafted, equations_of, load_quietly, program_of
 from hamel.records import Built
@@ -71,9 +72,14 @@ def _page(equations: Equations) -> str:
 
 
 def _with_requested(equations: Equations, program: Program) -> Equations:
-    """What was emitted on request is verified like the rest."""
+    """What was emitted on request is verified like the rest, in every chart."""
     emitted = {kernel.name for kernel in program.kernels}
-    requested = tuple(request.make() for request in equations.requests if request.name in emitted)
+    charts = tuple(_with_emitted(chart, emitted, f"_chart{number}") for number, chart in enumerate(equations.charts, 1))
+    return replace(_with_emitted(equations, emitted, ""), charts=charts)
+
+
+def _with_emitted(equations: Equations, emitted: Collection[str], suffix: str) -> Equations:
+    requested = tuple(request.make() for request in equations.requests if f"{request.name}{suffix}" in emitted)
     return replace(equations, functions=(*equations.functions, *requested))
 
 
@@ -88,7 +94,7 @@ def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clo
     failed = [check for check in found.checks if not check.passed]
     if failed:
         lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
-        raise VerificationError(f"{draft.name}, choice {equations.choice}: verification failed, nothing is written: {lines}")
+        raise VerificationError(f"{draft.name}, choice {together(equations)}: verification failed, nothing is written: {lines}")
     return found
 
 
@@ -114,7 +120,7 @@ def _publish(draft: Draft, pages: dict[str, str], clock: Clock) -> None:
 def _record(program: Program, folder: Path, compiled: bool, clock: Clock) -> Built:
     return Built(
         model=program.name,
-        choice=program.choice,
+        choice=BETWEEN.join(chart.choice for chart in program.charts) or program.choice,
         reason=program.reason,
         folder=folder,
         verified=True,

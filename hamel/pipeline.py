@@ -64,7 +64,7 @@ def equations_of(
         from derive.formulations import equations
         from derive.linearize.minimal import with_linearization
 
-        return with_linearization(equations(mechanics, choice, formulation))
+        return with_linearization(equations(mechanics, choice, formulation, charts=True))
 
 
 def _read(path: str | Path, constants: Constants, fix: Fixed) -> tuple[Model, Constants]:

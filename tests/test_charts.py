@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import json
+import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -13,6 +17,8 @@ import numpy as np
 import pytest
 
 import hamel
+from codegen import build, compiler, loader
+from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.mechanics import system
@@ -20,9 +26,11 @@ from derive.mechanics.initial import initial_state
 from derive.mechanics.records import System
 from derive.model import load_text
 from hamel.pipeline import temporary_module
+from hamel.verify import verification
 from tests.scenes import MODELS
 
 SLIDER_CRANK = MODELS / "slider_crank.yaml"
+needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 LOW = 0.2  # of a guard's largest value: where a chart is left
 
@@ -194,8 +202,10 @@ def test_hysteresis_keeps_the_chart_that_dwells_near_the_bound(crank: Case, slid
     assert crossed > 100 and switches == 1
 
 
-def _margin(module: ModuleType, case: Case, x: np.ndarray) -> float:
-    return float(np.min(np.abs(module.guards(0.0, x, case.u, case.p)))) / 1e9
+def _margin(module: ModuleType, case: Case, x: np.ndarray, chart: int = 0) -> float:
+    """The smallest pivot relative to the largest seen when the equations were made."""
+    whole = importlib.import_module(f"{module.__name__}._charts").WHOLE[chart]
+    return float(np.min(np.abs((module.guards_chart1 if chart else module.guards)(0.0, x, case.u, case.p)) / whole))
 
 
 def test_a_motion_that_dwells_near_the_bound_does_not_chatter() -> None:
@@ -237,14 +247,14 @@ def test_universal_shaft_by_the_angles_of_its_crosses() -> None:
         np.testing.assert_allclose(found.x[-1, :nq], whole.x[-1, :nq], atol=1e-8)
 
 
-def test_four_bar_by_rocker_and_tangent_goes_through_the_rockers_dead_centres() -> None:
+def test_four_bar_goes_through_the_dead_centres_of_its_rocker() -> None:
     with ExitStack() as stack:
         case = Case(changed("four_bar"), stack)
-        found, whole = (case.run(case.module(choice), np.linspace(0.0, 3.0, 31)) for choice in ("rocker+tangent", "crank"))
+        module, times = case.module("rocker+tangent"), np.linspace(0.0, 3.0, 31)
+        found, whole = case.run(module, times), case.run(case.module("crank"), times)
         np.testing.assert_allclose(found.x[:, :3], whole.x[:, :3], atol=1e-8)
-        module = case.module("rocker+tangent")
         energies = [
-            getattr(module, f"energy{'_chart1' if k else ''}")(0.0, _in(module, case, row, k)).sum() for row, k in _rows(found)
+            (module.energy_chart1 if k else module.energy)(0.0, _in(module, case, row, k)).sum() for row, k in _rows(found)
         ]
         np.testing.assert_allclose(energies - found.work, energies[0], rtol=1e-9)
         assert found.switches >= 1
@@ -258,15 +268,98 @@ def _in(module: ModuleType, case: Case, qv: np.ndarray, chart: int) -> np.ndarra
     return (module.state_chart1 if chart else module.state)(0.0, qv, case.u, case.p)
 
 
-def test_snakeboard_goes_through_straight_wheels_of_either_kind() -> None:
-    """Nonholonomic, four degrees of freedom: the board's speed along itself fails with crossed wheels, its turning with
-    parallel ones."""
-    with ExitStack() as stack:
-        case = Case(changed("snakeboard"), stack)
-        found, whole = (case.run(case.module(choice), (0.0, 3.0)) for choice in ("base_w,psi,phi_f,phi_b+rates", "orthonormal"))
-        nq = case.mechanics.q.numel()
-        assert found.switches >= 1
-        np.testing.assert_allclose(found.x[-1, :nq], whole.x[-1, :nq], atol=1e-8)
+# ---- build and verify
+
+
+def test_a_build_holds_charts_where_no_choice_is_safe(tmp_path: Path) -> None:
+    """The board's speed along itself fails with crossed wheels, its turning with parallel ones; either is one of four speeds."""
+    made = hamel.build(MODELS / "snakeboard.yaml", out=tmp_path / "board")
+    module, case = loader.load(made.folder), Case(changed("snakeboard"), ExitStack())
+    assert made.choice == "rates+base_w psi_dot phi_f_dot phi_b_dot" and module.charts == (
+        "rates",
+        "base_w psi_dot phi_f_dot phi_b_dot",
+    )
+    manifest = json.loads((made.folder / "manifest.json").read_text())
+    assert [chart["suffix"] for chart in manifest["charts"]] == ["", "_chart1"]
+    assert (
+        module.chart_states[1][-4:]
+        == tuple(manifest["charts"][1]["quasi_velocities"])
+        == ("base_w", "psi_dot", "phi_f_dot", "phi_b_dot")
+    )
+    assert any("another takes over" in said for said in manifest["assumptions"])
+    case.u = np.array([0.0, 4.0, -1.0])  # steers one pair of wheels across the board
+    found = case.run(module, (0.0, 3.0))
+    with temporary_module(equations(case.mechanics, "orthonormal")) as other:
+        whole = case.run(other, (0.0, 3.0))
+    nq = case.mechanics.q.numel()
+    assert found.switches == 2
+    np.testing.assert_allclose(found.x[-1, :nq], whole.x[-1, :nq], atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "choice"), [("slider_crank", None), ("slider_crank", "slider"), ("snakeboard", "rates"), ("bicycle", None)]
+)
+def test_one_chart_where_a_choice_is_safe_or_named(name: str, choice: str | None) -> None:
+    """The rates of the bicycle are not safe, but another choice is."""
+    assert not equations(changed(name), choice, charts=True).charts
+
+
+@needs_compiler
+def test_the_c_functions_say_the_same(crank: Case, slider_rod: ModuleType) -> None:
+    library = importlib.import_module(f"{slider_rod.__name__}._library")._library
+    pointer, number = ctypes.c_void_p, ctypes.c_int
+    library.slider_crank_chart.argtypes = [number, ctypes.c_double, pointer, pointer, pointer]
+    library.slider_crank_transform.argtypes = [number, number, ctypes.c_double, pointer, pointer, pointer, pointer]
+    x, _ = states(crank, slider_rod, 200)
+    for active in (None, 0, 1):
+        wanted = slider_rod.chart(0.0, x, crank.u, crank.p, active=active)
+        given = -1 if active is None else active
+        assert wanted.tolist() == [
+            library.slider_crank_chart(given, 0.0, row.ctypes.data, crank.u.ctypes.data, crank.p.ctypes.data) for row in x
+        ]
+    for row in x[slider_rod.chart(0.0, x, crank.u, crank.p) == 0]:
+        out = row.copy()  # the argument and the result may be one array
+        assert not library.slider_crank_transform(
+            0, 1, 0.0, out.ctypes.data, crank.u.ctypes.data, crank.p.ctypes.data, out.ctypes.data
+        )
+        np.testing.assert_array_equal(out, slider_rod.transform(0, 1, 0.0, row, crank.u, crank.p))
+
+
+@needs_compiler
+def test_the_example_runs(tmp_path: Path, crank: Case) -> None:
+    files = build.emit(program(equations(crank.mechanics, "slider+rod")))
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    command = next(line.split("&&")[0] for line in files["example.c"].splitlines() if line.strip().startswith("cc "))
+    warned = [*compiler.find_compiler(), "-Wall", "-Wextra", "-pedantic", "-Werror", *command.split()[1:]]
+    subprocess.run(warned, cwd=tmp_path, check=True)
+    said = subprocess.run(["./example"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout.splitlines()
+    assert len(said) == 4 + 1 + 4 and said[4] in ("chart 0", "chart 1")
+    subprocess.run([*warned[:5], "-std=c99", "-c", "slider_crank_simulate.c"], cwd=tmp_path, check=True)
+
+
+def test_verification_sees_every_chart_and_the_way_between(crank: Case, slider_rod: ModuleType) -> None:
+    def failed(**wrong: Any) -> list[str]:
+        module = ModuleType(slider_rod.__name__)
+        vars(module).update({**vars(slider_rod), **wrong})
+        found = verification(crank.mechanics.model, equations(crank.mechanics, "slider+rod"), module, states=10)
+        assert found.choice == "slider+rod" and len([c for c in found.checks if c.name.endswith("; chart 1, rod")]) > 30
+        return [check.name for check in found.checks if not check.passed]
+
+    assert failed() == []
+    assert failed(transform=lambda *a: slider_rod.transform(*a) * (1 + 1e-9)) == ["transform"]
+    assert failed(transform=lambda old, new, *a: slider_rod.transform(new, old, *a)) == ["transform"]
+    assert failed(energy_chart1=lambda *a: slider_rod.energy_chart1(*a) * (1 + 1e-9)) == ["module = graph; chart 1, rod"]
+
+
+def test_a_wrong_chart_is_seen_in_its_equations(crank: Case) -> None:
+    found = equations(crank.mechanics, "slider+rod")
+    chart = found.charts[0]
+    state = next(function for function in chart.functions if function.name == "state")
+    wrong = replace(state, result=replace(state.result, value=1.001 * state.result.value))
+    changed_chart = replace(chart, functions=tuple(wrong if f.name == "state" else f for f in chart.functions))
+    seen = verification(crank.mechanics.model, replace(found, charts=(changed_chart,)), None, states=5)
+    assert not seen.passed and any("chart 1" in check.name for check in seen.checks if not check.passed)
 
 
 # ---- hamel simulate

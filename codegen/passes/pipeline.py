@@ -87,7 +87,7 @@ def program(
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
         keepings=tuple(keepings or ()) if simulates else (),
-        charts=tuple(Chart(x.choice, _suffix(k), x.w) for k, x in enumerate(charts)) if len(charts) > 1 else (),
+        charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts)) if len(charts) > 1 else (),
     )
 
 

@@ -9,24 +9,22 @@ from codegen.targets.records import Target
 
 LOW = 0.2  # of the largest pivot seen when the equations were made: below this a chart is left ...
 BETTER = 2.0  # ... for one that is so much better, so that no two charts take turns
-ROUNDING = 1e9  # of a guard's tolerance, which `guards` are told in: the largest pivot seen
 
 
 def files(program: Program) -> dict[str, str]:
     """NAME_charts.h, NAME_charts.c and _charts.py."""
     if not program.charts:
         return {}
-    lengths = {kernel.name: len(kernel.outputs) for kernel in program.kernels}
     free = Names(())
     data = {
         "program": program,
         "prefix": program.name,
         "PREFIX": program.name.upper(),
         "nq": len(program.argument("x").names) - len(program.quasi_velocities),
-        "charts": [(chart, free(identifier(chart.choice)), lengths.get(f"guards{chart.suffix}", 0)) for chart in program.charts],
+        "charts": [(chart, free(identifier(chart.choice))) for chart in program.charts],
+        "most": max(1, *(len(chart.largest) for chart in program.charts)),
         "low": LOW,
         "better": BETTER,
-        "rounding": ROUNDING,
     }
     return {
         f"{program.name}_charts.h": text.render("charts.h.j2", **data),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from codegen.program import Argument, Kernel, Program
+from codegen.program import Argument, Chart, Kernel, Program
 from codegen.targets.records import Target
 
 
@@ -24,6 +24,7 @@ def _manifest(program: Program) -> dict[str, object]:
         **({"real": program.real.name} if program.real.words else {}),  # without it: float64
         "pivots": list(program.pivots),
         "quasi_velocities": list(program.quasi_velocities),
+        **({"charts": [_chart(chart) for chart in program.charts]} if program.charts else {}),
         "assumptions": list(program.assumptions),
         "constants": list(program.constants),
         "fixed": dict(program.fixed),
@@ -46,6 +47,11 @@ def _manifest(program: Program) -> dict[str, object]:
         "tuned": dict(program.timings),
         "ledger": [[e.function, e.step, e.before, e.after] for e in program.ledger],
     }
+
+
+def _chart(chart: Chart) -> dict[str, object]:
+    """The functions of a chart are called NAME + `suffix` where they differ from those of the first."""
+    return {"choice": chart.choice, "suffix": chart.suffix, "quasi_velocities": list(chart.quasi_velocities)}
 
 
 def _argument(argument: Argument) -> dict[str, object]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
-from derive.formulations.charts import BETWEEN, charted
-from derive.formulations.choices import Ranking, ranked_partitions, workshop
+from derive.formulations.charts import BETWEEN, charted, covered
+from derive.formulations.choices import Ranking, Workshop, ranked_partitions, workshop
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.derivatives import derivatives
 from derive.formulations.formulation import Formulation
@@ -15,23 +15,37 @@ from derive.formulations.methods import FORMULATIONS
 from derive.formulations.named_choices import declared
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
+from derive.model.records import Choice
 
 
-def equations(system: System, choice: str | None = None, formulation: str = "quasi_velocities") -> Equations:
+def equations(
+    system: System, choice: str | None = None, formulation: str = "quasi_velocities", charts: bool = False
+) -> Equations:
     """The functions of the generated module for a choice (the first declared one when not named) and a formulation.
 
-    Several choices, `a+b`, are charts of one module. Raises AssumptionError for an unknown name, where the formulation does not
-    fit the system, and where the choice does not fit the constraints.
+    Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets further ones where no choice
+    is safe. Raises AssumptionError for an unknown name, where the formulation does not fit the system, and where the choice does not
+    fit the constraints.
     """
-    names = (choice or "").split(BETWEEN)
-    if len(names) > 1:
-        found = [equations(system, name.strip(), formulation) for name in names]
-        return found[0] if found[0].base_velocities else charted(found)
-    asked, wanted, shop = named(formulation), declared(system, choice), workshop(system)
+    asked, shop = named(formulation), workshop(system)
+    wanted = [declared(system, name) for name in _names(choice)]
     reason = asked.misfit(shop)
     if reason:
         raise AssumptionError(f"{system.model.name}: formulation {asked.name} does not fit: {reason}")
-    found = asked.build(shop, wanted)
+    found = [_of_choice(asked, shop, one) for one in (wanted if asked.chooses else wanted[:1])]
+    if len(found) > 1:
+        return charted(found, shop)
+    if charts and choice is None:
+        return covered(found[0], shop, lambda name: _of_choice(asked, shop, declared(system, name)))
+    return found[0]
+
+
+def _names(choice: str | None) -> list[str | None]:
+    return [None] if choice is None else [name.strip() for name in choice.split(BETWEEN)]
+
+
+def _of_choice(asked: Formulation, shop: Workshop, choice: Choice) -> Equations:
+    found, system = asked.build(shop, choice), shop.system
     moves = configuration(system) if is_plain(system) else ()
     further = (*derivatives(found.arguments, found.functions), *manifold(found, shop.kept, shop.closing), *moves)
     return replace(found, requests=(*found.requests, *further))

@@ -111,3 +111,4 @@ class Equations:
     base_velocities: bool = False  # x = (q, v): w are the base velocities, all of them
     closing: tuple[int, ...] = ()  # the independent rows among the holonomic ones, which `project` closes
     charts: tuple[Equations, ...] = ()  # further choices, charts 1, 2, … of the same motion; this one is chart 0
+    largest: tuple[float, ...] = ()  # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled states

@@ -16,6 +16,7 @@ from codegen.reals import FLOAT64, Real, real_of
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.formulations.charts import charted, together
+from derive.formulations.choices import workshop
 from derive.keepings import KEEPINGS, Keeping, Options, kept_equations, usual_rate
 from derive.mechanics.initial import Initial, initial_state
 from hamel import charts, motion
@@ -92,7 +93,7 @@ def run(
         if not others:
             raise
         try:
-            found = moved(charted([chosen, *others]))
+            found = moved(charted([chosen, *others], workshop(mechanics)))
         except AssumptionError as again:
             raise error from again
     for write in files:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.formulations import equations
+from derive.formulations.charts import together
 from hamel.importing import load
 from hamel.pipeline import Constants, mechanics_of, temporary_module, usable_choices
 from hamel.records import CheckLine, Mutations, Verified
@@ -25,10 +27,11 @@ def run(
 ) -> Verified:
     model = load(path)
     mechanics = mechanics_of(model, constants)
-    asked = {e.choice: e for e in ([] if choice is None else [equations(mechanics, choice, formulation)])}
+    asked = {together(e): e for e in ([] if choice is None else [equations(mechanics, choice, formulation)])}
     usable, refused = usable_choices(mechanics, formulation)
-    wanted = asked or usable
-    checks = [check for name in wanted for check in _checks(name, usable | asked, states, seed)]
+    built = equations(mechanics, choice, formulation, charts=True)  # what `build` makes of the same options
+    wanted = asked or (usable | {together(built): built} if built.charts else usable)
+    checks = [check for name in wanted for check in _checks(name, usable | wanted, states, seed)]
     checks += _published(next(iter(wanted.values())))
     planted = mutations(model, next(iter(wanted.values())), seed) if mutate else None
     passed = all(check.passed for check in checks) and (planted is None or planted.caught == planted.planted)
@@ -47,6 +50,7 @@ def _published(chosen: Equations) -> list[CheckLine]:
     """The values that the file quotes, by the first choice."""
     if not chosen.system.model.published:
         return []
+    chosen = replace(chosen, charts=())
     with temporary_module(chosen, (INTEGRATOR,)) as module:
         found = published_checks(chosen, module)
     return [CheckLine(f"{chosen.choice}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed)) for c in found]

@@ -187,6 +187,7 @@ class Evidence:
     graph: Graph
     others: tuple[Graph, ...]
     module: ModuleType | None
+    chart: int = 0  # of the module, that the graph is of
 
     @cached_property
     def real(self) -> Real:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from types import ModuleType
 
+from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import LOADED, QUICK, RUNGS
@@ -28,10 +29,10 @@ def verification(
 ) -> Verification:
     """Compare one choice, and its generated module, with the independent reference at random admissible states.
 
-    `others` are further choices of the same model: v̇ must not depend on the choice.
+    `others` are further choices of the same model: v̇ must not depend on the choice. All charts of the module are compared.
     """
-    seen = evidence(reference(model), equations, module, states, seed, others)
-    return _verdict(seen, states, seed, climbed(seen))
+    seen = evidence(reference(model), equations, module, states, seed, (*others, *equations.charts))
+    return _verdict(seen, states, seed, (*climbed(seen), *_in_charts(seen, RUNGS)))
 
 
 def quick_verification(
@@ -42,13 +43,23 @@ def quick_verification(
     The rungs that compare terms with each other, and the other ways to call the code, are left to `verification`.
     """
     seen = evidence(reference(model), equations, None, states, seed)
-    terms_agree = climbed(seen, QUICK)
-    return _verdict(seen, states, seed, (*terms_agree, *climbed(replace(seen, module=module()), LOADED)))
+    terms_agree = (*climbed(seen, QUICK), *_in_charts(seen, QUICK))
+    loaded = replace(seen, module=module())
+    return _verdict(seen, states, seed, (*terms_agree, *climbed(loaded, LOADED), *_in_charts(loaded, LOADED)))
+
+
+def _in_charts(seen: Evidence, rungs: Sequence[Rung]) -> tuple[Check, ...]:
+    """The same for every further chart of the module."""
+    found: list[Check] = []
+    for number, chart in enumerate(seen.graph.equations.charts, 1):
+        there = replace(seen, graph=graph(chart), others=(seen.graph,), chart=number)
+        found += [replace(check, name=f"{check.name}; chart {number}, {chart.choice}") for check in climbed(there, rungs)]
+    return tuple(found)
 
 
 def _verdict(seen: Evidence, states: int, seed: int, climbed: Sequence[Check]) -> Verification:
     found = (_enough(len(seen.samples), states), *climbed)
-    choice = seen.graph.equations.choice
+    choice = together(seen.graph.equations)
     passed = all(c.passed for c in found)
     rank = max((s.outcome.rank for s in seen.samples), default=0)
     return Verification(seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank, _region(seen))

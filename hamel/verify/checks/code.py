@@ -8,6 +8,7 @@ from types import ModuleType
 
 import numpy as np
 
+from hamel.charts import in_chart
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import sizes, worst
 from hamel.verify.evidence import Evidence, Row
@@ -46,14 +47,16 @@ def _backend(e: Evidence, name: str) -> float | None:
 
 def batches(e: Evidence) -> float | None:
     """All states in one call of `dynamics`."""
-    if e.module is None or not hasattr(e.module, "dynamics"):
+    dynamics = in_chart(e.module, "dynamics", e.chart)
+    if dynamics is None:
         return None
     rows = [np.array(column) for column in zip(*((s.t, x, s.u, s.p) for s, x in zip(e.samples, e.x)))]
-    return _error(e, "dynamics", e.module.dynamics(*rows))
+    return _error(e, "dynamics", dynamics(*rows))
 
 
 def _against_graph(e: Evidence, module: ModuleType) -> float:
-    return worst([_function(e, name, getattr(module, name)) for name in e.expected if hasattr(module, name)])
+    calls = {name: in_chart(module, name, e.chart) for name in e.expected}
+    return worst([_function(e, name, call) for name, call in calls.items() if call is not None])
 
 
 def _function(e: Evidence, name: str, call: Call) -> float:

@@ -1,0 +1,52 @@
+"""Modules of several charts: the same state in another chart, there and back, without a change of v."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import permutations
+
+import numpy as np
+
+from hamel.charts import in_chart
+from hamel.verify.checks.rung import Rung
+from hamel.verify.compare import worst
+from hamel.verify.evidence import Evidence, Graph, Sample, graph
+from hamel.verify.saddle import row_condition
+from hamel.verify.vectors import Array
+
+
+def transformation(e: Evidence) -> float | None:
+    """For every ordered pair of charts: x_b = (q, B_b v), v of x_b is that of the reference, and back is where it was."""
+    equations = e.graph.equations
+    if e.module is None or not equations.charts:
+        return None
+    charts = [e.graph, *(graph(chart) for chart in equations.charts)]
+    return worst([error for a, b in permutations(range(len(charts)), 2) for error in _errors(e, charts, a, b)])
+
+
+def _errors(e: Evidence, charts: list[Graph], a: int, b: int) -> Iterator[float]:
+    conditions = [_conditions(e, charts[k]) for k in (a, b)]
+    states = [e.states_of(charts[k]) for k in (a, b)]
+    for s, x, y, *growth in zip(e.samples, *states, *conditions):
+        yield worst(_gap(e, s, x, y, a, b)) / max(growth)
+
+
+def _conditions(e: Evidence, chart: Graph) -> list[float]:
+    """cond [A; B] of the chart alone: how much roundoff may grow."""
+    return [max(1.0, row_condition(Y)) for Y in e.named("Y", chart) or [np.eye(1)] * len(e.samples)]
+
+
+def _gap(e: Evidence, s: Sample, x: Array, y: Array, a: int, b: int) -> Array:
+    velocity = in_chart(e.module, "velocity", b)
+    assert e.module is not None and velocity is not None  # every chart has one
+    try:
+        there = e.module.transform(a, b, s.t, x, s.u, s.p)
+        back = e.module.transform(b, a, s.t, there, s.u, s.p)
+        v = velocity(s.t, there, s.u, s.p)
+    except FloatingPointError:
+        return np.array([np.inf])
+    pairs = ((there, y), (back, x), (v, s.v))
+    return np.concatenate([(got - wanted) / (1.0 + worst(wanted)) for got, wanted in pairs])
+
+
+RUNGS = (Rung("transform", 1e-13, "from chart to chart and back, and v with it; per cond [A; B]", transformation),)

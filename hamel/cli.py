@@ -71,7 +71,11 @@ def _print_json(record: Any) -> None:
 
 
 MODEL = click.argument("model")
-CHOICE = click.option("--choice", metavar="NAME", help="The choice of quasi-velocities (default: the file's first).")
+CHOICE = click.option(
+    "--choice",
+    metavar="NAME",
+    help="The choice of quasi-velocities, or a+b for charts of one motion (default: the file's first).",
+)
 FORMULATION = click.option(
     "--formulation", metavar="NAME", default="quasi_velocities", show_default=True, help="How the equations are formed: see list."
 )

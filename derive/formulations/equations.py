@@ -24,8 +24,8 @@ def equations(
     """The functions of the generated module for a choice (the first declared one when not named) and a formulation.
 
     Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets further ones where no choice
-    is safe. Raises AssumptionError for an unknown name, where the formulation does not fit the system, and where the choice does not
-    fit the constraints.
+    is safe. Raises AssumptionError for an unknown name, where the formulation does not fit the system, and where the choice does
+    not fit the constraints.
     """
     asked, shop = named(formulation), workshop(system)
     wanted = [declared(system, name) for name in _names(choice)]

@@ -8,6 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from hamel.charts import in_chart
+from hamel.verify.checks.code import NEARLY
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import worst
 from hamel.verify.evidence import Evidence, Graph, Sample, graph
@@ -27,8 +28,15 @@ def transformation(e: Evidence) -> float | None:
 def _errors(e: Evidence, charts: list[Graph], a: int, b: int) -> Iterator[float]:
     conditions = [_conditions(e, charts[k]) for k in (a, b)]
     states = [e.states_of(charts[k]) for k in (a, b)]
-    for s, x, y, *growth in zip(e.samples, *states, *conditions):
-        yield worst(_gap(e, s, x, y, a, b)) / max(growth)
+    regular = [_regular(e, charts[k], states_) for k, states_ in zip((a, b), states)]
+    for s, x, y, good, also, *growth in zip(e.samples, *states, *regular, *conditions):
+        if good and also:
+            yield worst(_gap(e, s, x, y, a, b)) / max(growth)
+
+
+def _regular(e: Evidence, chart: Graph, states: tuple[Array, ...]) -> Array:
+    """Where the guards of v let a state pass, in the precision of the module."""
+    return chart.margins("velocity", [(s.t, x, s.u, s.p) for s, x in zip(e.samples, states)], e.real) > NEARLY
 
 
 def _conditions(e: Evidence, chart: Graph) -> list[float]:
@@ -49,4 +57,4 @@ def _gap(e: Evidence, s: Sample, x: Array, y: Array, a: int, b: int) -> Array:
     return np.concatenate([(got - wanted) / (1.0 + worst(wanted)) for got, wanted in pairs])
 
 
-RUNGS = (Rung("transform", 1e-13, "from chart to chart and back, and v with it; per cond [A; B]", transformation),)
+RUNGS = (Rung("transform", 1e-13, "from chart to chart and back, and v with it; per cond [A; B]", transformation, True),)

@@ -38,7 +38,8 @@ def build(
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
-    `choice` a+b makes one module of several choices, its charts. `constants` names the parameters to bake in ("all" for every one); `integrators` those that the module's simulate() can use
+    `choice` a+b makes one module of several choices, its charts. `constants` names the parameters to bake in ("all" for every
+    one); `integrators` those that the module's simulate() can use
     (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler
     this raises ToolchainError, unless `numpy` says that a module that runs on NumPy will do. `tune` compiles every formulation
     that fits, with every choice where none is named, and takes the one whose `dynamics` is fastest on this machine. `header` adds

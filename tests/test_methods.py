@@ -1,9 +1,7 @@
-"""Formulation × keeping × integrator: every combination that fits runs and agrees, the others are refused with a reason."""
+"""What single keepings and integrators promise: refusals, invariants, singular positions, published digits, long runs."""
 
 from __future__ import annotations
 
-import functools
-import tempfile
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,136 +10,18 @@ import numpy as np
 import pytest
 
 import hamel
-from codegen import build, compiler, loader
-from codegen.integrators import INTEGRATORS
-from codegen.passes import program
+from codegen import compiler
 from derive.diagnostics import AssumptionError, ModelError
-from derive.formulations import FORMULATIONS, equations
-from derive.formulations.records import Equations
-from derive.keepings import KEEPINGS, Keeping, Options, kept_equations
+from derive.formulations import equations
+from derive.keepings import KEEPINGS, Options
 from derive.mechanics import system
 from derive.mechanics.initial import initial_state
-from derive.mechanics.records import System
 from derive.model import load_text
-from hamel.references import REFERENCES, Problem
-from hamel.verbs.simulate import _state
+from hamel.solutions import state_of
+from tests.points import quickly_built
 from tests.scenes import MODELS
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
-
-# Three models without losses, so that the energy can be held: a planar loop, a nonholonomic chain, rolling in space.
-SCENES = {
-    "four_bar": ("coefficient: 0.01 N*m*s/rad", "coefficient: 0 N*m*s/rad"),
-    "tractor_trailers": ("coefficient: 50 N*s/m", "coefficient: 0 N*s/m"),
-    "rolling_disk": ("", ""),
-}
-TIME = 0.3
-ALPHA = 10.0
-
-
-@functools.cache
-def mechanics(model: str) -> System:
-    return system(load_text((MODELS / f"{model}.yaml").read_text().replace(*SCENES[model])))
-
-
-@functools.cache
-def plain(model: str, formulation: str) -> Equations | str:
-    """The equations, or why the formulation does not fit."""
-    try:
-        return equations(mechanics(model), None, formulation)
-    except AssumptionError as error:
-        return str(error)
-
-
-@functools.cache
-def refusal(model: str, formulation: str, keeping: Keeping) -> str:
-    found = plain(model, formulation)
-    return found if isinstance(found, str) else keeping.refusal(found, Options(ALPHA))
-
-
-@functools.cache
-def made(model: str, formulation: str, rate: str) -> tuple[ModuleType, Equations]:
-    """A module with every integrator and every keeping that fits; `rate` names the one that is in the equations themselves."""
-    fitting = [keeping for keeping in KEEPINGS if not refusal(model, formulation, keeping)]
-    if rate:
-        chosen = next(keeping for keeping in fitting if keeping.name == rate)
-        found, names = kept_equations(mechanics(model), None, formulation, chosen, Options(ALPHA)), (rate,)
-    else:
-        found = plain(model, formulation)
-        assert not isinstance(found, str)
-        steps = [keeping for keeping in fitting if keeping.level != "rates" and keeping.name != "invariants_euclidean"]
-        for keeping in steps:
-            found = keeping.equations(found, Options())
-        names = tuple(keeping.name for keeping in steps)
-    functions = [f.name for f in found.functions if f.name in ("dynamics", "velocity", "power", "constraints", "project")]
-    functions += ["reactions"] * (formulation == "augmented")
-    integrators = tuple(integrator.name for integrator in INTEGRATORS)
-    return quickly_built(found, functions, integrators, names, Path(tempfile.mkdtemp(prefix="hamel-methods-"))), found
-
-
-def quickly_built(
-    found: Equations, functions: list[str], integrators: tuple[str, ...], keepings: tuple[str, ...], folder: Path
-) -> ModuleType:
-    """Compiled in a hurry: these motions are short."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiler, "FLAGS", tuple(flag for flag in compiler.FLAGS if flag != "-O2"))
-        return loader.load(build.build(program(found, functions, integrators, keepings), folder / found.system.model.name).folder)
-
-
-@functools.cache
-def start(model: str, formulation: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    mechanical = mechanics(model)
-    p = np.array(mechanical.parameters)
-    found = plain(model, formulation)
-    assert not isinstance(found, str)
-    return _state(found, initial_state(mechanical, {}, p), p), np.zeros(len(mechanical.model.inputs)), p
-
-
-def ends(module: ModuleType, x: np.ndarray, p: np.ndarray, nq: int) -> np.ndarray:
-    """q and v, which mean the same in every formulation."""
-    u = np.zeros(module.nu)
-    return np.concatenate([x[:nq], module.velocity(TIME, x, u, p)])
-
-
-@functools.cache
-def expected(model: str) -> np.ndarray:
-    module, _ = made(model, "quasi_velocities", "")
-    x, u, p = start(model, "quasi_velocities")
-    found = module.simulate((0.0, TIME), x, u, p, integrator="dop853", keeping="none", rtol=1e-13, atol=1e-14)
-    return ends(module, found.x[-1], p, mechanics(model).q.numel())
-
-
-def stepping(integrator: Any) -> dict[str, float]:
-    return {"rtol": 1e-8, "atol": 1e-10} if integrator.adaptive else {"step_size": 1e-3, "rtol": 1e-3}
-
-
-# Quickly with the two kinds of state, (q, w) and (q, v); the other formulations differ in dynamics alone and are slow to compile.
-QUICK = ("quasi_velocities", "augmented")
-POINTS = [
-    pytest.param(model, formulation, id=f"{model}-{formulation.name}", marks=[pytest.mark.slow] * (formulation.name not in QUICK))
-    for model in SCENES
-    for formulation in FORMULATIONS
-]
-
-
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda x: x.name)
-@pytest.mark.parametrize("keeping", KEEPINGS, ids=lambda x: x.name)
-@pytest.mark.parametrize(("model", "formulation"), POINTS)
-def test_every_combination_agrees_or_is_refused(model: str, formulation: Any, keeping: Keeping, integrator: Any) -> None:
-    why = refusal(model, formulation.name, keeping)
-    if why:
-        assert len(why) > 20
-        return
-    if keeping.name == "invariants_euclidean" or (integrator.exact and keeping.level == "stages"):
-        return  # their own tests below
-    module, _ = made(model, formulation.name, keeping.name if keeping.level == "rates" else "")
-    x, u, p = start(model, formulation.name)
-    found = module.simulate((0.0, TIME), x, u, p, integrator=integrator.name, keeping=keeping.name, **stepping(integrator))
-    error = np.abs(ends(module, found.x[-1], p, mechanics(model).q.numel()) - expected(model)).max()
-    scale = np.abs(expected(model)).max()
-    assert error < scale * {"implicit_midpoint": 1e-3, "rk4": 1e-6}.get(integrator.name, 2e-6)
-    if keeping.level in ("steps", "stages"):
-        assert found.position_violation <= 1e-12 and found.velocity_violation <= 1e-12 * scale
 
 
 def test_the_euclidean_metric_leads_to_the_same_motion() -> None:
@@ -150,52 +30,6 @@ def test_the_euclidean_metric_leads_to_the_same_motion() -> None:
         for keeping in ("invariants", "invariants_euclidean")
     )
     assert plain_["x"] == pytest.approx(mass["x"], abs=1e-8) and plain_["x"] != mass["x"]
-
-
-@pytest.mark.parametrize("reference", REFERENCES, ids=lambda x: x.name)
-@pytest.mark.parametrize("model", ["four_bar", "rolling_disk"])
-def test_libraries_agree(model: str, reference: Any) -> None:
-    formulation = "augmented" if reference.name == "idas" else "quasi_velocities"
-    module, found = made(model, formulation, "")
-    assert not reference.refusal(found)
-    x, u, p = start(model, formulation)
-    motion = reference.prepare(Problem(module, found, np.array([0.0, TIME / 2, TIME]), x, u, p, 1e-8, 1e-10))()
-    assert np.abs(ends(module, motion.x[-1], p, mechanics(model).q.numel()) - expected(model)).max() < 1e-5
-    assert motion.steps > 3 and motion.calls > 3
-
-
-# Order -------------------------------------------------------------------------------------------------------------
-
-# Two sizes of step each, and how far the measured order may be from the nominal one. DOPRI5's leading error is so small that the
-# next one shows down to rounding: it may be more than nominal. DOP853 has no room between the two either.
-SIZES = {
-    "dop853": (0.02, 0.01, 0.25, 0.25),
-    "dopri5": (0.005, 0.0025, 0.1, 2.0),
-    "rkf45": (0.0025, 0.00125, 0.15, 0.15),
-    "rk4": (0.00125, 0.000625, 0.1, 0.1),
-    "radau": (0.01, 0.005, 0.15, 0.3),
-    "rosenbrock": (0.00125, 0.000625, 0.15, 0.1),
-    "implicit_midpoint": (0.004, 0.002, 0.1, 0.1),
-}
-
-
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda x: x.name)
-@pytest.mark.parametrize("keeping", KEEPINGS, ids=lambda x: x.name)
-@pytest.mark.parametrize("formulation", QUICK)
-def test_keepings_leave_the_order_as_it_is(formulation: str, keeping: Keeping, integrator: Any) -> None:
-    """On the four-bar, whose stages leave the constraints."""
-    unfit = refusal("four_bar", formulation, keeping) or (integrator.exact and keeping.level == "stages")
-    if unfit or keeping.name == "invariants_euclidean":
-        return
-    module, _ = made("four_bar", formulation, keeping.name if keeping.level == "rates" else "")
-    x, u, p = start("four_bar", formulation)
-    times = np.array([0.0, 0.1, 0.2])
-    plainly = keeping.name if keeping.level == "rates" else "none"
-    exact = module.simulate(times, x, u, p, integrator="dop853", keeping=plainly, rtol=1e-14, atol=1e-16).x
-    *sizes, below, above = SIZES[integrator.name]
-    given = {"integrator": integrator.name, "keeping": keeping.name, "rtol": 1e-2}
-    errors = [np.sqrt(np.mean((module.simulate(times, x, u, p, step_size=h, **given).x - exact) ** 2)) for h in sizes]
-    assert integrator.order - below < np.log2(errors[0] / errors[1]) < integrator.order + above
 
 
 # What cannot be ---------------------------------------------------------------------------------------------------
@@ -288,7 +122,7 @@ def test_chain_through_its_singular_positions(tmp_path: Path) -> None:
         module = quickly_built(
             found, ["dynamics", "project", "constraints"], ("dop853", "rk4"), names, tmp_path / f"{formulation}_{choice}"
         )
-        x = _state(found, initial, p)
+        x = state_of(found, initial, p)
         for keeping in names:
             right |= {(formulation, choice, keeping) for options in RUNS if reaches_the_end(module, x, p, keeping, options)}
     assert len(right) >= 3

@@ -1,0 +1,137 @@
+"""Points of the product formulation × keeping × integrator as compiled modules that several tests share."""
+
+from __future__ import annotations
+
+import functools
+import re
+import tempfile
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from codegen import build, compiler, loader
+from codegen.integrators import INTEGRATORS
+from codegen.passes import program
+from derive.diagnostics import AssumptionError
+from derive.formulations import equations
+from derive.formulations.records import Equations
+from derive.keepings import KEEPINGS, Keeping, Options, kept_equations
+from derive.mechanics import system
+from derive.mechanics.initial import Initial, initial_state
+from derive.mechanics.records import System
+from derive.model import load_text
+from hamel.solutions import state_of
+from tests.scenes import MODELS
+
+# A particle on an ellipsoid, held to one side by a spring: two degrees of freedom behind one holonomic row, written by hand.
+ELLIPSOID = """
+model: ellipsoid
+coordinates: {x: m, y: m, z: m}
+parameters: {m: 1.5 kg, k: 4 N/m, g: 9.81 m/s^2}
+kinetic: m*(der(x)**2 + der(y)**2 + der(z)**2)/2
+potential: m*g*z + k*(x - 0.3 m)**2/2
+constraints: {shell: {holonomic: x**2 + 1.2*y**2 + 0.9*z**2 - 1 m^2}}
+quasi_velocities: {sideways: [der(x), der(y)]}
+initial: {x: 0.5 m, y: 0.1 m, der(x): 0.2 m/s, der(y): 1.5 m/s, guess: {z: -0.9 m}}
+"""
+
+# A cart on a slope, a pole on it: a tree with a prismatic joint.
+CART = """
+model: cart
+plane: xy
+gravity: [3 m/s^2, -9 m/s^2]
+bodies: {cart: {mass: 2 kg}, pole: {mass: 0.5 kg, com: [0.1 m, 0.4 m], inertia: 0.02}}
+joints:
+  track: {type: prismatic, parent: ground, child: cart, axis: x, coordinate: s}
+  hinge: {type: revolute, parent: cart, child: pole, coordinate: th}
+initial: {s: 0.2 m, th: 40 deg, der(s): -0.5 m/s, der(th): 2 rad/s}
+"""
+
+# Models without losses, so that the energy can be held.
+LOOPS = ("four_bar", "rolling_disk", "ellipsoid", "tractor_trailers")
+TREES = ("cart", "double_pendulum", "planar_3r")
+WRITTEN_HERE = {"ellipsoid": ELLIPSOID, "cart": CART}
+LOSSES = re.compile(r"(type: damper.*coefficient: )\S+")
+ALPHA = 10.0
+NAMED = {keeping.name: keeping for keeping in KEEPINGS}
+ALONE = ("invariants_euclidean",)  # has no place beside another metric in one module
+
+
+@functools.cache
+def mechanics(model: str) -> System:
+    text = WRITTEN_HERE.get(model) or (MODELS / f"{model}.yaml").read_text()
+    return system(load_text(LOSSES.sub(r"\g<1>0", text)))
+
+
+@functools.cache
+def plain(model: str, formulation: str) -> Equations | str:
+    """The equations, or why the formulation does not fit."""
+    try:
+        return equations(mechanics(model), None, formulation)
+    except AssumptionError as error:
+        return str(error)
+
+
+def fitting(model: str, formulation: str) -> Equations:
+    found = plain(model, formulation)
+    assert not isinstance(found, str)
+    return found
+
+
+@functools.cache
+def refusal(model: str, formulation: str, keeping: Keeping) -> str:
+    found = plain(model, formulation)
+    return found if isinstance(found, str) else keeping.refusal(found, Options(ALPHA))
+
+
+def made(model: str, formulation: str, keeping: str) -> ModuleType:
+    """A module with every integrator and this keeping, shared with other keepings where these can be in one."""
+    own = NAMED[keeping].level == "rates" or keeping in ALONE
+    return module(model, formulation, keeping) if own else module(model, formulation)
+
+
+@functools.cache
+def module(model: str, formulation: str, own: str = "") -> ModuleType:
+    """With the keeping `own`, or with all that can be in one module."""
+    if own:
+        names, functions = (own,), ["dynamics", "velocity"]
+        found = kept_equations(mechanics(model), None, formulation, NAMED[own], Options(ALPHA))
+    else:
+        fit = [keeping for keeping in KEEPINGS if not refusal(model, formulation, keeping)]
+        shared = [keeping for keeping in fit if keeping.level != "rates" and keeping.name not in ALONE]
+        names, found = tuple(keeping.name for keeping in shared), fitting(model, formulation)
+        for keeping in shared:
+            found = keeping.equations(found, Options())
+        wanted = ("dynamics", "velocity", "power", "constraints", "project")
+        functions = [f.name for f in found.functions if f.name in wanted]
+        functions += ["reactions"] * (formulation == "augmented" and bool(found.system.rows))
+    integrators = tuple(integrator.name for integrator in INTEGRATORS)
+    return quickly_built(found, functions, integrators, names, Path(tempfile.mkdtemp(prefix="hamel-methods-")))
+
+
+def quickly_built(
+    found: Equations, functions: list[str], integrators: tuple[str, ...], keepings: tuple[str, ...], folder: Path
+) -> ModuleType:
+    """Compiled in a hurry: these motions are short, and few calls go through Python."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("codegen.passes.pipeline.LARGE", 0)  # operations above which a function is improved once only
+        patch.setattr(compiler, "FLAGS", tuple(flag for flag in compiler.FLAGS if flag != "-O2"))
+        patch.setattr(compiler, "BATCH", ())
+        patch.setattr(compiler, "headers", list)
+        return loader.load(build.build(program(found, functions, integrators, keepings), folder / found.system.model.name).folder)
+
+
+def start(model: str, formulation: str, given: dict[str, float] | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x, u, p of the initial state of the file, some of it changed."""
+    mechanical = mechanics(model)
+    p = np.array(mechanical.parameters)
+    initial: Initial = initial_state(mechanical, given or {}, p)
+    return state_of(fitting(model, formulation), initial, p), np.zeros(len(mechanical.model.inputs)), p
+
+
+def common(model: str, module: ModuleType, t: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """q and v, which mean the same in every formulation, one row per time."""
+    nq = mechanics(model).q.numel()
+    return np.hstack([x[:, :nq], module.velocity(t, x, np.zeros(module.nu), p)])

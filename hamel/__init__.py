@@ -11,6 +11,7 @@ import sys
 from types import ModuleType
 
 from hamel.api import (
+    Floating,
     build,
     check,
     choices,
@@ -29,6 +30,7 @@ from hamel.api import (
 
 __version__ = "0.1.0"
 __all__ = [
+    "Floating",
     "build",
     "check",
     "choices",

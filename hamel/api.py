@@ -1,4 +1,7 @@
-"""The verbs as functions. Each takes the path of a model file, returns a record of hamel.records, and raises HamelError."""
+"""The verbs as functions. Each takes the path of a model file, returns a record of hamel.records, and raises HamelError.
+
+`Floating(path)` in its place takes a URDF or MJCF file with its root link moving freely.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,11 @@ from types import ModuleType
 from typing import Any
 
 from hamel import records
+from hamel.importing import File as Model
+from hamel.importing import Floating
 from hamel.pipeline import Constants
 
 QUICK_STATES = 20  # what `build` verifies at; `verify` does more
-Model = str | Path
 
 
 def check(path: Model) -> records.Checked:
@@ -79,7 +83,7 @@ def stress(
     """Run the `stress:` cases of model files, or of all in a folder, and judge each end by a closed form or many digits."""
     from hamel.verbs.stress import run
 
-    return run([paths] if isinstance(paths, str | Path) else paths, case, progress)
+    return run([paths] if isinstance(paths, str | Path | Floating) else paths, case, progress)
 
 
 def simulate(
@@ -177,8 +181,8 @@ def derive(
 
 
 def import_(path: Model, *, out: str | Path | None = None, floating: bool = False) -> records.Imported:
-    """Turn a URDF or MJCF file into the text of a model, written to `out` when given. `floating` puts a free joint under the root
-    link, which is fixed to the ground otherwise.
+    """Turn a URDF or MJCF file into the text of a model, written to `out` when given. `floating`, or Floating(path), puts a free
+    joint under the root link, which is fixed to the ground otherwise.
     """
     from hamel.verbs.import_ import run
 

@@ -70,7 +70,21 @@ def _print_json(record: Any) -> None:
     click.echo(json.dumps(as_json(record), allow_nan=False))
 
 
-MODEL = click.argument("model")
+FLOATING = click.option("--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely.")
+
+
+def _model(function: Function, required: bool = True) -> Function:
+    """The argument MODEL with the options that belong to it."""
+
+    @functools.wraps(function)
+    def run(model: str | None, floating: bool, **options: Any) -> Any:
+        if floating and model is None:
+            raise click.UsageError("--floating without a file")
+        return function(hamel.Floating(model) if floating and model is not None else model, **options)
+
+    return click.argument("model", required=required)(FLOATING(run))
+
+
 CHOICE = click.option(
     "--choice",
     metavar="NAME",
@@ -96,14 +110,14 @@ def _constants(text: str) -> Any:
 
 
 @verb
-@MODEL
+@_model
 def check(model: str) -> Any:
     """Read MODEL and say what mechanical system it is."""
     return hamel.check(model)
 
 
 @verb
-@MODEL
+@_model
 @CHOICE
 @FORMULATION
 @click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
@@ -133,7 +147,7 @@ def build(model: str, constants: str, fix: str, functions: str, integrators: str
 
 
 @verb
-@MODEL
+@_model
 @click.option("--choice", metavar="NAME", help="Verify this choice of quasi-velocities only (default: all of the file's).")
 @click.option(
     "--states", type=click.IntRange(1, 1_000_000), default=100, show_default=True, help="Random admissible states per choice."
@@ -156,7 +170,7 @@ def stress(models: Sequence[str], case: str | None) -> Any:
 
 
 @verb
-@MODEL
+@_model
 @CHOICE
 @FORMULATION
 @click.option("--keeping", metavar="NAME", help="How to stay on the constraints (default: projection, where there is any).")
@@ -225,7 +239,7 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 
 
 @verb
-@MODEL
+@_model
 @click.option("--at", metavar="NAME", help="A steady motion of the file, or guess: near the initial values (default: its first).")
 @CHOICE
 @click.option("--sweep", multiple=True, metavar="NAME=A:B:N", help="Range of a free name or parameter; give two for a map.")
@@ -247,7 +261,7 @@ def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic:
 
 
 @verb
-@MODEL
+@_model
 @CHOICE
 @FORMULATION
 @click.option("-o", "--out", metavar="DIR", help="Where derivation.html and derivation.tex go (default: here).")
@@ -259,14 +273,14 @@ def derive(model: str, **options: Any) -> Any:
 @verb
 @click.argument("robot")
 @click.option("-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it).")
-@click.option("--floating", is_flag=True, help="Let the root link move freely instead of fixing it to the ground.")
+@FLOATING
 def import_(robot: str, out: str | None, floating: bool) -> Any:
     """Turn ROBOT, a URDF or MJCF file, into a model file to go on editing."""
     return hamel.import_(robot, out=out, floating=floating)
 
 
 @verb
-@MODEL
+@_model
 @click.option("--time", is_flag=True, help="Compile each choice and measure how long its dynamics take.")
 @click.option("--plot", metavar="FILE", help="Draw cond [A; B] of each choice along the motion to FILE.svg.")
 @click.option("--until", type=float, default=10.0, show_default=True, metavar="S", help="The end of that motion, in seconds.")
@@ -276,14 +290,14 @@ def choices(model: str, **options: Any) -> Any:
 
 
 @verb
-@click.argument("model", required=False)
+@functools.partial(_model, required=False)
 def list_(model: str | None) -> Any:
     """Name all that hamel knows, or all that MODEL names."""
     return hamel.list(model)
 
 
 @verb
-@MODEL
+@_model
 @CHOICE
 @CONSTANTS
 def explain(model: str, choice: str | None, constants: str) -> Any:

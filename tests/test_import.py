@@ -24,6 +24,7 @@ from hamel.importing import imported, load, markup, mjcf, rotations
 from hamel.importing.mjcf import inertia
 from hamel.importing.naming import Names, legal
 from hamel.importing.numbers import written
+from tests.scenes import MODELS
 
 ROBOTS = Path(__file__).resolve().parent / "robots"
 URDF = {"arm": False, "gripper": False, "quadruped": True, "carriage": False}
@@ -205,6 +206,30 @@ def test_a_free_base_is_asked_for():
     assert "free" not in {joint.type for joint in imported(ROBOTS / "quadruped.urdf").model.joints}
     free = imported(ROBOTS / "quadruped.urdf", floating=True).model
     assert [v.name for v in free.velocities[:6]] == ["base.vx", "base.vy", "base.vz", "base.wx", "base.wy", "base.wz"]
+
+
+def test_a_robot_file_stands_for_a_model_with_a_free_base_too(monkeypatch) -> None:
+    """One word for every verb that takes a model: --floating, or Floating(path)."""
+    robot = hamel.Floating(ROBOTS / "arm.urdf")
+    bound, free = hamel.check(ROBOTS / "arm.urdf"), hamel.check(robot)
+    assert len(free.velocities) == len(bound.velocities) + 6 and free.file == str(robot)
+    assert load(robot).joints[0].type == "free"
+    for verb in ("build", "check", "choices", "derive", "explain", "linearize", "list", "simulate", "verify"):
+        seen: list[object] = []
+        monkeypatch.setattr(hamel, verb, lambda path, **options: seen.append(path) or {})  # noqa: B023
+        main_code(verb, str(ROBOTS / "arm.urdf"), "--floating", "--json")
+        assert seen == [hamel.Floating(str(ROBOTS / "arm.urdf"))], verb
+
+
+def main_code(*arguments: str) -> object:
+    with pytest.raises(SystemExit) as end:
+        main(list(arguments))
+    return end.value.code
+
+
+def test_a_model_file_has_its_base_in_it() -> None:
+    with pytest.raises(ModelError, match="--floating is for URDF and MJCF files"):
+        hamel.check(hamel.Floating(MODELS / "four_bar.yaml"))
 
 
 def test_a_loop_of_mjcf_closes_at_the_reference_configuration():

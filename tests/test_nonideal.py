@@ -11,6 +11,8 @@ from derive.formulations import FORMULATIONS, equations
 from derive.mechanics import system
 from derive.mechanics.sampling import states
 from derive.model import load_text
+from derive.model.rows import row_names
+from hamel.verify import verification
 from hamel.verify.saddle import saddle, solved
 from tests.scenes import mechanics
 from tests.test_formulations import accelerations, functions
@@ -115,3 +117,79 @@ def test_friction_of_a_singular_mass_matrix() -> None:
     g, a, mu = plain.parameters[1:]
     downhill = np.abs(vdot[:, 0] - g * (np.sin(a) - mu * np.cos(a)) * np.cos(a))
     assert np.max(downhill) < 1e-12
+
+
+WHEEL = """
+model: wheel
+description: A wheel that tows a cart and turns against a resistance in proportion to its load.
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 2 kg, J: 0.04 kg*m^2, r: 0.2 m, cart: 3 kg, mu: 0.05}
+bodies: {wheel: {mass: m, inertia: J}}
+joints: {base: {type: planar, parent: ground, child: wheel, coordinates: [x, y, turn]}}
+coordinates: {s: m}
+kinetic: cart/2*der(s)^2
+constraints:
+  contact: {type: rolling, body: wheel, shape: {wheel: {radius: r}}, plane: {normal: [0, 1]}}
+  tow: {nonholonomic: der(s) - der(x), nonideal: {turn: -mu*r*abs(reaction.contact.normal)}}
+initial: {guess: {y: 0.2 m}}
+outputs: {contact: reaction(contact)}
+"""
+
+
+@pytest.mark.parametrize("formulation", FITTING)
+def test_one_row_of_a_reaction_by_its_name(formulation) -> None:
+    """(m r² + cart r² + J) θ̈ = −μ r m g; the load of the wheel is an output too."""
+    s = system(load_text(WHEEL))
+    e = equations(s, None, formulation)
+    f, (m, J, r, cart, mu) = functions(e), s.parameters
+    found = states(s, 3)
+    turning = -mu * r * m * 9.81 / (m * r**2 + cart * r**2 + J)
+    assert np.max(np.abs(accelerations(e, found)[:, 2] - turning)) < 1e-12
+    x = f["state"](0, np.hstack([found.q[0], found.v[0]]), [], s.parameters)
+    load, forward = f["outputs"](0, x, [], s.parameters).full().ravel()
+    assert load == pytest.approx(m * 9.81) and abs(forward) > 0.1
+    assert next(f for f in e.functions if f.name == "outputs").result.labels == ("contact[0]", "contact[1]")
+
+
+def test_the_reference_knows_the_rows_by_the_same_names() -> None:
+    model = load_text(WHEEL)
+    found = verification(model, equations(system(model)), states=5)
+    assert found.passed, [c for c in found.checks if not c.passed]
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("reaction.contact", r"'reaction.contact' is 2 reactions, one for each row"),
+        ("reaction.contact.norm", r"unknown row 'reaction.contact.norm'"),
+        ("reaction.tow.x", r"unknown name 'reaction.tow.x'"),
+    ],
+)
+def test_a_row_that_is_not_named_is_refused_with_the_names(row, message) -> None:
+    with pytest.raises(ModelError, match=message) as problem:
+        load_text(WHEEL.replace("reaction.contact.normal", row))
+    assert problem.value.diagnostics[0].line == 13
+    if "contact" in row:
+        assert problem.value.diagnostics[0].expected == "reaction.contact.normal, reaction.contact.forward"
+
+
+PAIR = """
+model: pair
+{plane}
+bodies: {{a: {{mass: 1, inertia: 1}}, b: {{mass: 1, inertia: 1}}}}
+joints: {{A: {{type: {base}, parent: ground, child: a}}, B: {{type: {base}, parent: ground, child: b}}}}
+closures: {{C: {{type: {kind}, between: [a, b], at: [{at}, {at}]{more}}}}}
+"""
+KINDS = {"": ["revolute", "ball", "fixed", "prismatic", "cylindrical", "planar", "universal", "screw"]}
+KINDS |= {plane: ["revolute", "fixed", "prismatic"] for plane in ("xy", "xz", "yz")}
+
+
+@pytest.mark.parametrize(("plane", "kind"), [(plane, kind) for plane, kinds in KINDS.items() for kind in kinds])
+def test_rows_are_called_the_same_before_and_after_they_are_made(plane, kind) -> None:
+    axes = {"universal": ", axis: x, axis2: y", "ball": "", "fixed": "", "screw": ", axis: x, pitch: 1 mm"}
+    more = axes.get(kind, "" if plane and kind == "revolute" else f", axis: {plane[:1] or 'x'}")
+    at, base = ("[0, 0]", "planar") if plane else ("[0, 0, 0]", "free")
+    text = PAIR.format(plane=f"plane: {plane}" if plane else "", base=base, kind=kind, at=at, more=more)
+    s = system(load_text(text))
+    assert row_names(s.model) == tuple(row.name for row in s.rows)

@@ -8,7 +8,7 @@ import casadi as ca
 
 from derive.formulations.choices import Workshop
 from derive.formulations.functions import Motion, arguments, functions
-from derive.formulations.pivots import solved
+from derive.formulations.pivots import quadratic_guards, solved
 from derive.formulations.quasi_velocities import Explicit
 from derive.formulations.records import Equations, Guard
 from derive.formulations.reduction import Reduction
@@ -29,7 +29,7 @@ def reduced(
         qdot=found.qdot,
         wdot=found.wdot,
         lam=lam,
-        guards=reduction.guards,
+        guards=(*_combining(shop), *reduction.guards),
         solving=(),
         named=found.named(reduction),
         kept=reduction.kept,
@@ -43,7 +43,7 @@ def reduced(
 def in_base_velocities(
     shop: Workshop, formulation: str, vdot: Vector, lam: Vector, solving: tuple[Guard, ...], named: tuple[Named, ...]
 ) -> Equations:
-    """x = (q, v): the constraints hold through their forces only. `lam` are the multipliers of the rows that are kept."""
+    """x = (q, v): the constraints hold through their forces only. `lam` are the multipliers of the independent rows."""
     system = shop.system
     motion = Motion(
         w=system.v,
@@ -53,16 +53,16 @@ def in_base_velocities(
         v=system.v,
         qdot=system.qdot,
         wdot=column(vdot),
-        lam=spread(shop, lam),
+        lam=shop.independent_rows.spread(lam),
         guards=(),
-        solving=solving,
+        solving=(*_combining(shop), *solving),
         named=(Named("M", "mass matrix", system.M), Named("h", "bias", system.h), Named("beta", "A v̇ = β", system.beta)),
         kept=shop.kept,
         closing=shop.closing,
         projects_velocity=True,
     )
     reason = "the base velocities themselves, held together by the constraint forces"
-    shown = (Named("A", "constraint rows, A v = c", system.A), *motion.named, *named)
+    shown = (Named("A", "constraint rows, A v = c", system.A), *combination(shop), *motion.named, *named)
     return _finished(shop, formulation, formulation, reason, motion, shown, ())
 
 
@@ -100,14 +100,6 @@ def column(vector: Sequence) -> ca.SX:
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
 
 
-def spread(shop: Workshop, lam: Vector) -> ca.SX:
-    """λ of all rows: zero for those that repeat others."""
-    result = ca.SX.zeros(len(shop.system.rows))
-    for i, x in zip(shop.kept, lam):
-        result[i] = x
-    return result
-
-
 def _units(system: System, reduction: Reduction) -> tuple[str, ...]:
     """Of the quasi-velocities: that of the base velocity a speed is a plain multiple of, else none."""
     columns: dict[int, list[int]] = {}
@@ -124,14 +116,25 @@ def _unit(system: System, reduction: Reduction, k: int, columns: list[int]) -> s
 
 def _shown(shop: Workshop, reduction: Reduction) -> tuple[Named, ...]:
     """A, B, Y, S and R as matrices: W = Y⁻¹ = [R S] by the same pivots as λ."""
-    rows = list(reduction.kept)
-    A = shop.system.A[rows, :]
+    A = shop.independent_rows.A
     shown = [Named("A", "constraint rows, A v = c", A), Named("B", "speed rows, B v = w", reduction.B)]
-    if rows:
+    if shop.rank:
         Y = ca.vertcat(A, reduction.B)
-        shown += [Named("Y", "[A; B]", Y), Named("R", "v = S w + R c", per_unit_of_c(shop, Y, len(rows)))]
+        shown += [*combination(shop), Named("Y", "[A; B]", Y), Named("R", "v = S w + R c", per_unit_of_c(shop, Y, shop.rank))]
     shown.append(Named("S", "base velocities per quasi-velocity", reduction.S))
     return tuple(shown)
+
+
+def _combining(shop: Workshop) -> tuple[Guard, ...]:
+    """Of what combines rows that repeat each other."""
+    pivots = shop.independent_rows.pivots
+    return quadratic_guards(shop, [name for name, _ in pivots], [x for _, x in pivots])
+
+
+def combination(shop: Workshop) -> tuple[Named, ...]:
+    """E, where rows that repeat others are kept."""
+    E = Named("E", "independent combinations of the constraint rows", shop.independent_rows.E)
+    return (E,) if shop.combines else ()
 
 
 def per_unit_of_c(shop: Workshop, Y: ca.SX, rows: int) -> ca.SX:

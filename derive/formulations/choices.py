@@ -22,6 +22,7 @@ from derive.formulations.elimination import Dependent, Undetermined
 from derive.formulations.orthonormal import orthonormal
 from derive.formulations.quasi_velocities import Explicit, explicit
 from derive.formulations.reduction import Reduction, by_elimination, unreduced
+from derive.formulations.redundancy import Group, Independent, combined, groups, keeps, selected, sentences
 from derive.joints.rotations import is_one
 from derive.mechanics.closing import Kinematics
 from derive.mechanics.constraints import velocity_row
@@ -149,21 +150,54 @@ class Workshop:
         return tuple(kept)
 
     @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Rows that depend on each other at the sampled states."""
+        return groups(self.rows, self.kept)
+
+    @cached_property
     def repetitions(self) -> tuple[str, ...]:
-        """One sentence for every row that is dropped: which rows it repeats."""
-        names = [row.name for row in self.system.rows]
-        return tuple(_repetition(names, self.rows[0], self.kept, i) for i in range(len(names)) if i not in self.kept)
+        """One sentence for every closure or constraint with rows that repeat others."""
+        return sentences(self.system, self.groups)
+
+    @cached_property
+    def independent_rows(self) -> Independent:
+        """What stands for all rows, by the policy of the model: the kept ones, or all with those of a group combined."""
+        if self.combines:
+            return combined(self.system, self.kept, self.groups)
+        return selected(self.system, self.kept)
+
+    @cached_property
+    def forms(self) -> list[list[RowForm]]:
+        """The rows to eliminate, in every way of writing them."""
+        if not self.combines:
+            return [[row for block, way in zip(self.system.blocks, ways) for row in block[way]] for ways in _ways(self.system)]
+        rows = [row for block in self.system.blocks for row in block[0]]
+        combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
+        return [[row for i, row in enumerate(rows) if i not in self.grouped] + [self.independent_rows.form(k) for k in combined]]
+
+    @cached_property
+    def form_sizes(self) -> list[float]:
+        """Their magnitudes over the sampled states."""
+        if not self.combines:
+            return self.sizes
+        combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
+        s, A = self.sampled, self.independent_rows.A
+        found = _lengths(self.solver.values(A[combined, :], s.t, s.q, s.p)) if combined else []
+        return [size for i, size in enumerate(self.sizes) if i not in self.grouped] + found
+
+    @cached_property
+    def combines(self) -> bool:
+        """Whether some rows repeat others and all are to be kept."""
+        return keeps(self.system) and any(group.kept for group in self.groups)
+
+    @cached_property
+    def grouped(self) -> set[int]:
+        """The rows that depend on others."""
+        return {i for group in self.groups for i in (*group.kept, *group.others)}
 
     @property
     def freedom(self) -> int:
         return self.system.v.numel() - self.rank
-
-
-def _repetition(names: Sequence[str], A: np.ndarray, kept: Sequence[int], i: int) -> str:
-    weights = np.linalg.lstsq(A[list(kept)].T, A[i], rcond=None)[0]
-    repeated = [names[k] for k, x in zip(kept, weights) if abs(x) > 1e-8]
-    where = f"repeats rows {', '.join(repeated)}" if repeated else "says nothing"
-    return f"row {names[i]} {where} at the sampled states and is dropped: their reactions are not unique"
 
 
 def _scaled(matrices: np.ndarray) -> np.ndarray:
@@ -273,8 +307,8 @@ def carried_out(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], r
         ranking = Ranking(name, kind, names, True, 1.0, 1.0, equations.operations, (), equations.gathered)
         return Resolved(ranking, reduction, equations, reason)
     B = _matrix(rows, shop.system.v.numel())
-    sizes, sampled = [*shop.sizes, *_lengths(_numeric_rows(shop, B))], shop.sampled_for(B)
-    found = [by_elimination(shop.system, names, rows, ways, sampled, shop.kept, sizes) for ways in _ways(shop.system)]
+    sizes, sampled = [*shop.form_sizes, *_lengths(_numeric_rows(shop, B))], shop.sampled_for(B)
+    found = [by_elimination(shop.system, names, rows, forms, sampled, shop.kept, sizes) for forms in shop.forms]
     counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
     best = min(range(len(found)), key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]))
     reduction, equations = found[best], explicit(shop.system, found[best])
@@ -313,7 +347,7 @@ def _conditions(shop: Workshop, B: np.ndarray) -> tuple[float, float]:
 
 
 def _orthonormal(shop: Workshop, choice: Choice) -> Resolved:
-    reduction = orthonormal(shop.system, shop.kept, shop.sampled)
+    reduction = orthonormal(shop.system, shop.independent_rows, shop.kept, shop.sampled)
     equations = explicit(shop.system, reduction)
     ranking = judged(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
     return Resolved(ranking, reduction, equations, "the model declares it: [A; B] is as well conditioned as A allows")

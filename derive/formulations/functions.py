@@ -10,6 +10,7 @@ import numpy as np
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Guard, Iteration, Result
+from derive.formulations.redundancy import keeps
 from derive.joints.records import Vector
 from derive.mechanics.closing import Kinematics, nominal
 from derive.mechanics.records import Named, System
@@ -218,9 +219,15 @@ def _largest(entries: list[ca.SX]) -> ca.SX:
 def _reactions(system: System, motion: Motion) -> Function | None:
     if not system.rows:
         return None
-    about = "multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row"
+    about = "multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row" + _of_repeated(system, motion)
     names = tuple(row.name for row in system.rows)
     return Function("reactions", about, Result("lam", motion.lam, names, ()), guards=(*motion.guards, *motion.solving))
+
+
+def _of_repeated(system: System, motion: Motion) -> str:
+    if len(motion.kept) == len(system.rows):
+        return ""
+    return "; where rows repeat others, not unique: " + ("the least ones" if keeps(system) else "zero for those that are dropped")
 
 
 def _energy(system: System, motion: Motion) -> Function:
@@ -250,9 +257,10 @@ def _outputs(system: System, motion: Motion) -> Function | None:
         labels += [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
         units += [unit] * count
         values.append(_at(system, motion, value))
-    value = ca.vertcat(*values)
-    result = Result("y", value, tuple(labels), tuple(units))
-    return Function("outputs", "the model's outputs", result, guards=motion.guards)
+    value, reactions = ca.vertcat(*values), system.symbols.reactions([row.name for row in system.rows])
+    solving = motion.solving if ca.depends_on(value, reactions) else ()
+    result = Result("y", ca.substitute(value, reactions, motion.lam), tuple(labels), tuple(units))
+    return Function("outputs", "the model's outputs", result, guards=(*motion.guards, *solving))
 
 
 def _velocity(system: System, motion: Motion) -> Function:

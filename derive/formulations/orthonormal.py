@@ -14,6 +14,7 @@ import numpy as np
 
 from derive.formulations.records import Guard
 from derive.formulations.reduction import SINGULAR, Reduction, symbols_for
+from derive.formulations.redundancy import Independent
 from derive.joints.records import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
 from derive.mechanics.closing import Kinematics
@@ -24,9 +25,9 @@ from derive.mechanics.solve import scalars
 MINORS = 3  # with more rows than this the cross product costs more than Gram–Schmidt
 
 
-def orthonormal(system: System, kept: Sequence[int], sampled: States) -> Reduction:
-    """The reduction with B = Nᵀ; `kept` are the independent constraint rows."""
-    A = scalars(ca.SX(system.A)[list(kept), :]) if kept else []
+def orthonormal(system: System, rows: Independent, kept: Sequence[int], sampled: States) -> Reduction:
+    """The reduction with B = Nᵀ; `rows` are independent and stand for all, `kept` are such rows of A."""
+    A = scalars(rows.A) if kept else []
     nv, nc = system.v.numel(), len(kept)
     if nv == nc:
         N, lengths = [], []
@@ -34,14 +35,16 @@ def orthonormal(system: System, kept: Sequence[int], sampled: States) -> Reducti
         N, lengths = _cross_product(A)
     else:
         N, lengths = _gram_schmidt(A, _frame(system, kept, sampled))
-    return _reduction(system, kept, A, N, lengths)
+    return _reduction(system, kept, A, rows.c, N, lengths)
 
 
-def _reduction(system: System, kept: Sequence[int], A: list[Vector], N: list[Vector], lengths: list[Scalar]) -> Reduction:
+def _reduction(
+    system: System, kept: Sequence[int], A: list[Vector], c: ca.SX, N: list[Vector], lengths: list[Scalar]
+) -> Reduction:
     names = tuple(f"w{k + 1}" for k in range(len(N)))
     w = symbols_for(names)
     S = _columns(N, system.v.numel())
-    v = ca.mtimes(S, w) + _particular(A, [system.c[i] for i in kept])
+    v = ca.mtimes(S, w) + _particular(A, [c[i] for i in range(len(kept))])
     qdot = ca.substitute(system.qdot, system.v, v)
     sigma = ca.jtimes(v, ca.vertcat(system.t, system.q), ca.vertcat(1, qdot))
     return Reduction(

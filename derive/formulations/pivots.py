@@ -52,7 +52,7 @@ def block_guards(found: Solved, names: Sequence[str]) -> tuple[Guard, ...]:
 
 
 def quadratic_guards(shop: Workshop, names: Sequence[str], pivots: Sequence[Scalar]) -> tuple[Guard, ...]:
-    """Of the pivots of A M⁻¹ Aᵀ: they vanish where A loses rank."""
+    """Of the pivots of A M⁻¹ Aᵀ or A Aᵀ: they vanish where A loses rank."""
     symbolic = [(name, x) for name, x in zip(names, pivots) if isinstance(x, ca.SX) and not x.is_constant()]
     sizes = np.max(np.abs(sampled(shop, ca.vertcat(*[x for _, x in symbolic]))), axis=0).ravel() if symbolic else ()
     return tuple(Guard(f"pivot of {name}", x, SQUARED * float(size), SQUARED) for (name, x), size in zip(symbolic, sizes))

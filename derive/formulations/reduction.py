@@ -37,13 +37,12 @@ def by_elimination(
     system: System,
     names: tuple[str, ...],
     speeds: Sequence[RowForm],
-    ways: Sequence[int],
+    rows: Sequence[RowForm],
     sampled: States,
     kept: tuple[int, ...],
     sizes: Sequence[float],
 ) -> Reduction:
-    """The reduction for speed rows, with the constraint blocks written in the given ways; `kept` rows of A are independent."""
-    rows = [row for block, way in zip(system.blocks, ways) for row in block[way]]
+    """The reduction for speed rows and constraint rows in one way of writing them; `kept` rows of A are independent."""
     w = symbols_for(names)
     found = elimination(system, rows, speeds, w, sampled, sizes)
     return Reduction(

@@ -1,4 +1,4 @@
-"""Outputs of a model: formulas, and points, velocities and angles of bodies."""
+"""Outputs of a model: formulas, points, velocities and angles of bodies, and reactions."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from derive.joints.rotations import merged
 from derive.mechanics.constraints import IN_PLANE, Scene
 from derive.mechanics.tree import ground_point, relative_rotation
 from derive.model.records import Output
+from derive.model.rows import row_names
 
 BODY_FUNCTIONS = ("position", "velocity", "angle")
 
@@ -24,7 +25,17 @@ def _output(scene: Scene, output: Output) -> ca.SX:
     formula = output.expression
     if isinstance(formula, Call) and formula.function in BODY_FUNCTIONS:
         return _of_body(scene, formula)
+    if isinstance(formula, Call) and formula.function == "reaction":
+        return _reactions(scene, formula)
     return scene.over_v(ca.SX(scene.symbols.scalar(formula)))
+
+
+def _reactions(scene: Scene, call: Call) -> ca.SX:
+    """The symbols of a closure's or constraint's multipliers; whoever knows λ puts it in their place."""
+    subject = call.arguments[0]
+    assert isinstance(subject, Name)  # the loader saw to it
+    rows = [row for row in row_names(scene.model) if row.partition(".")[0] == subject.name]
+    return ca.vertcat(*[ca.SX(scene.symbols.names[f"reaction.{row}"]) for row in rows])
 
 
 def _of_body(scene: Scene, call: Call) -> ca.SX:

@@ -93,7 +93,8 @@ def _check_unique(system: System, sampled: np.ndarray, i: int) -> None:
         return
     name = system.rows[i].name
     message = f"a nonideal force uses reaction.{name}, which is not unique: '{name}' repeats other constraints"
-    span = next((c.span for c in system.model.constraints if c.name == name), None)
+    owner = name.partition(".")[0]
+    span = next((c.span for c in (*system.model.closures, *system.model.constraints) if c.name == owner), None)
     lines = system.model.text.splitlines()
     if span is None or not 0 < span.line <= len(lines):
         raise AssumptionError(Diagnostic(file=system.model.file, message=message))

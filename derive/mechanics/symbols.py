@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -11,6 +11,7 @@ from derive.expressions.evaluate import casadi_functions, value
 from derive.expressions.tree import Expression
 from derive.joints.records import Scalar, Vector
 from derive.model.records import Model
+from derive.model.rows import row_names
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,11 @@ class Symbols:
         result = value(expression, self.names, self.rates, casadi_functions())
         return float(result) if not isinstance(result, ca.SX) or result.is_constant() else result
 
+    def reactions(self, rows: Iterable[str]) -> ca.SX:
+        """The symbols that stand for the multipliers of rows."""
+        found = [ca.SX(self.names[f"reaction.{row}"]) for row in rows]
+        return ca.vertcat(*found) if found else ca.SX(0, 1)
+
     def vector(self, entries: tuple[Expression, ...]) -> Vector:
         return [self.scalar(entry) for entry in entries]
 
@@ -48,7 +54,7 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     names |= {x.name: v[i] for i, x in enumerate(model.velocities)}
     names |= {x.name: u[i] for i, x in enumerate(model.inputs)}
     names["t"] = t
-    names |= {f"reaction.{x.name}": ca.SX.sym(f"reaction_{x.name}") for x in model.constraints}
+    names |= {f"reaction.{row}": ca.SX.sym(f"reaction_{row}") for row in row_names(model)}
     rates: dict[str, Scalar] = {x.name: qd[i] for i, x in enumerate(model.coordinates)}
     result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates)
     for name, expression in model.definitions:

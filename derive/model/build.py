@@ -90,6 +90,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),
         published=tuple(published.published(reader, tuple(document.outputs), *item) for item in document.reference.items()),
         stress=tuple(stress.stress(reader, key, entry) for key, entry in document.stress.items()),
+        redundant=document.redundant,
         potential=_energy(reader, document.potential, "a potential energy", frozenset({PARAMETER, COORDINATE, TIME})),
     )
 

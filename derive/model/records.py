@@ -421,4 +421,5 @@ class Model:
     potential: Expression | None
     published: tuple[Published, ...] = ()
     stress: tuple[Stress, ...] = ()
+    redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[tuple[str, float], ...] = ()  # inputs and parameters of the file that are numbers here, in SI units

@@ -92,9 +92,19 @@ class Scope:
     def _check_name(self, node: tree.Name, allowed: frozenset[str], where: str, text: str) -> None:
         name = f"der({self.aliases[node.name]})" if node.name in self.aliases else node.name
         if name not in self.symbols:
+            self._check_rows(node, text)
             known = [known for known in self.names(allowed) if "(" not in known]
             raise FormulaError(f"unknown name '{node.name}'", text, node.at, listed(known), did_you_mean(node.name, known))
         self._check_kind(node.name, self.symbols[name], node.at, allowed, where, text)
+
+    def _check_rows(self, node: tree.Name, text: str) -> None:
+        """A reaction of several rows, or of a row that is none of them."""
+        whole = ".".join(node.name.split(".")[:2])
+        rows = [name for name in self.symbols if name.startswith(f"{whole}.") and self.symbols[name].kinds == {REACTION}]
+        if node.name == whole and rows:
+            raise FormulaError(f"'{node.name}' is {len(rows)} reactions, one for each row", text, node.at, listed(rows))
+        if rows:
+            raise FormulaError(f"unknown row '{node.name}'", text, node.at, listed(rows), did_you_mean(node.name, rows))
 
     def _check_rate(self, node: tree.Rate, allowed: frozenset[str], where: str, text: str) -> None:
         known = self.coordinates()

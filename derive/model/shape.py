@@ -631,6 +631,9 @@ class Document(Entry):
     joints: dict[Name, JointEntry] = Field({}, description="The tree of joints from the ground.")
     closures: dict[Name, ClosureEntry] = Field({}, description="Joints that close loops.")
     constraints: dict[Name, Constraint] = Field({}, description="Holonomic and nonholonomic constraints.")
+    redundant: Literal["drop", "keep"] = Field(
+        "drop", description="Constraint rows that repeat others: drop them, or keep all and give the least reactions."
+    )
     kinetic: Formula | None = Field(None, description="Kinetic energy of the analytic form.")
     potential: Formula | None = Field(None, description="Potential energy of the analytic form.")
     forces: dict[Name, Formula] = Field({}, description="Generalised forces of the analytic form, per coordinate.")
@@ -658,10 +661,11 @@ class Document(Entry):
 
     @model_validator(mode="before")
     @classmethod
-    def plane_word(cls, value: Any) -> Any:
-        if isinstance(value, Entries) and isinstance(value.get("plane"), Scalar):
-            return Entries({**value, "plane": value["plane"].text}, value.span)
-        return value
+    def words(cls, value: Any) -> Any:
+        if not isinstance(value, Entries):
+            return value
+        words = {key: node.text for key, node in value.items() if key in ("plane", "redundant") and isinstance(node, Scalar)}
+        return Entries({**value, **words}, value.span) if words else value
 
 
 def kinds(section: str) -> Iterator[tuple[str, type[Entry]]]:

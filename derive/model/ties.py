@@ -12,6 +12,7 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Constraint, Holonomic, Nonholonomic
+from derive.model.rows import closure_parts, named, rolling_parts
 from derive.model.scope import COORDINATE, MOTION, NONIDEAL, POSITION, REACTION, Symbol, used
 from derive.model.shape import CouplingEntry, Document, HolonomicEntry, NonholonomicEntry, PrescribedEntry, RollingEntry
 
@@ -34,10 +35,16 @@ def constraint(reader: Reader, document: Document, names: Names, key: Key, entry
 
 
 def enter_reactions(reader: Reader, document: Document) -> None:
-    """reaction.NAME is the multiplier of a constraint that is one row, with all nonideal forces left out."""
+    """reaction.ROW is the multiplier of a row, with all nonideal forces left out: NAME where a constraint is one row, NAME.PART
+    where it is several.
+    """
+    rows = [
+        row for key, entry in document.closures.items() for row in named(key, closure_parts(entry.type.text, reader.space.plane))
+    ]
     for key, entry in document.constraints.items():
-        if not isinstance(entry, RollingEntry):
-            reader.scope.add(f"reaction.{key}", Symbol(frozenset({REACTION}), None))
+        rows += named(key, rolling_parts(reader.space.plane)) if isinstance(entry, RollingEntry) else [str(key)]
+    for row in rows:
+        reader.scope.add(f"reaction.{row}", Symbol(frozenset({REACTION}), None))
 
 
 def _holonomic(reader: Reader, scalar: Scalar) -> Expression:

@@ -190,8 +190,21 @@ class Author:
 
     @cached_property
     def kept(self) -> list[int]:
-        """Constraint rows that stand in Y."""
-        return _kept(self.named("A"), self.system.A) if self.has("Y") else []
+        """Independent constraint rows: those that stand in Y, where they are not combined there."""
+        if not self.has("Y"):
+            return []
+        return _first_of_each(self.named("E")) if self.has("E") else _kept(self.named("A"), self.system.A)
+
+    def of_independent(self, column: ca.SX) -> ca.SX:
+        """c or β of the rows of Y."""
+        return ca.mtimes(self.named("E"), column) if self.has("E") else column[self.kept]
+
+    def entries_of_independent(self, name: str) -> list[sympy.Expr]:
+        """The same as they are printed."""
+        column = [row[0] for row in self.entries[name]]
+        if not self.has("E"):
+            return [column[i] for i in self.kept]
+        return [sympy.Add(*[x * y for x, y in zip(row, column)]) for row in self.entries["E"]]
 
     # prose
 
@@ -412,3 +425,8 @@ def _kept(ours: ca.SX, theirs: ca.SX) -> list[int]:
     for i in range(ours.size1()):
         found.append(next(k for k in range(theirs.size1()) if k not in found and ca.is_equal(ours[i, :], theirs[k, :], 8)))
     return found
+
+
+def _first_of_each(E: ca.SX) -> list[int]:
+    """The rows of A that the combinations are made around: the first entry of each."""
+    return [min(E[k, :].sparsity().get_triplet()[1]) for k in range(E.size1())]

@@ -158,7 +158,8 @@ def _stacked(a: Author) -> None:
     a.mean(r"!Y", "constraint rows over speed rows, [A; B]")
     if dropped := len(a.system.rows) - A.size1():
         repeats = _counted(dropped, "row of A repeats", "rows of A repeat")
-        a.say(f"({repeats} the others and {'is' if dropped == 1 else 'are'} left out here.)")
+        if not a.has("E"):
+            a.say(f"({repeats} the others and {'is' if dropped == 1 else 'are'} left out here.)")
     a.say(
         "Let {d} be the dependent velocities and {i} the others, and let the columns of $!A=[!A_1\\;!A_2]$ and "
         "$!B=[!B_1\\;!B_2]$ be sorted accordingly. With the Schur complement of $!A_1$,",
@@ -248,7 +249,9 @@ def _velocities(a: Author) -> None:
     """v = S w + R c, row by row."""
     if "S" not in a.entries or ("R" not in a.entries and not a.system.c.is_zero()):
         return
-    c = [a.entries["c"][i][0] for i in a.kept] if a.has("Y") else []
+    if a.has("E") and "E" not in a.entries:
+        return
+    c = a.entries_of_independent("c") if a.has("Y") else []
     rows = [shorter(sum_of(a.exact["S"][j], a.w), sum_of(a.entries["S"][j], a.w)) for j in range(len(a.v))]
     if any(c):
         rows = [x + sum_of(a.entries["R"][j], c) for j, x in enumerate(rows)]
@@ -286,7 +289,7 @@ def _rates(a: Author) -> None:
     )
     tied = a.has("Y")
     parts = [r"!R\,!\beta"] * tied + [r"!S\,!\gamma"] * turning
-    total = ca.mtimes(a.named("S"), gamma) + (ca.mtimes(a.named("R"), a.system.beta[a.kept]) if tied else 0)
+    total = ca.mtimes(a.named("S"), gamma) + (ca.mtimes(a.named("R"), a.of_independent(a.system.beta)) if tied else 0)
     a.law("sigma by blocks", r"!\sigma", " + ".join(parts), sigma - total)
     _sigma(a, gamma if turning else None)
 
@@ -315,7 +318,7 @@ def _sigma(a: Author, gamma: ca.SX | None) -> None:
         if not a.vector("gamma", r"\gamma", gamma):
             return
         a.mean(r"!\gamma", "rates of the speed rows, −Ḃ v")
-    needed = [x for x in ("S", "R", "beta") if x != "R" or a.has("Y")]
+    needed = ["S", "beta", *(["R"] if a.has("Y") else []), *(["E"] if a.has("E") else [])]
     if all(x in a.entries for x in needed):
         a.say("that is")
         a.vector("sigma", r"\sigma", sigma, [_sigma_entry(a, j, gamma is not None) for j in range(len(a.v))])
@@ -323,5 +326,5 @@ def _sigma(a: Author, gamma: ca.SX | None) -> None:
 
 def _sigma_entry(a: Author, j: int, turning: bool) -> sympy.Expr:
     gamma = [row[0] for row in a.entries["gamma"]] if turning else []
-    beta = [a.entries["beta"][i][0] for i in a.kept] if a.has("Y") else []
+    beta = a.entries_of_independent("beta") if a.has("Y") else []
     return (sum_of(a.entries["R"][j], beta) if beta else 0) + sum_of(a.entries["S"][j], gamma)

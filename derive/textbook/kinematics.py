@@ -151,6 +151,19 @@ def constraints(a: Author) -> None:
     a.mean(r"!\beta", "A v̇ = β")
     if a.vector("beta", r"\beta", system.beta) and all(row == [0] for row in a.entries["beta"]):
         a.say("Here $!\\beta=!0$.")
+    if a.has("E"):
+        _combined(a)
+
+
+def _combined(a: Author) -> None:
+    """E, where rows that repeat others are kept."""
+    a.say(
+        "Some rows repeat others, and all are kept. With $!A=!L\\,!A_k$ and $!A_k$ independent rows, the pseudo-inverse "
+        "$!E=!L^+$ makes independent rows of all; $!E\\,!A$, $!E\\,!c$ and $!E\\,!\\beta$ are what is meant by $!A$, $!c$ "
+        "and $!\\beta$ in the following, and multipliers of these rows are those of all by $!E^T$."
+    )
+    a.matrix("E", r"!E", "E", a.named("E"))
+    a.mean(r"!E", "independent combinations of the constraint rows")
 
 
 def _positions(a: Author) -> None:

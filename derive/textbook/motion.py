@@ -295,9 +295,14 @@ def multipliers(a: Author) -> None:
         "$!\\rho=!M\\,!!v+!h-!Q$, and since $!A\\,!R=!1$,"
     )
     rho = ca.mtimes(system.M, a.vdot) + system.h - system.Q
-    lam = a.lam[a.kept]
-    a.law("lambda", r"!\lambda", r"!R^T!\rho", lam - ca.mtimes(a.named("R").T, rho))
+    if a.has("E"):
+        a.law("lambda", r"!\lambda", r"!E^T!R^T!\rho", a.lam - ca.mtimes(a.named("E").T, ca.mtimes(a.named("R").T, rho)))
+    else:
+        a.law("lambda", r"!\lambda", r"!R^T!\rho", a.lam[a.kept] - ca.mtimes(a.named("R").T, rho))
     a.table(("multiplier", "constraint row"), [_row(i, row.name) for i, row in enumerate(system.rows)])
+    if a.has("E"):
+        a.say("Of rows that repeat each other these are, of all multipliers with the same $!A^T!\\lambda$, the least.")
+        return
     if len(a.kept) < len(system.rows):
         a.say("The multipliers of rows that repeat others are zero.")
     if {"M", "S", "R", "h", "Q", "sigma"} <= a.entries.keys() and (a.rates or not a.w):
@@ -364,6 +369,11 @@ def outputs(a: Author) -> None:
     a.section("Outputs")
     a.say("The model's outputs are")
     for name, value, unit in a.system.outputs:
+        rows = [row.name for row in a.system.rows]
+        if ca.depends_on(value, a.system.symbols.reactions(rows)):
+            shown = [row for row in rows if ca.depends_on(value, a.system.symbols.reactions([row]))]
+            a.say("{name}: the multipliers $!\\lambda$ of {rows};", name=name, rows=", ".join(shown))
+            continue
         count = value.numel()
         labels = [names.symbol(name)] if count == 1 else [f"{names.upright(name)}_{{{k + 1}}}" for k in range(count)]
         symbols = [a.fresh(f"output {name}[{k + 1}]", latex) for k, latex in enumerate(labels)]

@@ -20,6 +20,21 @@ ROBOTS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 
 @dataclass(frozen=True)
+class Floating:
+    """A robot file taken with its root link moving freely; stands wherever the path of a file does."""
+
+    path: str | Path
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    __str__ = __fspath__
+
+
+File = str | Path | Floating
+
+
+@dataclass(frozen=True)
 class Imported:
     """A robot as a model's text. `left_out` alters the motion, `changed` does not; `joints`: the file's name → the model's."""
 
@@ -31,24 +46,31 @@ class Imported:
     joints: Mapping[str, str]
 
 
-def load(path: str | Path) -> Model:
+def load(path: File) -> Model:
     """The Model of a model file or of a robot file; what a robot loses is warned of."""
+    floating = isinstance(path, Floating)
     if Path(path).suffix.lower() not in ROBOTS:
         from derive.model import load
 
+        if floating:
+            from derive.diagnostics import ModelError
+
+            raise ModelError(
+                f"--floating is for URDF and MJCF files, and {path} is neither", "a joint of type free in the model file"
+            )
         return load(path)
-    found = imported(path)
+    found = imported(path, floating)
     for sentence in found.left_out:
         warnings.warn(f"{path}: left out: {sentence}", RuntimeWarning, stacklevel=2)
     return found.model
 
 
-def imported(path: str | Path, floating: bool = False) -> Imported:
+def imported(path: File, floating: bool = False) -> Imported:
     """A URDF or MJCF file as a model; ModelError with places in that file for everything wrong with it."""
     from hamel.importing.inertias import gather
     from hamel.importing.writing import text_of
 
-    robot = _robot(path, floating)
+    robot = _robot(path, floating or isinstance(path, Floating))
     _check_size(robot)
     gather(robot)
     made = text_of(robot, Path(path).name)
@@ -56,7 +78,7 @@ def imported(path: str | Path, floating: bool = False) -> Imported:
     return Imported(_model(made, robot, path), made.text, robot.kind, tuple(robot.changed), tuple(robot.left_out), joints)
 
 
-def _robot(path: str | Path, floating: bool) -> Robot:
+def _robot(path: File, floating: bool) -> Robot:
     from hamel.importing import mjcf, urdf
     from hamel.importing.markup import parsed, read
 
@@ -76,7 +98,7 @@ def _check_size(robot: Robot) -> None:
         robot.root.refuse(f"the robot has {len(robot.bodies)} bodies", f"at most {MOST_BODIES}")
 
 
-def _model(made: Written, robot: Robot, path: str | Path) -> Model:
+def _model(made: Written, robot: Robot, path: File) -> Model:
     """The text read as a model; what is wrong is told where it stands in the robot's file."""
     from derive.diagnostics import ModelError
     from derive.model import load_text

@@ -47,7 +47,7 @@ def robot(root: Element, name: str, floating: bool) -> Robot:
     _joints(reading, tree, result, base, floating)
     reading.finish()
     if all(joint.type == "fixed" for joint in result.joints):
-        hint = "`hamel import --floating` gives the root link a free joint"
+        hint = "--floating gives the root link a free joint"
         root.refuse("nothing moves: every joint is fixed, and the root link is fixed to the ground", "a joint that moves", hint)
     _mimics(reading, tree, result)
     reading.finish()
@@ -169,7 +169,7 @@ def _joints(reading: Reading, tree: Tree, result: Robot, base: str, floating: bo
     result.joints.append(Joint(reading.joint_name("base", kind, []), kind, GROUND, tree.bodies[base].name, root))
     result.joints += tree.made.values()
     if not floating:
-        result.changed.append(f"the root link {quoted(base)} is fixed to the ground; `hamel import --floating` frees it")
+        result.changed.append(f"the root link {quoted(base)} is fixed to the ground; --floating frees it")
 
 
 def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:

@@ -18,6 +18,7 @@ import numpy as np
 
 from codegen.compiler import FLAGS, SUFFIX, find_compiler
 from derive.formulations.records import Equations
+from derive.mechanics.closing import Kinematics
 from hamel.references.records import Found, Problem, Reference, found
 
 MOST_STEPS = 10_000_000
@@ -47,7 +48,7 @@ def _idas(problem: Problem) -> Run:
         "quad": next(function.result.value for function in equations.functions if function.name == "power"),
     }  # fmt: skip
     t, module = float(problem.times[0]), problem.module
-    z = np.concatenate([np.zeros(len(closing)), module.reactions(t, x, problem.u, problem.p)[kept]])
+    z = np.concatenate([np.zeros(len(closing)), _multipliers(problem, kept)])
     rates = module.dynamics(t, x, problem.u, problem.p).tolist()
     return _prepared(
         "idas",
@@ -61,6 +62,14 @@ def _idas(problem: Problem) -> Run:
             "step0": min(1e-5, 1e-3 * float(np.ptp(problem.times))),
         },
     )
+
+
+def _multipliers(problem: Problem, kept: list[int]) -> np.ndarray:
+    """λ of the independent rows at the start, with the same Aᵀ λ as that of all rows."""
+    system, t, q = problem.equations.system, problem.times[0], problem.x[: problem.equations.system.q.numel()]
+    A = Kinematics(system).velocities(float(t), q, problem.p)[0]
+    lam = problem.module.reactions(float(t), problem.x, problem.u, problem.p)
+    return lam if len(kept) == len(A) else np.linalg.lstsq(A[kept].T, A.T @ lam, rcond=None)[0]
 
 
 def _kept(equations: Equations) -> list[int]:

@@ -43,7 +43,7 @@ def run(path: str | Path) -> Checked:
         rank=rank,
         degrees_of_freedom=len(model.velocities) - rank,
         moved=moved_by(initial.moved),
-        assumptions=mechanics.assumptions,
+        assumptions=next(iter(usable.values())).assumptions,
     )
 
 
@@ -65,6 +65,8 @@ def show(record: Checked, console: Console) -> None:
     size = f"{len(record.velocities)} velocities, {len(record.constraints)} constraints of rank {record.rank}"
     freedom = f"{record.degrees_of_freedom} degree{'s' if record.degrees_of_freedom != 1 else ''} of freedom"
     console.print(f"{record.model}: ok, {size}, {freedom}; choices {', '.join(record.choices)}")
+    for assumption in record.assumptions:
+        console.print(f"  {assumption}")
     refusals(record.refused, console)
     for name, by in record.moved.items():
         console.print(f"  initial {name} = {by['given']:.6g} cannot be kept, {by['used']:.6g} is used")

@@ -16,7 +16,7 @@ from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
 from derive.formulations import FORMULATIONS
 from derive.keepings import KEEPINGS
 from derive.model.records import Stress
-from hamel.importing import load
+from hamel.importing import Floating, load
 from hamel.pipeline import mechanics_of
 from hamel.records import Reported, StressRow, as_json
 from hamel.report import page
@@ -57,6 +57,9 @@ def run(
 
 
 def _check(paths: Sequence[str | Path], time: float, asked: Asked) -> None:
+    floating = next((path for path in paths if isinstance(path, Floating)), None)
+    if floating is not None:
+        raise ModelError(f"a report is about files as they are: {floating}", "the model that `hamel import --floating` writes")
     if not paths:
         raise ModelError("no model is named", "hamel report models/four_bar.yaml")
     for name, value in (("time", time), ("budget", asked.budget), *(("rtol", rtol) for rtol in asked.tolerances)):

@@ -17,6 +17,7 @@ from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.formulations.charts import charted, together
 from derive.formulations.choices import workshop
+from derive.formulations.redundancy import lost
 from derive.keepings import KEEPINGS, Keeping, Options, kept_equations, usual_rate
 from derive.mechanics.initial import Initial, initial_state
 from hamel import charts, motion
@@ -91,14 +92,27 @@ def run(
     except AssumptionError as error:
         others = _others(mechanics, chosen, keeping, options) if _own(method) else []
         if not others:
-            raise
+            raise _explained(error, mechanics, initial, p) from None
         try:
             found = moved(charted([chosen, *others], workshop(mechanics)))
-        except AssumptionError as again:
-            raise error from again
+        except AssumptionError:
+            raise _explained(error, mechanics, initial, p) from None
     for write in files:
         write(found)
     return _record(chosen, replace(method, keeping=keeping.name, alpha=alpha), initial, found, out, plot)
+
+
+def _explained(error: AssumptionError, mechanics: System, initial: Initial, p: np.ndarray) -> AssumptionError:
+    """The error, or what is behind it: constraint rows that depend on each other at the start and with these parameters."""
+    if not mechanics.rows:
+        return error
+    shop = workshop(mechanics)
+    A = shop.solver.velocities(0.0, initial.q, p)[0]
+    text = lost(mechanics, A, shop.kept) if np.isfinite(A).all() else ""
+    if not text:
+        return error
+    message = f"{mechanics.model.name}: at the start, with these parameters, {text}: {error.diagnostics[0].message}"
+    return AssumptionError(message, "another start, or these values in the file: what repeats is found and dropped there")
 
 
 def _others(mechanics: System, chosen: Equations, keeping: Keeping, options: Options) -> list[Equations]:

@@ -1,4 +1,4 @@
-"""Outputs by the reference's kinematics: formulas, and points, velocities and angles of bodies."""
+"""Outputs by the reference: formulas, points, velocities and angles of bodies, and multipliers."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import numpy as np
 
 from derive.expressions import tree
 from derive.model.records import Model, Output
+from derive.model.rows import row_names
 from hamel.verify.states import Frame, State
 from hamel.verify.vectors import Array
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
-def outputs(model: Model, state: State) -> Array:
-    """All outputs in order, points as two (planar) or three components."""
-    return np.concatenate([np.zeros(0), *(_output(model, state, output) for output in model.outputs)])
+def outputs(model: Model, state: State, lam: Array) -> Array:
+    """All outputs in order, points as two (planar) or three components; `lam` are the multipliers of all rows."""
+    return np.concatenate([np.zeros(0), *(_output(model, state, output, lam) for output in model.outputs)])
 
 
 def nearest_turn(model: Model, wanted: Array, got: Array) -> Array:
@@ -28,12 +29,27 @@ def _angles(model: Model) -> Array:
     marks = []
     for output in model.outputs:
         function = output.expression.function if isinstance(output.expression, tree.Call) else ""
-        marks += [function == "angle"] * (len(model.plane or "xyz") if function in ("position", "velocity") else 1)
+        marks += [function == "angle"] * _size(model, output, function)
     return np.array(marks, dtype=bool)
 
 
-def _output(model: Model, state: State, output: Output) -> Array:
+def _size(model: Model, output: Output, function: str) -> int:
+    if function == "reaction":
+        return len(_rows(model, output))
+    return len(model.plane or "xyz") if function in ("position", "velocity") else 1
+
+
+def _rows(model: Model, output: Output) -> list[int]:
+    """Where the rows stand that a reaction is of."""
+    subject = tree.children(output.expression)[0]
+    owner = subject.name if isinstance(subject, tree.Name) else ""
+    return [i for i, row in enumerate(row_names(model)) if row.partition(".")[0] == owner]
+
+
+def _output(model: Model, state: State, output: Output, lam: Array) -> Array:
     formula = output.expression
+    if isinstance(formula, tree.Call) and formula.function == "reaction":
+        return lam[_rows(model, output)]
     if not (isinstance(formula, tree.Call) and formula.function in ("position", "velocity", "angle")):
         return np.array([state.value(formula)])
     body = formula.arguments[0]

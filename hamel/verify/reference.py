@@ -18,6 +18,7 @@ import numpy as np
 
 from derive.expressions import tree
 from derive.model.records import Armature, Holonomic, Model, Nonholonomic, OnSurface
+from derive.model.rows import row_names
 from hamel.verify.layout import Layout, Rows, layout, stacked
 from hamel.verify.loads import Applied, Lagrange, applied, body_inertia
 from hamel.verify.rows import RowsOf, constraint_rows, joint_rows
@@ -143,7 +144,7 @@ def evaluate(ref: Reference, s: State) -> Outcome:
     if not _uses_reactions(ref.model):
         return _evaluated(ref, s, nonideal=True)
     ideal = _evaluated(ref, s, nonideal=False)
-    return _evaluated(ref, replace(s, names=s.names | _reactions(ref, s, ideal.lam)), nonideal=True)
+    return _evaluated(ref, replace(s, names=s.names | _reactions(ref, ideal.lam)), nonideal=True)
 
 
 def _uses_reactions(model: Model) -> bool:
@@ -151,11 +152,9 @@ def _uses_reactions(model: Model) -> bool:
     return any(isinstance(node, tree.Name) and node.name.startswith("reaction.") for f in formulas for node in tree.walk(f))
 
 
-def _reactions(ref: Reference, s: State, lam: Array) -> dict[str, float]:
-    """reaction.NAME of the constraints that are one row each; they stand in the model's order, closures first."""
-    sizes = [len(part(s).gamma) for part in ref.parts]
-    starts = np.cumsum([0, *sizes])[len(ref.model.closures) :]
-    return {f"reaction.{x.name}": float(lam[start]) for x, start in zip(ref.model.constraints, starts)}
+def _reactions(ref: Reference, lam: Array) -> dict[str, float]:
+    """reaction.ROW of every row; they stand in the model's order, closures first."""
+    return {f"reaction.{row}": float(x) for row, x in zip(row_names(ref.model), lam)}
 
 
 def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:

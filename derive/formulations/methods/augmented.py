@@ -18,9 +18,9 @@ from derive.model.records import Choice
 
 
 def _equations(shop: Workshop, choice: Choice) -> Equations:
-    system, rows = shop.system, list(shop.kept)
-    found = bordered_solution(system.M, system.A[rows, :], entries(system.Q - system.h), entries(system.beta[rows]))
-    guards = quadratic_guards(shop, [system.rows[i].name for i in rows], found.pivots)
+    system, rows = shop.system, shop.independent_rows
+    found = bordered_solution(system.M, rows.A, entries(system.Q - system.h), entries(rows.beta))
+    guards = quadratic_guards(shop, rows.names, found.pivots)
     return in_base_velocities(shop, FORMULATION.name, found.x, [-y for y in found.y], guards, ())
 
 

@@ -13,7 +13,7 @@ import casadi as ca
 
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
-from derive.formulations.assembly import column, entries, reduced, spread
+from derive.formulations.assembly import column, entries, reduced
 from derive.formulations.choices import Workshop
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
@@ -33,14 +33,14 @@ def _equations(shop: Workshop, choice: Choice) -> Equations:
     explicit = _projected(shop, reduction)
     system = shop.system
     missing = ca.mtimes(system.M, explicit.vdot) + ca.substitute(system.h - system.Q, system.v, reduction.v)
-    lam = spread(shop, entries(ca.mtimes(R.T, missing)))
+    lam = shop.independent_rows.spread(entries(ca.mtimes(R.T, missing)))
     return reduced(shop, FORMULATION.name, choice.name, found.reason, reduction, explicit, lam)
 
 
 def _inverted(shop: Workshop, given: Reduction) -> tuple[ca.SX, Reduction]:
     """R, and the reduction by Y⁻¹ = [R S] as a whole."""
-    system, rows, n = shop.system, list(given.kept), shop.system.v.numel()
-    Y = ca.vertcat(system.A[rows, :], given.B)
+    system, rows, n = shop.system, shop.independent_rows, shop.system.v.numel()
+    Y = ca.vertcat(rows.A, given.B)
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(n)] for k in range(n)]
     try:
         found = solved(shop, Y, sides)
@@ -48,11 +48,11 @@ def _inverted(shop: Workshop, given: Reduction) -> tuple[ca.SX, Reduction]:
         name = shop.system.model.name
         raise AssumptionError(f"{name}: [A; B] is singular at the sampled states, so Maggi's S does not exist") from None
     inverse = _matrix(found.columns, n)
-    R, S = inverse[:, : len(rows)], inverse[:, len(rows) :]
-    v = ca.mtimes(S, given.w) + ca.mtimes(R, system.c[rows])
+    R, S = inverse[:, : shop.rank], inverse[:, shop.rank :]
+    v = ca.mtimes(S, given.w) + ca.mtimes(R, rows.c)
     turning = ca.jtimes(ca.mtimes(given.B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot))
-    sigma = ca.mtimes(R, system.beta[rows]) - ca.mtimes(S, turning)
-    names = [*(system.rows[i].name for i in rows), *given.names]
+    sigma = ca.mtimes(R, rows.beta) - ca.mtimes(S, turning)
+    names = [*rows.names, *given.names]
     return R, replace(
         given,
         S=S,

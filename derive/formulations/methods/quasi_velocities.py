@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from derive.formulations.assembly import entries, reduced, spread
+from derive.formulations.assembly import entries, reduced
 from derive.formulations.choices import Workshop
 from derive.formulations.fitness import undetermined
 from derive.formulations.formulation import Formulation
@@ -25,11 +25,10 @@ def _equations(shop: Workshop, choice: Choice) -> Equations:
 
 def _multipliers(shop: Workshop, reduction: Reduction, missing: ca.SX) -> ca.SX:
     """λ from Yᵀ [λ; 0] = M v̇ + h − Q, Y = [A; B]."""
-    rows = list(reduction.kept)
-    if not rows:
-        return spread(shop, [])
-    Y = ca.vertcat(shop.system.A[rows, :], reduction.B)
-    return spread(shop, solved(shop, Y.T, [entries(missing)]).columns[0])
+    rows = shop.independent_rows
+    if not shop.rank:
+        return rows.spread([])
+    return rows.spread(solved(shop, ca.vertcat(rows.A, reduction.B).T, [entries(missing)]).columns[0])
 
 
 FORMULATION = Formulation(

@@ -19,10 +19,10 @@ from derive.model.records import Choice
 
 
 def _equations(shop: Workshop, choice: Choice) -> Equations:
-    system, rows = shop.system, list(shop.kept)
-    A, force, beta = system.A[rows, :], entries(system.Q - system.h), entries(system.beta[rows])
+    system, rows = shop.system, shop.independent_rows
+    A, force, beta = rows.A, entries(system.Q - system.h), entries(rows.beta)
     found = constrained_motion(A, beta, inverse_applied(system, [force, *rows_of(A)]))
-    guards = quadratic_guards(shop, [system.rows[i].name for i in rows], found.pivots)
+    guards = quadratic_guards(shop, rows.names, found.pivots)
     return in_base_velocities(shop, FORMULATION.name, found.vdot, found.lam, guards, named(found, A, beta))
 
 

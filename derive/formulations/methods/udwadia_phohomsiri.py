@@ -26,15 +26,15 @@ from derive.model.records import Choice
 
 
 def _equations(shop: Workshop, choice: Choice) -> Equations:
-    system, rows = shop.system, list(shop.kept)
-    A, beta = system.A[rows, :], system.beta[rows]
-    W = ca.diag(ca.SX(ca.DM(_weights(shop)))) if rows else ca.SX(0, 0)
+    system, rows = shop.system, shop.independent_rows
+    A, beta = rows.A, rows.beta
+    W = ca.diag(ca.SX(ca.DM(_weights(shop)))) if shop.rank else ca.SX(0, 0)
     weighted = ca.mtimes(A.T, W)
     M_A = system.M + ca.mtimes(weighted, A)
     F_A = entries(system.Q - system.h + ca.mtimes(weighted, beta))
     order = list(reversed(range(system.v.numel())))
     found = constrained_motion(A, entries(beta), ldl_solution(scalars(M_A), [F_A, *rows_of(A)], order).x)
-    guards = quadratic_guards(shop, [system.rows[i].name for i in rows], found.pivots)
+    guards = quadratic_guards(shop, rows.names, found.pivots)
     masses = Named("M_A", "M + Aᵀ W A", M_A), Named("F_A", "Q − h + Aᵀ W β", column(F_A))
     shown = (*masses, Named("W", "weights of the rows", W), *named(found, A, entries(beta)))
     return in_base_velocities(shop, FORMULATION.name, found.vdot, found.lam, guards, shown)
@@ -42,8 +42,8 @@ def _equations(shop: Workshop, choice: Choice) -> Equations:
 
 def _weights(shop: Workshop) -> list[float]:
     """W, one number per row: about the mass that the row feels, 1/Σ (Aᵢⱼ²/Mⱼⱼ), so that units do not matter."""
-    found = [_felt(M, A) for M, A in zip(sampled(shop, shop.system.M), sampled(shop, shop.system.A))]
-    return [float(f"{x:.2g}") for x in np.median(found, axis=0)[list(shop.kept)]]
+    found = [_felt(M, A) for M, A in zip(sampled(shop, shop.system.M), sampled(shop, shop.independent_rows.A))]
+    return [float(f"{x:.2g}") for x in np.median(found, axis=0)]
 
 
 def _felt(M: np.ndarray, A: np.ndarray) -> np.ndarray:

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from derive.expressions.tree import Call
 from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import deviation, sizes, worst
+from hamel.verify.compare import FLOOR, deviation, sizes, worst
 from hamel.verify.evidence import Evidence, Graph, Sample, Terms
 from hamel.verify.outputs import nearest_turn, outputs
 from hamel.verify.reference import state_of
-from hamel.verify.saddle import saddle, solved
+from hamel.verify.saddle import RANK, saddle, solved
 from hamel.verify.states import State
 from hamel.verify.vectors import Array
 
@@ -145,14 +146,32 @@ def motion(e: Evidence) -> float:
 
 
 def multipliers(e: Evidence) -> float | None:
-    """λ, or Aᵀ λ where the rows are redundant and λ is not unique."""
+    """λ; where rows are redundant and it is not unique, Aᵀ λ, and where all rows are kept also λ against the least one.
+
+    Where it is zero it is held against the largest force in the balance.
+    """
     if not e.graph.has("reactions"):
         return None
-    found = e.results("reactions")
-    if e.redundant:  # λ is not unique then, what it does to the motion is
-        forces = [t.A.T @ lam for t, lam in zip(e.terms, found)]
-        return deviation(forces, [s.outcome.constraint_force for s in e.samples], e.conditions)
-    return deviation(found, [s.outcome.lam for s in e.samples], e.conditions)
+    found, wanted = np.array(e.results("reactions")), np.array([s.outcome.lam for s in e.samples])
+    largest = np.array([np.max(_summed(t, vdot), initial=0.0) for t, vdot in zip(e.terms, e.vdot)])[:, None]
+    per_row = largest / np.array([np.maximum(np.max(np.abs(t.A), axis=1), 1e-300) for t in e.terms])
+    if not e.redundant:
+        return _unbalanced(e, found, wanted, per_row)
+    forces = np.array([s.outcome.constraint_force for s in e.samples])
+    error = _unbalanced(e, np.array([t.A.T @ lam for t, lam in zip(e.terms, found)]), forces, largest)
+    if e.reference.model.redundant == "drop":
+        return error
+    least = np.array([np.linalg.pinv(t.A.T, rcond=RANK) @ force for t, force in zip(e.terms, forces)])
+    return max(error, _unbalanced(e, found, least, np.minimum(per_row, largest)))
+
+
+def _unbalanced(e: Evidence, found: Array, wanted: Array, largest: Array) -> float:
+    return worst((found - wanted) / np.maximum(sizes(wanted), FLOOR * largest) / np.array(e.conditions)[:, None])
+
+
+def _summed(t: Terms, vdot: Array) -> Array:
+    """The sizes of what is in balance with the constraints."""
+    return np.abs(t.M) @ np.abs(vdot) + np.abs(t.h) + np.abs(t.Q)
 
 
 def augmented(e: Evidence) -> float:
@@ -173,7 +192,7 @@ def balance(e: Evidence) -> float | None:
 
 
 def _imbalance(t: Terms, vdot: Array, lam: Array) -> Array:
-    summed = np.abs(t.M) @ np.abs(vdot) + np.abs(t.h) + np.abs(t.Q) + np.abs(t.A.T) @ np.abs(lam)
+    summed = _summed(t, vdot) + np.abs(t.A.T) @ np.abs(lam)
     return (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / np.maximum(summed, 1e-6 * max(1e-300, summed.max(initial=0.0)))
 
 
@@ -194,8 +213,14 @@ def results(e: Evidence) -> float | None:
     if not e.graph.has("outputs"):
         return None
     got, model = e.results("outputs"), e.reference.model
-    wanted = [nearest_turn(model, outputs(model, s.state), y) for s, y in zip(e.samples, got)]
-    return deviation(got, wanted)
+    wanted = [nearest_turn(model, outputs(model, s.state, lam), y) for s, y, lam in zip(e.samples, got, _reactions(e))]
+    uses_multipliers = any(isinstance(x.expression, Call) and x.expression.function == "reaction" for x in model.outputs)
+    return deviation(got, wanted, e.conditions if uses_multipliers else None)
+
+
+def _reactions(e: Evidence) -> Sequence[Array]:
+    """λ of the reference; where it is not unique, the choice's own, which the rung of λ judges by what it does."""
+    return e.results("reactions") if e.redundant else [s.outcome.lam for s in e.samples]
 
 
 RUNGS = (

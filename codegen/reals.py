@@ -69,7 +69,7 @@ class Real:
     @property
     def widen(self) -> str:
         """The cast to a double, where it has to be said; `recast` knows the word."""
-        return "(WIDE)" if self.words else ""
+        return "(DOUBLE)" if self.words else ""
 
     def nearest(self, value: Any) -> Any:
         """A number, or an array of them, rounded to this precision; double again."""
@@ -104,7 +104,7 @@ class Real:
 FLOAT64 = Real("float64", "double", "", "float", "d", 17, "1e5", "1e-9", "1e-11", 16)
 FLOAT32 = Real(
     "float32", "float", "f", "np.float32", "f", 9, "1e4", "1e-5", "1e-7", 2,
-    {"double": "float", "WIDE": "double", "DBL_EPSILON": "FLT_EPSILON", "NPY_DOUBLE": "NPY_FLOAT"}
+    {"double": "float", "DOUBLE": "double", "DBL_EPSILON": "FLT_EPSILON", "NPY_DOUBLE": "NPY_FLOAT"}
     | {name: f"{name}f" for name in FUNCTIONS},
 )  # fmt: skip
 REALS: tuple[Real, ...] = (FLOAT64, FLOAT32)

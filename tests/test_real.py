@@ -18,11 +18,14 @@ import pytest
 
 import hamel
 from codegen import build, compiler, loader
+from codegen.integrators import INTEGRATORS
 from codegen.passes import in_precision, program
 from codegen.program import Expression, Kernel, Program
 from codegen.reals import FLOAT32, FLOAT64, REALS, recast
 from derive.diagnostics import AssumptionError, HamelError, VerificationError
 from derive.formulations import equations
+from derive.keepings import KEEPINGS, Options, kept_equations
+from derive.linearize.minimal import with_linearization
 from derive.mechanics import system
 from derive.model import load
 from hamel import kept, making
@@ -35,6 +38,7 @@ from tests.toy import toy
 
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 EPSILON = FLOAT32.epsilon
+STRICT = ("-std=c99", "-O1", "-Wall", "-Wextra", "-pedantic", "-Wdouble-promotion", "-Wconversion", "-Werror")
 
 
 def single(made: Program) -> Program:
@@ -94,7 +98,7 @@ def test_double_stays_as_it_is() -> None:
         ('"0.1 %.17g double" /* 2.0 double */ 1.0', '"0.1 %.17g double" /* 2.0 double */ 1.0f'),
         ("x[1] + 2 + 0x1f + 3u - .5 + 0.3333333333333333", "x[1] + 2 + 0x1f + 3u - 0.5f + 0.33333334f"),
         ("0x1.8p1 + 0x1.8p23f + 1.5f", "3.0f + 0x1.8p23f + 1.5f"),
-        ("(double)(WIDE)x + DBL_EPSILON * asin(b)", "(float)(double)x + FLT_EPSILON * asinf(b)"),
+        ("(double)(DOUBLE)x + DBL_EPSILON * asin(b)", "(float)(double)x + FLT_EPSILON * asinf(b)"),
     ],
 )
 def test_words_and_constants(double: str, single: str) -> None:
@@ -105,18 +109,35 @@ def test_words_and_constants(double: str, single: str) -> None:
 def test_no_double_anywhere(folder: Path, tmp_path: Path) -> None:
     command = compiler.find_compiler()
     assert command
-    strict = ["-std=c99", "-O1", "-Wall", "-Wextra", "-pedantic", "-Wdouble-promotion", "-Wconversion", "-Werror"]
     for name in ("toy.c", "toy_batch.c", "toy_simulate.c", "toy_cpu.c", "example.c"):
-        subprocess.run([*command, *strict, "-c", name, "-o", str(tmp_path / "made.o")], cwd=folder, check=True)
+        subprocess.run([*command, *STRICT, "-c", name, "-o", str(tmp_path / "made.o")], cwd=folder, check=True)
         text = re.sub(r"/\*.*?\*/", "", (folder / name).read_text(), flags=re.DOTALL)
         assert not re.search(r"\bdouble\b", text.replace("(double)out[i]", "")), name
     (tmp_path / "main.c").write_text('#include "toy_inline.h"\nint main(void) { return 0; }\n')
     subprocess.run(
-        [*command, *strict[:6], "-Werror", f"-I{folder}", str(tmp_path / "main.c"), "-lm", "-o", str(tmp_path / "m")], check=True
+        [*command, *STRICT, "-Wno-unused-function", f"-I{folder}", str(tmp_path / "main.c"), "-lm", "-o", str(tmp_path / "m")],
+        check=True,
     )
     includes = [f"-isystem{place}" for place in (sysconfig.get_paths()["include"], np.get_include())]
     flags = ["-std=c99", "-O1", "-Wdouble-promotion", "-Wfloat-conversion", "-Werror"]
     subprocess.run([*command, *flags, *includes, "-c", "toy_module.c", "-o", str(tmp_path / "made.o")], cwd=folder, check=True)
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("name", "keepings"), [("double_pendulum", ["invariants"]), ("four_bar", ["projection", "selective", "tangent"])]
+)
+def test_no_double_in_any_keeping_or_integrator(name: str, keepings: list[str], tmp_path: Path) -> None:
+    s, known = system(load(MODELS / f"{name}.yaml")), {keeping.name: keeping for keeping in KEEPINGS}
+    found = with_linearization(kept_equations(s, None, "quasi_velocities", known[keepings[0]], Options()))
+    made = single(program(found, ["default"], [integrator.name for integrator in INTEGRATORS], keepings))
+    for file, text in build.emit(made).items():
+        (tmp_path / file).write_text(text)
+    command = compiler.find_compiler()
+    assert command
+    source = f"{name}_simulate.c"
+    subprocess.run([*command, *STRICT, "-c", source, "-o", str(tmp_path / "made.o")], cwd=tmp_path, check=True)
+    assert not re.search(r"\bdouble\b", re.sub(r"/\*.*?\*/", "", (tmp_path / source).read_text(), flags=re.DOTALL))
 
 
 @needs_compiler

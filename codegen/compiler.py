@@ -117,7 +117,7 @@ def flags_of(command, name, stem):
     flags, macros = probe(tuple(command))
     if stem == f"{name}_batch":
         wide = [WIDE] if "__AVX512F__" in macros else []
-        return [*(flag for flag in flags if flag not in ORDER), *BATCH, *wide]
+        return [*flags, *BATCH, *wide]
     if stem in (name, f"{name}_simulate"):
         return flags
     return [*flags, *LONG]  # a function in a file of its own

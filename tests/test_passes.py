@@ -14,11 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codegen.passes import program
+from codegen.passes.balance import balance
 from codegen.passes.factor import factor
 from codegen.passes.graph import Work
 from codegen.passes.invert import invert
-from codegen.passes.lower import lower
-from codegen.passes.pipeline import PASSES, count
+from codegen.passes.lower import Lowered, lower
+from codegen.passes.pipeline import PASSES, count, needed
 from codegen.passes.share import share
 from codegen.passes.trace import record, trace
 from derive.diagnostics import HamelError
@@ -26,6 +27,7 @@ from tests.toy import toy
 
 X = ca.SX.sym("x", 5)
 a, b, c, d, e = (X[i] for i in range(5))
+POINT = np.array([0.7, -1.3, 0.4, 2.1, -0.6])
 
 
 def traced(*roots: Any) -> Work:
@@ -49,7 +51,10 @@ def operations(*roots: Any) -> int:
 
 def values(work: Work, x: np.ndarray) -> list[float]:
     """The roots, evaluated through the lowered operations."""
-    lowered = lower(work)
+    return evaluated(lower(work), x)
+
+
+def evaluated(lowered: Lowered, x: np.ndarray) -> list[float]:
     done: list[float] = []
     for operation in lowered.code.operations:
         done.append(_evaluated(operation.name, operation.operands, done, x))
@@ -115,12 +120,13 @@ def trees() -> st.SearchStrategy[Any]:
 @given(st.lists(trees(), min_size=1, max_size=3))
 def test_passes_change_rounding_only(roots: list[Any]) -> None:
     roots = [ca.SX(root) for root in roots]
-    x = np.array([0.7, -1.3, 0.4, 2.1, -0.6])
+    x = POINT
     expected = np.array(ca.Function("f", [X], [ca.vertcat(*roots)])(x)).ravel()
     work = trace(record([("x", X)], roots))
     size = 1 + max((abs(value) for value in _all_values(work, x)), default=0.0)
     for improve in (factor, share, factor, share):
         np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)
+        np.testing.assert_allclose(evaluated(balance(lower(work)), x), expected, rtol=1e-11, atol=1e-12 * size)
         work = improve(work)
     np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)
 
@@ -210,3 +216,19 @@ def test_work_with_parameters_alone_is_hoisted() -> None:
     assert 0 < saved <= hoisted.precompute.operations["total"]
     assert {load.argument for load in hoisted.rest.loads} == {"x", "u", "c"}
     assert program(toy(), ["energy"]).kernel("energy").hoisted is None
+
+
+def test_what_is_known_late_is_multiplied_and_added_last() -> None:
+    """As many operations, the same values, and one operation after the latest operand where there were two."""
+    late = 1 / (a + b)
+    lowered = lower(traced(d * (late * c), d - (e - late)))
+    balanced = balance(lowered)
+    assert count(needed(balanced)) == count(needed(lowered))
+    np.testing.assert_allclose(evaluated(balanced, POINT), evaluated(lowered, POINT), rtol=1e-14)
+    for root in balanced.roots[:2]:
+        assert isinstance(root, int)
+        last = [balanced.code.operations[o].name for o in balanced.code.operations[root].operands]
+        assert "div" in last
+    assert evaluated(balance(balanced), POINT) == evaluated(balanced, POINT)
+    named = balance(lowered, range(len(lowered.code.operations)))
+    assert named is lowered

@@ -9,6 +9,7 @@ import casadi as ca
 
 from codegen.integrators import INTEGRATORS
 from codegen.passes import hoist as parameters
+from codegen.passes.balance import balance
 from codegen.passes.factor import factor
 from codegen.passes.graph import Mark, Work, same
 from codegen.passes.hoist import hoist
@@ -226,7 +227,16 @@ def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entr
     inverted = _candidate(invert(best.lowered), best.marks)
     if inverted.total != best.total:
         entries.append(Entry(name, "invert", best.total, inverted.total))
-    return inverted, entries
+    if inverted.total > LONG:  # these wait for instructions, not for operands (measured)
+        return inverted, entries
+    return _candidate(balance(inverted.lowered, _named(inverted)), inverted.marks), entries
+
+
+def _named(candidate: _Candidate) -> set[int]:
+    """The operations that are shown under a name."""
+    places = candidate.lowered.places
+    found = (places[node][0] for mark in candidate.marks for _, (_, node) in mark.entries if node in places)
+    return {operand for operand in found if isinstance(operand, int)}
 
 
 def _tried(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:

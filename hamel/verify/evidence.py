@@ -24,6 +24,7 @@ from hamel.verify.vectors import Array
 VARIED = 0.2  # parameters that are arguments vary by this part of their value
 STEPS = ("step", "step_sensitivity")  # x, then the length of the step
 SHORT = 1e-3  # s
+FAR = 0.1  # off the constraints
 TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "power")
 VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
 
@@ -226,8 +227,14 @@ class Evidence:
     def disturbed(self) -> tuple[State, ...]:
         """The states with q moved off the constraints by up to 0.1, the same way every time."""
         rng = np.random.default_rng(0)
-        moved = [s.q + 0.1 * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
+        moved = [s.q + FAR * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
         return tuple(state_of(self.reference, s.t, q, s.v, s.u, s.full) for s, q in zip(self.samples, moved))
+
+    @cached_property
+    def astray(self) -> tuple[Array, ...]:
+        """x moved by up to a tenth: of terms that vanish on the constraints some are of third order in the way off them."""
+        rng = np.random.default_rng(2)
+        return tuple(x + FAR * rng.uniform(-1, 1, len(x)) for x in self.x)
 
     @cached_property
     def velocities(self) -> tuple[Array, ...]:

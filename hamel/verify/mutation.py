@@ -107,11 +107,10 @@ def _with_term(seen: Evidence, name: str, arguments: list[ca.SX], wrong: ca.SX) 
 def _functions(seen: Evidence) -> Iterable[Target]:
     """The functions of the module; those that see a violation are looked at beside the constraints as well."""
     equations = seen.graph.equations
-    rng = np.random.default_rng(0)
     for function in equations.functions:
         places = [(s.t, x, s.u, s.p) for s, x in zip(seen.samples, seen.arguments_of(function.name))]
         if function.name in ("constraints", "project"):
-            places += [(t, x + 1e-3 * rng.uniform(-1, 1, len(x)), u, p) for t, x, u, p in places]
+            places += [(s.t, x, s.u, s.p) for s, x in zip(seen.samples, seen.astray)]
         arguments = slots_of(equations, function)
         name = _called(function.name)
         yield Target(name, ca.densify(function.result.value), arguments, places, partial(_with_function, seen, function.name))

@@ -9,7 +9,7 @@ from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import deviation, slope, worst
 from hamel.verify.evidence import Evidence, Sample, Terms
 from hamel.verify.reference import energies, inertia, mass, state_of
-from hamel.verify.saddle import saddle, solved
+from hamel.verify.saddle import condition_of, saddle, solved
 from hamel.verify.vectors import Array
 
 DIFFERENCES = 1e-8  # tolerance of what is differentiated by differences; what two step sizes disagree by counts as no error
@@ -132,19 +132,18 @@ def newton_step(e: Evidence) -> float | None:
 
 
 def _newton(e: Evidence, by_mass: bool) -> float:
-    rng, got, wanted = np.random.default_rng(2), [], []
+    got, wanted, conditions = [], [], []
     closing = list(e.graph.equations.closing)  # of redundant rows those that are closed: off the constraints the others disagree
     phi = [e.system.rows[i].position for i in closing]
-    for s, x in zip(e.samples, e.x):
-        x = x + 1e-3 * rng.uniform(-1, 1, len(x))
+    for s, x in zip(e.samples, e.astray):
         there = state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full)
         k = e.kinematics(there)
-        metric = mass(inertia(e.reference, there), k) if by_mass else np.eye(len(s.v))
-        right = np.concatenate([np.zeros(len(s.v)), -k.phi[phi]])
-        step, _ = solved(saddle(metric, k.A[closing]), right, redundant=False)
+        matrix = saddle(mass(inertia(e.reference, there), k) if by_mass else np.eye(len(s.v)), k.A[closing])
+        step, _ = solved(matrix, np.concatenate([np.zeros(len(s.v)), -k.phi[phi]]), redundant=False)
         got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
         wanted.append(normalised(e.system, x[: len(s.q)] + k.N @ step[: len(s.v)]) - x[: len(s.q)])
-    return deviation(got, wanted, e.conditions)
+        conditions.append(condition_of(matrix))
+    return deviation(got, wanted, np.maximum(conditions, e.conditions))
 
 
 RUNGS = (

@@ -16,6 +16,7 @@ import numpy as np
 
 from derive.mechanics.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, nominal, normalised
 from derive.mechanics.records import System
+from derive.mechanics.scales import scaled, scales
 
 STEPS = 9  # of a walk
 FAR = 1.0  # rad or width: a step that moves a coordinate by more ran into a singular position
@@ -43,9 +44,22 @@ def states(
 ) -> States:
     """`count` admissible states around the model's initial values; fewer where the constraints cannot be met.
 
-    Angles vary by up to spread·π, lengths by spread·(½ + |value|/2) m; parameters by the relative amount `parameters`, as far
-    as the mechanism can be closed with them and keeps its rank. States near which A loses rank are left out.
+    Angles vary by up to spread·π, lengths by spread·(½ + |value|/2) of the model's own unit of length, and rates are of the order
+    of its own; parameters vary by the relative amount `parameters`, as far as the mechanism can be closed with them and keeps its
+    rank. States near which A loses rank are left out.
     """
+    own = scales(system.model)
+    if own.plain:
+        return _states(system, count, seed, spread, parameters, solver)
+    found = _states(scaled(system, own), count, seed, spread, parameters, None)
+    model = system.model
+    units = (model.coordinates, model.velocities, model.inputs, [x for x in model.parameters if x.name not in system.constants])
+    columns = zip((found.q, found.v, found.u, found.p), units)
+    return States(own.time * found.t, *(values * own.all_of(x.unit for x in items) for values, items in columns))
+
+
+def _states(system: System, count: int, seed: int, spread: float, parameters: float, solver: Kinematics | None) -> States:
+    """In the units of the system."""
     rng, solver = np.random.default_rng(seed), solver or Kinematics(system)
     many = count + count // 5 + SPARE
     t, p = _times(system, rng, many), _parameters(system, rng, many, parameters)

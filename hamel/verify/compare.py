@@ -10,7 +10,7 @@ import numpy as np
 from hamel.verify.vectors import Array
 
 FLOOR = 1e-3  # a component counts as at least this part of the largest component's typical size …
-SMALL = 1e-6  # … and as at least this in SI units, so that the roundoff of a quantity that is zero is not compared with itself
+SMALL = 1e-6  # … and as at least this in its unit, so that the roundoff of a quantity that is zero is not compared with itself
 
 
 def sizes(values: Array, floor: float = FLOOR, small: float = SMALL) -> Array:
@@ -28,11 +28,21 @@ def worst(errors: Array | Sequence[Any]) -> float:
     return float("inf") if np.isnan(errors).any() else float(errors.max())
 
 
-def deviation(got: Sequence[Array], wanted: Sequence[Array], relax: Sequence[float] | None = None, small: float = SMALL) -> float:
-    """Worst relative error over the states, each state's error divided by `relax` (a condition number)."""
+def deviation(
+    got: Sequence[Array],
+    wanted: Sequence[Array],
+    relax: Sequence[float] | Array | None = None,
+    small: float = SMALL,
+    unit: Array | float = 1.0,
+) -> float:
+    """Worst relative error over the states, each state's error divided by `relax` (a condition number).
+
+    `unit`: one of each component, so that different quantities can be compared with each other's sizes.
+    """
     left, right = (np.array([np.ravel(x) for x in side], dtype=float) for side in (got, wanted))
     if left.shape != right.shape:
         return float("inf")
+    left, right = left / np.ravel(unit), right / np.ravel(unit)
     weights = np.ones(len(left)) if relax is None else np.asarray(relax, dtype=float)
     with np.errstate(invalid="ignore"):
         return worst((left - right) / sizes(right, small=small) / weights[:, None])

@@ -17,16 +17,18 @@ from derive.mechanics.records import System
 from hamel.verify.compare import SMALL
 from hamel.verify.reference import Kinematics, Outcome, Reference, evaluate, kinematics, state_of
 from hamel.verify.roundoff import bound
-from hamel.verify.saddle import rank_of, row_condition
+from hamel.verify.saddle import condition_of, rank_of, row_condition, saddle
 from hamel.verify.states import State
+from hamel.verify.units import Units, units
 from hamel.verify.vectors import Array
 
 VARIED = 0.2  # parameters that are arguments vary by this part of their value
 STEPS = ("step", "step_sensitivity")  # x, then the length of the step
-SHORT = 1e-3  # s
-FAR = 0.1  # off the constraints
+SHORT = 1e-3  # of the model's own time
+FAR = 0.1  # off the constraints, in the model's own units
 TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "power")
 VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
+MATRICES = ("N", "M", "A")
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ def terms(system: System) -> TermsAt:
         found = {name: np.array(x) for name, x in zip(TERMS, function(t, q, v, u, p))}
         flat = {name: found[name].ravel() for name in VECTORS}
         T, V, power = (float(found[name][0, 0]) for name in ("T", "V", "power"))
-        return Terms(N=found["N"], M=found["M"], A=found["A"], **flat, T=T, V=V, power=power)
+        return Terms(**{name: found[name] for name in MATRICES}, **flat, T=T, V=V, power=power)
 
     return at
 
@@ -201,6 +203,12 @@ class Evidence:
         return [(float(near(s.t)), near(x), near(s.u), near(s.p)) for s, x in zip(self.samples, self.arguments_of(name))]
 
     @cached_property
+    def units(self) -> Units:
+        """One of each quantity."""
+        w = [x[len(s.q) :] for s, x in zip(self.samples, self.x)]
+        return units(self.system, [s.outcome.kinematics.A for s in self.samples], w)
+
+    @cached_property
     def terms(self) -> tuple[Terms, ...]:
         return tuple(self.terms_at(s.t, s.q, s.v, s.u, s.p) for s in self.samples)
 
@@ -221,25 +229,43 @@ class Evidence:
     def conditions_of(self, graph: Graph) -> list[float]:
         """Condition of the augmented system times that of the choice's own Y = [A; B]: how much roundoff may grow."""
         own = self.named("Y", graph) or [np.eye(1)] * len(self.samples)
-        return [s.outcome.condition * max(1.0, row_condition(Y)) for s, Y in zip(self.samples, own)]
+        return [self._condition(s.outcome) * max(1.0, row_condition(Y * self._columns(Y))) for s, Y in zip(self.samples, own)]
+
+    def _condition(self, o: Outcome) -> float:
+        """Of [M Aᵀ; A 0] in the model's own units."""
+        return condition_of(saddle(o.M / self.units.M, o.kinematics.A / self.units.A))
+
+    def _columns(self, Y: Array) -> Array | float:
+        return self.units.v if Y.shape[1] == len(self.units.v) else 1.0
 
     @cached_property
     def disturbed(self) -> tuple[State, ...]:
         """The states with q moved off the constraints by up to 0.1, the same way every time."""
         rng = np.random.default_rng(0)
-        moved = [s.q + FAR * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
+        moved = [s.q + FAR * self.units.q * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
         return tuple(state_of(self.reference, s.t, q, s.v, s.u, s.full) for s, q in zip(self.samples, moved))
 
     @cached_property
     def astray(self) -> tuple[Array, ...]:
         """x moved by up to a tenth: of terms that vanish on the constraints some are of third order in the way off them."""
         rng = np.random.default_rng(2)
-        return tuple(x + FAR * rng.uniform(-1, 1, len(x)) for x in self.x)
+        return tuple(x + FAR * self.units.x * rng.uniform(-1, 1, len(x)) for x in self.x)
 
     @cached_property
     def velocities(self) -> tuple[Array, ...]:
         """v as the choice has it at its own states."""
         return self.results("velocity")
+
+    @cached_property
+    def own(self) -> tuple[State, ...]:
+        """The states at the choice's own v: what the choice says of them is not excused by how well x tells v."""
+        rows = zip(self.samples, self.velocities)
+        return tuple(state_of(self.reference, s.t, s.q, v, s.u, s.full) for s, v in rows)
+
+    @cached_property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """The reference at these."""
+        return tuple(evaluate(self.reference, state) for state in self.own)
 
     def kinematics(self, state: State) -> Kinematics:
         """The reference's kinematics at another state."""
@@ -252,9 +278,10 @@ class Evidence:
 
     @cached_property
     def small(self) -> float:
-        """Accelerations below this are left over where gravity cancels: 1e-4 of it."""
-        gravity = self.reference.model.gravity
-        return max(SMALL, *(1e-4 * float(np.linalg.norm(s.state.vector(gravity))) for s in self.samples[:1] if gravity), 0.0)
+        """Accelerations below this, in the model's own units, are left over where gravity cancels: 1e-4 of it."""
+        gravity, own = self.reference.model.gravity, self.units.own
+        size = [float(np.linalg.norm(s.state.vector(gravity))) for s in self.samples[:1] if gravity]
+        return max(SMALL, *(1e-4 * g * own.time**2 / own.length for g in size), 0.0)
 
     @property
     def redundant(self) -> bool:
@@ -269,18 +296,21 @@ class Evidence:
 
     def arguments_of(self, name: str) -> tuple[Array, ...]:
         """The x that a function takes: the state (q, w), unless it is one of those that take something else."""
-        if name in ("state", "qdot", "integrate"):
+        if name in ("state", "qdot"):
             return tuple(np.concatenate([s.q, s.v]) for s in self.samples)
+        if name == "integrate":
+            return tuple(np.concatenate([s.q, s.v * self.units.time]) for s in self.samples)
         if name == "inverse_dynamics":
             rng = np.random.default_rng(4)  # any v̇ will do, and none should come out as zero
-            return tuple(np.concatenate([s.q, s.v, s.outcome.vdot + rng.normal(size=len(s.v))]) for s in self.samples)
+            any_other = (s.outcome.vdot + self.units.vdot * rng.normal(size=len(s.v)) for s in self.samples)
+            return tuple(np.concatenate([s.q, s.v, vdot]) for s, vdot in zip(self.samples, any_other))
         if name == "difference":
             others = (*self.samples[1:], *self.samples[:1])
             return tuple(np.concatenate([s.q, other.q]) for s, other in zip(self.samples, others))
         if name == "normalise":
             return tuple(1.1 * s.q for s in self.samples)
         if name in STEPS:
-            return tuple(np.append(x, SHORT) for x in self.x)
+            return tuple(np.append(x, SHORT * self.units.time) for x in self.x)
         return self._with_seeds(name)
 
     def _with_seeds(self, name: str) -> tuple[Array, ...]:

@@ -7,7 +7,7 @@ rung red. Only the rungs that look at what was changed are climbed: which those 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -19,7 +19,7 @@ from derive.model.records import Model
 from hamel.records import Mutation, Mutations
 from hamel.verify.checks import RUNGS
 from hamel.verify.checks.rung import Rung
-from hamel.verify.evidence import TERMS, Evidence, Graph, Terms, graph, slots_of
+from hamel.verify.evidence import MATRICES, TERMS, VECTORS, Evidence, Graph, Terms, graph, slots_of
 from hamel.verify.ladder import evidence
 from hamel.verify.planted import Change, changes
 from hamel.verify.reference import reference
@@ -41,6 +41,7 @@ class Target:
     value: ca.SX
     arguments: list[ca.SX]
     places: list[tuple[Any, ...]]
+    units: tuple[Array | float, ...]  # of what stands in a place behind t; zero for what is not to be moved
     planted: Callable[[ca.SX], Evidence]
 
     def at_places(self, value: ca.SX, places: list[tuple[Any, ...]]) -> Array:
@@ -51,7 +52,8 @@ class Target:
     def beside(self) -> list[tuple[Any, ...]]:
         """The places moved off the constraints, all but a little."""
         rng = np.random.default_rng(5)
-        return [(place[0], *(x + BESIDE * rng.uniform(-1, 1, len(x)) for x in place[1:])) for place in self.places]
+        steps = [BESIDE * unit for unit in self.units]
+        return [(t, *(x + step * rng.uniform(-1, 1, len(x)) for x, step in zip(rest, steps))) for t, *rest in self.places]
 
     @cached_property
     def sound(self) -> Array:
@@ -85,21 +87,20 @@ def _terms(seen: Evidence) -> Iterable[Target]:
     arguments = [system.t, system.q, system.v, system.u, system.p]
     here = [(s.t, s.q, s.v, s.u, s.p) for s in seen.samples]
     beside = [(s.t, d.q, s.v, s.u, s.p) for s, d in zip(seen.samples, seen.disturbed)]
+    units = (seen.units.q, seen.units.v, 0.0, 0.0)
     for name in TERMS:
         value = ca.densify(ca.SX(getattr(system, name)))
         places = here + beside if name == "phi" else here
-        yield Target(name, value, arguments, places, partial(_with_term, seen, name, arguments))
+        yield Target(name, value, arguments, places, units, partial(_with_term, seen, name, arguments))
 
 
 def _with_term(seen: Evidence, name: str, arguments: list[ca.SX], wrong: ca.SX) -> Evidence:
-    shape = {field.name: field.type for field in fields(Terms)}[name]
-    function, flat = ca.Function(name, arguments, [ca.densify(wrong)]), wrong.size2() == 1
+    function = ca.Function(name, arguments, [ca.densify(wrong)])
 
     def at(*place: Any) -> Terms:
         value = np.array(function(*place))
-        return replace(
-            seen.terms_at(*place), **{name: float(value[0, 0]) if shape == "float" else value.ravel() if flat else value}
-        )
+        shaped = value.ravel() if name in VECTORS else value if name in MATRICES else float(value[0, 0])
+        return replace(seen.terms_at(*place), **{name: shaped})
 
     return replace(seen, terms_at=at)
 
@@ -111,9 +112,13 @@ def _functions(seen: Evidence) -> Iterable[Target]:
         places = [(s.t, x, s.u, s.p) for s, x in zip(seen.samples, seen.arguments_of(function.name))]
         if function.name in ("constraints", "project"):
             places += [(s.t, x, s.u, s.p) for s, x in zip(seen.samples, seen.astray)]
+        if function.name == "state":
+            places += [(s.t, np.concatenate([d.q, d.v]), s.u, s.p) for s, d in zip(seen.samples, seen.disturbed)]
         arguments = slots_of(equations, function)
         name = _called(function.name)
-        yield Target(name, ca.densify(function.result.value), arguments, places, partial(_with_function, seen, function.name))
+        units = (seen.units.taken(function.name, len(places[0][1])), 0.0, 0.0)
+        planted = partial(_with_function, seen, function.name)
+        yield Target(name, ca.densify(function.result.value), arguments, places, units, planted)
 
 
 def _called(function: str) -> str:

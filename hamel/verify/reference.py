@@ -22,7 +22,7 @@ from derive.model.rows import row_names
 from hamel.verify.layout import Layout, Rows, layout, stacked
 from hamel.verify.loads import Applied, Lagrange, applied, body_inertia
 from hamel.verify.rows import RowsOf, constraint_rows, joint_rows
-from hamel.verify.saddle import condition_of, rank_of, saddle, solved
+from hamel.verify.saddle import rank_of, saddle, solved
 from hamel.verify.states import STILL, State, state
 from hamel.verify.vectors import Array
 
@@ -74,7 +74,6 @@ class Outcome:
     power: float  # of all forces without a potential, and ∂V/∂t: d(T + V)/dt = power + λᵀ c + explicit
     explicit: float  # what T gains by itself: explicit time, terms not quadratic in the rates
     rank: int  # of A
-    condition: float  # of [M Aᵀ; A 0] with rows and columns scaled to like size
     residual: float  # of the solved system, relative
 
     @property
@@ -175,7 +174,7 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     T, V = energies(ref, s)
     return Outcome(
         vdot=zdot[:nv], qdot=s.rates, lam=lam, wrenches=wrenches.reshape(-1, 6), kinematics=kin, M=M, h=h, Q=_over_v(kin, Q),
-        T=T, V=V, power=power, explicit=explicit, rank=rank, condition=condition_of(saddle(M, kin.A)), residual=residual,
+        T=T, V=V, power=power, explicit=explicit, rank=rank, residual=residual,
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from hamel.verify.vectors import Array
 
+SWEEPS = 20  # each halves the decades between them
 RANK = 1e-9  # singular values below this times the largest (rows scaled to like size) count as zero
 
 
@@ -15,11 +16,14 @@ def saddle(K: Array, G: Array) -> Array:
 
 
 def scales(matrix: Array) -> Array:
-    """D with the rows of D X D of like size (Ruiz 2001, four sweeps), so that units do not pass for ill-conditioning."""
-    D = np.ones(len(matrix))
-    for _ in range(4):
-        size = np.abs(D[:, None] * matrix * D).max(axis=1, initial=0.0)
-        D /= np.sqrt(np.where(size > 0.0, size, 1.0))
+    """D with the rows of D X D of like size (Ruiz 2001), so that units do not pass for ill-conditioning."""
+    D, absolute = np.ones(len(matrix)), np.abs(matrix)
+    for sweep in range(SWEEPS):
+        size = D * (absolute * D).max(axis=1, initial=0.0)
+        size = np.where(size > 0.0, size, 1.0)
+        D /= np.sqrt(size)
+        if sweep >= 3 and size.min(initial=1.0) > 0.5 and size.max(initial=1.0) < 2.0:
+            break
     return D
 
 

@@ -11,38 +11,39 @@ from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import FLOOR, deviation, sizes, worst
 from hamel.verify.evidence import Evidence, Graph, Sample, Terms
 from hamel.verify.outputs import nearest_turn, outputs
-from hamel.verify.reference import state_of
-from hamel.verify.saddle import RANK, saddle, solved
+from hamel.verify.reference import Kinematics, Outcome, state_of
+from hamel.verify.saddle import RANK, rank_of, saddle, solved
 from hamel.verify.states import State
 from hamel.verify.vectors import Array
 
 
 def admissible(e: Evidence) -> float:
     """|φ| against the size of the positions and |A v − c| against |A| |v|: the reference's own word on the states."""
-    return worst([_violation(s) for s in e.samples])
+    return worst([violated(e, s.outcome.kinematics, s.q, s.v) for s in e.samples])
 
 
-def _violation(s: Sample) -> float:
-    k = s.outcome.kinematics
-    position = worst(k.phi) / (1.0 + worst(s.q))
-    velocity = np.abs(k.violation(s.v)) / (1.0 + np.abs(k.A) @ np.abs(s.v))
-    return max(position, worst(velocity))
+def violated(e: Evidence, k: Kinematics, q: Array, v: Array) -> float:
+    """By how much φ and A v = c are missed, in the model's own units or relative to what is summed."""
+    position = worst(k.phi / e.units.positions) / (1.0 + worst(q / e.units.q))
+    return max(position, worst(k.violation(v) / (e.units.rows + np.abs(k.A) @ np.abs(v))))
 
 
 def rates(e: Evidence) -> float:
     """q̇, N, and the first half of ẋ."""
-    wanted = [s.outcome.qdot for s in e.samples]
-    ours = [t.qdot for t in e.terms], [x[: len(rate)] for x, rate in zip(e.results("dynamics"), wanted)]
-    matrices = deviation([t.N for t in e.terms], [s.outcome.kinematics.N for s in e.samples])
-    return max(matrices, *(deviation(got, wanted, e.conditions) for got in ours))
+    matrices = deviation([t.N for t in e.terms], [s.outcome.kinematics.N for s in e.samples], unit=e.units.N)
+    terms = deviation([t.qdot for t in e.terms], [s.outcome.qdot for s in e.samples], unit=e.units.qdot)
+    own = [state.rates for state in e.own]
+    ours = [xdot[: len(rates)] for xdot, rates in zip(e.results("dynamics"), own)]
+    return max(matrices, terms, deviation(ours, own, unit=e.units.qdot))
 
 
 def mass(e: Evidence) -> float:
     """|M − M_ref|ᵢⱼ against √(Mᵢᵢ Mⱼⱼ), so that light parts count as much as heavy ones."""
-    found = worst([_mass_error(t.M, s.outcome.M) for t, s in zip(e.terms, e.samples)])
+    unit = e.units.M
+    found = worst([_mass_error(t.M / unit, s.outcome.M / unit) for t, s in zip(e.terms, e.samples)])
     if not e.graph.has("mass"):
         return found
-    return max(found, worst([_mass_error(M, s.outcome.M) for M, s in zip(e.results("mass"), e.samples)]))
+    return max(found, worst([_mass_error(M / unit, s.outcome.M / unit) for M, s in zip(e.results("mass"), e.samples)]))
 
 
 def _mass_error(got: Array, wanted: Array) -> float:
@@ -53,29 +54,27 @@ def _mass_error(got: Array, wanted: Array) -> float:
 
 def bias(e: Evidence) -> float:
     """h: velocity products, gravity and the model's own potential; also the function `bias`."""
-    wanted = [s.outcome.h for s in e.samples]
-    return max(deviation([t.h for t in e.terms], wanted), _function(e, "bias", wanted))
+    found = deviation([t.h for t in e.terms], [s.outcome.h for s in e.samples], unit=e.units.force)
+    if not e.graph.has("bias"):
+        return found
+    return max(found, deviation(e.results("bias"), [outcome.h for outcome in e.outcomes], unit=e.units.force))
 
 
 def applied(e: Evidence) -> float:
     """Q: loads, inputs and nonideal forces."""
-    return deviation([t.Q for t in e.terms], [s.outcome.Q for s in e.samples])
+    return deviation([t.Q for t in e.terms], [s.outcome.Q for s in e.samples], unit=e.units.force)
 
 
 def power(e: Evidence) -> float:
     """Of all forces without a potential; the function `power` adds λᵀ c and is held to the energy balance."""
-    return deviation([np.array([t.power]) for t in e.terms], [np.array([s.outcome.power]) for s in e.samples])
-
-
-def _function(e: Evidence, name: str, wanted: Sequence[Array]) -> float:
-    """A function of the choice against the reference, where the choice has it."""
-    return deviation(e.results(name), wanted, e.conditions) if e.graph.has(name) else 0.0
+    wanted = [np.array([s.outcome.power]) for s in e.samples]
+    return deviation([np.array([t.power]) for t in e.terms], wanted, unit=e.units.power)
 
 
 def positions(e: Evidence) -> float:
     """φ off the constraint surface, where it is not zero."""
     got = [e.terms_at(d.t, d.q, d.v, s.u, s.p).phi for d, s in zip(e.disturbed, e.samples)]
-    return deviation(got, [e.kinematics(d).phi for d in e.disturbed])
+    return deviation(got, [e.kinematics(d).phi for d in e.disturbed], unit=e.units.positions)
 
 
 def violation(e: Evidence) -> float | None:
@@ -83,30 +82,31 @@ def violation(e: Evidence) -> float | None:
     if not e.graph.has("constraints"):
         return None
     places = zip((s.state for s in e.samples), e.disturbed)
-    return worst([_violation_error(e, s, x, at, r) for s, x, two, r in zip(e.samples, e.x, places, e.conditions) for at in two])
+    return worst([_violation_error(e, s, x, at) for s, x, two in zip(e.samples, e.x, places) for at in two])
 
 
-def _violation_error(e: Evidence, s: Sample, x: Array, at: State, condition: float) -> float:
+def _violation_error(e: Evidence, s: Sample, x: Array, at: State) -> float:
     moved = np.concatenate([at.q, x[len(s.q) :]])
     there = state_of(e.reference, s.t, at.q, e.graph("velocity", s.t, moved, s.u, s.p), s.u, s.full)
     k = e.kinematics(there)
     wanted = np.concatenate([k.phi, k.violation(there.v)])
-    size = np.concatenate([1e-3 + np.abs(k.phi), 1.0 + np.abs(k.A) @ np.abs(there.v)])
-    return worst((e.graph("constraints", s.t, moved, s.u, s.p) - wanted) / size) / condition
+    size = np.concatenate([1e-2 * e.units.positions + np.abs(k.phi), e.units.rows + np.abs(k.A) @ np.abs(there.v)])
+    return worst((e.graph("constraints", s.t, moved, s.u, s.p) - wanted) / size)
 
 
 def velocities(e: Evidence) -> float:
     """A and c, so that λ means the same on both sides."""
     rows = [s.outcome.kinematics for s in e.samples]
-    directions = deviation([t.A for t in e.terms], [k.A for k in rows])
-    return max(directions, deviation([t.c for t in e.terms], [k.c for k in rows]))
+    directions = deviation([t.A for t in e.terms], [k.A for k in rows], unit=e.units.A)
+    return max(directions, deviation([t.c for t in e.terms], [k.c for k in rows], unit=e.units.rows))
 
 
 def accelerations(e: Evidence) -> float:
     """β against its own size or, where it cancels, against 1e-3 of the products |A| |v| |v| that it is the sum of."""
-    wanted = np.array([s.outcome.kinematics.beta for s in e.samples])
-    got = np.array([t.beta for t in e.terms])
-    summed = np.array([np.abs(s.outcome.kinematics.A) @ np.abs(s.v) * worst(s.v) for s in e.samples])
+    unit = e.units
+    wanted = np.array([s.outcome.kinematics.beta for s in e.samples]) / unit.beta
+    got = np.array([t.beta for t in e.terms]) / unit.beta
+    summed = np.array([np.abs(s.outcome.kinematics.A) @ np.abs(s.v) * worst(s.v / unit.v) for s in e.samples]) / unit.rows
     return worst((got - wanted) / np.maximum(sizes(wanted), 1e-3 * summed)) if got.shape == wanted.shape else float("inf")
 
 
@@ -122,18 +122,18 @@ def independent(e: Evidence) -> float:
 
 def energies(e: Evidence) -> float:
     """T and V of the system."""
-    return _energies(e, [np.array([t.T, t.V]) for t in e.terms], None)
+    return _energies(e, [np.array([t.T, t.V]) for t in e.terms], [s.outcome for s in e.samples])
 
 
 def energy(e: Evidence) -> float | None:
     """The function `energy`."""
-    return _energies(e, e.results("energy"), e.conditions) if e.graph.has("energy") else None
+    return _energies(e, e.results("energy"), e.outcomes) if e.graph.has("energy") else None
 
 
-def _energies(e: Evidence, got: Sequence[Array], relax: Sequence[float] | None) -> float:
+def _energies(e: Evidence, got: Sequence[Array], outcomes: Sequence[Outcome]) -> float:
     """T and V each against its own size: where one is a thousand times the other, it would hide what is wrong there."""
-    wanted = [np.array([s.outcome.T, s.outcome.V]) for s in e.samples]
-    return worst([deviation(_only(got, k), _only(wanted, k), relax) for k in (0, 1)])
+    wanted = [np.array([outcome.T, outcome.V]) for outcome in outcomes]
+    return worst([deviation(_only(got, k), _only(wanted, k), unit=e.units.energy) for k in (0, 1)])
 
 
 def _only(rows: Sequence[Array], k: int) -> list[Array]:
@@ -142,7 +142,7 @@ def _only(rows: Sequence[Array], k: int) -> list[Array]:
 
 def motion(e: Evidence) -> float:
     """The choice's v̇, per condition number of the augmented system."""
-    return deviation(e.vdot, [s.outcome.vdot for s in e.samples], e.conditions, e.small)
+    return deviation(e.vdot, [s.outcome.vdot for s in e.samples], e.conditions, e.small, e.units.vdot)
 
 
 def multipliers(e: Evidence) -> float | None:
@@ -152,17 +152,18 @@ def multipliers(e: Evidence) -> float | None:
     """
     if not e.graph.has("reactions"):
         return None
+    own, of_row = e.units, np.array([np.maximum(np.max(np.abs(t.A / e.units.A), axis=1), 1e-300) for t in e.terms])
     found, wanted = np.array(e.results("reactions")), np.array([s.outcome.lam for s in e.samples])
-    largest = np.array([np.max(_summed(t, vdot), initial=0.0) for t, vdot in zip(e.terms, e.vdot)])[:, None]
-    per_row = largest / np.array([np.maximum(np.max(np.abs(t.A), axis=1), 1e-300) for t in e.terms])
+    largest = np.array([np.max(_summed(t, vdot) / own.force, initial=0.0) for t, vdot in zip(e.terms, e.vdot)])[:, None]
     if not e.redundant:
-        return _unbalanced(e, found, wanted, per_row)
+        return _unbalanced(e, found / own.lam, wanted / own.lam, largest / of_row)
     forces = np.array([s.outcome.constraint_force for s in e.samples])
-    error = _unbalanced(e, np.array([t.A.T @ lam for t, lam in zip(e.terms, found)]), forces, largest)
+    done = np.array([t.A.T @ lam for t, lam in zip(e.terms, found)])
+    error = _unbalanced(e, done / own.force, forces / own.force, largest)
     if e.reference.model.redundant == "drop":
         return error
     least = np.array([np.linalg.pinv(t.A.T, rcond=RANK) @ force for t, force in zip(e.terms, forces)])
-    return max(error, _unbalanced(e, found, least, np.minimum(per_row, largest)))
+    return max(error, _unbalanced(e, found / own.lam, least / own.lam, np.minimum(largest / of_row, largest)))
 
 
 def _unbalanced(e: Evidence, found: Array, wanted: Array, largest: Array) -> float:
@@ -176,11 +177,11 @@ def _summed(t: Terms, vdot: Array) -> Array:
 
 def augmented(e: Evidence) -> float:
     """v̇ against [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] of the System's own terms."""
-    return deviation(e.vdot, [_augmented(t)[: len(t.M)] for t in e.terms], e.conditions, e.small)
+    return deviation(e.vdot, [_augmented(t)[: len(t.M)] for t in e.terms], e.conditions, e.small, e.units.vdot)
 
 
 def _augmented(t: Terms) -> Array:
-    redundant = len(t.A) > 0 and np.linalg.matrix_rank(t.A, tol=1e-9) < len(t.A)
+    redundant = rank_of(t.A) < len(t.A)
     return solved(saddle(t.M, t.A), np.concatenate([t.Q - t.h, t.beta]), redundant)[0]
 
 
@@ -188,12 +189,14 @@ def balance(e: Evidence) -> float | None:
     """M v̇ + h = Q + Aᵀ λ row by row, against the sizes of what is summed: no condition number excuses a wrong λ or v̇ here."""
     if not e.graph.has("reactions"):
         return None
-    return worst([_imbalance(t, vdot, lam) for t, vdot, lam in zip(e.terms, e.vdot, e.results("reactions"))])
+    unit = e.units.force
+    return worst([_imbalance(t, vdot, lam, unit) for t, vdot, lam in zip(e.terms, e.vdot, e.results("reactions"))])
 
 
-def _imbalance(t: Terms, vdot: Array, lam: Array) -> Array:
-    summed = _summed(t, vdot) + np.abs(t.A.T) @ np.abs(lam)
-    return (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / np.maximum(summed, 1e-6 * max(1e-300, summed.max(initial=0.0)))
+def _imbalance(t: Terms, vdot: Array, lam: Array, unit: Array) -> Array:
+    summed = (_summed(t, vdot) + np.abs(t.A.T) @ np.abs(lam)) / unit
+    left = (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / unit
+    return left / np.maximum(summed, 1e-6 * max(1e-300, summed.max(initial=0.0)))
 
 
 def choices(e: Evidence) -> float | None:
@@ -205,7 +208,7 @@ def choices(e: Evidence) -> float | None:
 
 def _between(e: Evidence, other: Graph) -> float:
     relax = [a * b for a, b in zip(e.conditions, e.conditions_of(other))]
-    return deviation(e.accelerations_of(other), e.vdot, relax, e.small)
+    return deviation(e.accelerations_of(other), e.vdot, relax, e.small, e.units.vdot)
 
 
 def results(e: Evidence) -> float | None:
@@ -213,14 +216,15 @@ def results(e: Evidence) -> float | None:
     if not e.graph.has("outputs"):
         return None
     got, model = e.results("outputs"), e.reference.model
-    wanted = [nearest_turn(model, outputs(model, s.state, lam), y) for s, y, lam in zip(e.samples, got, _reactions(e))]
+    wanted = [nearest_turn(model, outputs(model, own, lam), y) for own, y, lam in zip(e.own, got, _reactions(e))]
     uses_multipliers = any(isinstance(x.expression, Call) and x.expression.function == "reaction" for x in model.outputs)
-    return deviation(got, wanted, e.conditions if uses_multipliers else None)
+    labels = next(f.result.units for f in e.graph.equations.functions if f.name == "outputs")
+    return deviation(got, wanted, e.conditions if uses_multipliers else None, unit=e.units.own.all_of(labels))
 
 
 def _reactions(e: Evidence) -> Sequence[Array]:
     """λ of the reference; where it is not unique, the choice's own, which the rung of λ judges by what it does."""
-    return e.results("reactions") if e.redundant else [s.outcome.lam for s in e.samples]
+    return e.results("reactions") if e.redundant else [outcome.lam for outcome in e.outcomes]
 
 
 RUNGS = (
@@ -230,12 +234,12 @@ RUNGS = (
     Rung("h", 1e-9, "reference: velocity products, gravity, potential; sums that may cancel", bias),
     Rung("Q", 1e-9, "reference: loads, inputs, nonideal forces; sums that may cancel", applied),
     Rung("φ", 1e-11, "reference: positions off the constraint surface", positions),
-    Rung("constraints", 1e-11, "reference: φ and A v − c off the constraint surface, per condition number", violation),
+    Rung("constraints", 1e-11, "reference: φ and A v − c off the constraint surface", violation),
     Rung("A, c", 1e-11, "reference: constraint rows", velocities),
     Rung("rank A", 0.0, "reference: number of independent rows, and of the quasi-velocities they leave", independent),
     Rung("β", 1e-9, "reference: A v̇ = β; sums that may cancel", accelerations),
     Rung("T, V", 1e-10, "reference: energies; V may cancel", energies),
-    Rung("energy", 1e-12, "reference: energies at the choice's own velocities, per condition number", energy),
+    Rung("energy", 1e-12, "reference: energies at the choice's own velocities", energy),
     Rung("power", 1e-9, "reference: force times velocity; sums that may cancel", power),
     Rung("v̇", 1e-10, "reference: Newton–Euler in maximal coordinates, per condition number", motion),
     Rung("λ", 1e-10, "reference: multipliers (Aᵀ λ when rows are redundant), per condition number", multipliers),

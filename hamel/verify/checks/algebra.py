@@ -6,13 +6,15 @@ import numpy as np
 
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import deviation, worst
-from hamel.verify.evidence import Evidence
+from hamel.verify.evidence import Evidence, Sample
 from hamel.verify.reference import energies, state_of
+from hamel.verify.states import State
 from hamel.verify.vectors import Array
 
 
 def symmetric(e: Evidence) -> float:
-    return worst([worst(t.M - t.M.T) / max(worst(t.M), 1e-300) for t in e.terms])
+    own = [t.M / e.units.M for t in e.terms]
+    return worst([worst(M - M.T) / max(worst(M), 1e-300) for M in own])
 
 
 def semidefinite(e: Evidence) -> float:
@@ -30,13 +32,14 @@ def kinetic(e: Evidence) -> float | None:
     """T = ½ vᵀ M v, where the reference says that T is a quadratic form at all: T(2 v) = 4 T(v)."""
     if not _quadratic(e):
         return None
-    return deviation([np.array([0.5 * s.v @ t.M @ s.v]) for s, t in zip(e.samples, e.terms)], [np.array([t.T]) for t in e.terms])
+    ours = [np.array([0.5 * s.v @ t.M @ s.v]) for s, t in zip(e.samples, e.terms)]
+    return deviation(ours, [np.array([t.T]) for t in e.terms], unit=e.units.energy)
 
 
 def _quadratic(e: Evidence) -> bool:
     for s in e.samples[:3]:
         T, _ = energies(e.reference, state_of(e.reference, s.t, s.q, 2.0 * s.v, s.u, s.full))
-        if abs(T - 4.0 * s.outcome.T) > 1e-9 * (1.0 + abs(T)):
+        if abs(T - 4.0 * s.outcome.T) > 1e-9 * (e.units.energy + abs(T)):
             return False
     return True
 
@@ -46,21 +49,39 @@ def inverse(e: Evidence, left: str, right: str) -> float | None:
     first, second = e.named(left), e.named(right)
     if first is None or second is None:
         return None
-    errors = [_product_error(a, b, (left, right) in (("A", "R"), ("B", "S"))) for a, b in zip(first, second)]
+    v, identity = e.units.v, (left, right) in (("A", "R"), ("B", "S"))
+    errors = [_product_error(a * v, b / v[:, None], identity) for a, b in zip(first, second)]
     return worst([error / condition for error, condition in zip(errors, e.conditions)])
 
 
 def _product_error(left: Array, right: Array, identity: bool) -> float:
+    """With the rows on the left of length one, whatever they are told in."""
     wanted = np.eye(len(left)) if identity else np.zeros((len(left), right.shape[1]))
+    lengths = _lengths(left, 1)
+    left, right = left / lengths, right * lengths.T if identity else right / _lengths(right, 0)
     size = 1.0 + np.linalg.norm(left, axis=1, keepdims=True) * np.linalg.norm(right, axis=0, keepdims=True)
     return worst((left @ right - wanted) / size)
 
 
+def _lengths(matrix: Array, axis: int) -> Array:
+    found = np.linalg.norm(matrix, axis=axis, keepdims=True)
+    return np.where(found > 0.0, found, 1.0)
+
+
 def roundtrip(e: Evidence) -> float:
-    """(q, v) → x → (q, v)."""
-    nq = len(e.samples[0].q)
-    back = [np.concatenate([x[:nq], v]) for x, v in zip(e.x, e.velocities)]
-    return deviation(back, [np.concatenate([s.q, s.v]) for s in e.samples], e.conditions)
+    """(q, v) → x → (q, v); and x = (q, B v) off the constraints as well, where B is shown: no condition number excuses that."""
+    forth = [_forth(e, s, at) for s, d in zip(e.samples, e.disturbed) for at in (s.state, d)]
+    return max(worst(forth), deviation(e.velocities, [s.v for s in e.samples], e.conditions, unit=e.units.v))
+
+
+def _forth(e: Evidence, s: Sample, at: State) -> float:
+    x = e.graph("state", s.t, np.concatenate([at.q, at.v]), s.u, s.p)
+    q, w = np.split(x, [len(at.q)])
+    moved = worst((q - at.q) / (e.units.q + np.abs(at.q)))
+    if "B" not in e.graph.named:
+        return moved
+    B = np.array(e.graph.named["B"](s.t, np.concatenate([at.q, w]), s.u, s.p))
+    return max(moved, worst((w - B @ at.v) / (e.units.w + np.abs(B) @ np.abs(at.v))))
 
 
 def _product_rung(left: str, right: str) -> Rung:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import shutil
+import tempfile
+import warnings
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
+from codegen import compiler
+from codegen.loader import load
 from hamel.charts import in_chart
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import sizes, worst
@@ -15,6 +21,7 @@ from hamel.verify.evidence import Evidence, Row
 from hamel.verify.vectors import Array
 
 Call = Callable[..., Array]
+PLAIN = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC")
 EXACT = 1e-13  # relative tolerance of generated code in double; as many units of rounding in another precision
 NEARLY = 1.001  # a guard may refuse up to so many times its tolerance, for it is rounded too
 MANY = 8.0  # multiples of the running error bound of one order of operations within which every other order stays
@@ -43,6 +50,29 @@ def _backend(e: Evidence, name: str) -> float | None:
     except (ImportError, OSError):
         return None  # what was not generated or compiled cannot be wrong
     return _against_graph(e, backend)
+
+
+def plain_code(e: Evidence) -> float | None:
+    """Every function of the same C without optimisation and without contraction: a compiler's liberties change roundoff only."""
+    command = compiler.find_compiler()
+    source = Path(getattr(e.module, "__file__", None) or "").parent
+    if e.module is None or command is None or not (source / "manifest.json").is_file():
+        return None
+    with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
+        place = Path(folder) / source.name
+        shutil.copytree(source, place, ignore=shutil.ignore_patterns("*.so", "*.dylib", "*.dll", "*.pyd", "__pycache__"))
+        _compiled_plainly(place, command)
+        with warnings.catch_warnings():  # the extension module is not there
+            warnings.simplefilter("ignore", RuntimeWarning)
+            made = load(place)
+        return _against_graph(e, importlib.import_module(f"{made.__name__}._library"))
+
+
+def _compiled_plainly(place: Path, command: list[str]) -> None:
+    prefix = next(file.name.removesuffix("_cpu.c") for file in place.glob("*_cpu.c"))
+    files = [f"{stem}.c" for stem in compiler.sources(place, prefix)]
+    library = f"lib{prefix}{compiler.SUFFIX}"
+    compiler.run(place, [*command, *PLAIN, *compiler.shared(), *files, "-lm", "-o", library])
 
 
 def batches(e: Evidence) -> float | None:
@@ -83,7 +113,8 @@ def _error(e: Evidence, name: str, got: Array) -> float:
     kept = ~_rightly_refused(e, name, got)
     if 2 * kept.sum() < len(kept):
         return float("inf")
-    got, wanted, roundoff = got[kept], wanted[kept], roundoff[kept]
+    unit = e.units.of(next(f for f in e.graph.equations.functions if f.name == name))
+    got, wanted, roundoff = (y[kept] / unit for y in (got, wanted, roundoff))
     return worst((got - wanted) / np.maximum(sizes(wanted, floor=0.0), MANY * roundoff / EXACT))
 
 
@@ -97,5 +128,6 @@ RUNGS = (
     Rung("module = graph", EXACT, "every function of the loaded module", compiled, True),
     Rung("ctypes = graph", EXACT, "every function through the ctypes fallback", ctypes_code, True),
     Rung("NumPy = graph", EXACT, "every function of the NumPy text", numpy_code, True),
+    Rung("-O0 = graph", EXACT, "every function of the same C without optimisation and contraction", plain_code, True),
     Rung("batch = one by one", EXACT, "the batch call of the module", batches, True),
 )

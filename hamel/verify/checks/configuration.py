@@ -15,12 +15,13 @@ from hamel.verify.vectors import Array, quaternion_product
 
 def coordinate_rates(e: Evidence) -> float | None:
     """The function `qdot`."""
-    return _against(e, "qdot", [s.outcome.qdot for s in e.samples])
+    return _against(e, "qdot", [s.outcome.qdot for s in e.samples], e.units.qdot)
 
 
 def displaced(e: Evidence) -> float | None:
-    """The function `integrate` at d = v."""
-    return _against(e, "integrate", [_moved(e, s.q, s.outcome.kinematics.N, s.v) for s in e.samples])
+    """The function `integrate` at d = v times a unit of time."""
+    there = [_moved(e, s.q, s.outcome.kinematics.N, e.units.time * s.v) for s in e.samples]
+    return _against(e, "integrate", there, e.units.q)
 
 
 def between(e: Evidence) -> float | None:
@@ -32,19 +33,20 @@ def between(e: Evidence) -> float | None:
     steps = [e.graph("difference", s.t, x, s.u, s.p) for s, x in zip(e.samples, places)]
     reached = [_moved(e, s.q, s.outcome.kinematics.N, d) for s, d in zip(e.samples, steps)]
     ends = [x[nq:] for x in places]
-    return max(_longest(e, steps), deviation([_signed(e, x, like) for x, like in zip(reached, ends)], ends, e.conditions))
+    signed = [_signed(e, x, like) for x, like in zip(reached, ends)]
+    return max(_longest(e, steps), deviation(signed, ends, e.conditions, unit=e.units.q))
 
 
 def lengths(e: Evidence) -> float | None:
     """The function `normalise`."""
-    return _against(e, "normalise", [normalised(e.system, x) for x in e.arguments_of("normalise")])
+    return _against(e, "normalise", [normalised(e.system, x) for x in e.arguments_of("normalise")], e.units.q)
 
 
-def _against(e: Evidence, name: str, wanted: Sequence[Array]) -> float | None:
+def _against(e: Evidence, name: str, wanted: Sequence[Array], unit: Array) -> float | None:
     if not e.graph.has(name):
         return None
     got = [e.graph(name, s.t, x, s.u, s.p) for s, x in zip(e.samples, e.arguments_of(name))]
-    return deviation(got, wanted, e.conditions)
+    return deviation(got, wanted, e.conditions, unit=unit)
 
 
 def _moved(e: Evidence, q: Array, N: Array, d: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from derive.mechanics.closing import normalised
+from hamel.verify.checks.agreement import violated
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import deviation, slope, worst
 from hamel.verify.evidence import Evidence, Sample, Terms
@@ -15,9 +16,10 @@ from hamel.verify.vectors import Array
 DIFFERENCES = 1e-8  # tolerance of what is differentiated by differences; what two step sizes disagree by counts as no error
 
 
-def step(s: Sample, vdot: Array) -> float:
+def step(e: Evidence, s: Sample, vdot: Array) -> float:
     """A time in which the state changes by about 1e-3: differences of fourth order then err by about 1e-12."""
-    return 1e-3 / max(1.0, worst(s.outcome.qdot), worst(vdot) ** 0.5)
+    rates, change = worst(s.outcome.qdot / e.units.qdot), worst(vdot / e.units.vdot)
+    return 1e-3 * e.units.time / max(1.0, rates, change**0.5)
 
 
 def energy_rate(e: Evidence) -> float:
@@ -33,9 +35,9 @@ def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float,
         return np.array(sum(energies(e.reference, state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full))))
 
     o = s.outcome
-    gain, doubt = slope(energy, step(s, vdot))
+    gain, doubt = slope(energy, step(e, s, vdot))
     flows = np.abs(o.force) @ np.abs(s.v) + np.abs(o.constraint_force) @ np.abs(s.v) + np.abs(s.v) @ np.abs(t.M @ vdot)
-    return worst((gain - o.explicit - np.array(claims)) / (1e-6 + flows + doubt / DIFFERENCES))
+    return worst((gain - o.explicit - np.array(claims)) / (1e-6 * e.units.power + flows + doubt / DIFFERENCES))
 
 
 def _moved(s: Sample, vdot: Array, time: float) -> tuple[Array, Array]:
@@ -55,8 +57,8 @@ def _drift(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
         there = e.terms_at(s.t + time, q, v, s.u, s.p)
         return there.A @ v - there.c
 
-    drift, doubt = slope(violation, step(s, vdot))
-    return worst(drift / (1.0 + np.abs(t.beta) + np.abs(t.A) @ np.abs(vdot) + doubt / DIFFERENCES))
+    drift, doubt = slope(violation, step(e, s, vdot))
+    return worst(drift / (e.units.beta + np.abs(t.beta) + np.abs(t.A) @ np.abs(vdot) + doubt / DIFFERENCES))
 
 
 def beta_rate(e: Evidence) -> float | None:
@@ -71,8 +73,8 @@ def _beta(e: Evidence, s: Sample, t: Terms) -> float:
         there = e.terms_at(s.t + time, s.q + time * t.qdot, s.v, s.u, s.p)
         return there.A @ s.v - there.c
 
-    rate, doubt = slope(violation, step(s, s.v))
-    return worst((rate + t.beta) / (1.0 + np.abs(t.beta) + doubt / DIFFERENCES))
+    rate, doubt = slope(violation, step(e, s, s.v / e.units.time))
+    return worst((rate + t.beta) / (e.units.beta + np.abs(t.beta) + doubt / DIFFERENCES))
 
 
 def positions_rate(e: Evidence) -> float | None:
@@ -80,7 +82,7 @@ def positions_rate(e: Evidence) -> float | None:
     if not len(e.terms[0].phi):
         return None
     rng = np.random.default_rng(1)
-    return worst([_gap_rate(e, s, rng.normal(size=len(s.v))) for s in e.samples])
+    return worst([_gap_rate(e, s, e.units.v * rng.normal(size=len(s.v))) for s in e.samples])
 
 
 def _gap_rate(e: Evidence, s: Sample, v: Array) -> float:
@@ -91,9 +93,9 @@ def _gap_rate(e: Evidence, s: Sample, v: Array) -> float:
     def gap(time: float) -> Array:
         return e.terms_at(s.t + time, s.q + time * here.qdot, v, s.u, s.p).phi
 
-    rate, doubt = (x[order] for x in slope(gap, 1e-3 / max(1.0, worst(here.qdot))))
+    rate, doubt = (x[order] for x in slope(gap, 1e-3 * e.units.time / max(1.0, worst(here.qdot / e.units.qdot))))
     wanted = (here.A @ v - here.c)[holonomic]
-    return worst((rate - wanted) / (1.0 + np.abs(here.A[holonomic]) @ np.abs(v) + doubt / DIFFERENCES))
+    return worst((rate - wanted) / (e.units.rows[holonomic] + np.abs(here.A[holonomic]) @ np.abs(v) + doubt / DIFFERENCES))
 
 
 def projection(e: Evidence) -> float | None:
@@ -101,16 +103,14 @@ def projection(e: Evidence) -> float | None:
     if not e.graph.has("project"):
         return None
     rng = np.random.default_rng(2)
-    return worst([_projected(e, s, x + 1e-3 * rng.uniform(-1, 1, len(x))) for s, x in zip(e.samples, e.x)])
+    return worst([_projected(e, s, x + 1e-3 * e.units.x * rng.uniform(-1, 1, len(x))) for s, x in zip(e.samples, e.x)])
 
 
 def _projected(e: Evidence, s: Sample, x: Array) -> float:
     x = e.graph.iterated("project", s.t, x, s.u, s.p)
     there = state_of(e.reference, s.t, x[: len(s.q)], e.graph("velocity", s.t, x, s.u, s.p), s.u, s.full)
-    k = e.kinematics(there)
     lengths = [np.linalg.norm(x[i : i + 4]) - 1.0 for i in e.system.quaternions]
-    position = worst([*k.phi, *lengths]) / (1.0 + worst(s.q))
-    return max(position, worst(k.violation(there.v) / (1.0 + np.abs(k.A) @ np.abs(there.v))))
+    return max(worst(lengths), violated(e, e.kinematics(there), there.q, there.v))
 
 
 def projected_already(e: Evidence) -> float | None:
@@ -118,7 +118,7 @@ def projected_already(e: Evidence) -> float | None:
     if not e.graph.has("project"):
         return None
     there = [e.graph.iterated("project", s.t, x, s.u, s.p) for s, x in zip(e.samples, e.x)]
-    return deviation(there, e.x, e.conditions)
+    return deviation(there, e.x, e.conditions, unit=e.units.x)
 
 
 def newton_step(e: Evidence) -> float | None:
@@ -138,12 +138,13 @@ def _newton(e: Evidence, by_mass: bool) -> float:
     for s, x in zip(e.samples, e.astray):
         there = state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full)
         k = e.kinematics(there)
-        matrix = saddle(mass(inertia(e.reference, there), k) if by_mass else np.eye(len(s.v)), k.A[closing])
+        metric, unit = (mass(inertia(e.reference, there), k), e.units.M) if by_mass else (np.eye(len(s.v)), 1.0)
+        matrix = saddle(metric, k.A[closing])
         step, _ = solved(matrix, np.concatenate([np.zeros(len(s.v)), -k.phi[phi]]), redundant=False)
         got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
         wanted.append(normalised(e.system, x[: len(s.q)] + k.N @ step[: len(s.v)]) - x[: len(s.q)])
-        conditions.append(condition_of(matrix))
-    return deviation(got, wanted, np.maximum(conditions, e.conditions))
+        conditions.append(condition_of(saddle(metric / unit, k.A[closing] / e.units.A[closing])))
+    return deviation(got, wanted, np.maximum(conditions, e.conditions), unit=e.units.q)
 
 
 RUNGS = (

@@ -22,7 +22,7 @@ def any_motion(e: Evidence) -> float | None:
 
 def _asked(e: Evidence) -> Iterator[tuple[Sample, Array, Array]]:
     rng = np.random.default_rng(3)
-    return ((s, rng.normal(size=len(s.v)), _idle(e, s)) for s in e.samples)
+    return ((s, e.units.vdot * rng.normal(size=len(s.v)), _idle(e, s)) for s in e.samples)
 
 
 def _idle(e: Evidence, s: Sample) -> Array:
@@ -43,8 +43,8 @@ def _error(e: Evidence, s: Sample, a: Array, wanted: Array) -> float:
     """Against the sizes of what is summed, |M| |a| + |h| + |Q| and the forces themselves."""
     o = s.outcome
     got = e.graph("inverse_dynamics", s.t, np.concatenate([s.q, s.v, a]), s.u, s.p)
-    size = np.abs(o.M) @ np.abs(a) + np.abs(o.h) + np.abs(o.Q) + np.abs(wanted)
-    return worst((got - wanted) / np.maximum(size, 1e-6 + 1e-3 * size.max(initial=0.0)))
+    size = (np.abs(o.M) @ np.abs(a) + np.abs(o.h) + np.abs(o.Q) + np.abs(wanted)) / e.units.force
+    return worst((got - wanted) / e.units.force / np.maximum(size, 1e-6 + 1e-3 * size.max(initial=0.0)))
 
 
 RUNGS = (

@@ -1,0 +1,210 @@
+"""Short motions of the module's own integrator, from some of the states, against the reference integrated on its own.
+
+The reference's v̇ is carried on by extrapolated midpoint steps (Gragg, Bulirsch, Stoer; Hairer, Nørsett, Wanner, Solving
+Ordinary Differential Equations I, §II.9) in q and v, without any constraint kept; the module has its equations in w, its
+integrator and its projection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import pairwise, product
+from typing import Any
+
+import numpy as np
+
+from codegen.integrators import INTEGRATORS
+from codegen.reals import FLOAT64
+from derive.mechanics.closing import normalised
+from hamel.verify.checks.rung import Rung
+from hamel.verify.compare import sizes, worst
+from hamel.verify.evidence import Evidence, Sample
+from hamel.verify.reference import energies, evaluate, state_of
+from hamel.verify.vectors import Array
+
+SHARE = 0.5
+NUDGE = 1e-3  # in the model's own units
+SUBSTEPS = (2, 4, 6, 8, 10, 12, 14)  # of the midpoint rule: order 14 together
+DOUBT = 1e-11  # an extrapolated step of the reference that is less certain is made as two …
+DEPTH = 5  # … so many times
+UNSURE = 1e-9
+MOTIONS, TRIED = 2, 6  # of the best conditioned states
+HALVED = (1, 2, 4, 8, 16, 32, 64)  # equal steps of the module, for the order …
+LONGER = (1.0, 4.0, 16.0)  # … over so many times as long
+FAR = 1e-2  # errors above do not fall in proportion yet, …
+EXACT = 1e-11  # … and those below may be roundoff
+RTOL = 1e-12
+
+
+def simulated(e: Evidence) -> float | None:
+    """q and v at the end."""
+    return _worst_of(e, _missed)
+
+
+def _missed(e: Evidence, k: int) -> float:
+    s, span = e.samples[k], _span(e, k)
+    end = _run(e, s, e.x[k], span)
+    return _apart(e, _both(e, s, end.x[-1], s.t + span), _reference_end(e, s, span))
+
+
+def order(e: Evidence) -> float | None:
+    """By how much the default integrator falls short of its order, as its equal steps are halved."""
+    if e.module is None or not _simulates(e):
+        return None
+    wanted = next(method.order for method in INTEGRATORS if method.name == e.module.integrators[0])
+    seen = [min(slopes) for run in _slopes(e) for slopes in zip(run, run[1:] or run)]
+    return max(0.0, wanted - max(seen)) if seen else None
+
+
+def _slopes(e: Evidence) -> Iterator[list[float]]:
+    """Per motion log₂ of how much smaller an error half the step leaves, where both can be told from roundoff.
+
+    Forces may have kinks: that steps without one show the order is enough, twice in a row where more than one halving tells.
+    """
+    for k, times in product(_chosen(e, TRIED), LONGER):
+        s, span = e.samples[k], times * _span(e, k)
+        try:
+            ends = [_run(e, s, e.x[k], span, step).x[-1] for step in (None, *(span / n for n in HALVED))]
+        except FloatingPointError:
+            continue
+        errors = [worst((end - ends[0]) / e.units.x / np.abs(ends[0] / e.units.x).clip(1.0)) for end in ends[1:]]
+        yield [float(np.log2(a / b)) for a, b in pairwise(errors) if b > EXACT and a < FAR]
+
+
+def work(e: Evidence) -> float | None:
+    """What the module counts as work is what T + V gained, by the reference's energies."""
+    return None if _explicit(e) else _worst_of(e, _unbalanced)
+
+
+def _explicit(e: Evidence) -> bool:
+    """Energies that change by themselves: no force does it."""
+    return any(s.outcome.explicit for s in e.samples)
+
+
+def _unbalanced(e: Evidence, k: int) -> float:
+    s, span = e.samples[k], _span(e, k)
+    run = _run(e, s, e.x[k], span)
+    q, v = np.split(_both(e, s, run.x[-1], s.t + span), [len(s.q)])
+    T, V = energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full))
+    size = e.units.energy + abs(T) + s.outcome.T + abs(V - s.outcome.V) + abs(run.work[-1])
+    return float(abs(T + V - s.outcome.T - s.outcome.V - run.work[-1]) / size)
+
+
+def backwards(e: Evidence) -> float | None:
+    """There, velocities turned round, and back: where v̇ is even in v by the reference, and nothing depends on time."""
+    return _worst_of(e, _not_back) if _simulates(e) and _reversible(e) else None
+
+
+def _reversible(e: Evidence) -> bool:
+    return all(_even(e, s, t) for s in e.samples[:3] for t in (s.t, s.t + e.units.time))
+
+
+def _even(e: Evidence, s: Sample, t: float) -> bool:
+    turned = evaluate(e.reference, state_of(e.reference, t, s.q, -s.v, s.u, s.full))
+    apart = worst((turned.vdot - s.outcome.vdot) / sizes(s.outcome.vdot[None] / e.units.vdot)[0] / e.units.vdot)
+    return apart < 1e-9 and not turned.kinematics.c.any()
+
+
+def _not_back(e: Evidence, k: int) -> float:
+    s, span = e.samples[k], _span(e, k)
+    q, v = np.split(_both(e, s, _run(e, s, e.x[k], span).x[-1], s.t + span), [len(s.q)])
+    there = e.graph("state", s.t, np.concatenate([q, -v]), s.u, s.p)
+    q, v = np.split(_both(e, s, _run(e, s, there, span).x[-1], s.t + span), [len(s.q)])
+    return _apart(e, np.concatenate([q, -v]), _both(e, s, e.x[k], s.t))
+
+
+def _worst_of(e: Evidence, error: Callable[[Evidence, int], float]) -> float | None:
+    """Over the motions that neither end at a singular position of the choice nor have a kink that the reference stumbles over."""
+    if not _simulates(e):
+        return None
+    found: list[float] = []
+    for k in _chosen(e, TRIED):
+        if len(found) < MOTIONS:
+            with suppress(FloatingPointError):
+                found.append(error(e, k) / max(1.0, e.conditions[k] * 1e-3))
+    return worst(found) if found else None
+
+
+def _simulates(e: Evidence) -> bool:
+    """In doubles: these errors are compared with what is left of sixteen digits."""
+    return e.module is not None and hasattr(e.module, "simulate") and e.real is FLOAT64
+
+
+def _chosen(e: Evidence, most: int) -> list[int]:
+    return sorted(range(len(e.samples)), key=lambda k: e.conditions[k])[:most]
+
+
+def _span(e: Evidence, k: int) -> float:
+    """A share of the time in which the state changes by one, or a disturbance of it decays or swings."""
+    s, unit = e.samples[k], e.units
+    signs = NUDGE * np.where(np.arange(len(s.v)) % 2, -1.0, 1.0)
+    stiffness = worst(_changed(e, s, s.q + s.outcome.kinematics.N @ (signs * unit.v) * unit.time, s.v)) / NUDGE
+    damping = worst(_changed(e, s, s.q, s.v + signs * unit.v)) / NUDGE
+    rates = (1.0, worst(s.outcome.qdot / unit.qdot), worst(s.outcome.vdot / unit.vdot) ** 0.5, stiffness**0.5, damping)
+    return SHARE * unit.time / max(rates)
+
+
+def _changed(e: Evidence, s: Sample, q: Array, v: Array) -> Array:
+    """By how much v̇ is another there."""
+    there = evaluate(e.reference, state_of(e.reference, s.t, normalised(e.system, q), v, s.u, s.full))
+    return (there.vdot - s.outcome.vdot) / e.units.vdot
+
+
+def _run(e: Evidence, s: Sample, x: Array, span: float, step_size: float | None = None) -> Any:
+    assert e.module is not None
+    atol = RTOL * float(e.units.x.min(initial=1.0))
+    return e.module.simulate([s.t, s.t + span], x, s.u, s.p, rtol=RTOL, atol=atol, step_size=step_size)
+
+
+def _both(e: Evidence, s: Sample, x: Array, t: float) -> Array:
+    """(q, v) of a state."""
+    return np.concatenate([x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p)])
+
+
+def _apart(e: Evidence, got: Array, wanted: Array) -> float:
+    unit = e.units.both
+    return worst((got - wanted) / unit / sizes(wanted[None] / unit)[0].clip(1.0))
+
+
+def _reference_end(e: Evidence, s: Sample, span: float) -> Array:
+    return _carried(e, s, s.t, np.concatenate([s.q, s.v]), span, DEPTH)
+
+
+def _carried(e: Evidence, s: Sample, t: float, y: Array, h: float, depth: int) -> Array:
+    """y after h, in as many steps as it takes."""
+    end, doubtful = _extrapolated(lambda t, y: _rates(e, s, t, y), t, y, h)
+    doubt = _apart(e, doubtful, end)
+    if depth == 0 and not doubt <= UNSURE:
+        raise FloatingPointError("the reference cannot tell")
+    if depth and not doubt <= DOUBT:
+        return _carried(e, s, t + h / 2, _carried(e, s, t, y, h / 2, depth - 1), h / 2, depth - 1)
+    return np.concatenate([normalised(e.system, end[: len(s.q)]), end[len(s.q) :]])
+
+
+def _rates(e: Evidence, s: Sample, t: float, y: Array) -> Array:
+    q, v = np.split(y, [len(s.q)])
+    outcome = evaluate(e.reference, state_of(e.reference, t, q, v, s.u, s.full))
+    return np.concatenate([outcome.qdot, outcome.vdot])
+
+
+def _extrapolated(rate: Callable[[float, Array], Array], t: float, y: Array, h: float) -> tuple[Array, Array]:
+    """y after h, and what it would be without the last extrapolation: midpoint steps, by Aitken and Neville in their squares."""
+    first, table = rate(t, y), []
+    for n in SUBSTEPS:
+        before, now = y, y + h / n * first
+        for k in range(1, n):
+            before, now = now, before + 2.0 * h / n * rate(t + k * h / n, now)
+        row = [now]
+        for j, above in enumerate(table[-1] if table else []):
+            row.append(row[j] + (row[j] - above) / ((n / SUBSTEPS[len(table) - 1 - j]) ** 2 - 1.0))
+        table.append(row)
+    return table[-1][-1], table[-1][-2]
+
+
+RUNGS = (
+    Rung("simulate", 1e-8, "short motions against the reference integrated on its own, per condition number/1000", simulated),
+    Rung("order of the integrator", 1.5, "what the slope of the error of halved steps lacks to the order", order),
+    Rung("work = Δ(T + V)", 1e-8, "along short motions, by the reference's energies", work),
+    Rung("there and back", 1e-8, "velocities turned round and run again, where the reference says that this can be", backwards),
+)

@@ -1,0 +1,70 @@
+"""NaN, ±Inf, denormals and huge numbers in any argument: the graph's own result or a refusal, and never another number."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from types import ModuleType
+
+import numpy as np
+
+from derive.formulations.records import Function
+from hamel.verify.checks.rung import Rung
+from hamel.verify.evidence import Evidence, Row
+from hamel.verify.vectors import Array
+
+STRANGE = {"nan": np.nan, "inf": np.inf, "-inf": -np.inf, "denormal": 5e-324, "huge": 1e300}
+FINITE = ("denormal", "huge")  # where squares or quotients overflow, the order of operations decides: the result is not compared
+CLOSE = 1e-9
+
+
+def wrong_answers(e: Evidence) -> float | None:
+    """How many there are at the first state, in the loaded module and in its NumPy text."""
+    return None if e.module is None else float(sum(1 for backend in _backends(e.module) for _ in found(e, backend)))
+
+
+def _backends(module: ModuleType) -> Iterator[ModuleType]:
+    yield module
+    with suppress(ImportError):
+        yield importlib.import_module(f"{module.__name__}._numpy")
+
+
+def found(e: Evidence, backend: ModuleType) -> Iterator[str]:
+    """What is wrong, in words."""
+    with np.errstate(all="ignore"):
+        for function in e.graph.equations.functions:
+            if hasattr(backend, function.name):
+                yield from _of_function(e, function, getattr(backend, function.name), e.rows_of(function.name)[0])
+
+
+def _of_function(e: Evidence, function: Function, call: Callable[..., Array], place: Row) -> Iterator[str]:
+    unit = e.units.of(function)
+    for about, strange in spoiled(place):
+        with suppress(FloatingPointError):
+            got, wanted = np.ravel(call(*strange)), np.ravel(e.graph(function.name, *strange))
+            if not np.isfinite(got).all():
+                yield f"{function.name}, {about}: {got} came out"
+            elif function.iteration is None and not about.endswith(FINITE) and not _close(got / unit, wanted / unit, CLOSE * e.real.coarseness):
+                yield f"{function.name}, {about}: {got} is not {wanted}"
+
+
+def _close(got: Array, wanted: Array, error: float) -> bool:
+    return bool(np.isfinite(wanted).all() and np.allclose(got, wanted, rtol=error, atol=error * np.abs(wanted).max(initial=1.0)))
+
+
+def spoiled(place: Row) -> Iterator[tuple[str, tuple]]:
+    """The arguments with one entry after the other made strange."""
+    for about, value in STRANGE.items():
+        for k, argument in enumerate(place):
+            for i in range(np.size(argument)):
+                changed = np.array(argument, dtype=float)
+                changed.reshape(-1)[i] = value
+                yield f"argument {k}[{i}] {about}", (*place[:k], changed if changed.ndim else float(changed), *place[k + 1 :])
+
+
+RUNGS = (
+    Rung(
+        "no number from none", 0.0, "NaN, ±Inf, denormals, 1e300 in each argument: the graph's result or a refusal", wrong_answers
+    ),
+)

@@ -45,7 +45,11 @@ def _of_function(e: Evidence, function: Function, call: Callable[..., Array], pl
             got, wanted = np.ravel(call(*strange)), np.ravel(e.graph(function.name, *strange))
             if not np.isfinite(got).all():
                 yield f"{function.name}, {about}: {got} came out"
-            elif function.iteration is None and not about.endswith(FINITE) and not _close(got / unit, wanted / unit, CLOSE * e.real.coarseness):
+            elif (
+                function.iteration is None
+                and not about.endswith(FINITE)
+                and not _close(got / unit, wanted / unit, CLOSE * e.real.coarseness)
+            ):
                 yield f"{function.name}, {about}: {got} is not {wanted}"
 
 

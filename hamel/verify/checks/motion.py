@@ -46,8 +46,7 @@ def simulated(e: Evidence) -> float | None:
 
 def _missed(e: Evidence, k: int) -> float:
     s, span = e.samples[k], _span(e, k)
-    end = _run(e, s, e.x[k], span)
-    return _apart(e, _both(e, s, end.x[-1], s.t + span), _reference_end(e, s, span))
+    return _apart(e, _end(e, s, _run(e, s, e.x[k], span), s.t + span), _reference_end(e, s, span))
 
 
 def order(e: Evidence) -> float | None:
@@ -73,12 +72,13 @@ def _slopes(e: Evidence) -> Iterator[list[float]]:
     for k, times in product(_chosen(e, MOTIONS), LONGER):
         s, span = e.samples[k], times * _span(e, k)
         try:
-            ends = [_run(e, s, e.x[k], span, step).x[-1] for step in (None, *(span / n for n in HALVED))]
+            runs = [_run(e, s, e.x[k], span, step) for step in (None, *(span / n for n in HALVED))]
         except FloatingPointError:
             continue
-        if not _apart(e, _step(e, s, s.t, _start(s), span)[0], _both(e, s, ends[0], s.t + span)) <= SMOOTH:
+        end, *others = (_end(e, s, run, s.t + span) for run in runs)
+        if not _apart(e, _step(e, s, s.t, _start(s), span)[0], end) <= SMOOTH:
             continue
-        errors = [worst((end - ends[0]) / e.units.x / np.abs(ends[0] / e.units.x).clip(1.0)) for end in ends[1:]]
+        errors = [_apart(e, other, end) for other in others]
         yield [float(np.log2(a / b)) for a, b in pairwise(errors) if b > EXACT and a < FAR]
 
 
@@ -95,7 +95,7 @@ def _explicit(e: Evidence) -> bool:
 def _unbalanced(e: Evidence, k: int) -> float:
     s, span = e.samples[k], _span(e, k)
     run = _run(e, s, e.x[k], span)
-    q, v = np.split(_both(e, s, run.x[-1], s.t + span), [len(s.q)])
+    q, v = np.split(_end(e, s, run, s.t + span), [len(s.q)])
     T, V = energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full))
     size = e.units.energy + abs(T) + s.outcome.T + abs(V - s.outcome.V) + abs(run.work[-1])
     return float(abs(T + V - s.outcome.T - s.outcome.V - run.work[-1]) / size)
@@ -118,10 +118,10 @@ def _even(e: Evidence, s: Sample, t: float) -> bool:
 
 def _not_back(e: Evidence, k: int) -> float:
     s, span = e.samples[k], _span(e, k)
-    q, v = np.split(_both(e, s, _run(e, s, e.x[k], span).x[-1], s.t + span), [len(s.q)])
+    q, v = np.split(_end(e, s, _run(e, s, e.x[k], span), s.t + span), [len(s.q)])
     there = e.graph("state", s.t, np.concatenate([q, -v]), s.u, s.p)
-    q, v = np.split(_both(e, s, _run(e, s, there, span).x[-1], s.t + span), [len(s.q)])
-    return _apart(e, np.concatenate([q, -v]), _both(e, s, e.x[k], s.t))
+    q, v = np.split(_end(e, s, _run(e, s, there, span), s.t + span), [len(s.q)])
+    return _apart(e, np.concatenate([q, -v]), _start(s))
 
 
 def _worst_of(e: Evidence, error: Callable[[Evidence, int], float]) -> float | None:
@@ -163,13 +163,15 @@ def _changed(e: Evidence, s: Sample, q: Array, v: Array) -> Array:
 
 def _run(e: Evidence, s: Sample, x: Array, span: float, step_size: float | None = None) -> Any:
     assert e.module is not None
+    chart = {"chart": e.chart} if e.chart else {}
     atol = RTOL * float(e.units.x.min(initial=1.0))
-    return e.module.simulate([s.t, s.t + span], x, s.u, s.p, rtol=RTOL, atol=atol, step_size=step_size)
+    return e.module.simulate([s.t, s.t + span], x, s.u, s.p, rtol=RTOL, atol=atol, step_size=step_size, **chart)
 
 
-def _both(e: Evidence, s: Sample, x: Array, t: float) -> Array:
-    """(q, v) of a state."""
-    return np.concatenate([x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p)])
+def _end(e: Evidence, s: Sample, run: Any, t: float) -> Array:
+    """(q, v) where a motion ends; modules of several charts give v themselves, for x may be in any of them."""
+    x, v = run.x[-1], getattr(run, "v", None)
+    return np.concatenate([x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p) if v is None else v[-1]])
 
 
 def _apart(e: Evidence, got: Array, wanted: Array) -> float:

@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from derive.formulations.records import Function
+from hamel.charts import in_chart
 from hamel.verify.checks.rung import Rung
 from hamel.verify.evidence import Evidence, Row
 from hamel.verify.vectors import Array
@@ -34,8 +35,9 @@ def found(e: Evidence, backend: ModuleType) -> Iterator[str]:
     """What is wrong, in words."""
     with np.errstate(all="ignore"):
         for function in e.graph.equations.functions:
-            if hasattr(backend, function.name):
-                yield from _of_function(e, function, getattr(backend, function.name), e.rows_of(function.name)[0])
+            call = in_chart(backend, function.name, e.chart)
+            if call is not None:
+                yield from _of_function(e, function, call, e.rows_of(function.name)[0])
 
 
 def _of_function(e: Evidence, function: Function, call: Callable[..., Array], place: Row) -> Iterator[str]:

@@ -164,6 +164,7 @@ PENDULUM = {"x": -0.27508746257611686, "y": -0.96141920509912507}
     [
         ("andrews", {"time": 0.03}, ANDREWS, 1e-10),
         ("andrews", {"time": 0.03, "formulation": "augmented", "keeping": "tangent"}, ANDREWS, 1e-10),
+        ("andrews", {"time": 0.03, "formulation": "augmented", "integrator": "idas"}, ANDREWS, 1e-9),
         ("car_axis", {"time": 3.0}, CAR_AXIS, 1e-9),
         ("car_axis", {"time": 3.0, "formulation": "augmented", "keeping": "partitioning"}, CAR_AXIS, 1e-9),
         ("pendulum", {"time": 10.0, "choice": "tangent"}, PENDULUM, 1e-11),

@@ -22,6 +22,7 @@ NAME = ""
 FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fPIC")
 NATIVE = {"x86_64": "-march=native", "aarch64": "-mcpu=native"}  # this very processor
 BATCH = ("-O3",)  # the loops over states become vector instructions
+STEPS = ("-O3",)  # and so do the sums over stages of an integrator
 # Only gcc knows these: order statements for latency without running out of registers, and keep numbers out of integer registers.
 ORDER = ("-fschedule-insns", "-fsched-pressure")
 KEEP = {"x86_64": ("-mtune-ctrl=^general_regs_sse_spill,^inter_unit_moves_from_vec",)}
@@ -118,7 +119,9 @@ def flags_of(command, name, stem):
     if stem == f"{name}_batch":
         wide = [WIDE] if "__AVX512F__" in macros else []
         return [*flags, *BATCH, *wide]
-    if stem in (name, f"{name}_simulate"):
+    if stem == f"{name}_simulate":
+        return [*flags, *STEPS]
+    if stem == name:
         return flags
     return [*flags, *LONG]  # a function in a file of its own
 

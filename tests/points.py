@@ -119,6 +119,7 @@ def quickly_built(
         patch.setattr("codegen.passes.pipeline.LARGE", 0)  # operations above which a function is improved once only
         patch.setattr(compiler, "FLAGS", tuple(flag for flag in compiler.FLAGS if flag != "-O2"))
         patch.setattr(compiler, "BATCH", ())
+        patch.setattr(compiler, "STEPS", ())
         patch.setattr(compiler, "headers", list)
         return loader.load(build.build(program(found, functions, integrators, keepings), folder / found.system.model.name).folder)
 

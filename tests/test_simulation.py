@@ -39,7 +39,8 @@ def ways(module: ModuleType) -> list[tuple[str, Callable[..., int]]]:
     return found
 
 
-LOW = {"dop853": (5, 3), "dopri5": (4,), "rkf45": (4,), "rk4": ()}  # orders of the solutions the step is compared with
+# Orders of the solutions the step is compared with.
+LOW = {"dop853": (5, 3), "verner9": (8,), "dopri5": (4,), "rkf45": (4,), "rk4": ()}
 
 
 @pytest.mark.parametrize("tableau", [x for x in INTEGRATORS if isinstance(x, Tableau)], ids=lambda tableau: tableau.name)
@@ -81,11 +82,12 @@ def test_collocation(method: Collocation) -> None:
 @pytest.mark.parametrize("method", INTEGRATORS, ids=lambda method: method.name)
 def test_order_with_equal_steps(module: ModuleType, method: Integrator) -> None:
     errors = []
-    for h in (0.4, 0.2) if method.order == 8 else (0.1, 0.05):
+    for h in {8: (0.4, 0.2), 9: (0.8, 0.4)}.get(method.order, (0.1, 0.05)):
         found = module.simulate((0.0, 4.0), [1.0, 0.0], integrator=method.name, step_size=h, keeping="none")
         errors.append(np.abs(found.x[-1] - [np.cos(8.0), np.sin(8.0)]).max())
         assert found.steps == round(4.0 / h)
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.15)
+    above = 1.5 if method.order == 9 else 0.15  # its leading error is so small that the next ones show down to rounding
+    assert -0.15 < np.log2(errors[0] / errors[1]) - method.order < above
 
 
 def test_motion_work_and_constraint(module: ModuleType) -> None:

@@ -8,7 +8,8 @@ from codegen.integrators.records import Collocation, Integrator, Midpoint, Rosen
 from codegen.integrators.rk4 import RK4
 from codegen.integrators.rkf45 import RKF45
 from codegen.integrators.rosenbrock import ROSENBROCK
+from codegen.integrators.verner9 import VERNER9
 
-INTEGRATORS: tuple[Integrator, ...] = (DOP853, DOPRI5, RKF45, RK4, RADAU, ROSENBROCK, IMPLICIT_MIDPOINT)
+INTEGRATORS: tuple[Integrator, ...] = (DOP853, VERNER9, DOPRI5, RKF45, RK4, RADAU, ROSENBROCK, IMPLICIT_MIDPOINT)
 
 __all__ = ["INTEGRATORS", "Collocation", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]

@@ -60,6 +60,7 @@ class Scheme:
     damp: str
     stages: tuple[tuple[str, str], ...] = ()
     errors: tuple[str, ...] = ()
+    weighted: frozenset[int] = frozenset()  # stages that count in the step or its error: the work is wanted there
     tables: dict[str, str] = field(default_factory=dict)  # of numbers, as C initialisers
 
 
@@ -155,7 +156,8 @@ def _scheme(method: Integrator) -> Scheme:
     kind = type(method).__name__.lower()
     if isinstance(method, Tableau):
         stages = tuple((_number(c), _combination(a)) for c, a in zip(method.c[1:], method.a[1:]))
-        return Scheme(method, kind, grow, damp, stages, tuple(_combination(error) for error in method.errors))
+        weighted = frozenset(i for row in (method.a[-1], *method.errors) for i, weight in enumerate(row) if weight)
+        return Scheme(method, kind, grow, damp, stages, tuple(_combination(error) for error in method.errors), weighted)
     if isinstance(method, Rosenbrock):
         tables = {
             "a": _table(method.a, len(method.alpha)),

@@ -29,20 +29,29 @@ def start(module: ModuleType, q: np.ndarray, v: np.ndarray, u: np.ndarray, p: np
     return state(0.0, qv, u, p), chart
 
 
-def pieces(
-    module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray
-) -> Iterator[tuple[int, np.ndarray, Any]]:
-    """Each chart that has rows: its number, the rows, and these with x in its own coordinates."""
-    if not equations.charts:
+def pieces(module: ModuleType, found: Any, nq: int, u: np.ndarray, p: np.ndarray) -> Iterator[tuple[int, np.ndarray, Any]]:
+    """Each chart that has rows of what simulate() found: its number, the rows, and these with x in its own coordinates."""
+    if not hasattr(found, "chart"):
         yield 0, np.arange(len(found.t)), found
         return
-    nq = equations.system.q.numel()
     for chart in sorted(set(found.chart.tolist()) - {-1}):
         rows = np.nonzero(found.chart == chart)[0]
         state = in_chart(module, "state", chart)
         assert state is not None  # every chart has one
         x = state(found.t[rows], np.hstack([found.x[rows, :nq], found.v[rows]]), u, p)
         yield chart, rows, replace(found, t=found.t[rows], x=x, work=found.work[rows])
+
+
+def at_rows(module: ModuleType, name: str, found: Any, nq: int, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """The function at every row, in the chart the row was made in; no column where the module has no such function."""
+    if not hasattr(module, name):
+        return np.zeros((len(found.t), 0))
+    parts = [(rows, in_chart(module, name, chart), part) for chart, rows, part in pieces(module, found, nq, u, p)]
+    values = [(rows, call(part.t, part.x, u, p)) for rows, call, part in parts if call is not None]
+    made = np.full((len(found.t), *(values[0][1].shape[1:] if values else (0,))), np.nan)
+    for rows, value in values:
+        made[rows] = value
+    return made
 
 
 def switches(equations: Equations, found: Any) -> tuple[Switch, ...]:

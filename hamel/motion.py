@@ -115,25 +115,15 @@ def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, 
     t, x = found.t, found.x
     results = {function.name: function.result for function in equations.functions}
     nq = equations.system.q.numel()
-    parts = list(charts.pieces(module, equations, found, u, p))
 
-    def rows(name: str) -> np.ndarray | None:
-        if name not in results or not hasattr(module, name):
-            return None
-        made = np.full((len(t), results[name].value.numel()), np.nan)
-        for chart, places, part in parts:
-            call = charts.in_chart(module, name, chart)
-            assert call is not None  # it is there in the first
-            made[places] = call(part.t, part.x, u, p)
-        return made
+    parts = charts.pieces(module, found, nq, u, p)
 
     def named(name: str) -> dict[str, np.ndarray]:
-        made = rows(name)
-        return {} if made is None else dict(zip(results[name].labels, made.T))
+        made = charts.at_rows(module, name, found, nq, u, p)
+        return dict(zip(results[name].labels, made.T)) if made.shape[1] else {}
 
-    energies, violation = rows("energy"), rows("constraints")
-    assert energies is not None  # every module has it
-    violation = np.zeros((len(t), 0)) if violation is None else np.abs(violation)
+    energies = charts.at_rows(module, "energy", found, nq, u, p)
+    violation = np.abs(charts.at_rows(module, "constraints", found, nq, u, p))
     closed = equations.system.phi.numel()
     labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
     return Motion(
@@ -157,7 +147,7 @@ def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, 
         crossings=found.crossings,
         seconds=seconds,
         charts=found.charts,
-        acceleration_violation=max((_acceleration_violation(equations, module, *part, u, p) for part in parts), default=0.0),
+        acceleration_violation=max(_acceleration_violation(equations, module, *part, u, p) for part in parts),
         switches=charts.switches(equations, found),
     )
 

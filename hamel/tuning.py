@@ -73,5 +73,6 @@ def tuned(program: Program, known: dict[str, float], clock: Clock) -> Program:
     from codegen.tune import with_fastest_flags
 
     with clock("tune"):
-        chosen = with_fastest_flags(replace(program, kernels=(program.kernel("dynamics"),)), known)
+        alone = replace(program, kernels=(program.kernel("dynamics"),), charts=(), integrators=("dop853",), keepings=("none",))
+        chosen = with_fastest_flags(alone, known)
     return replace(program, flags=chosen.flags, timings=chosen.timings)

@@ -59,7 +59,7 @@ def program(
         further = (*_needs(integrators), *_needs_of_keepings(equations, keepings), *watched)
         chosen = _chosen(equations, [*(function.name for function in chosen), *further])
         _check_size([function for function in chosen if function.name in further])
-    charts = (equations, *equations.charts) if simulates else ()
+    charts = (equations, *equations.charts)
     if len(charts) > 1:
         chosen = _chosen(equations, [*(function.name for function in chosen), *_for_charts(equations)])
     emitted = [(equations, function) for function in chosen]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
+from hamel.charts import at_rows
 from hamel.pipeline import load_module
 from hamel.report.building import Start, start
 
@@ -88,8 +89,8 @@ def _row(module: ModuleType, found: Start, span: float, run: Mapping[str, Any], 
 
 def judged(module: ModuleType, found: Start, span: float, ms: float, made: Any) -> dict[str, Any]:
     """The row of a run that came to its end."""
-    before, after = (module.energy(t, x, found.u, found.p) for t, x in ((0.0, _state(module, found)), (span, made.x[-1])))
-    v = module.velocity(span, made.x[-1], found.u, found.p)
+    before = module.energy(0.0, _state(module, found), found.u, found.p)
+    after, v = (at_rows(module, name, made, found.system.q.numel(), found.u, found.p)[-1] for name in ("energy", "velocity"))
     return {
         "status": "ok",
         "ms": ms,
@@ -170,9 +171,9 @@ def tracks(
         except (FloatingPointError, TooLong) as problem:
             yield {"track": run["key"], "failed": _cause(problem)[0]}
             continue
-        energy = module.energy(times, made.x, found.u, found.p).sum(axis=1)
-        closed = found.system.phi.numel()
-        many = module.constraints(times, made.x, found.u, found.p) if hasattr(module, "constraints") else np.zeros((POINTS, 0))
+        closed, nq = found.system.phi.numel(), found.system.q.numel()
+        energy = at_rows(module, "energy", made, nq, found.u, found.p).sum(axis=1)
+        many = at_rows(module, "constraints", made, nq, found.u, found.p)
         yield {
             "track": run["key"],
             "t": times.tolist(),

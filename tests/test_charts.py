@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import hamel
 from codegen import build, compiler, loader
@@ -268,7 +269,36 @@ def _in(module: ModuleType, case: Case, qv: np.ndarray, chart: int) -> np.ndarra
     return (module.state_chart1 if chart else module.state)(0.0, qv, case.u, case.p)
 
 
+def test_crank_and_rod_of_one_length() -> None:
+    """On the branch q2 = -2 q1 the energy gives q1 by a quadrature; where A loses rank, all charts are singular together."""
+    with ExitStack() as stack:
+        case = Case(changed("stress/isosceles_slider"), stack)
+        found = case.run(case.module("slider+crank"), [0.0, 1.0, 2.0, 4.0])
+        mass, length = 1.0, 0.5
+        start, speed = np.radians(30.0), 3.0
+
+        def inertia(q: float) -> float:
+            return mass * length**2 * (5 / 12 + 2.25 * np.sin(q) ** 2 + 0.25 * np.cos(q) ** 2 + 4.0 * np.sin(q) ** 2)
+
+        def rate(_: float, q: np.ndarray) -> list[float]:
+            return [speed * np.sqrt(inertia(start) / inertia(q[0]))]
+
+        wanted = solve_ivp(rate, (0.0, 4.0), [start], rtol=1e-12, atol=1e-12, t_eval=found.t).y[0]
+        np.testing.assert_allclose(found.x[:, 0], wanted, atol=1e-7)
+        assert found.switches >= 1 and found.crossings == 4
+
+
 # ---- build and verify
+
+
+def test_functions_alone_have_their_charts(tmp_path: Path) -> None:
+    """Without dynamics, too: what differs is there for each chart, with the way between."""
+    made = hamel.build(SLIDER_CRANK, choice="slider+crank", functions=("mass", "energy"), out=tmp_path / "few")
+    module = loader.load(made.folder)
+    assert made.choice == "slider+crank" and hasattr(module, "energy_chart1") and not hasattr(module, "mass_chart1")
+    x = np.array([0.5, -0.68, 0.5, 1.0])
+    there = module.transform("slider", "crank", 0.0, x)
+    np.testing.assert_allclose(module.energy_chart1(0.0, there), module.energy(0.0, x), rtol=1e-12)
 
 
 def test_a_build_holds_charts_where_no_choice_is_safe(tmp_path: Path) -> None:

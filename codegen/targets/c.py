@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from codegen import text
 from codegen.passes.lanes import is_batched
@@ -63,7 +64,7 @@ class _Style:
 def files(program: Program) -> dict[str, str]:
     """NAME.h, NAME.c, NAME_batch.c, and a NAME_FUNCTION.c for every long function, so that several are compiled at a time."""
     widths = {argument.name: len(argument.names) for argument in program.arguments}
-    data: dict[str, object] = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "widths": widths}
+    data: dict[str, Any] = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "widths": widths}
     bodies = [_body(program, kernel, _ONE) for kernel in program.kernels]
     hoisted = [(kernel, kernel.hoisted) for kernel in program.kernels if kernel.hoisted]
     data["hoisted"] = [(k, _body(program, h.precompute, _ONE), _body(program, h.rest, _ONE)) for k, h in hoisted]

@@ -120,7 +120,7 @@ def _error(e: Evidence, name: str, got: Array) -> float:
 
 def _rightly_refused(e: Evidence, name: str, got: Array) -> Array:
     """Which states have no result and come too close to a guard."""
-    missing = np.isnan(got).all(axis=1)
+    missing = np.asarray(np.isnan(got).all(axis=1))
     return missing & (e.graph.margins(name, e.rows_of(name), e.real) < NEARLY) if missing.any() else missing
 
 

@@ -72,7 +72,7 @@ def _loop(program: Program, folder: Path) -> Loop:
     kernel, random = program.kernel("dynamics"), np.random.default_rng(1)
     x, u = (random.uniform(-1, 1, (ROWS, n)) for n in (len(kernel.x.names), len(program.argument("u").names)))
     defaults = np.array(program.argument("p").defaults, dtype=float)
-    arrays = (np.zeros(1), x, u, defaults, np.empty((ROWS, len(kernel.outputs))))
+    arrays = (np.zeros(1), x, u, defaults, np.zeros((ROWS, len(kernel.outputs))))
     return Loop(rows, function, tuple(array.astype(program.real.name) for array in arrays))
 
 

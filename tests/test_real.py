@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sysconfig
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,8 @@ from codegen.integrators import INTEGRATORS
 from codegen.passes import in_precision, program
 from codegen.program import Expression, Kernel, Program
 from codegen.reals import FLOAT32, FLOAT64, REALS, recast
-from derive.diagnostics import AssumptionError, HamelError, VerificationError
+from codegen.tune import timings
+from derive.diagnostics import AssumptionError, HamelError, ModelError, VerificationError
 from derive.formulations import equations
 from derive.keepings import KEEPINGS, Options, kept_equations
 from derive.linearize.minimal import with_linearization
@@ -178,6 +180,32 @@ def test_what_numpy_can_round_is_taken(module: ModuleType) -> None:
             binding.dynamics(0.0, x * 1e300, u)
 
 
+@needs_compiler
+def test_values_that_are_not_finite_never_pass(module: ModuleType) -> None:
+    good = np.array([0.3, 0.2, 0.1, 0.4], np.float32)
+    for binding in bindings(module):
+        assert np.isfinite(binding.dynamics(0.0, np.full(4, 1e-45, np.float32), [0.0])).all()
+        for bad in (np.nan, np.inf, -np.inf):
+            for i in range(4):
+                x = good.copy()
+                x[i] = bad
+                for name in ("dynamics", "energy", "odd"):
+                    with pytest.raises(FloatingPointError):
+                        getattr(binding, name)(0.0, x, [0.0])
+            with pytest.raises(FloatingPointError):
+                binding.dynamics(0.0, good, [bad])
+        with pytest.raises(FloatingPointError, match="singular"):
+            binding.dynamics(0.0, good, [0.0], [1e-5, 0.7, 1.3])
+
+
+@needs_compiler
+def test_tuning_times_it_in_its_own_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert timings({"single": single(program(toy(), ["dynamics"]))})["single"] > 0
+
+
 def units(found: np.ndarray, exact: np.ndarray) -> float:
     """The largest error in units in the last place of the exact value."""
     return float(np.max(np.abs(found.astype(float) - exact) / np.spacing(np.abs(exact).astype(np.float32)).astype(float)))
@@ -266,6 +294,10 @@ def test_what_loses_its_digits_is_refused() -> None:
     for value in (1e39, 1e-39):
         with pytest.raises(AssumptionError, match=r"parameter l1 has the number .*float32 cannot hold"):
             single(program(replace(toy(), parameters=(value, 0.7, 1.3))))
+    with pytest.raises(AssumptionError, match="float32 cannot hold 1e-42 with all digits"):
+        hamel.simulate(MODELS / "pendulum.yaml", values={"m": 1e-42}, real="float32")
+    with pytest.raises(ModelError, match="cvodes computes in float64: integrate float32 with dop853"):
+        hamel.simulate(MODELS / "pendulum.yaml", integrator="cvodes", real="float32")
     with pytest.raises(HamelError, match=r"unknown precision 'float3'; did you mean 'float32'"):
         hamel.build(MODELS / "pendulum.yaml", real="float3")
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import functools
 import sysconfig
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from derive.expressions.evaluate import number
-from derive.expressions.tree import Expression
-from derive.model.records import GROUND, Joint, Model, Placement
+from derive.model.records import Model
+from hamel.verify.reference import reference, state_of
 from peers.casadi_c import Read, of_source
 from peers.contest import BUILD, HERE, NATIVE, Contender, Unavailable, compiled, run
 
@@ -47,42 +46,10 @@ def _numbers(values: Any) -> str:
 
 def model_of(model: Model) -> Any:
     """A tree of revolute and sliding joints in hamel's records as Pinocchio's model."""
-    import pinocchio as pin
+    from hamel.verify.engines.pinocchio import tree
 
-    values = {parameter.name: parameter.value for parameter in model.parameters}
-    made, places = pin.Model(), {GROUND: (0, pin.SE3.Identity())}
-    bodies = {body.name: body for body in model.bodies}
-    made.gravity.linear = _vector(model.gravity, values)
-    for joint in model.joints:
-        parent, behind = places[joint.parent]
-        id = made.addJoint(parent, _joint(joint, values), behind * _place(joint.at_parent, values), joint.name)
-        body, inside = bodies[joint.child], _place(joint.at_child, values).inverse()
-        xx, yy, zz, xy, xz, yz = _vector(body.inertia, values)
-        I = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        made.appendBodyToJoint(id, pin.Inertia(number(body.mass, values), _vector(body.com, values), I), inside)
-        places[joint.child] = id, inside
-    return made
-
-
-def _joint(joint: Joint, values: Mapping[str, float]) -> Any:
-    import pinocchio as pin
-
-    axis, letter = _vector(joint.axis, values), {"revolute": "R", "prismatic": "P"}[joint.type]
-    for own, unit in zip("XYZ", np.eye(3)):
-        if np.array_equal(axis, unit):
-            return getattr(pin, f"JointModel{letter}{own}")()
-    return getattr(pin, "JointModelRevoluteUnaligned" if letter == "R" else "JointModelPrismaticUnaligned")(axis)
-
-
-def _place(placement: Placement, values: Mapping[str, float]) -> Any:
-    import pinocchio as pin
-
-    rotation = np.eye(3) if placement.rotation is None else np.array([_vector(row, values) for row in placement.rotation])
-    return pin.SE3(rotation, _vector(placement.position, values))
-
-
-def _vector(entries: Sequence[Expression], values: Mapping[str, float]) -> np.ndarray:
-    return np.array([number(entry, values) for entry in entries])
+    start = np.zeros(len(model.coordinates))
+    return tree(model, state_of(reference(model), 0.0, start, np.zeros(len(model.velocities))))
 
 
 def _kind(joint: Any) -> tuple[str, np.ndarray]:

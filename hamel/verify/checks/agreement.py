@@ -40,13 +40,13 @@ def rates(e: Evidence) -> float:
 def mass(e: Evidence) -> float:
     """|M − M_ref|ᵢⱼ against √(Mᵢᵢ Mⱼⱼ), so that light parts count as much as heavy ones."""
     unit = e.units.M
-    found = worst([_mass_error(t.M / unit, s.outcome.M / unit) for t, s in zip(e.terms, e.samples)])
+    found = worst([mass_error(t.M / unit, s.outcome.M / unit) for t, s in zip(e.terms, e.samples)])
     if not e.graph.has("mass"):
         return found
-    return max(found, worst([_mass_error(M / unit, s.outcome.M / unit) for M, s in zip(e.results("mass"), e.samples)]))
+    return max(found, worst([mass_error(M / unit, s.outcome.M / unit) for M, s in zip(e.results("mass"), e.samples)]))
 
 
-def _mass_error(got: Array, wanted: Array) -> float:
+def mass_error(got: Array, wanted: Array) -> float:
     root = np.sqrt(np.abs(np.diag(wanted)))
     size = np.maximum(np.outer(root, root), 1e-12 * np.max(np.abs(wanted), initial=1e-300))
     return worst((got - wanted) / size)

@@ -45,8 +45,9 @@ def simulated(e: Evidence) -> float | None:
 
 
 def _missed(e: Evidence, k: int) -> float:
-    s, span = e.samples[k], _span(e, k)
-    return _apart(e, _end(e, s, _run(e, s, e.x[k], span), s.t + span), _reference_end(e, s, span))
+    s = e.samples[k]
+    span = time_scale(e, s)
+    return _apart(e, _end(e, s, _run(e, s, e.x[k], span), s.t + span), reference_end(e, s, span))
 
 
 def order(e: Evidence) -> float | None:
@@ -69,8 +70,9 @@ def _slopes(e: Evidence) -> Iterator[list[float]]:
 
     Where forces have kinks no method shows its order: smooth is what one extrapolated step of the reference gets nearly right.
     """
-    for k, times in product(_chosen(e, MOTIONS), LONGER):
-        s, span = e.samples[k], times * _span(e, k)
+    for k, times in product(best_conditioned(e)[:MOTIONS], LONGER):
+        s = e.samples[k]
+        span = times * time_scale(e, s)
         try:
             runs = [_run(e, s, e.x[k], span, step) for step in (None, *(span / n for n in HALVED))]
         except FloatingPointError:
@@ -93,7 +95,8 @@ def _explicit(e: Evidence) -> bool:
 
 
 def _unbalanced(e: Evidence, k: int) -> float:
-    s, span = e.samples[k], _span(e, k)
+    s = e.samples[k]
+    span = time_scale(e, s)
     run = _run(e, s, e.x[k], span)
     q, v = np.split(_end(e, s, run, s.t + span), [len(s.q)])
     T, V = energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full))
@@ -117,7 +120,8 @@ def _even(e: Evidence, s: Sample, t: float) -> bool:
 
 
 def _not_back(e: Evidence, k: int) -> float:
-    s, span = e.samples[k], _span(e, k)
+    s = e.samples[k]
+    span = time_scale(e, s)
     q, v = np.split(_end(e, s, _run(e, s, e.x[k], span), s.t + span), [len(s.q)])
     there = e.graph("state", s.t, np.concatenate([q, -v]), s.u, s.p)
     q, v = np.split(_end(e, s, _run(e, s, there, span), s.t + span), [len(s.q)])
@@ -129,7 +133,7 @@ def _worst_of(e: Evidence, error: Callable[[Evidence, int], float]) -> float | N
     if not _simulates(e):
         return None
     found: list[float] = []
-    for k in _chosen(e, TRIED):
+    for k in best_conditioned(e)[:TRIED]:
         if len(found) < MOTIONS:
             with suppress(FloatingPointError):
                 found.append(error(e, k) / max(1.0, e.conditions[k] * 1e-3))
@@ -141,13 +145,14 @@ def _simulates(e: Evidence) -> bool:
     return e.module is not None and hasattr(e.module, "simulate") and e.real is FLOAT64
 
 
-def _chosen(e: Evidence, most: int) -> list[int]:
-    return sorted(range(len(e.samples)), key=lambda k: e.conditions[k])[:most]
+def best_conditioned(e: Evidence) -> list[int]:
+    """The states, by the condition of the choice there."""
+    return sorted(range(len(e.samples)), key=lambda k: e.conditions[k])
 
 
-def _span(e: Evidence, k: int) -> float:
+def time_scale(e: Evidence, s: Sample) -> float:
     """A share of the time in which the state changes by one, or a disturbance of it decays or swings."""
-    s, unit = e.samples[k], e.units
+    unit = e.units
     signs = NUDGE * np.where(np.arange(len(s.v)) % 2, -1.0, 1.0)
     stiffness = worst(_changed(e, s, s.q + s.outcome.kinematics.N @ (signs * unit.v) * unit.time, s.v)) / NUDGE
     damping = worst(_changed(e, s, s.q, s.v + signs * unit.v)) / NUDGE
@@ -179,7 +184,8 @@ def _apart(e: Evidence, got: Array, wanted: Array) -> float:
     return worst((got - wanted) / unit / sizes(wanted[None] / unit)[0].clip(1.0))
 
 
-def _reference_end(e: Evidence, s: Sample, span: float) -> Array:
+def reference_end(e: Evidence, s: Sample, span: float) -> Array:
+    """(q, v) after the span. FloatingPointError where steps are halved without end."""
     return _carried(e, s, s.t, _start(s), span, DEPTH)
 
 

@@ -73,7 +73,7 @@ class Real:
 
     def nearest(self, value: Any) -> Any:
         """A number, or an array of them, rounded to this precision; double again."""
-        return np.asarray(value, dtype=float).astype(self.name).astype(float)
+        return np.asarray(value, dtype=float).astype(self.name).astype(float) if self.words else value
 
     def rounding(self, tolerance: float) -> float:
         """As many units of rounding as the tolerance is in double."""

@@ -18,6 +18,7 @@ from derive.model.records import Span
 
 LARGEST = 4 << 20  # bytes
 DEEPEST = 32  # levels
+MOST_VALUES = 300_000  # the largest model that is allowed has about half of that
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
 _PLAIN_TAGS = {None, "!"} | {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "map", "seq")}
@@ -162,6 +163,7 @@ class _Builder:
     def __init__(self, source: Source) -> None:
         self.source = source
         loader = getattr(yaml, "CLoader", yaml.Loader)
+        self.count = 0
         self.events: Iterator[Any] = iter(yaml.parse(source.text, Loader=loader))
 
     def document(self) -> Node | None:
@@ -175,6 +177,9 @@ class _Builder:
 
     def node(self, event: Any, depth: int) -> Node:
         span = _span(event)
+        self.count += 1
+        if self.count > MOST_VALUES:
+            self.source.refuse(span, f"the file holds more than {MOST_VALUES} values", "a smaller model")
         if isinstance(event, yaml.AliasEvent):
             self.source.refuse(
                 span, f"an alias '*{event.anchor}'", "the value itself: aliases are not part of the model language"

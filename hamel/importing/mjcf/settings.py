@@ -13,6 +13,7 @@ from hamel.importing.robot import Reading
 from hamel.importing.rotations import IDENTITY, Matrix, Vector, about, cross, from_euler, from_quaternion, transposed, unit
 
 MOST_FILES = 100
+KINDS = (".xml", ".mjcf")
 ACTUATORS = ("general", "motor", "position", "velocity", "damper", "intvelocity", "cylinder", "muscle", "adhesion")
 
 
@@ -60,6 +61,8 @@ def _content(include: Element) -> list[Element]:
     if not name:
         include.refuse("an include without a file", '<include file="…"/>')
     place = include.file.folder / name
+    if place.suffix.lower() not in KINDS:  # a robot from elsewhere must not make us read, and quote, whatever file it likes
+        include.refuse(f"the file {name!r} is no MJCF file by its name", " or ".join(KINDS), attribute="file")
     if not place.is_file():
         include.refuse(f"the file {name!r} is not there", "a file beside this one", attribute="file")
     return parsed(read(place)).children

@@ -51,8 +51,8 @@ loops: $(ROBOTS)/.ready
 	$(ROBOTS)/bin/python benchmarks/loops.py
 
 # Derivation, emission, compilation and evaluation of chains and trees of 10 to 1,000 links, beside KanesMethod and Pinocchio.
-growth: $(VENV)/.run-time
-	$(VENV)/bin/python benchmarks/growth.py --json build/growth.json --plot build/growth.svg
+growth: $(BENCH)/.ready
+	$(BENCH)/bin/python benchmarks/growth.py --json build/growth.json --plot build/growth.svg
 
 # Our C beside that of every peer the package indexes carry; the peers are compiled once (minutes) and kept in build/bench.
 bench: $(BENCH)/.ready

@@ -21,9 +21,15 @@ from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
 from derive.model import load
+from hamel.verify import verification
 from tests.toy import toy
 
 MODELS = Path(__file__).parents[1] / "models"
+LOOP = """
+closures:
+  loop: {type: revolute, between: [b4, b1], at: [[1.0, 0], [0.0, 0.5]]}
+initial: {guess: {q2: 80 deg, q3: 80 deg, q4: 80 deg}}
+"""  # of the last three links of a chain of five, on the one before them
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
 
@@ -131,6 +137,19 @@ def test_parts_compute_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert command
     strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-fsyntax-only"]
     subprocess.run([*command, *strict, "toy.c", "toy_dynamics.c", "toy_batch.c", "toy_cpu.c"], cwd=built.folder, check=True)
+
+
+@pytest.mark.parametrize("text", [chain(4), chain(5) + LOOP], ids=["chain", "with a loop"])
+def test_what_does_without_the_mass_matrix_is_verified_too(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long chains do not write M out; every term, λ among them, is held against the reference all the same."""
+    monkeypatch.setattr(importlib.import_module("derive.mechanics.system"), "MOST_ENTRIES", 0)
+    (tmp_path / "model.yaml").write_text(text)
+    model = load(tmp_path / "model.yaml")
+    found = equations(system(model, "all"))
+    assert not found.system.written and found.system.M.is_zero()
+    checks = {check.name: check for check in verification(model, found, states=5).checks}
+    assert checks["M"].passed and ("λ" in checks) == (LOOP in text)
+    assert all(check.passed for check in checks.values()), [c for c in checks.values() if not c.passed]
 
 
 def test_operations_and_text_grow_in_proportion(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from codegen.reals import FLOAT64, Real, real_of
 from derive.formulations.records import Equations, Function
 from derive.mechanics import sampling
 from derive.mechanics.records import System
+from derive.mechanics.system import inertial_forces
 from hamel.verify.compare import SMALL
 from hamel.verify.reference import Kinematics, Outcome, Reference, evaluate, kinematics, state_of
 from hamel.verify.roundoff import bound
@@ -68,12 +69,21 @@ TermsAt = Callable[[float, Array, Array, Array, Array], Terms]
 
 
 def terms(system: System) -> TermsAt:
-    """(t, q, v, u, p) → Terms, evaluated by CasADi."""
+    """(t, q, v, u, p) → Terms, evaluated by CasADi. An M that is not written out is what Newton–Euler multiplies v̇ by."""
     columns = [ca.densify(ca.SX(getattr(system, name))) for name in TERMS]
     function = ca.Function("terms", [system.t, system.q, system.v, system.u, system.p], columns)
+    vdot = ca.SX.sym("vdot", system.v.numel())
+    inertial = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
+    forces = ca.Function("forces", [system.t, system.q, system.v, system.p, vdot], [inertial])
+
+    def mass(t: float, q: Array, p: Array) -> Array:
+        still = np.zeros(system.v.numel())
+        return np.array(forces(t, q, still, p, np.eye(len(still))) - forces(t, q, still, p, still))
 
     def at(t: float, q: Array, v: Array, u: Array, p: Array) -> Terms:
         found = {name: np.array(x) for name, x in zip(TERMS, function(t, q, v, u, p))}
+        if not system.written:
+            found["M"] = mass(t, q, p)
         flat = {name: found[name].ravel() for name in VECTORS}
         T, V, power = (float(found[name][0, 0]) for name in ("T", "V", "power"))
         return Terms(**{name: found[name] for name in MATRICES}, **flat, T=T, V=V, power=power)

@@ -12,15 +12,24 @@ from derive.formulations.named_choices import carried_through
 from derive.formulations.pivots import solved
 from derive.formulations.records import Equations
 from derive.formulations.reduction import Reduction
+from derive.mechanics.records import System
+from derive.mechanics.system import inertial_forces
 from derive.model.records import Choice
 
 
 def _equations(shop: Workshop, choice: Choice) -> Equations:
     system, found = shop.system, carried_through(shop, choice)
     reduction, result = found.reduction, found.explicit
-    missing = ca.mtimes(system.M, result.vdot) - ca.substitute(system.Q - system.h, system.v, reduction.v)
-    lam = _multipliers(shop, reduction, missing)
+    lam = _multipliers(shop, reduction, _missing(system, reduction, result.vdot))
     return reduced(shop, FORMULATION.name, choice.name, found.reason, reduction, result, lam)
+
+
+def _missing(system: System, reduction: Reduction, vdot: ca.SX) -> ca.SX:
+    """M v̇ + h − Q over w; by Newton–Euler where M is not written out."""
+    if system.written:
+        return ca.mtimes(system.M, vdot) - ca.substitute(system.Q - system.h, system.v, reduction.v)
+    forces = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot) + system.h_extra
+    return ca.substitute(forces - system.Q, system.v, reduction.v)
 
 
 def _multipliers(shop: Workshop, reduction: Reduction, missing: ca.SX) -> ca.SX:

@@ -162,6 +162,7 @@ def test_results_that_somebody_holds_are_never_written_again(module: ModuleType)
     weak = [weakref.ref(one(0.0, x[i], u[i])) for i in range(60)]
     assert all(found is None or (found == expected[i]).all() for i, found in enumerate(ref() for ref in weak))
     for change in ({"shape": (2, 2)}, {"dtype": np.int64}, {"strides": (0,)}):
+        odd = None
         for _ in range(9):
             odd = one(0.0, x[0], u[0])
             with warnings.catch_warnings():

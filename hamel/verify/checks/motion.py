@@ -28,10 +28,10 @@ NUDGE = 1e-3  # in the model's own units
 SUBSTEPS = (2, 4, 6, 8, 10, 12, 14)  # of the midpoint rule: order 14 together
 DOUBT = 1e-11  # an extrapolated step of the reference that is less certain is made as two …
 DEPTH = 4  # … so many times
-UNSURE = 1e-9
+UNSURE = 1e-10
 MOTIONS, TRIED = 3, 5  # of the best conditioned states
 HALVED = (1, 2, 4, 8, 16, 32, 64)  # equal steps of the module, for the order …
-ENOUGH = 1.0  # less short of the order than this needs no further motion
+ENOUGH = 0.1  # so small a part of the order may lack without looking at further motions
 SMOOTH = 1e-6
 LONGER = (2.0, 4.0, 8.0)  # … over so many times as long
 FAR = 1e-2  # errors above do not fall in proportion yet, …
@@ -51,7 +51,7 @@ def _missed(e: Evidence, k: int) -> float:
 
 
 def order(e: Evidence) -> float | None:
-    """By how much the default integrator falls short of its order, as its equal steps are halved."""
+    """What part of its order the default integrator lacks, as its equal steps are halved."""
     if e.module is None or not _simulates(e):
         return None
     wanted = next(method.order for method in INTEGRATORS if method.name == e.module.integrators[0])
@@ -60,9 +60,9 @@ def order(e: Evidence) -> float | None:
         seen = max(map(min, zip(slopes, slopes[1:] or slopes)), default=-np.inf)
         if slopes and (best is None or seen > best):
             best = seen
-        if best is not None and best > wanted - ENOUGH:
+        if best is not None and best > (1.0 - ENOUGH) * wanted:
             break
-    return None if best is None else max(0.0, wanted - best)
+    return None if best is None else max(0.0, 1.0 - best / wanted)
 
 
 def _slopes(e: Evidence) -> Iterator[list[float]]:
@@ -75,10 +75,11 @@ def _slopes(e: Evidence) -> Iterator[list[float]]:
         span = times * time_scale(e, s)
         try:
             runs = [_run(e, s, e.x[k], span, step) for step in (None, *(span / n for n in HALVED))]
+            end, *others = (_end(e, s, run, s.t + span) for run in runs)
+            rough = _apart(e, _step(e, s, s.t, _start(s), span)[0], end)
         except FloatingPointError:
             continue
-        end, *others = (_end(e, s, run, s.t + span) for run in runs)
-        if not _apart(e, _step(e, s, s.t, _start(s), span)[0], end) <= SMOOTH:
+        if not rough <= SMOOTH:
             continue
         errors = [_apart(e, other, end) for other in others]
         yield [float(np.log2(a / b)) for a, b in pairwise(errors) if b > EXACT and a < FAR]
@@ -186,21 +187,24 @@ def _apart(e: Evidence, got: Array, wanted: Array) -> float:
 
 def reference_end(e: Evidence, s: Sample, span: float) -> Array:
     """(q, v) after the span. FloatingPointError where steps are halved without end."""
-    return _carried(e, s, s.t, _start(s), span, DEPTH)
+    return _carried(e, s, s.t, _start(s), span, DEPTH, np.inf)
 
 
 def _start(s: Sample) -> Array:
     return np.concatenate([s.q, s.v])
 
 
-def _carried(e: Evidence, s: Sample, t: float, y: Array, h: float, depth: int) -> Array:
-    """y after h, in as many steps as it takes."""
+def _carried(e: Evidence, s: Sample, t: float, y: Array, h: float, depth: int, before: float) -> Array:
+    """y after h, in as many steps as it takes; where half the step is hardly surer (`before`) there is a kink, or no rank."""
     end, doubtful = _step(e, s, t, y, h)
     doubt = _apart(e, doubtful, end)
     if depth == 0 and not doubt <= UNSURE:
         raise FloatingPointError("the reference cannot tell")
     if depth and not doubt <= DOUBT:
-        return _carried(e, s, t + h / 2, _carried(e, s, t, y, h / 2, depth - 1), h / 2, depth - 1)
+        if not doubt < before / 4:
+            raise FloatingPointError("the reference cannot tell")
+        middle = _carried(e, s, t, y, h / 2, depth - 1, doubt)
+        return _carried(e, s, t + h / 2, middle, h / 2, depth - 1, doubt)
     return np.concatenate([normalised(e.system, end[: len(s.q)]), end[len(s.q) :]])
 
 
@@ -210,7 +214,10 @@ def _step(e: Evidence, s: Sample, t: float, y: Array, h: float) -> tuple[Array, 
 
 def _rates(e: Evidence, s: Sample, t: float, y: Array) -> Array:
     q, v = np.split(y, [len(s.q)])
-    outcome = evaluate(e.reference, state_of(e.reference, t, q, v, s.u, s.full))
+    try:
+        outcome = evaluate(e.reference, state_of(e.reference, t, q, v, s.u, s.full))
+    except np.linalg.LinAlgError:  # nothing is left of the state
+        raise FloatingPointError("the reference cannot tell") from None
     return np.concatenate([outcome.qdot, outcome.vdot])
 
 
@@ -230,7 +237,7 @@ def _extrapolated(rate: Callable[[float, Array], Array], t: float, y: Array, h: 
 
 RUNGS = (
     Rung("simulate", 1e-8, "short motions against the reference integrated on its own, per condition number/1000", simulated),
-    Rung("order of the integrator", 1.5, "what the slope of the error of halved steps lacks to the order", order),
+    Rung("order of the integrator", 0.35, "what the slope of the error of halved steps lacks, as a part of the order", order),
     Rung("work = Δ(T + V)", 1e-8, "along short motions, by the reference's energies", work),
     Rung("there and back", 1e-8, "velocities turned round and run again, where the reference says that this can be", backwards),
 )

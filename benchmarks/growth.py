@@ -4,9 +4,9 @@
 
 Every mechanism runs in a process of its own with an empty cache; times are processor seconds, the compiler's own included, so
 that other work on the machine shows as little as possible. The exponents are between a tenth of the largest number of links and
-the largest. Beside them, as far as they come within a minute of processor time: derivation by SymPy's KanesMethod (also for 2, 3,
-5, 8, … links), and evaluation by Pinocchio's articulated-body algorithm where it is installed (its Python call, some 2 µs,
-included). Rows that FILE already has and that were not measured now are kept.
+the largest. Beside them, as far as they come within a minute of processor time and 8 GB: derivation by SymPy's KanesMethod (also
+for 2, 3, 5, 8, … links), and evaluation by Pinocchio's articulated-body algorithm where it is installed (its Python call, some
+2 µs, included). Rows that FILE already has and that were not measured now are kept.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from typing import Any
 LENGTHS = (10, 30, 100, 300, 1000)
 FUNCTIONS = ("dynamics", "bias", "inverse_dynamics", "energy")  # the mass matrix has n² entries by itself
 LONGEST = 60  # processor seconds for a peer
+MOST = 8 << 30  # bytes for a peer: Pinocchio's data grow with the cube of the length
 PEERS = {"kane": (2, 3, 5, 8, 12, 20, 30), "pinocchio": ()}  # numbers of links besides those asked for
 WIDTH, HEIGHT = 510, 420  # of one chart and the room around it
 STAGES = ("derive", "program", "emit", "compile", "load", "evaluate")
@@ -68,6 +69,7 @@ def main() -> None:
         kind, n = chosen.one.split(",")
         if kind in PEERS:
             resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
+            resource.setrlimit(resource.RLIMIT_AS, (MOST, MOST))
         print(json.dumps(KINDS[kind](int(n))))
         return
     found = json.loads(chosen.json.read_text()) if chosen.json and chosen.json.exists() else {}

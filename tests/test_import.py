@@ -526,6 +526,7 @@ BAD = {
     "flexible bodies": (ONE_BODY.format('<flexcomp name="f"/>', ""), ["<flexcomp> in a body"]),
     "global coordinates": ('<mujoco><compiler coordinate="global"/></mujoco>', ["global coordinates"]),
     "an unknown section": ("<mujoco><wordbody/></mujoco>", ["unknown section <wordbody>", "did you mean 'worldbody'?"]),
+    "a file of another kind": ('<mujoco><include file="/etc/hostname"/></mujoco>', ["is no MJCF file by its name"]),
     "a file that is not there": ('<mujoco><include file="parts.xml"/></mujoco>', ["the file 'parts.xml' is not there"]),
 }
 

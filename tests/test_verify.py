@@ -438,6 +438,26 @@ def test_the_result_is_kept_beside_the_module(seen):
     assert json.loads(stored(bad, chosen))["summary"]["margin"] < 0
 
 
+SLOT = """
+model: slot
+coordinates: {x: m, y: m}
+parameters: {m: 1e-3 kg, k: 1e9 N/m, c: 0.6, s: 0.8}
+kinetic: m/2*(der(x)^2 + der(y)^2)
+potential: k/2*(s*x + c*y)^2
+constraints: {slot: {holonomic: c*x - s*y}}
+initial: {x: 0.3 m, guess: {y: 0.2 m}}
+"""
+
+
+def test_a_multiplier_that_is_zero_is_held_against_the_largest_force():
+    """The spring pulls along the slot: all that is left of λ is roundoff of 1e9 N. An error of a millionth of that is one."""
+    model = load_text(SLOT)
+    e = equations(system(model))
+    assert verification(model, e, states=FEW).passed
+    wrong = [replace(f, result=replace(f.result, value=f.result.value + 1.0)) if f.name == "reactions" else f for f in e.functions]
+    assert "λ" in shown(verification(model, replace(e, functions=tuple(wrong)), states=FEW))
+
+
 # ---- tools ----------------------------------------------------------------------------------------------------------------
 
 

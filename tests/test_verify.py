@@ -454,7 +454,9 @@ def test_a_multiplier_that_is_zero_is_held_against_the_largest_force():
     model = load_text(SLOT)
     e = equations(system(model))
     assert verification(model, e, states=FEW).passed
-    wrong = [replace(f, result=replace(f.result, value=f.result.value + 1.0)) if f.name == "reactions" else f for f in e.functions]
+    wrong = [
+        replace(f, result=replace(f.result, value=f.result.value + 1.0)) if f.name == "reactions" else f for f in e.functions
+    ]
     assert "λ" in shown(verification(model, replace(e, functions=tuple(wrong)), states=FEW))
 
 

@@ -9,7 +9,7 @@ time, as a numerical pseudo-inverse has it, would flip off the constraints, wher
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -25,10 +25,11 @@ DEPENDENT = 1e-9  # smaller singular values of rows of length one are zero
 
 @dataclass(frozen=True)
 class Group:
-    """Rows that depend on each other: those in `kept` are independent, those in `others` are combinations of them."""
+    """Rows that depend on each other: those in `kept` are independent, each of `others` combines those it `repeats`."""
 
     kept: tuple[int, ...]
     others: tuple[int, ...]
+    repeats: tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,12 @@ def groups(A: np.ndarray, kept: Sequence[int]) -> tuple[Group, ...]:
     weights = np.max(np.abs(A[:, others] @ np.linalg.pinv(A[:, list(kept)])), axis=0)
     found: list[Group] = []
     for i, row in zip(others, weights):
-        group = Group(tuple(k for k, x in zip(kept, row) if x > TAKES_PART), (i,))
+        repeated = tuple(k for k, x in zip(kept, row) if x > TAKES_PART)
+        group = Group(repeated, (i,), (repeated,))
         for other in [g for g in found if set(g.kept) & set(group.kept)]:
             found.remove(other)
-            group = Group(tuple(sorted({*other.kept, *group.kept})), (*other.others, *group.others))
+            both = tuple(sorted({*other.kept, *group.kept}))
+            group = Group(both, (*other.others, *group.others), (*other.repeats, *group.repeats))
         found.append(group)
     return tuple(found)
 
@@ -128,21 +131,21 @@ def lost(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
     for i in kept:
         if np.linalg.svd(scaled[[*there, i]], compute_uv=False)[-1] > DEPENDENT:
             there.append(i)
-    found = [
-        Group(tuple(kept[k] for k in group.kept), tuple(kept[k] for k in group.others))
-        for group in groups(scaled[None, list(kept)], [list(kept).index(i) for i in there])
-    ]
+    here = groups(scaled[None], there)
+    found = [replace(group, others=(i,), repeats=(rows,)) for group in here for i, rows in zip(group.others, group.repeats)]
+    found = [group for group in found if group.others[0] in kept]
     return " and ".join(text for text, _ in _claims(system, found))
 
 
 def _claims(system: System, found: Sequence[Group]) -> Iterator[tuple[str, int]]:
     """Owner by owner: "rows 4 and 6 of closure C (…) repeat …", and how many rows that are."""
     for owner in dict.fromkeys(_owner(row) for row in system.rows):
-        own = [(i, group.kept) for group in found for i in group.others if _owner(system.rows[i]) == owner]
-        idle, others = [i for i, kept in own if not kept], [i for i, kept in own if kept]
+        pairs = [pair for group in found for pair in zip(group.others, group.repeats)]
+        own = sorted(pair for pair in pairs if _owner(system.rows[pair[0]]) == owner)
+        idle, others = [i for i, repeated in own if not repeated], [i for i, repeated in own if repeated]
         parts = [f"{_listing(system, idle)} say{'' if len(idle) > 1 else 's'} nothing"] if idle else []
         if others:
-            repeated = sorted({k for _, kept in own for k in kept})
+            repeated = sorted({k for _, rows in own for k in rows})
             parts.append(f"{_listing(system, others)} repeat{'' if len(others) > 1 else 's'} {_listing(system, repeated)}")
         if parts:
             yield " and ".join(parts), len(own)

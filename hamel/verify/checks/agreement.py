@@ -8,7 +8,7 @@ import numpy as np
 
 from derive.expressions.tree import Call
 from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import FLOOR, deviation, sizes, worst
+from hamel.verify.compare import FLOOR, SMALL, deviation, sizes, worst
 from hamel.verify.evidence import Evidence, Graph, Sample, Terms
 from hamel.verify.outputs import nearest_turn, outputs
 from hamel.verify.reference import Kinematics, Outcome, state_of
@@ -186,7 +186,10 @@ def _augmented(t: Terms) -> Array:
 
 
 def balance(e: Evidence) -> float | None:
-    """M v̇ + h = Q + Aᵀ λ row by row, against the sizes of what is summed: no condition number excuses a wrong λ or v̇ here."""
+    """M v̇ + h = Q + Aᵀ λ row by row, against the sizes of what is summed: no condition number excuses a wrong λ or v̇ here.
+
+    Where nothing pulls at all, what is summed is roundoff, and is not compared with itself.
+    """
     if not e.graph.has("reactions"):
         return None
     unit = e.units.force
@@ -196,7 +199,7 @@ def balance(e: Evidence) -> float | None:
 def _imbalance(t: Terms, vdot: Array, lam: Array, unit: Array) -> Array:
     summed = (_summed(t, vdot) + np.abs(t.A.T) @ np.abs(lam)) / unit
     left = (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / unit
-    return left / np.maximum(summed, 1e-6 * max(1e-300, summed.max(initial=0.0)))
+    return left / np.maximum(summed, 1e-6 * max(SMALL, summed.max(initial=0.0)))
 
 
 def choices(e: Evidence) -> float | None:

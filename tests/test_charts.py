@@ -372,7 +372,7 @@ def test_verification_sees_every_chart_and_the_way_between(crank: Case, slider_r
     def failed(**wrong: Any) -> list[str]:
         module = ModuleType(slider_rod.__name__)
         vars(module).update({**vars(slider_rod), **wrong})
-        found = verification(crank.mechanics.model, equations(crank.mechanics, "slider+rod"), module, states=10)
+        found = verification(crank.mechanics.model, equations(crank.mechanics, "slider+rod"), module, states=4)
         assert found.choice == "slider+rod" and len([c for c in found.checks if c.name.endswith("; chart 1, rod")]) > 30
         return [check.name for check in found.checks if not check.passed]
 
@@ -388,7 +388,7 @@ def test_a_wrong_chart_is_seen_in_its_equations(crank: Case) -> None:
     state = next(function for function in chart.functions if function.name == "state")
     wrong = replace(state, result=replace(state.result, value=1.001 * state.result.value))
     changed_chart = replace(chart, functions=tuple(wrong if f.name == "state" else f for f in chart.functions))
-    seen = verification(crank.mechanics.model, replace(found, charts=(changed_chart,)), None, states=5)
+    seen = verification(crank.mechanics.model, replace(found, charts=(changed_chart,)), None, states=3)
     assert not seen.passed and any("chart 1" in check.name for check in seen.checks if not check.passed)
 
 

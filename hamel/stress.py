@@ -66,7 +66,9 @@ def stress_table(
 
 def judged(path: Path, model: Model, entry: Stress) -> StressRow:
     """One case. An error of the model's file is no refusal and is raised."""
-    method = Method("quasi_velocities", entry.choice or None, None, entry.integrator, None, entry.rtol, None, real=entry.real)
+    method = Method(
+        "quasi_velocities", entry.choice or None, entry.keeping or None, entry.integrator, None, entry.rtol, None, real=entry.real
+    )
     try:
         found = simulated(path, method, entry.time, entry.time, dict(entry.values), None, None, None)
     except HamelError as error:

@@ -155,7 +155,8 @@ def _project(system: System, motion: Motion) -> Function | None:
     q = system.q + _position_step(system, closing) if closing else system.q
     sizes = _sizes(system) if closing else []
     positions = [system.rows[i].position for i in closing]
-    violation = [system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k] for k in positions]
+    turned = _turned(system, positions)
+    violation = [(system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k]) / turned for k in positions]
     w = motion.w
     if motion.projects_velocity and motion.kept:
         w, rest = _velocity_step(system, motion)
@@ -165,6 +166,14 @@ def _project(system: System, motion: Motion) -> Function | None:
     labels = (*(c.name for c in system.model.coordinates), *motion.names)
     step = Result("x", ca.vertcat(_with_unit_quaternions(system, q), w), labels, ())
     return Function("project", about, step, iteration=Iteration(CLOSED, MOST_STEPS), residual=_largest(violation))
+
+
+def _turned(system: System, positions: list[int]) -> ca.SX:
+    """How much of φ is rounding where angles have turned many times: each power of ten costs a digit. 1 up to 1,000 rad."""
+    angles = [system.q[i] for i, c in enumerate(system.model.coordinates) if c.unit == "rad"]
+    closed = ca.vertcat(*[system.phi[k] for k in positions])
+    involved = [angle for angle in angles if ca.depends_on(closed, angle)]
+    return ca.fmax(1, 1e-3 * _largest(involved)) if involved else ca.SX(1)
 
 
 def _sizes(system: System) -> list[float]:

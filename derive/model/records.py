@@ -386,6 +386,7 @@ class Stress:
     values: tuple[tuple[str, str], ...]
     time: float
     integrator: str
+    keeping: str
     real: str
     choice: str
     rtol: float

@@ -154,6 +154,7 @@ class StressEntry(Entry):
     set: dict[Name, Formula] = Field({}, description="Initial values, parameters and inputs, as with `hamel simulate --set`.")
     time: Formula = Field(description="The end of the motion, in seconds.")
     integrator: Formula | None = Field(None, description="How to step (default: dop853).")
+    keeping: Formula | None = Field(None, description="How to stay on the constraints (default: projection).")
     choice: Formula | None = Field(None, description="The choice of quasi-velocities (default: the file's first).")
     real: Formula | None = Field(None, description="What the code computes in: float64 or float32 (default: float64).")
     rtol: Formula | None = Field(None, description="Relative tolerance of a step (default: 1e-11, in float32 1e-6).")

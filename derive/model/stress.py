@@ -28,6 +28,7 @@ def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
         values=tuple((str(name), scalar.text) for name, scalar in entry.set.items()),
         time=_positive(reader, entry.time, "the time of a case", "s") or 0.0,
         integrator=_text(entry.integrator) or INTEGRATOR,
+        keeping=_text(entry.keeping),
         real=real,
         choice=_text(entry.choice),
         rtol=_positive(reader, entry.rtol, "the tolerance of a step", "1") or RTOL.get(real, 0.0),

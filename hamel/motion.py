@@ -23,6 +23,7 @@ from hamel.staging import staged_file, write_text
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
 
+FINEST = 1e-10  # rtol; rounding grows near singular positions
 MOST_STEPS = 10**9  # enough for a night; Ctrl-C ends it any time
 Writer = Callable[["Motion"], None]
 
@@ -105,6 +106,8 @@ def integrated(
             found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by), **several)
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
+        if "singular position" in str(error) and by.step_size is None and by.rtol < FINEST:
+            hint += f"; across a singular position an rtol of {FINEST:g} is about the finest that can be checked"
         raise AssumptionError(str(error), hint) from None
     found = replace(found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float))
     return judged(module, equations, found, u, p, time.perf_counter() - start)

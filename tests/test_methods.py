@@ -18,7 +18,7 @@ from derive.mechanics import system
 from derive.mechanics.initial import initial_state
 from derive.model import load_text
 from hamel.solutions import state_of
-from tests.points import quickly_built
+from tests.points import LOSSES, quickly_built
 from tests.scenes import MODELS
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -176,6 +176,13 @@ def test_published_digits(model: str, options: dict[str, Any], expected_: dict[s
     assert max(abs(final[name] / value - 1) for name, value in expected_.items()) < tolerance
 
 
+def test_an_angle_of_many_turns_can_be_projected() -> None:
+    turns = 2 * np.pi * 10_000
+    given = {"q1": np.radians(60) + turns, "q2": np.radians(-30) - turns}
+    found = hamel.simulate(MODELS / "four_bar.yaml", values=given, time=0.2, step=0.1)
+    assert found.steps < 100 and found.motion["position_violation"][-1] <= 1e-11
+
+
 # Long runs ---------------------------------------------------------------------------------------------------------
 
 LONG = [
@@ -198,6 +205,23 @@ LONG = [
 def test_constraints_hold_through_ten_thousand_seconds(model: str, options: dict[str, Any]) -> None:
     found = hamel.simulate(MODELS / f"{model}.yaml", time=1e4, step=10.0, rtol=1e-8, **options)
     assert found.position_violation <= 1e-12 and found.velocity_violation <= 1e-12 and found.acceleration_violation <= 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "options", [{}, {"formulation": "augmented", "keeping": "partitioning"}, {"keeping": "tangent"}], ids=str
+)
+@pytest.mark.parametrize("model", ["four_bar", "slider_crank"])
+def test_loops_that_go_on_turning_hold_to_the_rounding_of_their_angles(
+    model: str, options: dict[str, Any], tmp_path: Path
+) -> None:
+    """Without losses cranks take ten thousands of turns, and angles lose the digits that these cost."""
+    path = tmp_path / "turning.yaml"
+    path.write_text(LOSSES.sub(r"\g<1>0", (MODELS / f"{model}.yaml").read_text()))
+    found = hamel.simulate(path, time=1e4, step=10.0, rtol=1e-8, **options)
+    angle = max(abs(found.motion["q1"]))
+    assert angle > 5e4 and found.position_violation <= 1e-12 + np.finfo(float).eps * angle
+    assert found.velocity_violation <= 1e-12 and found.acceleration_violation <= 1e-12
 
 
 @pytest.mark.slow

@@ -7,15 +7,19 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from types import ModuleType
 
+import numpy as np
+
 from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import LOADED, QUICK, RUNGS
 from hamel.verify.checks.rung import Rung
-from hamel.verify.evidence import Evidence, graph, samples, terms
+from hamel.verify.evidence import Evidence, Sample, graph, samples, terms
 from hamel.verify.records import Check, Verification
 from hamel.verify.reference import Reference, reference
+from hamel.verify.vectors import Array
 
+NOTHING = 1e-9  # in the model's own units
 ENOUGH = 0.5  # at least this part of the states asked for must be found
 
 
@@ -66,10 +70,18 @@ def _verdict(seen: Evidence, states: int, seed: int, climbed: Sequence[Check]) -
 
 
 def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:
-    """The least and the largest value of every coordinate."""
-    names = [c.name for c in seen.system.model.coordinates]
-    columns = zip(*(s.q for s in seen.samples))
+    """The least and the largest value of time, every coordinate, velocity and input, and every parameter that is an argument."""
+    model = seen.system.model
+    free = [p for p in model.parameters if p.name not in seen.system.constants]
+    names = ["t", *(x.name for items in (model.coordinates, model.velocities, model.inputs, free) for x in items)]
+    columns = zip(*(np.concatenate([[s.t], _without_roundoff(seen, s), s.u, s.p]) for s in seen.samples))
     return tuple((name, float(min(column)), float(max(column))) for name, column in zip(names, columns))
+
+
+def _without_roundoff(seen: Evidence, s: Sample) -> Array:
+    """(q, v), zero where roundoff is all that is left of an entry."""
+    values = np.concatenate([s.q, s.v])
+    return np.where(np.abs(values) < NOTHING * seen.units.both, 0.0, values)
 
 
 def evidence(

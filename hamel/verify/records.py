@@ -21,7 +21,7 @@ class Check:
 class Verification:
     """All checks of one choice of quasi-velocities at `states` random admissible states.
 
-    `rank` is that of A there, `region` the coordinates' least and largest values.
+    `rank` is that of A there, `region` the least and the largest value of whatever varied.
     """
 
     model: str

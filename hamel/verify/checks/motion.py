@@ -40,8 +40,8 @@ RTOL = 1e-12
 
 
 def simulated(e: Evidence) -> float | None:
-    """q and v at the end."""
-    return _worst_of(e, _missed)
+    """q and v at the end. Not where rows are redundant: off the constraints, where the reference drifts, they are not."""
+    return None if e.redundant else _worst_of(e, _missed)
 
 
 def _missed(e: Evidence, k: int) -> float:
@@ -52,7 +52,7 @@ def _missed(e: Evidence, k: int) -> float:
 
 def order(e: Evidence) -> float | None:
     """What part of its order the default integrator lacks, as its equal steps are halved."""
-    if e.module is None or not _simulates(e):
+    if e.module is None or e.redundant or not _simulates(e):
         return None
     wanted = next(method.order for method in INTEGRATORS if method.name == e.module.integrators[0])
     best: float | None = None

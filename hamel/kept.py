@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ RECORD = "built.json"
 ALONE = (".yaml", ".yml")  # files that refer to no others
 
 
-def key(path: str | Path, options: Mapping[str, Any]) -> str | None:
+def key(path: str | PathLike[str], options: Mapping[str, Any]) -> str | None:
     """What names this build; None where no cache can be used."""
     if Path(path).suffix not in ALONE:
         return None

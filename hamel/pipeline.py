@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Literal
@@ -47,7 +48,7 @@ class Clock:
 
 
 def equations_of(
-    path: str | Path,
+    path: str | PathLike[str],
     choice: str | None = None,
     constants: Constants = (),
     formulation: str = "quasi_velocities",
@@ -67,7 +68,7 @@ def equations_of(
         return with_linearization(equations(mechanics, choice, formulation, charts=True))
 
 
-def _read(path: str | Path, constants: Constants, fix: Fixed) -> tuple[Model, Constants]:
+def _read(path: str | PathLike[str], constants: Constants, fix: Fixed) -> tuple[Model, Constants]:
     """The model, read in a copy of this process while this one imports what comes next, where it is not imported yet."""
 
     def read() -> tuple[Model, Constants]:

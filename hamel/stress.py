@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ class Ended:
     by: str
 
 
-def files(paths: Iterable[str | Path]) -> Iterator[Path]:
+def files(paths: Iterable[str | PathLike[str]]) -> Iterator[Path]:
     """Model files as they are, folders as the model files in them. Raises ModelError where there is none."""
     for path in map(Path, paths):
         found = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
@@ -50,7 +51,7 @@ def files(paths: Iterable[str | Path]) -> Iterator[Path]:
 
 
 def stress_table(
-    paths: Iterable[str | Path], case: str | None = None, progress: Callable[[str], None] | None = None
+    paths: Iterable[str | PathLike[str]], case: str | None = None, progress: Callable[[str], None] | None = None
 ) -> tuple[StressRow, ...]:
     """Every case of the files (or the ones called `case`), run and judged."""
     rows = []

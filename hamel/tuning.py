@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import AssumptionError
@@ -19,7 +19,7 @@ FEW = 1.5  # candidates with more than so many times the fewest operations are n
 
 
 def fastest(
-    path: str | Path, choice: str | None, constants: Constants, fix: Fixed, real: str, clock: Clock
+    path: str | PathLike[str], choice: str | None, constants: Constants, fix: Fixed, real: str, clock: Clock
 ) -> tuple[Equations, dict[str, float]]:
     """The equations whose `dynamics` is fastest here, and the nanoseconds per state of all that were compiled.
 

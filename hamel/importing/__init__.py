@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ ROBOTS = (".urdf", ".xml", ".mjcf", ".xacro")
 class Floating:
     """A robot file taken with its root link moving freely; stands wherever the path of a file does."""
 
-    path: str | Path
+    path: str | PathLike[str]
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -31,7 +32,7 @@ class Floating:
     __str__ = __fspath__
 
 
-File = str | Path | Floating
+File = str | PathLike[str]  # the path of a file, or Floating
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def load(path: File) -> Model:
             raise ModelError(
                 f"--floating is for URDF and MJCF files, and {path} is neither", "a joint of type free in the model file"
             )
-        return load(path)
+        return load(str(path))
     found = imported(path, floating)
     for sentence in found.left_out:
         warnings.warn(f"{path}: left out: {sentence}", RuntimeWarning, stacklevel=2)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
@@ -90,7 +91,7 @@ class Element:
         return self.at, len(self.tag) + 1
 
 
-def read(path: str | Path) -> File:
+def read(path: str | PathLike[str]) -> File:
     """The content of a file; ModelError where it cannot be had as UTF-8 text."""
     name = str(path)
     try:

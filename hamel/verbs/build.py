@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    path: str | Path,
+    path: str | PathLike[str],
     out: str | Path | None,
     choice: str | None,
     constants: Constants,

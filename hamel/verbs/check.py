@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 RANK = 1e-9  # singular values below this fraction of the largest are zero: constraints of exact models are far from it
 
 
-def run(path: str | Path) -> Checked:
+def run(path: str | PathLike[str]) -> Checked:
     model = load(path)
     mechanics = mechanics_of(model)
     initial = initial_state(mechanics)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from dataclasses import fields
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,7 +29,7 @@ BATCH = 4_000  # states in one call that is measured
 DRAWN = 7  # curves that can be told apart
 
 
-def run(path: str | Path, time: bool, plot: Path | None, until: float) -> Choices:
+def run(path: str | PathLike[str], time: bool, plot: Path | None, until: float) -> Choices:
     if plot is not None and plot.suffix.lower() != ".svg":
         raise ModelError(f"--plot {plot}: the file must end in .svg")
     model = load(path)
@@ -64,7 +65,7 @@ def _seconds(call) -> float:
     return clock.perf_counter() - start
 
 
-def _draw(path: str | Path, mechanics: System, names: list[str], plot: Path, until: float) -> None:
+def _draw(path: str | PathLike[str], mechanics: System, names: list[str], plot: Path, until: float) -> None:
     """cond [A; B] along the motion of the file's first choice."""
     import hamel
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def run(path: str | Path, choice: str | None, folder: Path, formulation: str) -> Derived:
+def run(path: str | PathLike[str], choice: str | None, folder: Path, formulation: str) -> Derived:
     equations = equations_of(path, choice, formulation=formulation)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
     write_text(pages["html"], html(equations))

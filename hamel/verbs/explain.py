@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING
 
 from hamel.pipeline import Constants, equations_of, program_of
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def run(path: str | Path, choice: str | None, constants: Constants) -> Explained:
+def run(path: str | PathLike[str], choice: str | None, constants: Constants) -> Explained:
     equations = equations_of(path, choice, constants)
     program = program_of(equations)
     return Explained(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def run(path: str | Path, out: str | Path | None, floating: bool) -> Imported:
+def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Imported:
     file = Path(out) if out else None
     if file and file.exists() and Path(path).exists() and file.samefile(path):
         raise ModelError(f"{path} would be overwritten by its own model", "give another file with -o")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    path: str | Path,
+    path: str | PathLike[str],
     at: str | None,
     choice: str | None,
     sweep: Mapping[str, str],

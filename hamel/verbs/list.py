@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from codegen.integrators import INTEGRATORS
@@ -35,7 +35,7 @@ initial: {x: 0.6 m, guess: {y: 0.8 m}}
 """
 
 
-def run(path: str | Path | None) -> Listed:
+def run(path: str | PathLike[str] | None) -> Listed:
     return Listed(_known()) if path is None else Listed(_named(path))
 
 
@@ -58,7 +58,7 @@ def _abouts(registry: Iterable[Any]) -> tuple[Known, ...]:
     return tuple(Known(item.name, item.about, getattr(item, "source", "")) for item in registry)
 
 
-def _named(path: str | Path) -> dict[str, tuple[Known, ...]]:
+def _named(path: str | PathLike[str]) -> dict[str, tuple[Known, ...]]:
     model = load(path)
     kinds = {
         "parameters": (Known(p.name, _line(f"{p.value:.6g} {p.unit}", p.about)) for p in model.parameters),

@@ -6,6 +6,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Collection, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,12 +35,12 @@ LIBRARIES = "libraries"  # among the integrators: all library solvers
 
 
 def run(
-    paths: Sequence[str | Path],
+    paths: Sequence[str | PathLike[str]],
     out: str | Path,
     time: float,
     values: Mapping[str, float | str],
     asked: Asked,
-    stress: Sequence[str | Path],
+    stress: Sequence[str | PathLike[str]],
     progress: Callable[[float], None] | None,
 ) -> Reported:
     _check((*paths, *stress), time, asked)
@@ -56,7 +57,7 @@ def run(
     return _written(studies, _stressed(stress), Path(out))
 
 
-def _check(paths: Sequence[str | Path], time: float, asked: Asked) -> None:
+def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Asked) -> None:
     floating = next((path for path in paths if isinstance(path, Floating)), None)
     if floating is not None:
         raise ModelError(f"a report is about files as they are: {floating}", "the model that `hamel import --floating` writes")
@@ -78,7 +79,7 @@ def _known(kind: str, names: Collection[str], known: Sequence[str]) -> None:
             raise ModelError(f"unknown {kind} '{name}'; {did_you_mean(name, known) or listed(known)}")
 
 
-def _cases(paths: Sequence[str | Path], time: float, values: Mapping[str, float | str]) -> list[Case]:
+def _cases(paths: Sequence[str | PathLike[str]], time: float, values: Mapping[str, float | str]) -> list[Case]:
     """A setting goes to every model that has the name; one that no model has is refused."""
     models = [load(path) for path in paths]
     cases, used = [], set()
@@ -95,7 +96,7 @@ def _cases(paths: Sequence[str | Path], time: float, values: Mapping[str, float 
     return cases
 
 
-def _stressed(paths: Sequence[str | Path]) -> tuple[StressRow, ...]:
+def _stressed(paths: Sequence[str | PathLike[str]]) -> tuple[StressRow, ...]:
     """All cases; one that nothing can judge is a row that did not pass, and hides no other."""
     rows: list[StressRow] = []
     for file in files(paths):

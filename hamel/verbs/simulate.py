@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,7 +56,7 @@ class Method:
 
 
 def run(
-    path: str | Path,
+    path: str | PathLike[str],
     method: Method,
     time: float,
     step: float | None,

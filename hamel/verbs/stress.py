@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def run(paths: Sequence[str | Path], case: str | None, progress: Callable[[str], None] | None = None) -> Stressed:
+def run(paths: Sequence[str | PathLike[str]], case: str | None, progress: Callable[[str], None] | None = None) -> Stressed:
     rows = stress_table(paths, case, progress)
     if not rows:
         asked = f"no case '{case}' in" if case else "no `stress:` cases in"

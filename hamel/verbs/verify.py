@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING
 
 from derive.formulations import equations
@@ -23,7 +23,13 @@ if TYPE_CHECKING:
 
 
 def run(
-    path: str | Path, choice: str | None, states: int, seed: int, constants: Constants, formulation: str, mutate: bool = False
+    path: str | PathLike[str],
+    choice: str | None,
+    states: int,
+    seed: int,
+    constants: Constants,
+    formulation: str,
+    mutate: bool = False,
 ) -> Verified:
     model = load(path)
     mechanics = mechanics_of(model, constants)

@@ -43,6 +43,11 @@ class Layout:
         start = self.nv + 6 * self.bodies.index(body)
         return slice(start, start + 6)
 
+    def row(self, body: str) -> slice:
+        """The same among the twists alone."""
+        start = 6 * self.bodies.index(body)
+        return slice(start, start + 6)
+
 
 def layout(model: Model) -> Layout:
     return Layout(len(model.velocities), tuple(body.name for body in model.bodies))

@@ -5,6 +5,7 @@ Made from the Model alone. Unknowns: ż = (v̇, acceleration of each body) and a
     [K  Gᵀ] [ ż]   [F]        K: analytic inertia and body inertias, F: all forces less the velocity-dependent ones,
     [G  0 ] [−μ] = [γ]        G: joint rows above constraint rows, μ = (joint wrenches, λ).
 
+The joint rows are eliminated first, six by six from the base to the tips, which leaves v̇ and λ: ż = (v̇, J v̇ + drift).
 Nothing here passes through derive.mechanics, derive.joints or CasADi.
 """
 
@@ -17,11 +18,11 @@ from typing import NoReturn
 import numpy as np
 
 from derive.expressions import tree
-from derive.model.records import Armature, Holonomic, Model, Nonholonomic, OnSurface
+from derive.model.records import GROUND, Armature, Holonomic, Model, Nonholonomic, OnSurface
 from derive.model.rows import row_names
 from hamel.verify.layout import Layout, Rows, layout, stacked
 from hamel.verify.loads import Applied, Lagrange, applied, body_inertia
-from hamel.verify.rows import RowsOf, constraint_rows, joint_rows
+from hamel.verify.rows import RowsOf, constraint_rows, joint_blocks
 from hamel.verify.saddle import rank_of, saddle, solved
 from hamel.verify.states import STILL, State, state
 from hamel.verify.vectors import Array
@@ -59,12 +60,11 @@ class Kinematics:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the reference says at one state. vdot nv, lam nc, wrenches nj × 6 (moment, force on the child, ground axes)."""
+    """What the reference says at one state. vdot nv, lam nc."""
 
     vdot: Array
     qdot: Array
     lam: Array
-    wrenches: Array
     kinematics: Kinematics
     M: Array  # nv × nv, Jᵀ K J
     h: Array  # nv, velocity products, gravity and the model's `potential`
@@ -122,11 +122,19 @@ def state_of(ref: Reference, t: float, q: Array, v: Array, u: Array | None = Non
 
 
 def kinematics(ref: Reference, s: State) -> Kinematics:
-    """Eliminate the joint rows: twists and twist rates as functions of v and v̇, then the constraint rows in v."""
+    """Twists and twist rates as functions of v and v̇, from the base to the tips; then the constraint rows in v."""
     nv = ref.place.nv
-    joints, rows = _joints(ref, s), ref.constraints(s)
-    inverse = np.linalg.solve(joints.coefficients[:, nv:], np.column_stack([-joints.coefficients[:, :nv], joints.gamma]))
-    J, drift = inverse[:, :nv], inverse[:, nv]
+    J, drift = np.zeros((ref.place.size - nv, nv)), np.zeros(ref.place.size - nv)
+    for seat in s.seats:
+        of_child, of_parent, gamma = joint_blocks(seat, s)
+        moved = np.zeros((6, nv + 1))
+        moved[:, seat.columns], moved[:, nv] = seat.twists, gamma
+        if seat.joint.parent != GROUND:
+            above = ref.place.row(seat.joint.parent)
+            moved += of_parent @ np.column_stack([J[above], drift[above]])
+        here, solution = ref.place.row(seat.joint.child), np.linalg.solve(of_child, moved)
+        J[here], drift[here] = solution[:, :nv], solution[:, nv]
+    rows = ref.constraints(s)
     over_v, over_twists = rows.coefficients[:, :nv], rows.coefficients[:, nv:]
     return Kinematics(s.N, J, drift, over_v + over_twists @ J, rows.c, rows.gamma - over_twists @ drift, rows.phi)
 
@@ -139,7 +147,7 @@ def energies(ref: Reference, s: State) -> tuple[float, float]:
 
 
 def evaluate(ref: Reference, s: State) -> Outcome:
-    """Solve for v̇, the joint wrenches and λ at one state; twice where a nonideal force uses a reaction of the ideal problem."""
+    """Solve for v̇ and λ at one state; twice where a nonideal force uses a reaction of the ideal problem."""
     if not _uses_reactions(ref.model):
         return _evaluated(ref, s, nonideal=True)
     ideal = _evaluated(ref, s, nonideal=False)
@@ -157,23 +165,19 @@ def _reactions(ref: Reference, lam: Array) -> dict[str, float]:
 
 
 def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
-    analytic, loads = ref.lagrange(s), applied(ref.model, ref.place, s, nonideal)
-    joints, rows, kin = _joints(ref, s), ref.constraints(s), kinematics(ref, s)
-    K, F = inertia(ref, s), _forces(ref, s, analytic, loads)
-    G, gamma = np.vstack([joints.coefficients, rows.coefficients]), np.concatenate([joints.gamma, rows.gamma])
+    analytic, loads, kin = ref.lagrange(s), applied(ref.model, ref.place, s, nonideal), kinematics(ref, s)
+    M, F, nv = mass(ref, s, kin), _forces(ref, s, analytic, loads), ref.place.nv
+    springs_and_others = loads.springs + loads.other
+    Q = _over_v(kin, springs_and_others)
+    h = _over_v(kin, springs_and_others - F) + kin.J.T @ _inertial(ref, s, kin.drift[:, None])[:, 0]
     rank = rank_of(kin.A)
-    solution, residual = solved(saddle(K, G), np.concatenate([F, gamma]), redundant=rank < len(kin.A))
-    nv, nz = ref.place.nv, ref.place.size
-    zdot, multipliers = solution[:nz], -solution[nz:]
-    wrenches, lam = np.split(multipliers, [len(joints.gamma)])
-    M = mass(K, kin)
-    Q = loads.springs + loads.other
-    h = _over_v(kin, Q - F) + kin.J.T @ K[nv:, nv:] @ kin.drift
+    solution, residual = solved(saddle(M, kin.A), np.concatenate([Q - h, kin.beta]), redundant=rank < len(kin.A))
+    vdot, lam = solution[:nv], -solution[nv:]
     z = np.concatenate([s.v, kin.J @ s.v])
-    power, explicit = float(loads.other @ z) + analytic.power, float(analytic.explicit + analytic.odd @ zdot[:nv])
+    power, explicit = float(loads.other @ z) + analytic.power, float(analytic.explicit + analytic.odd @ vdot)
     T, V = energies(ref, s)
     return Outcome(
-        vdot=zdot[:nv], qdot=s.rates, lam=lam, wrenches=wrenches.reshape(-1, 6), kinematics=kin, M=M, h=h, Q=_over_v(kin, Q),
+        vdot=vdot, qdot=s.rates, lam=lam, kinematics=kin, M=M, h=h, Q=Q,
         T=T, V=V, power=power, explicit=explicit, rank=rank, residual=residual,
     )  # fmt: skip
 
@@ -184,10 +188,6 @@ def _over_v(kin: Kinematics, force: Array) -> Array:
     return force[:nv] + kin.J.T @ force[nv:]
 
 
-def _joints(ref: Reference, s: State) -> Rows:
-    return stacked([joint_rows(seat, ref.place, s) for seat in s.seats], ref.place.size)
-
-
 def _bodies(ref: Reference, s: State) -> list[tuple[Array, Array, Array]]:
     """(twist, inertia, velocity-dependent wrench) of every body."""
     frames = [s.frames.get(body.name, STILL) for body in ref.model.bodies]
@@ -195,15 +195,10 @@ def _bodies(ref: Reference, s: State) -> list[tuple[Array, Array, Array]]:
     return [(twist, *body_inertia(body, s)) for twist, body in zip(twists, ref.model.bodies)]
 
 
-def inertia(ref: Reference, s: State) -> Array:
-    """K (nz × nz): analytic inertia, rotors and the bodies' own."""
-    nv = ref.place.nv
-    K = np.zeros((ref.place.size, ref.place.size))
-    K[:nv, :nv] = ref.lagrange(s).inertia + np.diag(rotors(ref, s))
-    for body, (_, own, _) in zip(ref.model.bodies, _bodies(ref, s)):
-        block = ref.place.twist(body.name)
-        K[block, block] = own
-    return K
+def _inertial(ref: Reference, s: State, rates: Array) -> Array:
+    """Each body's inertia times its rows of `rates`, 6 nb × k."""
+    own = np.array([inertia for _, inertia, _ in _bodies(ref, s)]).reshape(-1, 6, 6)
+    return (own @ rates.reshape(-1, 6, rates.shape[1])).reshape(rates.shape)
 
 
 def rotors(ref: Reference, s: State) -> Array:
@@ -216,10 +211,9 @@ def rotors(ref: Reference, s: State) -> Array:
     return result
 
 
-def mass(K: Array, kin: Kinematics) -> Array:
-    """M (nv × nv) = Jᵀ K J, analytic inertia included."""
-    nv = kin.J.shape[1]
-    return K[:nv, :nv] + kin.J.T @ K[nv:, nv:] @ kin.J
+def mass(ref: Reference, s: State, kin: Kinematics) -> Array:
+    """M (nv × nv) = Jᵀ K J, analytic inertia and rotors included."""
+    return ref.lagrange(s).inertia + np.diag(rotors(ref, s)) + kin.J.T @ _inertial(ref, s, kin.J)
 
 
 def _forces(ref: Reference, s: State, analytic: Lagrange, loads: Applied) -> Array:

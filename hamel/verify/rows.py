@@ -9,7 +9,6 @@ import numpy as np
 
 from derive.expressions import tree
 from derive.model.records import (
-    GROUND,
     Closure,
     Constraint,
     Distance,
@@ -38,21 +37,16 @@ class ConstraintRow:
     phi: float | None
 
 
-def joint_rows(seat: Seat, place: Layout, state: State) -> Rows:
-    """Six rows: the child moves as the parent plus the joint's own motion.
+def joint_blocks(seat: Seat, state: State) -> tuple[Array, Array, Array]:
+    """X_c, X_p, γ of six rows X_c ẋ_c − X_p ẋ_p − E H v̇ = γ over the twists: the child moves as the parent, plus its own motion.
 
     α_c − α_p − (E Hω) v̇ = ω_p × ω_rel + E Ḣω v;
     a_c + α_c × s + … − (a_p + α_p × d) − (E Hv) v̇ = ω_p × (ω_p × d + v_rel) + ω_c × v_rel + E Ḣv v, s and d the two arms.
     """
     parent, child = state.frames[seat.joint.parent], state.frames[seat.joint.child]
-    coefficients = np.zeros((6, place.size))
-    coefficients[:, seat.columns] = -seat.twists
-    coefficients[:, place.twist(seat.joint.child)] = _transport(seat.arm_child)
-    if seat.joint.parent != GROUND:
-        coefficients[:, place.twist(seat.joint.parent)] = -_transport(seat.arm_parent)
     swing = cross(parent.omega, cross(parent.omega, seat.arm_parent) + seat.velocity) + cross(child.omega, seat.velocity)
     gamma = np.concatenate([cross(parent.omega, seat.omega), swing - centripetal(child, seat.arm_child)])
-    return Rows(coefficients, gamma + seat.bias, np.zeros(6), np.zeros(0))
+    return _transport(seat.arm_child), _transport(seat.arm_parent), gamma + seat.bias
 
 
 def _transport(arm: Array) -> Array:

@@ -9,7 +9,7 @@ from hamel.verify.checks.agreement import violated
 from hamel.verify.checks.rung import Rung
 from hamel.verify.compare import deviation, slope, worst
 from hamel.verify.evidence import Evidence, Sample, Terms
-from hamel.verify.reference import energies, inertia, mass, state_of
+from hamel.verify.reference import energies, mass, state_of
 from hamel.verify.saddle import condition_of, saddle, solved
 from hamel.verify.vectors import Array
 
@@ -138,7 +138,7 @@ def _newton(e: Evidence, by_mass: bool) -> float:
     for s, x in zip(e.samples, e.astray):
         there = state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full)
         k = e.kinematics(there)
-        metric, unit = (mass(inertia(e.reference, there), k), e.units.M) if by_mass else (np.eye(len(s.v)), 1.0)
+        metric, unit = (mass(e.reference, there, k), e.units.M) if by_mass else (np.eye(len(s.v)), 1.0)
         matrix = saddle(metric, k.A[closing])
         step, _ = solved(matrix, np.concatenate([np.zeros(len(s.v)), -k.phi[phi]]), redundant=False)
         got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])

@@ -42,6 +42,7 @@ COLUMN = 44  # the same where the matrix has one column
 ROW = 66  # a wider matrix shows its widest entries by their symbols
 SYMBOL = 5  # the width of an entry's symbol, with the gap after it
 BROAD = 12  # more columns than this are not shown as a matrix
+MOST_ENTRIES = 4000  # a larger matrix is not read at all
 WORTH_NAMES = 30  # operations that all entries together must have before symbols of other terms are put in
 Rows = list[list[sympy.Expr]]
 
@@ -73,6 +74,7 @@ class Author:
     equations: Equations
     extra: Sequence[Extra] = ()
     names: dict[sympy.Symbol, str] = field(default_factory=dict)
+    taken: set[str] = field(default_factory=set)  # the names in LaTeX
     entries: dict[str, Rows] = field(default_factory=dict)
     exact: dict[str, Rows] = field(default_factory=dict)
     meanings: list[Meaning] = field(default_factory=list)
@@ -92,7 +94,7 @@ class Author:
         self.u = [self._symbol(x.name, names.symbol(x.name)) for x in self.system.model.inputs]
         self.t = self._symbol("t", "t")
         for x in self.extra:
-            self.names[x.symbol] = self._untaken(x.latex)
+            self._call(x.symbol, self._untaken(x.latex))
         self.typeset = Typesetter(self.names, len(self.p))
         self.reader = self._reader()
 
@@ -107,8 +109,12 @@ class Author:
         symbol = sympy.Symbol(name)
         while symbol in self.names:
             symbol = sympy.Symbol(symbol.name + "'")
-        self.names[symbol] = names.upright(name) if latex in self.names.values() else latex
+        self._call(symbol, names.upright(name) if latex in self.taken else latex)
         return symbol
+
+    def _call(self, symbol: sympy.Symbol, latex: str) -> None:
+        self.names[symbol] = latex
+        self.taken.add(latex)
 
     def _parameters(self) -> list[sympy.Symbol]:
         free = [x.name for x in self.system.model.parameters if x.name not in self.system.constants]
@@ -150,12 +156,12 @@ class Author:
         """A symbol for a term of the page; its name is in brackets, so that no identifier of the model has it."""
         symbol = sympy.Symbol(name if "[" in name else f"{name}[]")
         if symbol not in self.names:
-            self.names[symbol] = self._untaken(latex)
+            self._call(symbol, self._untaken(latex))
         return symbol
 
     def _untaken(self, latex: str) -> str:
         """With a tilde where the model has a symbol that looks the same."""
-        while latex in self.names.values():
+        while latex in self.taken:
             latex = rf"\tilde{{{latex}}}"
         return latex
 
@@ -330,8 +336,9 @@ class Author:
     ) -> bool:
         """Wide entries line by line, then the matrix. False where it could not be printed."""
         bold = names.bold(bold)
-        found = self.read(value) if found is None else found
-        if found is None:
+        readable = value.numel() <= MOST_ENTRIES
+        found = self.read(value) if found is None and readable else found
+        if found is None or not readable:
             self.too_long(bold)
             return False
         n, m = value.shape

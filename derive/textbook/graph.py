@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 
@@ -34,7 +35,9 @@ class Graph:
     def read(self, value: ca.SX) -> list[int]:
         """The nodes of a term's entries, row by row."""
         entries = ca.vec(ca.densify(value).T)
-        function = ca.Function("term", [self.symbols], [entries])
+        used = ca.symvar(entries)
+        function = ca.Function("term", [ca.vertcat(*used)], [entries])
+        places = [self.places[symbol.element_hash()] for symbol in used]
         slots: dict[int, int] = {}
         found = [0] * entries.numel()
         for k in range(function.n_instructions()):
@@ -42,14 +45,21 @@ class Graph:
             if op == ca.OP_OUTPUT:
                 found[function.instruction_output(k)[1]] = slots[inputs[0]]
             else:
-                slots[function.instruction_output(k)[0]] = self._number(function, k, op, inputs, slots)
+                slots[function.instruction_output(k)[0]] = self._number(function, k, op, inputs, slots, places)
         return found
 
-    def _number(self, function: ca.Function, k: int, op: int, inputs: Sequence[int], slots: dict[int, int]) -> int:
+    @cached_property
+    def places(self) -> dict[int, int]:
+        """Where each symbol stands among the symbols."""
+        return {self.symbols[i].element_hash(): i for i in range(self.symbols.numel())}
+
+    def _number(
+        self, function: ca.Function, k: int, op: int, inputs: Sequence[int], slots: dict[int, int], places: Sequence[int]
+    ) -> int:
         if op == ca.OP_CONST:
             return self._entered(Node(op, (), function.instruction_constant(k) + 0.0))
         if op == ca.OP_INPUT:
-            return self._entered(Node(op, (), float(inputs[1])))
+            return self._entered(Node(op, (), float(places[inputs[1]])))
         operands = [slots[i] for i in inputs]
         return self._entered(Node(op, tuple(sorted(operands) if op in _COMMUTES else operands)))
 

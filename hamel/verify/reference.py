@@ -166,10 +166,11 @@ def _reactions(ref: Reference, lam: Array) -> dict[str, float]:
 
 def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     analytic, loads, kin = ref.lagrange(s), applied(ref.model, ref.place, s, nonideal), kinematics(ref, s)
-    M, F, nv = mass(ref, s, kin), _forces(ref, s, analytic, loads), ref.place.nv
+    bodies, nv = _bodies(ref, s), ref.place.nv
+    M, F = _mass(ref, s, kin, bodies), _forces(ref, analytic, loads, bodies)
     springs_and_others = loads.springs + loads.other
     Q = _over_v(kin, springs_and_others)
-    h = _over_v(kin, springs_and_others - F) + kin.J.T @ _inertial(ref, s, kin.drift[:, None])[:, 0]
+    h = _over_v(kin, springs_and_others - F) + kin.J.T @ _inertial(bodies, kin.drift[:, None])[:, 0]
     rank = rank_of(kin.A)
     solution, residual = solved(saddle(M, kin.A), np.concatenate([Q - h, kin.beta]), redundant=rank < len(kin.A))
     vdot, lam = solution[:nv], -solution[nv:]
@@ -188,16 +189,19 @@ def _over_v(kin: Kinematics, force: Array) -> Array:
     return force[:nv] + kin.J.T @ force[nv:]
 
 
-def _bodies(ref: Reference, s: State) -> list[tuple[Array, Array, Array]]:
+Bodies = list[tuple[Array, Array, Array]]
+
+
+def _bodies(ref: Reference, s: State) -> Bodies:
     """(twist, inertia, velocity-dependent wrench) of every body."""
     frames = [s.frames.get(body.name, STILL) for body in ref.model.bodies]
     twists = [np.concatenate([frame.omega, frame.velocity]) for frame in frames]
     return [(twist, *body_inertia(body, s)) for twist, body in zip(twists, ref.model.bodies)]
 
 
-def _inertial(ref: Reference, s: State, rates: Array) -> Array:
+def _inertial(bodies: Bodies, rates: Array) -> Array:
     """Each body's inertia times its rows of `rates`, 6 nb × k."""
-    own = np.array([inertia for _, inertia, _ in _bodies(ref, s)]).reshape(-1, 6, 6)
+    own = np.array([inertia for _, inertia, _ in bodies]).reshape(-1, 6, 6)
     return (own @ rates.reshape(-1, 6, rates.shape[1])).reshape(rates.shape)
 
 
@@ -213,13 +217,17 @@ def rotors(ref: Reference, s: State) -> Array:
 
 def mass(ref: Reference, s: State, kin: Kinematics) -> Array:
     """M (nv × nv) = Jᵀ K J, analytic inertia and rotors included."""
-    return ref.lagrange(s).inertia + np.diag(rotors(ref, s)) + kin.J.T @ _inertial(ref, s, kin.J)
+    return _mass(ref, s, kin, _bodies(ref, s))
 
 
-def _forces(ref: Reference, s: State, analytic: Lagrange, loads: Applied) -> Array:
+def _mass(ref: Reference, s: State, kin: Kinematics, bodies: Bodies) -> Array:
+    return ref.lagrange(s).inertia + np.diag(rotors(ref, s)) + kin.J.T @ _inertial(bodies, kin.J)
+
+
+def _forces(ref: Reference, analytic: Lagrange, loads: Applied, bodies: Bodies) -> Array:
     """F (nz): everything but K ż and the multipliers."""
     F = np.array(loads.total)
     F[: ref.place.nv] += analytic.force
-    for body, (_, _, gyroscopic) in zip(ref.model.bodies, _bodies(ref, s)):
+    for body, (_, _, gyroscopic) in zip(ref.model.bodies, bodies):
         F[ref.place.twist(body.name)] -= gyroscopic
     return F

@@ -48,11 +48,11 @@ def rank_of(A: Array) -> int:
 
 
 def condition_of(matrix: Array) -> float:
-    """Ratio of the largest to the smallest nonzero singular value of the scaled matrix."""
+    """Ratio of the largest to the smallest nonzero singular value of the scaled matrix, which is symmetric."""
     if not matrix.size:
         return 1.0
     D = scales(matrix)
-    singular = np.linalg.svd(D[:, None] * matrix * D, compute_uv=False)
+    singular = np.sort(np.abs(np.linalg.eigvalsh(D[:, None] * matrix * D)))[::-1]
     nonzero = singular[singular > 1e-14 * singular[0]]
     return float(nonzero[0] / nonzero[-1])
 

@@ -34,7 +34,7 @@ class Graph:
 
     def read(self, value: ca.SX) -> list[int]:
         """The nodes of a term's entries, row by row."""
-        entries = ca.vec(ca.densify(value).T)
+        entries = ca.vec(ca.densify(ca.SX(value)).T)
         used = ca.symvar(entries)
         function = ca.Function("term", [ca.vertcat(*used)], [entries])
         places = [self.places[symbol.element_hash()] for symbol in used]

@@ -95,8 +95,8 @@ def combined(system: System, kept: Sequence[int], found: Sequence[Group]) -> Ind
         pivots += [(system.rows[i].name, x) for i, x in zip(group.kept, own)]
         for k, i in zip(places, group.kept):
             names[k] = f"{system.rows[i].name} with what repeats it"
-    parts = (ca.mtimes(E, x) for x in (system.A, system.c, system.beta))
-    return Independent(E, *parts, tuple(names), tuple(pivots))
+    A, c, beta = (ca.mtimes(E, x) for x in (system.A, system.c, system.beta))
+    return Independent(E, A, c, beta, tuple(names), tuple(pivots))
 
 
 def _pseudo_inverse(kept: ca.SX, others: ca.SX) -> tuple[ca.SX, Vector]:

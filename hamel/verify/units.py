@@ -15,6 +15,8 @@ from derive.mechanics.records import System
 from derive.mechanics.scales import Scales, scales, typical
 from hamel.verify.vectors import Array
 
+LEFT_OVER = 1e-12  # of what a velocity is: a speed below that is roundoff
+
 
 @dataclass(frozen=True)
 class Units:
@@ -116,4 +118,6 @@ def units(system: System, A: Sequence[Array], w: Sequence[Array]) -> Units:
     rows = typical([np.max(np.abs(each) * v, axis=1, initial=0.0) for each in A])
     order = sorted((row.position, i) for i, row in enumerate(system.rows) if row.position >= 0)
     positions = np.array([rows[i] for _, i in order if i < len(rows)]) * own.time
-    return Units(own, q, v, typical(np.abs(w)), rows, positions)
+    speeds = typical(np.abs(w))
+    speeds[speeds < LEFT_OVER * np.max(v, initial=0.0)] = 1.0  # the constraints leave nothing but roundoff of it
+    return Units(own, q, v, speeds, rows, positions)

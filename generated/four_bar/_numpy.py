@@ -58,7 +58,7 @@ def _dynamics(t, x, u, p, out):
 
     # S: base velocities per quasi-velocity, v = S w + R c
     z3 = 1.0 / l2
-    z4 = cos_z2 * l3 * z3
+    z4 = l3 * z3 * cos_z2
     z5 = l1 * sin_q2
     z6 = l3 * sin_z2
     z7 = 1.0 / z6
@@ -76,7 +76,7 @@ def _dynamics(t, x, u, p, out):
     z11 = z5 * z10
     z12 = q1_dot * l1 * v_2
     z13 = q1_dot * z11 - sin_q2 * z12
-    z14 = v_3 * v_3 * l3
+    z14 = l3 * v_3 * v_3
     z15 = z10 * (q1_dot * z8 + l2 * z10) - cos_z2 * z14
     z16 = z7 * (z15 - cos_q2 * z12)
     z17 = z3 * (z13 - sin_z2 * z14) + z4 * z16
@@ -87,24 +87,25 @@ def _dynamics(t, x, u, p, out):
     z20 = l2 * m2
     z21 = l2 * z20
     z22 = l1 * m2
-    z23 = l1 * m1 * 0.3333333333333333
-    z24 = z9 * (z8 * z20 + z9 * z21 * 0.3333333333333333) + l1 * (z22 + z23)
-    z25 = S_3 * S_3 * z19 + 3.0 * z24
+    z23 = 0.3333333333333333 * l1 * m1
+    z24 = z9 * (z8 * z20 + 0.3333333333333333 * z21 * z9) + l1 * (z22 + z23)
+    z25 = S_3 * z19 * S_3 + 3.0 * z24
 
     # f_w: right-hand side, Sᵀ (Q − h − M σ)
     z26 = 1.5 * z20
     z27 = z9 * (z21 * z17 - (z13 + 9.81 * cos_z1) * z26)
-    z28 = z27 - (z22 + 1.5 * z23) * cos_q1 * 29.43 + z26 * (z8 * z17 + z10 * z11)
-    z29 = z18 * cos_q3 * 14.715 - z16 * z19 + 0.03 * v_3
-    z30 = 3.0 * tau - S_3 * z29 + z28
+    z28 = 3.0 * tau - 29.43 * (z22 + 1.5 * z23) * cos_q1
+    z29 = 14.715 * z18 * cos_q3 + 0.03 * v_3 - z16 * z19
+    z30 = z28 - S_3 * z29 + z26 * (z8 * z17 + z10 * z11)
+    z31 = z27 + z30
 
     # xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)
-    z31 = z30 / z25
+    z32 = z31 / z25
 
     out[..., 0] = q1_dot
     out[..., 1] = v_2
     out[..., 2] = v_3
-    out[..., 3] = z31
+    out[..., 3] = z32
     singular = False
     singular = singular | (np.abs(z6) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, u, p)
@@ -125,12 +126,12 @@ def _mass(t, x, u, p, out):
 
     # M: mass matrix M(q) of the base velocities v, nv × nv
     z1 = m2 * l2
-    z2 = z1 * cos_q2 * 0.5
-    z3 = l1 * (z2 + l1 * m2 + m1 * l1 * 0.3333333333333333)
-    z4 = l2 * z1 * 0.3333333333333333
+    z2 = 0.5 * z1 * cos_q2
+    z3 = l1 * (l1 * m2 + 0.3333333333333333 * m1 * l1 + z2)
+    z4 = 0.3333333333333333 * l2 * z1
     z5 = z4 + l1 * z2
     z6 = z3 + z5
-    z7 = l3 * l3 * m3 * 0.3333333333333333
+    z7 = 0.3333333333333333 * m3 * l3 * l3
 
     out[..., 0] = z6
     out[..., 1] = z5
@@ -172,12 +173,12 @@ def _bias(t, x, u, p, out):
     z2 = 1.0 + l1 * (cos_q2 - sin_q2 * cos_z1 / sin_z1) / l2
     z3 = q1_dot - q1_dot * z2
     z4 = m2 * l2
-    z5 = (m1 + 2.0 * m2) * cos_q1 - z3 * z3 * (z4 * sin_q2) * 0.1019367991845056
-    z6 = sin_q2 * (sin_q1 - q1_dot * q1_dot * l1 * 0.1019367991845056) - cos_q1 * cos_q2
+    z5 = (m1 + 2.0 * m2) * cos_q1 - 0.1019367991845056 * z4 * sin_q2 * z3 * z3
+    z6 = sin_q2 * (sin_q1 - 0.1019367991845056 * l1 * q1_dot * q1_dot) - cos_q1 * cos_q2
     z7 = z4 * z6
     z8 = 4.905 * (l1 * z5 - z7)
     z9 = -4.905 * z7
-    z10 = l3 * m3 * cos_q3 * 4.905
+    z10 = 4.905 * l3 * m3 * cos_q3
     z11 = l3 * sin_z1
 
     out[..., 0] = z8
@@ -214,22 +215,23 @@ def _inverse_dynamics(t, x, u, p, out):
     cos_q3 = np.cos(q3)
 
     # tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇)
-    z1 = l1 * m2
-    z2 = m1 * l1 * 0.5
-    z3 = m2 * l2
-    z4 = der_q1 + der_q2
-    z5 = der_der_q1 + der_der_q2
-    z6 = z3 * (z4 * z4 * sin_q2 - z5 * cos_q2) * 0.5
-    z7 = 0.1019367991845056 * l1
-    z8 = l2 * z5 * 0.06795786612300374 - sin_q2 * (sin_q1 - der_q1 * der_q1 * z7)
-    z9 = z3 * (cos_q2 * (cos_q1 + der_der_q1 * z7) + z8) * 4.905
-    z10 = z9 + (z1 + z2) * cos_q1 * 9.81 + l1 * ((z1 + 0.6666666666666666 * z2) * der_der_q1 - z6)
-    z11 = m3 * l3 * (l3 * der_der_q3 + 14.715 * cos_q3) * 0.3333333333333333
-    z12 = z11 + 0.01 * der_q3
+    z1 = der_der_q1 + der_der_q2
+    z2 = 0.1019367991845056 * l1
+    z3 = 0.06795786612300374 * l2 * z1 + cos_q2 * (cos_q1 + der_der_q1 * z2)
+    z4 = m2 * l2
+    z5 = 4.905 * z4 * (z3 - sin_q2 * (sin_q1 - z2 * der_q1 * der_q1))
+    z6 = l1 * m2
+    z7 = 0.5 * m1 * l1
+    z8 = der_q1 + der_q2
+    z9 = 0.5 * z4 * (z8 * z8 * sin_q2 - z1 * cos_q2)
+    z10 = 9.81 * (z6 + z7) * cos_q1 + l1 * ((z6 + 0.6666666666666666 * z7) * der_der_q1 - z9)
+    z11 = z5 + z10
+    z12 = 0.3333333333333333 * m3 * l3 * (l3 * der_der_q3 + 14.715 * cos_q3)
+    z13 = z12 + 0.01 * der_q3
 
-    out[..., 0] = z10
-    out[..., 1] = z9
-    out[..., 2] = z12
+    out[..., 0] = z11
+    out[..., 1] = z5
+    out[..., 2] = z13
     singular = False
     status = _status(singular, out, x, p)
     return status
@@ -262,21 +264,21 @@ def _constraints(t, x, u, p, out):
     # violation: constraint violation: φ(q, t), then A v − c row by row
     z3 = cos_q3 * l3
     z4 = cos_z1 * l2
-    z5 = l4 + z3 - (z4 + cos_q1 * l1)
+    z5 = l4 + z3 - cos_q1 * l1 - z4
     z6 = l3 * sin_q3
     z7 = l2 * sin_z1
-    z8 = z6 - z7 - l1 * sin_q1
+    z8 = z6 - l1 * sin_q1 - z7
     z9 = l1 * sin_q2
     z10 = l3 * sin_z2
     z11 = z9 / z10
     z12 = z11 * q1_dot
     z13 = l1 * cos_q2
     z14 = l2 + z13
-    z15 = q1_dot * (1.0 + (z13 + l3 * z11 * cos_z2) / l2)
-    z16 = q1_dot * (cos_z1 * z9 - sin_z1 * z14) + z7 * z15
-    z17 = z6 * z12 - z16
-    z18 = z4 * z15 - q1_dot * (sin_z1 * z9 + cos_z1 * z14)
-    z19 = z18 - z3 * z12
+    z15 = z6 * z12 - q1_dot * (cos_z1 * z9 - sin_z1 * z14)
+    z16 = q1_dot * (1.0 + (z13 + l3 * cos_z2 * z11) / l2)
+    z17 = z15 - z7 * z16
+    z18 = q1_dot * (sin_z1 * z9 + cos_z1 * z14) + z3 * z12
+    z19 = z4 * z16 - z18
 
     out[..., 0] = z5
     out[..., 1] = z8
@@ -315,7 +317,7 @@ def _project_step(t, x, u, p, out):
     # x: nearest consistent state: q on φ = 0, w kept
     z2 = m2 * l2
     z3 = l2 * z2
-    z4 = z2 * cos_q2 * 1.5
+    z4 = 1.5 * z2 * cos_q2
     z5 = z3 + l1 * z4
     z6 = z5 + l1 * (z4 + l1 * (m1 + 3.0 * m2))
     z7 = 1.0 / z3
@@ -324,31 +326,33 @@ def _project_step(t, x, u, p, out):
     z10 = l2 * cos_z1
     z11 = l2 + l1 * cos_q2
     z12 = l1 * sin_q2
-    z13 = z8 * z10 - cos_z1 * z11 - sin_z1 * z12
+    z13 = z8 * z10 - (cos_z1 * z11 + sin_z1 * z12)
     z14 = z9 * z13
     z15 = l2 * sin_z1
     z16 = l3 * sin_q3
-    z17 = z15 - z16 + l1 * sin_q1
+    z17 = l1 * sin_q1 - z16 + z15
     z18 = cos_q3 * l3
-    z19 = l4 + z18 - (z10 + l1 * cos_q1)
-    z20 = 1.0 / (l3 * l3 * m3)
-    z21 = z16 * z20
-    z22 = z8 * z15 - sin_z1 * z11 + cos_z1 * z12
-    z23 = z22 * z9
-    z24 = z7 * z15
-    z25 = z23 * z13 + z10 * z24 + z18 * z21
-    z26 = 1.0 / (z22 * z23 + z15 * z24 + z16 * z21)
+    z19 = l4 + z18 - l1 * cos_q1 - z10
+    z20 = cos_z1 * z12 - sin_z1 * z11 + z8 * z15
+    z21 = z20 * z9
+    z22 = z7 * z15
+    z23 = 1.0 / (l3 * m3 * l3)
+    z24 = z16 * z23
+    z25 = z10 * z22 + z18 * z24 + z21 * z13
+    z26 = 1.0 / (z15 * z22 + z16 * z24 + z20 * z21)
     z27 = z25 * z26
     z28 = z7 * z10
-    z29 = z18 * z20
-    z30 = z25 * z27 - z13 * z14 - (z10 * z28 + z18 * z29)
+    z29 = z18 * z23
+    z30 = z25 * z27 - (z10 * z28 + z18 * z29 + z13 * z14)
     z31 = (z17 - z19 * z27) / z30
     z32 = z27 * z31 + z19 * z26
-    z33 = z14 * z31 - z23 * z32
+    z33 = z14 * z31 - z21 * z32
     z34 = q1 - z33
-    z35 = q2 + z28 * z31 + (z8 * z33 - z24 * z32)
-    z36 = q3 - z29 * z31 + z21 * z32
-    z37 = np.fmax(np.fmax(0.0, np.fabs(z19)), np.fabs(z17))
+    z35 = q2 + z28 * z31 - z22 * z32 + z8 * z33
+    z36 = q3 - z29 * z31 + z24 * z32
+    z37 = 0.001 * np.fmax(np.fmax(np.fmax(0.0, np.fabs(q1)), np.fabs(q2)), np.fabs(q3))
+    z38 = 1.0 / np.fmax(1.0, z37)
+    z39 = np.fmax(np.fmax(0.0, np.fabs(z19 * z38)), np.fabs(z17 * z38))
 
     out[..., 0] = z34
     out[..., 1] = z35
@@ -356,16 +360,17 @@ def _project_step(t, x, u, p, out):
     out[..., 3] = q1_dot
     singular = False
     status = _status(singular, out, x, p)
-    return status, np.where(status == 0, z37, np.inf)
+    return status, np.where(status == 0, z39, np.inf)
 
 
 def _project(t, x, u, p, out):
     point = np.array(np.broadcast_to(x, out.shape))
-    status = np.full(out.shape[:-1], 2)
+    status, before = np.full(out.shape[:-1], 2), np.inf
     for _ in range(20):
         new, step = np.empty(out.shape), status == 2
         found, residual = _project_step(t, point, u, p, new)
-        done = (residual <= 1e-13) & step
+        rounding = (residual >= 0.5 * before) & (residual <= 1000.0 * 1e-13)
+        done, before = ((residual <= 1e-13) | rounding) & step, residual
         status = np.where(step & (found != 0), found, np.where(done, 0, status))
         out[step] = new[step]
         point[step] = new[step]
@@ -404,52 +409,53 @@ def _reactions(t, x, u, p, out):
     # lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row
     z3 = 1.0 / (l3 * sin_q3)
     z4 = l3 * cos_q3
-    z5 = 1.0 / l2
-    z6 = l1 * cos_q2
-    z7 = sin_q2 * l1
-    z8 = l3 * sin_z2
-    z9 = 1.0 / z8
-    z10 = z7 * z9
-    z11 = l3 * cos_z2 * z5
-    z12 = z5 * z6 - z10 * z11
-    z13 = q1_dot * z12
-    z14 = z7 * z13
-    z15 = 1.0 + z12
-    z16 = q1_dot * q1_dot * l1
-    z17 = z15 * z16
-    z18 = q1_dot * z14 - sin_q2 * z17
-    z19 = z10 * q1_dot
-    z20 = z19 * z19 * l3
-    z21 = z13 * (q1_dot * z6 - l2 * z13) + cos_z2 * z20
-    z22 = z9 * (z21 - cos_q2 * z17)
-    z23 = z5 * (z18 + sin_z2 * z20) + z11 * z22
-    z24 = l2 * m2
-    z25 = l2 * z24
-    z26 = 0.3333333333333333 * z25
-    z27 = 0.5 * z24
-    z28 = z12 * (z23 * z26 - (z18 - 9.81 * cos_z1) * z27)
-    z29 = l1 * m2
-    z30 = l1 * m1 * 0.3333333333333333
-    z31 = 9.81 * cos_q1
-    z32 = m3 * l3
-    z33 = l3 * z32
-    z34 = 0.01 * (z19 + z32 * cos_q3 * 490.5)
-    z35 = 0.5 * (z6 * z23 - z13 * z14) * z24 + z10 * (z33 * z22 * 0.3333333333333333 + z34)
-    z36 = tau + z28 - (z29 + 1.5 * z30) * z31 - z35
-    z37 = z6 * z24
-    z38 = l1 * (z29 + z30) - z12 * (z37 - z12 * z26)
-    z39 = z36 / (z10 * z10 * z33 + 3.0 * z38)
-    z40 = z39 * (z25 + 1.5 * z37) + z25 * (0.3333333333333333 * z23 - z15 * z39)
-    z41 = z27 * (cos_q2 * z31 + sin_q2 * (z16 - 9.81 * sin_q1))
-    z42 = z34 + z33 * (z22 + z10 * z39 * 3.0) * 0.3333333333333333
-    z43 = l2 * sin_z1 * z3
-    z44 = (z41 + z42 * z43 + z40) / (z4 * z43 - l2 * cos_z1)
-    z45 = z3 * (z4 * z44 - z42)
+    z5 = sin_q2 * l1
+    z6 = l3 * sin_z2
+    z7 = 1.0 / z6
+    z8 = z5 * z7
+    z9 = z8 * q1_dot
+    z10 = m3 * l3
+    z11 = 0.01 * (z9 + 490.5 * z10 * cos_q3)
+    z12 = l3 * z10
+    z13 = 0.3333333333333333 * z12
+    z14 = l3 * z9 * z9
+    z15 = 1.0 / l2
+    z16 = l1 * cos_q2
+    z17 = l3 * z15 * cos_z2
+    z18 = z15 * z16 - z8 * z17
+    z19 = q1_dot * z18
+    z20 = 1.0 + z18
+    z21 = l1 * q1_dot * q1_dot
+    z22 = z20 * z21
+    z23 = z19 * (q1_dot * z16 - l2 * z19) - cos_q2 * z22
+    z24 = z7 * (cos_z2 * z14 + z23)
+    z25 = z5 * z19
+    z26 = q1_dot * z25 - sin_q2 * z22
+    z27 = z15 * (z26 + sin_z2 * z14) + z17 * z24
+    z28 = l2 * m2
+    z29 = l2 * z28
+    z30 = 0.3333333333333333 * z29
+    z31 = 0.5 * z28
+    z32 = z18 * (z27 * z30 - (z26 - 9.81 * cos_z1) * z31)
+    z33 = l1 * m2
+    z34 = 0.3333333333333333 * l1 * m1
+    z35 = 9.81 * cos_q1
+    z36 = tau - (z33 + 1.5 * z34) * z35 - z8 * (z24 * z13 + z11)
+    z37 = z32 + z36 - z31 * (z16 * z27 - z19 * z25)
+    z38 = z16 * z28
+    z39 = l1 * (z33 + z34) - z18 * (z38 - z18 * z30)
+    z40 = z37 / (z12 * z8 * z8 + 3.0 * z39)
+    z41 = z11 + z13 * (z24 + 3.0 * z8 * z40)
+    z42 = l2 * sin_z1 * z3
+    z43 = z31 * (cos_q2 * z35 + sin_q2 * (z21 - 9.81 * sin_q1))
+    z44 = z40 * (z29 + 1.5 * z38) + z43 + z29 * (0.3333333333333333 * z27 - z20 * z40)
+    z45 = (z41 * z42 + z44) / (z4 * z42 - l2 * cos_z1)
+    z46 = z3 * (z4 * z45 - z41)
 
-    out[..., 0] = z45
-    out[..., 1] = z44
+    out[..., 0] = z46
+    out[..., 1] = z45
     singular = False
-    singular = singular | (np.abs(z8) < 3.99989294319539e-10)  # pivot of C.x
+    singular = singular | (np.abs(z6) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -479,24 +485,25 @@ def _energy(t, x, u, p, out):
 
     # energy: kinetic and potential energy T, V
     z3 = q1_dot * l1
-    z4 = l3 * m3
+    z4 = cos_q2 * z3
     z5 = l3 * sin_z2
     z6 = l1 * sin_q2 / z5
-    z7 = q1_dot * z6
-    z8 = z3 * z3 * m1 + z7 * z7 * l3 * z4
-    z9 = sin_q2 * z3
-    z10 = cos_q2 * z3
-    z11 = 1.0 + (l1 * cos_q2 - cos_z2 * l3 * z6) / l2
-    z12 = q1_dot - q1_dot * z11
-    z13 = l2 * m2
-    z14 = z12 * z13
-    z15 = z10 * (z14 + m2 * z10 * 2.0) + (z10 + l2 * z12 * 0.6666666666666666) * z14
-    z16 = z9 * z9 * m2 * 0.5 + 0.25 * z15 + 0.16666666666666666 * z8
-    z17 = z13 * sin_z1 + z4 * sin_q3 + l1 * sin_q1 * (m1 + 2.0 * m2)
-    z18 = 4.905 * z17
+    z7 = 1.0 + (l1 * cos_q2 - cos_z2 * l3 * z6) / l2
+    z8 = q1_dot - q1_dot * z7
+    z9 = l2 * m2
+    z10 = z8 * z9
+    z11 = 2.0 * m2
+    z12 = z4 * (z10 + z4 * z11) + (z4 + 0.6666666666666666 * l2 * z8) * z10
+    z13 = sin_q2 * z3
+    z14 = q1_dot * z6
+    z15 = l3 * m3
+    z16 = m1 * z3 * z3 + l3 * z15 * z14 * z14
+    z17 = 0.5 * m2 * z13 * z13 + 0.16666666666666666 * z16 + 0.25 * z12
+    z18 = z15 * sin_q3 + l1 * (m1 + z11) * sin_q1 + z9 * sin_z1
+    z19 = 4.905 * z18
 
-    out[..., 0] = z16
-    out[..., 1] = z18
+    out[..., 0] = z17
+    out[..., 1] = z19
     singular = False
     singular = singular | (np.abs(z5) < 3.99989294319539e-10)  # pivot of C.x
     status = _status(singular, out, x, p)
@@ -518,8 +525,8 @@ def _power(t, x, u, p, out):
 
     # power: power of forces without potential: d(T + V)/dt
     z2 = z1 * l3
-    z3 = q1_dot * sin_q2 * l1 / z2
-    z4 = tau * q1_dot - z3 * z3 * 0.01
+    z3 = q1_dot * l1 * sin_q2 / z2
+    z4 = tau * q1_dot - 0.01 * z3 * z3
 
     out[..., 0] = z4
     singular = False
@@ -547,7 +554,7 @@ def _outputs(t, x, u, p, out):
     # y: the model's outputs
     z3 = 0.5 * l2
     z4 = cos_q1 * l1 + cos_z1 * z3 - 0.1 * sin_z1
-    z5 = l1 * sin_q1 + sin_z1 * z3 + 0.1 * cos_z1
+    z5 = l1 * sin_q1 + 0.1 * cos_z1 + sin_z1 * z3
     z6 = z2 * l3
 
     out[..., 0] = z4
@@ -615,7 +622,7 @@ def _guards(t, x, u, p, out):
     z1 = np.sin(q1 + q2 - q3)
 
     # guards: what must not change its sign or vanish on the way: pivots, and how independent the rows of A are
-    z2 = z1 * l3 * 2500066912.2937355
+    z2 = 2500066912.2937355 * l3 * z1
 
     out[..., 0] = z2
     singular = False

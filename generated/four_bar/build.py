@@ -22,9 +22,11 @@ NAME = "four_bar"
 FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fPIC")
 NATIVE = {"x86_64": "-march=native", "aarch64": "-mcpu=native"}  # this very processor
 BATCH = ("-O3",)  # the loops over states become vector instructions
+STEPS = ("-O3",)  # and so do the sums over stages of an integrator
 # Only gcc knows these: order statements for latency without running out of registers, and keep numbers out of integer registers.
 ORDER = ("-fschedule-insns", "-fsched-pressure")
 KEEP = {"x86_64": ("-mtune-ctrl=^general_regs_sse_spill,^inter_unit_moves_from_vec",)}
+LONG = ("-fno-tree-slp-vectorize",)  # it searches long straight lines at length, and what it joins it has to take apart again
 WIDE = "-mprefer-vector-width=512"  # of those as long as there are
 INSTALL = "install one (Debian: `apt install gcc`; macOS: `xcode-select --install`; anywhere: `pip install ziglang`)"
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
@@ -66,9 +68,8 @@ def choices():
 def identity(command):
     """What else a binary depends on: the compiler, its flags, this processor, this Python and the NumPy headers."""
     flags, macros = probe(tuple(command))
-    return "\n".join(
-        [*command, macros, *flags, *FLAGS, *BATCH, WIDE, sys.platform, sysconfig.get_platform(), extension_suffix(), *headers()]
-    )
+    given = (*flags, *FLAGS, *BATCH, *LONG, WIDE)
+    return "\n".join([*command, macros, *given, sys.platform, sysconfig.get_platform(), extension_suffix(), *headers()])
 
 
 def headers():
@@ -94,17 +95,17 @@ def compile_folder(folder, name, command):
     includes = headers()
     own = manifest(folder).get("flags", [])
     tasks = [[*command, *FLAGS, *flags_of(command, name, stem), *own, "-c", f"{stem}.c"] for stem in stems]
-    if includes:
-        tasks.append([*command, *FLAGS, *(f"-I{include}" for include in includes), "-c", f"{name}_module.c"])
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        list(pool.map(lambda task: run(folder, task), tasks))
     objects = [f"{stem}.o" for stem in stems]
     made = [f"lib{name}{SUFFIX}"]
-    run(folder, [*command, *shared(), *objects, "-lm", "-o", made[0]])
-    if includes:
-        made.append(f"_{name}{extension_suffix()}")
-        run(folder, [*command, *shared(), f"{name}_module.o", *objects, "-lm", "-o", made[1]])
+    links = [[*command, *shared(), *objects, "-lm", "-o", made[0]]]
+    if includes:  # the headers of Python and NumPy take longer to read than most sources
+        tasks.insert(0, [*command, *FLAGS, *(f"-I{include}" for include in includes), "-c", f"{name}_module.c"])
         objects.append(f"{name}_module.o")
+        made.append(f"_{name}{extension_suffix()}")
+        links.append([*command, *shared(), *objects, "-lm", "-o", made[1]])
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        for stage in (tasks, links):
+            list(pool.map(lambda task: run(folder, task), stage))
     for item in objects:
         (folder / item).unlink()
     return made
@@ -115,10 +116,14 @@ def flags_of(command, name, stem):
     if stem == f"{name}_cpu":
         return []
     flags, macros = probe(tuple(command))
-    if stem != f"{name}_batch":
+    if stem == f"{name}_batch":
+        wide = [WIDE] if "__AVX512F__" in macros else []
+        return [*flags, *BATCH, *wide]
+    if stem == f"{name}_simulate":
+        return [*flags, *STEPS]
+    if stem == name:
         return flags
-    wide = [WIDE] if "__AVX512F__" in macros else []
-    return [*(flag for flag in flags if flag not in ORDER), *BATCH, *wide]
+    return [*flags, *LONG]  # a function in a file of its own
 
 
 def manifest(folder):

@@ -65,8 +65,8 @@ const char *four_bar_program(void)
     return FOUR_BAR_PROGRAM;
 }
 
-/* Sine and cosine without a branch: x = k pi/2 + r + y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
-   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5; beyond that and where x is not finite
+/* Sine and cosine without a branch: x = k pi/2 + r - y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
+   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5, sin(-0) = -0; beyond that and where x is not finite
    the library's functions are called. */
 COLD void four_bar_far(double p, double q, double u, double v, double *sines, double *cosines)
 {
@@ -84,13 +84,13 @@ INLINE void four_bar_turns(double p, double q, double u, double v, double *restr
     const double round = 0x1.8p52;
     const four near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
     const four a = x - k * 0x1.921fb5444p+0, b = k * 0x1.68c234c4cp-39, c = a - b, d = c - a;
-    const four e = ((a - (c - d)) - (b + d)) - k * 0x1.98a2e03707345p-77, r = c + e, y = (c - r) + e, z = r * r;
-    const four s = -0x1.5555555555549p-3 + z * (0x1.111111110f87ap-7 + z * (-0x1.a01a019c118bdp-13 +
-        z * (0x1.71de3577acb24p-19 + z * (-0x1.ae5e6633c330cp-26 + z * 0x1.5d92ff36b5cd1p-33))));
+    const four e = ((b + d) - (a - (c - d))) + k * 0x1.98a2e03707345p-77, r = c - e, y = (r - c) + e, z = r * r;
+    const four s = 0x1.5555555555549p-3 + z * (-0x1.111111110f87ap-7 + z * (0x1.a01a019c118bdp-13 +
+        z * (-0x1.71de3577acb24p-19 + z * (0x1.ae5e6633c330cp-26 + z * -0x1.5d92ff36b5cd1p-33))));
     const four h = 0x1.555555555554bp-5 + z * (-0x1.6c16c16c14f8ap-10 + z * (0x1.a01a019c8391bp-16 +
         z * (-0x1.27e4f7ea3810ep-22 + z * (0x1.1ee9d752de8c6p-29 + z * -0x1.8fa46612f4219p-37))));
     const four half = 0.5 * z, w = 1.0 - half;
-    const four sin_r = r + (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h - r * y));
+    const four sin_r = r - (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h + r * y));
     bits n, one, two, swap;
     memcpy(&n, &near, sizeof n); /* its last bits are those of k */
     memcpy(&one, &sin_r, sizeof one);
@@ -149,7 +149,7 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
 
     /* S: base velocities per quasi-velocity, v = S w + R c */
     const double z3 = 1.0 / l2;
-    const double z4 = cos_z2 * l3 * z3;
+    const double z4 = l3 * z3 * cos_z2;
     const double z5 = l1 * sin_q2;
     const double z6 = l3 * sin_z2;
     const double z7 = 1.0 / z6;
@@ -167,7 +167,7 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
     const double z11 = z5 * z10;
     const double z12 = q1_dot * l1 * v_2;
     const double z13 = q1_dot * z11 - sin_q2 * z12;
-    const double z14 = v_3 * v_3 * l3;
+    const double z14 = l3 * v_3 * v_3;
     const double z15 = z10 * (q1_dot * z8 + l2 * z10) - cos_z2 * z14;
     const double z16 = z7 * (z15 - cos_q2 * z12);
     const double z17 = z3 * (z13 - sin_z2 * z14) + z4 * z16;
@@ -178,24 +178,25 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
     const double z20 = l2 * m2;
     const double z21 = l2 * z20;
     const double z22 = l1 * m2;
-    const double z23 = l1 * m1 * 0.3333333333333333;
-    const double z24 = z9 * (z8 * z20 + z9 * z21 * 0.3333333333333333) + l1 * (z22 + z23);
-    const double z25 = S_3 * S_3 * z19 + 3.0 * z24;
+    const double z23 = 0.3333333333333333 * l1 * m1;
+    const double z24 = z9 * (z8 * z20 + 0.3333333333333333 * z21 * z9) + l1 * (z22 + z23);
+    const double z25 = S_3 * z19 * S_3 + 3.0 * z24;
 
     /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
     const double z26 = 1.5 * z20;
     const double z27 = z9 * (z21 * z17 - (z13 + 9.81 * cos_z1) * z26);
-    const double z28 = z27 - (z22 + 1.5 * z23) * cos_q1 * 29.43 + z26 * (z8 * z17 + z10 * z11);
-    const double z29 = z18 * cos_q3 * 14.715 - z16 * z19 + 0.03 * v_3;
-    const double z30 = 3.0 * tau - S_3 * z29 + z28;
+    const double z28 = 3.0 * tau - 29.43 * (z22 + 1.5 * z23) * cos_q1;
+    const double z29 = 14.715 * z18 * cos_q3 + 0.03 * v_3 - z16 * z19;
+    const double z30 = z28 - S_3 * z29 + z26 * (z8 * z17 + z10 * z11);
+    const double z31 = z27 + z30;
 
     /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-    const double z31 = z30 / z25;
+    const double z32 = z31 / z25;
 
     out[0] = q1_dot; /* der(q1), rad/s */
     out[1] = v_2; /* der(q2), rad/s */
     out[2] = v_3; /* der(q3), rad/s */
-    out[3] = z31; /* der(q1_dot), rad/s^2 */
+    out[3] = z32; /* der(q1_dot), rad/s^2 */
     (void)t;
 
     if (fabs(z6) < 3.99989294319539e-10) /* pivot of C.x */
@@ -223,12 +224,12 @@ int four_bar_mass(double t, const double *x, const double *u, const double *p, d
 
     /* M: mass matrix M(q) of the base velocities v, nv × nv */
     const double z1 = m2 * l2;
-    const double z2 = z1 * cos_q2 * 0.5;
-    const double z3 = l1 * (z2 + l1 * m2 + m1 * l1 * 0.3333333333333333);
-    const double z4 = l2 * z1 * 0.3333333333333333;
+    const double z2 = 0.5 * z1 * cos_q2;
+    const double z3 = l1 * (l1 * m2 + 0.3333333333333333 * m1 * l1 + z2);
+    const double z4 = 0.3333333333333333 * l2 * z1;
     const double z5 = z4 + l1 * z2;
     const double z6 = z3 + z5;
-    const double z7 = l3 * l3 * m3 * 0.3333333333333333;
+    const double z7 = 0.3333333333333333 * m3 * l3 * l3;
 
     out[0] = z6; /* der(q1) */
     out[1] = z5; /* der(q2) */
@@ -277,12 +278,12 @@ int four_bar_bias(double t, const double *x, const double *u, const double *p, d
     const double z2 = 1.0 + l1 * (cos_q2 - sin_q2 * cos_z1 / sin_z1) / l2;
     const double z3 = q1_dot - q1_dot * z2;
     const double z4 = m2 * l2;
-    const double z5 = (m1 + 2.0 * m2) * cos_q1 - z3 * z3 * (z4 * sin_q2) * 0.1019367991845056;
-    const double z6 = sin_q2 * (sin_q1 - q1_dot * q1_dot * l1 * 0.1019367991845056) - cos_q1 * cos_q2;
+    const double z5 = (m1 + 2.0 * m2) * cos_q1 - 0.1019367991845056 * z4 * sin_q2 * z3 * z3;
+    const double z6 = sin_q2 * (sin_q1 - 0.1019367991845056 * l1 * q1_dot * q1_dot) - cos_q1 * cos_q2;
     const double z7 = z4 * z6;
     const double z8 = 4.905 * (l1 * z5 - z7);
     const double z9 = -4.905 * z7;
-    const double z10 = l3 * m3 * cos_q3 * 4.905;
+    const double z10 = 4.905 * l3 * m3 * cos_q3;
     const double z11 = l3 * sin_z1;
 
     out[0] = z8; /* der(q1) */
@@ -327,22 +328,23 @@ int four_bar_inverse_dynamics(double t, const double *x, const double *u, const 
     const double cos_q3 = cosines[2];
 
     /* tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇) */
-    const double z1 = l1 * m2;
-    const double z2 = m1 * l1 * 0.5;
-    const double z3 = m2 * l2;
-    const double z4 = der_q1 + der_q2;
-    const double z5 = der_der_q1 + der_der_q2;
-    const double z6 = z3 * (z4 * z4 * sin_q2 - z5 * cos_q2) * 0.5;
-    const double z7 = 0.1019367991845056 * l1;
-    const double z8 = l2 * z5 * 0.06795786612300374 - sin_q2 * (sin_q1 - der_q1 * der_q1 * z7);
-    const double z9 = z3 * (cos_q2 * (cos_q1 + der_der_q1 * z7) + z8) * 4.905;
-    const double z10 = z9 + (z1 + z2) * cos_q1 * 9.81 + l1 * ((z1 + 0.6666666666666666 * z2) * der_der_q1 - z6);
-    const double z11 = m3 * l3 * (l3 * der_der_q3 + 14.715 * cos_q3) * 0.3333333333333333;
-    const double z12 = z11 + 0.01 * der_q3;
+    const double z1 = der_der_q1 + der_der_q2;
+    const double z2 = 0.1019367991845056 * l1;
+    const double z3 = 0.06795786612300374 * l2 * z1 + cos_q2 * (cos_q1 + der_der_q1 * z2);
+    const double z4 = m2 * l2;
+    const double z5 = 4.905 * z4 * (z3 - sin_q2 * (sin_q1 - z2 * der_q1 * der_q1));
+    const double z6 = l1 * m2;
+    const double z7 = 0.5 * m1 * l1;
+    const double z8 = der_q1 + der_q2;
+    const double z9 = 0.5 * z4 * (z8 * z8 * sin_q2 - z1 * cos_q2);
+    const double z10 = 9.81 * (z6 + z7) * cos_q1 + l1 * ((z6 + 0.6666666666666666 * z7) * der_der_q1 - z9);
+    const double z11 = z5 + z10;
+    const double z12 = 0.3333333333333333 * m3 * l3 * (l3 * der_der_q3 + 14.715 * cos_q3);
+    const double z13 = z12 + 0.01 * der_q3;
 
-    out[0] = z10; /* der(q1) */
-    out[1] = z9; /* der(q2) */
-    out[2] = z12; /* der(q3) */
+    out[0] = z11; /* der(q1) */
+    out[1] = z5; /* der(q2) */
+    out[2] = z13; /* der(q3) */
     (void)t;
     (void)u;
 
@@ -384,21 +386,21 @@ int four_bar_constraints(double t, const double *x, const double *u, const doubl
     /* violation: constraint violation: φ(q, t), then A v − c row by row */
     const double z3 = cos_q3 * l3;
     const double z4 = cos_z1 * l2;
-    const double z5 = l4 + z3 - (z4 + cos_q1 * l1);
+    const double z5 = l4 + z3 - cos_q1 * l1 - z4;
     const double z6 = l3 * sin_q3;
     const double z7 = l2 * sin_z1;
-    const double z8 = z6 - z7 - l1 * sin_q1;
+    const double z8 = z6 - l1 * sin_q1 - z7;
     const double z9 = l1 * sin_q2;
     const double z10 = l3 * sin_z2;
     const double z11 = z9 / z10;
     const double z12 = z11 * q1_dot;
     const double z13 = l1 * cos_q2;
     const double z14 = l2 + z13;
-    const double z15 = q1_dot * (1.0 + (z13 + l3 * z11 * cos_z2) / l2);
-    const double z16 = q1_dot * (cos_z1 * z9 - sin_z1 * z14) + z7 * z15;
-    const double z17 = z6 * z12 - z16;
-    const double z18 = z4 * z15 - q1_dot * (sin_z1 * z9 + cos_z1 * z14);
-    const double z19 = z18 - z3 * z12;
+    const double z15 = z6 * z12 - q1_dot * (cos_z1 * z9 - sin_z1 * z14);
+    const double z16 = q1_dot * (1.0 + (z13 + l3 * cos_z2 * z11) / l2);
+    const double z17 = z15 - z7 * z16;
+    const double z18 = q1_dot * (sin_z1 * z9 + cos_z1 * z14) + z3 * z12;
+    const double z19 = z4 * z16 - z18;
 
     out[0] = z5; /* phi C.x */
     out[1] = z8; /* phi C.y */
@@ -414,7 +416,7 @@ int four_bar_constraints(double t, const double *x, const double *u, const doubl
     return FOUR_BAR_OK;
 }
 
-/* nearest consistent state: q on φ = 0, w kept: 102 operations a step */
+/* nearest consistent state: q on φ = 0, w kept: 113 operations a step */
 static int four_bar_project_step(double t, const double *x, const double *u, const double *p, double *restrict out, double *residual)
 {
     const double q1 = x[0];
@@ -445,7 +447,7 @@ static int four_bar_project_step(double t, const double *x, const double *u, con
     /* x: nearest consistent state: q on φ = 0, w kept */
     const double z2 = m2 * l2;
     const double z3 = l2 * z2;
-    const double z4 = z2 * cos_q2 * 1.5;
+    const double z4 = 1.5 * z2 * cos_q2;
     const double z5 = z3 + l1 * z4;
     const double z6 = z5 + l1 * (z4 + l1 * (m1 + 3.0 * m2));
     const double z7 = 1.0 / z3;
@@ -454,37 +456,39 @@ static int four_bar_project_step(double t, const double *x, const double *u, con
     const double z10 = l2 * cos_z1;
     const double z11 = l2 + l1 * cos_q2;
     const double z12 = l1 * sin_q2;
-    const double z13 = z8 * z10 - cos_z1 * z11 - sin_z1 * z12;
+    const double z13 = z8 * z10 - (cos_z1 * z11 + sin_z1 * z12);
     const double z14 = z9 * z13;
     const double z15 = l2 * sin_z1;
     const double z16 = l3 * sin_q3;
-    const double z17 = z15 - z16 + l1 * sin_q1;
+    const double z17 = l1 * sin_q1 - z16 + z15;
     const double z18 = cos_q3 * l3;
-    const double z19 = l4 + z18 - (z10 + l1 * cos_q1);
-    const double z20 = 1.0 / (l3 * l3 * m3);
-    const double z21 = z16 * z20;
-    const double z22 = z8 * z15 - sin_z1 * z11 + cos_z1 * z12;
-    const double z23 = z22 * z9;
-    const double z24 = z7 * z15;
-    const double z25 = z23 * z13 + z10 * z24 + z18 * z21;
-    const double z26 = 1.0 / (z22 * z23 + z15 * z24 + z16 * z21);
+    const double z19 = l4 + z18 - l1 * cos_q1 - z10;
+    const double z20 = cos_z1 * z12 - sin_z1 * z11 + z8 * z15;
+    const double z21 = z20 * z9;
+    const double z22 = z7 * z15;
+    const double z23 = 1.0 / (l3 * m3 * l3);
+    const double z24 = z16 * z23;
+    const double z25 = z10 * z22 + z18 * z24 + z21 * z13;
+    const double z26 = 1.0 / (z15 * z22 + z16 * z24 + z20 * z21);
     const double z27 = z25 * z26;
     const double z28 = z7 * z10;
-    const double z29 = z18 * z20;
-    const double z30 = z25 * z27 - z13 * z14 - (z10 * z28 + z18 * z29);
+    const double z29 = z18 * z23;
+    const double z30 = z25 * z27 - (z10 * z28 + z18 * z29 + z13 * z14);
     const double z31 = (z17 - z19 * z27) / z30;
     const double z32 = z27 * z31 + z19 * z26;
-    const double z33 = z14 * z31 - z23 * z32;
+    const double z33 = z14 * z31 - z21 * z32;
     const double z34 = q1 - z33;
-    const double z35 = q2 + z28 * z31 + (z8 * z33 - z24 * z32);
-    const double z36 = q3 - z29 * z31 + z21 * z32;
-    const double z37 = fmax(fmax(0.0, fabs(z19)), fabs(z17));
+    const double z35 = q2 + z28 * z31 - z22 * z32 + z8 * z33;
+    const double z36 = q3 - z29 * z31 + z24 * z32;
+    const double z37 = 0.001 * fmax(fmax(fmax(0.0, fabs(q1)), fabs(q2)), fabs(q3));
+    const double z38 = 1.0 / fmax(1.0, z37);
+    const double z39 = fmax(fmax(0.0, fabs(z19 * z38)), fabs(z17 * z38));
 
     out[0] = z34; /* q1 */
     out[1] = z35; /* q2 */
     out[2] = z36; /* q3 */
     out[3] = q1_dot; /* q1_dot */
-    *residual = z37;
+    *residual = z39;
     (void)t;
     (void)u;
 
@@ -495,7 +499,7 @@ static int four_bar_project_step(double t, const double *x, const double *u, con
 
 int four_bar_project(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
-    double point[4], residual;
+    double point[4], residual, before = INFINITY;
     int step, i, status;
     for (i = 0; i < 4; i++)
         point[i] = x[i];
@@ -503,15 +507,16 @@ int four_bar_project(double t, const double *x, const double *u, const double *p
         status = four_bar_project_step(t, point, u, p, out, &residual);
         if (status != FOUR_BAR_OK)
             return status;
-        if (residual <= 1e-13)
-            return FOUR_BAR_OK;
+        if (residual <= 1e-13 || (residual >= 0.5 * before && residual <= 1000.0 * 1e-13))
+            return FOUR_BAR_OK; /* or what is left is rounding: angles of many turns have fewer digits */
+        before = residual;
         for (i = 0; i < 4; i++)
             point[i] = out[i];
     }
     return FOUR_BAR_NOT_CONVERGED;
 }
 
-/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 132 operations */
+/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 130 operations */
 int four_bar_reactions(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -547,60 +552,61 @@ int four_bar_reactions(double t, const double *x, const double *u, const double 
     /* lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row */
     const double z3 = 1.0 / (l3 * sin_q3);
     const double z4 = l3 * cos_q3;
-    const double z5 = 1.0 / l2;
-    const double z6 = l1 * cos_q2;
-    const double z7 = sin_q2 * l1;
-    const double z8 = l3 * sin_z2;
-    const double z9 = 1.0 / z8;
-    const double z10 = z7 * z9;
-    const double z11 = l3 * cos_z2 * z5;
-    const double z12 = z5 * z6 - z10 * z11;
-    const double z13 = q1_dot * z12;
-    const double z14 = z7 * z13;
-    const double z15 = 1.0 + z12;
-    const double z16 = q1_dot * q1_dot * l1;
-    const double z17 = z15 * z16;
-    const double z18 = q1_dot * z14 - sin_q2 * z17;
-    const double z19 = z10 * q1_dot;
-    const double z20 = z19 * z19 * l3;
-    const double z21 = z13 * (q1_dot * z6 - l2 * z13) + cos_z2 * z20;
-    const double z22 = z9 * (z21 - cos_q2 * z17);
-    const double z23 = z5 * (z18 + sin_z2 * z20) + z11 * z22;
-    const double z24 = l2 * m2;
-    const double z25 = l2 * z24;
-    const double z26 = 0.3333333333333333 * z25;
-    const double z27 = 0.5 * z24;
-    const double z28 = z12 * (z23 * z26 - (z18 - 9.81 * cos_z1) * z27);
-    const double z29 = l1 * m2;
-    const double z30 = l1 * m1 * 0.3333333333333333;
-    const double z31 = 9.81 * cos_q1;
-    const double z32 = m3 * l3;
-    const double z33 = l3 * z32;
-    const double z34 = 0.01 * (z19 + z32 * cos_q3 * 490.5);
-    const double z35 = 0.5 * (z6 * z23 - z13 * z14) * z24 + z10 * (z33 * z22 * 0.3333333333333333 + z34);
-    const double z36 = tau + z28 - (z29 + 1.5 * z30) * z31 - z35;
-    const double z37 = z6 * z24;
-    const double z38 = l1 * (z29 + z30) - z12 * (z37 - z12 * z26);
-    const double z39 = z36 / (z10 * z10 * z33 + 3.0 * z38);
-    const double z40 = z39 * (z25 + 1.5 * z37) + z25 * (0.3333333333333333 * z23 - z15 * z39);
-    const double z41 = z27 * (cos_q2 * z31 + sin_q2 * (z16 - 9.81 * sin_q1));
-    const double z42 = z34 + z33 * (z22 + z10 * z39 * 3.0) * 0.3333333333333333;
-    const double z43 = l2 * sin_z1 * z3;
-    const double z44 = (z41 + z42 * z43 + z40) / (z4 * z43 - l2 * cos_z1);
-    const double z45 = z3 * (z4 * z44 - z42);
+    const double z5 = sin_q2 * l1;
+    const double z6 = l3 * sin_z2;
+    const double z7 = 1.0 / z6;
+    const double z8 = z5 * z7;
+    const double z9 = z8 * q1_dot;
+    const double z10 = m3 * l3;
+    const double z11 = 0.01 * (z9 + 490.5 * z10 * cos_q3);
+    const double z12 = l3 * z10;
+    const double z13 = 0.3333333333333333 * z12;
+    const double z14 = l3 * z9 * z9;
+    const double z15 = 1.0 / l2;
+    const double z16 = l1 * cos_q2;
+    const double z17 = l3 * z15 * cos_z2;
+    const double z18 = z15 * z16 - z8 * z17;
+    const double z19 = q1_dot * z18;
+    const double z20 = 1.0 + z18;
+    const double z21 = l1 * q1_dot * q1_dot;
+    const double z22 = z20 * z21;
+    const double z23 = z19 * (q1_dot * z16 - l2 * z19) - cos_q2 * z22;
+    const double z24 = z7 * (cos_z2 * z14 + z23);
+    const double z25 = z5 * z19;
+    const double z26 = q1_dot * z25 - sin_q2 * z22;
+    const double z27 = z15 * (z26 + sin_z2 * z14) + z17 * z24;
+    const double z28 = l2 * m2;
+    const double z29 = l2 * z28;
+    const double z30 = 0.3333333333333333 * z29;
+    const double z31 = 0.5 * z28;
+    const double z32 = z18 * (z27 * z30 - (z26 - 9.81 * cos_z1) * z31);
+    const double z33 = l1 * m2;
+    const double z34 = 0.3333333333333333 * l1 * m1;
+    const double z35 = 9.81 * cos_q1;
+    const double z36 = tau - (z33 + 1.5 * z34) * z35 - z8 * (z24 * z13 + z11);
+    const double z37 = z32 + z36 - z31 * (z16 * z27 - z19 * z25);
+    const double z38 = z16 * z28;
+    const double z39 = l1 * (z33 + z34) - z18 * (z38 - z18 * z30);
+    const double z40 = z37 / (z12 * z8 * z8 + 3.0 * z39);
+    const double z41 = z11 + z13 * (z24 + 3.0 * z8 * z40);
+    const double z42 = l2 * sin_z1 * z3;
+    const double z43 = z31 * (cos_q2 * z35 + sin_q2 * (z21 - 9.81 * sin_q1));
+    const double z44 = z40 * (z29 + 1.5 * z38) + z43 + z29 * (0.3333333333333333 * z27 - z20 * z40);
+    const double z45 = (z41 * z42 + z44) / (z4 * z42 - l2 * cos_z1);
+    const double z46 = z3 * (z4 * z45 - z41);
 
-    out[0] = z45; /* C.x */
-    out[1] = z44; /* C.y */
+    out[0] = z46; /* C.x */
+    out[1] = z45; /* C.y */
     (void)t;
 
-    if (fabs(z8) < 3.99989294319539e-10) /* pivot of C.x */
+    if (fabs(z6) < 3.99989294319539e-10) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * p[3]) + (0.0 * out[0]) + (0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
 
-/* kinetic and potential energy T, V: 58 operations */
+/* kinetic and potential energy T, V: 57 operations */
 int four_bar_energy(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -631,24 +637,25 @@ int four_bar_energy(double t, const double *x, const double *u, const double *p,
 
     /* energy: kinetic and potential energy T, V */
     const double z3 = q1_dot * l1;
-    const double z4 = l3 * m3;
+    const double z4 = cos_q2 * z3;
     const double z5 = l3 * sin_z2;
     const double z6 = l1 * sin_q2 / z5;
-    const double z7 = q1_dot * z6;
-    const double z8 = z3 * z3 * m1 + z7 * z7 * l3 * z4;
-    const double z9 = sin_q2 * z3;
-    const double z10 = cos_q2 * z3;
-    const double z11 = 1.0 + (l1 * cos_q2 - cos_z2 * l3 * z6) / l2;
-    const double z12 = q1_dot - q1_dot * z11;
-    const double z13 = l2 * m2;
-    const double z14 = z12 * z13;
-    const double z15 = z10 * (z14 + m2 * z10 * 2.0) + (z10 + l2 * z12 * 0.6666666666666666) * z14;
-    const double z16 = z9 * z9 * m2 * 0.5 + 0.25 * z15 + 0.16666666666666666 * z8;
-    const double z17 = z13 * sin_z1 + z4 * sin_q3 + l1 * sin_q1 * (m1 + 2.0 * m2);
-    const double z18 = 4.905 * z17;
+    const double z7 = 1.0 + (l1 * cos_q2 - cos_z2 * l3 * z6) / l2;
+    const double z8 = q1_dot - q1_dot * z7;
+    const double z9 = l2 * m2;
+    const double z10 = z8 * z9;
+    const double z11 = 2.0 * m2;
+    const double z12 = z4 * (z10 + z4 * z11) + (z4 + 0.6666666666666666 * l2 * z8) * z10;
+    const double z13 = sin_q2 * z3;
+    const double z14 = q1_dot * z6;
+    const double z15 = l3 * m3;
+    const double z16 = m1 * z3 * z3 + l3 * z15 * z14 * z14;
+    const double z17 = 0.5 * m2 * z13 * z13 + 0.16666666666666666 * z16 + 0.25 * z12;
+    const double z18 = z15 * sin_q3 + l1 * (m1 + z11) * sin_q1 + z9 * sin_z1;
+    const double z19 = 4.905 * z18;
 
-    out[0] = z16; /* T, J */
-    out[1] = z18; /* V, J */
+    out[0] = z17; /* T, J */
+    out[1] = z19; /* V, J */
     (void)t;
     (void)u;
 
@@ -678,8 +685,8 @@ int four_bar_power(double t, const double *x, const double *u, const double *p, 
 
     /* power: power of forces without potential: d(T + V)/dt */
     const double z2 = z1 * l3;
-    const double z3 = q1_dot * sin_q2 * l1 / z2;
-    const double z4 = tau * q1_dot - z3 * z3 * 0.01;
+    const double z3 = q1_dot * l1 * sin_q2 / z2;
+    const double z4 = tau * q1_dot - 0.01 * z3 * z3;
 
     out[0] = z4; /* power, W */
     (void)t;
@@ -714,7 +721,7 @@ int four_bar_outputs(double t, const double *x, const double *u, const double *p
     /* y: the model's outputs */
     const double z3 = 0.5 * l2;
     const double z4 = cos_q1 * l1 + cos_z1 * z3 - 0.1 * sin_z1;
-    const double z5 = l1 * sin_q1 + sin_z1 * z3 + 0.1 * cos_z1;
+    const double z5 = l1 * sin_q1 + 0.1 * cos_z1 + sin_z1 * z3;
     const double z6 = z2 * l3;
 
     out[0] = z4; /* tip[0], m */
@@ -804,7 +811,7 @@ int four_bar_guards(double t, const double *x, const double *u, const double *p,
     const double z1 = sines[0];
 
     /* guards: what must not change its sign or vanish on the way: pivots, and how independent the rows of A are */
-    const double z2 = z1 * l3 * 2500066912.2937355;
+    const double z2 = 2500066912.2937355 * l3 * z1;
 
     out[0] = z2; /* pivot of C.x */
     (void)t;
@@ -815,7 +822,7 @@ int four_bar_guards(double t, const double *x, const double *u, const double *p,
     return FOUR_BAR_OK;
 }
 
-/* constants of dynamics, from parameters alone: 13 operations */
+/* constants of dynamics, from parameters alone: 17 operations */
 int four_bar_dynamics_precompute(const double *p, double *restrict c)
 {
     const double l1 = p[0];
@@ -827,15 +834,18 @@ int four_bar_dynamics_precompute(const double *p, double *restrict c)
 
     /* c: constants of dynamics, from parameters alone */
     const double z1 = 1.0 / l2;
-    const double z2 = l2 * m2;
-    const double z3 = l2 * z2;
-    const double z4 = 1.5 * z2;
-    const double z5 = l1 * m2;
-    const double z6 = l1 * m1 * 0.3333333333333333;
-    const double z7 = z5 + 1.5 * z6;
-    const double z8 = l3 * m3;
-    const double z9 = l3 * z8;
-    const double z10 = l1 * (z5 + z6);
+    const double z2 = l3 * z1;
+    const double z3 = l2 * m2;
+    const double z4 = l2 * z3;
+    const double z5 = 1.5 * z3;
+    const double z6 = l3 * m3;
+    const double z7 = l3 * z6;
+    const double z8 = 14.715 * z6;
+    const double z9 = l1 * m2;
+    const double z10 = 0.3333333333333333 * l1 * m1;
+    const double z11 = 29.43 * (z9 + 1.5 * z10);
+    const double z12 = 0.3333333333333333 * z4;
+    const double z13 = l1 * (z9 + z10);
 
     c[0] = l1; /* l1 */
     c[1] = l2; /* l2 */
@@ -844,17 +854,19 @@ int four_bar_dynamics_precompute(const double *p, double *restrict c)
     c[4] = z2; /* c5 */
     c[5] = z3; /* c6 */
     c[6] = z4; /* c7 */
-    c[7] = z7; /* c8 */
-    c[8] = z8; /* c9 */
-    c[9] = z9; /* c10 */
-    c[10] = z10; /* c11 */
+    c[7] = z5; /* c8 */
+    c[8] = z7; /* c9 */
+    c[9] = z8; /* c10 */
+    c[10] = z11; /* c11 */
+    c[11] = z12; /* c12 */
+    c[12] = z13; /* c13 */
 
-    if (!((0.0 * p[3] + 0.0 * c[5] + 0.0 * c[8]) + (0.0 * c[3] + 0.0 * c[6] + 0.0 * c[9]) + (0.0 * c[4] + 0.0 * c[7] + 0.0 * c[10]) == 0.0))
+    if (!((0.0 * p[3] + 0.0 * c[5] + 0.0 * c[8] + 0.0 * c[11]) + (0.0 * c[3] + 0.0 * c[6] + 0.0 * c[9] + 0.0 * c[12]) + (0.0 * c[4] + 0.0 * c[7] + 0.0 * c[10]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
     return FOUR_BAR_OK;
 }
 
-/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 80 operations */
+/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 76 operations */
 int four_bar_dynamics_precomputed(double t, const double *x, const double *u, const double *c, double *restrict out)
 {
     const double q1 = x[0];
@@ -873,6 +885,8 @@ int four_bar_dynamics_precomputed(double t, const double *x, const double *u, co
     const double c9 = c[8];
     const double c10 = c[9];
     const double c11 = c[10];
+    const double c12 = c[11];
+    const double c13 = c[12];
 
     /* angles: their sines and cosines, all together */
     const double z1 = q2 + q1;
@@ -890,7 +904,7 @@ int four_bar_dynamics_precomputed(double t, const double *x, const double *u, co
     const double cos_q3 = cosines_[0];
 
     /* S: base velocities per quasi-velocity, v = S w + R c */
-    const double z3 = cos_z2 * l3 * c4;
+    const double z3 = cos_z2 * c5;
     const double z4 = l1 * sin_q2;
     const double z5 = l3 * sin_z2;
     const double z6 = 1.0 / z5;
@@ -908,20 +922,20 @@ int four_bar_dynamics_precomputed(double t, const double *x, const double *u, co
     const double z10 = z4 * z9;
     const double z11 = q1_dot * l1 * v_2;
     const double z12 = q1_dot * z10 - sin_q2 * z11;
-    const double z13 = v_3 * v_3 * l3;
+    const double z13 = l3 * v_3 * v_3;
     const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
     const double z15 = z6 * (z14 - cos_q2 * z11);
     const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
 
     /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-    const double z17 = z8 * (z7 * c5 + z8 * c6 * 0.3333333333333333) + c11;
-    const double z18 = S_3 * S_3 * c10 + 3.0 * z17;
+    const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
+    const double z18 = S_3 * c9 * S_3 + z17;
 
     /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-    const double z19 = z8 * (c6 * z16 - (z12 + 9.81 * cos_z1) * c7);
-    const double z20 = z19 - c8 * cos_q1 * 29.43 + c7 * (z7 * z16 + z9 * z10);
-    const double z21 = c9 * cos_q3 * 14.715 - z15 * c10 + 0.03 * v_3;
-    const double z22 = 3.0 * tau - S_3 * z21 + z20;
+    const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
+    const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
+    const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
+    const double z22 = z19 + z21;
 
     /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
     const double z23 = z22 / z18;

@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "4afff84bc4532b349893d8461800a404"
+#define FOUR_BAR_PROGRAM "ea53ff1c6672d1de0027a03922d75a5f"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1
@@ -98,15 +98,15 @@ int four_bar_inverse_dynamics(double t, const double *x, const double *u, const 
 int four_bar_constraints(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* nearest consistent state: q on φ = 0, w kept: out[4].
-   102 operations in each of at most 20 steps; reads x, p. */
+   113 operations in each of at most 20 steps; reads x, p. */
 int four_bar_project(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: out[2].
-   132 operations; reads x, u, p. */
+   130 operations; reads x, u, p. */
 int four_bar_reactions(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* kinetic and potential energy T, V: out[2].
-   58 operations; reads x, p. */
+   57 operations; reads x, p. */
 int four_bar_energy(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* power of forces without potential: d(T + V)/dt: out[1].
@@ -135,9 +135,9 @@ int four_bar_guards(double t, const double *x, const double *u, const double *p,
 size_t four_bar_rows(four_bar_function function, size_t n, size_t rows, const double *t, ptrdiff_t t_stride, const double *x,
     ptrdiff_t x_stride, const double *u, ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *out, signed char *status);
 
-/* four_bar_dynamics in two steps, for many states with the same parameters: c[11] from p, with a status; then the
-   result from t, x, u and c in 80 operations instead of 93. */
-#define FOUR_BAR_NC_DYNAMICS 11
+/* four_bar_dynamics in two steps, for many states with the same parameters: c[13] from p, with a status; then the
+   result from t, x, u and c in 76 operations instead of 93. */
+#define FOUR_BAR_NC_DYNAMICS 13
 int four_bar_dynamics_precompute(const double *p, double *FOUR_BAR_RESTRICT c);
 int four_bar_dynamics_precomputed(double t, const double *x, const double *u, const double *c, double *FOUR_BAR_RESTRICT out);
 

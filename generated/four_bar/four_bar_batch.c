@@ -18,45 +18,91 @@ enum { LANES = 4 };
 
 #if defined(__GNUC__)
 #define PART static __attribute__((noinline)) void
+#define RARE static __attribute__((noinline, cold)) size_t
 #define INLINE static inline __attribute__((always_inline))
 #else
 #define INLINE static inline
 #define PART static void
+#define RARE static size_t
 #endif
 
-/* Entries of LANES rows side by side: to[i * LANES + lane] is entry i of row lane. */
-static inline void take(int n, const double *restrict rows, ptrdiff_t stride, double *restrict to)
+/* A loop over lanes reads and writes whole vectors where they begin at a multiple of their length. */
+#if defined(__GNUC__)
+#define ALIGNED __attribute__((aligned(64)))
+#else
+#define ALIGNED
+#endif
+
+/* Four entries of four rows turned over: to[i][lane] is from[lane][i]; rows and columns lie `apart` and `beside` numbers from each other. */
+INLINE void turn(const double *from, ptrdiff_t apart, double *to, ptrdiff_t beside)
+{
+#if defined(__GNUC__) && (defined(__clang__) || __GNUC__ >= 12)
+    typedef double four __attribute__((vector_size(32)));
+    four a, b, c, d, p, q, r, s;
+    memcpy(&a, from, sizeof a);
+    memcpy(&b, from + apart, sizeof b);
+    memcpy(&c, from + 2 * apart, sizeof c);
+    memcpy(&d, from + 3 * apart, sizeof d);
+    p = __builtin_shufflevector(a, b, 0, 4, 2, 6), q = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+    r = __builtin_shufflevector(c, d, 0, 4, 2, 6), s = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+    a = __builtin_shufflevector(p, r, 0, 1, 4, 5), b = __builtin_shufflevector(q, s, 0, 1, 4, 5);
+    c = __builtin_shufflevector(p, r, 2, 3, 6, 7), d = __builtin_shufflevector(q, s, 2, 3, 6, 7);
+    memcpy(to, &a, sizeof a);
+    memcpy(to + beside, &b, sizeof b);
+    memcpy(to + 2 * beside, &c, sizeof c);
+    memcpy(to + 3 * beside, &d, sizeof d);
+#else
+    int i, lane;
+    for (i = 0; i < 4; i++)
+        for (lane = 0; lane < 4; lane++)
+            to[i * beside + lane] = from[lane * apart + i];
+#endif
+}
+
+/* Entries of LANES rows side by side: to[i * LANES + lane] is entry i of row lane. Four by four; the last four of a row may have
+   been done before. */
+INLINE void take(int n, const double *restrict rows, ptrdiff_t stride, double *restrict to)
 {
     int i, lane;
-    for (i = 0; i < n; i++)
+    for (lane = 0; lane < LANES && n >= 4; lane += 4)
+        for (i = 0; i < n; i += 4) {
+            const int k = i < n - 4 ? i : n - 4;
+            turn(rows + lane * stride + k, stride, to + k * LANES + lane, LANES);
+        }
+    for (i = 0; i < n && n < 4; i++)
         for (lane = 0; lane < LANES; lane++)
             to[i * LANES + lane] = rows[lane * stride + i];
 }
 
 /* And back. */
-static inline void give(int n, const double *restrict from, double *restrict rows, ptrdiff_t stride)
+INLINE void give(int n, const double *restrict from, double *restrict rows, ptrdiff_t stride)
 {
     int i, lane;
-    for (lane = 0; lane < LANES; lane++)
+    for (lane = 0; lane < LANES && n >= 4; lane += 4)
+        for (i = 0; i < n; i += 4) {
+            const int k = i < n - 4 ? i : n - 4;
+            turn(from + k * LANES + lane, LANES, rows + lane * stride + k, stride);
+        }
+    for (lane = 0; lane < LANES && n < 4; lane++)
         for (i = 0; i < n; i++)
             rows[lane * stride + i] = from[i * LANES + lane];
 }
 
-/* Sine and cosine without a branch: x = k pi/2 + r + y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
-   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5; beyond that and where x is not finite
+/* Sine and cosine without a branch: x = k pi/2 + r - y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
+   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5, sin(-0) = -0; beyond that and where x is not finite
    it returns 1, else 0. */
 INLINE double four_bar_sincos(double x, double *restrict sin_x, double *restrict cos_x)
 {
     const double round = 0x1.8p52;
     const double near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
     const double a = x - k * 0x1.921fb5444p+0, b = k * 0x1.68c234c4cp-39, c = a - b, d = c - a;
-    const double e = ((a - (c - d)) - (b + d)) - k * 0x1.98a2e03707345p-77, r = c + e, y = (c - r) + e, z = r * r;
-    const double s = -0x1.5555555555549p-3 + z * (0x1.111111110f87ap-7 + z * (-0x1.a01a019c118bdp-13 +
-        z * (0x1.71de3577acb24p-19 + z * (-0x1.ae5e6633c330cp-26 + z * 0x1.5d92ff36b5cd1p-33))));
+    const double e = ((b + d) - (a - (c - d))) + k * 0x1.98a2e03707345p-77, r = c - e, y = (r - c) + e, z = r * r;
+    const double s = 0x1.5555555555549p-3 + z * (-0x1.111111110f87ap-7 + z * (0x1.a01a019c118bdp-13 +
+        z * (-0x1.71de3577acb24p-19 + z * (0x1.ae5e6633c330cp-26 + z * -0x1.5d92ff36b5cd1p-33))));
     const double h = 0x1.555555555554bp-5 + z * (-0x1.6c16c16c14f8ap-10 + z * (0x1.a01a019c8391bp-16 +
         z * (-0x1.27e4f7ea3810ep-22 + z * (0x1.1ee9d752de8c6p-29 + z * -0x1.8fa46612f4219p-37))));
     const double half = 0.5 * z, w = 1.0 - half;
-    const double sin_r = r + (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h - r * y));
+    const double sin_r = r - (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h + r * y));
     uint64_t n, one, two, swap;
     memcpy(&n, &near, sizeof n); /* its last bits are those of k */
     memcpy(&one, &sin_r, sizeof one);
@@ -91,6 +137,8 @@ PART four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x
         const double c9 = c[8 * LANES + lane];
         const double c10 = c[9 * LANES + lane];
         const double c11 = c[10 * LANES + lane];
+        const double c12 = c[11 * LANES + lane];
+        const double c13 = c[12 * LANES + lane];
 
         /* angles: their sines and cosines, all together */
         double sin_q2, cos_q2;
@@ -107,7 +155,7 @@ PART four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x
         bad += four_bar_sincos(q3, &cos_q3_sin, &cos_q3);
 
         /* S: base velocities per quasi-velocity, v = S w + R c */
-        const double z3 = cos_z2 * l3 * c4;
+        const double z3 = cos_z2 * c5;
         const double z4 = l1 * sin_q2;
         const double z5 = l3 * sin_z2;
         const double z6 = 1.0 / z5;
@@ -125,20 +173,20 @@ PART four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x
         const double z10 = z4 * z9;
         const double z11 = q1_dot * l1 * v_2;
         const double z12 = q1_dot * z10 - sin_q2 * z11;
-        const double z13 = v_3 * v_3 * l3;
+        const double z13 = l3 * v_3 * v_3;
         const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
         const double z15 = z6 * (z14 - cos_q2 * z11);
         const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
 
         /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-        const double z17 = z8 * (z7 * c5 + z8 * c6 * 0.3333333333333333) + c11;
-        const double z18 = S_3 * S_3 * c10 + 3.0 * z17;
+        const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
+        const double z18 = S_3 * c9 * S_3 + z17;
 
         /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-        const double z19 = z8 * (c6 * z16 - (z12 + 9.81 * cos_z1) * c7);
-        const double z20 = z19 - c8 * cos_q1 * 29.43 + c7 * (z7 * z16 + z9 * z10);
-        const double z21 = c9 * cos_q3 * 14.715 - z15 * c10 + 0.03 * v_3;
-        const double z22 = 3.0 * tau - S_3 * z21 + z20;
+        const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
+        const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
+        const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
+        const double z22 = z19 + z21;
 
         /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
         const double z23 = z22 / z18;
@@ -153,51 +201,71 @@ PART four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x
     (void)t_;
 }
 
+/* A few rows one by one: all, or those whose entry of `stray` is not zero. Returns how many failed. */
+RARE four_bar_dynamics_apart(int rows, const double *stray, const double *t, ptrdiff_t t_stride, const double *x,
+    ptrdiff_t x_stride, const double *u, ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *out, ptrdiff_t out_stride,
+    signed char *status)
+{
+    size_t failed = 0;
+    int row, i;
+    for (row = 0; row < rows; row++, out += out_stride) {
+        int result;
+        if (stray && stray[row] == 0.0)
+            continue;
+        result = four_bar_dynamics(t[row * t_stride], x + row * x_stride, u ? u + row * u_stride : u, p ? p + row * p_stride : p, out);
+        for (i = 0; result != FOUR_BAR_OK && i < 4; i++)
+            out[i] = NAN;
+        failed += result != FOUR_BAR_OK;
+        if (status)
+            status[row] = (signed char)result;
+    }
+    return failed;
+}
+
 size_t four_bar_dynamics_batch(size_t rows, const double *t, ptrdiff_t t_stride, const double *x, ptrdiff_t x_stride, const double *u,
     ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *restrict out, ptrdiff_t out_stride, signed char *restrict status)
 {
-    double lanes_x[4 * LANES], lanes_u[1 * LANES], lanes_out[4 * LANES], stray[LANES];
-    double lanes_c[11 * LANES];
+    ALIGNED double lanes_x[4 * LANES], lanes_u[1 * LANES], lanes_out[4 * LANES], stray[LANES];
+    ALIGNED double lanes_c[13 * LANES];
     int known = 1; /* are all parameters finite? */
     size_t failed = 0, row;
-    int lane, i;
+    int first = 1; /* what all rows share is taken once */
     for (row = 0; row < rows; row += LANES) {
-        int whole = rows - row >= LANES;
-        const int here = whole ? LANES : (int)(rows - row);
-        if (whole && (row == 0 || p_stride)) {
+        const int here = rows - row >= LANES ? LANES : (int)(rows - row);
+        if (here == LANES && (row == 0 || p_stride)) {
+            int lane, i;
             for (known = 1, lane = 0; lane < LANES; lane++) {
-                double c[11];
+                double c[13];
                 known &= four_bar_dynamics_precompute(p + lane * p_stride, c) == FOUR_BAR_OK;
-                for (i = 0; i < 11; i++)
+                for (i = 0; i < 13; i++)
                     lanes_c[i * LANES + lane] = c[i];
             }
         }
-        whole &= known;
-        if (whole) {
-            if (row == 0 || x_stride)
+        if (here < LANES || !known) {
+            failed += four_bar_dynamics_apart(here, NULL, t, t_stride, x, x_stride, u, u_stride, p, p_stride, out, out_stride, status);
+        } else {
+            double all = 0.0;
+            int lane;
+            if (first || x_stride)
                 take(4, x, x_stride, lanes_x);
-            if (row == 0 || u_stride)
+            if (first || u_stride)
                 take(1, u, u_stride, lanes_u);
             four_bar_dynamics_lanes(NULL, lanes_x, lanes_u, lanes_c, lanes_out, stray);
+            first = 0;
             give(4, lanes_out, out, out_stride);
-        }
-        for (lane = 0; lane < here; lane++) {
-            int result = FOUR_BAR_OK;
-            if (!whole || !(stray[lane] == 0.0)) {
-                double *own = out + lane * out_stride;
-                result = four_bar_dynamics(t[lane * t_stride], x + lane * x_stride, u ? u + lane * u_stride : u, p ? p + lane * p_stride : p, own);
-                for (i = 0; result != FOUR_BAR_OK && i < 4; i++)
-                    own[i] = NAN;
-            }
-            failed += result != FOUR_BAR_OK;
+            for (lane = 0; lane < LANES; lane++)
+                all += stray[lane];
             if (status)
-                status[row + (size_t)lane] = (signed char)result;
+                memset(status, FOUR_BAR_OK, LANES);
+            if (!(all == 0.0)) /* some row stands out */
+                failed += four_bar_dynamics_apart(LANES, stray, t, t_stride, x, x_stride, u, u_stride, p, p_stride, out, out_stride, status);
         }
         t += LANES * t_stride;
         x += LANES * x_stride;
         u = u ? u + LANES * u_stride : u;
         p = p ? p + LANES * p_stride : p;
         out += LANES * out_stride;
+        status = status ? status + LANES : status;
     }
     return failed;
 }

@@ -18,6 +18,9 @@
 
 enum { T, X, U, P, OUT, SLOTS };
 static const char *const slot_names[SLOTS] = {"t", "x", "u", "p", "out"};
+static PyObject *interned[SLOTS]; /* the same as Python has them: most keywords are known by their address */
+
+enum { KEPT = 8, SMALL = 256 }; /* results of a function that are kept, and values that one may have to be kept */
 
 /* One generated function. `needs` says which of t, x, u, p it reads. */
 typedef struct {
@@ -35,49 +38,51 @@ typedef struct {
     const char *singular, *not_converged;
     const char *signature, *about;
     PyObject *batch;
+    PyObject *given[KEPT]; /* the last results, to be given again once nobody else holds them */
+    int turn;
 } Function;
 
-static double dynamics_constants[11];
+static double dynamics_constants[13];
 static Function functions[] = {
     {"dynamics", four_bar_dynamics, four_bar_dynamics_batch, four_bar_dynamics_precomputed, four_bar_dynamics_precompute, dynamics_constants, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
      "singular: |pivot of C.x| < 3.99989e-10", "not converged",
-     "(),(4),(1),(7)->(4),()", "state derivative: q\314\207 = N v, \341\272\207 from (S\341\265\200 M S) \341\272\207 = S\341\265\200 (Q \342\210\222 h \342\210\222 M \317\203)", NULL},
+     "(),(4),(1),(7)->(4),()", "state derivative: q\314\207 = N v, \341\272\207 from (S\341\265\200 M S) \341\272\207 = S\341\265\200 (Q \342\210\222 h \342\210\222 M \317\203)", NULL, {NULL}, 0},
     {"mass", four_bar_mass, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 2, {3, 3}, 9,
      "singular:", "not converged",
-     "(),(4),(1),(7)->(3,3),()", "mass matrix M(q) of the base velocities v, nv \303\227 nv", NULL},
+     "(),(4),(1),(7)->(3,3),()", "mass matrix M(q) of the base velocities v, nv \303\227 nv", NULL, {NULL}, 0},
     {"bias", four_bar_bias, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
      "singular: |pivot of C.x| < 3.99989e-10", "not converged",
-     "(),(4),(1),(7)->(3),()", "bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v\314\207 + h = Q + A\341\265\200 \316\273", NULL},
+     "(),(4),(1),(7)->(3),()", "bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v\314\207 + h = Q + A\341\265\200 \316\273", NULL, {NULL}, 0},
     {"inverse_dynamics", four_bar_inverse_dynamics, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 9, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
      "singular:", "not converged",
-     "(),(9),(1),(7)->(3),()", "forces conjugate to v that give v\314\207: M v\314\207 + h \342\210\222 Q at u = 0, from (q, v, v\314\207)", NULL},
+     "(),(9),(1),(7)->(3),()", "forces conjugate to v that give v\314\207: M v\314\207 + h \342\210\222 Q at u = 0, from (q, v, v\314\207)", NULL, {NULL}, 0},
     {"constraints", four_bar_constraints, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
      "singular: |pivot of C.x| < 3.99989e-10", "not converged",
-     "(),(4),(1),(7)->(4),()", "constraint violation: \317\206(q, t), then A v \342\210\222 c row by row", NULL},
+     "(),(4),(1),(7)->(4),()", "constraint violation: \317\206(q, t), then A v \342\210\222 c row by row", NULL, {NULL}, 0},
     {"project", four_bar_project, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
      "singular:", "not converged to 1e-13 in 20 steps",
-     "(),(4),(1),(7)->(4),()", "nearest consistent state: q on \317\206 = 0, w kept", NULL},
+     "(),(4),(1),(7)->(4),()", "nearest consistent state: q on \317\206 = 0, w kept", NULL, {NULL}, 0},
     {"reactions", four_bar_reactions, NULL, NULL, NULL, NULL, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
      "singular: |pivot of C.x| < 3.99989e-10", "not converged",
-     "(),(4),(1),(7)->(2),()", "multipliers \316\273 of M v\314\207 + h = Q + A\341\265\200 \316\273: the force along each constraint row", NULL},
+     "(),(4),(1),(7)->(2),()", "multipliers \316\273 of M v\314\207 + h = Q + A\341\265\200 \316\273: the force along each constraint row", NULL, {NULL}, 0},
     {"energy", four_bar_energy, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
      "singular: |pivot of C.x| < 3.99989e-10", "not converged",
-     "(),(4),(1),(7)->(2),()", "kinetic and potential energy T, V", NULL},
+     "(),(4),(1),(7)->(2),()", "kinetic and potential energy T, V", NULL, {NULL}, 0},
     {"power", four_bar_power, NULL, NULL, NULL, NULL, {0, 1, 1, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {1}, 1,
      "singular: |pivot of C.x| < 3.99989e-10", "not converged",
-     "(),(4),(1),(7)->(1),()", "power of forces without potential: d(T + V)/dt", NULL},
+     "(),(4),(1),(7)->(1),()", "power of forces without potential: d(T + V)/dt", NULL, {NULL}, 0},
     {"outputs", four_bar_outputs, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {2}, 2,
      "singular: |pivot of C.x| < 3.99989e-10", "not converged",
-     "(),(4),(1),(7)->(2),()", "the model's outputs", NULL},
+     "(),(4),(1),(7)->(2),()", "the model's outputs", NULL, {NULL}, 0},
     {"velocity", four_bar_velocity, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {3}, 3,
      "singular: |pivot of C.x| < 3.99989e-10", "not converged",
-     "(),(4),(1),(7)->(3),()", "base velocities v = S w + R c", NULL},
+     "(),(4),(1),(7)->(3),()", "base velocities v = S w + R c", NULL, {NULL}, 0},
     {"state", four_bar_state, NULL, NULL, NULL, NULL, {0, 1, 0, 0}, {1, 6, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {4}, 4,
      "singular:", "not converged",
-     "(),(6),(1),(7)->(4),()", "state x = (q, w) from (q, v): w = B v", NULL},
+     "(),(6),(1),(7)->(4),()", "state x = (q, w) from (q, v): w = B v", NULL, {NULL}, 0},
     {"guards", four_bar_guards, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {1}, 1,
      "singular:", "not converged",
-     "(),(4),(1),(7)->(1),()", "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are", NULL},
+     "(),(4),(1),(7)->(1),()", "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are", NULL, {NULL}, 0},
 };
 enum { FUNCTIONS = sizeof functions / sizeof functions[0] };
 
@@ -95,6 +100,19 @@ static inline const double *plain(PyObject *object, npy_intp n)
     return (const double *)PyArray_DATA(array);
 }
 
+/* Which slot a keyword names; SLOTS where none. */
+static inline Py_ssize_t named(PyObject *keyword)
+{
+    Py_ssize_t slot;
+    for (slot = OUT; slot >= T; slot--) /* the usual one first */
+        if (keyword == interned[slot])
+            return slot;
+    for (slot = 0; slot < SLOTS; slot++)
+        if (PyUnicode_CompareWithASCIIString(keyword, slot_names[slot]) == 0)
+            break;
+    return slot;
+}
+
 /* Sort positional and keyword arguments into slots; 0 with an exception set where that fails. */
 static int gather(const Function *f, PyObject *const *args, Py_ssize_t positional, PyObject *keywords, PyObject **slots)
 {
@@ -107,9 +125,7 @@ static int gather(const Function *f, PyObject *const *args, Py_ssize_t positiona
         slots[i] = args[i];
     for (k = 0; keywords && k < PyTuple_GET_SIZE(keywords); k++) {
         PyObject *name = PyTuple_GET_ITEM(keywords, k);
-        for (slot = 0; slot < SLOTS; slot++)
-            if (PyUnicode_CompareWithASCIIString(name, slot_names[slot]) == 0)
-                break;
+        slot = named(name);
         if (slot == SLOTS || slots[slot]) {
             PyErr_Format(PyExc_TypeError, slot == SLOTS ? "%s() has no argument %R" : "%s() got argument %R twice", f->name, name);
             return 0;
@@ -140,8 +156,36 @@ static PyObject *fail(const Function *f, double t, int status)
 
 static PyObject *general(const Function *f, PyObject **slots);
 
+/* Is it a plain array of doubles, of the shape of the result? */
+static inline int fits(const Function *f, PyObject *object)
+{
+    PyArrayObject *array = (PyArrayObject *)object;
+    return PyArray_NDIM(array) == f->ndim && PyArray_TYPE(array) == NPY_DOUBLE && PyArray_ISCARRAY(array) &&
+        PyArray_DIM(array, 0) == f->shape[0] && (f->ndim == 1 || PyArray_DIM(array, 1) == f->shape[1]);
+}
+
+/* An array for the result. NumPy takes longer to make one than a small system to be evaluated, so the oldest of the last ones is
+   used again if nobody holds it, its memory or a weak reference to it. */
+static inline PyObject *fresh(Function *f)
+{
+    PyObject **place = &f->given[f->turn], *result = *place;
+    f->turn = (f->turn + 1) % KEPT;
+    if (result && Py_REFCNT(result) == 1 && fits(f, result) && !*PyObject_GET_WEAKREFS_LISTPTR(result)) {
+        Py_INCREF(result);
+        return result;
+    }
+    result = PyArray_SimpleNew(f->ndim, (npy_intp *)f->shape, NPY_DOUBLE);
+    if (result && f->size <= SMALL) {
+        PyObject *old = *place;
+        Py_INCREF(result);
+        *place = result;
+        Py_XDECREF(old);
+    }
+    return result;
+}
+
 /* Evaluate at one state where all arguments are plain; else the general way. */
-static inline PyObject *call(const Function *f, PyObject *const *args, Py_ssize_t positional, PyObject *keywords)
+static inline PyObject *call(Function *f, PyObject *const *args, Py_ssize_t positional, PyObject *keywords)
 {
     PyObject *slots[SLOTS] = {NULL}, *result;
     const double *values[4] = {NULL};
@@ -151,7 +195,7 @@ static inline PyObject *call(const Function *f, PyObject *const *args, Py_ssize_
         return NULL;
     if (!slots[T] || !(PyFloat_Check(slots[T]) || PyLong_CheckExact(slots[T])))
         return general(f, slots);
-    t = PyFloat_AsDouble(slots[T]);
+    t = PyFloat_CheckExact(slots[T]) ? PyFloat_AS_DOUBLE(slots[T]) : PyFloat_AsDouble(slots[T]);
     if (t == -1.0 && PyErr_Occurred())
         return NULL;
     values[P] = four_bar_defaults;
@@ -159,18 +203,15 @@ static inline PyObject *call(const Function *f, PyObject *const *args, Py_ssize_
         if (slots[i] ? !(values[i] = plain(slots[i], f->lengths[i])) : (f->lengths[i] && !values[i] && (i == X || f->needs[i])))
             return general(f, slots);
     if ((result = slots[OUT])) {
-        PyArrayObject *array = (PyArrayObject *)result;
-        if (!PyArray_Check(result) || PyArray_NDIM(array) != f->ndim || PyArray_TYPE(array) != NPY_DOUBLE ||
-            !PyArray_ISCARRAY(array) || PyArray_SIZE(array) != f->size || PyArray_DIM(array, 0) != f->shape[0])
+        if (!PyArray_Check(result) || !fits(f, result) && !*PyObject_GET_WEAKREFS_LISTPTR(result))
             return general(f, slots);
-        out = (double *)PyArray_DATA(array);
+        out = (double *)PyArray_DATA((PyArrayObject *)result);
         for (i = X; i <= P; i++) /* an output that overlaps an argument is left to NumPy */
             if (values[i] && out < values[i] + f->lengths[i] && values[i] < out + f->size)
                 return general(f, slots);
         Py_INCREF(result);
     } else {
-        result = PyArray_SimpleNew(f->ndim, (npy_intp *)f->shape, NPY_DOUBLE);
-        if (!result)
+        if (!(result = fresh(f)))
             return NULL;
         out = (double *)PyArray_DATA((PyArrayObject *)result);
     }
@@ -209,7 +250,7 @@ static inline ptrdiff_t apart(npy_intp bytes, int *fit)
 static int all_at_once(const Function *f, char **args, npy_intp n, npy_intp const *steps, npy_intp const *inner, int direct)
 {
     const npy_intp one = (npy_intp)sizeof(double);
-    int fit = f->many && n > 1 && direct && inner[0] == one && inner[1] == one && inner[2] == one && steps[5] == 1;
+    int fit = f->many && n > 1 && direct && (inner[0] == one || f->lengths[X] == 1) && inner[2] == one && steps[5] == 1;
     const ptrdiff_t t = apart(steps[0], &fit), x = apart(steps[1], &fit), u = apart(steps[2], &fit), p = apart(steps[3], &fit), out = apart(steps[4], &fit);
     if (fit)
         f->many((size_t)n, (const double *)args[0], t, (const double *)args[1], x, (const double *)args[2], u, (const double *)args[3], p,
@@ -502,6 +543,9 @@ static int prepare(PyObject *module)
     }
     import_array1(-1);
     import_umath1(-1);
+    for (k = 0; k < SLOTS; k++)
+        if (!interned[k] && !(interned[k] = PyUnicode_InternFromString(slot_names[k])))
+            return -1;
     for (k = 0; k < FUNCTIONS; k++) {
         data[k] = &functions[k];
         if (functions[k].quick && functions[k].precompute(four_bar_defaults, functions[k].constants) != FOUR_BAR_OK)

@@ -7,24 +7,29 @@
 #include <float.h>
 #include <math.h>
 
-enum { NX = FOUR_BAR_NX, N = NX + 1 };
+enum { NX = FOUR_BAR_NX, N = NX + 1, MOVING = N }; /* of N values the first so many move */
 
 /* What every part of a step needs: the simulation's array, inputs, parameters and tolerances. */
 typedef struct {
     double *s;
     const double *u, *p;
+    const double *c; /* constants of dynamics, from p, which stays as it is */
     double rtol, atol;
 } Run;
 
-/* Time derivative of the state and of the work. */
+/* Time derivative of the state. */
+static int rates(Run *r, double t, double *y, double *k)
+{
+    r->s[FOUR_BAR_SIM_CALLS] += 1.0;
+    k[NX] = 0.0;
+    return four_bar_dynamics_precomputed(t, y, r->u, r->c, k);
+}
+
+/* The same and that of the work. */
 static int slope(Run *r, double t, double *y, double *k)
 {
-    int status;
-    r->s[FOUR_BAR_SIM_CALLS] += 1.0;
-    status = four_bar_dynamics(t, y, r->u, r->p, k);
-    if (status == FOUR_BAR_OK)
-        status = four_bar_power(t, y, r->u, r->p, k + NX);
-    return status;
+    const int status = rates(r, t, y, k);
+    return status == FOUR_BAR_OK ? four_bar_power(t, y, r->u, r->p, k + NX) : status;
 }
 
 /* Root mean square of the values relative to the tolerance at y and z. */
@@ -32,7 +37,7 @@ static double norm(const Run *r, const double *values, const double *y, const do
 {
     double sum = 0.0;
     int i;
-    for (i = 0; i < N; i++) {
+    for (i = 0; i < MOVING; i++) {
         const double scaled = values[i] / (r->atol + r->rtol * fmax(fabs(y[i]), fabs(z[i])));
         sum += scaled * scaled;
     }
@@ -65,60 +70,60 @@ static int step_dop853(Run *r, double t, double h, const double *y, const double
     int i, status;
     for (i = 0; i < N; i++)
         k[0][i] = own[i];
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.05260015195876773 * k[0][i]);
-    if ((status = slope(r, t + 0.05260015195876773 * h, z, k[1])) != FOUR_BAR_OK)
+    if ((status = rates(r, t + 0.05260015195876773 * h, z, k[1])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.0197250569845379 * k[0][i] + 0.0591751709536137 * k[1][i]);
-    if ((status = slope(r, t + 0.0789002279381516 * h, z, k[2])) != FOUR_BAR_OK)
+    if ((status = rates(r, t + 0.0789002279381516 * h, z, k[2])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.02958758547680685 * k[0][i] + 0.08876275643042054 * k[2][i]);
-    if ((status = slope(r, t + 0.1183503419072274 * h, z, k[3])) != FOUR_BAR_OK)
+    if ((status = rates(r, t + 0.1183503419072274 * h, z, k[3])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.2413651341592667 * k[0][i] - 0.8845494793282861 * k[2][i] + 0.924834003261792 * k[3][i]);
-    if ((status = slope(r, t + 0.2816496580927726 * h, z, k[4])) != FOUR_BAR_OK)
+    if ((status = rates(r, t + 0.2816496580927726 * h, z, k[4])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.037037037037037035 * k[0][i] + 0.17082860872947386 * k[3][i] + 0.12546768756682242 * k[4][i]);
     if ((status = slope(r, t + 1.0 / 3.0 * h, z, k[5])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (19.0 / 512.0 * k[0][i] + 0.17025221101954405 * k[3][i] + 0.06021653898045596 * k[4][i] - 9.0 / 512.0 * k[5][i]);
     if ((status = slope(r, t + 1.0 / 4.0 * h, z, k[6])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.03709200011850479 * k[0][i] + 0.17038392571223998 * k[3][i] + 0.10726203044637328 * k[4][i] - 0.015319437748624402 * k[5][i] + 0.008273789163814023 * k[6][i]);
     if ((status = slope(r, t + 4.0 / 13.0 * h, z, k[7])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.6241109587160757 * k[0][i] - 3.3608926294469414 * k[3][i] - 0.868219346841726 * k[4][i] + 27.59209969944671 * k[5][i] + 20.154067550477894 * k[6][i] - 43.48988418106996 * k[7][i]);
     if ((status = slope(r, t + 0.6512820512820513 * h, z, k[8])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.47766253643826434 * k[0][i] - 2.4881146199716677 * k[3][i] - 0.590290826836843 * k[4][i] + 21.230051448181193 * k[5][i] + 15.279233632882423 * k[6][i] - 33.28821096898486 * k[7][i] - 0.020331201708508627 * k[8][i]);
     if ((status = slope(r, t + 3.0 / 5.0 * h, z, k[9])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (-0.9371424300859873 * k[0][i] + 5.186372428844064 * k[3][i] + 1.0914373489967295 * k[4][i] - 8.149787010746927 * k[5][i] - 18.52006565999696 * k[6][i] + 22.739487099350505 * k[7][i] + 2.4936055526796523 * k[8][i] - 3.0467644718982196 * k[9][i]);
     if ((status = slope(r, t + 6.0 / 7.0 * h, z, k[10])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (2.273310147516538 * k[0][i] - 10.53449546673725 * k[3][i] - 2.0008720582248625 * k[4][i] - 17.9589318631188 * k[5][i] + 27.94888452941996 * k[6][i] - 2.8589982771350235 * k[7][i] - 8.87285693353063 * k[8][i] + 12.360567175794303 * k[9][i] + 0.6433927460157636 * k[10][i]);
     if ((status = slope(r, t + 1.0 * h, z, k[11])) != FOUR_BAR_OK)
         return status;
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         z[i] = y[i] + h * (0.054293734116568765 * k[0][i] + 4.450312892752409 * k[5][i] + 1.8915178993145003 * k[6][i] - 5.801203960010585 * k[7][i] + 0.3111643669578199 * k[8][i] - 0.1521609496625161 * k[9][i] + 0.20136540080403034 * k[10][i] + 0.04471061572777259 * k[11][i]);
     if ((status = slope(r, t + 1.0 * h, z, next)) != FOUR_BAR_OK)
         return status;
     for (i = 0; i < N; i++)
         k[12][i] = next[i];
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         e[i] = h * (0.01312004499419488 * k[0][i] - 1.2251564463762044 * k[5][i] - 0.4957589496572502 * k[6][i] + 1.6643771824549864 * k[7][i] - 0.35032884874997366 * k[8][i] + 0.3341791187130175 * k[9][i] + 0.08192320648511571 * k[10][i] - 0.022355307863886294 * k[11][i]);
     *error = norm(r, e, y, z);
-    for (i = 0; i < N; i++)
+    for (i = 0; i < MOVING; i++)
         other[i] = h * (-0.18980075407240762 * k[0][i] + 4.450312892752409 * k[5][i] + 1.8915178993145003 * k[6][i] - 5.801203960010585 * k[7][i] - 0.42268232132379197 * k[8][i] - 0.1521609496625161 * k[9][i] + 0.20136540080403034 * k[10][i] + 0.022651792198360825 * k[11][i]);
     *error = *error > 0.0 ? *error * *error / hypot(*error, 0.1 * norm(r, other, y, z)) : 0.0;
     return FOUR_BAR_OK;
@@ -280,7 +285,8 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
     double atol, long budget, double *x_out, double *work_out)
 {
     double *const s = simulation, *const y = s + FOUR_BAR_SIM_X, *const own = s + FOUR_BAR_SIM_SLOPE;
-    Run run = {s, u, p, rtol, atol};
+    double c[FOUR_BAR_NC_DYNAMICS];
+    Run run = {s, u, p, c, rtol, atol};
     double z[N], next[N], seen[FOUR_BAR_N_GUARDS];
     const int method = (int)s[FOUR_BAR_SIM_INTEGRATOR], keeping = (int)s[FOUR_BAR_SIM_KEEPING];
     const int fixed = s[FOUR_BAR_SIM_FIXED] > 0.0;
@@ -288,6 +294,8 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
     size_t done;
     if (method < 0 || method >= METHODS || keeping < 0 || keeping >= FOUR_BAR_KEEPINGS || !(fixed || methods[method].adaptive))
         return FOUR_BAR_NO_METHOD;
+    if ((status = four_bar_dynamics_precompute(p, c)) != FOUR_BAR_OK)
+        return status;
     for (done = (size_t)s[FOUR_BAR_SIM_DONE]; done < n; done++) {
         while (s[FOUR_BAR_SIM_T] < times[done]) {
             const double t = s[FOUR_BAR_SIM_T], left = times[done] - t;

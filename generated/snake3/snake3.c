@@ -61,8 +61,8 @@ const char *snake3_program(void)
     return SNAKE3_PROGRAM;
 }
 
-/* Sine and cosine without a branch: x = k pi/2 + r + y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
-   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5; beyond that and where x is not finite
+/* Sine and cosine without a branch: x = k pi/2 + r - y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
+   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5, sin(-0) = -0; beyond that and where x is not finite
    the library's functions are called. */
 COLD void snake3_far(double p, double q, double u, double v, double *sines, double *cosines)
 {
@@ -80,13 +80,13 @@ INLINE void snake3_turns(double p, double q, double u, double v, double *restric
     const double round = 0x1.8p52;
     const four near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
     const four a = x - k * 0x1.921fb5444p+0, b = k * 0x1.68c234c4cp-39, c = a - b, d = c - a;
-    const four e = ((a - (c - d)) - (b + d)) - k * 0x1.98a2e03707345p-77, r = c + e, y = (c - r) + e, z = r * r;
-    const four s = -0x1.5555555555549p-3 + z * (0x1.111111110f87ap-7 + z * (-0x1.a01a019c118bdp-13 +
-        z * (0x1.71de3577acb24p-19 + z * (-0x1.ae5e6633c330cp-26 + z * 0x1.5d92ff36b5cd1p-33))));
+    const four e = ((b + d) - (a - (c - d))) + k * 0x1.98a2e03707345p-77, r = c - e, y = (r - c) + e, z = r * r;
+    const four s = 0x1.5555555555549p-3 + z * (-0x1.111111110f87ap-7 + z * (0x1.a01a019c118bdp-13 +
+        z * (-0x1.71de3577acb24p-19 + z * (0x1.ae5e6633c330cp-26 + z * -0x1.5d92ff36b5cd1p-33))));
     const four h = 0x1.555555555554bp-5 + z * (-0x1.6c16c16c14f8ap-10 + z * (0x1.a01a019c8391bp-16 +
         z * (-0x1.27e4f7ea3810ep-22 + z * (0x1.1ee9d752de8c6p-29 + z * -0x1.8fa46612f4219p-37))));
     const four half = 0.5 * z, w = 1.0 - half;
-    const four sin_r = r + (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h - r * y));
+    const four sin_r = r - (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h + r * y));
     bits n, one, two, swap;
     memcpy(&n, &near, sizeof n); /* its last bits are those of k */
     memcpy(&one, &sin_r, sizeof one);
@@ -113,7 +113,7 @@ static inline double snake3_stray(const double *values, int n)
     return i < n ? even + odd + 0.0 * values[i] : even + odd;
 }
 
-/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 133 operations */
+/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 132 operations */
 int snake3_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double th = x[2];
@@ -155,51 +155,52 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
     const double v_5 = om * S_5_2 + z5 * z11;
 
     /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-    const double z12 = l * l * m * 0.5;
+    const double z12 = 0.5 * m * l * l;
     const double z13 = J - 0.5 * z12;
     const double z14 = z8 * z13;
     const double z15 = cos_phi1 * z13;
     const double z16 = z4 * z14 - z2 * z15;
-    const double M_w_2_2 = J + z12 + (z8 * z14 + cos_phi1 * z15);
+    const double M_w_2_2 = J + z12 + cos_phi1 * z15 + z8 * z14;
 
     /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-    const double z17 = v * cos_phi1;
-    const double z18 = om * l;
-    const double z19 = z10 * (z17 - sin_phi1 * z18 * 0.5);
-    const double z20 = 2.0 * J;
-    const double z21 = z19 * z20 * z1;
-    const double z22 = z10 * (cos_phi1 * z18 + sin_phi1 * z11) * 0.5;
-    const double z23 = 0.5 * om;
-    const double z24 = l * (z9 + cos_phi1 * z23);
-    const double z25 = z17 - z7 * z23;
-    const double z26 = v_5 * (sin_phi2 * z24 + cos_phi2 * z25) + cos_phi2 * z19;
-    const double z27 = z20 * (sin_phi2 * z22 + z26) * z1;
-    const double z28 = m * z22;
-    const double z29 = v_5 * (sin_phi2 * z25 - cos_phi2 * z24) - cos_phi2 * z22;
-    const double z30 = m * (sin_phi2 * z19 + z29);
-    const double z31 = z7 * z28 - z30 * (cos_phi2 * z7 - sin_phi2 * z6);
-    const double f_w_2 = S_5_2 * tau2 - z3 * tau1 + cos_phi1 * z21 + (z8 * z27 + 0.5 * z31);
+    const double z17 = om * l;
+    const double z18 = 0.5 * (cos_phi1 * z17 + sin_phi1 * z11) * z10;
+    const double z19 = m * z18;
+    const double z20 = v * cos_phi1;
+    const double z21 = 0.5 * om;
+    const double z22 = z20 - z7 * z21;
+    const double z23 = l * (z9 + cos_phi1 * z21);
+    const double z24 = z10 * (z20 - 0.5 * z17 * sin_phi1);
+    const double z25 = v_5 * (sin_phi2 * z22 - cos_phi2 * z23) + sin_phi2 * z24;
+    const double z26 = m * (z25 - cos_phi2 * z18);
+    const double z27 = z7 * z19 - z26 * (cos_phi2 * z7 - sin_phi2 * z6);
+    const double z28 = 2.0 * J * z1;
+    const double z29 = v_5 * (sin_phi2 * z23 + cos_phi2 * z22) + sin_phi2 * z18;
+    const double z30 = z28 * (cos_phi2 * z24 + z29);
+    const double z31 = z24 * z28;
+    const double z32 = S_5_2 * tau2 - z3 * tau1 + cos_phi1 * z31 + z8 * z30;
+    const double f_w_2 = 0.5 * z27 + z32;
 
     /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-    const double z32 = cos_th * v;
-    const double z33 = v * sin_th;
-    const double z34 = -z10;
-    const double z35 = 1.0 / M_w_2_2;
-    const double z36 = z16 * z35;
-    const double z37 = z2 * (tau1 - z21) - z36 * f_w_2 - z5 * tau2;
-    const double z38 = cos_phi1 * z28 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z30;
-    const double z39 = z13 * (z4 * z4 + z2 * z2) - z16 * z36;
-    const double z40 = (z4 * z27 + 0.5 * z38 + z37) / (m + 1.3333333333333333 * z39);
-    const double z41 = -0.6666666666666666 * z40;
-    const double z42 = z35 * f_w_2 - z36 * z40 * 1.3333333333333333;
+    const double z33 = cos_th * v;
+    const double z34 = v * sin_th;
+    const double z35 = -z10;
+    const double z36 = cos_phi1 * z19 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z26;
+    const double z37 = z2 * (tau1 - z31) - z5 * tau2 + z4 * z30;
+    const double z38 = 1.0 / M_w_2_2;
+    const double z39 = z16 * z38;
+    const double z40 = z13 * (z4 * z4 + z2 * z2) - z16 * z39;
+    const double z41 = (0.5 * z36 + z37 - z39 * f_w_2) / (m + 1.3333333333333333 * z40);
+    const double z42 = -0.6666666666666666 * z41;
+    const double z43 = z38 * f_w_2 - 1.3333333333333333 * z39 * z41;
 
-    out[0] = z32; /* der(x), m/s */
-    out[1] = z33; /* der(y), m/s */
+    out[0] = z33; /* der(x), m/s */
+    out[1] = z34; /* der(y), m/s */
     out[2] = om; /* der(th), rad/s */
-    out[3] = z34; /* der(phi1), rad/s */
+    out[3] = z35; /* der(phi1), rad/s */
     out[4] = v_5; /* der(phi2), rad/s */
-    out[5] = z41; /* der(v), m/s^2 */
-    out[6] = z42; /* der(om), rad/s^2 */
+    out[5] = z42; /* der(v), m/s^2 */
+    out[6] = z43; /* der(om), rad/s^2 */
     (void)t;
 
     if (!((0.0 * x[0] + 0.0 * out[1] + 0.0 * out[5]) + (0.0 * x[1] + 0.0 * out[3] + 0.0 * out[6]) + (0.0 * out[0] + 0.0 * out[4]) == 0.0))
@@ -230,7 +231,7 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     const double z3 = m * z2;
     const double z4 = cos_phi2 * z3;
     const double z5 = z3 + z4;
-    const double z6 = 2.0 * m * z2;
+    const double z6 = 2.0 * z2 * m;
     const double z7 = z5 + z6;
     const double z8 = z3 * sin_phi2;
     const double z9 = cos_phi1 * z8;
@@ -241,16 +242,16 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     const double z14 = z6 - z13;
     const double z15 = -z14;
     const double z16 = z12 - z4 * cos_phi1;
-    const double z17 = J + z2 * z3;
-    const double z18 = z2 * z5;
-    const double z19 = z2 * z4;
-    const double z20 = z18 + z19 + z17 + J;
-    const double z21 = z2 * z7;
+    const double z17 = z2 * z7;
+    const double z18 = z2 * z4;
+    const double z19 = z2 * z5;
+    const double z20 = J + z2 * z3;
+    const double z21 = J + z20 + z19 + z18;
     const double z22 = z2 * z13;
-    const double z23 = z18 + z21 + z20 + (z2 * z14 - z22) + J;
-    const double z24 = z18 + z20 + z21;
+    const double z23 = J + z19 + z21 + z17 - z22 + z2 * z14;
+    const double z24 = z19 + z17 + z21;
     const double z25 = -(z22 - z24);
-    const double z26 = z17 + z19 + z19;
+    const double z26 = z20 + z18 + z18;
     const double z27 = z26 - z2 * z16;
 
     out[0] = z1; /* base.vx */
@@ -277,7 +278,7 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     out[21] = z16;
     out[22] = z27;
     out[23] = z26;
-    out[24] = z17;
+    out[24] = z20;
     (void)t;
     (void)u;
 
@@ -310,18 +311,18 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     const double z3 = 2.0 * m * z2;
     const double z4 = 1.0 / z2;
     const double z5 = sin_phi1 * z4;
-    const double z6 = om * (-1.0 - cos_phi1) - z5 * v + om;
+    const double z6 = om + om * (-1.0 - cos_phi1) - z5 * v;
     const double z7 = z6 * z6;
     const double z8 = m * z2;
     const double z9 = z3 + z8;
-    const double z10 = v * (z5 + z4 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
-    const double z11 = z2 * cos_phi1;
-    const double z12 = z2 * sin_phi1 * sin_phi2 + cos_phi2 * (z11 - z11 + z11);
-    const double z13 = z10 + om * (cos_phi1 + z4 * z12) + z6;
-    const double z14 = z13 * z13 * z8;
+    const double z10 = z2 * cos_phi1;
+    const double z11 = z2 * sin_phi2 * sin_phi1 + cos_phi2 * (z10 + z10 - z10);
+    const double z12 = v * (z5 + z4 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
+    const double z13 = z6 + z12 + om * (cos_phi1 + z4 * z11);
+    const double z14 = z8 * z13 * z13;
     const double z15 = z7 * z9 + cos_phi2 * z14;
     const double z16 = sin_phi2 * z14;
-    const double z17 = cos_phi1 * z15 - sin_phi1 * z16 + z1 * z3;
+    const double z17 = z1 * z3 + cos_phi1 * z15 - sin_phi1 * z16;
     const double z18 = om * v;
     const double z19 = sin_phi1 * z15 + cos_phi1 * z16;
     const double z20 = 3.0 * m * z18 + z19;
@@ -331,8 +332,8 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     const double z24 = z2 * z7;
     const double z25 = sin_phi2 * (cos_phi1 * z22 + sin_phi1 * z18 + z24 + z24);
     const double z26 = z8 * (cos_phi2 * z23 - z25);
-    const double z27 = z26 + z21 + z9 * z23 + z21;
-    const double z28 = -(z27 + z2 * z19 + z3 * z18);
+    const double z27 = z9 * z23 + z26 + z21 + z21;
+    const double z28 = -(z3 * z18 + z27 + z2 * z19);
     const double z29 = -z27;
     const double z30 = -z26;
 
@@ -378,32 +379,32 @@ int snake3_inverse_dynamics(double t, const double *x, const double *u, const do
 
     /* tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇) */
     const double z1 = der_base_vx - base_w * base_vy;
-    const double z2 = l / 2.0;
-    const double z3 = z1 + base_w * base_w * z2;
-    const double z4 = base_w * base_vx + der_base_vy;
-    const double z5 = z4 - z2 * der_base_w;
-    const double z6 = base_w + der_phi1;
-    const double z7 = z6 * z6 * z2;
-    const double z8 = cos_phi1 * z3 + sin_phi1 * z5 + z7;
-    const double z9 = z7 + z8;
+    const double z2 = base_w + der_phi1;
+    const double z3 = l / 2.0;
+    const double z4 = z3 * z2 * z2;
+    const double z5 = base_w * base_vx + der_base_vy;
+    const double z6 = z5 - z3 * der_base_w;
+    const double z7 = z1 + base_w * z3 * base_w;
+    const double z8 = cos_phi1 * z7 + z4 + sin_phi1 * z6;
+    const double z9 = z4 + z8;
     const double z10 = der_base_w + der_der_phi1;
-    const double z11 = z2 * z10;
-    const double z12 = cos_phi1 * z5 - z3 * sin_phi1 - z11;
+    const double z11 = z3 * z10;
+    const double z12 = cos_phi1 * z6 - z11 - z7 * sin_phi1;
     const double z13 = z11 - z12;
-    const double z14 = z6 + der_phi2;
-    const double z15 = cos_phi2 * z9 - sin_phi2 * z13 + z14 * z14 * z2;
-    const double z16 = m * z15;
-    const double z17 = z10 + der_der_phi2;
-    const double z18 = m * (cos_phi2 * z13 + z9 * sin_phi2 + z2 * z17);
-    const double z19 = cos_phi2 * z16 + sin_phi2 * z18 + m * z8;
-    const double z20 = sin_phi2 * z16 - cos_phi2 * z18;
+    const double z14 = z10 + der_der_phi2;
+    const double z15 = m * (cos_phi2 * z13 + z3 * z14 + z9 * sin_phi2);
+    const double z16 = z2 + der_phi2;
+    const double z17 = cos_phi2 * z9 + z3 * z16 * z16 - sin_phi2 * z13;
+    const double z18 = m * z17;
+    const double z19 = m * z8 + cos_phi2 * z18 + sin_phi2 * z15;
+    const double z20 = sin_phi2 * z18 - cos_phi2 * z15;
     const double z21 = m * z12 + z20;
-    const double z22 = cos_phi1 * z19 - sin_phi1 * z21 + m * z1;
+    const double z22 = m * z1 + cos_phi1 * z19 - sin_phi1 * z21;
     const double z23 = sin_phi1 * z19 + cos_phi1 * z21;
-    const double z24 = m * z4 + z23;
-    const double z25 = z17 * J + z2 * z18;
-    const double z26 = z25 - z2 * z20 + z10 * J - z2 * z21;
-    const double z27 = z26 - z2 * z23 + der_base_w * J;
+    const double z24 = m * z5 + z23;
+    const double z25 = z14 * J + z3 * z15;
+    const double z26 = z10 * J + z25 - z3 * z20 - z3 * z21;
+    const double z27 = der_base_w * J + z26 - z3 * z23;
 
     out[0] = z22; /* base.vx */
     out[1] = z24; /* base.vy */
@@ -437,20 +438,20 @@ int snake3_constraints(double t, const double *x, const double *u, const double 
 
     /* violation: constraint violation: φ(q, t), then A v − c row by row */
     const double z1 = l / 2.0;
-    const double z2 = cos_phi1 * z1;
-    const double z3 = z1 + z2;
-    const double z4 = 1.0 / z1;
-    const double z5 = sin_phi1 * z4;
-    const double z6 = om * (-1.0 - cos_phi1) - v * z5;
-    const double z7 = -(sin_phi1 * v + z3 * om + z1 * z6);
-    const double z8 = sin_phi1 * z1 * sin_phi2;
-    const double z9 = cos_phi1 * sin_phi2;
-    const double z10 = sin_phi1 * cos_phi2;
-    const double z11 = om * (z1 - (z8 - cos_phi2 * (z1 + z3))) + v * (z9 + z10);
-    const double z12 = cos_phi1 + z4 * (z8 + cos_phi2 * (z2 - z2 + z2));
-    const double z13 = v * (z5 - z4 * (z9 - z10)) + om * z12;
-    const double z14 = z11 + z6 * (z1 + l * cos_phi2) + z1 * z13;
-    const double z15 = -z14;
+    const double z2 = 1.0 / z1;
+    const double z3 = sin_phi1 * z2;
+    const double z4 = om * (-1.0 - cos_phi1) - v * z3;
+    const double z5 = cos_phi1 * z1;
+    const double z6 = z1 + z5;
+    const double z7 = -(sin_phi1 * v + z6 * om + z1 * z4);
+    const double z8 = cos_phi1 * sin_phi2;
+    const double z9 = sin_phi1 * cos_phi2;
+    const double z10 = z1 * sin_phi2 * sin_phi1;
+    const double z11 = cos_phi1 + z2 * (z10 + cos_phi2 * (z5 + z5 - z5));
+    const double z12 = v * (z3 - z2 * (z8 - z9)) + om * z11;
+    const double z13 = v * (z8 + z9) + z4 * (z1 + l * cos_phi2);
+    const double z14 = om * (z1 - z10 + cos_phi2 * (z1 + z6)) + z13;
+    const double z15 = -(z1 * z12 + z14);
 
     out[0] = 0.0; /* velocity wheel1 */
     out[1] = z7; /* velocity wheel2 */
@@ -463,7 +464,7 @@ int snake3_constraints(double t, const double *x, const double *u, const double 
     return SNAKE3_OK;
 }
 
-/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 249 operations */
+/* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: 248 operations */
 int snake3_reactions(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -486,99 +487,99 @@ int snake3_reactions(double t, const double *x, const double *u, const double *p
 
     /* lam: multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row */
     const double z1 = l / 2.0;
-    const double z2 = 2.0 * m * z1;
-    const double z3 = m * z1;
-    const double z4 = sin_phi2 * z3;
-    const double z5 = sin_phi1 * z4;
-    const double z6 = z3 * cos_phi2;
-    const double z7 = z3 + z6;
-    const double z8 = z7 + z2;
-    const double z9 = z5 - cos_phi1 * z8;
-    const double z10 = -1.0 - cos_phi1;
-    const double z11 = sin_phi1 * z1;
-    const double z12 = z1 * cos_phi1;
-    const double z13 = z12 - z12;
-    const double z14 = z12 + z13;
-    const double z15 = 1.0 / z1;
-    const double z16 = (sin_phi2 * z11 + cos_phi2 * z14) * z15;
-    const double z17 = cos_phi1 + z16;
-    const double z18 = cos_phi1 * v;
-    const double z19 = z1 * om;
-    const double z20 = sin_phi1 * z15;
-    const double z21 = v * z20;
-    const double z22 = z10 * om - z21;
-    const double z23 = (z18 - sin_phi1 * z19) * z22;
-    const double z24 = z15 * z23;
-    const double z25 = J * z24;
-    const double z26 = z21 + cos_phi1 * om;
-    const double z27 = z13 * om;
-    const double z28 = z22 * (sin_phi1 * v + cos_phi1 * z19);
-    const double z29 = m * (z26 * z27 - z28);
-    const double z30 = z18 - z11 * om;
-    const double z31 = cos_phi1 * z25 - (z11 * z29 + z26 * z30 * m * z13);
-    const double z32 = z27 + z1 * z26;
-    const double z33 = z15 * (sin_phi1 * cos_phi2 - sin_phi2 * cos_phi1);
-    const double z34 = z20 + z33;
-    const double z35 = v * z34 + z17 * om;
-    const double z36 = sin_phi2 * z28 + cos_phi2 * z23 - (cos_phi2 * z30 + sin_phi2 * z32) * z35;
-    const double z37 = z15 * z36;
-    const double z38 = J * z37;
-    const double z39 = sin_phi2 * z23 - cos_phi2 * z28 + z35 * (cos_phi2 * z32 - sin_phi2 * z30);
-    const double z40 = m * z39;
-    const double z41 = z16 * z38 + (sin_phi2 * z14 - cos_phi2 * z11) * z40;
-    const double z42 = z10 * tau1 + z17 * tau2 - (z31 + z41);
+    const double z2 = m * z1;
+    const double z3 = sin_phi2 * z2;
+    const double z4 = sin_phi1 * z3;
+    const double z5 = z2 * cos_phi2;
+    const double z6 = z2 + z5;
+    const double z7 = 2.0 * z1 * m;
+    const double z8 = z6 + z7;
+    const double z9 = z4 - cos_phi1 * z8;
+    const double z10 = 1.0 / z1;
+    const double z11 = cos_phi1 * v;
+    const double z12 = z1 * om;
+    const double z13 = -1.0 - cos_phi1;
+    const double z14 = sin_phi1 * z10;
+    const double z15 = v * z14;
+    const double z16 = z13 * om - z15;
+    const double z17 = (z11 - sin_phi1 * z12) * z16;
+    const double z18 = z10 * z17;
+    const double z19 = sin_phi1 * z1;
+    const double z20 = z15 + cos_phi1 * om;
+    const double z21 = z1 * cos_phi1;
+    const double z22 = z21 - z21;
+    const double z23 = z22 * om;
+    const double z24 = z16 * (sin_phi1 * v + cos_phi1 * z12);
+    const double z25 = m * (z20 * z23 - z24);
+    const double z26 = z21 + z22;
+    const double z27 = (sin_phi2 * z19 + cos_phi2 * z26) * z10;
+    const double z28 = cos_phi1 + z27;
+    const double z29 = z11 - z19 * om;
+    const double z30 = z13 * tau1 + m * z22 * z20 * z29 + z28 * tau2;
+    const double z31 = J * z18;
+    const double z32 = z10 * (sin_phi1 * cos_phi2 - sin_phi2 * cos_phi1);
+    const double z33 = z14 + z32;
+    const double z34 = v * z33 + z28 * om;
+    const double z35 = z23 + z1 * z20;
+    const double z36 = sin_phi2 * z17 - cos_phi2 * z24 + z34 * (cos_phi2 * z35 - sin_phi2 * z29);
+    const double z37 = m * z36;
+    const double z38 = z19 * z25 + z30 - cos_phi1 * z31 - (sin_phi2 * z26 - cos_phi2 * z19) * z37;
+    const double z39 = sin_phi2 * z24 + cos_phi2 * z17 - (cos_phi2 * z29 + sin_phi2 * z35) * z34;
+    const double z40 = z10 * z39;
+    const double z41 = J * z40;
+    const double z42 = z38 - z27 * z41;
     const double z43 = z1 * z2;
-    const double z44 = z1 * z3;
-    const double z45 = J + z44;
-    const double z46 = z43 - z45;
-    const double z47 = z3 + z2;
-    const double z48 = cos_phi1 * z46 - z13 * z47;
-    const double z49 = J + z43 - (cos_phi1 * z48 - cos_phi1 * z47 * z13);
-    const double z50 = J - z44;
-    const double z51 = z16 * z50;
-    const double z52 = 1.0 / (z49 + z16 * z51);
-    const double z53 = z20 * z48 - z33 * z51;
+    const double z44 = J - z43;
+    const double z45 = z27 * z44;
+    const double z46 = z2 + z7;
+    const double z47 = z1 * z7;
+    const double z48 = J + z43;
+    const double z49 = z47 - z48;
+    const double z50 = cos_phi1 * z49 - z22 * z46;
+    const double z51 = J + z47 + cos_phi1 * z46 * z22 - cos_phi1 * z50;
+    const double z52 = 1.0 / (z27 * z45 + z51);
+    const double z53 = z14 * z50 - z32 * z45;
     const double z54 = z52 * z53;
-    const double z55 = cos_phi1 * cos_phi2;
-    const double z56 = sin_phi1 * sin_phi2;
-    const double z57 = z20 * z25 + cos_phi1 * z29 + (z33 * z38 + z40 * (z55 + z56));
-    const double z58 = tau2 * z34 - tau1 * z20 - z57 + z42 * z54;
+    const double z55 = tau2 * z33 - tau1 * z14 - cos_phi1 * z25 - z14 * z31;
+    const double z56 = cos_phi1 * cos_phi2;
+    const double z57 = sin_phi1 * sin_phi2;
+    const double z58 = z55 - z37 * (z56 + z57) - z32 * z41 + z42 * z54;
     const double z59 = 3.0 * m;
-    const double z60 = z59 - z20 * z46 * z20 + z33 * z50 * z33;
+    const double z60 = z59 - z14 * z49 * z14 + z32 * z44 * z32;
     const double z61 = z58 / (z60 - z53 * z54);
     const double z62 = z42 * z52 + z54 * z61;
-    const double z63 = z24 - (z10 * z62 - z20 * z61);
-    const double z64 = z5 - cos_phi1 * z6;
-    const double z65 = z34 * z61 + z17 * z62 + (z24 + z37);
-    const double z66 = (z2 - z9) * z62 + z9 * z63 - z64 * z65;
-    const double z67 = v * om;
-    const double z68 = om + z22;
-    const double z69 = z68 * z68;
-    const double z70 = z35 + z68;
-    const double z71 = z70 * z70 * z3;
-    const double z72 = sin_phi2 * z71;
-    const double z73 = sin_phi1 * (z47 * z69 + cos_phi2 * z71) + cos_phi1 * z72;
-    const double z74 = z4 * cos_phi1;
-    const double z75 = z1 * z7;
-    const double z76 = z1 * z6;
-    const double z77 = z75 + z76 + z45 + J + z75 + z1 * z8;
-    const double z78 = z61 * (z74 + sin_phi1 * z8) + z62 * (z77 - z1 * z9);
-    const double z79 = z45 + z76 + z76;
-    const double z80 = z1 * z72;
-    const double z81 = om * om * z1;
-    const double z82 = cos_phi1 * z67 - sin_phi1 * z81;
-    const double z83 = z1 * z69;
-    const double z84 = sin_phi2 * (cos_phi1 * z81 + sin_phi1 * z67 + z83 + z83);
-    const double z85 = z3 * (cos_phi2 * z82 - z84);
-    const double z86 = z78 - z63 * z77 + z65 * z79 - (z85 + z80 + z47 * z82 + z80 + tau1);
-    const double z87 = z61 * (z74 + sin_phi1 * z6) + z62 * (z79 - z1 * z64);
-    const double z88 = z87 - z63 * z79 + z45 * z65 - (tau2 + z85);
-    const double z89 = z15 * z88;
-    const double z90 = z15 * (z86 - (z1 + l * cos_phi2) * z89);
-    const double z91 = z66 - (z59 * z67 + z73) - (cos_phi1 * z90 + z89 * (z55 - z56));
+    const double z63 = z18 + z14 * z61 - z13 * z62;
+    const double z64 = om + z16;
+    const double z65 = z34 + z64;
+    const double z66 = z2 * z65 * z65;
+    const double z67 = sin_phi2 * z66;
+    const double z68 = v * om;
+    const double z69 = z64 * z64;
+    const double z70 = z59 * z68 + sin_phi1 * (z46 * z69 + cos_phi2 * z66);
+    const double z71 = (z7 - z9) * z62 - (cos_phi1 * z67 + z70) + z9 * z63;
+    const double z72 = z4 - cos_phi1 * z5;
+    const double z73 = z18 + z40 + z33 * z61 + z28 * z62;
+    const double z74 = z1 * z5;
+    const double z75 = z48 + z74 + z74;
+    const double z76 = z3 * cos_phi1;
+    const double z77 = om * z12;
+    const double z78 = cos_phi1 * z68 - sin_phi1 * z77;
+    const double z79 = z1 * z69;
+    const double z80 = sin_phi2 * (cos_phi1 * z77 + sin_phi1 * z68 + z79 + z79);
+    const double z81 = z2 * (cos_phi2 * z78 - z80);
+    const double z82 = z61 * (z76 + sin_phi1 * z5) - (tau2 + z81) + z62 * (z75 - z1 * z72);
+    const double z83 = z10 * (z82 - z63 * z75 + z48 * z73);
+    const double z84 = z1 * z6;
+    const double z85 = J + z48 + z84 + z84 + z74 + z1 * z8;
+    const double z86 = z1 * z67;
+    const double z87 = z61 * (z76 + sin_phi1 * z8) - (tau1 + z46 * z78 + z81 + z86 + z86);
+    const double z88 = z62 * (z85 - z1 * z9) + z87 - z63 * z85;
+    const double z89 = z73 * z75 + z88 - (z1 + l * cos_phi2) * z83;
+    const double z90 = z10 * z89;
+    const double z91 = z71 - z72 * z73 - z83 * (z56 - z57) - cos_phi1 * z90;
     const double z92 = -z91;
     const double z93 = -z90;
-    const double z94 = -z89;
+    const double z94 = -z83;
 
     out[0] = z92; /* wheel1 */
     out[1] = z93; /* wheel2 */
@@ -590,7 +591,7 @@ int snake3_reactions(double t, const double *x, const double *u, const double *p
     return SNAKE3_OK;
 }
 
-/* kinetic and potential energy T, V: 63 operations */
+/* kinetic and potential energy T, V: 62 operations */
 int snake3_energy(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -610,25 +611,24 @@ int snake3_energy(double t, const double *x, const double *u, const double *p, d
     const double sin_phi2 = sines[1];
 
     /* energy: kinetic and potential energy T, V */
-    const double z1 = om * l;
-    const double z2 = 1.0 / l;
-    const double z3 = sin_phi1 * z2;
-    const double z4 = 2.0 * v;
-    const double z5 = om - z3 * z4 - om * (1.0 + cos_phi1);
-    const double z6 = l * z5;
-    const double z7 = z6 + sin_phi1 * z4 + cos_phi1 * z1;
-    const double z8 = sin_phi1 * z1 - cos_phi1 * z4;
-    const double z9 = z6 + z7;
-    const double z10 = 2.0 * (z3 - z2 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2));
-    const double z11 = z5 + om * (cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2 + cos_phi1);
-    const double z12 = v * z10 + z11;
-    const double z13 = l * z12 - z8 * sin_phi2 + cos_phi2 * z9;
-    const double z14 = sin_phi2 * z9 + z8 * cos_phi2;
-    const double z15 = z7 * z7 + z8 * z8 + (z13 * z13 + z14 * z14);
-    const double z16 = J * (om * om + z5 * z5 + z12 * z12);
-    const double z17 = 0.5 * (m * (v * v + 0.25 * z15) + z16);
+    const double z1 = 1.0 / l;
+    const double z2 = sin_phi1 * z1;
+    const double z3 = 2.0 * v;
+    const double z4 = om - om * (1.0 + cos_phi1) - z2 * z3;
+    const double z5 = z3 * (z2 - z1 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2));
+    const double z6 = z4 + z5 + om * (cos_phi1 + cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2);
+    const double z7 = l * z4;
+    const double z8 = om * l;
+    const double z9 = sin_phi1 * z3 + cos_phi1 * z8 + z7;
+    const double z10 = z7 + z9;
+    const double z11 = sin_phi1 * z8 - cos_phi1 * z3;
+    const double z12 = cos_phi2 * z10 - z11 * sin_phi2 + l * z6;
+    const double z13 = sin_phi2 * z10 + z11 * cos_phi2;
+    const double z14 = z9 * z9 + z11 * z11 + z13 * z13 + z12 * z12;
+    const double z15 = J * (om * om + z4 * z4 + z6 * z6);
+    const double z16 = 0.5 * (m * (v * v + 0.25 * z14) + z15);
 
-    out[0] = z17; /* T, J */
+    out[0] = z16; /* T, J */
     out[1] = 0.0; /* V, J */
     (void)t;
     (void)u;
@@ -638,7 +638,7 @@ int snake3_energy(double t, const double *x, const double *u, const double *p, d
     return SNAKE3_OK;
 }
 
-/* power of forces without potential: d(T + V)/dt: 27 operations */
+/* power of forces without potential: d(T + V)/dt: 26 operations */
 int snake3_power(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -658,12 +658,12 @@ int snake3_power(double t, const double *x, const double *u, const double *p, do
     const double sin_phi2 = sines[1];
 
     /* power: power of forces without potential: d(T + V)/dt */
-    const double z1 = 1.0 / l;
-    const double z2 = sin_phi1 * z1;
-    const double z3 = 2.0 * (z2 + z1 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
-    const double z4 = v * z3 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2);
-    const double z5 = tau1 * ((1.0 + cos_phi1) * om + z2 * v * 2.0);
-    const double z6 = tau2 * z4 - z5;
+    const double z1 = 2.0 * v;
+    const double z2 = 1.0 / l;
+    const double z3 = sin_phi1 * z2;
+    const double z4 = z1 * (z3 + z2 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
+    const double z5 = z4 + om * (cos_phi1 + cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2);
+    const double z6 = tau2 * z5 - tau1 * ((1.0 + cos_phi1) * om + z3 * z1);
 
     out[0] = z6; /* power, W */
     (void)t;
@@ -673,7 +673,7 @@ int snake3_power(double t, const double *x, const double *u, const double *p, do
     return SNAKE3_OK;
 }
 
-/* base velocities v = S w + R c: 24 operations */
+/* base velocities v = S w + R c: 23 operations */
 int snake3_velocity(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -693,15 +693,16 @@ int snake3_velocity(double t, const double *x, const double *u, const double *p,
     /* v: base velocities v = S w + R c */
     const double z1 = 1.0 / l;
     const double z2 = sin_phi1 * z1;
-    const double z3 = -(om * (1.0 + cos_phi1) + v * z2 * 2.0);
-    const double z4 = 2.0 * (z2 + z1 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
-    const double z5 = v * z4 + om * (cos_phi1 + sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2);
+    const double z3 = 2.0 * v;
+    const double z4 = -(om * (1.0 + cos_phi1) + z2 * z3);
+    const double z5 = z3 * (z2 + z1 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
+    const double z6 = z5 + om * (cos_phi1 + cos_phi1 * cos_phi2 + sin_phi1 * sin_phi2);
 
     out[0] = v; /* base.vx, m/s */
     out[1] = 0.0; /* base.vy, m/s */
     out[2] = om; /* base.w, rad/s */
-    out[3] = z3; /* der(phi1), rad/s */
-    out[4] = z5; /* der(phi2), rad/s */
+    out[3] = z4; /* der(phi1), rad/s */
+    out[4] = z6; /* der(phi2), rad/s */
     (void)t;
     (void)u;
 
@@ -792,8 +793,8 @@ int snake3_integrate(double t, const double *x, const double *u, const double *p
     const double sin_th = sines[0];
 
     /* q: q ⊕ d: the configuration a displacement d over v away, from (q, d) */
-    const double z1 = x_2 - sin_th * d_base_vy + cos_th * d_base_vx;
-    const double z2 = y + cos_th * d_base_vy + d_base_vx * sin_th;
+    const double z1 = x_2 + cos_th * d_base_vx - sin_th * d_base_vy;
+    const double z2 = y + d_base_vx * sin_th + cos_th * d_base_vy;
     const double z3 = th + d_base_w;
     const double z4 = phi1 + d_der_phi1;
     const double z5 = phi2 + d_der_phi2;
@@ -855,7 +856,7 @@ int snake3_difference(double t, const double *x, const double *u, const double *
     return SNAKE3_OK;
 }
 
-/* constants of dynamics, from parameters alone: 8 operations */
+/* constants of dynamics, from parameters alone: 9 operations */
 int snake3_dynamics_precompute(const double *p, double *restrict c)
 {
     const double l = p[0];
@@ -864,8 +865,8 @@ int snake3_dynamics_precompute(const double *p, double *restrict c)
 
     /* c: constants of dynamics, from parameters alone */
     const double z1 = 1.0 / l;
-    const double z2 = 2.0 * J;
-    const double z3 = l * l * m * 0.5;
+    const double z2 = 2.0 * J * z1;
+    const double z3 = 0.5 * m * l * l;
     const double z4 = J - 0.5 * z3;
     const double z5 = J + z3;
 
@@ -881,7 +882,7 @@ int snake3_dynamics_precompute(const double *p, double *restrict c)
     return SNAKE3_OK;
 }
 
-/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 125 operations */
+/* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 123 operations */
 int snake3_dynamics_precomputed(double t, const double *x, const double *u, const double *c, double *restrict out)
 {
     const double th = x[2];
@@ -928,45 +929,46 @@ int snake3_dynamics_precomputed(double t, const double *x, const double *u, cons
     const double z11 = z7 * c5;
     const double z12 = cos_phi1 * c5;
     const double z13 = z3 * z11 - z1 * z12;
-    const double M_w_2_2 = z7 * z11 + cos_phi1 * z12 + c6;
+    const double M_w_2_2 = cos_phi1 * z12 + c6 + z7 * z11;
 
     /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-    const double z14 = v * cos_phi1;
-    const double z15 = om * l;
-    const double z16 = z9 * (z14 - sin_phi1 * z15 * 0.5);
-    const double z17 = z16 * c3 * c2;
-    const double z18 = z9 * (cos_phi1 * z15 + sin_phi1 * z10) * 0.5;
-    const double z19 = 0.5 * om;
-    const double z20 = l * (z8 + cos_phi1 * z19);
-    const double z21 = z14 - z6 * z19;
-    const double z22 = v_5 * (sin_phi2 * z20 + cos_phi2 * z21) + cos_phi2 * z16;
-    const double z23 = c3 * (sin_phi2 * z18 + z22) * c2;
-    const double z24 = m * z18;
-    const double z25 = v_5 * (sin_phi2 * z21 - cos_phi2 * z20) - cos_phi2 * z18;
-    const double z26 = m * (sin_phi2 * z16 + z25);
-    const double z27 = z6 * z24 - z26 * (cos_phi2 * z6 - sin_phi2 * z5);
-    const double f_w_2 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z17 + (z7 * z23 + 0.5 * z27);
+    const double z14 = om * l;
+    const double z15 = 0.5 * (cos_phi1 * z14 + sin_phi1 * z10) * z9;
+    const double z16 = m * z15;
+    const double z17 = v * cos_phi1;
+    const double z18 = 0.5 * om;
+    const double z19 = z17 - z6 * z18;
+    const double z20 = l * (z8 + cos_phi1 * z18);
+    const double z21 = z9 * (z17 - 0.5 * z14 * sin_phi1);
+    const double z22 = v_5 * (sin_phi2 * z19 - cos_phi2 * z20) + sin_phi2 * z21;
+    const double z23 = m * (z22 - cos_phi2 * z15);
+    const double z24 = z6 * z16 - z23 * (cos_phi2 * z6 - sin_phi2 * z5);
+    const double z25 = v_5 * (sin_phi2 * z20 + cos_phi2 * z19) + sin_phi2 * z15;
+    const double z26 = c3 * (cos_phi2 * z21 + z25);
+    const double z27 = z21 * c3;
+    const double z28 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z27 + z7 * z26;
+    const double f_w_2 = 0.5 * z24 + z28;
 
     /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-    const double z28 = cos_th * v;
-    const double z29 = v * sin_th;
-    const double z30 = -z9;
-    const double z31 = 1.0 / M_w_2_2;
-    const double z32 = z13 * z31;
-    const double z33 = z1 * (tau1 - z17) - z32 * f_w_2 - z4 * tau2;
-    const double z34 = cos_phi1 * z24 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z26;
-    const double z35 = c5 * (z3 * z3 + z1 * z1) - z13 * z32;
-    const double z36 = (z3 * z23 + 0.5 * z34 + z33) / (m + 1.3333333333333333 * z35);
-    const double z37 = -0.6666666666666666 * z36;
-    const double z38 = z31 * f_w_2 - z32 * z36 * 1.3333333333333333;
+    const double z29 = cos_th * v;
+    const double z30 = v * sin_th;
+    const double z31 = -z9;
+    const double z32 = cos_phi1 * z16 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z23;
+    const double z33 = z1 * (tau1 - z27) - z4 * tau2 + z3 * z26;
+    const double z34 = 1.0 / M_w_2_2;
+    const double z35 = z13 * z34;
+    const double z36 = c5 * (z3 * z3 + z1 * z1) - z13 * z35;
+    const double z37 = (0.5 * z32 + z33 - z35 * f_w_2) / (m + 1.3333333333333333 * z36);
+    const double z38 = -0.6666666666666666 * z37;
+    const double z39 = z34 * f_w_2 - 1.3333333333333333 * z35 * z37;
 
-    out[0] = z28; /* der(x), m/s */
-    out[1] = z29; /* der(y), m/s */
+    out[0] = z29; /* der(x), m/s */
+    out[1] = z30; /* der(y), m/s */
     out[2] = om; /* der(th), rad/s */
-    out[3] = z30; /* der(phi1), rad/s */
+    out[3] = z31; /* der(phi1), rad/s */
     out[4] = v_5; /* der(phi2), rad/s */
-    out[5] = z37; /* der(v), m/s^2 */
-    out[6] = z38; /* der(om), rad/s^2 */
+    out[5] = z38; /* der(v), m/s^2 */
+    out[6] = z39; /* der(om), rad/s^2 */
     (void)t;
 
 

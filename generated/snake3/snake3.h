@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "35dd1721dc1769818dc6858bf1ff4410"
+#define SNAKE3_PROGRAM "9170c5c2314d06b6f4e0957800c34b14"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2
@@ -77,7 +77,7 @@ typedef size_t (*snake3_batch)(size_t rows, const double *t, ptrdiff_t t_stride,
     ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *out, ptrdiff_t out_stride, signed char *status);
 
 /* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): out[7].
-   133 operations; reads x, u, p. */
+   132 operations; reads x, u, p. */
 int snake3_dynamics(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* mass matrix M(q) of the base velocities v, nv × nv: out[25], 5 x 5 row by row.
@@ -98,19 +98,19 @@ int snake3_inverse_dynamics(double t, const double *x, const double *u, const do
 int snake3_constraints(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: out[3].
-   249 operations; reads x, u, p. */
+   248 operations; reads x, u, p. */
 int snake3_reactions(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* kinetic and potential energy T, V: out[2].
-   63 operations; reads x, p. */
+   62 operations; reads x, p. */
 int snake3_energy(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* power of forces without potential: d(T + V)/dt: out[1].
-   27 operations; reads x, u, p. */
+   26 operations; reads x, u, p. */
 int snake3_power(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* base velocities v = S w + R c: out[5].
-   24 operations; reads x, p. */
+   23 operations; reads x, p. */
 int snake3_velocity(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* state x = (q, w) from (q, v): w = B v: out[7].
@@ -139,7 +139,7 @@ size_t snake3_rows(snake3_function function, size_t n, size_t rows, const double
     ptrdiff_t x_stride, const double *u, ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *out, signed char *status);
 
 /* snake3_dynamics in two steps, for many states with the same parameters: c[6] from p, with a status; then the
-   result from t, x, u and c in 125 operations instead of 133. */
+   result from t, x, u and c in 123 operations instead of 132. */
 #define SNAKE3_NC_DYNAMICS 6
 int snake3_dynamics_precompute(const double *p, double *SNAKE3_RESTRICT c);
 int snake3_dynamics_precomputed(double t, const double *x, const double *u, const double *c, double *SNAKE3_RESTRICT out);

@@ -18,45 +18,91 @@ enum { LANES = 4 };
 
 #if defined(__GNUC__)
 #define PART static __attribute__((noinline)) void
+#define RARE static __attribute__((noinline, cold)) size_t
 #define INLINE static inline __attribute__((always_inline))
 #else
 #define INLINE static inline
 #define PART static void
+#define RARE static size_t
 #endif
 
-/* Entries of LANES rows side by side: to[i * LANES + lane] is entry i of row lane. */
-static inline void take(int n, const double *restrict rows, ptrdiff_t stride, double *restrict to)
+/* A loop over lanes reads and writes whole vectors where they begin at a multiple of their length. */
+#if defined(__GNUC__)
+#define ALIGNED __attribute__((aligned(64)))
+#else
+#define ALIGNED
+#endif
+
+/* Four entries of four rows turned over: to[i][lane] is from[lane][i]; rows and columns lie `apart` and `beside` numbers from each other. */
+INLINE void turn(const double *from, ptrdiff_t apart, double *to, ptrdiff_t beside)
+{
+#if defined(__GNUC__) && (defined(__clang__) || __GNUC__ >= 12)
+    typedef double four __attribute__((vector_size(32)));
+    four a, b, c, d, p, q, r, s;
+    memcpy(&a, from, sizeof a);
+    memcpy(&b, from + apart, sizeof b);
+    memcpy(&c, from + 2 * apart, sizeof c);
+    memcpy(&d, from + 3 * apart, sizeof d);
+    p = __builtin_shufflevector(a, b, 0, 4, 2, 6), q = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+    r = __builtin_shufflevector(c, d, 0, 4, 2, 6), s = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+    a = __builtin_shufflevector(p, r, 0, 1, 4, 5), b = __builtin_shufflevector(q, s, 0, 1, 4, 5);
+    c = __builtin_shufflevector(p, r, 2, 3, 6, 7), d = __builtin_shufflevector(q, s, 2, 3, 6, 7);
+    memcpy(to, &a, sizeof a);
+    memcpy(to + beside, &b, sizeof b);
+    memcpy(to + 2 * beside, &c, sizeof c);
+    memcpy(to + 3 * beside, &d, sizeof d);
+#else
+    int i, lane;
+    for (i = 0; i < 4; i++)
+        for (lane = 0; lane < 4; lane++)
+            to[i * beside + lane] = from[lane * apart + i];
+#endif
+}
+
+/* Entries of LANES rows side by side: to[i * LANES + lane] is entry i of row lane. Four by four; the last four of a row may have
+   been done before. */
+INLINE void take(int n, const double *restrict rows, ptrdiff_t stride, double *restrict to)
 {
     int i, lane;
-    for (i = 0; i < n; i++)
+    for (lane = 0; lane < LANES && n >= 4; lane += 4)
+        for (i = 0; i < n; i += 4) {
+            const int k = i < n - 4 ? i : n - 4;
+            turn(rows + lane * stride + k, stride, to + k * LANES + lane, LANES);
+        }
+    for (i = 0; i < n && n < 4; i++)
         for (lane = 0; lane < LANES; lane++)
             to[i * LANES + lane] = rows[lane * stride + i];
 }
 
 /* And back. */
-static inline void give(int n, const double *restrict from, double *restrict rows, ptrdiff_t stride)
+INLINE void give(int n, const double *restrict from, double *restrict rows, ptrdiff_t stride)
 {
     int i, lane;
-    for (lane = 0; lane < LANES; lane++)
+    for (lane = 0; lane < LANES && n >= 4; lane += 4)
+        for (i = 0; i < n; i += 4) {
+            const int k = i < n - 4 ? i : n - 4;
+            turn(from + k * LANES + lane, LANES, rows + lane * stride + k, stride);
+        }
+    for (lane = 0; lane < LANES && n < 4; lane++)
         for (i = 0; i < n; i++)
             rows[lane * stride + i] = from[i * LANES + lane];
 }
 
-/* Sine and cosine without a branch: x = k pi/2 + r + y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
-   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5; beyond that and where x is not finite
+/* Sine and cosine without a branch: x = k pi/2 + r - y with pi/2 in three parts (Cody and Waite), minimax polynomials in r * r on
+   [-pi/4, pi/4], then quadrant k. Error below 0.8 units in the last place for |x| <= 1e5, sin(-0) = -0; beyond that and where x is not finite
    it returns 1, else 0. */
 INLINE double snake3_sincos(double x, double *restrict sin_x, double *restrict cos_x)
 {
     const double round = 0x1.8p52;
     const double near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
     const double a = x - k * 0x1.921fb5444p+0, b = k * 0x1.68c234c4cp-39, c = a - b, d = c - a;
-    const double e = ((a - (c - d)) - (b + d)) - k * 0x1.98a2e03707345p-77, r = c + e, y = (c - r) + e, z = r * r;
-    const double s = -0x1.5555555555549p-3 + z * (0x1.111111110f87ap-7 + z * (-0x1.a01a019c118bdp-13 +
-        z * (0x1.71de3577acb24p-19 + z * (-0x1.ae5e6633c330cp-26 + z * 0x1.5d92ff36b5cd1p-33))));
+    const double e = ((b + d) - (a - (c - d))) + k * 0x1.98a2e03707345p-77, r = c - e, y = (r - c) + e, z = r * r;
+    const double s = 0x1.5555555555549p-3 + z * (-0x1.111111110f87ap-7 + z * (0x1.a01a019c118bdp-13 +
+        z * (-0x1.71de3577acb24p-19 + z * (0x1.ae5e6633c330cp-26 + z * -0x1.5d92ff36b5cd1p-33))));
     const double h = 0x1.555555555554bp-5 + z * (-0x1.6c16c16c14f8ap-10 + z * (0x1.a01a019c8391bp-16 +
         z * (-0x1.27e4f7ea3810ep-22 + z * (0x1.1ee9d752de8c6p-29 + z * -0x1.8fa46612f4219p-37))));
     const double half = 0.5 * z, w = 1.0 - half;
-    const double sin_r = r + (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h - r * y));
+    const double sin_r = r - (z * r * s + y * w), cos_r = w + (((1.0 - w) - half) + (z * z * h + r * y));
     uint64_t n, one, two, swap;
     memcpy(&n, &near, sizeof n); /* its last bits are those of k */
     memcpy(&one, &sin_r, sizeof one);
@@ -117,62 +163,84 @@ PART snake3_dynamics_lanes(const double *restrict t_, const double *restrict x, 
         const double z11 = z7 * c5;
         const double z12 = cos_phi1 * c5;
         const double z13 = z3 * z11 - z1 * z12;
-        const double M_w_2_2 = z7 * z11 + cos_phi1 * z12 + c6;
+        const double M_w_2_2 = cos_phi1 * z12 + c6 + z7 * z11;
 
         /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-        const double z14 = v * cos_phi1;
-        const double z15 = om * l;
-        const double z16 = z9 * (z14 - sin_phi1 * z15 * 0.5);
-        const double z17 = z16 * c3 * c2;
-        const double z18 = z9 * (cos_phi1 * z15 + sin_phi1 * z10) * 0.5;
-        const double z19 = 0.5 * om;
-        const double z20 = l * (z8 + cos_phi1 * z19);
-        const double z21 = z14 - z6 * z19;
-        const double z22 = v_5 * (sin_phi2 * z20 + cos_phi2 * z21) + cos_phi2 * z16;
-        const double z23 = c3 * (sin_phi2 * z18 + z22) * c2;
-        const double z24 = m * z18;
-        const double z25 = v_5 * (sin_phi2 * z21 - cos_phi2 * z20) - cos_phi2 * z18;
-        const double z26 = m * (sin_phi2 * z16 + z25);
-        const double z27 = z6 * z24 - z26 * (cos_phi2 * z6 - sin_phi2 * z5);
-        const double f_w_2 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z17 + (z7 * z23 + 0.5 * z27);
+        const double z14 = om * l;
+        const double z15 = 0.5 * (cos_phi1 * z14 + sin_phi1 * z10) * z9;
+        const double z16 = m * z15;
+        const double z17 = v * cos_phi1;
+        const double z18 = 0.5 * om;
+        const double z19 = z17 - z6 * z18;
+        const double z20 = l * (z8 + cos_phi1 * z18);
+        const double z21 = z9 * (z17 - 0.5 * z14 * sin_phi1);
+        const double z22 = v_5 * (sin_phi2 * z19 - cos_phi2 * z20) + sin_phi2 * z21;
+        const double z23 = m * (z22 - cos_phi2 * z15);
+        const double z24 = z6 * z16 - z23 * (cos_phi2 * z6 - sin_phi2 * z5);
+        const double z25 = v_5 * (sin_phi2 * z20 + cos_phi2 * z19) + sin_phi2 * z15;
+        const double z26 = c3 * (cos_phi2 * z21 + z25);
+        const double z27 = z21 * c3;
+        const double z28 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z27 + z7 * z26;
+        const double f_w_2 = 0.5 * z24 + z28;
 
         /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-        const double z28 = cos_th * v;
-        const double z29 = v * sin_th;
-        const double z30 = -z9;
-        const double z31 = 1.0 / M_w_2_2;
-        const double z32 = z13 * z31;
-        const double z33 = z1 * (tau1 - z17) - z32 * f_w_2 - z4 * tau2;
-        const double z34 = cos_phi1 * z24 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z26;
-        const double z35 = c5 * (z3 * z3 + z1 * z1) - z13 * z32;
-        const double z36 = (z3 * z23 + 0.5 * z34 + z33) / (m + 1.3333333333333333 * z35);
-        const double z37 = -0.6666666666666666 * z36;
-        const double z38 = z31 * f_w_2 - z32 * z36 * 1.3333333333333333;
+        const double z29 = cos_th * v;
+        const double z30 = v * sin_th;
+        const double z31 = -z9;
+        const double z32 = cos_phi1 * z16 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z23;
+        const double z33 = z1 * (tau1 - z27) - z4 * tau2 + z3 * z26;
+        const double z34 = 1.0 / M_w_2_2;
+        const double z35 = z13 * z34;
+        const double z36 = c5 * (z3 * z3 + z1 * z1) - z13 * z35;
+        const double z37 = (0.5 * z32 + z33 - z35 * f_w_2) / (m + 1.3333333333333333 * z36);
+        const double z38 = -0.6666666666666666 * z37;
+        const double z39 = z34 * f_w_2 - 1.3333333333333333 * z35 * z37;
 
-        out[0 * LANES + lane] = z28; /* der(x), m/s */
-        out[1 * LANES + lane] = z29; /* der(y), m/s */
+        out[0 * LANES + lane] = z29; /* der(x), m/s */
+        out[1 * LANES + lane] = z30; /* der(y), m/s */
         out[2 * LANES + lane] = om; /* der(th), rad/s */
-        out[3 * LANES + lane] = z30; /* der(phi1), rad/s */
+        out[3 * LANES + lane] = z31; /* der(phi1), rad/s */
         out[4 * LANES + lane] = v_5; /* der(phi2), rad/s */
-        out[5 * LANES + lane] = z37; /* der(v), m/s^2 */
-        out[6 * LANES + lane] = z38; /* der(om), rad/s^2 */
+        out[5 * LANES + lane] = z38; /* der(v), m/s^2 */
+        out[6 * LANES + lane] = z39; /* der(om), rad/s^2 */
         stray[lane] = bad + ((0.0 * x[0 * LANES + lane] + 0.0 * out[1 * LANES + lane] + 0.0 * out[5 * LANES + lane]) + (0.0 * x[1 * LANES + lane] + 0.0 * out[3 * LANES + lane] + 0.0 * out[6 * LANES + lane]) + (0.0 * out[0 * LANES + lane] + 0.0 * out[4 * LANES + lane]));
     }
     (void)t_;
 }
 
+/* A few rows one by one: all, or those whose entry of `stray` is not zero. Returns how many failed. */
+RARE snake3_dynamics_apart(int rows, const double *stray, const double *t, ptrdiff_t t_stride, const double *x,
+    ptrdiff_t x_stride, const double *u, ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *out, ptrdiff_t out_stride,
+    signed char *status)
+{
+    size_t failed = 0;
+    int row, i;
+    for (row = 0; row < rows; row++, out += out_stride) {
+        int result;
+        if (stray && stray[row] == 0.0)
+            continue;
+        result = snake3_dynamics(t[row * t_stride], x + row * x_stride, u ? u + row * u_stride : u, p ? p + row * p_stride : p, out);
+        for (i = 0; result != SNAKE3_OK && i < 7; i++)
+            out[i] = NAN;
+        failed += result != SNAKE3_OK;
+        if (status)
+            status[row] = (signed char)result;
+    }
+    return failed;
+}
+
 size_t snake3_dynamics_batch(size_t rows, const double *t, ptrdiff_t t_stride, const double *x, ptrdiff_t x_stride, const double *u,
     ptrdiff_t u_stride, const double *p, ptrdiff_t p_stride, double *restrict out, ptrdiff_t out_stride, signed char *restrict status)
 {
-    double lanes_x[7 * LANES], lanes_u[2 * LANES], lanes_out[7 * LANES], stray[LANES];
-    double lanes_c[6 * LANES];
+    ALIGNED double lanes_x[7 * LANES], lanes_u[2 * LANES], lanes_out[7 * LANES], stray[LANES];
+    ALIGNED double lanes_c[6 * LANES];
     int known = 1; /* are all parameters finite? */
     size_t failed = 0, row;
-    int lane, i;
+    int first = 1; /* what all rows share is taken once */
     for (row = 0; row < rows; row += LANES) {
-        int whole = rows - row >= LANES;
-        const int here = whole ? LANES : (int)(rows - row);
-        if (whole && (row == 0 || p_stride)) {
+        const int here = rows - row >= LANES ? LANES : (int)(rows - row);
+        if (here == LANES && (row == 0 || p_stride)) {
+            int lane, i;
             for (known = 1, lane = 0; lane < LANES; lane++) {
                 double c[6];
                 known &= snake3_dynamics_precompute(p + lane * p_stride, c) == SNAKE3_OK;
@@ -180,32 +248,31 @@ size_t snake3_dynamics_batch(size_t rows, const double *t, ptrdiff_t t_stride, c
                     lanes_c[i * LANES + lane] = c[i];
             }
         }
-        whole &= known;
-        if (whole) {
-            if (row == 0 || x_stride)
+        if (here < LANES || !known) {
+            failed += snake3_dynamics_apart(here, NULL, t, t_stride, x, x_stride, u, u_stride, p, p_stride, out, out_stride, status);
+        } else {
+            double all = 0.0;
+            int lane;
+            if (first || x_stride)
                 take(7, x, x_stride, lanes_x);
-            if (row == 0 || u_stride)
+            if (first || u_stride)
                 take(2, u, u_stride, lanes_u);
             snake3_dynamics_lanes(NULL, lanes_x, lanes_u, lanes_c, lanes_out, stray);
+            first = 0;
             give(7, lanes_out, out, out_stride);
-        }
-        for (lane = 0; lane < here; lane++) {
-            int result = SNAKE3_OK;
-            if (!whole || !(stray[lane] == 0.0)) {
-                double *own = out + lane * out_stride;
-                result = snake3_dynamics(t[lane * t_stride], x + lane * x_stride, u ? u + lane * u_stride : u, p ? p + lane * p_stride : p, own);
-                for (i = 0; result != SNAKE3_OK && i < 7; i++)
-                    own[i] = NAN;
-            }
-            failed += result != SNAKE3_OK;
+            for (lane = 0; lane < LANES; lane++)
+                all += stray[lane];
             if (status)
-                status[row + (size_t)lane] = (signed char)result;
+                memset(status, SNAKE3_OK, LANES);
+            if (!(all == 0.0)) /* some row stands out */
+                failed += snake3_dynamics_apart(LANES, stray, t, t_stride, x, x_stride, u, u_stride, p, p_stride, out, out_stride, status);
         }
         t += LANES * t_stride;
         x += LANES * x_stride;
         u = u ? u + LANES * u_stride : u;
         p = p ? p + LANES * p_stride : p;
         out += LANES * out_stride;
+        status = status ? status + LANES : status;
     }
     return failed;
 }

@@ -53,7 +53,8 @@ def exudyn(e: Evidence) -> float | None:
     except FloatingPointError:  # the reference cannot tell
         return None
     arm = e.units.own.length
-    start, end = (state_of(bare.reference, t, *y, s.u, s.full) for t, *y in ((s.t, s.q, s.v), (s.t + span, q, v)))
+    start = state_of(bare.reference, s.t, s.q, s.v, s.u, s.full)
+    end = state_of(bare.reference, s.t + span, q, v, s.u, s.full)
     ours, theirs = engine.points(model, end, arm), engine.ends(model, start, span, STEPS, arm)
     return None if theirs is None else worst(theirs - ours) / worst(ours - engine.points(model, start, arm))
 

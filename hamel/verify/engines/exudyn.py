@@ -58,7 +58,7 @@ def _ends(model: Model, s: State, time: float, steps: int, arm: float) -> Array:
         _joint(mbs, joint, (joint.parent, joint.child), (joint.at_parent, joint.at_child), bodies, s)
     for closure in model.closures:
         _joint(mbs, closure, closure.bodies, closure.placements, bodies, s)
-    for constraint in model.constraints:
+    for constraint in (x for x in model.constraints if isinstance(x, Rolling)):
         _roll(mbs, constraint, bodies, s)
     mbs.Assemble()
     settings = exu.SimulationSettings()
@@ -103,7 +103,7 @@ def _joint(
     elif joint.type == "fixed":
         mbs.CreateGenericJoint(**common)
     elif joint.type == "universal":
-        second = frames[1].rotation @ child_turn @ s.vector(joint.axis2)
+        second = frames[1].rotation @ child_turn @ s.vector(joint.axis2 or joint.axis)
         axes = np.column_stack(
             [first, second, np.cross(first, second)]
         )  # the one turn that is locked keeps x and y at right angles

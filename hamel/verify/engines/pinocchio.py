@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
-import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
 from derive.model.records import GROUND, Joint, Model, Placement
 from hamel.verify.engines.records import Forces
 from hamel.verify.states import State, inertia_tensor, placed
 from hamel.verify.vectors import Array
 
+pin: Any = import_module("pinocchio")  # the library, which has the name of this file
 KINDS = {"revolute", "prismatic", "fixed", "ball", "free"}
 
 

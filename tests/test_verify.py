@@ -357,6 +357,7 @@ def test_another_choice_with_another_motion_is_caught(seen, four_bar):
 def module_of(seen, **instead):
     """A module that computes what the graph says, but for the functions given."""
     made = ModuleType("made_for_test")
+    made.defaults = np.zeros(0)  # in float64, like all of it
     for name in seen.graph.functions:
         setattr(made, name, instead.get(name, lambda t, x, u, p, n=name: seen.graph.iterated(n, t, x, u, p)))
     return made

@@ -178,6 +178,18 @@ def test_results_that_somebody_holds_are_never_written_again(module: ModuleType)
 
 
 @needs_compiler
+def test_a_result_of_another_shape_is_refused_however_it_is_held(module: ModuleType) -> None:
+    """Nothing is written beyond an array that is too short, even where somebody has a weak reference to it."""
+    _, x, u = states(1)
+    room = np.full(64, 7.0)
+    short = room[:1]
+    held = weakref.ref(short)
+    with pytest.raises((ValueError, TypeError)):
+        module._binding.dynamics(0.0, x[0], u[0], out=short)
+    assert (room == 7.0).all() and held() is short
+
+
+@needs_compiler
 def test_wrong_arguments_are_refused(module: ModuleType) -> None:
     x = np.zeros(4)
     for binding in bindings(module):

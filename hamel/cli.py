@@ -9,6 +9,7 @@ import functools
 import importlib
 import io
 import keyword
+import math
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -109,6 +110,21 @@ def _constants(text: str) -> Any:
     return "all" if text.strip() == "all" else _names(text)
 
 
+class _Positive(click.ParamType):
+    """A finite number above zero."""
+
+    name = "float"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number = click.FLOAT.convert(value, param, ctx)
+        if not (number > 0 and math.isfinite(number)):
+            self.fail(f"{value} is not a positive number.", param, ctx)
+        return float(number)
+
+
+POSITIVE = _Positive()
+
+
 @verb
 @_model
 def check(model: str) -> Any:
@@ -174,16 +190,22 @@ def stress(models: Sequence[str], case: str | None) -> Any:
 @CHOICE
 @FORMULATION
 @click.option("--keeping", metavar="NAME", help="How to stay on the constraints (default: projection, where there is any).")
-@click.option("--alpha", type=float, metavar="1/S", help="Rate of baumgarte and feedback (default: twice the system's fastest).")
+@click.option(
+    "--alpha", type=POSITIVE, metavar="1/S", help="Rate of baumgarte and feedback (default: twice the system's fastest)."
+)
 @click.option("--conserve", metavar="a,b", default="", help="Coordinates whose momenta the keeping invariants holds too.")
 @click.option("--integrator", default="dop853", show_default=True, metavar="NAME", help="How to step; `hamel list` names all.")
-@click.option("--step-size", type=float, metavar="S", help="Equal steps of at most this size instead of steps by the tolerances.")
 @click.option(
-    "--time", "--until", "time", type=float, default=10.0, show_default=True, metavar="S", help="The last time, in seconds."
+    "--step-size", type=POSITIVE, metavar="S", help="Equal steps of at most this size instead of steps by the tolerances."
 )
-@click.option("--step", type=float, metavar="S", help="Time between rows of the output (default: a five-hundredth of the time).")
-@click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance of a step.")
-@click.option("--atol", type=float, help="Absolute tolerance of a step (default: a hundredth of rtol).")
+@click.option(
+    "--time", "--until", "time", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="The last time, in seconds."
+)
+@click.option(
+    "--step", type=POSITIVE, metavar="S", help="Time between rows of the output (default: a five-hundredth of the time)."
+)
+@click.option("--rtol", type=POSITIVE, default=1e-10, show_default=True, help="Relative tolerance of a step.")
+@click.option("--atol", type=POSITIVE, help="Absolute tolerance of a step (default: a hundredth of rtol).")
 @click.option(
     "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Initial value, parameter or input; may be repeated."
 )
@@ -203,8 +225,10 @@ def simulate(model: str, settings: Sequence[str], conserve: str, **options: Any)
 @click.argument("models", nargs=-1, metavar="MODEL...")
 @click.option("--stress", multiple=True, metavar="PATH", help="Add the extreme cases of a file or folder; may be repeated.")
 @click.option("-o", "--out", metavar="DIR", default="report", show_default=True, help="The folder of the report.")
-@click.option("--time", type=float, default=10.0, show_default=True, metavar="S", help="The length of the motions, in seconds.")
-@click.option("--budget", type=float, default=90.0, show_default=True, metavar="S", help="Seconds for all runs of one model.")
+@click.option(
+    "--time", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="The length of the motions, in seconds."
+)
+@click.option("--budget", type=POSITIVE, default=90.0, show_default=True, metavar="S", help="Seconds for all runs of one model.")
 @click.option("--formulation", "formulations", metavar="a,b", default="", help="These formulations only.")
 @click.option("--choice", "choices", metavar="a,b", default="", help="These choices of quasi-velocities only.")
 @click.option("--keeping", "keepings", metavar="a,b", default="", help="These keepings only.")
@@ -247,7 +271,7 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 @click.option(
     "-o", "--out", metavar="FILE.html", help="The page: equations, plots, modes (default: linearization.html; with --json none)."
 )
-@click.option("--step", type=float, metavar="S", help="Also in discrete time: the step in seconds (in --json: Phi, Gamma).")
+@click.option("--step", type=POSITIVE, metavar="S", help="Also in discrete time: the step in seconds (in --json: Phi, Gamma).")
 @click.option("--cyclic", metavar="a,b|none", help="Coordinates to leave out of the eigenvalues (default: all cyclic ones).")
 def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any) -> Any:
     """Linearise MODEL along a steady motion in minimal states, and find its eigenvalues."""
@@ -283,7 +307,7 @@ def import_(robot: str, out: str | None, floating: bool) -> Any:
 @_model
 @click.option("--time", is_flag=True, help="Compile each choice and measure how long its dynamics take.")
 @click.option("--plot", metavar="FILE", help="Draw cond [A; B] of each choice along the motion to FILE.svg.")
-@click.option("--until", type=float, default=10.0, show_default=True, metavar="S", help="The end of that motion, in seconds.")
+@click.option("--until", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="The end of that motion, in seconds.")
 def choices(model: str, **options: Any) -> Any:
     """Rank MODEL's choices of quasi-velocities, and say why."""
     return hamel.choices(model, **options)

@@ -39,7 +39,35 @@ def settings(model: Model, values: Mapping[str, float | str]) -> Settings:
     for name, value in found.items():
         place = next((table for table in (parameters, inputs) if name in table), initial)
         place[name] = value
+    changed = [name for name in found if name in parameters]
+    if changed:
+        _check_bodies(model, changed, parameters)
     return Settings(initial, parameters, inputs)
+
+
+def _check_bodies(model: Model, changed: list[str], parameters: Mapping[str, float]) -> None:
+    """What the file is checked for with its own parameters holds for others, too: no mass and no moment is negative."""
+    known = dict(parameters)
+    for name, formula in model.definitions:
+        value = _known(formula, known)
+        known |= {} if value is None else {name: value}
+    for body in model.bodies:
+        for what, formula in (("mass", body.mass), *(("moment of inertia", moment) for moment in body.inertia[:3])):
+            value = _known(formula, known)
+            if value is not None and value < 0.0:
+                given = ", ".join(f"{name} = {parameters[name]:g}" for name in changed)
+                raise ModelError(f"with {given} the {what} of '{body.name}' is {value:g}, less than zero")
+
+
+def _known(formula: tree.Expression, known: Mapping[str, float]) -> float | None:
+    """The value of a formula of known names; None where it uses others, or has none."""
+    nodes = list(tree.walk(formula))
+    if any(isinstance(node, tree.Rate) or (isinstance(node, tree.Name) and node.name not in known) for node in nodes):
+        return None
+    try:
+        return number(formula, known)
+    except FormulaError:
+        return None
 
 
 def units(model: Model) -> dict[str, str]:

@@ -197,7 +197,14 @@ def test_missing_compiler(hamel, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "arguments", [("build",), ("build", SNAKE, "--no-such"), ("bild", SNAKE), ("verify", SNAKE, "--states", "0")]
+    "arguments",
+    [
+        ("build",),
+        ("build", SNAKE, "--no-such"),
+        ("bild", SNAKE),
+        ("verify", SNAKE, "--states", "0"),
+        ("simulate", SNAKE, "--time", "nan"),
+    ],
 )
 def test_wrong_usage(hamel, arguments):
     code, out, err = hamel(*arguments)

@@ -381,3 +381,14 @@ def test_the_python_yaml_parser_gives_the_same(monkeypatch: pytest.MonkeyPatch) 
     before: list[Model] = [load(path) for path in MODELS]
     monkeypatch.delattr(yaml, "CLoader")
     assert [load(path) for path in MODELS] == before
+
+
+def test_a_unit_is_no_name_that_cannot_stand_there():
+    """A slide s and speeds in m/s: where no coordinate may stand, s is a second."""
+    text = """model: slide
+plane: xy
+bodies: {a: {mass: 1 kg}}
+joints: {j: {type: prismatic, parent: ground, child: a, axis: x, coordinate: s, spring: {stiffness: 3 N/m}}}
+steady_motion: {even: {der(s): speed, sweep: {speed: [2*1 m/s, 5 m/s]}}}
+"""
+    assert load_text(text, "slide.yaml").steady_motions[0].ranges == (("speed", 2.0, 5.0, 101),)

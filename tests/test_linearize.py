@@ -313,6 +313,8 @@ def test_equilibria_are_found_from_the_initial_values():
         ("{th: 0, sweep: {ll: [1 m, 2 m]}}", "'ll' is neither free in this motion nor a parameter", "did you mean 'l'?"),
         ("{th: 0, sweep: {l: [1 m, 1 m]}}", "the range of 'l'", "two different values"),
         ("{th: 0, guess: 3}", "'guess' is not a mapping", "names and numbers"),
+        ("{th: free}", "'th' is free", "only inputs can be called free"),
+        ("{der(s): speed, guess: {speed: 1 m/s}}", "'speed' is free to choose", "--set speed="),
         ("{th: [0]}", "'th' is a list or mapping", "a formula"),
     ],
 )

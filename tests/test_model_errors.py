@@ -156,6 +156,8 @@ ERRORS = [
     ),
     ("coordinate_unit", "model: a\ncoordinates: {x: «mm}\nkinetic: der(x)^2\n", "'mm' is not an SI unit", "m", "use SI"),
     ("unknown_coordinate_unit", "model: a\ncoordinates: {x: «meter}\nkinetic: 1 J\n", "unknown unit 'meter'", "m, kg, s", ""),
+    ("octal_number", "model: a\nparameters: {m: «017 kg}\n", "the number '017' starts with a zero", "17: octal", ""),
+    ("date_as_number", "model: a\nparameters: {m: 2020-«01-01}\n", "the number '01' starts with a zero", "dates", ""),
     ("huge_number", "model: a\nparameters: {m: «1e400 kg}\n", "the number is too large", "1.8e308", ""),
     ("tiny_number", "model: a\nparameters: {m: «1e-400 kg}\n", "too small to tell from zero", "5e-324", ""),
     ("tower", "model: a\nparameters: {m: «9**9**9}\n", "not a finite number", "", ""),

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Container, Mapping
 from typing import NamedTuple, NoReturn
 
 from derive.diagnostics import did_you_mean, listed
@@ -43,7 +43,7 @@ class _Token(NamedTuple):
 
 def expression(
     text: str,
-    names: Collection[str] = (),
+    names: Container[str] = (),
     functions: Mapping[str, Function] = FUNCTIONS,
     vectors: bool = False,
 ) -> Expression:
@@ -85,7 +85,7 @@ def quantity(text: str) -> tree.Number | None:
 
 
 class _Parser:
-    def __init__(self, text: str, names: Collection[str], functions: Mapping[str, Function], vectors: bool) -> None:
+    def __init__(self, text: str, names: Container[str], functions: Mapping[str, Function], vectors: bool) -> None:
         self.text, self.names, self.functions, self.vectors = text, names, functions, vectors
         if len(text) > LONGEST:
             raise FormulaError(f"a formula of {len(text)} characters", expected=f"at most {LONGEST}")
@@ -348,6 +348,9 @@ def _finite(token: _Token, text: str) -> float:
     if math.isinf(value):
         raise FormulaError("the number is too large", text, token.at, "a magnitude below 1.8e308")
     mantissa = re.split("[eE]", token.text)[0]
+    if re.match("0[0-9]", mantissa):
+        expected = f"{mantissa.lstrip('0') or 0}: octal numbers and dates are not part of the model language"
+        raise FormulaError(f"the number '{token.text}' starts with a zero", text, token.at, expected)
     if value == 0.0 and mantissa.strip("0."):
         raise FormulaError("the number is too small to tell from zero", text, token.at, "0, or a magnitude above 5e-324")
     return value

@@ -115,6 +115,7 @@ def _keeping(name: str, near: str, euclidean: bool) -> Keeping:
         refusal=_refusal,
         needs=lambda found: ("manifold", *(function.name for function in found.functions if function.name == "project")),
         equations=lambda found, options: _with_manifold(euclidean, found, options),
+        conserves=True,
     )
 
 

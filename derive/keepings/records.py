@@ -37,7 +37,8 @@ def same(system: System, options: Options) -> System:
 @dataclass(frozen=True)
 class Keeping:
     """`refusal` says why a keeping does not fit some equations ("" where it does); `system` and `equations` are what it makes of
-    the mechanics before a formulation sees it, and of the formulation's result; `needs` are the functions its code calls.
+    the mechanics before a formulation sees it, and of the formulation's result; `needs` are the functions its code calls;
+    `conserves` says whether it looks at `Options.conserve`.
     """
 
     name: str
@@ -48,3 +49,4 @@ class Keeping:
     needs: Callable[[Equations], tuple[str, ...]] = lambda found: ()
     system: Callable[[System, Options], System] = same
     equations: Callable[[Equations, Options], Equations] = unchanged
+    conserves: bool = False

@@ -105,7 +105,7 @@ class Reader:
         if plain is not None and plain.unit and wanted is not None:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
-        parsed = expression(text, names=self.scope.symbols, functions=functions)
+        parsed = expression(text, names=self.scope.usable(allowed), functions=functions)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
         return resolved

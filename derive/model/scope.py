@@ -70,6 +70,10 @@ class Scope:
         """The names that may be used where `allowed` kinds may."""
         return [name for name, symbol in self.symbols.items() if symbol.kinds <= allowed]
 
+    def usable(self, allowed: frozenset[str]) -> Usable:
+        """The same as a test of one name, for places where listing them all would take too long."""
+        return Usable(self, allowed)
+
     def coordinates(self) -> list[str]:
         return [name for name, symbol in self.symbols.items() if symbol.kinds == {COORDINATE}]
 
@@ -123,6 +127,18 @@ class Scope:
         what = f"'{name}' is {wrong[0]}" if not culprit else f"'{name}' uses '{culprit}', {wrong[0]},"
         hint = "a formula with rates goes under `nonholonomic:`" if wrong[0] == VELOCITY and allowed == POSITION else ""
         raise FormulaError(f"{what} and cannot stand in {where}", text, at, _allowed_words(allowed), hint)
+
+
+@dataclass(frozen=True)
+class Usable:
+    """The names of a scope that may stand where `allowed` kinds may."""
+
+    scope: Scope
+    allowed: frozenset[str]
+
+    def __contains__(self, name: object) -> bool:
+        symbol = self.scope.symbols.get(name) if isinstance(name, str) else None
+        return symbol is not None and symbol.kinds <= self.allowed
 
 
 def _allowed_words(allowed: frozenset[str]) -> str:

@@ -38,8 +38,9 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMoti
             reader.report(state.span, f"'{state}' is a list or mapping", f"a formula, or one of {listed(RESERVED)}")
         elif name in values or name in free:
             reader.report(state.span, f"'{state}' is given twice", "one of the two")
-        elif scalar.text == "free" and reader.scope.symbols[name].kinds == {INPUT}:
+        elif scalar.text == "free":
             free.append(name)
+            _check_input(reader, state, name, scalar)
         else:
             sweepable |= dict.fromkeys(_free_names(reader, scalar))
             values[name] = _with_free_names(reader, scalar, sweepable, _unit(reader, name))
@@ -50,10 +51,17 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMoti
         sweepable=tuple(sweepable),
         span=key.span,
         free=tuple(free),
-        guesses=_guesses(reader, rest.get("guess"), values),
+        guesses=_guesses(reader, rest.get("guess"), values, tuple(sweepable)),
         cyclic=_cyclic(reader, rest.get("cyclic")),
         ranges=_ranges(reader, rest.get("sweep"), tuple(sweepable)),
     )
+
+
+def _check_input(reader: Reader, state: Key, name: str, scalar: Scalar) -> None:
+    """Coordinates and velocities need no word to be found."""
+    if reader.scope.symbols[name].kinds != {INPUT}:
+        hint = f"what is not held is found: leave '{state}' out, or say under guess where its search starts"
+        reader.report(scalar.span, f"'{state}' is free", "only inputs can be called free", hint)
 
 
 Part = tuple[Key, Any] | None
@@ -70,9 +78,15 @@ def _entries(reader: Reader, part: Part, wanted: str) -> dict[Key, Any]:
     return value
 
 
-def _guesses(reader: Reader, part: Part, held: dict[str, Expression]) -> tuple[tuple[str, Expression], ...]:
+def _guesses(
+    reader: Reader, part: Part, held: dict[str, Expression], sweepable: tuple[str, ...]
+) -> tuple[tuple[str, Expression], ...]:
     found: dict[str, Expression] = {}
     for state, scalar in _entries(reader, part, "names and numbers to start from").items():
+        if str(state) in sweepable:
+            where = f"a range under sweep, or a value: hamel linearize --set {state}=…"
+            reader.report(state.span, f"'{state}' is free to choose and is not searched for", where)
+            continue
         name = state_name(reader, state, inputs=True)
         if name is None:
             continue

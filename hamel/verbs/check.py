@@ -59,11 +59,16 @@ def _rank(mechanics: System, q: Any) -> int:
     return int(np.sum(values > RANK * values[0])) if values.size else 0
 
 
+def _counted(number: int, one: str, many: str = "") -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
 def show(record: Checked, console: Console) -> None:
     from hamel.show import refusals
 
-    size = f"{len(record.velocities)} velocities, {len(record.constraints)} constraints of rank {record.rank}"
-    freedom = f"{record.degrees_of_freedom} degree{'s' if record.degrees_of_freedom != 1 else ''} of freedom"
+    velocities = _counted(len(record.velocities), "velocity", "velocities")
+    size = f"{velocities}, {_counted(len(record.constraints), 'constraint')} of rank {record.rank}"
+    freedom = f"{_counted(record.degrees_of_freedom, 'degree')} of freedom"
     console.print(f"{record.model}: ok, {size}, {freedom}; choices {', '.join(record.choices)}")
     for assumption in record.assumptions:
         console.print(f"  {assumption}")

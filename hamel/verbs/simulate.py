@@ -76,6 +76,7 @@ def run(
     initial = initial_state(mechanics, given.initial, p)
     plain = equations(mechanics, method.choice, method.formulation)
     keeping = _keeping(method, plain)
+    _check_options(method, keeping)
     x = _state(plain, initial, p)
     _check_numbers(real, mechanics, x, u, p)
     alpha = usual_rate(plain, 0.0, x, u, p, time) if keeping.level == "rates" and method.alpha is None else method.alpha
@@ -143,6 +144,18 @@ def _keeping(method: Method, plain: Equations) -> Keeping:
         why = "it needs the exact Jacobian of what is integrated, and solving coordinates at every stage changes that"
         raise AssumptionError(f"{method.integrator} does not fit keeping '{keeping.name}': {why}; use projection")
     return keeping
+
+
+def _check_options(method: Method, keeping: Keeping) -> None:
+    """Refuse what this keeping would not look at."""
+    rates = [each.name for each in KEEPINGS if each.level == "rates"]
+    if method.alpha is not None:
+        _positive("alpha", method.alpha)
+    if method.alpha is not None and keeping.name not in rates:
+        raise ModelError(f"keeping '{keeping.name}' has no rate alpha; {listed(rates)} have one")
+    holding = [each.name for each in KEEPINGS if each.conserves]
+    if method.conserve and keeping.name not in holding:
+        raise ModelError(f"keeping '{keeping.name}' conserves no momenta; {listed(holding)} do")
 
 
 def _own(method: Method) -> Integrator | None:

@@ -83,5 +83,6 @@ DOP853 = Tableau(
             },
         ),
     ),
-    damping=Fraction(0),
+    damping=Fraction(2, 100),
+    safety=Fraction(8, 10),
 )

@@ -1,7 +1,8 @@
 """What an integrator is, as data: explicit Runge–Kutta methods, Rosenbrock methods, collocation, and the implicit midpoint rule.
 
 All advance x' = f(t, x). `order` is the order of the step and `estimate` the power of h in its error estimate; `damping` the
-exponent of the previous error in the proportional–integral step control; `needs` the functions of the module beyond `dynamics`.
+exponent of the previous error in the proportional–integral step control; `safety` the part of the allowed step that is taken: a
+step of many stages that fails costs more than a few shorter ones. `needs`: the functions of the module beyond `dynamics`.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 Row = tuple[Fraction, ...]
+SAFETY = Fraction(9, 10)
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class Tableau:
     a: tuple[Row, ...]
     errors: tuple[Row, ...]
     damping: Fraction
+    safety: Fraction = SAFETY
     needs: tuple[str, ...] = ()
     exact: bool = False  # needs the exact Jacobian of what is integrated
 
@@ -58,6 +61,7 @@ class Rosenbrock:
     a: tuple[Row, ...]
     c: tuple[Row, ...]
     damping: Fraction = Fraction(0)
+    safety: Fraction = SAFETY
     needs: tuple[str, ...] = ("jacobian", "jacobian_t")
     exact: bool = True
     adaptive: bool = True
@@ -88,6 +92,7 @@ class Collocation:
     inverse: tuple[Row, ...]
     error: Row
     damping: Fraction = Fraction(0)
+    safety: Fraction = SAFETY
     needs: tuple[str, ...] = ("jacobian",)
     exact: bool = False
     adaptive: bool = True
@@ -107,6 +112,7 @@ class Midpoint:
     order: int = 2
     estimate: int = 2
     damping: Fraction = Fraction(0)
+    safety: Fraction = SAFETY
     needs: tuple[str, ...] = ("jacobian",)
     exact: bool = False
     adaptive: bool = False

@@ -136,4 +136,5 @@ VERNER9 = Tableau(
         ),
     ),
     damping=Fraction(2, 100),
+    safety=Fraction(8, 10),
 )

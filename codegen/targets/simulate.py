@@ -58,6 +58,7 @@ class Scheme:
     kind: str  # the macro of simulate_steps.c.j2
     grow: str
     damp: str
+    safety: str
     stages: tuple[tuple[str, str], ...] = ()
     errors: tuple[str, ...] = ()
     weighted: frozenset[int] = frozenset()  # stages that count in the step or its error: the work is wanted there
@@ -152,12 +153,12 @@ def _blocks(has: dict[str, bool], rows: dict[str, int], nq: int, nw: int, stages
 
 
 def _scheme(method: Integrator) -> Scheme:
-    grow, damp = _number(Fraction(1, method.estimate) - Fraction(3, 4) * method.damping), _number(method.damping)
+    grow, damp, safety = _control(method)
     kind = type(method).__name__.lower()
     if isinstance(method, Tableau):
         stages = tuple((_number(c), _combination(a)) for c, a in zip(method.c[1:], method.a[1:]))
         weighted = frozenset(i for row in (method.a[-1], *method.errors) for i, weight in enumerate(row) if weight)
-        return Scheme(method, kind, grow, damp, stages, tuple(_combination(error) for error in method.errors), weighted)
+        return Scheme(method, kind, grow, damp, safety, stages, tuple(_combination(error) for error in method.errors), weighted)
     if isinstance(method, Rosenbrock):
         tables = {
             "a": _table(method.a, len(method.alpha)),
@@ -166,7 +167,7 @@ def _scheme(method: Integrator) -> Scheme:
             "gammas": _list(method.gammas),
             "gamma": _number(method.gamma),
         }
-        return Scheme(method, kind, grow, damp, tables=tables)
+        return Scheme(method, kind, grow, damp, safety, tables=tables)
     if isinstance(method, Collocation):
         tables = {
             "c": _list(method.c),
@@ -177,8 +178,14 @@ def _scheme(method: Integrator) -> Scheme:
             "pairs": _table(method.pairs, 2),
             "error": _list(method.error),
         }
-        return Scheme(method, kind, grow, damp, tables=tables)
-    return Scheme(method, kind, grow, damp)
+        return Scheme(method, kind, grow, damp, safety, tables=tables)
+    return Scheme(method, kind, grow, damp, safety)
+
+
+def _control(method: Integrator) -> tuple[str, str, str]:
+    """Exponents of the error and of the one before, and the safety."""
+    grow = Fraction(1, method.estimate) - Fraction(3, 4) * method.damping
+    return _number(grow), _number(method.damping), _number(method.safety)
 
 
 def _number(value: Fraction) -> str:
@@ -214,8 +221,7 @@ def _python(tableau: Tableau) -> dict[str, object]:
     return {
         "name": tableau.name,
         "order": tableau.order,
-        "grow": _number(Fraction(1, tableau.order) - Fraction(3, 4) * tableau.damping),
-        "damp": _number(tableau.damping),
+        **dict(zip(("grow", "damp", "safety"), _control(tableau))),
         "c": numbers(tableau.c),
         "a": [numbers(row) for row in tableau.a],
         "errors": [numbers(row) for row in tableau.errors],

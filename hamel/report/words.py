@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from hamel.report.front import LEVELS, Row, accuracy, cheapest, families, good, is_library, is_traditional, method
+from hamel.report.front import LEVELS, NOISE, Row, accuracy, cheapest, families, good, is_library, is_traditional, method
 from hamel.report.judging import Reference
 from hamel.report.running import TOO_LONG
 
@@ -59,9 +59,16 @@ def _others(rows: Sequence[Row], level: float) -> list[str]:
         if other is None:
             parts.append(f"{name} did not reach that error")
         else:
-            parts.append(f"{name} took {other['ms'] / best['ms']:.3g} times as long ({method(other)})")
+            parts.append(f"{name} {_slower(other['ms'] / best['ms'])} ({method(other)})")
     text = "; ".join(parts)
     return [f"{text[0].upper()}{text[1:]}."] if parts else []
+
+
+def _slower(ratio: float) -> str:
+    """Times that differ by less than noise are the same; the advice takes the run that drifts less of them."""
+    if ratio < NOISE:
+        return "took as long, for all one can tell"
+    return f"took {ratio:,.0f} times as long" if ratio >= 100 else f"took {ratio:.3g} times as long"
 
 
 def _held(own: Sequence[Row], level: float) -> list[str]:

@@ -16,6 +16,8 @@ Expression = str | float | tuple
 
 OK, SINGULAR, NOT_CONVERGED, NOT_FINITE = range(4)
 STATUS = ("ok", "singular", "not_converged", "not_finite")
+# What `simulate` calls, where the module has it.
+CALLED = ("dynamics", "power", "project", "constraints", "guards", "closure", "slip", "manifold", "jacobian", "jacobian_t")
 KINDS = ("add", "multiply", "divide", "sqrt", "sin", "cos", "other")
 
 
@@ -173,12 +175,13 @@ class Program:
     integrators: tuple[str, ...] = ()  # of `simulate`, the default first
     keepings: tuple[str, ...] = ()  # how `simulate` may stay on the constraints, the default first
     charts: tuple[Chart, ...] = field(default=(), repr=False)  # all of them where there are several
+    turning: tuple[int, ...] = field(default=(), repr=False)  # coordinates whose whole turns nothing in `simulate` sees
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
-        several = repr(self.charts) if self.charts else ""
+        several = "".join(repr(more) for more in (self.charts, self.turning) if more)
         return hashlib.sha256(f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()).hexdigest()[:32]
 
     @property

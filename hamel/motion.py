@@ -42,8 +42,8 @@ class Motion:
     T: np.ndarray
     V: np.ndarray
     work: np.ndarray
-    phi: np.ndarray  # max |φ| per row
-    slip: np.ndarray  # max |A v − c| per row
+    phi: np.ndarray  # max |φ| per row, as it was integrated: angles that go round without their whole turns
+    slip: np.ndarray  # max |A v − c| per row, likewise
     steps: int
     rejected: int
     calls: int
@@ -116,17 +116,18 @@ def integrated(
 def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:
     """What the module's own functions say about every row, in the chart it was made in."""
     t, x = found.t, found.x
+    reduced = replace(found, x=getattr(found, "reduced", x).astype(float))
     results = {function.name: function.result for function in equations.functions}
     nq = equations.system.q.numel()
 
-    parts = charts.pieces(module, found, nq, u, p)
+    parts = charts.pieces(module, reduced, nq, u, p)
 
     def named(name: str) -> dict[str, np.ndarray]:
         made = charts.at_rows(module, name, found, nq, u, p)
         return dict(zip(results[name].labels, made.T)) if made.shape[1] else {}
 
     energies = charts.at_rows(module, "energy", found, nq, u, p)
-    violation = np.abs(charts.at_rows(module, "constraints", found, nq, u, p))
+    violation = np.abs(charts.at_rows(module, "constraints", reduced, nq, u, p))
     closed = equations.system.phi.numel()
     labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
     return Motion(

@@ -273,7 +273,7 @@ def test_crank_and_rod_of_one_length() -> None:
     """On the branch q2 = -2 q1 the energy gives q1 by a quadrature; where A loses rank, all charts are singular together."""
     with ExitStack() as stack:
         case = Case(changed("stress/isosceles_slider"), stack)
-        found = case.run(case.module("slider+crank"), [0.0, 1.0, 2.0, 4.0])
+        found = case.run(case.module("slider+crank"), [0.0, 1.0, 2.0, 4.0], rtol=1e-9, atol=1e-11)  # finer: few come through
         mass, length = 1.0, 0.5
         start, speed = np.radians(30.0), 3.0
 

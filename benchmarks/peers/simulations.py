@@ -18,6 +18,7 @@ from codegen import build as emitting
 from codegen import compiler
 from codegen.integrators import DOP853
 from codegen.passes import program
+from codegen.program import Program
 from codegen.targets.simulate import _combination as combination
 from codegen.targets.simulate import _number as number
 from derive.formulations.records import Equations
@@ -71,9 +72,7 @@ def ours(of: Equations, x: np.ndarray, u: np.ndarray, rates: Callable[[End], End
         folder.mkdir(parents=True, exist_ok=True)
         files = emitting.emit(made)
         loop = folder / "loop.c"
-        texts = {file: text for file, text in files.items() if file.endswith((".c", ".h"))} | {
-            "loop.c": _loop(made.name, x, u, span)
-        }
+        texts = {file: text for file, text in files.items() if file.endswith((".c", ".h"))} | {"loop.c": _loop(made, x, u, span)}
         for file, text in texts.items():
             _write(folder / file, text)
         apart = {"example.c", "loop.c", *(f"{made.name}_{part}.c" for part in ("cpu", "module", "batch"))}
@@ -86,8 +85,9 @@ def ours(of: Equations, x: np.ndarray, u: np.ndarray, rates: Callable[[End], End
             yield Simulation("hamel", f"{of.formulation} {of.choice}, {integrator}, {keeping}, {name}", run)
 
 
-def _loop(name: str, x: np.ndarray, u: np.ndarray, span: float) -> str:
-    big = name.upper()
+def _loop(made: Program, x: np.ndarray, u: np.ndarray, span: float) -> str:
+    name, big = made.name, made.name.upper()
+    reduced = ", 0" if made.turning else ""
     return f"""#include "{name}_simulate.h"
 #include <math.h>
 static int integrator, keeping;
@@ -100,7 +100,7 @@ static int once(double setting, double *end)
     s[{big}_SIM_KEEPING] = keeping;
     for (int i = 0; i < {big}_NX; i++)
         s[{big}_SIM_X + i] = x[i];
-    return {name}_simulate(s, 1, times, u, 0, pow(10.0, setting), pow(10.0, setting - 2.0), 100000000, end, &work);
+    return {name}_simulate(s, 1, times, u, 0, pow(10.0, setting), pow(10.0, setting - 2.0), 100000000, end, &work{reduced});
 }}
 #include "whole.c"
 """

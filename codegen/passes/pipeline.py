@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
@@ -22,8 +22,9 @@ from codegen.passes.schedule import reachable, schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
 from codegen.passes.trace import Tape, record, trace
+from codegen.passes.turns import turns
 from codegen.passes.watch import watch
-from codegen.program import KINDS, Argument, Chart, Entry, Hoisted, Kernel, Loop, Pattern, Pivot, Program
+from codegen.program import CALLED, KINDS, Argument, Chart, Entry, Hoisted, Kernel, Loop, Pattern, Pivot, Program
 from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations import records
 from derive.formulations.charts import differs
@@ -65,8 +66,9 @@ def program(
     emitted = [(equations, function) for function in chosen]
     emitted += [(chart, f) for number, chart in enumerate(charts[1:], 1) for f in _in_chart(equations, chosen, chart, number)]
     kernels, ledger = [], []
+    turning = _Turning(len(arguments[1].names) - len(equations.w) if simulates else 0)
     for source, function in emitted:
-        kernel, entries = _kernel(source, function)
+        kernel, entries = _kernel(source, function, turning)
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
@@ -88,8 +90,31 @@ def program(
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
         keepings=tuple(keepings or ()) if simulates else (),
+        turning=turning.found,
         charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts)) if len(charts) > 1 else (),
     )
+
+
+@dataclass
+class _Turning:
+    """Which of the first `count` entries of x go round in what a simulation calls, and which show their turns there."""
+
+    count: int
+    round: set[int] = field(default_factory=set)
+    seen: set[int] = field(default_factory=set)
+
+    def look(self, function: Function, tape: Tape) -> None:
+        """At the result and the guards: a residual only says when an iteration may stop."""
+        name = function.name.split("_chart")[0]
+        if self.count and name in (*CALLED, "velocity", "state") and not name.startswith("jacobian"):
+            roots = tape.roots[: function.result.value.numel() + len(function.guards)]
+            found = turns(tape, roots, self.count, name in ("project", "state"))
+            self.round |= found[0]
+            self.seen |= found[1]
+
+    @property
+    def found(self) -> tuple[int, ...]:
+        return tuple(sorted(self.round - self.seen))
 
 
 def _suffix(number: int) -> str:
@@ -178,11 +203,12 @@ def _left_out(equations: Equations, arguments: Sequence[Argument], kernels: Sequ
     return (*functions, *(f"argument {a.name}" for a in arguments if a.name not in used))
 
 
-def _kernel(equations: Equations, function: Function) -> tuple[Kernel, list[Entry]]:
+def _kernel(equations: Equations, function: Function, turning: _Turning) -> tuple[Kernel, list[Entry]]:
     size = function.result.value.numel()
     slots = _slots(equations, function)
     symbols = [(slot.name, slot.symbols) for slot in slots]
     tape = record(symbols, _roots(function), [(n.name, n.about, n.value) for n in function.named])
+    turning.look(function, tape)
     best, entries = _improve(function.name, tape, _loose(function, size))
     kernel = _finish(function, best, _arguments(slots, equations.parameters), size)
     if kernel.hoisted:

@@ -41,13 +41,17 @@ class Tape:
 
     def count(self) -> int:
         """Instructions that compute something for the roots, before any pass."""
+        return sum(bool(flag) and step.code not in _COST_NOTHING for flag, step in zip(self.needed(self.roots), self.steps))
+
+    def needed(self, roots: Sequence[int]) -> bytearray:
+        """1 for every step that the roots need."""
         needed = bytearray(len(self.steps))
-        for root in self.roots:
+        for root in roots:
             needed[root] = 1
         for k in range(len(self.steps) - 1, -1, -1):
             for operand in self.steps[k].operands if needed[k] else ():
                 needed[operand] = 1
-        return sum(bool(flag) and step.code not in _COST_NOTHING for flag, step in zip(needed, self.steps))
+        return needed
 
 
 _COST_NOTHING = frozenset({ca.OP_INPUT, ca.OP_CONST, ca.OP_NEG, ca.OP_ASSIGN})

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
 from codegen import text
 from codegen.integrators import INTEGRATORS, Collocation, Integrator, Rosenbrock, Tableau
-from codegen.program import Chart, Program
+from codegen.program import CALLED, Chart, Program
+from codegen.reals import Real
 from codegen.targets.records import Target
 
 # The head of a simulation's array.
@@ -33,9 +35,6 @@ OF_CHARTS = (
     ("CHOICE", "the chart that the state is in, by number"),
     ("SWITCHES", "changes of the chart"),
 )
-CALLED = ("dynamics", "power", "project", "constraints", "guards", "closure", "slip", "manifold", "jacobian", "jacobian_t")
-
-
 CHARTS = ("partitioning", "selective", "tangent")  # keepings of simulate_charts.c.j2
 MANIFOLDS = ("invariants", "invariants_euclidean")  # keepings of simulate_keepings.c.j2
 
@@ -101,7 +100,9 @@ def files(program: Program) -> dict[str, str]:
         "nq": nq,
         "chart_names": CHARTS,
         "manifold_names": MANIFOLDS,
-        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities), stages),
+        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities), stages, bool(program.turning)),
+        "turn": _turn(program.real),
+        "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
         "schemes": [_scheme(x) for x in chosen],
     }
     return {
@@ -135,7 +136,9 @@ def _labels(program: Program, name: str) -> tuple[str, ...]:
     return next((kernel.labels for kernel in program.kernels if kernel.name == name), ())
 
 
-def _blocks(has: dict[str, bool], rows: dict[str, int], nq: int, nw: int, stages: int) -> list[tuple[str, int, str]]:
+def _blocks(
+    has: dict[str, bool], rows: dict[str, int], nq: int, nw: int, stages: int, turning: bool
+) -> list[tuple[str, int, str]]:
     """What a simulation's array holds after state and slope: name, size, meaning."""
     found = []
     if has["guards"]:
@@ -149,7 +152,15 @@ def _blocks(has: dict[str, bool], rows: dict[str, int], nq: int, nw: int, stages
     if stages:
         size = 2 + (stages + 1) * (nq + nw)
         found.append(("COLLOCATED", size, "the last implicit step, which foretells the next: time, size, start, stages"))
+    if turning:  # the last
+        found.append(("TURNS", nq, "whole turns that were taken out of each coordinate"))
     return found
+
+
+def _turn(real: Real) -> tuple[str, str]:
+    """2π in two parts: the nearest number, and what is left."""
+    nearest = float(real.nearest(2 * math.pi))
+    return repr(nearest), repr(2 * math.pi - nearest + 2.4492935982947064e-16)
 
 
 def _scheme(method: Integrator) -> Scheme:

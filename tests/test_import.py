@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import hamel
 from derive.diagnostics import ModelError
+from derive.expressions.evaluate import number
 from derive.mechanics import system
 from derive.mechanics.closing import Kinematics
 from derive.model import load_text
@@ -297,6 +298,46 @@ def test_equalities_of_mjcf(tmp_path):
     assert "the <joint> 'curve' is not active" in text
 
 
+def test_equalities_of_fixed_tendons_tie_their_joints(tmp_path):
+    """From the lengths at the reference configuration; hinges and slides in one length are plain numbers."""
+    file = tmp_path / "m.xml"
+    file.write_text(
+        """<mujoco><compiler angle="radian"/><worldbody>
+        <body name="a"><joint name="a"/><geom size="0.1"/></body>
+        <body name="b" pos="1 0 0"><joint name="b" ref="0.5"/><geom size="0.1"/></body>
+        <body name="c" pos="2 0 0"><joint name="c" type="slide" ref="0.2"/><geom size="0.1"/></body></worldbody>
+        <tendon><fixed name="s"><joint joint="a" coef="1"/><joint joint="c" coef="-3"/></fixed>
+          <fixed name="r"><joint joint="b" coef="2"/></fixed></tendon>
+        <equality><tendon name="one" tendon1="s" polycoef="0.1"/>
+          <tendon name="two" tendon1="r" tendon2="s" polycoef="0 0.5 0.25"/></equality></mujoco>"""
+    )
+    s = system(load_text(imported(file).text))
+    a, b, c = q = (0.3, 0.9, -0.1)
+    length, other = a - 3 * (c - 0.2), 2 * (b - 0.5)
+    wanted = [length - 0.1, other - (0.5 * length + 0.25 * length**2)]
+    assert np.ravel(ca.Function("phi", [s.q], [s.phi])(q)) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_masses_and_weights_are_scaled_to_the_total_that_is_asked_for(tmp_path):
+    file = tmp_path / "m.xml"
+    one = '<body name="{}" gravcomp="0.5"><joint/><inertial pos="0 0 0" mass="{}" diaginertia="1 1 1"/></body>'
+    bodies = one.format("a", 1) + one.format("b", 3)
+    file.write_text(f'<mujoco><compiler settotalmass="12"/><worldbody>{bodies}</worldbody></mujoco>')
+    text = imported(file).text
+    first, second = load_text(text).bodies
+    assert [number(x, {}) for body in (first, second) for x in (body.mass, body.inertia[0])] == [3.0, 3.0, 9.0, 3.0]
+    assert "components: [0, 0, 14.715]" in text and "scaled by 3, to 12 kg" in text
+
+
+def test_flags_switch_springs_dampers_and_friction_off(tmp_path):
+    file = tmp_path / "m.xml"
+    body = '<body><joint stiffness="1" damping="2" frictionloss="3"/><geom size="1"/></body>'
+    for flag, gone in (("spring", "spring"), ("damper", "damper"), ("frictionloss", "friction"), ("passive", "spring")):
+        option = f'<option><flag {flag}="disable"/></option>'
+        file.write_text(f"<mujoco>{option}<worldbody>{body}</worldbody></mujoco>")
+        assert {"spring:", "damper:", "friction:"} - set(imported(file).text.split()) >= {f"{gone}:"}
+
+
 def test_included_files_and_frames_are_read_in_place(tmp_path):
     (tmp_path / "part.xml").write_text('<mujoco><body name="b"><joint/><geom size="0.1" pos="0.1 0 0"/></body></mujoco>')
     file = tmp_path / "m.xml"
@@ -508,6 +549,14 @@ BAD = {
     "a tendon that pulls": (
         ONE_BODY.format('<geom size="1"/>', '<tendon><spatial name="t" stiffness="3"/></tendon>'),
         ["a <spatial> tendon with stiffness"],
+    ),
+    "a spring by its time constant": (
+        '<mujoco><worldbody><body><joint springdamper="0.1 1"/><geom size="1"/></body></worldbody></mujoco>',
+        ["a spring and damper by time constant", "stiffness and damping in numbers"],
+    ),
+    "actuators that are off": (
+        "<mujoco><option><flag actuation='disable'/></option><worldbody/></mujoco>",
+        ["actuators that are switched off"],
     ),
     "a muscle": (
         ONE_BODY.format('<geom size="1"/>', '<actuator><muscle joint="j"/></actuator>'),

@@ -59,16 +59,13 @@ def _rank(mechanics: System, q: Any) -> int:
     return int(np.sum(values > RANK * values[0])) if values.size else 0
 
 
-def _counted(number: int, one: str, many: str = "") -> str:
-    return f"{number} {one if number == 1 else many or one + 's'}"
-
-
 def show(record: Checked, console: Console) -> None:
+    from hamel.importing.robot import counted
     from hamel.show import refusals
 
-    velocities = _counted(len(record.velocities), "velocity", "velocities")
-    size = f"{velocities}, {_counted(len(record.constraints), 'constraint')} of rank {record.rank}"
-    freedom = f"{_counted(record.degrees_of_freedom, 'degree')} of freedom"
+    velocities = counted(len(record.velocities), "velocity", "velocities")
+    size = f"{velocities}, {counted(len(record.constraints), 'constraint')} of rank {record.rank}"
+    freedom = f"{counted(record.degrees_of_freedom, 'degree')} of freedom"
     console.print(f"{record.model}: ok, {size}, {freedom}; choices {', '.join(record.choices)}")
     for assumption in record.assumptions:
         console.print(f"  {assumption}")

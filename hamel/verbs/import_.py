@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError
 from hamel.importing import imported
+from hamel.importing.robot import counted
 from hamel.records import Imported
 from hamel.staging import write_text
 
@@ -39,7 +40,7 @@ def show(record: Imported, console: Console) -> None:
     if record.file is None:
         console.print(record.text, end="", soft_wrap=True)
         return
-    size = f"{record.bodies} bodies, {record.velocities} velocities"
+    size = f"{counted(record.bodies, 'body', 'bodies')}, {counted(record.velocities, 'velocity', 'velocities')}"
     console.print(f"{record.model}: {record.kind} of {size} written to {record.file}")
     for note in record.changed:
         console.print(f"  {note}")

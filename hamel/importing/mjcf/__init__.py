@@ -28,8 +28,9 @@ def robot(root: Element, name: str, floating: bool) -> Robot:
         walk(reading, world, scene, floating)
     if not result.bodies and not reading.problems:
         root.refuse("the file has no bodies", "<body> inside <worldbody>")
-    equalities(reading, root, scene)
-    actuators(reading, root, tendons(reading, root, scene), scene)
+    known = tendons(reading, root, scene)
+    equalities(reading, root, known, scene)
+    actuators(reading, root, known, scene)
     reading.finish()
     _notes(reading, root, scene)
     return result

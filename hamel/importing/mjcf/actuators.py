@@ -46,6 +46,8 @@ def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmis
                 _tendon_forces(reading, tendon, acts, found[tendon.get("name")], scene)
             elif acts:
                 reading.report(tendon, f"a <{tendon.tag}> tendon with {acts[0]}", "fixed tendons", attribute=acts[0])
+            elif "range" in tendon.attributes:
+                scene.robot.left_out.append(f"the tendon {quoted(tendon.get('name'))}, which only ends a motion where it is taut")
             else:
                 scene.robot.changed.append(f"the tendon {quoted(tendon.get('name'))} does nothing and is left out")
     return found
@@ -72,6 +74,8 @@ def _tendon_forces(reading: Reading, tendon: Element, acts: list[str], along: Tr
         if name in ("armature", "frictionloss"):
             reading.report(tendon, f"a tendon with {name}", "tendons with stiffness or damping", attribute=name)
     stiffness, damping = ((listing(reading, tendon, name) or [0.0])[0] for name in ("stiffness", "damping"))
+    off = scene.settings.off
+    stiffness, damping = stiffness * ("spring" not in off), damping * ("damper" not in off)
     rest = listing(reading, tendon, "springlength") or [-1.0]
     if stiffness and rest[0] != rest[-1]:
         reading.report(tendon, "a spring that is slack over a range", "one springlength", attribute="springlength")

@@ -53,6 +53,20 @@ def walk(reading: Reading, world: Element, scene: Scene, floating: bool) -> None
     while waiting:
         body = waiting.pop()
         waiting += _body(reading, body, scene, floating and body.parent == GROUND)[::-1]
+    _scale(scene)
+    for body in scene.robot.bodies:
+        _gravity_compensation(reading, body.place, body, scene)
+
+
+def _scale(scene: Scene) -> None:
+    """Masses and inertias, so that the whole weighs what <compiler settotalmass> says."""
+    bodies, wanted = scene.robot.bodies, scene.settings.total_mass
+    whole = sum(body.mass for body in bodies)
+    if wanted > 0.0 and whole > 0.0:
+        for body in bodies:
+            body.mass *= wanted / whole
+            body.inertia = tuple(wanted / whole * entry for entry in body.inertia)
+        scene.robot.changed.append(f"masses and inertias are scaled by {wanted / whole:.6g}, to {wanted:g} kg in all")
 
 
 def _check_floating(reading: Reading, world: Element, waiting: list[Waiting]) -> None:
@@ -103,7 +117,6 @@ def _body(reading: Reading, waiting: Waiting, scene: Scene, floating: bool) -> l
     _mass(reading, element, inherited, body, scene)
     _joints(reading, waiting, inherited, body, pose, scene, floating)
     scene.robot.bodies.append(body)
-    _gravity_compensation(reading, element, body, scene)
     if element.get("mocap") == "true":
         scene.robot.changed.append(f"the mocap body {quoted(original)} stays where it is")
     return _below(reading, element, body.name, inherited, scene)
@@ -219,6 +232,12 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
     stiffness, damping, loss, armature = (
         scalar(reading, element, name) for name in ("stiffness", "damping", "frictionloss", "armature")
     )
+    if any(listing(reading, element, "springdamper", 2) or ()):
+        problem = "a spring and damper by time constant and damping ratio"
+        reading.report(element, problem, "stiffness and damping in numbers", attribute="springdamper")
+    off = scene.settings.off
+    stiffness, damping = stiffness * ("spring" not in off), damping * ("damper" not in off)
+    loss *= "frictionloss" not in off
     if joint.type in ("revolute", "prismatic"):
         rest = scalar(reading, element, "springref")
         rest = scene.settings.angle(rest) if joint.type == "revolute" else rest

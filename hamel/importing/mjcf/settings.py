@@ -19,7 +19,8 @@ ACTUATORS = ("general", "motor", "position", "velocity", "damper", "intvelocity"
 
 @dataclass
 class Settings:
-    """`classes`: class → kind of element → attributes, with what the class inherits."""
+    """`classes`: class → kind of element → attributes, with what the class inherits. `off`: flags that are disabled.
+    `total_mass`: what all bodies are scaled to, where it is more than zero."""
 
     degrees: bool = True
     sequence: str = "xyz"
@@ -27,7 +28,9 @@ class Settings:
     groups: tuple[float, float] = (0.0, 5.0)
     least_mass: float = 0.0
     least_inertia: float = 0.0
+    total_mass: float = 0.0
     gravity: Vector = (0.0, 0.0, -9.81)
+    off: frozenset[str] = frozenset()
     classes: dict[str, dict[str, dict[str, str]]] = field(default_factory=lambda: {"main": {}})
 
     def angle(self, value: float) -> float:
@@ -92,9 +95,10 @@ def _compiler(reading: Reading, compiler: Element, found: Settings) -> None:
     if compiler.get("coordinate", "local") != "local":
         hint = "MuJoCo itself no longer reads them; save the model with an older version first"
         reading.report(compiler, "global coordinates", "coordinate=local", hint, "coordinate")
-    for attribute in ("settotalmass", "balanceinertia"):
-        if compiler.get(attribute, "false") not in ("false", "-1"):
-            reading.report(compiler, f"'{attribute}', which changes masses", "masses as they are meant", attribute=attribute)
+    if compiler.get("balanceinertia", "false") == "true":
+        problem = "'balanceinertia', which changes inertias"
+        reading.report(compiler, problem, "inertias as they are meant", attribute="balanceinertia")
+    found.total_mass = scalar(reading, compiler, "settotalmass", found.total_mass)
     found.inertia_from_geoms = compiler.get("inertiafromgeom", found.inertia_from_geoms)
     found.least_mass = scalar(reading, compiler, "boundmass", found.least_mass)
     found.least_inertia = scalar(reading, compiler, "boundinertia", found.least_inertia)
@@ -105,10 +109,14 @@ def _compiler(reading: Reading, compiler: Element, found: Settings) -> None:
 def _option(reading: Reading, option: Element, found: Settings) -> None:
     found.gravity = vector(reading, option, "gravity", found.gravity)
     for flag in option.all("flag"):
-        if flag.get("gravity") == "disable":
+        found.off |= {name for name, state in flag.attributes.items() if state == "disable"}
+        if "gravity" in found.off:
             found.gravity = (0.0, 0.0, 0.0)
-        if flag.get("equality") == "disable":
-            reading.report(flag, "equality constraints that are switched off", "equality constraints that hold, or none")
+        for name, what in (("equality", "equality constraints"), ("constraint", "constraints"), ("actuation", "actuators")):
+            if name in found.off:
+                reading.report(flag, f"{what} that are switched off", f"{what} that act, or none", attribute=name)
+    if "passive" in found.off:  # the two together, in older versions
+        found.off |= {"spring", "damper"}
 
 
 def _defaults(reading: Reading, default: Element, found: Settings) -> None:

@@ -1,8 +1,9 @@
-"""<equality>: connect and weld become closures, joint becomes a constraint; they hold as at the reference configuration."""
+"""<equality>: connect and weld become closures, joint and tendon constraints; they hold as at the reference configuration."""
 
 from __future__ import annotations
 
 from hamel.importing.markup import Element
+from hamel.importing.mjcf.actuators import Transmission
 from hamel.importing.mjcf.bodies import Scene
 from hamel.importing.mjcf.inertia import Frame
 from hamel.importing.mjcf.settings import completed
@@ -11,7 +12,7 @@ from hamel.importing.robot import GROUND, ONE_RATE, Closure, Entry, Joint, Readi
 from hamel.importing.rotations import from_quaternion, minus, product, rotated, transposed
 
 
-def equalities(reading: Reading, root: Element, scene: Scene) -> None:
+def equalities(reading: Reading, root: Element, tendons: dict[str, Transmission], scene: Scene) -> None:
     for section in root.all("equality"):
         for element in section.children:
             tie = completed(reading, element, scene.settings)
@@ -19,8 +20,10 @@ def equalities(reading: Reading, root: Element, scene: Scene) -> None:
                 scene.robot.changed.append(f"the <{tie.tag}> {quoted(tie.get('name'))} is not active and left out")
             elif tie.tag in _READERS:
                 _READERS[tie.tag](reading, tie, scene)
+            elif tie.tag == "tendon":
+                _tendon(reading, tie, tendons, scene)
             else:
-                reading.report(tie, f"an equality of kind <{tie.tag}>", ", ".join(_READERS))
+                reading.report(tie, f"an equality of kind <{tie.tag}>", ", ".join([*_READERS, "tendon"]))
 
 
 def _name(reading: Reading, tie: Element) -> str:
@@ -104,13 +107,13 @@ def _joint(reading: Reading, tie: Element, scene: Scene) -> None:
         return
     powers = (listing(reading, tie, "polycoef") or [0.0, 1.0, 0.0, 0.0, 0.0])[:5]
     (first, y0), *others = [(joint, scene.references.get(joint.name, 0.0)) for joint in joints if joint]
-    text = _polynomial(powers, others[0][0].name, others[0][1]) if others else written(powers[0])
+    text = _polynomial(powers, _length([(others[0][0], 1.0)], scene)) if others else written(powers[0])
     if others and not any(powers[2:]) and powers[1:2] and powers[1]:
         offset = y0 + powers[0] - powers[1] * others[0][1]
         terms = f"ratio: {written(powers[1])}" + (f", offset: {written(offset)}" if offset else "")
         row = f"{{type: coupling, joints: [{first.name}, {others[0][0].name}], {terms}}}"
     else:
-        row = f"{{holonomic: {first.name} - ({written(y0)}) - ({text})}}"
+        row = f"{{holonomic: {_length([(first, 1.0)], scene)} - ({text})}}"
     scene.robot.constraints.append(Entry(_name(reading, tie), row, tie))
 
 
@@ -124,10 +127,41 @@ def _of(reading: Reading, tie: Element, attribute: str, scene: Scene) -> Joint |
     return joint
 
 
-def _polynomial(powers: list[float], name: str, start: float) -> str:
-    argument = f"({name} - ({written(start)}))" if start else name
+def _tendon(reading: Reading, tie: Element, tendons: dict[str, Transmission], scene: Scene) -> None:
+    """The same between the lengths of fixed tendons, from their lengths at the reference configuration."""
+    given = [attribute for attribute in ("tendon1", "tendon2") if attribute in tie.attributes]
+    if not given:
+        reading.report(tie, "an equality of no tendon", '<tendon tendon1="…" tendon2="…">')
+    for attribute in given:
+        along = tendons.get(tie.get(attribute))
+        if not along:
+            reading.report(tie, f"the tendon '{tie.get(attribute)}'", ", ".join(tendons) or "none", "fixed tendons", attribute)
+            return
+        if any(joint.type not in ONE_RATE for joint, _ in along):
+            reading.report(
+                tie, "an equality along joints that are not hinges or slides", "hinges and slides", attribute=attribute
+            )
+            return
+    lengths = [_length(tendons[tie.get(attribute)], scene) for attribute in given]
+    powers = (listing(reading, tie, "polycoef") or [0.0, 1.0, 0.0, 0.0, 0.0])[:5]
+    text = _polynomial(powers, lengths[1]) if lengths[1:] else written(powers[0])
+    if lengths:
+        scene.robot.constraints.append(Entry(_name(reading, tie), f"{{holonomic: {lengths[0]} - ({text})}}", tie))
+
+
+def _length(along: Transmission, scene: Scene) -> str:
+    """Σ cᵢ (qᵢ − qᵢ at the reference configuration), a plain number."""
+    terms = []
+    for joint, c in along:
+        start, unit = scene.references.get(joint.name, 0.0), " m" if joint.type == "prismatic" else ""
+        moved = f"({joint.name} - ({written(start)}{unit}))" if start else joint.name
+        terms.append((f"({written(c)})*" if c != 1.0 else "") + (f"{moved}/(1 m)" if unit else moved))
+    return " + ".join(terms)
+
+
+def _polynomial(powers: list[float], argument: str) -> str:
     terms = [written(powers[0])] + [
-        f"{written(a)}*{argument}{f'**{k}' if k > 1 else ''}" for k, a in enumerate(powers[1:], 1) if a
+        f"{written(a)}*({argument}){f'**{k}' if k > 1 else ''}" for k, a in enumerate(powers[1:], 1) if a
     ]
     return " + ".join(terms)
 

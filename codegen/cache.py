@@ -26,6 +26,14 @@ def folder(name: str = "") -> Path | None:
     return None
 
 
+def bare(name: str) -> bool:
+    """Whether nothing is in that folder yet."""
+    place = folder(name)
+    with contextlib.suppress(OSError):
+        return place is not None and not any(place.iterdir())
+    return False
+
+
 def used(entry: Path) -> None:
     """Note that an entry was of use just now."""
     with contextlib.suppress(OSError):

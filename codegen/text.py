@@ -19,6 +19,7 @@ from codegen import cache
 from codegen.program import Expression, Program
 from codegen.reals import Real, recast
 
+TEMPLATES = Path(__file__).parent / "templates"
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _LEVEL = {"add": 1, "sub": 1, "mul": 2, "div": 2, "neg": 3}
 _ATOM = 4
@@ -159,7 +160,7 @@ def _environment() -> jinja2.Environment:
     kept = cache.folder("templates")
     environment = jinja2.Environment(
         bytecode_cache=_Prepared(str(kept)) if kept else None,
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -172,6 +173,13 @@ def _environment() -> jinja2.Environment:
     }  # fmt: skip
     environment.filters.update(filters)
     return environment
+
+
+def prepare() -> None:
+    """Every template into the cache, the longest first."""
+    environment = _environment()
+    for path in sorted(TEMPLATES.iterdir(), key=lambda path: -path.stat().st_size):
+        environment.get_template(path.name)
 
 
 def render(template: str, program: Program, **data: object) -> str:

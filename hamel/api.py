@@ -9,11 +9,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hamel import records
 from hamel.importing import File as Model
 from hamel.pipeline import Constants
+
+if TYPE_CHECKING:
+    from hamel import records
 
 QUICK_STATES = 20  # what `build` verifies at; `verify` does more
 

@@ -66,7 +66,7 @@ def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> No
 def _print_json(record: Any) -> None:
     import json
 
-    from hamel.records import as_json
+    from hamel.built import as_json
 
     click.echo(json.dumps(as_json(record), allow_nan=False))
 

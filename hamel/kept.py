@@ -26,7 +26,7 @@ from typing import Any
 from codegen import cache
 from codegen.compiler import find_compiler, probe
 from codegen.placing import check_place, new_folder, put
-from hamel.records import Built, as_json
+from hamel.built import Built, as_json
 
 LIBRARIES = ("casadi", "sympy", "numpy", "jinja2", "pydantic", "latex2mathml")
 PACKAGES = ("derive", "codegen", "hamel")

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from codegen import cache
 from derive.diagnostics import ToolchainError, VerificationError
-from derive.formulations.charts import BETWEEN, together
+from hamel.built import Built
 from hamel.meanwhile import meanwhile
 from hamel.pipeline import Clock, Constants, Fixed, drafted, equations_of, load_quietly, program_of
-from hamel.records import Built
 
 FEWEST = 2  # states a build looks at
 MANY = 2000  # bodies, over all states
@@ -26,6 +27,22 @@ if TYPE_CHECKING:
     from hamel.verify import Verification
 
 
+@contextmanager
+def _preparing() -> Iterator[None]:
+    """The first build of all: the templates are prepared in a process of their own until they are needed."""
+    with ExitStack() as stack:
+        if cache.bare("templates"):
+            stack.enter_context(meanwhile(_prepare, niceness=10))
+        yield
+
+
+def _prepare() -> None:
+    from codegen.text import prepare
+
+    prepare()
+
+
+@_preparing()
 def made(
     path: str | PathLike[str],
     out: str | Path | None,
@@ -97,6 +114,8 @@ def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clo
             found = quick_verification(equations.system.model, equations, module.result, _affordable(equations, states))
     failed = [check for check in found.checks if not check.passed]
     if failed:
+        from derive.formulations.charts import together
+
         lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
         raise VerificationError(f"{draft.name}, choice {together(equations)}: verification failed, nothing is written: {lines}")
     return found
@@ -127,6 +146,8 @@ def _publish(draft: Draft, pages: dict[str, str], clock: Clock) -> None:
 
 
 def _record(program: Program, folder: Path, compiled: bool, clock: Clock) -> Built:
+    from derive.formulations.charts import BETWEEN
+
     return Built(
         model=program.name,
         choice=BETWEEN.join(chart.choice for chart in program.charts) or program.choice,

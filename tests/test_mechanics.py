@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from derive.joints.records import Still
-from derive.joints.rotations import IDENTITY, axis_rotation, dot, inverse, matrix, merged, product, transpose, turn
+from derive.joints.rotations import IDENTITY, axis_rotation, dot, inverse, matrix, merged, product, transpose
+from derive.joints.turns import turn
 from derive.mechanics import system
 from derive.mechanics.closing import Kinematics
 from derive.mechanics.initial import initial_state

@@ -1,7 +1,7 @@
 """Cylindrical joint: turns about and slides along one axis; base velocities = the two rates."""
 
 from derive.joints.records import JointType, Slot
-from derive.joints.rotations import turn
+from derive.joints.turns import turn
 
 CYLINDRICAL = JointType(
     name="cylindrical",

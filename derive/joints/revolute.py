@@ -1,7 +1,7 @@
 """Revolute joint: one turn about the axis; base velocity = the joint rate."""
 
 from derive.joints.records import JointType, Slot
-from derive.joints.rotations import turn
+from derive.joints.turns import turn
 
 REVOLUTE = JointType(
     name="revolute",

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from derive.joints.records import Matrix, Rotation, Scalar, Still, Turn, Vector
+from derive.joints.turns import UNIT
 
 IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
@@ -33,24 +34,9 @@ def is_zero(value: Scalar) -> bool:
     return value.is_constant() and float(value) == 0 if isinstance(value, ca.SX) else value == 0
 
 
-UNIT: dict[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-
-
 def is_one(value: Scalar) -> bool:
     """Exactly one, likewise."""
     return value.is_constant() and float(value) == 1 if isinstance(value, ca.SX) else value == 1
-
-
-def euler_rotation(sequence: str, angles: Sequence[Scalar]) -> Rotation:
-    """Intrinsic rotations about the letters of `sequence`, first letter first: R = R₁(θ₁) R₂(θ₂) R₃(θ₃)."""
-    return tuple(Turn(UNIT[letter], angle) for letter, angle in zip(sequence, angles))
-
-
-def turn(axis: Sequence[Scalar], angle: Scalar) -> Rotation:
-    """One turn; about −x, −y or −z it is written as the opposite turn about x, y or z, which merges and has no products."""
-    unit = (float(axis[0]), float(axis[1]), float(axis[2]))
-    opposite = (-unit[0] + 0.0, -unit[1] + 0.0, -unit[2] + 0.0)
-    return (Turn(opposite, -angle),) if opposite in UNIT.values() else (Turn(unit, angle),)
 
 
 def inverse(rotation: Rotation) -> Rotation:

@@ -3,7 +3,7 @@
 from math import pi
 
 from derive.joints.records import JointType, Scalar, Slot
-from derive.joints.rotations import turn
+from derive.joints.turns import turn
 
 
 def screw_joint(pitch: Scalar) -> JointType:

@@ -123,7 +123,7 @@ PerCoordinate = Annotated[
 class Entry(BaseModel):
     """A mapping with known keys. Unknown keys are reported before missing ones: the second is often the first misspelt."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, frozen=True, defer_build=True)
     ignored: ClassVar[tuple[str, ...]] = ()
 
     @model_validator(mode="before")

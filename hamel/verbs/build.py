@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from hamel import kept
+from hamel.built import Built
 from hamel.pipeline import Constants, Fixed
-from hamel.records import Built
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -20,6 +20,7 @@ from codegen.program import Expression, Program
 from codegen.reals import Real, recast
 
 TEMPLATES = Path(__file__).parent / "templates"
+SELDOM = ("charts", "choices", "inline", "linear", "long")  # in the names of templates that few modules need
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _LEVEL = {"add": 1, "sub": 1, "mul": 2, "div": 2, "neg": 3}
 _ATOM = 4
@@ -165,6 +166,7 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
+        optimized=False,  # constants are few, and looking for them takes longer than to evaluate them
         autoescape=False,  # what goes in is escaped by the filters below, each for the language at hand
     )
     filters: dict[str, Callable[..., str]] = {
@@ -176,10 +178,11 @@ def _environment() -> jinja2.Environment:
 
 
 def prepare() -> None:
-    """Every template into the cache, the longest first."""
+    """The templates that most modules need into the cache, the longest first."""
     environment = _environment()
     for path in sorted(TEMPLATES.iterdir(), key=lambda path: -path.stat().st_size):
-        environment.get_template(path.name)
+        if not any(word in path.name for word in SELDOM):
+            environment.get_template(path.name)
 
 
 def render(template: str, program: Program, **data: object) -> str:

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hamel.records import Switch
-
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
+    from hamel.records import Switch
 
 
 def in_chart(module: Any, name: str, chart: int) -> Callable[..., np.ndarray] | None:
@@ -58,6 +57,8 @@ def switches(equations: Equations, found: Any) -> tuple[Switch, ...]:
     """As far as the rows show them."""
     if not equations.charts:
         return ()
+    from hamel.records import Switch
+
     names = [equations.choice, *(chart.choice for chart in equations.charts)]
     changed = np.nonzero(np.diff(found.chart))[0]
     return tuple(Switch(float(found.t[k]), names[found.chart[k]], names[found.chart[k + 1]]) for k in changed)

@@ -6,6 +6,7 @@ Only click is imported until a verb runs.
 from __future__ import annotations
 
 import functools
+import gc
 import importlib
 import io
 import keyword
@@ -22,6 +23,7 @@ from hamel import failures
 
 Function = Callable[..., Any]
 
+YOUNG = 100_000  # objects that may be new before garbage is looked for: a command makes many that stay, and ends soon
 EPILOG = (
     "Exit codes: 0 ok, 1 model error, 2 assumption violated, 3 toolchain missing or output not writable, 4 verification failed, "
     "64 wrong usage, 70 internal error, 130 interrupted."
@@ -341,7 +343,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without φ gets a question mark, not a traceback
+    if arguments is None:  # this process is ours
+        gc.set_threshold(YOUNG)
     code = failures.guarded(lambda: group.main(given, prog_name="hamel", standalone_mode=False), given)
     if arguments is None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt,
+        gc.freeze()  # and nothing is worth looking for garbage in, which Python does several times when it ends
     sys.exit(code)

@@ -32,7 +32,7 @@ def _preparing() -> Iterator[None]:
     """The first build of all: the templates are prepared in a process of their own until they are needed."""
     with ExitStack() as stack:
         if cache.bare("templates"):
-            stack.enter_context(meanwhile(_prepare, niceness=10))
+            stack.enter_context(meanwhile(_prepare, niceness=4))
         yield
 
 

@@ -1,4 +1,8 @@
-"""Work done in a second process while the first goes on: the derivation is written while the module is compiled and verified."""
+"""Work done in a second process while the first goes on.
+
+The model is read while the first process imports what derives, templates are prepared while it derives, and the derivation is
+written while the module is compiled and verified.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ T = TypeVar("T")
 
 
 @contextmanager
-def meanwhile(work: Callable[[], T], niceness: int = 5) -> Iterator[Callable[[], T]]:
+def meanwhile(work: Callable[[], T], niceness: int = 2) -> Iterator[Callable[[], T]]:
     """Start `work` in a copy of this process, which sees everything computed so far; yields a function that waits for its result.
 
     What goes wrong in the copy is simply done again here, where it can be reported. `niceness`: of a result that is not waited

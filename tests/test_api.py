@@ -4,12 +4,14 @@ import importlib
 import json
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import hamel
 from derive.diagnostics import AssumptionError, HamelError, ToolchainError
+from hamel.making import _affordable
 from hamel.records import as_json
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -32,6 +34,12 @@ def test_build_and_load(tmp_path):
     assert (built.choice, built.model) == ("crank", "four_bar")
     assert module.nx == 4 and module.np_ == 0
     assert module.dynamics(0.0, np.zeros(module.nx) + 0.5, [0.0]).shape == (4,)
+
+
+@pytest.mark.parametrize(("bodies", "states"), [(0, 20), (100, 20), (200, 10), (1000, 2), (5000, 2)])
+def test_a_build_looks_at_fewer_states_where_there_are_many_bodies(bodies, states):
+    equations = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(bodies=range(bodies))))
+    assert _affordable(equations, 20) == states
 
 
 def test_constants_by_name(tmp_path):

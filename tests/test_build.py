@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from codegen import build, cache, compiler, loader
+from codegen import build, cache, compiler, loader, text
 from codegen.passes import program
 from codegen.program import Program
 from derive.diagnostics import ToolchainError
@@ -143,6 +143,14 @@ def test_useless_cache_only_costs_time(small: Program, tmp_path: Path, monkeypat
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     assert build.build(small, tmp_path / "toy").compiled
+
+
+def test_templates_are_prepared_once() -> None:
+    text._environment.cache_clear()
+    assert cache.bare("templates")
+    text.prepare()
+    assert not cache.bare("templates")
+    text._environment.cache_clear()  # its cache is gone after this test
 
 
 def test_the_cache_drops_what_is_old_or_too_much(tmp_path: Path) -> None:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from fractions import Fraction
 from math import inf
 from typing import Any
 
 import sympy
 
-from derive.textbook.ring import PLAIN, UNIT, Key, Monomial, Poly, Ring, TooBig, common_factor, parted
+from derive.textbook.ring import PLAIN, UNIT, Exact, Key, Monomial, Poly, Ring, TooBig, common_factor, over, parted
 
 Expr = Any  # SymPy's own annotations say Basic for what is always an Expr
 DIGITS = 15
 HOPELESS = 4  # times too long
 
 
-def number(x: Fraction, decimal: bool) -> Expr:
+def number(x: Exact, decimal: bool) -> Expr:
     """A whole number, a plain fraction, else a decimal of at most 15 digits."""
     if x.denominator == 1 and abs(x.numerator) < 10**DIGITS:
         return sympy.Integer(x.numerator)
@@ -43,7 +42,7 @@ class Composer:
             return plain
         factor, monomial, rest = parted(poly)
         try:
-            rest = self.ring.product(rest, {UNIT: Fraction(1)})  # multiplies out what was a divisor
+            rest = self.ring.product(rest, {UNIT: 1})  # multiplies out what was a divisor
         except TooBig:
             return plain
         over = sympy.Mul(number(factor, self.decimal), *self._factors(monomial), self._polynomial(rest))
@@ -71,16 +70,16 @@ class Composer:
         keys = list(poly)
         monomial, trig = _shared(keys), _common_trig(keys)
         factor = self._factor([poly[key] for key in sorted(poly)])
-        if all(x < 0 for x in (v / factor for v in poly.values())):
+        if all(x < 0 for x in (over(v, factor) for v in poly.values())):
             factor = -factor
-        rest = {_divided(key, monomial, trig): x / factor for key, x in poly.items()}
+        rest = {_divided(key, monomial, trig): over(x, factor) for key, x in poly.items()}
         outside = [number(factor, self.decimal), *self._factors(monomial), *self._trig(trig)]
         return sympy.Mul(*outside, self._sum(rest))
 
-    def _factor(self, values: list[Fraction]) -> Fraction:
+    def _factor(self, values: list[Exact]) -> Exact:
         """Decimals keep their coefficients."""
         if self.decimal and len({abs(x) for x in values}) > 1:
-            return Fraction(-1 if values[0] < 0 else 1)
+            return -1 if values[0] < 0 else 1
         return common_factor(values)
 
     def _sum(self, poly: Poly) -> Expr:
@@ -156,7 +155,7 @@ def _square_of(poly: Poly) -> Poly | None:
     if len(squares) not in (2, 3, 4) or len(poly) != len(squares) * (len(squares) + 1) // 2 or any(x != 1 for _, x in squares):
         return None
     first = min(squares)[0]
-    root = {k: Fraction(1 if k == first or poly.get(_crossed(first, k), 0) > 0 else -1) for k, _ in squares}
+    root = {k: 1 if k == first or poly.get(_crossed(first, k), 0) > 0 else -1 for k, _ in squares}
     pairs = [(a, b) for a in root for b in root if a < b]
     if any(poly.get(_crossed(a, b)) != 2 * root[a] * root[b] for a, b in pairs):
         return None

@@ -15,7 +15,8 @@ from typing import Any
 Monomial = tuple[tuple[int, int], ...]  # (atom, exponent), sorted
 Trig = tuple  # () or ("c" | "s", ((atom, coefficient), …))
 Key = tuple[Monomial, Trig]
-Poly = dict[Key, Fraction]
+Exact = int | Fraction  # a whole number where it can be: arithmetic with those is many times as fast
+Poly = dict[Key, Exact]
 UNIT: Key = ((), ())
 PLAIN = frozenset((1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48))  # denominators that read better as fractions
 
@@ -36,8 +37,16 @@ def frozen(poly: Poly) -> tuple:
     return tuple(sorted(poly.items()))
 
 
-def rational(x: float) -> Fraction:
+def over(x: Exact, y: Exact) -> Exact:
+    """x / y."""
+    quotient = Fraction(x, y)
+    return quotient.numerator if quotient.denominator == 1 else quotient
+
+
+def rational(x: float) -> Exact:
     """The number meant: 1/3 for 0.333…, 981/100 for 9.81; else the shortest decimal that reads back the same."""
+    if x.is_integer():
+        return int(x)
     near = Fraction(x).limit_denominator(1_000_000)
     return near if abs(float(near) - x) <= 2e-16 * abs(x) else Fraction(repr(x))
 
@@ -60,7 +69,7 @@ class Ring:
         return self.index[name]
 
     def symbol(self, symbol: Any) -> Poly:
-        return {(((self.atom("symbol", symbol), 1),), ()): Fraction(1)}
+        return {(((self.atom("symbol", symbol), 1),), ()): 1}
 
     def number(self, x: float) -> Poly:
         return {UNIT: rational(x)} if x else {}
@@ -71,7 +80,7 @@ class Ring:
             self._accumulate(result, key, sign * x)
         return self._checked(result)
 
-    def _accumulate(self, poly: Poly, key: Key, x: Fraction) -> None:
+    def _accumulate(self, poly: Poly, key: Key, x: Exact) -> None:
         total = poly.get(key, 0) + x
         if total:
             poly[key] = total
@@ -83,7 +92,7 @@ class Ring:
             raise TooBig
         return poly
 
-    def scaled(self, a: Poly, k: Fraction) -> Poly:
+    def scaled(self, a: Poly, k: Exact) -> Poly:
         return {key: k * x for key, x in a.items()} if k else {}
 
     def product(self, a: Poly, b: Poly) -> Poly:
@@ -96,7 +105,7 @@ class Ring:
                 self._add_product(result, _merged(m, n), trig, other, x * y)
         return self._checked(result)
 
-    def _add_product(self, result: Poly, monomial: Monomial, a: Trig, b: Trig, x: Fraction) -> None:
+    def _add_product(self, result: Poly, monomial: Monomial, a: Trig, b: Trig, x: Exact) -> None:
         rest, extra = self._tidied(monomial)
         for trig, sign in _trig_product(a, b):
             if extra is None:
@@ -112,13 +121,13 @@ class Ring:
         for k, e in monomial:
             kind, content = self.atoms[k].kind, self.atoms[k].content
             if kind == "sum" and e > 0:
-                extra = self.product(extra or {UNIT: Fraction(1)}, self.power(content, e))
+                extra = self.product(extra or {UNIT: 1}, self.power(content, e))
             elif kind == "root" and abs(e) > 1:
                 whole, odd = int(e / 2), e - 2 * int(e / 2)
-                extra = self.product(extra or {UNIT: Fraction(1)}, self.power(content, whole))
+                extra = self.product(extra or {UNIT: 1}, self.power(content, whole))
                 rest += [(k, odd)] if odd else []
             elif kind == "abs" and e < 0 and self._covers(monomial, content[0]):
-                extra = self.product(extra or {UNIT: Fraction(1)}, {(((k, e + 2),) if e != -2 else (), ()): Fraction(1)})
+                extra = self.product(extra or {UNIT: 1}, {(((k, e + 2),) if e != -2 else (), ()): 1})
                 extra = self.product(extra, self.power(self.inverse(content[0]), 2))
             else:
                 rest.append((k, e))
@@ -132,7 +141,7 @@ class Ring:
     def power(self, a: Poly, n: int) -> Poly:
         if n < 0:
             return self.power(self.inverse(a), -n)
-        result: Poly = {UNIT: Fraction(1)}
+        result: Poly = {UNIT: 1}
         for _ in range(n):
             result = self.product(result, a)
         return result
@@ -143,12 +152,12 @@ class Ring:
             raise TooBig  # a division by zero is not a formula
         factor, monomial, rest = parted(a)
         if (shorter := self.pythagorean(rest)) != rest:
-            return self.product({(tuple((k, -e) for k, e in monomial), ()): 1 / factor}, self.inverse(shorter))
+            return self.product({(tuple((k, -e) for k, e in monomial), ()): over(1, factor)}, self.inverse(shorter))
         turned = tuple((k, -e) for k, e in monomial)
         if rest == {UNIT: 1}:
-            return self.product({(turned, ()): 1 / factor}, {UNIT: Fraction(1)})
+            return self.product({(turned, ()): over(1, factor)}, {UNIT: 1})
         below = self.atom("sum", rest, frozen(rest))
-        return {(_merged(turned, ((below, -1),)), ()): 1 / factor}
+        return {(_merged(turned, ((below, -1),)), ()): over(1, factor)}
 
     def quotient(self, a: Poly, b: Poly) -> Poly:
         ratio = _ratio(a, b)
@@ -159,12 +168,12 @@ class Ring:
             return {}
         factor, monomial, rest = parted(self.pythagorean(a))
         square = _square_root(factor)
-        inner = self.product({(monomial, ()): Fraction(1) if square else factor}, rest)
+        inner = self.product({(monomial, ()): 1 if square else factor}, rest)
         if inner == {UNIT: 1}:
-            return {UNIT: square or Fraction(1)}
+            return {UNIT: square or 1}
         if (half := _halved(inner)) is not None:
-            return self.scaled(self.call("abs", (half,)), square or Fraction(1))
-        return {(((self.atom("root", inner, frozen(inner)), 1),), ()): square or Fraction(1)}
+            return self.scaled(self.call("abs", (half,)), square or 1)
+        return {(((self.atom("root", inner, frozen(inner)), 1),), ()): square or 1}
 
     def pythagorean(self, poly: Poly) -> Poly:
         """sin² = 1 − cos² or cos² = 1 − sin², as often as that leaves fewer terms."""
@@ -184,7 +193,7 @@ class Ring:
         """Even powers of `old` written with `new`: x² = 1 − y²."""
         squares = [key for key in poly if any(k == old and e > 1 for k, e in key[0])]
         result = {key: x for key, x in poly.items() if key not in squares}
-        square: Poly = {UNIT: Fraction(1), (((new, 2),), ()): Fraction(-1)}
+        square: Poly = {UNIT: 1, (((new, 2),), ()): -1}
         for monomial, trig in squares:
             powers = dict(monomial)
             pairs, powers[old] = divmod(powers[old], 2)
@@ -214,14 +223,14 @@ class Ring:
 
     def call(self, name: str, arguments: tuple[Poly, ...]) -> Poly:
         key = tuple(frozen(x) for x in arguments)
-        return {(((self.atom(name, arguments, key), 1),), ()): Fraction(1)}
+        return {(((self.atom(name, arguments, key), 1),), ()): 1}
 
     def sine(self, a: Poly) -> Poly:
         if not a:
             return {}
         negative = a[min(a)] < 0
-        turned = self.scaled(a, Fraction(-1)) if negative else a
-        sign = Fraction(-1 if negative else 1)
+        turned = self.scaled(a, -1) if negative else a
+        sign = -1 if negative else 1
         freq = self._frequencies(turned)
         if self.fourier and freq:
             return {((), ("s", freq)): sign}
@@ -229,11 +238,11 @@ class Ring:
 
     def cosine(self, a: Poly) -> Poly:
         if not a:
-            return {UNIT: Fraction(1)}
-        turned = self.scaled(a, Fraction(-1)) if a[min(a)] < 0 else a
+            return {UNIT: 1}
+        turned = self.scaled(a, -1) if a[min(a)] < 0 else a
         freq = self._frequencies(turned)
         if self.fourier and freq:
-            return {((), ("c", freq)): Fraction(1)}
+            return {((), ("c", freq)): 1}
         return self.call("cos", (turned,))
 
     def _frequencies(self, a: Poly) -> tuple:
@@ -265,10 +274,10 @@ def _oriented(freq: tuple) -> tuple[tuple, int]:
 _HALF = Fraction(1, 2)
 
 
-def _trig_product(a: Trig, b: Trig) -> list[tuple[Trig, Fraction]]:
+def _trig_product(a: Trig, b: Trig) -> list[tuple[Trig, Exact]]:
     """Products as sums: cos a cos b = ½ (cos(a − b) + cos(a + b)), and so on."""
     if not a or not b:
-        return [(a or b, Fraction(1))]
+        return [(a or b, 1)]
     less, more = _combined(a[1], b[1], -1), _combined(a[1], b[1], 1)
     match a[0] + b[0]:
         case "cc":
@@ -287,21 +296,21 @@ def _combined(a: tuple, b: tuple, sign: int) -> tuple:
     return tuple(sorted((k, x) for k, x in total.items() if x))
 
 
-def _even(freq: tuple, x: Fraction) -> tuple[Trig, Fraction]:
+def _even(freq: tuple, x: Exact) -> tuple[Trig, Exact]:
     return (("c", _oriented(freq)[0]) if freq else (), x)
 
 
-def _odd(freq: tuple, x: Fraction) -> list[tuple[Trig, Fraction]]:
+def _odd(freq: tuple, x: Exact) -> list[tuple[Trig, Exact]]:
     turned, sign = _oriented(freq)
     return [(("s", turned), sign * x)] if freq else []
 
 
-def parted(a: Poly) -> tuple[Fraction, Monomial, Poly]:
+def parted(a: Poly) -> tuple[Exact, Monomial, Poly]:
     """factor · monomial · rest: what all terms have in common taken out, the first coefficient of the rest positive."""
     monomial = common_monomial(list(a))
     factor = common_factor([a[key] for key in sorted(a)])
     turned = tuple((k, -e) for k, e in monomial)
-    return factor, monomial, {(_merged(m, turned), trig): x / factor for (m, trig), x in a.items()}
+    return factor, monomial, {(_merged(m, turned), trig): over(x, factor) for (m, trig), x in a.items()}
 
 
 def common_monomial(keys: list[Key]) -> Monomial:
@@ -311,21 +320,21 @@ def common_monomial(keys: list[Key]) -> Monomial:
     return tuple(sorted((k, e) for k, e in lowest.items() if e))
 
 
-def common_factor(values: list[Fraction]) -> Fraction:
+def common_factor(values: list[Exact]) -> Exact:
     """The largest number that leaves small whole coefficients; 1 where the coefficients are no plain fractions."""
     sign = -1 if values[0] < 0 else 1
     if len({abs(x) for x in values}) == 1:
         return values[0]
     if any(x.denominator not in PLAIN for x in values):
-        return Fraction(sign)
-    return Fraction(sign * gcd(*[x.numerator for x in values]), lcm(*[x.denominator for x in values]))
+        return sign
+    return over(sign * gcd(*[x.numerator for x in values]), lcm(*[x.denominator for x in values]))
 
 
-def _ratio(a: Poly, b: Poly) -> Fraction | None:
+def _ratio(a: Poly, b: Poly) -> Exact | None:
     """a / b where that is a number."""
     if not a or a.keys() != b.keys():
         return None
-    ratios = {a[key] / b[key] for key in a}
+    ratios = {over(a[key], b[key]) for key in a}
     return ratios.pop() if len(ratios) == 1 else None
 
 
@@ -337,7 +346,7 @@ def _halved(a: Poly) -> Poly | None:
     return {(tuple((k, e // 2) for k, e in monomial), ()): x}
 
 
-def _square_root(x: Fraction) -> Fraction | None:
+def _square_root(x: Exact) -> Exact | None:
     if x <= 0 or isqrt(x.numerator) ** 2 != x.numerator or isqrt(x.denominator) ** 2 != x.denominator:
         return None
-    return Fraction(isqrt(x.numerator), isqrt(x.denominator))
+    return over(isqrt(x.numerator), isqrt(x.denominator))

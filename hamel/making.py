@@ -67,6 +67,8 @@ def made(
         equations, times = fastest(path, choice, constants, fix, real, clock)
     else:
         equations = equations_of(path, choice, constants, formulation, clock, fix)
+    with clock("code"):
+        import codegen.build  # noqa: F401  (it brings Jinja along, which the page needs, too)
     with meanwhile(lambda: _page(equations)) as page:
         program = replace(program_of(equations, functions, clock, integrators, real=real), inline=header)
         if tune:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
 
@@ -201,6 +201,13 @@ class Evidence:
     others: tuple[Graph, ...]
     module: ModuleType | None
     chart: int = 0  # of the module, that the graph is of
+
+    def loaded(self, module: ModuleType) -> Evidence:
+        """With the module; what was computed before is kept where it computes in the same precision."""
+        made = replace(self, module=module)
+        if made.real is self.real:
+            vars(made).update({name: value for name, value in vars(self).items() if name != "module"})
+        return made
 
     @cached_property
     def real(self) -> Real:

@@ -9,7 +9,7 @@ ROBOTS := build/robots/venv
 BENCH  := build/bench/venv
 PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn
 
-.PHONY: demo report test test-slow lint robots loops growth bench whole fresh clean
+.PHONY: demo report test test-slow lint robots loops growth bench bench-page whole fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -57,6 +57,10 @@ growth: $(BENCH)/.ready
 # Our C beside that of every peer the package indexes carry; the peers are compiled once (minutes) and kept in build/bench.
 bench: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/bench.py
+
+# The table and the plots of docs/bench.md from build/bench.json.
+bench-page:
+	$(BENCH)/bin/python benchmarks/page.py
 
 # Whole simulations to an error of 1e-8 at the end, beside a plain C loop, CasADi's, CVODES, IDAS, SciPy and Exudyn: ten minutes.
 whole: $(BENCH)/.ready

@@ -12,7 +12,7 @@ import numpy as np
 from peers import augmented, batched, kane, lanes, mujoco, ours, peak, pinocchio, python_call, with_symforce
 from peers.batched import Timed
 from peers.casadi_c import Read
-from peers.contest import BUILD, ROWS, Contender
+from peers.contest import BUILD, ROWS, Contender, Unavailable
 from peers.robot import robot
 from robots import Peer, robots
 from targets import AUGMENTED, AUGMENTED_MX, BATCH, CHAINS, INVERSE, LANES, MASS, PINOCCHIO, PYDY, SCALAR, THROUGH_CASADI
@@ -138,12 +138,20 @@ def chain(n: int) -> Iterator[Scene]:
         THROUGH_CASADI: lambda: [c for f in ("aba", "aba_world") for c in pinocchio.generated(tree, f, full, n, same)],
         PINOCCHIO: lambda: [pinocchio.own(tree, f, full, n, same) for f in ("aba", "aba_world")],
     }
-    if n <= 20:  # its elimination fills in: the cube of n
-        peers[AUGMENTED] = lambda: [*augmented.unrolled(by, inputs, same), *augmented.unrolled(by, inputs, same, True)]
-    if n <= 5:
-        peers[PYDY] = lambda: kane.contender(kane.chain(n), inputs, same)
+    shared = (False, True) if n <= 20 else ()  # with angles alone elimination fills in: the cube of n
+    peers[AUGMENTED] = lambda: [
+        *(c for cse in shared for c in augmented.unrolled(by, inputs, same, cse)),
+        *augmented.bodies(n, inputs, same),
+    ]
+    peers[PYDY] = partial(_by_kane, n, inputs)
     own: Made = partial(_last, of, n)
     yield Scene(SCALAR, f"chain{n}", own, peers, ours.operations(of), best=True)
+
+
+def _by_kane(n: int, inputs: np.ndarray) -> list[Contender]:
+    if n > 10:
+        raise Unavailable("left out: KanesMethod takes minutes for as many links, and the matrix solved has no zeros")
+    return kane.contender(kane.chain(n), inputs, same)
 
 
 def _last(of: ours.Subject, n: int) -> list[Contender]:

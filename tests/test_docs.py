@@ -1,5 +1,7 @@
 """The pages of docs/: their models load, and their links lead somewhere."""
 
+import importlib
+import json
 import re
 from pathlib import Path
 
@@ -32,3 +34,12 @@ def test_every_model_shown_has_a_consistent_initial_state(text):
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text("utf-8")):
         assert (page.parent / target).exists(), target
+
+
+def test_figures_of_the_benchmark_are_those_of_its_rows(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS.parent / "benchmarks"))
+    page = importlib.import_module("page")
+    rows = json.loads((DOCS / "bench.json").read_text("utf-8"))
+    assert page.page((DOCS / "bench.md").read_text("utf-8"), rows) == (DOCS / "bench.md").read_text("utf-8")
+    for name, drawn in {"bench_chains.svg": page.chains, "bench_targets.svg": page.targets}.items():
+        assert drawn(rows) == (DOCS / name).read_text("utf-8")

@@ -404,3 +404,12 @@ int main(void) {
     if shutil.which("g++"):
         subprocess.run(["g++", "-fsyntax-only", "-x", "c++", "main.c"], cwd=tmp_path, check=True)
     assert "toy_inline.h" not in build.emit(program(toy()))
+
+
+@pytest.mark.parametrize(("macros", "tuned"), [("11", True), ("7", False), ("4\n#define __clang__ 1", False), ("", False)])
+def test_lanes_on_zen_are_ordered_by_another_model(macros: str, tuned: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where gcc has it: not in gcc 7, not in clang, and for lanes alone."""
+    said = "#define __znver3 1\n" + (f"#define __GNUC__ {macros}\n" if macros else "")
+    monkeypatch.setattr(compiler, "probe", lambda command: ((), said))
+    assert (compiler.TUNE in compiler.flags_of(["cc"], "m", "m_batch")) is tuned
+    assert compiler.TUNE not in compiler.flags_of(["cc"], "m", "m")

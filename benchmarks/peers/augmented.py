@@ -113,18 +113,40 @@ def chain(n: int) -> Lagrangian:
     return Lagrangian(f"chain{n}", q, qd, ca.SX(0, 1), T, V, ca.SX.zeros(n), ca.SX(0, n), tuple(reversed(range(n))), relative)
 
 
+def bodies(n: int, inputs: np.ndarray, read: Read) -> list[Contender]:
+    """The same chain with three coordinates for every link and multipliers at every joint: more unknowns, but no fill-in."""
+    q, qd, relative = ca.SX.sym("q", 3 * n), ca.SX.sym("qd", 3 * n), ca.SX.sym("in", 2 * n)
+    T, V, tip, rows, order = 0, 0, ca.SX.zeros(2), [], []
+    for i in range(n):
+        centre, half = q[3 * i + 1 : 3 * i + 3], 0.5 * _along(q[3 * i])
+        T, V = T + rod(1.0, 0.08, centre, q[3 * i], q, qd), V + G * centre[1]
+        rows.append(centre - half - tip)
+        tip = centre + half
+        order = [3 * i + 1, 3 * i + 2, 3 * i, 3 * n + 2 * i, 3 * n + 2 * i + 1, *order]
+    A = ca.jacobian(ca.vertcat(*rows), q)
+    found = _accelerations(Lagrangian("bodies", q, qd, ca.SX(0, 1), T, V, ca.SX.zeros(3 * n), A, tuple(order)))[::3]
+    angles = ca.vertcat(q[::3], qd[::3])
+    absolute = ca.substitute(found, angles, ca.vertcat(ca.cumsum(relative[:n]), ca.cumsum(relative[n:])))
+    out = ca.cse(ca.vertcat(absolute[0], ca.diff(absolute)))
+    return of_function("augmented, CasADi SX", f"chain{n}", ca.Function("bodies", [relative], [out]), inputs, read)
+
+
 def _along(angle: ca.SX) -> ca.SX:
     return ca.vertcat(ca.cos(angle), ca.sin(angle))
 
 
 def unrolled(of: Lagrangian, inputs: np.ndarray, read: Read, shared: bool = False) -> list[Contender]:
     """LDLᵀ without its zeros; `shared`: after CasADi's elimination of common subexpressions."""
-    M, f, gamma = of.parts()
-    K = ca.vertcat(ca.horzcat(M, of.A.T), ca.horzcat(of.A, ca.SX(of.A.size1(), of.A.size1())))
-    out = ca.vertcat(*_solution(K, ca.vertcat(f, gamma), of.order)[: of.q.numel()])
+    out = _accelerations(of)
     name = "augmented_cse" if shared else "augmented"
     function = of.function(name, ca.cse(out) if shared else out)
     return of_function("augmented, CasADi SX", of.name, function, inputs, read)
+
+
+def _accelerations(of: Lagrangian) -> ca.SX:
+    M, f, gamma = of.parts()
+    K = ca.vertcat(ca.horzcat(M, of.A.T), ca.horzcat(of.A, ca.SX(of.A.size1(), of.A.size1())))
+    return ca.vertcat(*_solution(K, ca.vertcat(f, gamma), of.order)[: of.q.numel()])
 
 
 def _solution(K: ca.SX, b: ca.SX, order: Sequence[int]) -> list[ca.SX]:

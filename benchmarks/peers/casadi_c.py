@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from codegen import compiler
-from peers.contest import BUILD, PLAIN, Contender, compiled
+from peers.contest import BUILD, PLAIN, Contender, compiled, put
 
 LOOP = """typedef long long integer;
 int {function}(const double **arg, double **res, integer *iw, double *w, int mem);
@@ -39,18 +39,17 @@ Read = Callable[[np.ndarray], np.ndarray]
 def of_function(peer: str, stem: str, function: ca.Function, inputs: np.ndarray, read: Read) -> list[Contender]:
     """A function of one vector with one vector as result."""
     folder = BUILD / "models" / stem
-    folder.mkdir(parents=True, exist_ok=True)
     generator = ca.CodeGenerator(f"{function.name()}.c")
     generator.add(function)
     source = folder / f"{function.name()}.c"
-    source.write_text(generator.dump())
+    put(source, generator.dump())
     return of_source(peer, source, inputs, function.numel_out(0), read)
 
 
 def of_source(peer: str, source: Path, inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
     """A file with a function of its own name: with everyday flags, and with all of ours."""
     loop = source.with_name(f"{source.stem}_loop.c")
-    loop.write_text(LOOP.format(function=source.stem))
+    put(loop, LOOP.format(function=source.stem))
     made = []
     for flags, options in {"-O2": PLAIN, "our flags": (*compiler.FLAGS, *compiler.probe(("gcc",))[0])}.items():
         library = compiled(f"{source.parent.name}-{source.stem}", {loop: PLAIN, source: options})

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import tempfile
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +23,11 @@ COPIES = 3  # of every binary: where a file comes to lie in memory alone may cos
 AGREEMENT = 1e-9
 NATIVE = ("-march=native",)
 PLAIN = ("-O2", *NATIVE)  # what users of other generators call; they are also compiled with all flags of ours
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+LIMITED = ("sh", "-c", 'ulimit -t 900; exec "$@"', "sh")  # s of processor time at most for one file
+DRIVING = 300.0  # s at most for all contenders of one scene
+_turns = threading.BoundedSemaphore(CORES)  # compilers that run at the same time
+_making: dict[Path, threading.Lock] = {}
 
 
 class Unavailable(Exception):
@@ -51,40 +59,76 @@ class Time:
 
 
 def compiled(name: str, sources: Mapping[Path, Sequence[str]], link: Sequence[str] = (), shared: bool = True) -> Path:
-    """A library (or program) below build/bench/kept, made anew only where a source, an option or the compiler has changed.
+    """A library (or program) below build/bench/kept, made anew only where a source, an option, the compiler or the processor has
+    changed. Threads may ask for the same one; as many compilers run at a time as there are cores.
 
     `sources`: each file with its options; .cpp files are g++'s.
     """
     commands = {path: "g++" if path.suffix == ".cpp" else "gcc" for path in sources}
-    digest = hashlib.sha256(repr((list(sources.values()), link, shared, [version(c) for c in commands.values()])).encode())
+    versions = [version(command) for command in commands.values()]
+    digest = hashlib.sha256(repr((list(sources.values()), link, shared, versions, processor())).encode())
     for file in [*sources, *HERE.glob("*.hpp"), *{header for path in sources for header in path.parent.glob("*.h")}]:
         digest.update(file.read_bytes())
     made = BUILD / "kept" / f"{name}-{digest.hexdigest()[:16]}{'.so' if shared else ''}"
-    if not made.exists():
-        made.parent.mkdir(parents=True, exist_ok=True)
-        kind = ["-shared", "-Wl,-Bsymbolic"] if shared else []
-        with tempfile.TemporaryDirectory(prefix="new-", dir=made.parent) as folder:
-            objects = [f"{folder}/{i}.o" for i in range(len(sources))]
-            for out, (path, options) in zip(objects, sources.items()):
-                run([commands[path], *options, *(["-fPIC"] if shared else []), "-c", str(path), "-o", out])
-            run([max(commands.values()), *kind, *objects, *link, "-lm", "-o", f"{folder}/made"])
-            Path(folder, "made").rename(made)
+    with _making.setdefault(made, threading.Lock()):
+        if not made.exists():
+            _make(made, sources, commands, link, shared)
     return made.resolve()
 
 
-def run(command: Sequence[str], text: str = "", folder: Path | None = None) -> str:
-    """What a command prints; Unavailable with its last words where it fails."""
-    done = subprocess.run(list(command), input=text, capture_output=True, text=True, check=False, cwd=folder)
+def _make(
+    made: Path, sources: Mapping[Path, Sequence[str]], commands: Mapping[Path, str], link: Sequence[str], shared: bool
+) -> None:
+    made.parent.mkdir(parents=True, exist_ok=True)
+    kind = ["-shared", "-Wl,-Bsymbolic"] if shared else []
+    with tempfile.TemporaryDirectory(prefix="new-", dir=made.parent) as folder:
+        objects = [f"{folder}/{i}.o" for i in range(len(sources))]
+        for out, (path, options) in zip(objects, sources.items()):
+            with _turns:
+                run([*LIMITED, commands[path], *options, *(["-fPIC"] if shared else []), "-c", str(path), "-o", out])
+        run([max(commands.values()), *kind, *objects, *link, "-lm", "-o", f"{folder}/made"])
+        Path(folder, "made").rename(made)
+
+
+def put(path: Path, text: str) -> None:
+    """A file of sources; one that is as it should be is left alone, for a compiler may be reading it."""
+    if not path.exists() or path.read_text() != text:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new = path.with_name(f"{path.name}.{threading.get_ident()}")
+        new.write_text(text)
+        new.replace(path)
+
+
+def run(command: Sequence[str], text: str = "", folder: Path | None = None, most: float | None = None) -> str:
+    """What a command prints; Unavailable with its last words where it fails or takes more than `most` seconds."""
+    name = Path(command[0]).name
+    try:
+        done = subprocess.run(list(command), input=text, capture_output=True, text=True, check=False, cwd=folder, timeout=most)
+    except subprocess.TimeoutExpired as error:
+        raise Unavailable(f"{name} is not done within {most:.0f} s") from error
+    except OSError as error:
+        raise Unavailable(f"{name} does not start: {error}") from error
     if done.returncode:
-        said = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines() or ["no words"]
+        ended = f"{name} ended by signal {-done.returncode}" if done.returncode < 0 else f"{name} failed without a word"
+        said = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines() or [ended]
         raise Unavailable(f"{said[0].strip()[:200]}")
     return done.stdout
 
 
+@functools.cache
 def version(command: str) -> str:
     if not shutil.which(command):
         raise Unavailable(f"{command} is not installed")
     return subprocess.run([command, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+
+
+@functools.cache
+def processor() -> str:
+    """Its name, as the kernel says it."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
 
 
 def times(contenders: Sequence[Contender], seconds: float = 2.0, rows: int = ROWS, passing: float = 150e3) -> list[Time]:
@@ -95,7 +139,7 @@ def times(contenders: Sequence[Contender], seconds: float = 2.0, rows: int = ROW
     driver = compiled("driver", {HERE / "driver.c": ["-O2", "-std=gnu11"]}, ["-ldl"], shared=False)
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         jobs = [_job(Path(folder), f"{i}-{copy}", c, rows) for copy in range(COPIES) for i, c in enumerate(contenders)]
-        said = run([str(driver), str(seconds), str(rows), str(passing)], "\n".join(jobs) + "\n")
+        said = run([str(driver), str(seconds), str(rows), str(passing)], "\n".join(jobs) + "\n", most=DRIVING)
         results = [_results(Path(folder), f"{i}-0", c) for i, c in enumerate(contenders)]
     least = [float(line) for line in said.split()]
     differs = [difference(result, results[0]) for result in results]
@@ -103,6 +147,27 @@ def times(contenders: Sequence[Contender], seconds: float = 2.0, rows: int = ROW
         Time(min(least[i :: len(contenders)]), results[i], differs[i] if differs[i] > c.tolerance else 0.0)
         for i, c in enumerate(contenders)
     ]
+
+
+def measured(contenders: Sequence[Contender]) -> tuple[dict[Contender, Time], dict[Contender, str]]:
+    """Times of those that run, and why the others do not: one that crashes takes only itself out."""
+    try:
+        return dict(zip(contenders, times(contenders))), {}
+    except Unavailable:
+        failing = {c: why for c in contenders if (why := _failure(c))}
+        if not failing or contenders[0] in failing:
+            raise
+        rest = [c for c in contenders if c not in failing]
+        return dict(zip(rest, times(rest))), failing
+
+
+def _failure(contender: Contender) -> str:
+    """Why it does not run by itself; empty where it does."""
+    try:
+        times([contender], seconds=0.0)
+    except Unavailable as error:
+        return str(error)
+    return ""
 
 
 def difference(found: np.ndarray, expected: np.ndarray) -> float:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from peers.casadi_c import Read
-from peers.contest import NATIVE, Contender, compiled
+from peers.contest import NATIVE, Contender, compiled, put
 
 LOAD = re.compile(r"^(a\d+)=arg\[0\]\? arg\[0\]\[(\d+)\] : 0;$")
 STORE = re.compile(r"^if \(res\[0\]!=0\) res\[0\]\[(\d+)\]=(.+);$")
@@ -65,15 +65,14 @@ def vectors(source: Path, inputs: np.ndarray, size: int, read: Read) -> list[Con
     made = []
     for width in (4, 8):
         path = source.with_name(f"{source.stem}_lanes{width}.c")
-        path.write_text(
-            LANES.format(
-                width=width,
-                declared=f"    wide {', '.join(names)};",
-                lines="\n".join(f"    {line}" for line in body),
-                inputs=inputs.shape[1],
-                outputs=size,
-            )
+        text = LANES.format(
+            width=width,
+            declared=f"    wide {', '.join(names)};",
+            lines="\n".join(f"    {line}" for line in body),
+            inputs=inputs.shape[1],
+            outputs=size,
         )
+        put(path, text)
         library = compiled(
             f"{source.parent.name}-lanes{width}", {path: ["-O2", *NATIVE, "-ffp-contract=fast", "-Wno-psabi"]}, ["-lmvec"]
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -17,7 +16,7 @@ from derive.formulations.records import Equations
 from derive.mechanics import system
 from derive.mechanics.sampling import States, states
 from derive.model.records import Model
-from peers.contest import BUILD, ROWS, Contender, compiled
+from peers.contest import BUILD, ROWS, Contender, compiled, put
 from peers.peak import of_turn
 
 SCALAR = """#include "{name}.h"
@@ -103,11 +102,11 @@ def contender(
     files = emitting.emit(made)
     for name, text in files.items():
         if name.endswith((".c", ".h")):
-            _write(folder / name, text)
+            put(folder / name, text)
     x = of.x if rows is None else rows
     kind = "batch" if batch else "scalar"
     loop = folder / f"loop_{kind}.c"
-    _write(loop, (BATCH if batch else SCALAR).format(name=made.name, function=function, x=x.shape[1]))
+    put(loop, (BATCH if batch else SCALAR).format(name=made.name, function=function, x=x.shape[1]))
     apart = {"example.c", *(f"{made.name}_{part}.c" for part in ("cpu", "module", "simulate", *(() if batch else ("batch",))))}
     sources = {loop: ["-O2", f"-I{folder}"]}
     for path in (folder / name for name in files if name.endswith(".c") and name not in apart):
@@ -117,8 +116,3 @@ def contender(
     return Contender(
         f"hamel, {kind}", library, np.hstack([x, of.states.u]), len(kernel.outputs), read=read, turn=of_turn(turning)
     )
-
-
-def _write(path: Path, text: str) -> None:
-    if not path.exists() or path.read_text() != text:
-        path.write_text(text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import sysconfig
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from hamel.verify.reference import reference, state_of
 from peers.casadi_c import Read, of_source
 from peers.contest import BUILD, HERE, NATIVE, Contender, Unavailable, compiled, run
 
+_writing = threading.Lock()
 SOFT = 1e-2  # lcaba was seen to be off by 2e-3 where loops of a plane are closed in space; constraintDynamics is exact and slower
 SITE = Path(sysconfig.get_paths()["purelib"])
 EIGEN = Path("/usr/include/eigen3")
@@ -59,11 +61,28 @@ def _kind(joint: Any) -> tuple[str, np.ndarray]:
     return {"FreeFlyer": "Free"}.get(name, name), np.zeros(3)
 
 
+def library() -> Path:
+    """Its own algorithms in double precision: minutes of templates."""
+    _check_headers()
+    return compiled("pinocchio", {HERE / "pinocchio.cpp": ["-O3", *NATIVE, *FLAGS]})
+
+
+def loops_library() -> Path:
+    """Those for closed loops."""
+    _check_headers()
+    return compiled("pinocchio_loops", {HERE / "pinocchio_loops.cpp": ["-O2", *NATIVE, *FLAGS]})
+
+
+def maker() -> Path:
+    """The program that writes C of the algorithms on casadi::SX."""
+    _check_headers()
+    link = [f"-L{SITE}/casadi", "-lcasadi", f"-Wl,-rpath,{SITE}/casadi"]
+    return compiled("pinocchio_casadi", {HERE / "pinocchio_casadi.cpp": ["-O1", *FLAGS]}, link, shared=False)
+
+
 def own(tree: Path, function: str, inputs: np.ndarray, size: int, read: Read) -> Contender:
     """`function`: aba, aba_world, rnea or crba."""
-    _check_headers()
-    library = compiled("pinocchio", {HERE / "pinocchio.cpp": ["-O3", *NATIVE, *FLAGS]})
-    return Contender("Pinocchio C++", library, inputs, size, f"{function} {tree.resolve()}", read, variant=function)
+    return Contender("Pinocchio C++", library(), inputs, size, f"{function} {tree.resolve()}", read, variant=function)
 
 
 def generated(tree: Path, function: str, inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
@@ -74,10 +93,9 @@ def generated(tree: Path, function: str, inputs: np.ndarray, size: int, read: Re
 
 def closed(tree: Path, closures: Sequence[Sequence[float]], inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
     """Loops closed in points: lines of two joints and the point on each. Both of Pinocchio's methods, mu = 1e-8."""
-    _check_headers()
     loops = tree.with_suffix(".loops")
     loops.write_text("".join(f"{int(a)} {int(b)} {_numbers(points)}\n" for a, b, *points in closures))
-    library = compiled("pinocchio_loops", {HERE / "pinocchio_loops.cpp": ["-O2", *NATIVE, *FLAGS]})
+    library = loops_library()
     return [
         Contender(
             "Pinocchio lcaba", library, inputs, size, f"{name} {tree.resolve()} {loops.resolve()}", read, SOFT, variant=name
@@ -86,15 +104,18 @@ def closed(tree: Path, closures: Sequence[Sequence[float]], inputs: np.ndarray, 
     ]
 
 
-@functools.cache
 def code(tree: Path) -> Path:
     """The folder with the C of all functions."""
-    _check_headers()
-    link = [f"-L{SITE}/casadi", "-lcasadi", f"-Wl,-rpath,{SITE}/casadi"]
-    maker = compiled("pinocchio_casadi", {HERE / "pinocchio_casadi.cpp": ["-O1", *FLAGS]}, link, shared=False)
+    by = maker()
+    with _writing:
+        return _code(by, tree)
+
+
+@functools.cache
+def _code(by: Path, tree: Path) -> Path:
     folder = BUILD / "models" / f"{tree.stem}-casadi"
     folder.mkdir(exist_ok=True)
-    run([str(maker), str(tree.resolve())], folder=folder)
+    run([str(by), str(tree.resolve())], folder=folder)
     return folder
 
 

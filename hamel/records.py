@@ -93,6 +93,8 @@ class StressRow:
     moved: float  # how far held initial values had to give way
     constraints: float  # largest |φ| or |A v − c|
     energy: float  # energy balance
+    fewest: int | None = None  # of stiff cases: steps at the loosest tolerance, by decades, that meets the case's
+    scipy: int | None = None  # the same of SciPy's Radau
 
 
 @dataclass(frozen=True)

@@ -6,31 +6,40 @@ its constraints and its energy look.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
+from codegen.integrators import INTEGRATORS
 from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.expressions.evaluate import number
 from derive.formulations import equations
+from derive.formulations.charts import together
 from derive.mechanics.initial import initial_state
 from derive.model.records import Model, Stress
 from derive.model.stress import REAL
 from hamel.importing import load
-from hamel.pipeline import mechanics_of
+from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Simulated, StressRow
 from hamel.settings import settings
 from hamel.solutions import Problem, solution, state_of
 from hamel.solutions.series import NotAnalytic
 from hamel.verbs.simulate import Method
 from hamel.verbs.simulate import run as simulated
+from hamel.verify.checks import strange
+from hamel.verify.ladder import evidence
+from hamel.verify.reference import reference
 
 DIGITS = 15  # of a solution that judges
 AGREES = 1e-6  # of its accelerations at the end with the independent derivation
 LEAST = 1e-16
+STIFF = {method.name for method in INTEGRATORS if method.adaptive and method.needs}
+MOST_STEPS = 3.0  # times those of SciPy's Radau
 
 
 @dataclass(frozen=True)
@@ -67,11 +76,10 @@ def stress_table(
 
 def judged(path: Path, model: Model, entry: Stress) -> StressRow:
     """One case. An error of the model's file is no refusal and is raised."""
-    method = Method(
-        "quasi_velocities", entry.choice or None, entry.keeping or None, entry.integrator, None, entry.rtol, None, real=entry.real
-    )
+    if entry.spoiled:
+        return _spoiled(model, entry)
     try:
-        found = simulated(path, method, entry.time, entry.time, dict(entry.values), None, None, None)
+        found = _run(path, entry)
     except HamelError as error:
         if not entry.refused and isinstance(error, ModelError):
             raise
@@ -79,6 +87,7 @@ def judged(path: Path, model: Model, entry: Stress) -> StressRow:
     wanted = _wanted(model, entry)
     error = _error(model, found, wanted.values)
     good = error <= (np.inf if entry.tolerance is None else entry.tolerance)
+    fewest, scipy = _steps(path, model, entry, wanted.values) if good else (None, None)
     return StressRow(
         model=model.name,
         case=entry.name,
@@ -89,13 +98,66 @@ def judged(path: Path, model: Model, entry: Stress) -> StressRow:
         tolerance=entry.tolerance,
         status="",
         expected="refused" if entry.refused else "survived",
-        passed=good and not entry.refused,
+        passed=good and not entry.refused and not (fewest and scipy and fewest > MOST_STEPS * scipy),
         judged_by=wanted.by,
         steps=found.steps,
         seconds=found.seconds,
         moved=max((abs(by["used"] - by["given"]) for by in found.moved.values()), default=0.0),
         constraints=max(found.position_violation, found.velocity_violation),
         energy=found.energy_balance,
+        fewest=fewest,
+        scipy=scipy,
+    )
+
+
+def _run(path: Path, entry: Stress) -> Simulated:
+    named = (entry.choice or None, entry.keeping or None)
+    method = Method("quasi_velocities", *named, entry.integrator, None, entry.rtol, None, real=entry.real)
+    return simulated(path, method, entry.time, entry.time, dict(entry.values), None, None, None)
+
+
+def _steps(path: Path, model: Model, entry: Stress, wanted: dict[str, float]) -> tuple[int | None, int | None]:
+    """Of a stiff case: how many steps the tolerance takes, and how many with SciPy's Radau."""
+    if entry.integrator not in STIFF or entry.tolerance is None:
+        return None, None
+    ours, scipy = (_fewest(path, model, replace(entry, integrator=name), wanted) for name in (entry.integrator, "scipy_radau"))
+    return ours, scipy
+
+
+def _fewest(path: Path, model: Model, entry: Stress, wanted: dict[str, float]) -> int | None:
+    for rtol in (10.0**-k for k in range(2, 13)):
+        with suppress(HamelError), np.errstate(all="ignore"):
+            found = _run(path, replace(entry, rtol=rtol))
+            if _error(model, found, wanted) <= (entry.tolerance or 0.0):
+                return found.steps
+    return None
+
+
+def _spoiled(model: Model, entry: Stress) -> StressRow:
+    """Every argument of every function, in C and in NumPy, made strange: the graph's own result or a refusal."""
+    chosen = equations(mechanics_of(model), entry.choice or None)
+    with temporary_module(chosen, real=entry.real) as module:
+        seen = evidence(reference(model), chosen, module, 1)
+        said = Counter(each for backend in strange.backends(module) for each in strange.tried(seen, backend))
+    right, refused = said.pop(strange.RIGHT, 0), said.pop(strange.REFUSED, 0)
+    wrong, good = said.total(), right > 0 and not said
+    return StressRow(
+        model=model.name,
+        case=entry.name,
+        about=entry.about,
+        method=f"{together(chosen)}{_precision(entry)}",
+        outcome="survived" if good else "wrong",
+        error=None,
+        tolerance=None,
+        status="; ".join((f"{right + refused + wrong} calls: {right} right, {refused} refused, {wrong} wrong", *[*said][:1])),
+        expected="survived",
+        passed=good,
+        judged_by="CasADi's graph",
+        steps=0,
+        seconds=0.0,
+        moved=0.0,
+        constraints=0.0,
+        energy=0.0,
     )
 
 

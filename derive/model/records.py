@@ -379,12 +379,14 @@ class Stress:
     """An extreme case: `values` set, then a motion of `time` seconds; `end` in closed form where there is one.
 
     `tolerance` None: the error is only reported. `refused`: words of the message that is expected instead of a motion.
+    `spoiled`: no motion, but numbers that are none, infinite or next to nothing in every argument of every function.
     """
 
     name: str
     about: str
     values: tuple[tuple[str, str], ...]
     time: float
+    spoiled: bool
     integrator: str
     keeping: str
     real: str

@@ -152,7 +152,11 @@ class StressEntry(Entry):
 
     about: Formula | None = Field(None, description="What is extreme about it.")
     set: dict[Name, Formula] = Field({}, description="Initial values, parameters and inputs, as with `hamel simulate --set`.")
-    time: Formula = Field(description="The end of the motion, in seconds.")
+    time: Formula | None = Field(None, description="The end of the motion, in seconds.")
+    spoiled: Formula | None = Field(
+        None,
+        description="`all`, instead of a motion: NaN, ±Inf, the least denormal and 1e300 in every argument of every function.",
+    )
     integrator: Formula | None = Field(None, description="How to step (default: dop853).")
     keeping: Formula | None = Field(None, description="How to stay on the constraints (default: projection).")
     choice: Formula | None = Field(None, description="The choice of quasi-velocities (default: the file's first).")

@@ -21,12 +21,17 @@ def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
     real = _text(entry.real) or REAL
     if entry.real and real not in RTOL:
         reader.report(entry.real.span, f"the case '{key}' is to be computed in '{real}'", " or ".join(RTOL))
+    if entry.spoiled:
+        _check_spoiled(reader, key, entry, entry.spoiled)
+    elif not entry.time:
+        reader.report(key.span, f"the case '{key}' lasts no time", "time: 1 s, or spoiled: all")
     ends = [_end(reader, name, scalar) for name, scalar in entry.end.items()]
     return Stress(
         name=str(key),
         about=_text(entry.about),
         values=tuple((str(name), scalar.text) for name, scalar in entry.set.items()),
         time=_positive(reader, entry.time, "the time of a case", "s") or 0.0,
+        spoiled=entry.spoiled is not None,
         integrator=_text(entry.integrator) or INTEGRATOR,
         keeping=_text(entry.keeping),
         real=real,
@@ -37,6 +42,14 @@ def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
         refused=_text(entry.refused),
         span=key.span,
     )
+
+
+def _check_spoiled(reader: Reader, key: Key, entry: StressEntry, spoiled: Scalar) -> None:
+    if spoiled.text != "all":
+        reader.report(spoiled.span, f"in the case '{key}' {spoiled.text} arguments are to be spoiled", "all")
+    of_motions = (entry.set, entry.time, entry.end, entry.tolerance, entry.refused, entry.integrator, entry.keeping, entry.rtol)
+    if any(of_motions):
+        reader.report(spoiled.span, f"the case '{key}' is no motion", "besides spoiled: only about, choice and real")
 
 
 def _text(scalar: Scalar | None) -> str:

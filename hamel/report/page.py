@@ -97,7 +97,10 @@ def _comparison(studies: Sequence[Study]) -> Table:
     return names, made
 
 
-STRESSED = ("model", "case", "method", "outcome", "error", "tolerance", "status", "judged_by", "steps", "constraints", "about")
+STRESSED = (
+    *("model", "case", "method", "outcome", "error", "tolerance", "status", "judged_by"),
+    *("steps", "fewest", "scipy", "constraints", "about"),
+)
 
 
 def _stress(rows: Sequence[StressRow]) -> Table:

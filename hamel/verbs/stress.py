@@ -29,6 +29,7 @@ def show(record: Stressed, console: Console) -> None:
     rows = []
     for row in record.rows:
         told = row.status if row.error is None else f"error {number(row.error)}"
+        told += f"; {row.fewest} steps, SciPy's Radau {row.scipy}" if row.fewest and row.scipy else ""
         mark = "" if row.passed else f"  NOT EXPECTED ({row.expected})"
         rows.append((f"{row.model}: {row.case}", row.method, row.outcome + mark, told, row.judged_by))
     table(console, ("case", "method", "outcome", "", "judged by"), rows)

@@ -67,7 +67,8 @@ def compiled(name: str, sources: Mapping[Path, Sequence[str]], link: Sequence[st
     commands = {path: "g++" if path.suffix == ".cpp" else "gcc" for path in sources}
     versions = [version(command) for command in commands.values()]
     digest = hashlib.sha256(repr((list(sources.values()), link, shared, versions, processor())).encode())
-    for file in [*sources, *HERE.glob("*.hpp"), *{header for path in sources for header in path.parent.glob("*.h")}]:
+    headers = {*HERE.glob("*.hpp"), *(header for path in sources for header in path.parent.glob("*.h"))}
+    for file in [*sources, *sorted(headers)]:
         digest.update(file.read_bytes())
     made = BUILD / "kept" / f"{name}-{digest.hexdigest()[:16]}{'.so' if shared else ''}"
     with _making.setdefault(made, threading.Lock()):

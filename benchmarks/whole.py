@@ -72,6 +72,7 @@ class Site:
         self.scene = scene
         self.mechanics = system(load(Path("models") / f"{scene.name}.yaml"), "all")
         given = settings(self.mechanics.model, dict(scene.values))
+        self.inputs = given.inputs
         self.u = np.array([*given.inputs.values()])
         self.initial = initial_state(self.mechanics, given.initial)
         m = self.mechanics
@@ -151,7 +152,7 @@ def others(site: Site, stack: ExitStack) -> Iterator[Simulation]:
     module = stack.enter_context(temporary_module(found))
     x = state_of(found, site.initial, np.zeros(0))
     yield from simulations.libraries(module, found, x, site.u, site.of_equations(found), site.scene.span)
-    yield from exudyn_loops.simulations(site.scene.name, site.mechanics, site.initial, site.scene.span)
+    yield from exudyn_loops.simulations(site.mechanics.model, site.initial, site.inputs, site.scene.span)
 
 
 def _reordered(of: Simulation, back: Callable[[np.ndarray], np.ndarray]) -> Simulation:

@@ -146,10 +146,10 @@ def unrolled(of: Lagrangian, inputs: np.ndarray, read: Read, shared: bool = Fals
 def _accelerations(of: Lagrangian) -> ca.SX:
     M, f, gamma = of.parts()
     K = ca.vertcat(ca.horzcat(M, of.A.T), ca.horzcat(of.A, ca.SX(of.A.size1(), of.A.size1())))
-    return ca.vertcat(*_solution(K, ca.vertcat(f, gamma), of.order)[: of.q.numel()])
+    return ca.vertcat(*solution(K, ca.vertcat(f, gamma), of.order)[: of.q.numel()])
 
 
-def _solution(K: ca.SX, b: ca.SX, order: Sequence[int]) -> list[ca.SX]:
+def solution(K: ca.SX, b: ca.SX, order: Sequence[int]) -> list[ca.SX]:
     """K⁻¹ b for a symmetric K, pivots in the given order."""
     n = len(order)
     rows = [{j: K[order[i], order[j]] for j in range(i + 1) if K.sparsity().has_nz(order[i], order[j])} for i in range(n)]

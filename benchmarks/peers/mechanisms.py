@@ -77,7 +77,7 @@ def car_axis() -> Mechanism:
     rate = ca.mtimes(A, qd) + ca.jacobian(phi, t)
     gamma = -ca.jtimes(rate, q, qd) - ca.jacobian(rate, t)
     K = ca.vertcat(ca.horzcat(mass * ca.SX.eye(4), A.T), ca.horzcat(A, ca.SX(2, 2)))
-    solved = augmented._solution(K, ca.vertcat(-ca.gradient(V, q), gamma), range(6))[:4]
+    solved = augmented.solution(K, ca.vertcat(-ca.gradient(V, q), gamma), range(6))[:4]
     y = ca.vertcat(q, qd)
     return Mechanism("car_axis", ("xl", "yl", "xr", "yr"), ca.Function("rates", [t, y], [ca.cse(ca.vertcat(qd, *solved))]))
 
@@ -85,6 +85,6 @@ def car_axis() -> Mechanism:
 def _of(of: Lagrangian, names: tuple[str, ...], u: np.ndarray) -> Mechanism:
     M, f, gamma = of.parts()
     K = ca.vertcat(ca.horzcat(M, of.A.T), ca.horzcat(of.A, ca.SX(of.A.size1(), of.A.size1())))
-    solved = augmented._solution(K, ca.vertcat(f, gamma), of.order)[: of.q.numel()]
+    solved = augmented.solution(K, ca.vertcat(f, gamma), of.order)[: of.q.numel()]
     found = ca.substitute(ca.vertcat(of.qd, *solved), of.u, ca.SX(u)) if of.u.numel() else ca.vertcat(of.qd, *solved)
     return Mechanism(of.name, names, ca.Function("rates", [ca.SX.sym("t"), ca.vertcat(of.q, of.qd)], [ca.cse(found)]))

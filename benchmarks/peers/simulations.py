@@ -19,11 +19,10 @@ from codegen import compiler
 from codegen.integrators import DOP853
 from codegen.passes import program
 from codegen.program import Program
-from codegen.targets.simulate import _combination as combination
-from codegen.targets.simulate import _number as number
+from codegen.targets.simulate import combination, number
 from derive.formulations.records import Equations
 from hamel.references import REFERENCES, Problem
-from hamel.references.sundials import _external as compiled_by_casadi
+from hamel.references.sundials import compiled_by_casadi
 from peers.contest import BUILD, HERE, PLAIN, compiled
 from peers.mechanisms import Mechanism
 

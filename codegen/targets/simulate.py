@@ -167,16 +167,16 @@ def _scheme(method: Integrator) -> Scheme:
     grow, damp, safety = _control(method)
     kind = type(method).__name__.lower()
     if isinstance(method, Tableau):
-        stages = tuple((_number(c), _combination(a)) for c, a in zip(method.c[1:], method.a[1:]))
+        stages = tuple((number(c), combination(a)) for c, a in zip(method.c[1:], method.a[1:]))
         weighted = frozenset(i for row in (method.a[-1], *method.errors) for i, weight in enumerate(row) if weight)
-        return Scheme(method, kind, grow, damp, safety, stages, tuple(_combination(error) for error in method.errors), weighted)
+        return Scheme(method, kind, grow, damp, safety, stages, tuple(combination(error) for error in method.errors), weighted)
     if isinstance(method, Rosenbrock):
         tables = {
             "a": _table(method.a, len(method.alpha)),
             "c": _table(method.c, len(method.alpha)),
             "alpha": _list(method.alpha),
             "gammas": _list(method.gammas),
-            "gamma": _number(method.gamma),
+            "gamma": number(method.gamma),
         }
         return Scheme(method, kind, grow, damp, safety, tables=tables)
     if isinstance(method, Collocation):
@@ -185,7 +185,7 @@ def _scheme(method: Integrator) -> Scheme:
             "b": _list(method.b),
             "T": _table(method.T, len(method.c)),
             "inverse": _table(method.inverse, len(method.c)),
-            "real": _number(method.real),
+            "real": number(method.real),
             "pairs": _table(method.pairs, 2),
             "error": _list(method.error),
         }
@@ -196,10 +196,10 @@ def _scheme(method: Integrator) -> Scheme:
 def _control(method: Integrator) -> tuple[str, str, str]:
     """Exponents of the error and of the one before, and the safety."""
     grow = Fraction(1, method.estimate) - Fraction(3, 4) * method.damping
-    return _number(grow), _number(method.damping), _number(method.safety)
+    return number(grow), number(method.damping), number(method.safety)
 
 
-def _number(value: Fraction) -> str:
+def number(value: Fraction) -> str:
     """A constant expression: 3.0 / 40.0, or a decimal where the fraction is long."""
     if value.denominator == 1:
         return f"{value.numerator}.0"
@@ -208,14 +208,14 @@ def _number(value: Fraction) -> str:
     return repr(float(value))
 
 
-def _combination(weights: Sequence[Fraction]) -> str:
+def combination(weights: Sequence[Fraction]) -> str:
     terms = [(weight, f"k[{i}][i]") for i, weight in enumerate(weights) if weight]
-    first = f"{_number(terms[0][0])} * {terms[0][1]}"
-    return first + "".join(f" {'-' if w < 0 else '+'} {_number(abs(w))} * {k}" for w, k in terms[1:])
+    first = f"{number(terms[0][0])} * {terms[0][1]}"
+    return first + "".join(f" {'-' if w < 0 else '+'} {number(abs(w))} * {k}" for w, k in terms[1:])
 
 
 def _list(values: Sequence[Fraction]) -> str:
-    return "{" + ", ".join(_number(value) for value in values) + "}"
+    return "{" + ", ".join(number(value) for value in values) + "}"
 
 
 def _table(rows: Sequence[Sequence[Fraction]], width: int) -> str:
@@ -227,7 +227,7 @@ def _python(tableau: Tableau) -> dict[str, object]:
     """A tableau as text of Python numbers."""
 
     def numbers(values: Sequence[Fraction]) -> str:
-        return "[" + ", ".join(_number(value) for value in values) + "]"
+        return "[" + ", ".join(number(value) for value in values) + "]"
 
     return {
         "name": tableau.name,

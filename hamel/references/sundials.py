@@ -115,11 +115,11 @@ def _compiled(dae: dict[str, ca.SX]) -> dict[str, ca.MX]:
     sides = {name: ca.densify(dae[name]) for name in ("ode", "alg", "quad") if name in dae}
     function = ca.Function("sides", [*given.values()], [*sides.values()], [*given], [*sides])
     symbols = {name: ca.MX.sym(name, value.shape[0]) for name, value in given.items()}  # type: ignore[call-overload]
-    results = _external(function)(*symbols.values())
+    results = compiled_by_casadi(function)(*symbols.values())
     return {**symbols, **dict(zip(sides, results if isinstance(results, tuple) else (results,)))}
 
 
-def _external(function: ca.Function) -> ca.Function:
+def compiled_by_casadi(function: ca.Function) -> ca.Function:
     """Loaded for as long as the process lives; the files are gone at once. The function itself without a compiler."""
     command = find_compiler()
     if command is None:

@@ -28,6 +28,7 @@ from derive.mechanics.records import System
 from derive.model import load_text
 from hamel.pipeline import temporary_module
 from hamel.verify import quick_verification, verification
+from tests.points import LOSSES
 from tests.scenes import MODELS
 
 SLIDER_CRANK = MODELS / "slider_crank.yaml"
@@ -415,13 +416,30 @@ def test_named_charts_are_simulated_as_they_are() -> None:
     assert found.motion["s_dot"] == pytest.approx(found.motion["der(s)"], abs=1e-12)
 
 
+@needs_compiler
+@pytest.mark.parametrize("keeping", ["invariants", "invariants_euclidean"])
+def test_the_energy_is_held_through_the_changes(keeping: str, tmp_path: Path) -> None:
+    """That of the start, in every chart, where projection lets it go by what the tolerance is."""
+    path = tmp_path / "slider_crank.yaml"
+    path.write_text(LOSSES.sub(r"\g<1>0", SLIDER_CRANK.read_text().replace(*ROD).replace(*FAST)))
+    given: dict[str, Any] = {"choice": "slider+rod", "time": 0.5, "step": 0.01, "rtol": 1e-6}
+    held, let = (hamel.simulate(path, keeping=name, **given) for name in (keeping, "projection"))
+    assert len(held.switches) >= 4 and held.energy_balance < 1e-10 < 1e-7 < let.energy_balance
+    assert held.position_violation < 1e-12 and held.velocity_violation < 1e-12
+    exact = hamel.simulate(path, choice="crank", time=0.5, rtol=1e-12).final
+    assert [held.final[name] for name in ("q1", "s")] == pytest.approx([exact[name] for name in ("q1", "s")], abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("choice", "options", "says"),
     [
         ("slider+slider", {}, "'slider' is named twice among the charts slider\\+slider"),
         ("slider+slidr", {}, "unknown choice of quasi-velocities 'slidr'"),
         ("slider+", {}, "unknown choice of quasi-velocities ''"),
-        ("slider+crank", {"integrator": "scipy_dop853"}, "does not fit the charts slider\\+crank"),
+        *(
+            ("slider+crank", {"integrator": name, "keeping": "none"}, "does not fit the charts slider\\+crank.*name one choice")
+            for name in ("scipy_dop853", "scipy_radau", "scipy_lsoda", "cvodes", "idas")
+        ),
     ],
 )
 def test_what_are_no_charts_is_refused(choice: str, options: dict[str, Any], says: str) -> None:

@@ -63,6 +63,8 @@ def show(record: Built, console: Console) -> None:
     console.print(f"{record.model}: {how} {record.folder}{note and f' ({note})'}")
     console.print(f"  choice      {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}")
     console.print(f"  operations  {operations(record.operations)}")
+    if record.size:
+        console.print(f"  library     {record.size / 1000:,.0f} kB")
     if record.tuned:
         console.print(f"  tuned       {', '.join(f'{name} {ns:.1f} ns' for name, ns in record.tuned.items())}")
     console.print(f"  time        {durations(record.seconds)}")

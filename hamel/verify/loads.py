@@ -222,7 +222,9 @@ def body_inertia(body: Body, state: State) -> tuple[Array, Array]:
     c = frame.point(state.vector(body.com))
     about_com = frame.rotation @ inertia_tensor(state, body) @ frame.rotation.T
     about_origin = about_com + mass * ((c @ c) * np.eye(3) - np.outer(c, c))
-    inertia = np.block([[about_origin, mass * skew(c)], [-mass * skew(c), mass * np.eye(3)]])
+    inertia = np.empty((6, 6))
+    inertia[:3, :3], inertia[:3, 3:] = about_origin, mass * skew(c)
+    inertia[3:, :3], inertia[3:, 3:] = -mass * skew(c), mass * np.eye(3)
     gyroscopic = np.concatenate(
         [cross(frame.omega, about_origin @ frame.omega), mass * cross(frame.omega, cross(frame.omega, c))]
     )

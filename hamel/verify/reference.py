@@ -141,8 +141,11 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
 
 def energies(ref: Reference, s: State) -> tuple[float, float]:
     """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body, rotors and the analytic T; gravity, springs and the analytic V."""
-    analytic = ref.lagrange(s)
-    T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in _bodies(ref, s)) + 0.5 * rotors(ref, s) @ s.v**2
+    return _energies(ref, s, ref.lagrange(s), _bodies(ref, s))
+
+
+def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> tuple[float, float]:
+    T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in bodies) + 0.5 * rotors(ref, s) @ s.v**2
     return float(T) + analytic.T, applied(ref.model, ref.place, s, nonideal=False).V + analytic.V
 
 
@@ -176,7 +179,7 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     vdot, lam = solution[:nv], -solution[nv:]
     z = np.concatenate([s.v, kin.J @ s.v])
     power, explicit = float(loads.other @ z) + analytic.power, float(analytic.explicit + analytic.odd @ vdot)
-    T, V = energies(ref, s)
+    T, V = _energies(ref, s, analytic, bodies)
     return Outcome(
         vdot=vdot, qdot=s.rates, lam=lam, kinematics=kin, M=M, h=h, Q=Q,
         T=T, V=V, power=power, explicit=explicit, rank=rank, residual=residual,

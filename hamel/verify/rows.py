@@ -51,7 +51,9 @@ def joint_blocks(seat: Seat, state: State) -> tuple[Array, Array, Array]:
 
 def _transport(arm: Array) -> Array:
     """6 × 6: twist at the body's origin → twist at `arm`."""
-    return np.vstack([np.hstack([np.eye(3), np.zeros((3, 3))]), point_velocity(arm)])
+    moved = np.eye(6)
+    moved[3:] = point_velocity(arm)
+    return moved
 
 
 def no_slip_row(wheel: NoSlip, place: Layout, state: State) -> Rows:

@@ -10,12 +10,14 @@ UNIT = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.
 
 def skew(a: Array) -> Array:
     """[a]× with [a]× b = a × b."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+    x, y, z = a.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def cross(a: Array, b: Array) -> Array:
     """a × b (np.cross costs fifty times as much on three numbers)."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()  # Python's own numbers are three times as fast as NumPy's
+    return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1])
 
 
 def turn(axis: Array, angle: float) -> Array:

@@ -77,7 +77,7 @@ class Simulator:
         return self.place("SIZE")
 
 
-def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = simulate._number) -> str:
+def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = simulate.number) -> str:
     """A coefficient that is longer than a double as the sum of two."""
     text = number(value)
     return text if "/" in text or value.denominator == 1 else f"({text} + {float(value - Fraction(float(value)))!r})"
@@ -89,7 +89,7 @@ def _library(made: Program, folder: Path) -> ctypes.CDLL:
         f"const int place_{name} = {prefix}_SIM_{name};\n" for name in ("INTEGRATOR", "KEEPING", "FIXED", "X", "SIZE")
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulate, "_number", _in_two_parts)
+        patch.setattr(simulate, "number", _in_two_parts)
         files = build.emit(made)
     for name, text in files.items():
         if name.endswith((".c", ".h")):

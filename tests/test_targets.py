@@ -204,6 +204,18 @@ def test_wrong_arguments_are_refused(module: ModuleType) -> None:
             binding.dynamics(0.0, x, nonsense=1)
 
 
+@needs_compiler
+def test_a_wrong_shape_is_told_by_the_name_of_its_argument(module: ModuleType) -> None:
+    _, x, u = states(1)
+    given = {"x": x[0], "u": u[0], "p": np.array(list(module.defaults))}
+    for name, value in given.items():
+        for bad in (value[:-1], np.append(value, 0.0), np.float64(1.0), np.ones((3, len(value) + 1))):
+            for binding in bindings(module):
+                said = f"needs {len(value)} values along the last axis of '{name}', got shape {np.shape(bad)}"
+                with pytest.raises(ValueError, match=re.escape(said)):
+                    binding.dynamics(0.0, **(given | {name: bad}))
+
+
 def test_targets_are_listed_once() -> None:
     assert len({target.name for target in TARGETS}) == len(TARGETS)
     files = [name for target in TARGETS for name in target.files(program(toy()))]

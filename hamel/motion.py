@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from codegen.integrators import INTEGRATORS, Tableau
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.charts import together
 from hamel import charts
 from hamel.plot import Curve, Panel, draw
+from hamel.progress import paced
 from hamel.records import Switch
 from hamel.references import REFERENCES, Problem
 from hamel.staging import staged_file, write_text
@@ -103,7 +105,8 @@ def integrated(
             found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
             several = {"chart": chart} if equations.charts else {}
-            found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=progress, **asdict(by), **several)
+            watch = paced(progress, float(times[-1] - times[0]), _haste(by))
+            found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=watch, **asdict(by), **several)
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         if "singular position" in str(error) and by.step_size is None and by.rtol < FINEST:
@@ -111,6 +114,16 @@ def integrated(
         raise AssumptionError(str(error), hint) from None
     found = replace(found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float))
     return judged(module, equations, found, u, p, time.perf_counter() - start)
+
+
+def _haste(by: Stepping) -> str:
+    """What to do about a motion that takes very long."""
+    if by.step_size is not None:
+        return f"steps of {by.step_size:g} s are many"
+    explicit = next(integrator for integrator in INTEGRATORS if integrator.name == by.integrator)
+    if isinstance(explicit, Tableau):
+        return "where fast motions have died out the system is stiff, which --integrator radau is for"
+    return "a looser rtol takes longer steps"
 
 
 def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:

@@ -1,14 +1,17 @@
-"""A progress bar on standard error that appears only when something takes long."""
+"""A progress bar on standard error where something takes long, and one word of warning where that is very long."""
 
 from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
 PATIENCE = 1.0  # seconds before a bar is worth showing
+SLOW = 10.0  # seconds after which it can be told how long a motion takes …
+LONG = 600.0  # … and how many may be left before that is worth a word
 
 
 @contextmanager
@@ -26,6 +29,22 @@ def bar(total: float, doing: str = "simulating") -> Iterator[Callable[[float], N
                 progress.update(task, completed=done)
 
         yield report
+
+
+def paced(progress: Callable[[float], None] | None, total: float, hint: str) -> Callable[[float], None]:
+    """`progress`, and one warning where at the present pace the rest of `total` seconds of motion would take very long."""
+    start = time.monotonic()
+    said: list[str] = []
+
+    def report(done: float) -> None:
+        elapsed = time.monotonic() - start
+        if not said and elapsed > SLOW and (total - done) * elapsed > LONG * done:
+            said.append(f"{done:.3g} s of {total:g} s are done after {elapsed:.0f} s of computing: {hint}")
+            warnings.warn(said[0], RuntimeWarning, stacklevel=2)
+        if progress is not None:
+            progress(done)
+
+    return report
 
 
 def _start(stack: ExitStack, total: float, doing: str) -> tuple[Any, Any]:

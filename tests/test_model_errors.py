@@ -156,6 +156,13 @@ ERRORS = [
     ),
     ("coordinate_unit", "model: a\ncoordinates: {x: «mm}\nkinetic: der(x)^2\n", "'mm' is not an SI unit", "m", "use SI"),
     ("unknown_coordinate_unit", "model: a\ncoordinates: {x: «meter}\nkinetic: 1 J\n", "unknown unit 'meter'", "m, kg, s", ""),
+    (
+        "rows_of_unknown_names",
+        ARM + "quasi_velocities: {c: [«base, der(q)]}\n",
+        "unknown name 'base'",
+        "q",
+        "",
+    ),
     ("octal_number", "model: a\nparameters: {m: «017 kg}\n", "the number '017' starts with a zero", "17: octal", ""),
     ("date_as_number", "model: a\nparameters: {m: 2020-«01-01}\n", "the number '01' starts with a zero", "dates", ""),
     ("huge_number", "model: a\nparameters: {m: «1e400 kg}\n", "the number is too large", "1.8e308", ""),

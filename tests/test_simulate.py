@@ -10,6 +10,7 @@ import pytest
 
 import hamel
 from derive.diagnostics import AssumptionError, HamelError, ModelError
+from hamel import progress
 
 MODELS = Path(__file__).parent.parent / "models"
 FOUR_BAR = MODELS / "four_bar.yaml"
@@ -169,6 +170,43 @@ def test_numbers_and_files_that_make_no_sense(tmp_path, monkeypatch, options):
     with pytest.raises(ModelError):
         hamel.simulate(SLEIGH, **options)
     assert not list(tmp_path.iterdir())
+
+
+FREE = (
+    "joints: {b: {type: free, parent: ground, child: a, position: [x, y, z], orientation: {euler: zxz, angles: [q1, q2, q3]}}}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "coordinates: {x: m}\nparameters: {k: 1 kg, e: 0}\nkinetic: k*der(x)^2/e\n",
+            "masses and rates of the coordinates finite",
+        ),
+        (
+            "coordinates: {x: m, y: m}\nkinetic: 1 kg*(der(x)^2 + der(y)^2)\n"
+            "constraints: {c: {type: prescribed, coordinate: x, motion: 1 m*sqrt(t/(1 s))}}\n",
+            "the constraints' rates are not finite at the initial position",
+        ),
+        ("bodies: {a: {mass: 1, inertia: [1, 2, 2.5]}}\n" + FREE, "the rates of the coordinates are not finite at the initial"),
+    ],
+)
+def test_a_start_that_is_not_finite_is_told_by_its_cause(tmp_path, text, said):
+    (tmp_path / "start.yaml").write_text(f"model: start\n{text}")
+    with pytest.raises(HamelError, match=said):
+        hamel.simulate(tmp_path / "start.yaml", time=1.0)
+
+
+def test_a_motion_that_would_take_all_night_says_so(tmp_path, monkeypatch):
+    """Once, with what could help; the motion goes on."""
+    monkeypatch.setattr(progress, "SLOW", 0.0)
+    monkeypatch.setattr(progress, "LONG", 0.0)
+    text = "model: stiff\ncoordinates: {x: m}\nkinetic: der(x)**2/2*1 kg\npotential: x**2*1e10 N/m\ninitial: {x: 1 m}\n"
+    (tmp_path / "stiff.yaml").write_text(text)
+    with pytest.warns(RuntimeWarning, match="s of 1 s are done after .* --integrator radau") as said:
+        hamel.simulate(tmp_path / "stiff.yaml", time=1.0)
+    assert len([warning for warning in said if "are done after" in str(warning.message)]) == 1
 
 
 def test_energy_is_not_held_where_inputs_do_work():

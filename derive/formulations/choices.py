@@ -213,8 +213,10 @@ def _lengths(matrices: np.ndarray) -> list[float]:
 def workshop(system: System) -> Workshop:
     """Raises AssumptionError where no consistent state can be found to look at."""
     found = Workshop(system)
-    if system.rows and not len(found.sampled.t):
+    if not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
+        if not system.rows:
+            message = "at no configuration near the initial values are masses and rates of the coordinates finite"
         raise AssumptionError(Diagnostic(file=system.model.file, message=message))
     return found
 

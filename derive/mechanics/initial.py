@@ -92,6 +92,9 @@ def _velocities(
 ) -> np.ndarray:
     """v nearest the guesses with A v = c and the held rates; where they contradict each other A v = c wins."""
     A, c, N = solver.velocities(0.0, q, p)
+    for what, values in (("the constraints' rates", (A, c)), ("the rates of the coordinates", (N,))):
+        if not all(np.isfinite(value).all() for value in values):
+            raise _problem(system, f"{what} are not finite at the initial position")
     rows, values = _held_rows(system, given, held, N)
     guess = np.array([given.get(x.name, 0.0) for x in system.model.velocities])
     wanted = guess + _least(np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess)

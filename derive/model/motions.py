@@ -14,7 +14,7 @@ from derive.model import quaternions
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Frame, Names
 from derive.model.names import identifier
-from derive.model.reader import Reader
+from derive.model.reader import UNREAD, Reader
 from derive.model.records import CHOICE_KINDS, Choice, InitialValue, Output, Span
 from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, VELOCITY
 from derive.model.shape import Document
@@ -88,6 +88,8 @@ def _row_name(formula: Expression, number: int, taken: set[str]) -> str:
 
 def _check_twice(reader: Reader, rows: Rows) -> None:
     for index, (name, formula, span) in enumerate(rows):
+        if formula is UNREAD:
+            continue  # reported where it was read
         same = [other for other, earlier, _ in rows[:index] if earlier == formula]
         if same:
             reader.report(span, f"the row '{name}' is the same as the row '{same[0]}'", "independent rows")

@@ -182,6 +182,20 @@ def test_mimics_follow_and_are_not_driven():
     assert np.allclose(np.asarray(phi([0.3, finger, 0.04, -0.8])), 0.0, atol=1e-15)
 
 
+def test_quaternions_of_origins_from_version_1_1_on(tmp_path):
+    """The same robot by roll, pitch and yaw; older files cannot say it so, and urdfdom passes over it, too."""
+    file = tmp_path / "r.urdf"
+    arm = robot(joint("a", "l0", "l1", more='<origin xyz="0.1 0.2 0.3" {}/>'))
+    quaternion = arm.format('quat_xyzw="0.5 0.5 0.5 0.5"')
+    file.write_text(quaternion.replace('name="r"', 'name="r" version="1.1"'))
+    given = imported(file).model.joints[-1].at_parent
+    file.write_text(arm.format(f'rpy="{math.pi / 2} 0 {math.pi / 2}"'))
+    assert imported(file).model.joints[-1].at_parent == given
+    file.write_text(quaternion)
+    text = imported(file).text
+    assert 'it takes <robot version="1.1">' in text and "matrix" not in text and "rpy" not in text
+
+
 def test_a_mimic_of_a_fixed_joint_stays_at_its_offset(tmp_path):
     file = tmp_path / "r.urdf"
     mimic = '<mimic joint="a" multiplier="3" offset="0.25"/>'

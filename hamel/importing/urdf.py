@@ -9,9 +9,20 @@ import math
 from dataclasses import dataclass, field
 
 from hamel.importing.markup import Element
-from hamel.importing.numbers import scalar, vector, written
+from hamel.importing.numbers import listing, scalar, vector, written
 from hamel.importing.robot import GROUND, ONE_RATE, Body, Entry, Joint, Reading, Robot, counted, dry_friction, quoted
-from hamel.importing.rotations import Matrix, Vector, about, cross, from_rpy, product, turned_tensor, unit
+from hamel.importing.rotations import (
+    IDENTITY,
+    Matrix,
+    Vector,
+    about,
+    cross,
+    from_quaternion,
+    from_rpy,
+    product,
+    turned_tensor,
+    unit,
+)
 
 TYPES = {
     "revolute": "revolute",
@@ -40,6 +51,7 @@ def robot(root: Element, name: str, floating: bool) -> Robot:
     _refuse_macros(root)
     reading, tree = Reading(), Tree()
     result = Robot(root.get("name") or name, "URDF", root)
+    _old_quaternions(root, result)
     _collect(reading, root, tree)
     base = _root(reading, tree)
     reading.finish()
@@ -62,6 +74,30 @@ def _refuse_macros(root: Element) -> None:
     for element in root.walk():
         if element.tag.startswith("xacro:"):
             element.refuse("a xacro macro", "a URDF file", "expand it first: xacro FILE.xacro > robot.urdf")
+
+
+def _old_quaternions(root: Element, result: Robot) -> None:
+    """Before version 1.1 of the format quat_xyzw is no attribute of an origin, and parsers pass over it."""
+    origins = [element for element in root.walk() if element.tag == "origin" and "quat_xyzw" in element.attributes]
+    if origins and root.get("version", "1.0") in ("1", "1.0"):
+        for origin in origins:
+            del origin.attributes["quat_xyzw"]
+        result.changed.append(f'quat_xyzw of {counted(len(origins), "origin")} is not read: it takes <robot version="1.1">')
+
+
+def _turned(reading: Reading, origin: Element | None) -> tuple[Vector | None, Matrix]:
+    """Roll, pitch and yaw with their rotation; None for them where a quaternion gives it."""
+    rpy = vector(reading, origin, "rpy")
+    quaternion = listing(reading, origin, "quat_xyzw", 4) if origin is not None else None
+    if origin is None or quaternion is None:
+        return rpy, from_rpy(rpy)
+    if "rpy" in origin.attributes:
+        reading.report(origin, "an origin with rpy and quat_xyzw", "one of the two", attribute="quat_xyzw")
+    x, y, z, w = quaternion
+    found = from_quaternion((w, x, y, z))
+    if found is None:
+        reading.report(origin, "a quaternion of length zero", "a rotation", attribute="quat_xyzw")
+    return None, found or IDENTITY
 
 
 def _collect(reading: Reading, root: Element, tree: Tree) -> None:
@@ -156,7 +192,7 @@ def _inertial(reading: Reading, name: str, inertial: Element, body: Body) -> Non
         reading.report(mass, problem, "zero or more", attribute="value")
     body.com = vector(reading, origin, "xyz")
     moments = [scalar(reading, inertia, moment) for moment in MOMENTS]
-    body.inertia = turned_tensor(from_rpy(vector(reading, origin, "rpy")), moments) if any(moments) else ()
+    body.inertia = turned_tensor(_turned(reading, origin)[1], moments) if any(moments) else ()
 
 
 def _joints(reading: Reading, tree: Tree, result: Robot, base: str, floating: bool) -> None:
@@ -183,7 +219,8 @@ def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:
     joint = Joint("", TYPES[given], parent, child, element)
     joint.name = reading.joint_name(element.get("name"), joint.type, joint.notes)
     origin = element.first("origin")
-    joint.at, joint.rpy = vector(reading, origin, "xyz"), vector(reading, origin, "rpy")
+    joint.at = vector(reading, origin, "xyz")
+    joint.rpy, joint.rotation = _turned(reading, origin)
     if joint.type not in ("fixed", "free"):
         joint.axis = _axis(reading, element)
     if joint.type == "planar":

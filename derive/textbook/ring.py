@@ -39,6 +39,8 @@ def frozen(poly: Poly) -> tuple:
 
 def over(x: Exact, y: Exact) -> Exact:
     """x / y."""
+    if y in (1, -1):
+        return x * y
     quotient = Fraction(x, y)
     return quotient.numerator if quotient.denominator == 1 else quotient
 

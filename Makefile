@@ -9,7 +9,7 @@ ROBOTS := build/robots/venv
 BENCH  := build/bench/venv
 PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn
 
-.PHONY: demo report test test-slow lint robots loops growth bench bench-page whole fresh clean
+.PHONY: demo report test test-slow lint robots loops growth bench bench-page report-page whole fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -61,6 +61,10 @@ bench: $(BENCH)/.ready
 # The table and the plots of docs/bench.md from build/bench.json.
 bench-page:
 	$(BENCH)/bin/python benchmarks/page.py
+
+# The figures of docs/report.md from build/report/report.json and build/whole.json.
+report-page: $(VENV)/.test
+	$(BIN)/python benchmarks/report_page.py
 
 # Whole simulations to an error of 1e-8 at the end, beside a plain C loop, CasADi's, CVODES, IDAS, SciPy and Exudyn: ten minutes.
 whole: $(BENCH)/.ready

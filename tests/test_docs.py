@@ -9,7 +9,7 @@ import pytest
 
 from derive.mechanics import system
 from derive.mechanics.initial import initial_state
-from derive.model import load_text
+from derive.model import load, load_text
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -43,3 +43,16 @@ def test_figures_of_the_benchmark_are_those_of_its_rows(monkeypatch):
     assert page.page((DOCS / "bench.md").read_text("utf-8"), rows) == (DOCS / "bench.md").read_text("utf-8")
     for name, drawn in {"bench_chains.svg": page.chains, "bench_targets.svg": page.targets}.items():
         assert drawn(rows) == (DOCS / name).read_text("utf-8")
+
+
+def test_extreme_cases_of_the_page_are_those_of_the_models(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS.parent / "benchmarks"))
+    page = importlib.import_module("report_page")
+    paths = sorted((DOCS.parent / "models" / "stress").glob("*.yaml"))
+    known = [{"model": model.name, "case": case.name} for model in map(load, paths) for case in model.stress]
+    shown = [row for names in page.EXTREMES.values() for name in names for row in page.chosen(known, [name]) or [name]]
+    assert not [name for name in shown if isinstance(name, str)]  # every name stands for a case
+    ordinary = {"scale_metre", "four_bar_chain", "soft_pin"}  # the usual ones of these are there to compare with
+    assert {row["model"] for row in known} - ordinary <= {row["model"] for row in shown}
+    text = page.put("a\n<!-- x: benchmarks/report_page.py -->\nold\n<!-- so far -->\nb", "x", "new")
+    assert text == "a\n<!-- x: benchmarks/report_page.py -->\n\nnew\n\n<!-- so far -->\nb"

@@ -21,7 +21,7 @@ from hamel.report.words import advice
 COMPARED = 1e-8  # tolerance of the comparison of formulations and keepings
 HEADINGS = {
     "rtol": "rtol", "step": "step (s)", "phi": "|φ|", "velocity": "|A v − c|", "energy": "energy error", "ms": "ms",
-    "operations": "operations of ẋ", "judged_by": "judged by",
+    "operations": "operations of ẋ", "judged_by": "judged by", "fewest": "fewest steps", "scipy": "SciPy's Radau",
 }  # fmt: skip
 
 

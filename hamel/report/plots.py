@@ -9,6 +9,7 @@ from codegen.integrators import INTEGRATORS
 from hamel.plot import Series, chart
 from hamel.report.front import Row, cheapest, families, front, good, is_library, is_traditional
 from hamel.report.judging import LEAST
+from hamel.report.plan import DEFAULT
 
 FIRST = INTEGRATORS[0].name
 
@@ -19,8 +20,8 @@ def error_charts(model: str, rows: Sequence[Row]) -> list[str]:
     if base is None:
         return []
     formulation, choice, keeping = base["formulation"], base["choice"], base["keeping"]
-    same = [row for row in rows if (row["formulation"], row["choice"], row["keeping"]) == (formulation, choice, keeping)]
-    libraries = [row for row in rows if is_library(row)]
+    own, libraries = [row for row in rows if not is_library(row)], [row for row in rows if is_library(row)]
+    same = [row for row in own if (row["formulation"], row["choice"], row["keeping"]) == (formulation, choice, keeping)]
     by_integrator = _lines(same, "integrator") + _lines(libraries, "integrator", "formulation")
     first = [row for row in rows if row["integrator"] == FIRST]
     by_form = _lines([row for row in first if row["keeping"] == keeping], "formulation", "choice")
@@ -44,7 +45,9 @@ def _lines(rows: Sequence[Row], *names: str) -> list[Series]:
 
 
 def _label(key: Sequence[str]) -> str:
-    head, *rest = [part for part in key if part]
+    """A choice of quasi-velocities stands for itself."""
+    parts = [part for part in key if part]
+    head, *rest = parts[1:] if parts[0] == DEFAULT and len(parts) > 1 else parts
     return f"{head} ({', '.join(rest)})" if rest else head
 
 

@@ -76,7 +76,10 @@ def _held(own: Sequence[Row], level: float) -> list[str]:
     assert best is not None
     if best["phi"] is None or not any(row["phi"] or row["velocity"] for row in good(own)):
         return []
-    lines = [f"It holds positions within {best['phi']:.1e} and velocities within {best['velocity']:.1e}."]
+    sizes = {
+        name: best[key] for name, key in (("positions", "phi"), ("velocities", "velocity")) if any(r[key] for r in good(own))
+    }
+    lines = [f"It holds {' and '.join(f'{name} within {size:.1e}' for name, size in sizes.items())}."]
     same = [r for r in good(own) if all(r[n] == best[n] for n in ("formulation", "choice", "integrator", "rtol", "step"))]
     drifting = next((r for r in same if r["keeping"] == "none" and r["keeping"] != best["keeping"]), None)
     if drifting is not None:

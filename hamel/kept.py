@@ -36,7 +36,7 @@ ALONE = (".yaml", ".yml")  # files that refer to no others
 
 def key(path: str | PathLike[str], options: Mapping[str, Any]) -> str | None:
     """What names this build; None where no cache can be used."""
-    if Path(path).suffix not in ALONE:
+    if Path(path).suffix not in ALONE or not os.path.isfile(path):  # a pipe can be read once only
         return None
     digest = hashlib.sha256(f"{path}\0{sorted(options.items())!r}\0{sys.version}\0{sys.executable}".encode())
     with contextlib.suppress(OSError):

@@ -14,12 +14,13 @@ from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.formulations import equations
 from derive.linearize import study
 from derive.linearize.critical import critical_values
-from derive.linearize.minimal import evaluator
+from derive.linearize.minimal import evaluator, with_linearization
 from derive.linearize.sensitivity import modes
 from derive.linearize.spectrum import eigenvalues
 from derive.linearize.steady import motion_of
 from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.mechanics import system
+from derive.mechanics.initial import initial_state
 from derive.model import load, load_text
 from derive.textbook import printed
 from hamel.cli import main
@@ -362,3 +363,20 @@ def test_a_board_with_unlike_ends_falls_more_slowly(waveboard):
     values = eigenvalues(waveboard.along({"speed": [3.0], "de": [np.radians(7.5)]}))[0]
     assert values[0].real == pytest.approx(0.496, abs=1e-3) and values[0].imag > 0
     assert eigenvalues(waveboard.along({"speed": [3.0]}))[0, 0].real > 2
+
+
+@pytest.mark.parametrize("size", ["micrometre", "metre", "megametre"])
+def test_the_metre_does_not_matter(size):
+    """A pendulum of each length swings at √(g/l) or falls off at it, and the generated function answers at the start."""
+    model = load(MODELS / "stress" / f"scale_{size}.yaml")
+    found = studied(f"stress/scale_{size}")
+    values = {p.name: p.value for p in model.parameters}
+    squares = eigenvalues(found.along({}))[0] ** 2
+    assert np.abs(squares) == pytest.approx(values["g"] / values["l"], rel=1e-9)
+    chosen = with_linearization(equations(system(model)))
+    function = next(request for request in chosen.requests if request.name == "linearization").make()
+    margins = [guard.value / guard.tolerance for guard in function.guards]
+    start = initial_state(chosen.system)
+    x = np.concatenate([start.q, [0.0]])
+    at = ca.Function("margins", [a.symbols for a in chosen.arguments], [ca.vertcat(*margins)])
+    assert np.min(np.abs(at(0.0, x, [], chosen.parameters).full())) > 1e3

@@ -4,6 +4,7 @@ The mark « stands before the place that the message must point at; it is taken 
 """
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from derive.diagnostics import AssumptionError, Diagnostic, HamelError, ModelError, ToolchainError, VerificationError, nearest
 from derive.model import Model, load, load_text
+from hamel.importing import load as load_any
 
 MODELS = sorted((Path(__file__).parent.parent / "models").rglob("*.yaml"))
 
@@ -670,6 +672,19 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
     for path, reason in ((tmp_path / "none.yaml", "No such file"), (tmp_path, "directory"), ("a\0b", "null")):
         with pytest.raises(ModelError, match=reason):
             load(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_pipe_is_not_waited_for_unless_it_was_handed_over(tmp_path: Path) -> None:
+    for name in ("pipe.yaml", "pipe.urdf"):
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(ModelError, match=f"{name}: error: cannot be read: it is no regular file"):
+            load_any(tmp_path / name)
+    reading, writing = os.pipe()
+    os.write(writing, ARM.encode())
+    os.close(writing)
+    assert load(f"/dev/fd/{reading}").name == load_text(ARM).name
+    os.close(reading)
 
 
 def test_long_description_is_refused() -> None:

@@ -18,6 +18,7 @@ from derive.model import load, load_text
 from hamel.pipeline import temporary_module
 from hamel.verify import verification
 from hamel.verify.checks import RUNGS
+from hamel.verify.checks.linear import JACOBIANS, with_linearization
 from hamel.verify.evidence import graph, terms
 from hamel.verify.ladder import evidence
 from hamel.verify.mutation import mutations
@@ -410,14 +411,84 @@ def test_states_that_cannot_be_found_are_a_failure():
     assert [check.name for check in found.failed] == ["states found"]
 
 
+@pytest.fixture(scope="module")
+def linearised(four_bar):
+    """The crank choice with what is derived from its ẋ on request."""
+    model, choices = four_bar
+    chosen = with_linearization(choices["crank"])
+    made = tuple(request.make() for request in chosen.requests if request.name in JACOBIANS)
+    return evidence(reference(model), replace(chosen, functions=(*chosen.functions, *made)), None, FEW)
+
+
+def with_entry(seen, name, k):
+    """One entry of a function's result too large by a thousandth."""
+    chosen = seen.graph.equations
+    function = next(f for f in chosen.functions if f.name == name)
+    value = ca.densify(function.result.value)
+    value[k] *= 1.001
+    wrong = replace(function, result=replace(function.result, value=value))
+    functions = tuple(wrong if f.name == name else f for f in chosen.functions)
+    return replace(seen, graph=graph(replace(chosen, functions=functions)))
+
+
+def test_wrong_linear_equations_are_caught(linearised):
+    """Every entry that is not zero, in A, B, C and D; A also without any differences, along a steady motion."""
+    names = {"linearization", "linearization, unreduced"}
+    assert red(linearised, names) == set()
+    value = next(f.result.value for f in linearised.graph.equations.functions if f.name == "linearization")
+    places = [k for k in range(value.numel()) if not ca.SX(value[k]).is_zero()]
+    assert len(places) >= 6
+    for k in places:
+        assert "linearization" in red(with_entry(linearised, "linearization", k), names), k
+    assert "linearization, unreduced" in red(with_entry(linearised, "linearization", 1), names)
+
+
+@pytest.mark.parametrize("name", ["jacobian", "jacobian_u", "jacobian_p"])
+def test_wrong_jacobians_are_caught(linearised, name):
+    assert red(linearised, {"Jacobians"}) == set()
+    value = next(f.result.value for f in linearised.graph.equations.functions if f.name == name)
+    k = next(k for k in reversed(range(value.numel())) if not ca.SX(value[k]).is_zero())
+    assert red(with_entry(linearised, name, k), {"Jacobians"})
+
+
+@pytest.mark.parametrize("name", ["four_bar", "bead_in_bowl", "free_body"])
+def test_a_motion_that_pseudo_inverses_do_not_find_is_caught(name):
+    chosen = equations(system(load(MODELS / f"{name}.yaml")))
+    whole = evidence(reference(chosen.system.model), chosen, None, FEW)
+    names = {"v̇ Udwadia–Kalaba", "v̇ Udwadia–Phohomsiri"}
+    assert red(whole, names) == set()
+    assert red(with_entry(whole, "dynamics", len(chosen.arguments[1].labels) - 1), names) == names
+
+
+def test_without_an_inverse_of_m_only_phohomsiri_answers():
+    """A massless mid-point between two springs, held by a rod: M is singular, M and A together are not."""
+    model = load_text(MASSLESS)
+    whole = evidence(reference(model), equations(system(model), None, "udwadia_phohomsiri"), None, FEW)
+    values = {rung.name: rung.error(whole) for rung in RUNGS if rung.name.startswith("v̇ U")}
+    assert values["v̇ Udwadia–Kalaba"] is None and values["v̇ Udwadia–Phohomsiri"] < 1e-12
+
+
+MASSLESS = """
+model: massless
+coordinates: {x: m, y: m}
+parameters: {mass: 2 kg, k: 3 N/m}
+kinetic: mass/2*der(x)^2
+potential: k/2*x^2
+constraints: {rod: {holonomic: x^2 + 2*y^2 - 2 m^2}}
+initial: {guess: {x: 1 m, y: 0.7 m}}
+"""
+
+
 def test_every_rung_has_been_seen_red(seen, four_bar):
     """Rungs and the test above, or in test_verify_motion, that turns each red; a new rung needs a planted error of its own."""
     by_code = {"module = graph", "ctypes = graph", "NumPy = graph", "batch = one by one"}
     by_code |= {"-O0 = graph", "no number from none", "simulate", "order of the integrator", "work = Δ(T + V)", "there and back"}
+    by_code |= {"momenta"}
     by_code |= {"transform", "Pinocchio", "MuJoCo", "Exudyn"}  # test_charts; where they are installed, test_engines
     named = {*EXPECTED.values(), *FUNCTION_RUNGS.values(), "v̇", "λ", "v̇ augmented", "v̇ of other choices", "project"}
     named |= {"states admissible", "A S = 0", "A R = 1", "B S = 1", "B R = 0", "T = ½ vᵀ M v"}
     named |= {"dynamics ∘ inverse", "rank A", "project, nothing to do", "M v̇ + h = Q + Aᵀ λ"}
+    named |= {"linearization", "linearization, unreduced", "Jacobians", "v̇ Udwadia–Kalaba", "v̇ Udwadia–Phohomsiri"}
     named |= {"energy", "qdot", "integrate", "difference", "normalise"}
     named |= {"d(A v − c)/dt = 0", "β = −Ȧ v + ċ", "φ̇ = A v − c"}
     assert {rung.name for rung in RUNGS} == named | by_code

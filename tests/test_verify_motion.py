@@ -11,7 +11,7 @@ from derive.formulations import equations
 from derive.mechanics import system
 from derive.model import load, load_text
 from hamel.pipeline import temporary_module
-from hamel.verify.checks import RUNGS
+from hamel.verify.checks import RUNGS, momenta
 from hamel.verify.evidence import graph
 from hamel.verify.ladder import evidence
 from hamel.verify.planted import wrong_functions
@@ -75,6 +75,20 @@ def test_an_end_that_is_off_is_caught(seen):
     assert is_red(with_simulate(seen, lambda x, work, h: (x * (1 + 1e-6), work, h)[:2]), "simulate")
 
 
+@pytest.mark.parametrize("name, kept", [("free_body", 6), ("stress/heavy_top", 1), ("stress/tumbling", 3), ("four_bar", 0)])
+def test_momenta_that_nothing_changes_are_found_and_their_change_is_caught(name, kept):
+    """All six of a free body; about the vertical of a top; about its centre of a body without gravity; none of a linkage."""
+    model = load(MODELS / f"{name}.yaml")
+    chosen = equations(system(model))
+    with temporary_module(chosen) as module:
+        whole = evidence(reference(model), chosen, module, 8)
+        assert len(momenta.kept_screws(whole)) == kept
+        assert (value(whole, "momenta") is None) == (kept == 0)
+        if kept:
+            assert not is_red(whole, "momenta")
+            assert is_red(with_simulate(whole, lambda x, work, h: (x * (1 + 1e-5), work)), "momenta")
+
+
 def test_work_that_is_off_is_caught(seen):
     assert is_red(with_simulate(seen, lambda x, work, h: (x, work + 1e-6)), "work = Δ(T + V)")
 
@@ -122,3 +136,29 @@ def test_numbers_that_come_of_none_are_caught(free):
     for wrong in (hidden, shown):
         module = SimpleNamespace(__name__="made_for_test_of_numbers", dynamics=wrong, defaults=free.module.defaults)
         assert value(replace(free, module=module), name) > 0
+
+
+CANCELS = """
+model: cancels
+coordinates: {x: m, y: m}
+parameters: {mass: 2 kg}
+kinetic: mass/2*(der(x)^2 + der(y)^2)
+potential: 0 J
+constraints: {curve: {holonomic: "x - 0.3 m*sin((2 rad/s)*t) + y^2/(2 m)"}}
+"""
+
+
+def test_what_cancels_may_be_no_number():
+    """mass/mass is one in the code and not a number in the graph; a parameter that matters must not be passed over like that."""
+    model = load_text(CANCELS)
+    chosen = equations(system(model), "orthonormal")
+    name = "no number from none"
+    with temporary_module(chosen) as module:
+        whole = evidence(reference(model), chosen, module, 2)
+        assert value(whole, name) == 0
+
+        def heedless(t, x, u, p):
+            return module.energy(t, x, u, np.nan_to_num(p, nan=2.0, posinf=2.0, neginf=2.0))
+
+        wrong = SimpleNamespace(__name__="made_for_test_of_masses", energy=heedless, defaults=module.defaults)
+        assert value(replace(whole, module=wrong), name) > 0

@@ -37,7 +37,7 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
     pivots = _pivots(equations, q, p)
     dependent = [j for _, j in pivots]
     independent = [j for j in range(x.numel()) if j not in dependent]
-    T, guards = _tangent(equations, pivots, independent)
+    T, guards = _tangent(equations, pivots, independent, q, p)
     f, y = _value(equations, "dynamics"), _value(equations, "outputs")
     rates = f[independent]
     argument = equations.arguments[1]
@@ -108,9 +108,12 @@ def _spared(equations: Equations) -> list[bool]:
 
 
 def _tangent(
-    equations: Equations, pivots: Sequence[tuple[int, int]], independent: Sequence[int]
+    equations: Equations, pivots: Sequence[tuple[int, int]], independent: Sequence[int], q: np.ndarray, p: np.ndarray
 ) -> tuple[ca.SX, tuple[Guard, ...]]:
-    """δx = T δ(states): δq_d = −φ_d⁻¹ φ_i δq_i by an unrolled elimination in the order of the pivots."""
+    """δx = T δ(states): δq_d = −φ_d⁻¹ φ_i δq_i by an unrolled elimination in the order of the pivots.
+
+    The guards are relative to the pivots at (q, p), where they were chosen.
+    """
     x = equations.arguments[1]
     T = ca.SX(x.symbols.numel(), len(independent))
     for k, j in enumerate(independent):
@@ -127,11 +130,13 @@ def _tangent(
     for k, side in zip(free, found.x):
         for j, value in zip(columns, side):
             T[j, k] = value
-    return T, tuple(_guard(x, j, ca.SX(pivot)) for j, pivot in zip(columns, found.pivots) if not ca.SX(pivot).is_constant())
+    chosen = ca.Function("pivots", [system.t, system.q, system.p], [ca.vertcat(*found.pivots)])(0.0, q, p).full().ravel()
+    varying = [k for k, pivot in enumerate(found.pivots) if not ca.SX(pivot).is_constant()]
+    return T, tuple(_guard(x, columns[k], ca.SX(found.pivots[k]), NEAR * abs(float(chosen[k]))) for k in varying)
 
 
-def _guard(x: Argument, j: int, pivot: ca.SX) -> Guard:
-    return Guard(f"pivot of {x.labels[j]}", pivot, NEAR, NEAR)
+def _guard(x: Argument, j: int, pivot: ca.SX, least: float) -> Guard:
+    return Guard(f"pivot of {x.labels[j]}", pivot, least, NEAR)
 
 
 def with_linearization(equations: Equations) -> Equations:

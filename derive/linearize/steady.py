@@ -16,6 +16,7 @@ from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
 from derive.mechanics.closing import Kinematics, closed, nominal, normalised
 from derive.mechanics.initial import initial_state
+from derive.mechanics.scales import scales
 from derive.model.records import Span, SteadyMotion
 
 GUESS = "guess"
@@ -43,6 +44,7 @@ class Problem:
     speeds: ca.Function  # (t, q, p) → B of w = B v
     names: tuple[str, ...]  # what is held
     held: ca.Function  # (p, s) → its values
+    scale: np.ndarray  # one of each unknown
 
     def given(self, p: np.ndarray, s: np.ndarray) -> dict[str, float]:
         """Held values by name."""
@@ -103,6 +105,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         speeds=ca.Function("B", [system.t, system.q, system.p], [ca.densify(B)]),
         names=tuple(wanted),
         held=ca.Function("held", [p, s], [_column(list(wanted.values()))]),
+        scale=scales(system.model).all_of((*equations.arguments[1].units, *(i.unit for i in system.model.inputs))),
     )
 
 
@@ -170,7 +173,7 @@ def starts(found: Problem, p: np.ndarray, s: np.ndarray) -> Iterator[np.ndarray]
     yield _state(found, {}, initial.q, initial.v, p)
     rng, rest = np.random.default_rng(0), np.zeros(system.v.numel())
     for spread in (0.0, *BESIDE):
-        q = normalised(system, initial.q + spread * rng.uniform(-1, 1, len(initial.q)))
+        q = normalised(system, initial.q + spread * found.scale[: len(initial.q)] * rng.uniform(-1, 1, len(initial.q)))
         on = closed(found.kinematics, 0.0, q, p)
         if on is not None:
             yield _state(found, {}, on, rest, p)
@@ -211,17 +214,26 @@ def _velocities(found: Problem, given: dict[str, float], q: np.ndarray, p: np.nd
 def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
     """(x, u) of the steady motion near y. Raises AssumptionError, with the residual, where there is none."""
     y, free = _with_inputs(found, y, p, s)
+    D = found.scale
+    rows = _sizes(found, _evaluated(found, y, p, s)[1])
     for _ in range(STEPS):
         R, J = _evaluated(found, y, p, s)
-        step = -np.linalg.lstsq(J * free, R, rcond=RANK)[0]
-        y, done = _damped(found, y, step, p, s, R)
+        step = -D * np.linalg.lstsq(J * (free * D) / rows[:, None], R / rows, rcond=RANK)[0]
+        y, done = _damped(found, y, step, p, s, R, rows)
         if done:
             break
     R, J = _evaluated(found, y, p, s)
-    worst = _excess(R, J, y)
+    worst = _excess(R / rows, J * D / rows[:, None], y / D)
     if not np.all(np.isfinite(R)) or np.max(worst, initial=0.0) > KEPT:
         raise _refused(found, R, worst)
     return y
+
+
+def _sizes(found: Problem, J: np.ndarray) -> np.ndarray:
+    """One of each row in the model's own units; of a position row, which does not say its unit, what its slopes J say."""
+    own = scales(found.equations.system.model)
+    slopes = np.max(np.abs(J * found.scale), axis=1, initial=0.0)
+    return np.array([own.of(unit) if unit or own.plain or not slope else slope for unit, slope in zip(found.units, slopes)])
 
 
 def _with_inputs(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -248,20 +260,21 @@ def _evaluated(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> t
 
 
 def _damped(
-    found: Problem, y: np.ndarray, step: np.ndarray, p: np.ndarray, s: np.ndarray, R: np.ndarray
+    found: Problem, y: np.ndarray, step: np.ndarray, p: np.ndarray, s: np.ndarray, R: np.ndarray, rows: np.ndarray
 ) -> tuple[np.ndarray, bool]:
     """The step, halved while it makes things worse; done where it no longer moves anything."""
     nx = found.equations.arguments[1].symbols.numel()
-    before, scale = float(np.linalg.norm(R)), 1.0
+    before, scale = float(np.linalg.norm(R / rows)), 1.0
     for _ in range(HALVINGS):
         trial = y + scale * step
         after = np.asarray(found.residual(trial[:nx], trial[nx:], p, s)).ravel()
-        if np.all(np.isfinite(after)) and float(np.linalg.norm(after)) <= before:
+        if np.all(np.isfinite(after)) and float(np.linalg.norm(after / rows)) <= before:
             break
         scale /= 2
     else:
         return y, True
-    small = float(np.max(np.abs(step), initial=0.0)) <= 1e-15 * (1.0 + float(np.max(np.abs(y), initial=0.0)))
+    moved, size = (float(np.max(np.abs(x / found.scale), initial=0.0)) for x in (step, y))
+    small = moved <= 1e-15 * (1.0 + size)
     return trial, small or before == 0.0
 
 

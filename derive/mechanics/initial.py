@@ -11,6 +11,7 @@ from derive.diagnostics import Diagnostic, ModelError
 from derive.expressions.evaluate import number
 from derive.mechanics.closing import Kinematics, closed, nominal, normalised
 from derive.mechanics.records import System
+from derive.mechanics.scales import scaled, scales
 from derive.model.records import Span
 
 AGREES = 1e-9  # relative residual up to which held velocities count as kept
@@ -31,15 +32,49 @@ def initial_state(system: System, changes: Mapping[str, float] | None = None, p:
     `changes` overrides values by name and holds them. Raises ModelError where no consistent state is found.
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
-    given, held = _given(system, changes or {}, parameters)
-    solver = Kinematics(system)
-    q = _positions(system, solver, given, held, parameters)
-    v = _velocities(system, solver, given, held, q, parameters)
-    N = solver.velocities(0.0, q, parameters)[2]
-    used = dict(zip([c.name for c in system.model.coordinates], q)) | dict(zip([x.name for x in system.model.velocities], v))
-    used |= {f"der({c.name})": rate for c, rate in zip(system.model.coordinates, N @ v)}
-    moved = [(n, given[n], float(used[n])) for n in given if n in held and abs(used[n] - given[n]) > AGREES * (1 + abs(given[n]))]
-    return Initial(q, v, tuple(moved))
+    told, held = _given(system, changes or {}, parameters)
+    own = _own(system)
+    given = {name: x / own.one_of(name) for name, x in told.items()}
+    q, v, N = _consistent(system, own, given, held, parameters)
+    coordinates, velocities = ([x.name for x in items] for items in (system.model.coordinates, system.model.velocities))
+    used = dict(zip(coordinates, q)) | dict(zip(velocities, v))
+    used |= {f"der({name})": rate for name, rate in zip(coordinates, N @ v)}
+    moved = [n for n in given if n in held and abs(used[n] - given[n]) > AGREES * (1 + abs(given[n]))]
+    found = tuple((n, told[n], float(used[n] * own.one_of(n))) for n in moved)
+    sizes = [np.array([own.one_of(name) for name in names]) for names in (coordinates, velocities)]
+    return Initial(q * sizes[0], v * sizes[1], found)
+
+
+@dataclass(frozen=True)
+class Own:
+    """The system in the model's own units, in which it is closed, and one of each coordinate, velocity and rate in SI by name."""
+
+    system: System
+    units: dict[str, float]
+    parameters: np.ndarray  # one of each of p
+
+    def one_of(self, name: str) -> float:
+        return self.units.get(name, 1.0)
+
+
+def _own(system: System) -> Own:
+    own, model = scales(system.model), system.model
+    units = {x.name: own.of(x.unit) for x in (*model.coordinates, *model.velocities)}
+    units |= {f"der({c.name})": own.of(c.unit) / own.time for c in model.coordinates}
+    parameters = own.all_of(x.unit for x in model.parameters if x.name not in system.constants)
+    return Own(system if own.plain else scaled(system, own), units, parameters)
+
+
+def _consistent(
+    system: System, own: Own, given: dict[str, float], held: set[str], p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, v and N in the model's own units."""
+    solver, here = Kinematics(own.system), p / own.parameters
+    q = _closed(own.system, solver, _start(own.system, given), held, here)
+    if q is None:
+        raise _off(system, p, _start(system, {name: x * own.one_of(name) for name, x in given.items()}))
+    v = _velocities(own.system, solver, given, held, q, here)
+    return q, v, solver.velocities(0.0, q, here)[2]
 
 
 def _given(system: System, changes: Mapping[str, float], p: np.ndarray) -> tuple[dict[str, float], set[str]]:
@@ -47,14 +82,6 @@ def _given(system: System, changes: Mapping[str, float], p: np.ndarray) -> tuple
     names |= dict(zip([x.name for x in system.model.parameters if x.name not in system.constants], map(float, p)))
     given = {x.name: number(x.value, names) for x in system.model.initial} | dict(changes)
     return given, {x.name for x in system.model.initial if x.held} | set(changes)
-
-
-def initial_position(solver: Kinematics) -> np.ndarray | None:
-    """q of the initial state at the model's own parameters; None where no configuration near it is consistent."""
-    system = solver.system
-    p = np.array(system.parameters)
-    given, held = _given(system, {}, p)
-    return _closed(system, solver, _start(system, given), held, p)
 
 
 def _start(system: System, given: dict[str, float]) -> np.ndarray:
@@ -74,15 +101,11 @@ def _closed(system: System, solver: Kinematics, start: np.ndarray, held: set[str
     return None
 
 
-def _positions(system: System, solver: Kinematics, given: dict[str, float], held: set[str], p: np.ndarray) -> np.ndarray:
-    start = _start(system, given)
-    q = _closed(system, solver, start, held, p)
-    if q is not None:
-        return q
-    phi = solver.positions(0.0, start, p)[0]
+def _off(system: System, p: np.ndarray, start: np.ndarray) -> ModelError:
+    phi = Kinematics(system).positions(0.0, start, p)[0]
     worst = int(np.argmax(np.abs(phi)))
     row = next(row.name for row in system.rows if row.position == worst)
-    raise _problem(
+    return _problem(
         system, f"no configuration near the initial values satisfies the constraints ({row} is off by {phi[worst]:.3g})"
     )
 

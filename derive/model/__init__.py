@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from derive.diagnostics import Diagnostic, ModelError
 from derive.model.records import Model
 
 __all__ = ["KINDS", "Model", "load", "load_text", "schema"]
@@ -24,15 +23,9 @@ def __getattr__(name: str) -> Any:
 
 def load(path: str | Path) -> Model:
     """The Model of a file; ModelError with file, line and column of everything wrong with it."""
-    from derive.model.document import LARGEST, decoded
+    from derive.model.document import LARGEST, content, decoded
 
-    try:
-        with Path(path).open("rb") as file:
-            content = file.read(LARGEST + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ModelError(Diagnostic(str(path), message=f"cannot be read: {reason}")) from None
-    return load_text(decoded(content, str(path)), str(path))
+    return load_text(decoded(content(path, LARGEST), str(path)), str(path))
 
 
 def load_text(text: str, file: str = "<text>") -> Model:

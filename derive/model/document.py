@@ -6,9 +6,13 @@ not with `compose`: the depth is bounded before a deep file can hurt; aliases, t
 
 from __future__ import annotations
 
+import errno
+import os
 import re
+import stat
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any, NoReturn
 
 import yaml
@@ -17,11 +21,33 @@ from derive.diagnostics import Diagnostic, ModelError
 from derive.model.records import Span
 
 LARGEST = 4 << 20  # bytes
+HANDED = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 DEEPEST = 32  # levels
 MOST_VALUES = 300_000  # the largest model that is allowed has about half of that
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
 _PLAIN_TAGS = {None, "!"} | {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "map", "seq")}
+
+
+def content(path: str | PathLike[str], most: int) -> bytes:
+    """At most `most` + 1 bytes of a file. ModelError where it cannot be read: a pipe that nobody writes to would be waited for.
+
+    What the shell hands over as /dev/fd/N or /dev/stdin is open already, and may be a pipe.
+    """
+    name = str(path)
+    handed = name.startswith(HANDED)
+    try:
+        with open(name, "rb", opener=None if handed else _at_once) as file:
+            if not handed and not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise OSError(errno.EINVAL, "it is no regular file")
+            return file.read(most + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise ModelError(Diagnostic(name, message=f"cannot be read: {reason}")) from None
+
+
+def _at_once(name: str, flags: int) -> int:
+    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 @dataclass(frozen=True)

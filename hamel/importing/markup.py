@@ -14,6 +14,7 @@ from typing import NoReturn
 from xml.parsers import expat
 
 from derive.diagnostics import Diagnostic, ModelError
+from derive.model.document import content
 
 LARGEST = 64 << 20  # bytes
 DEEPEST = 10_000  # levels; a chain of bodies is one level per body in MJCF
@@ -94,15 +95,10 @@ class Element:
 def read(path: str | PathLike[str]) -> File:
     """The content of a file; ModelError where it cannot be had as UTF-8 text."""
     name = str(path)
-    try:
-        with Path(path).open("rb") as file:
-            content = file.read(LARGEST + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ModelError(Diagnostic(name, message=f"cannot be read: {reason}")) from None
-    if len(content) > LARGEST:
+    found = content(path, LARGEST)
+    if len(found) > LARGEST:
         raise ModelError(Diagnostic(name, message="the file is too large", expected=f"at most {LARGEST >> 20} MiB"))
-    return as_file(content, name, Path(path).parent)
+    return as_file(found, name, Path(path).parent)
 
 
 def as_file(content: bytes, name: str, folder: Path) -> File:

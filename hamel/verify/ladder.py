@@ -13,6 +13,7 @@ from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import LOADED, QUICK, RUNGS
+from hamel.verify.checks.linear import with_linearization
 from hamel.verify.checks.rung import Rung
 from hamel.verify.evidence import Evidence, Sample, graph, samples, terms
 from hamel.verify.records import Check, Verification
@@ -35,6 +36,7 @@ def verification(
 
     `others` are further choices of the same model: v̇ must not depend on the choice. All charts of the module are compared.
     """
+    equations = with_linearization(equations)
     seen = evidence(reference(model), equations, module, states, seed, (*others, *equations.charts))
     return _verdict(seen, states, seed, (*climbed(seen), *_in_charts(seen, RUNGS)))
 

@@ -18,6 +18,7 @@ from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.records import Mutation, Mutations
 from hamel.verify.checks import RUNGS
+from hamel.verify.checks.linear import with_linearization
 from hamel.verify.checks.rung import Rung
 from hamel.verify.evidence import MATRICES, TERMS, VECTORS, Evidence, Graph, Terms, graph, slots_of
 from hamel.verify.ladder import evidence
@@ -71,7 +72,7 @@ class Target:
 
 def mutations(model: Model, equations: Equations, seed: int = 0, most: int = MOST) -> Mutations:
     """Plant up to `most` errors, spread over all terms and functions, the same ones for the same seed."""
-    seen = evidence(reference(model), equations, None, STATES, seed)
+    seen = evidence(reference(model), with_linearization(equations), None, STATES, seed)
     targets = [target for target in (*_terms(seen), *_functions(seen)) if target.value.numel()]
     readers = _readers(seen)
     rng = np.random.default_rng(seed)

@@ -41,18 +41,18 @@ RTOL = 1e-12
 
 def simulated(e: Evidence) -> float | None:
     """q and v at the end. Not where rows are redundant: off the constraints, where the reference drifts, they are not."""
-    return None if e.redundant else _worst_of(e, _missed)
+    return None if e.redundant else worst_of(e, _missed)
 
 
 def _missed(e: Evidence, k: int) -> float:
     s = e.samples[k]
     span = time_scale(e, s)
-    return _apart(e, _end(e, s, _run(e, s, e.x[k], span), s.t + span), reference_end(e, s, span))
+    return _apart(e, end_of(e, s, e.x[k], span), reference_end(e, s, span))
 
 
 def order(e: Evidence) -> float | None:
     """What part of its order the default integrator lacks, as its equal steps are halved."""
-    if e.module is None or e.redundant or not _simulates(e):
+    if e.module is None or e.redundant or not simulates(e):
         return None
     wanted = next(method.order for method in INTEGRATORS if method.name == e.module.integrators[0])
     best: float | None = None
@@ -87,7 +87,7 @@ def _slopes(e: Evidence) -> Iterator[list[float]]:
 
 def work(e: Evidence) -> float | None:
     """What the module counts as work is what T + V gained, by the reference's energies."""
-    return None if _explicit(e) else _worst_of(e, _unbalanced)
+    return None if _explicit(e) else worst_of(e, _unbalanced)
 
 
 def _explicit(e: Evidence) -> bool:
@@ -107,7 +107,7 @@ def _unbalanced(e: Evidence, k: int) -> float:
 
 def backwards(e: Evidence) -> float | None:
     """There, velocities turned round, and back: where v̇ is even in v by the reference, and nothing depends on time."""
-    return _worst_of(e, _not_back) if _simulates(e) and _reversible(e) else None
+    return worst_of(e, _not_back) if simulates(e) and _reversible(e) else None
 
 
 def _reversible(e: Evidence) -> bool:
@@ -123,15 +123,15 @@ def _even(e: Evidence, s: Sample, t: float) -> bool:
 def _not_back(e: Evidence, k: int) -> float:
     s = e.samples[k]
     span = time_scale(e, s)
-    q, v = np.split(_end(e, s, _run(e, s, e.x[k], span), s.t + span), [len(s.q)])
+    q, v = np.split(end_of(e, s, e.x[k], span), [len(s.q)])
     there = e.graph("state", s.t, np.concatenate([q, -v]), s.u, s.p)
-    q, v = np.split(_end(e, s, _run(e, s, there, span), s.t + span), [len(s.q)])
+    q, v = np.split(end_of(e, s, there, span), [len(s.q)])
     return _apart(e, np.concatenate([q, -v]), _start(s))
 
 
-def _worst_of(e: Evidence, error: Callable[[Evidence, int], float]) -> float | None:
+def worst_of(e: Evidence, error: Callable[[Evidence, int], float]) -> float | None:
     """Over the motions that neither end at a singular position of the choice nor have a kink that the reference stumbles over."""
-    if not _simulates(e):
+    if not simulates(e):
         return None
     found: list[float] = []
     for k in best_conditioned(e)[:TRIED]:
@@ -141,7 +141,7 @@ def _worst_of(e: Evidence, error: Callable[[Evidence, int], float]) -> float | N
     return worst(found) if found else None
 
 
-def _simulates(e: Evidence) -> bool:
+def simulates(e: Evidence) -> bool:
     """In doubles: these errors are compared with what is left of sixteen digits."""
     return e.module is not None and hasattr(e.module, "simulate") and e.real is FLOAT64
 
@@ -172,6 +172,11 @@ def _run(e: Evidence, s: Sample, x: Array, span: float, step_size: float | None 
     chart = {"chart": e.chart} if e.chart else {}
     atol = RTOL * float(e.units.x.min(initial=1.0))
     return e.module.simulate([s.t, s.t + span], x, s.u, s.p, rtol=RTOL, atol=atol, step_size=step_size, **chart)
+
+
+def end_of(e: Evidence, s: Sample, x: Array, span: float) -> Array:
+    """(q, v) where the module's own motion from x at the time of s is after a span."""
+    return _end(e, s, _run(e, s, x, span), s.t + span)
 
 
 def _end(e: Evidence, s: Sample, run: Any, t: float) -> Array:

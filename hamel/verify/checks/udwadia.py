@@ -1,0 +1,67 @@
+"""The system's own terms solved as Udwadia and Kalaba, and Udwadia and Phohomsiri, do: by pseudo-inverses, without multipliers.
+
+Sources: F. E. Udwadia, R. E. Kalaba, Proc. R. Soc. A 439 (1992) 407–410; F. E. Udwadia, P. Phohomsiri, Proc. R. Soc. A 462 (2006)
+2097–2117.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hamel.verify.checks.rung import Rung
+from hamel.verify.compare import deviation
+from hamel.verify.evidence import Evidence, Terms
+from hamel.verify.saddle import RANK, condition_of
+from hamel.verify.vectors import Array
+
+REGULAR = 1e12  # condition of a mass matrix that has an inverse
+
+
+def udwadia_kalaba(e: Evidence) -> float | None:
+    """v̇ against a + M^{-½} (A M^{-½})⁺ (β − A a), a = M⁻¹ (Q − h), where M has an inverse."""
+    growth = [condition_of(t.M) for t in e.terms]
+    if max(growth) > REGULAR or any(np.linalg.matrix_rank(_scaled(t)[1]) < len(t.M) for t in e.terms):
+        return None
+    try:
+        wanted = [D * _udwadia_kalaba(*rest) for D, *rest in map(_scaled, e.terms)]
+    except np.linalg.LinAlgError:  # M is not positive
+        return np.inf
+    return deviation(e.vdot, wanted, np.maximum(growth, e.conditions), e.small, e.units.vdot)
+
+
+def _udwadia_kalaba(M: Array, force: Array, A: Array, beta: Array) -> Array:
+    L = np.linalg.cholesky(M)
+    a, G = np.linalg.solve(M, force), np.linalg.solve(L, A.T).T
+    return a + np.linalg.solve(L.T, _pseudo_inverse(G) @ (beta - A @ a))
+
+
+def udwadia_phohomsiri(e: Evidence) -> float:
+    """v̇ against [(1 − A⁺A) M; A]⁺ [(1 − A⁺A) (Q − h); β], which needs no inverse of M."""
+    wanted = [D * _udwadia_phohomsiri(*rest) for D, *rest in map(_scaled, e.terms)]
+    return deviation(e.vdot, wanted, e.conditions, e.small, e.units.vdot)
+
+
+def _udwadia_phohomsiri(M: Array, force: Array, A: Array, beta: Array) -> Array:
+    free = np.eye(len(M)) - _pseudo_inverse(A) @ A
+    return _pseudo_inverse(np.vstack([free @ M, A])) @ np.concatenate([free @ force, beta])
+
+
+def _scaled(t: Terms) -> tuple[Array, Array, Array, Array, Array]:
+    """D, D M D with ones on its diagonal, D (Q − h), and A D, β with rows of length one; v̇ is D times what solves these."""
+    size = np.diag(t.M)
+    D = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
+    A = t.A * D
+    lengths = np.maximum(np.linalg.norm(A, axis=1), 1e-300)
+    return D, D[:, None] * t.M * D, D * (t.Q - t.h), A / lengths[:, None], t.beta / lengths
+
+
+def _pseudo_inverse(matrix: Array) -> Array:
+    return np.linalg.pinv(matrix, rcond=RANK)
+
+
+RUNGS = (
+    Rung(
+        "v̇ Udwadia–Kalaba", 1e-10, "the same terms by a pseudo-inverse, per condition number, that of M or of all", udwadia_kalaba
+    ),
+    Rung("v̇ Udwadia–Phohomsiri", 1e-10, "the same without an inverse of M, per condition number", udwadia_phohomsiri),
+)

@@ -11,6 +11,7 @@ import importlib
 import io
 import keyword
 import math
+import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -345,6 +346,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="replace")  # a terminal without φ gets a question mark, not a traceback
     if arguments is None:  # this process is ours
         gc.set_threshold(YOUNG)
+        os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # NumPy's threads sleep at once; others have work for the cores
     code = failures.guarded(lambda: group.main(given, prog_name="hamel", standalone_mode=False), given)
     if arguments is None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt,

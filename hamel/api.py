@@ -20,6 +20,19 @@ if TYPE_CHECKING:
 QUICK_STATES = 20  # what `build` verifies at; `verify` does more
 
 
+def _names(given: Collection[str]) -> tuple[str, ...]:
+    """Of several names; one text holds them as on the command line, with commas."""
+    return tuple(name for part in given.split(",") if (name := part.strip())) if isinstance(given, str) else tuple(given)
+
+
+def _constants(given: Constants) -> Constants:
+    return given if given == "all" else _names(given)
+
+
+def _models(given: Model | Sequence[Model]) -> tuple[Model, ...]:
+    return (given,) if isinstance(given, str | PathLike) else tuple(given)
+
+
 def check(path: Model) -> records.Checked:
     """Read a model, form its mechanics and make its initial state consistent, without generating anything."""
     from hamel.verbs.check import run
@@ -56,7 +69,19 @@ def build(
     from hamel.verbs.build import run
 
     return run(
-        path, out, choice, constants, functions, formulation, integrators, QUICK_STATES, numpy, tune, header, fix or {}, real
+        path,
+        out,
+        choice,
+        _constants(constants),
+        None if functions is None else _names(functions),
+        formulation,
+        _names(integrators),
+        QUICK_STATES,
+        numpy,
+        tune,
+        header,
+        fix or {},
+        real,
     )
 
 
@@ -76,7 +101,7 @@ def verify(
     """
     from hamel.verbs.verify import run
 
-    return run(path, choice, states, seed, constants, formulation, mutate)
+    return run(path, choice, states, seed, _constants(constants), formulation, mutate)
 
 
 def stress(
@@ -85,7 +110,7 @@ def stress(
     """Run the `stress:` cases of model files, or of all in a folder, and judge each end by a closed form or many digits."""
     from hamel.verbs.stress import run
 
-    return run([paths] if isinstance(paths, str | PathLike) else paths, case, progress)
+    return run(_models(paths), case, progress)
 
 
 def simulate(
@@ -118,7 +143,7 @@ def simulate(
     """
     from hamel.verbs.simulate import Method, run
 
-    method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol, alpha, tuple(conserve), real)
+    method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol, alpha, _names(conserve), real)
     return run(path, method, time, step, values or {}, out, plot, progress)
 
 
@@ -141,11 +166,11 @@ def linearize(
     """
     from hamel.verbs.linearize import run
 
-    return run(path, at, choice, sweep or {}, values or {}, cyclic, out, step)
+    return run(path, at, choice, sweep or {}, values or {}, None if cyclic is None else _names(cyclic), out, step)
 
 
 def report(
-    paths: Sequence[Model],
+    paths: Model | Sequence[Model],
     *,
     out: str | Path = "report",
     time: float = 10.0,
@@ -155,7 +180,7 @@ def report(
     keepings: Collection[str] = (),
     integrators: Collection[str] = (),
     tolerances: Sequence[float] = (),
-    stress: Sequence[Model] = (),
+    stress: Model | Sequence[Model] = (),
     budget: float = 90.0,
     progress: Callable[[float], None] | None = None,
 ) -> records.Reported:
@@ -168,9 +193,9 @@ def report(
     from hamel.report.plan import Asked
     from hamel.verbs.report import run
 
-    names = (tuple(each) for each in (formulations, choices, keepings, integrators))
+    names = (_names(each) for each in (formulations, choices, keepings, integrators))
     asked = Asked(*names, tolerances=tuple(tolerances), budget=budget)
-    return run(tuple(paths), out, time, values or {}, asked, tuple(stress), progress)
+    return run(_models(paths), out, time, values or {}, asked, _models(stress), progress)
 
 
 def derive(
@@ -212,7 +237,7 @@ def explain(path: Model, *, choice: str | None = None, constants: Constants = ()
     """Why the module of a choice looks as it does: choice, pivots, what the passes saved, what was left out."""
     from hamel.verbs.explain import run
 
-    return run(path, choice, constants)
+    return run(path, choice, _constants(constants))
 
 
 def schema() -> dict[str, Any]:

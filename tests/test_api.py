@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hamel
-from derive.diagnostics import AssumptionError, HamelError, ToolchainError
+from derive.diagnostics import AssumptionError, HamelError, ModelError, ToolchainError
 from hamel.making import _affordable
 from hamel.records import as_json
 
@@ -60,6 +60,20 @@ def test_names_that_do_not_exist(tmp_path, options):
     with pytest.raises(HamelError, match="none"):
         hamel.build(MODELS / "snake3.yaml", out=tmp_path / "snake3", **options)
     assert not list(tmp_path.iterdir())
+
+
+def test_one_text_names_several_as_on_the_command_line(tmp_path):
+    pendulum = MODELS / "cart_pole.yaml"
+    built = hamel.build(pendulum, out=tmp_path / "cart", functions="dynamics, energy", constants="m", integrators="rk4")
+    assert set(built.operations) == {"dynamics", "energy"}
+    with pytest.raises(HamelError, match="no function 'dynamic'"):
+        hamel.build(pendulum, out=tmp_path / "other", functions="dynamic")
+
+
+@pytest.mark.parametrize("options", [{"states": 0}, {"states": -3}, {"seed": -1}], ids=str)
+def test_numbers_of_states_that_make_no_sense(options):
+    with pytest.raises(ModelError, match="which is less than"):
+        hamel.verify(MODELS / "pendulum.yaml", **options)
 
 
 def test_dependent_speeds_are_a_violated_assumption(tmp_path):

@@ -7,6 +7,7 @@ from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING
 
+from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.formulations.charts import together
 from hamel.importing import load
@@ -31,6 +32,9 @@ def run(
     formulation: str,
     mutate: bool = False,
 ) -> Verified:
+    for name, value, least in (("states", states, 1), ("seed", seed, 0)):
+        if value < least:
+            raise ModelError(f"{name} is {value}, which is less than {least}")
     model = load(path)
     mechanics = mechanics_of(model, constants)
     asked = {together(e): e for e in ([] if choice is None else [equations(mechanics, choice, formulation)])}

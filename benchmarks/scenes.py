@@ -126,7 +126,7 @@ def chain(n: int) -> Iterator[Scene]:
     """A planar pendulum of n links: every peer there is, the best one counts."""
     place = BUILD / f"models/chain{n}.yaml"
     place.parent.mkdir(parents=True, exist_ok=True)
-    place.write_text(growth.chain(n))
+    place.write_text(growth.chain(n).replace("model: chain", f"model: chain{n}", 1))  # each has files of its own
     model = load(place)
     rng = np.random.default_rng(1)
     q, v = rng.uniform(-np.pi, np.pi, (ROWS, n)), rng.normal(size=(ROWS, n))

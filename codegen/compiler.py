@@ -23,8 +23,9 @@ FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contr
 NATIVE = {"x86_64": "-march=native", "aarch64": "-mcpu=native"}  # this very processor
 BATCH = ("-O3",)  # the loops over states become vector instructions
 STEPS = ("-O3",)  # and so do the sums over stages of an integrator
-# Only gcc knows these: order statements for latency without running out of registers, and keep numbers out of integer registers.
-ORDER = ("-fschedule-insns", "-fsched-pressure")
+# Only gcc knows these: order statements for latency without running out of registers, copy less between them, keep numbers out
+# of integer registers.
+ORDER = ("-fschedule-insns", "-fsched-pressure", "-frename-registers")
 KEEP = {"x86_64": ("-mtune-ctrl=^general_regs_sse_spill,^inter_unit_moves_from_vec",)}
 LONG = ("-fno-tree-slp-vectorize",)  # it searches long straight lines at length, and what it joins it has to take apart again
 WIDE = "-mprefer-vector-width=512"  # of those as long as there are

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from codegen import compiler
 from peers.casadi_c import Read
-from peers.contest import NATIVE, Contender, compiled, put
+from peers.contest import PLAIN, Contender, compiled, put
 
 LOAD = re.compile(r"^(a\d+)=arg\[0\]\? arg\[0\]\[(\d+)\] : 0;$")
 STORE = re.compile(r"^if \(res\[0\]!=0\) res\[0\]\[(\d+)\]=(.+);$")
@@ -57,7 +58,7 @@ def statements(source: Path) -> list[str]:
 
 
 def vectors(source: Path, inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
-    """The compiler's vectors of four and eight lanes, gcc -O3 and -O2."""
+    """The compiler's vectors of four and eight lanes, with everyday flags and with all of ours."""
     lines = statements(source)
     names = sorted({name for line in lines for name in re.findall(r"\ba\d+\b", line)})
     body = [re.sub(r"\b(sin|cos)\(", r"\1_wide(", line) for line in lines]
@@ -73,10 +74,12 @@ def vectors(source: Path, inputs: np.ndarray, size: int, read: Read) -> list[Con
             outputs=size,
         )
         put(path, text)
-        library = compiled(
-            f"{source.parent.name}-lanes{width}", {path: ["-O2", *NATIVE, "-ffp-contract=fast", "-Wno-psabi"]}, ["-lmvec"]
-        )
-        made.append(Contender("CasADi C in lanes", library, inputs, size, read=read, variant=f"{source.stem}, {width} lanes"))
+        for flags, options in {"-O2": PLAIN, "our flags": (*compiler.FLAGS, *compiler.flags_of(["gcc"], "", "_batch"))}.items():
+            library = compiled(
+                f"{source.parent.name}-lanes{width}", {path: [*options, "-ffp-contract=fast", "-Wno-psabi"]}, ["-lmvec"]
+            )
+            variant = f"{source.stem}, {width} lanes, {flags}"
+            made.append(Contender("CasADi C in lanes", library, inputs, size, read=read, variant=variant))
     return made
 
 

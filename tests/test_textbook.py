@@ -179,6 +179,36 @@ def test_a_planted_sign_error_is_seen(planted):
     assert planted in errors and errors[planted] > 1e-3
 
 
+@pytest.mark.parametrize(
+    "model, choice", [("slider_crank", "slider+crank"), ("slider_crank", "slider+tangent"), ("snakeboard", None)]
+)
+def test_charts_are_shown_with_their_guards_and_the_way_between(model, choice):
+    found = equations(system(load(MODELS / f"{model}.yaml")), choice, charts=True)
+    document, state = derivation(found), State(found, 7)
+    errors = dict(discrepancies(document.printed, state))
+    assert "B(1)" in errors and not {name: error for name, error in errors.items() if not error <= TOLERANCE}
+    residuals = dict(zip([law.name for law in document.laws], state.terms([law.residual for law in document.laws])))
+    assert max(np.max(np.abs(residuals[name])) for name in ("to chart 1", "back from chart 1")) <= 1e-9
+    check_page(page(document))
+    check_article(article(document))
+    shown = page(document)
+    assert all(chart.choice in shown for chart in (found, *found.charts)) and "A chart is left where its margin" in shown
+    guards = [g.name for chart in found.charts for f in chart.functions if f.name == "dynamics" for g in f.guards]
+    assert all(f"guard {name}" in errors for name in guards)
+
+
+def test_a_wrong_way_between_charts_is_seen():
+    found = equations(system(load(MODELS / "slider_crank.yaml")), "slider+crank")
+    for name in ("state", "velocity"):
+        wrong = [
+            replace(f, result=replace(f.result, value=1.001 * f.result.value)) if f.name == name else f
+            for f in found.charts[0].functions
+        ]
+        broken = replace(found, charts=(replace(found.charts[0], functions=tuple(wrong)),))
+        residuals = State(broken, 7).terms([law.residual for law in laws(broken) if "chart" in law.name])
+        assert max(np.max(np.abs(x)) for x in residuals) > 1e-5
+
+
 def test_laws_can_fail():
     found = derived("snake3", "head")
     state = State(found, 7)

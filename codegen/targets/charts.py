@@ -6,9 +6,7 @@ from codegen import text
 from codegen.passes.names import Names, identifier
 from codegen.program import Program
 from codegen.targets.records import Target
-
-LOW = 0.2  # of the largest pivot seen when the equations were made: below this a chart is left ...
-BETTER = 2.0  # ... for one that is so much better, so that no two charts take turns
+from derive.formulations.charts import BETTER, LOW
 
 
 def files(program: Program) -> dict[str, str]:

@@ -25,6 +25,8 @@ SAFE = (
 ENOUGH = 0.2  # no further chart where some chart has all pivots above this part at every sampled state
 WORTH = 2.0  # times as far from singular at the worst state: what a further chart has to bring
 MOST = 4  # charts that are looked for
+LOW = 0.2  # of the largest pivot seen when the equations were made: below this a chart is left ...
+BETTER = 2.0  # ... for one that is so much better, so that no two charts take turns
 
 
 def charted(found: Sequence[Equations], shop: Workshop) -> Equations:

@@ -108,19 +108,24 @@ def _guards(a: Author) -> None:
         return
     a.say("These quantities must stay away from zero; the generated code watches them and reports where they do not:")
     for k, guard in enumerate(guards):
-        symbol = a.fresh(f"D[{k + 1}]", f"D_{{{k + 1}}}")
-        found = a.read(ca.SX(guard.value))
-        if found is None:
-            a.too_long(f"D_{{{k + 1}}}")
-            continue
-        a.lines(f"guard {guard.name}", [symbol], found, ca.SX(guard.value))
-        bound = Math(rf"\left|D_{{{k + 1}}}\right| \ge {_power_of_ten(guard.tolerance)}")
-        a.say("with {bound} ({name}).", bound=bound, name=guard.name)
-        a.reader.name(ca.SX(guard.value), [symbol])
-        a.mean(f"D_{{{k + 1}}}", f"guard: {guard.name}")
+        watched(a, guard, f"D_{{{k + 1}}}")
 
 
-def _power_of_ten(x: float) -> str:
+def watched(a: Author, guard: Guard, latex: str) -> None:
+    """A guard and how far from zero it has to stay."""
+    symbol = a.fresh(f"{latex}[]", latex)
+    found = a.read(ca.SX(guard.value))
+    if found is None:
+        a.too_long(latex)
+        return
+    a.lines(f"guard {guard.name}", [symbol], found, ca.SX(guard.value))
+    bound = Math(rf"\left|{latex}\right| \ge {power_of_ten(guard.tolerance)}")
+    a.say("with {bound} ({name}).", bound=bound, name=guard.name)
+    a.reader.name(ca.SX(guard.value), [symbol])
+    a.mean(latex, f"guard: {guard.name}")
+
+
+def power_of_ten(x: float) -> str:
     mantissa, _, exponent = f"{x:.2g}".partition("e")
     return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
 

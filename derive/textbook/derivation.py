@@ -8,6 +8,7 @@ from derive.formulations import source
 from derive.formulations.records import Equations
 from derive.textbook import names
 from derive.textbook.author import Author
+from derive.textbook.charts import charts
 from derive.textbook.choice import choice, inverse
 from derive.textbook.complement import complement
 from derive.textbook.given import given
@@ -38,6 +39,7 @@ def derivation(equations: Equations) -> Document:
     constraints(a)
     choice(a)
     inverse(a)
+    charts(a)
     energies(a, found)
     unprojected(a)
     nonideal(a)

@@ -3,13 +3,17 @@
 import importlib
 import json
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
+from codegen import compiler
 from derive.mechanics import system
 from derive.mechanics.initial import initial_state
 from derive.model import load, load_text
+from hamel.cli import main
+from tests.scenes import ROOT
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -56,3 +60,28 @@ def test_extreme_cases_of_the_page_are_those_of_the_models(monkeypatch):
     assert {row["model"] for row in known} - ordinary <= {row["model"] for row in shown}
     text = page.put("a\n<!-- x: benchmarks/report_page.py -->\nold\n<!-- so far -->\nb", "x", "new")
     assert text == "a\n<!-- x: benchmarks/report_page.py -->\n\nnew\n\n<!-- so far -->\nb"
+
+
+def commands() -> list[str]:
+    """What the page of methods says to type, paper by paper; a line that goes on from the one before stands for itself."""
+    table = (DOCS / "methods.md").read_text("utf-8").split("## Paper by paper")[1]
+    return re.findall(r"`hamel ([^`]+)`", table)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+@pytest.mark.parametrize("command", commands())
+def test_the_commands_of_the_methods_run(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    words = shlex.split(command)
+    with pytest.raises(SystemExit) as ended:
+        main([*words, *(["--time", "0.1"] if words[0] == "simulate" else [])])
+    assert ended.value.code == 0
+
+
+def test_the_tests_that_the_methods_name_are_there() -> None:
+    table = (DOCS / "methods.md").read_text("utf-8").split("## Paper by paper")[1]
+    tests = {path.name: path.read_text("utf-8") for path in (ROOT / "tests").glob("test_*.py")}
+    assert set(re.findall(r"`(test_\w+\.py)", table)) <= set(tests)
+    for name in re.findall(r"::(\w+)`", table):
+        assert any(f"def {name}(" in text for text in tests.values())

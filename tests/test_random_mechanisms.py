@@ -6,6 +6,7 @@ the independent reference: M, h, Q, φ, A, β, v̇, λ, energies, power balance,
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from hypothesis import HealthCheck, Phase, given, reject, settings
 from hypothesis import strategies as st
 
 from derive.diagnostics import AssumptionError
-from derive.expressions.tree import ONE, ZERO, Expression, Name, Number, Power, Product, Sum
+from derive.expressions.tree import ONE, ZERO, Call, Expression, Name, Number, Power, Product, Rate, Sum
 from derive.formulations import equations
 from derive.joints import joint_type
 from derive.mechanics import system
@@ -38,6 +39,7 @@ from derive.model.records import (
     JointFriction,
     JointSpring,
     Model,
+    Nonholonomic,
     OnSurface,
     Placement,
     PointSpring,
@@ -54,7 +56,7 @@ from hamel.verify.reference import reference, state_of
 HERE = Span(1, 1)
 TREE = ("revolute", "prismatic", "screw", "cylindrical", "universal", "ball", "planar", "free", "free quaternion", "fixed")
 LOOPS = {"revolute": 5, "prismatic": 5, "screw": 5, "cylindrical": 4, "universal": 4, "ball": 3, "planar": 3, "fixed": 6}
-MEETINGS = {"distance": 1, "on_surface": 1, "sphere": 3, "disk": 3, "torus": 3, "gear": 1}
+MEETINGS = {"distance": 1, "on_surface": 1, "sphere": 3, "disk": 3, "torus": 3, "gear": 1, "moving": 1, "servo": 1}
 LOADS = ("bushing", "friction", "armature", "joint spring", "joint damper", "point spring", "force", "torque", "input")
 
 
@@ -221,8 +223,31 @@ class Parts:
             terms = [Name(self.coordinates[pair[0]].name), Product((number(-ratio), Name(self.coordinates[pair[1]].name)))]
             rest = number(float(ratio * self.q[pair[1]] - self.q[pair[0]]))
             self.constraints.append(Holonomic(name, Sum((*terms, rest)), (), HERE))
+        elif kind in ("moving", "servo"):
+            self.constraints.extend(self.formula(kind, name))
         else:
             self.constraints.append(self.rolling(kind, name, bodies[0], points[0]))
+
+    def formula(self, kind: str, name: str) -> Iterator[Holonomic | Nonholonomic]:
+        """A formula that is nonlinear in the coordinates and knows the time: of positions, or of rates.
+
+        q₁ + ½ sin q₂ − q₂²/4 − a sin ω t = 0 with q from where they are, or q̇₁ + b sin(q₁ + t) q̇₂ − a cos ω t = 0.
+        """
+        plain = [i for i, x in enumerate(self.coordinates) if x.unit != "1"]
+        if len(plain) < 2:
+            return
+        i, j = self.rng.choice(plain, 2, replace=False)
+        first, second, t = Name(self.coordinates[i].name), Name(self.coordinates[j].name), Name("t")
+        a, omega = number(self.rng.uniform(0.1, 0.4)), number(self.rng.uniform(0.5, 2.0))
+        if kind == "servo":
+            turned = Call("sin", (Sum((first, t)),))
+            driven = Product((number(-1.0), a, Call("cos", (Product((omega, t)),))))
+            yield Nonholonomic(name, Sum((Rate(first.name), Product((omega, turned, Rate(second.name))), driven)), (), HERE)
+            return
+        p, q = Sum((first, number(-self.q[i]))), Sum((second, number(-self.q[j])))
+        bent = (Product((number(0.5), Call("sin", (q,)))), Product((number(-0.25), Power(q, Number(2.0)))))
+        driven = Product((number(-1.0), a, Call("sin", (Product((omega, t)),))))
+        yield Holonomic(name, Sum((p, *bent, driven)), (), HERE)
 
     def rolling(self, kind: str, name: str, body: str, centre: np.ndarray) -> Rolling:
         """On a plane that the body touches in the random configuration."""

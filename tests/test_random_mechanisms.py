@@ -231,7 +231,9 @@ class Parts:
     def formula(self, kind: str, name: str) -> Iterator[Holonomic | Nonholonomic]:
         """A formula that is nonlinear in the coordinates and knows the time: of positions, or of rates.
 
-        q₁ + ½ sin q₂ − q₂²/4 − a sin ω t = 0 with q from where they are, or q̇₁ + b sin(q₁ + t) q̇₂ − a cos ω t = 0.
+        q₁ + ½ sin q₂ − q₂²/4 − a sin ω t = 0 with q from where they are, or q̇₁ + ω sin(q₁ + t) q̇₂ = 0.
+
+        Rates are not driven: other rows may tie the same ones, and then nothing could meet both.
         """
         plain = [i for i, x in enumerate(self.coordinates) if x.unit != "1"]
         if len(plain) < 2:
@@ -241,8 +243,7 @@ class Parts:
         a, omega = number(self.rng.uniform(0.1, 0.4)), number(self.rng.uniform(0.5, 2.0))
         if kind == "servo":
             turned = Call("sin", (Sum((first, t)),))
-            driven = Product((number(-1.0), a, Call("cos", (Product((omega, t)),))))
-            yield Nonholonomic(name, Sum((Rate(first.name), Product((omega, turned, Rate(second.name))), driven)), (), HERE)
+            yield Nonholonomic(name, Sum((Rate(first.name), Product((omega, turned, Rate(second.name))))), (), HERE)
             return
         p, q = Sum((first, number(-self.q[i]))), Sum((second, number(-self.q[j])))
         bent = (Product((number(0.5), Call("sin", (q,)))), Product((number(-0.25), Power(q, Number(2.0)))))

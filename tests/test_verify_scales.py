@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hamel
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit
 from derive.formulations import equations
@@ -90,3 +91,19 @@ def test_planted_errors_are_caught_at_every_scale(name, other):
 
 def test_a_model_without_units_is_its_own():
     assert scales(load_text("model: plain\ncoordinates: {x: m}\nparameters: {k: 7e9}\nkinetic: k/2*der(x)^2\n")).plain
+
+
+def test_what_is_left_of_velocity_products_is_no_error(tmp_path):
+    """Nothing pulls, and the screw advances by millimetres: h is what gyroscopic terms of order one leave when they cancel."""
+    file = tmp_path / "screw.yaml"
+    file.write_text(
+        """model: screw
+bodies: {a: {mass: 1, inertia: 1}, b: {mass: 1, inertia: 2}}
+joints:
+  j: {type: revolute, parent: ground, child: a, axis: z, coordinate: q1}
+  k: {type: screw, parent: a, child: b, axis: x, pitch: 5 mm, coordinate: q2}
+constraints: {g: {type: gear, joints: [j, k], ratio: -3, offset: 10 deg}}
+initial: {der(q1): 1 rad/s}
+"""
+    )
+    assert hamel.verify(file, states=5).passed

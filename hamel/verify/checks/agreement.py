@@ -188,18 +188,19 @@ def _augmented(t: Terms) -> Array:
 def balance(e: Evidence) -> float | None:
     """M v̇ + h = Q + Aᵀ λ row by row, against the sizes of what is summed: no condition number excuses a wrong λ or v̇ here.
 
-    Where nothing pulls at all, what is summed is roundoff, and is not compared with itself.
+    Where nothing pulls at all, what is summed is roundoff, and is not compared with itself: no more than what is left of velocity
+    products, each of the size of T, that cancel.
     """
     if not e.graph.has("reactions"):
         return None
-    unit = e.units.force
-    return worst([_imbalance(t, vdot, lam, unit) for t, vdot, lam in zip(e.terms, e.vdot, e.results("reactions"))])
+    given = zip(e.terms, e.vdot, e.results("reactions"))
+    return worst([_imbalance(t, vdot, lam, e.units.force, t.T / e.units.energy) for t, vdot, lam in given])
 
 
-def _imbalance(t: Terms, vdot: Array, lam: Array, unit: Array) -> Array:
+def _imbalance(t: Terms, vdot: Array, lam: Array, unit: Array, products: float) -> Array:
     summed = (_summed(t, vdot) + np.abs(t.A.T) @ np.abs(lam)) / unit
     left = (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / unit
-    return left / np.maximum(summed, 1e-6 * max(SMALL, summed.max(initial=0.0)))
+    return left / np.maximum(summed, 1e-6 * max(SMALL, products, summed.max(initial=0.0)))
 
 
 def choices(e: Evidence) -> float | None:

@@ -14,6 +14,7 @@ from hamel.verify.saddle import condition_of, saddle, solved
 from hamel.verify.vectors import Array
 
 DIFFERENCES = 1e-8  # tolerance of what is differentiated by differences; what two step sizes disagree by counts as no error
+ROUNDING = 1e-15  # of a quantity, in its differences: two step sizes may by chance agree on it
 
 
 def step(e: Evidence, s: Sample, vdot: Array) -> float:
@@ -35,7 +36,9 @@ def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float,
         return np.array(sum(energies(e.reference, state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full))))
 
     o = s.outcome
-    gain, doubt = slope(energy, step(e, s, vdot))
+    span = step(e, s, vdot)
+    gain, doubt = slope(energy, span)
+    doubt = doubt + ROUNDING * (abs(t.T) + abs(t.V)) / span
     flows = np.abs(o.force) @ np.abs(s.v) + np.abs(o.constraint_force) @ np.abs(s.v) + np.abs(s.v) @ np.abs(t.M @ vdot)
     return worst((gain - o.explicit - np.array(claims)) / (1e-6 * e.units.power + flows + doubt / DIFFERENCES))
 

@@ -103,6 +103,7 @@ class Simulation:
     crossings: int
     charts: int
     status: str
+    reduced: NDArray[np.float64]
 
 def simulate(
     t_span: ArrayLike,

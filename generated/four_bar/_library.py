@@ -86,13 +86,13 @@ def _many(name, given, lead, result):
 
 
 _simulate = _library.four_bar_simulate
-_simulate.argtypes = [_address, _count, _address, _address, _address, ctypes.c_double, ctypes.c_double, ctypes.c_long, _address, _address]
+_simulate.argtypes = [_address, _count, _address, _address, _address, ctypes.c_double, ctypes.c_double, ctypes.c_long, _address, _address, _address]
 _simulate.restype = ctypes.c_int
 
 
-def advance(state, times, u, p, rtol, atol, budget, x, work):
+def advance(state, times, u, p, rtol, atol, budget, x, work, reduced):
     """four_bar_simulate of the C code."""
-    given = [_at(values) for values in (times, u, p, x, work)]
+    given = [_at(values) for values in (times, u, p, x, work, reduced)]
     return _simulate(_at(state), times.size, *given[:3], rtol, atol, budget, *given[3:])
 
 

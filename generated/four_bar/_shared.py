@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "ea53ff1c6672d1de0027a03922d75a5f"
+PROGRAM = "112948af33d154ca8971ed3ef6b62148"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)

@@ -23,11 +23,13 @@ FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contr
 NATIVE = {"x86_64": "-march=native", "aarch64": "-mcpu=native"}  # this very processor
 BATCH = ("-O3",)  # the loops over states become vector instructions
 STEPS = ("-O3",)  # and so do the sums over stages of an integrator
-# Only gcc knows these: order statements for latency without running out of registers, and keep numbers out of integer registers.
-ORDER = ("-fschedule-insns", "-fsched-pressure")
+# Only gcc knows these: order statements for latency without running out of registers, copy less between them, keep numbers out
+# of integer registers.
+ORDER = ("-fschedule-insns", "-fsched-pressure", "-frename-registers")
 KEEP = {"x86_64": ("-mtune-ctrl=^general_regs_sse_spill,^inter_unit_moves_from_vec",)}
 LONG = ("-fno-tree-slp-vectorize",)  # it searches long straight lines at length, and what it joins it has to take apart again
 WIDE = "-mprefer-vector-width=512"  # of those as long as there are
+TUNE = "-mtune=icelake-server"  # on Zen, lanes so ordered take up to 13 % less than by gcc's own model of it; one state more
 INSTALL = "install one (Debian: `apt install gcc`; macOS: `xcode-select --install`; anywhere: `pip install ziglang`)"
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
@@ -68,7 +70,7 @@ def choices():
 def identity(command):
     """What else a binary depends on: the compiler, its flags, this processor, this Python and the NumPy headers."""
     flags, macros = probe(tuple(command))
-    given = (*flags, *FLAGS, *BATCH, *LONG, WIDE)
+    given = (*flags, *FLAGS, *BATCH, *LONG, WIDE, TUNE)
     return "\n".join([*command, macros, *given, sys.platform, sysconfig.get_platform(), extension_suffix(), *headers()])
 
 
@@ -118,12 +120,19 @@ def flags_of(command, name, stem):
     flags, macros = probe(tuple(command))
     if stem == f"{name}_batch":
         wide = [WIDE] if "__AVX512F__" in macros else []
-        return [*flags, *BATCH, *wide]
+        tune = [TUNE] if "__znver" in macros and gcc(macros) >= 8 else []
+        return [*flags, *BATCH, *wide, *tune]
     if stem == f"{name}_simulate":
         return [*flags, *STEPS]
     if stem == name:
         return flags
     return [*flags, *LONG]  # a function in a file of its own
+
+
+def gcc(macros):
+    """The version of gcc; 0 of any other compiler."""
+    numbers = [line.split()[-1] for line in macros.splitlines() if line.startswith("#define __GNUC__ ")]
+    return int(numbers[0]) if numbers and "__clang__" not in macros else 0
 
 
 def manifest(folder):

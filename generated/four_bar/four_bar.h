@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "ea53ff1c6672d1de0027a03922d75a5f"
+#define FOUR_BAR_PROGRAM "112948af33d154ca8971ed3ef6b62148"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1

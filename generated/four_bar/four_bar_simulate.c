@@ -32,13 +32,52 @@ static int slope(Run *r, double t, double *y, double *k)
     return status == FOUR_BAR_OK ? four_bar_power(t, y, r->u, r->p, k + NX) : status;
 }
 
+/* What goes round, and a turn in two parts. */
+static const int turning[] = {0, 1, 2};
+static const double turn = 6.283185307179586, rest_of_turn = 2.4492935982947064e-16;
+enum { TURNING = sizeof turning / sizeof turning[0] };
+
+/* Takes whole turns out of y where an angle is beyond one. */
+static void unwound(Run *r)
+{
+    double *const s = r->s, *const y = s + FOUR_BAR_SIM_X;
+    int j;
+    for (j = 0; j < TURNING; j++) {
+        const int i = turning[j];
+        const double whole = y[i], left = remainder(whole, turn), turns = rint((whole - left) / turn);
+        if (!(fabs(whole) > turn))
+            continue;
+        y[i] = left - turns * rest_of_turn;
+        s[FOUR_BAR_SIM_TURNS + i] += turns;
+    }
+}
+
+/* Puts the whole turns into a row; `reduced` gets it as it was. */
+static void wound(const double *s, double *row, double *reduced)
+{
+    const double *const turns = s + FOUR_BAR_SIM_TURNS;
+    int i, j;
+    for (i = 0; reduced && i < NX; i++)
+        reduced[i] = row[i];
+    for (j = 0; j < TURNING; j++)
+        if (turns[i = turning[j]] != 0.0)
+            row[i] = (row[i] + turns[i] * rest_of_turn) + turns[i] * turn;
+}
+
+/* What the relative tolerance of entry i is relative to: of an angle that went round, a turn at least. */
+static double magnitude(const Run *r, int i, double y, double z)
+{
+    const double size = fmax(fabs(y), fabs(z));
+    return i < 3 && r->s[FOUR_BAR_SIM_TURNS + i] != 0.0 ? fmax(turn, size) : size;
+}
+
 /* Root mean square of the values relative to the tolerance at y and z. */
 static double norm(const Run *r, const double *values, const double *y, const double *z)
 {
     double sum = 0.0;
     int i;
     for (i = 0; i < MOVING; i++) {
-        const double scaled = values[i] / (r->atol + r->rtol * fmax(fabs(y[i]), fabs(z[i])));
+        const double scaled = values[i] / (r->atol + r->rtol * magnitude(r, i, y[i], z[i]));
         sum += scaled * scaled;
     }
     return sqrt(sum / N);
@@ -132,10 +171,10 @@ static int step_dop853(Run *r, double t, double h, const double *y, const double
 /* What can be chosen by number in the simulation's array, in the order of the header. */
 static const struct {
     int (*step)(Run *r, double t, double h, const double *y, const double *own, double *z, double *next, double *error);
-    double order, grow, damp;
+    double order, grow, damp, safety;
     int adaptive;
 } methods[] = {
-    {step_dop853, 8.0, 1.0 / 8.0, 0.0, 1},
+    {step_dop853, 8.0, 11.0 / 100.0, 1.0 / 50.0, 4.0 / 5.0, 1},
 };
 enum { METHODS = sizeof methods / sizeof methods[0] };
 
@@ -219,11 +258,12 @@ static void watch(Run *r)
 
 /* Whether the motion from y to z may be believed. A step over a singular position is made again in two other steps, cut in up to
    three places, for one of these could come too close: on the right branch, where the motion is smooth, two ways agree within the
-   tolerance and velocities do not jump. */
+   tolerance and velocities do not jump. Rates of coordinates have to agree, too, to ten times that: small errors of quasi-velocities
+   are large ones of these where the choice is singular. */
 static int passed(Run *r, int method, double t, double h, double end, const double *y, const double *own, const double *z, const double *next, double *seen)
 {
     static const double cuts[] = {0.37, 0.61, 0.23};
-    double middle[N], bend[N], again[N], last[N], error, jump = 0.0, speed = 0.0;
+    double middle[N], bend[N], again[N], last[N], error, differ, jump = 0.0, speed = 0.0;
     int i, n, crossed, status = looked(r, end, h, z, seen, &crossed);
     if (status != FOUR_BAR_OK || !crossed)
         return status;
@@ -238,7 +278,10 @@ static int passed(Run *r, int method, double t, double h, double end, const doub
             continue;
         for (i = 0; i < N; i++)
             again[i] -= z[i];
-        if (norm(r, again, y, z) <= 1.0) {
+        differ = 0.0;
+        for (i = 0; i < 3; i++)
+            differ = fmax(differ, fabs(last[i] - next[i]));
+        if (norm(r, again, y, z) <= 1.0 && differ <= 10.0 * r->rtol * speed) {
             r->s[FOUR_BAR_SIM_PASSED] += 1.0;
             return FOUR_BAR_OK;
         }
@@ -275,14 +318,14 @@ static double next_size(const double *s, double left)
 }
 
 /* How much shorter the next step has to be, from the error of this one (Gustafsson's proportional-integral control). */
-static double shrinkage(double *s, double error, double grow, double damp)
+static double shrinkage(double *s, double error, int method)
 {
-    const double factor = pow(error, grow) / pow(fabs(s[FOUR_BAR_SIM_ERROR]), damp) / 0.9;
+    const double factor = pow(error, methods[method].grow) / pow(fabs(s[FOUR_BAR_SIM_ERROR]), methods[method].damp) / methods[method].safety;
     return fmax(s[FOUR_BAR_SIM_ERROR] < 0.0 ? 1.0 : 0.1, fmin(5.0, factor));
 }
 
 int four_bar_simulate(double *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
-    double atol, long budget, double *x_out, double *work_out)
+    double atol, long budget, double *x_out, double *work_out, double *reduced_out)
 {
     double *const s = simulation, *const y = s + FOUR_BAR_SIM_X, *const own = s + FOUR_BAR_SIM_SLOPE;
     double c[FOUR_BAR_NC_DYNAMICS];
@@ -296,6 +339,7 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
         return FOUR_BAR_NO_METHOD;
     if ((status = four_bar_dynamics_precompute(p, c)) != FOUR_BAR_OK)
         return status;
+    unwound(&run);
     for (done = (size_t)s[FOUR_BAR_SIM_DONE]; done < n; done++) {
         while (s[FOUR_BAR_SIM_T] < times[done]) {
             const double t = s[FOUR_BAR_SIM_T], left = times[done] - t;
@@ -319,7 +363,7 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
             if (fixed && status != FOUR_BAR_OK)
                 return status;
             if (status != FOUR_BAR_OK || !(error <= 1.0)) { /* too long, or a place without a value on the way */
-                ratio = status == FOUR_BAR_OK ? pow(error, methods[method].grow) / 0.9 : 4.0;
+                ratio = status == FOUR_BAR_OK ? pow(error, methods[method].grow) / methods[method].safety : 4.0;
                 failed = status;
                 s[FOUR_BAR_SIM_STEP] = h / (ratio < 5.0 ? ratio : 5.0);
                 s[FOUR_BAR_SIM_REJECTED] += 1.0;
@@ -327,7 +371,7 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
                 continue;
             }
             if (!fixed) {
-                ratio = shrinkage(s, error, methods[method].grow, methods[method].damp);
+                ratio = shrinkage(s, error, method);
                 if (!last || h / ratio > s[FOUR_BAR_SIM_STEP])
                     s[FOUR_BAR_SIM_STEP] = h / ratio;
                 s[FOUR_BAR_SIM_ERROR] = fmax(error, 1e-4);
@@ -340,10 +384,12 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
                 y[i] = z[i];
                 own[i] = next[i];
             }
+            unwound(&run);
             watch(&run);
         }
         for (i = 0; i < NX; i++)
             x_out[done * NX + (size_t)i] = y[i];
+        wound(s, x_out + done * NX, reduced_out ? reduced_out + done * NX : NULL);
         work_out[done] = y[NX];
         s[FOUR_BAR_SIM_DONE] = (double)(done + 1);
     }

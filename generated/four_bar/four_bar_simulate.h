@@ -50,13 +50,17 @@ enum {
     FOUR_BAR_SIM_X = 14, /* the state, then the work done by forces without potential since the start */
     FOUR_BAR_SIM_SLOPE = FOUR_BAR_SIM_X + FOUR_BAR_NX + 1,
     FOUR_BAR_SIM_GUARDS = FOUR_BAR_SIM_SLOPE + FOUR_BAR_NX + 1, /* what tells the branch: last values, largest sizes, rates */
-    FOUR_BAR_SIM_SIZE = FOUR_BAR_SIM_GUARDS + 3
+    FOUR_BAR_SIM_TURNS = FOUR_BAR_SIM_GUARDS + 3, /* whole turns that were taken out of each coordinate */
+    FOUR_BAR_SIM_SIZE = FOUR_BAR_SIM_TURNS + 3
 };
 
 /* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each. Returns a status; the array always holds the last good step. */
+   entry of work_out for each. Returns a status; the array always holds the last good step.
+   q1, q2, q3 go round: nothing that is computed on the way sees their whole turns, so that beyond a turn these are taken
+   out, counted and put back in x_out. Angles of many turns have few digits left for the constraints: reduced_out, where it is not
+   NULL, gets the rows as they were integrated, without the whole turns. */
 int four_bar_simulate(double *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
-    double atol, long budget, double *x_out, double *work_out);
+    double atol, long budget, double *x_out, double *work_out, double *reduced_out);
 
 #ifdef __cplusplus
 }

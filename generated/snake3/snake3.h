@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "9170c5c2314d06b6f4e0957800c34b14"
+#define SNAKE3_PROGRAM "8061148df8e8ba468c1aa0d8901a5da9"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2

@@ -16,8 +16,15 @@
 
 #include "snake3_simulate.h"
 
+#if defined(__GNUC__) /* what is rarely called stays out of the way of one state at a time */
+#define RARE static __attribute__((noinline, cold))
+#else
+#define RARE static
+#endif
+
 enum { T, X, U, P, OUT, SLOTS };
 static const char *const slot_names[SLOTS] = {"t", "x", "u", "p", "out"};
+static PyArray_Descr *real; /* the type of plain arrays of doubles */
 static PyObject *interned[SLOTS]; /* the same as Python has them: most keywords are known by their address */
 
 enum { KEPT = 8, SMALL = 256 }; /* results of a function that are kept, and values that one may have to be kept */
@@ -95,9 +102,23 @@ static inline const double *plain(PyObject *object, npy_intp n)
 {
     PyArrayObject *array = (PyArrayObject *)object;
     if (Py_TYPE(object) != &PyArray_Type || PyArray_NDIM(array) != 1 || PyArray_DIM(array, 0) != n ||
-        PyArray_TYPE(array) != NPY_DOUBLE || !PyArray_ISCARRAY_RO(array))
+        PyArray_DESCR(array) != real || !PyArray_CHKFLAGS(array, NPY_ARRAY_CARRAY_RO))
         return NULL;
     return (const double *)PyArray_DATA(array);
+}
+
+/* The values of slot i; 0 where they are missing or no plain array. `values` may hold what counts where none are given. */
+static inline int taken(const Function *f, PyObject *object, int i, const double **values)
+{
+    if (object)
+        return (*values = plain(object, f->lengths[i])) != NULL;
+    return *values || !f->lengths[i] || (i != X && !f->needs[i]);
+}
+
+/* Do n values lie outside of the result? */
+static inline int outside(const Function *f, const double *values, int i, const double *out)
+{
+    return !values || out >= values + f->lengths[i] || values >= out + f->size;
 }
 
 /* Which slot a keyword names; SLOTS where none. */
@@ -113,29 +134,40 @@ static inline Py_ssize_t named(PyObject *keyword)
     return slot;
 }
 
-/* Sort positional and keyword arguments into slots; 0 with an exception set where that fails. */
-static int gather(const Function *f, PyObject *const *args, Py_ssize_t positional, PyObject *keywords, PyObject **slots)
+/* Put keyword arguments into the slots left by the positional ones; 0 with an exception set where that fails. */
+RARE int sorted(const Function *f, PyObject *const *values, Py_ssize_t positional, PyObject *keywords, PyObject **slots)
 {
-    Py_ssize_t i, k, slot;
+    Py_ssize_t k;
     if (positional > SLOTS) {
         PyErr_Format(PyExc_TypeError, "%s() takes t, x, u, p, out, but %zd arguments were given", f->name, positional);
         return 0;
     }
-    for (i = 0; i < positional; i++)
-        slots[i] = args[i];
     for (k = 0; keywords && k < PyTuple_GET_SIZE(keywords); k++) {
         PyObject *name = PyTuple_GET_ITEM(keywords, k);
-        slot = named(name);
-        if (slot == SLOTS || slots[slot]) {
+        const Py_ssize_t slot = named(name);
+        if (slot == SLOTS || slot < positional || slots[slot]) {
             PyErr_Format(PyExc_TypeError, slot == SLOTS ? "%s() has no argument %R" : "%s() got argument %R twice", f->name, name);
             return 0;
         }
-        slots[slot] = args[positional + k];
+        if (values[k] != Py_None)
+            slots[slot] = values[k];
     }
-    for (slot = 0; slot < SLOTS; slot++)
-        if (slots[slot] == Py_None)
-            slots[slot] = NULL;
     return 1;
+}
+
+/* Sort all arguments into slots, None as if it had been left out; most calls have out as their only keyword or none. */
+static inline int gather(const Function *f, PyObject *const *args, Py_ssize_t positional, PyObject *keywords, PyObject **slots)
+{
+    Py_ssize_t i;
+    for (i = 0; i < positional && i < SLOTS; i++)
+        if (args[i] != Py_None)
+            slots[i] = args[i];
+    if (positional <= OUT && (!keywords || (PyTuple_GET_SIZE(keywords) == 1 && PyTuple_GET_ITEM(keywords, 0) == interned[OUT]))) {
+        if (keywords && args[positional] != Py_None)
+            slots[OUT] = args[positional];
+        return 1;
+    }
+    return sorted(f, args + positional, positional, keywords, slots);
 }
 
 static const char *cause(const Function *f, int status)
@@ -145,7 +177,7 @@ static const char *cause(const Function *f, int status)
 }
 
 /* Raise FloatingPointError naming function, time and cause. */
-static PyObject *fail(const Function *f, double t, int status)
+RARE PyObject *fail(const Function *f, double t, int status)
 {
     PyObject *time = PyFloat_FromDouble(t);
     if (time)
@@ -154,13 +186,13 @@ static PyObject *fail(const Function *f, double t, int status)
     return NULL;
 }
 
-static PyObject *general(const Function *f, PyObject **slots);
+RARE PyObject *general(const Function *f, PyObject **slots);
 
 /* Is it a plain array of doubles, of the shape of the result? */
 static inline int fits(const Function *f, PyObject *object)
 {
     PyArrayObject *array = (PyArrayObject *)object;
-    return PyArray_NDIM(array) == f->ndim && PyArray_TYPE(array) == NPY_DOUBLE && PyArray_ISCARRAY(array) &&
+    return PyArray_NDIM(array) == f->ndim && PyArray_DESCR(array) == real && PyArray_CHKFLAGS(array, NPY_ARRAY_CARRAY) &&
         PyArray_DIM(array, 0) == f->shape[0] && (f->ndim == 1 || PyArray_DIM(array, 1) == f->shape[1]);
 }
 
@@ -188,27 +220,25 @@ static inline PyObject *fresh(Function *f)
 static inline PyObject *call(Function *f, PyObject *const *args, Py_ssize_t positional, PyObject *keywords)
 {
     PyObject *slots[SLOTS] = {NULL}, *result;
-    const double *values[4] = {NULL};
-    double t = 0.0, *out;
-    int i, status;
+    const double *x = NULL, *u = NULL, *p = snake3_defaults;
+    double t, *out;
+    int status;
     if (!gather(f, args, positional, keywords, slots))
         return NULL;
-    if (!slots[T] || !(PyFloat_Check(slots[T]) || PyLong_CheckExact(slots[T])))
+    if (slots[T] && PyFloat_CheckExact(slots[T]))
+        t = PyFloat_AS_DOUBLE(slots[T]);
+    else if (!slots[T] || !(PyFloat_Check(slots[T]) || PyLong_CheckExact(slots[T])))
         return general(f, slots);
-    t = PyFloat_CheckExact(slots[T]) ? PyFloat_AS_DOUBLE(slots[T]) : PyFloat_AsDouble(slots[T]);
-    if (t == -1.0 && PyErr_Occurred())
+    else if ((t = PyFloat_AsDouble(slots[T])) == -1.0 && PyErr_Occurred())
         return NULL;
-    values[P] = snake3_defaults;
-    for (i = X; i <= P; i++)
-        if (slots[i] ? !(values[i] = plain(slots[i], f->lengths[i])) : (f->lengths[i] && !values[i] && (i == X || f->needs[i])))
-            return general(f, slots);
+    if (!taken(f, slots[X], X, &x) || !taken(f, slots[U], U, &u) || !taken(f, slots[P], P, &p))
+        return general(f, slots);
     if ((result = slots[OUT])) {
-        if (!PyArray_Check(result) || !fits(f, result) && !*PyObject_GET_WEAKREFS_LISTPTR(result))
+        if (!PyArray_Check(result) || !fits(f, result))
             return general(f, slots);
         out = (double *)PyArray_DATA((PyArrayObject *)result);
-        for (i = X; i <= P; i++) /* an output that overlaps an argument is left to NumPy */
-            if (values[i] && out < values[i] + f->lengths[i] && values[i] < out + f->size)
-                return general(f, slots);
+        if (!(outside(f, x, X, out) && outside(f, u, U, out) && outside(f, p, P, out))) /* that is left to NumPy */
+            return general(f, slots);
         Py_INCREF(result);
     } else {
         if (!(result = fresh(f)))
@@ -216,9 +246,9 @@ static inline PyObject *call(Function *f, PyObject *const *args, Py_ssize_t posi
         out = (double *)PyArray_DATA((PyArrayObject *)result);
     }
     if (f->quick && !slots[P])
-        status = f->quick(t, values[X], values[U], f->constants, out);
+        status = f->quick(t, x, u, f->constants, out);
     else
-    status = f->evaluate(t, values[X], values[U], values[P], out);
+    status = f->evaluate(t, x, u, p, out);
     if (status != SNAKE3_OK) {
         Py_DECREF(result);
         return fail(f, t, status);
@@ -362,8 +392,36 @@ static int report(const Function *f, PyObject **slots, PyArrayObject *status)
         f->name, (Py_ssize_t)failed, (Py_ssize_t)PyArray_SIZE(status), (Py_ssize_t)first, cause(f, what)) == 0;
 }
 
+/* Where an argument's last axis is not as long as it must be, say which in place of NumPy's message, which counts operands. */
+static void name_wrong_shape(const Function *f, PyObject **slots)
+{
+    PyObject *type, *value, *trace, *array = NULL, *shape = NULL;
+    npy_intp n;
+    Py_ssize_t i;
+    PyErr_Fetch(&type, &value, &trace);
+    for (i = X; i <= P && !shape; i++) {
+        if (!slots[i] || !f->lengths[i] || !(array = PyArray_FROM_O(slots[i])))
+            continue;
+        n = PyArray_NDIM((PyArrayObject *)array);
+        if (!n || PyArray_DIM((PyArrayObject *)array, n - 1) != f->lengths[i])
+            shape = PyObject_GetAttrString(array, "shape");
+        if (shape)
+            PyErr_Format(PyExc_ValueError, "%s() needs %zd values along the last axis of '%s', got shape %S", f->name,
+                (Py_ssize_t)f->lengths[i], slot_names[i], shape);
+        Py_DECREF(array);
+    }
+    if (!shape) {
+        PyErr_Restore(type, value, trace);
+        return;
+    }
+    Py_DECREF(shape);
+    Py_XDECREF(type);
+    Py_XDECREF(value);
+    Py_XDECREF(trace);
+}
+
 /* Any arguments NumPy can turn into doubles and broadcast. */
-static PyObject *general(const Function *f, PyObject **slots)
+RARE PyObject *general(const Function *f, PyObject **slots)
 {
     PyObject *tuple = operands(f, slots), *keywords = NULL, *pair = NULL, *result = NULL;
     PyArrayObject *status = NULL;
@@ -375,8 +433,11 @@ static PyObject *general(const Function *f, PyObject **slots)
     }
     if (slots[OUT] && !(keywords = Py_BuildValue("{s:(OO)}", "out", slots[OUT], Py_None)))
         goto done;
-    if (!(pair = PyObject_Call(f->batch, tuple, keywords)))
+    if (!(pair = PyObject_Call(f->batch, tuple, keywords))) {
+        if (PyErr_ExceptionMatches(PyExc_ValueError))
+            name_wrong_shape(f, slots);
         goto done;
+    }
     status = (PyArrayObject *)PyArray_FROM_OTF(PyTuple_GET_ITEM(pair, 1), NPY_BYTE, NPY_ARRAY_IN_ARRAY);
     if (status && report(f, slots, status)) {
         result = PyTuple_GET_ITEM(pair, 0);
@@ -392,17 +453,17 @@ done:
 
 /* ---- motions */
 
-/* advance(simulation, times, u, p, rtol, atol, budget, x, work): arrays of doubles without gaps, as _simulate.py makes them. */
+/* advance(simulation, times, u, p, rtol, atol, budget, x, work, reduced): arrays of doubles without gaps, as _simulate.py makes them. */
 static PyObject *call_advance(PyObject *self, PyObject *args)
 {
-    enum { SIMULATION, TIMES, INPUTS, PARAMETERS, STATES, WORK, ARRAYS };
+    enum { SIMULATION, TIMES, INPUTS, PARAMETERS, STATES, WORK, REDUCED, ARRAYS };
     PyArrayObject *a[ARRAYS];
     double *d[ARRAYS], rtol, atol;
     long budget;
     int status, i;
     (void)self;
-    if (!PyArg_ParseTuple(args, "O!O!O!O!ddlO!O!", &PyArray_Type, &a[SIMULATION], &PyArray_Type, &a[TIMES], &PyArray_Type, &a[INPUTS],
-            &PyArray_Type, &a[PARAMETERS], &rtol, &atol, &budget, &PyArray_Type, &a[STATES], &PyArray_Type, &a[WORK]))
+    if (!PyArg_ParseTuple(args, "O!O!O!O!ddlO!O!O!", &PyArray_Type, &a[SIMULATION], &PyArray_Type, &a[TIMES], &PyArray_Type, &a[INPUTS],
+            &PyArray_Type, &a[PARAMETERS], &rtol, &atol, &budget, &PyArray_Type, &a[STATES], &PyArray_Type, &a[WORK], &PyArray_Type, &a[REDUCED]))
         return NULL;
     for (i = 0; i < ARRAYS; i++) {
         if (PyArray_TYPE(a[i]) != NPY_DOUBLE || !PyArray_ISCARRAY_RO(a[i])) {
@@ -412,12 +473,12 @@ static PyObject *call_advance(PyObject *self, PyObject *args)
         d[i] = (double *)PyArray_DATA(a[i]);
     }
     if (PyArray_SIZE(a[SIMULATION]) != SNAKE3_SIM_SIZE || PyArray_SIZE(a[INPUTS]) != SNAKE3_NU || PyArray_SIZE(a[PARAMETERS]) != SNAKE3_NP ||
-        PyArray_SIZE(a[STATES]) != PyArray_SIZE(a[TIMES]) * SNAKE3_NX || PyArray_SIZE(a[WORK]) != PyArray_SIZE(a[TIMES])) {
+        PyArray_SIZE(a[STATES]) != PyArray_SIZE(a[TIMES]) * SNAKE3_NX || PyArray_SIZE(a[WORK]) != PyArray_SIZE(a[TIMES]) || PyArray_SIZE(a[REDUCED]) != PyArray_SIZE(a[STATES])) {
         PyErr_SetString(PyExc_ValueError, "advance() got arrays of the wrong size");
         return NULL;
     }
     Py_BEGIN_ALLOW_THREADS
-    status = snake3_simulate(d[SIMULATION], (size_t)PyArray_SIZE(a[TIMES]), d[TIMES], d[INPUTS], d[PARAMETERS], rtol, atol, budget, d[STATES], d[WORK]);
+    status = snake3_simulate(d[SIMULATION], (size_t)PyArray_SIZE(a[TIMES]), d[TIMES], d[INPUTS], d[PARAMETERS], rtol, atol, budget, d[STATES], d[WORK], d[REDUCED]);
     Py_END_ALLOW_THREADS
     return PyLong_FromLong(status);
 }
@@ -543,6 +604,8 @@ static int prepare(PyObject *module)
     }
     import_array1(-1);
     import_umath1(-1);
+    if (!real && !(real = PyArray_DescrFromType(NPY_DOUBLE)))
+        return -1;
     for (k = 0; k < SLOTS; k++)
         if (!interned[k] && !(interned[k] = PyUnicode_InternFromString(slot_names[k])))
             return -1;

@@ -32,13 +32,52 @@ static int slope(Run *r, double t, double *y, double *k)
     return status == SNAKE3_OK ? snake3_power(t, y, r->u, r->p, k + NX) : status;
 }
 
+/* What goes round, and a turn in two parts. */
+static const int turning[] = {2, 3, 4};
+static const double turn = 6.283185307179586, rest_of_turn = 2.4492935982947064e-16;
+enum { TURNING = sizeof turning / sizeof turning[0] };
+
+/* Takes whole turns out of y where an angle is beyond one. */
+static void unwound(Run *r)
+{
+    double *const s = r->s, *const y = s + SNAKE3_SIM_X;
+    int j;
+    for (j = 0; j < TURNING; j++) {
+        const int i = turning[j];
+        const double whole = y[i], left = remainder(whole, turn), turns = rint((whole - left) / turn);
+        if (!(fabs(whole) > turn))
+            continue;
+        y[i] = left - turns * rest_of_turn;
+        s[SNAKE3_SIM_TURNS + i] += turns;
+    }
+}
+
+/* Puts the whole turns into a row; `reduced` gets it as it was. */
+static void wound(const double *s, double *row, double *reduced)
+{
+    const double *const turns = s + SNAKE3_SIM_TURNS;
+    int i, j;
+    for (i = 0; reduced && i < NX; i++)
+        reduced[i] = row[i];
+    for (j = 0; j < TURNING; j++)
+        if (turns[i = turning[j]] != 0.0)
+            row[i] = (row[i] + turns[i] * rest_of_turn) + turns[i] * turn;
+}
+
+/* What the relative tolerance of entry i is relative to: of an angle that went round, a turn at least. */
+static double magnitude(const Run *r, int i, double y, double z)
+{
+    const double size = fmax(fabs(y), fabs(z));
+    return i < 5 && r->s[SNAKE3_SIM_TURNS + i] != 0.0 ? fmax(turn, size) : size;
+}
+
 /* Root mean square of the values relative to the tolerance at y and z. */
 static double norm(const Run *r, const double *values, const double *y, const double *z)
 {
     double sum = 0.0;
     int i;
     for (i = 0; i < MOVING; i++) {
-        const double scaled = values[i] / (r->atol + r->rtol * fmax(fabs(y[i]), fabs(z[i])));
+        const double scaled = values[i] / (r->atol + r->rtol * magnitude(r, i, y[i], z[i]));
         sum += scaled * scaled;
     }
     return sqrt(sum / N);
@@ -132,10 +171,10 @@ static int step_dop853(Run *r, double t, double h, const double *y, const double
 /* What can be chosen by number in the simulation's array, in the order of the header. */
 static const struct {
     int (*step)(Run *r, double t, double h, const double *y, const double *own, double *z, double *next, double *error);
-    double order, grow, damp;
+    double order, grow, damp, safety;
     int adaptive;
 } methods[] = {
-    {step_dop853, 8.0, 1.0 / 8.0, 0.0, 1},
+    {step_dop853, 8.0, 11.0 / 100.0, 1.0 / 50.0, 4.0 / 5.0, 1},
 };
 enum { METHODS = sizeof methods / sizeof methods[0] };
 
@@ -184,14 +223,14 @@ static double next_size(const double *s, double left)
 }
 
 /* How much shorter the next step has to be, from the error of this one (Gustafsson's proportional-integral control). */
-static double shrinkage(double *s, double error, double grow, double damp)
+static double shrinkage(double *s, double error, int method)
 {
-    const double factor = pow(error, grow) / pow(fabs(s[SNAKE3_SIM_ERROR]), damp) / 0.9;
+    const double factor = pow(error, methods[method].grow) / pow(fabs(s[SNAKE3_SIM_ERROR]), methods[method].damp) / methods[method].safety;
     return fmax(s[SNAKE3_SIM_ERROR] < 0.0 ? 1.0 : 0.1, fmin(5.0, factor));
 }
 
 int snake3_simulate(double *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
-    double atol, long budget, double *x_out, double *work_out)
+    double atol, long budget, double *x_out, double *work_out, double *reduced_out)
 {
     double *const s = simulation, *const y = s + SNAKE3_SIM_X, *const own = s + SNAKE3_SIM_SLOPE;
     double c[SNAKE3_NC_DYNAMICS];
@@ -205,6 +244,7 @@ int snake3_simulate(double *simulation, size_t n, const double *times, const dou
         return SNAKE3_NO_METHOD;
     if ((status = snake3_dynamics_precompute(p, c)) != SNAKE3_OK)
         return status;
+    unwound(&run);
     for (done = (size_t)s[SNAKE3_SIM_DONE]; done < n; done++) {
         while (s[SNAKE3_SIM_T] < times[done]) {
             const double t = s[SNAKE3_SIM_T], left = times[done] - t;
@@ -226,7 +266,7 @@ int snake3_simulate(double *simulation, size_t n, const double *times, const dou
             if (fixed && status != SNAKE3_OK)
                 return status;
             if (status != SNAKE3_OK || !(error <= 1.0)) { /* too long, or a place without a value on the way */
-                ratio = status == SNAKE3_OK ? pow(error, methods[method].grow) / 0.9 : 4.0;
+                ratio = status == SNAKE3_OK ? pow(error, methods[method].grow) / methods[method].safety : 4.0;
                 failed = status;
                 s[SNAKE3_SIM_STEP] = h / (ratio < 5.0 ? ratio : 5.0);
                 s[SNAKE3_SIM_REJECTED] += 1.0;
@@ -234,7 +274,7 @@ int snake3_simulate(double *simulation, size_t n, const double *times, const dou
                 continue;
             }
             if (!fixed) {
-                ratio = shrinkage(s, error, methods[method].grow, methods[method].damp);
+                ratio = shrinkage(s, error, method);
                 if (!last || h / ratio > s[SNAKE3_SIM_STEP])
                     s[SNAKE3_SIM_STEP] = h / ratio;
                 s[SNAKE3_SIM_ERROR] = fmax(error, 1e-4);
@@ -246,10 +286,12 @@ int snake3_simulate(double *simulation, size_t n, const double *times, const dou
                 y[i] = z[i];
                 own[i] = next[i];
             }
+            unwound(&run);
             watch(&run);
         }
         for (i = 0; i < NX; i++)
             x_out[done * NX + (size_t)i] = y[i];
+        wound(s, x_out + done * NX, reduced_out ? reduced_out + done * NX : NULL);
         work_out[done] = y[NX];
         s[SNAKE3_SIM_DONE] = (double)(done + 1);
     }

@@ -48,13 +48,17 @@ enum {
     SNAKE3_SIM_ERROR = 13, /* error of the last step, for the step control */
     SNAKE3_SIM_X = 14, /* the state, then the work done by forces without potential since the start */
     SNAKE3_SIM_SLOPE = SNAKE3_SIM_X + SNAKE3_NX + 1,
-    SNAKE3_SIM_SIZE = SNAKE3_SIM_SLOPE + SNAKE3_NX + 1
+    SNAKE3_SIM_TURNS = SNAKE3_SIM_SLOPE + SNAKE3_NX + 1, /* whole turns that were taken out of each coordinate */
+    SNAKE3_SIM_SIZE = SNAKE3_SIM_TURNS + 5
 };
 
 /* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each. Returns a status; the array always holds the last good step. */
+   entry of work_out for each. Returns a status; the array always holds the last good step.
+   th, phi1, phi2 go round: nothing that is computed on the way sees their whole turns, so that beyond a turn these are taken
+   out, counted and put back in x_out. Angles of many turns have few digits left for the constraints: reduced_out, where it is not
+   NULL, gets the rows as they were integrated, without the whole turns. */
 int snake3_simulate(double *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
-    double atol, long budget, double *x_out, double *work_out);
+    double atol, long budget, double *x_out, double *work_out, double *reduced_out);
 
 #ifdef __cplusplus
 }

@@ -2,7 +2,7 @@
 
     python benchmarks/report_page.py
 
-From build/report/report.json come the two plots and the table of extreme cases, from build/whole.json the table of whole
+From build/report/report.json come the three plots and the table of extreme cases, from build/whole.json the table of whole
 simulations. What was not run keeps what is there.
 """
 
@@ -15,7 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hamel.report.plots import error_charts
+from hamel.records import StressRow
+from hamel.report.plots import error_charts, stress_chart
 
 REPORT, WHOLE, DOCS = Path("build/report/report.json"), Path("build/whole.json"), Path("docs")
 END = "<!-- so far -->"
@@ -121,11 +122,15 @@ def found() -> Iterator[tuple[str, str]]:
 
 
 def plots() -> Iterator[tuple[str, str]]:
-    rows = json.loads(REPORT.read_text("utf-8"))["rows"] if REPORT.exists() else []
+    if not REPORT.exists():
+        return
+    found = json.loads(REPORT.read_text("utf-8"))
     for model, (name, which) in PLOTS.items():
-        own = [row for row in rows if row["model"] == model]
+        own = [row for row in found["rows"] if row["model"] == model]
         if own:
             yield name, error_charts(model, own)[which]
+    if found["stress"]:
+        yield "report-stress.svg", stress_chart([StressRow(**row) for row in found["stress"]])
 
 
 def main() -> int:

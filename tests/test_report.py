@@ -180,7 +180,8 @@ def test_extreme_cases_are_on_the_page(place: Path) -> None:
     path = Path(__file__).parent.parent / "models" / "stress" / "mass_ratio.yaml"
     made = hamel.report([], stress=[path], out=place / "stress")
     assert made.passed and not made.rows and {row.outcome for row in made.stress} == {"survived"}
-    assert all(row.case in made.html.read_text("utf-8") for row in made.stress)
+    page = made.html.read_text("utf-8")
+    assert all(row.case in page for row in made.stress) and "extreme cases: error and tolerance" in page
 
 
 def test_causes_lose_their_numbers() -> None:

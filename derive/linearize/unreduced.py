@@ -8,7 +8,7 @@ form.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -17,14 +17,36 @@ from derive.diagnostics import AssumptionError
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Linear, Steady
 from derive.mechanics.records import System
+from derive.mechanics.scales import scales
 
 CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion
 
 
 @dataclass(frozen=True)
+class Sizes:
+    """What one of the model's own units is in SI, of q, v, s and w, of a second, and of power: nothing is judged by the metre."""
+
+    q: np.ndarray
+    v: np.ndarray
+    s: np.ndarray
+    w: np.ndarray
+    time: float
+    power: float
+
+    @property
+    def state(self) -> np.ndarray:
+        return np.append(self.q, self.s)
+
+    @property
+    def x(self) -> np.ndarray:
+        return np.append(self.q, self.w)
+
+
+@dataclass(frozen=True)
 class Unreduced:
     """`difference`: how far A on the constraints' tangent space is from the minimal form, relative to its largest entry;
-    `spurious`: dimension of the rest; `nilpotent`: norm of that block's square, relative to the square of that entry.
+    `spurious`: dimension of the rest; `nilpotent`: norm of that block's square, relative to the square of that entry. Both with A
+    in the model's own units.
     """
 
     states: tuple[str, ...]
@@ -36,22 +58,42 @@ class Unreduced:
 
 def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduced:
     """At the first motion; `cyclic` are indices into q that are left out. Raises AssumptionError where neither the base
-    velocities nor the rates q̇ are constant along the motion."""
+    velocities nor the rates q̇ are constant along the motion, or where the mass matrix of a long chain is not written out."""
     system = form.equations.system
+    if not system.written:
+        raise AssumptionError("the mass matrix of so long a chain is not written out")
     x, u, p = motions.x[0], motions.u[0], motions.p[0]
     for L, names in _velocities(system):
-        velocity = _tangent(form, L)
-        if np.max(np.abs(_rates(form, L, x, u, p)), initial=0.0) > CONSTANT * (1 + float(np.max(np.abs(x), initial=0.0))):
+        sizes = _sizes(form, names)
+        rates = _rates(form, L, x, u, p) / sizes.s * sizes.time
+        if np.max(np.abs(rates), initial=0.0) > CONSTANT * (1 + float(np.max(np.abs(x / sizes.x), initial=0.0))):
             continue
-        A, T = _matrix(form, L, x, u, p), velocity(x, u, p)
-        ignorable = _ignorable(A, {j: T[:, k] for k, j in enumerate(form.independent) if j in cyclic})
+        own = sizes.x[list(form.independent)]
+        A, T = _matrix(form, L, sizes, x, u, p), _tangent(form, L)(x, u, p)
+        even, tangent = sizes.time * _by(A, sizes.state, sizes.state), _by(T, sizes.state, own)
+        ignorable = _ignorable(even, {j: tangent[:, k] for k, j in enumerate(form.independent) if j in cyclic})
         rows = [i for i in range(len(A)) if i not in ignorable]
         columns = [k for k, j in enumerate(form.independent) if j not in ignorable]
         minimal = ca.Function("A", [a.symbols for a in form.equations.arguments], [ca.densify(form.A)])(0.0, x, u, p).full()
+        minimal = sizes.time * _by(minimal, own, own)
         coordinates = tuple(c.name for c in system.model.coordinates)
         states = tuple((*coordinates, *names)[i] for i in rows)
-        return _compared(states, A[np.ix_(rows, rows)], T[np.ix_(rows, columns)], minimal[np.ix_(columns, columns)])
+        compared = _compared(states, even[np.ix_(rows, rows)], tangent[np.ix_(rows, columns)], minimal[np.ix_(columns, columns)])
+        return replace(compared, A=A[np.ix_(rows, rows)])
     raise AssumptionError("neither the base velocities nor the rates of the coordinates are constant along this motion")
+
+
+def _sizes(form: Linear, names: tuple[str, ...]) -> Sizes:
+    system = form.equations.system
+    model, own, nq = system.model, scales(system.model), system.q.numel()
+    q, v = (own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities))
+    s = v if names == tuple(item.name for item in model.velocities) else q / own.time
+    return Sizes(q, v, s, own.all_of(form.equations.arguments[1].units[nq:]), own.time, own.power)
+
+
+def _by(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """A matrix that takes `columns` to `rows`, in these units."""
+    return matrix * columns / rows[:, None]
 
 
 def _ignorable(A: np.ndarray, cyclic: dict[int, np.ndarray]) -> set[int]:
@@ -99,7 +141,7 @@ def _tangent(form: Linear, L: ca.SX):
     return lambda x, u, p: function(0.0, x, u, p).full()
 
 
-def _matrix(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+def _matrix(form: Linear, L: ca.SX, sizes: Sizes, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
     """∂(q̇, ṡ)/∂(q, s) of the multiplier equations, by the implicit function theorem at the motion's own v̇ and λ."""
     system = form.equations.system
     nq, nv, nc = system.q.numel(), system.v.numel(), len(system.rows)
@@ -117,12 +159,22 @@ def _matrix(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray)
     velocity = ca.Function("v", [a.symbols for a in form.equations.arguments], [_at(form, system.v)])(0.0, x, u, p).full().ravel()
     at = (0.0, x[:nq], velocity)
     residual0, K, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))
-    solution = -np.linalg.lstsq(K, residual0.ravel(), rcond=None)[0]
+    solution = -_solved(K, residual0, sizes).ravel()
     _, K, slope, direct, Ln, rates, turn = (m.full() for m in function(*at, solution, u, p))
-    accelerations = -np.linalg.lstsq(K, slope, rcond=None)[0][:nv]
+    accelerations = -_solved(K, slope, sizes)[:nv]
     G = np.vstack([rates, direct + Ln @ accelerations])  # over (δq, δv)
     into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-np.linalg.solve(Ln, turn), np.linalg.inv(Ln)]])
     return G @ into
+
+
+def _solved(K: np.ndarray, right: np.ndarray, sizes: Sizes) -> np.ndarray:
+    """K⁻¹ right, the least one where rows of A repeat each other; K = [M −Aᵀ; A 0] in the model's own units with even rows."""
+    nv = len(sizes.v)
+    rows = np.max(np.abs(K[nv:, :nv]) * sizes.v, axis=1, initial=0.0)
+    rows[rows == 0.0] = 1.0
+    given = np.append(sizes.power / sizes.v, rows / sizes.time)
+    sought = np.append(sizes.v / sizes.time, sizes.power / rows)
+    return sought[:, None] * np.linalg.lstsq(_by(K, given, sought), right / given[:, None], rcond=None)[0]
 
 
 def _compared(states: tuple[str, ...], A: np.ndarray, T: np.ndarray, minimal: np.ndarray) -> Unreduced:
@@ -136,10 +188,14 @@ def _compared(states: tuple[str, ...], A: np.ndarray, T: np.ndarray, minimal: np
 
 def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int, int]:
     """(m_h, m_n): independent position rows at q, and how many more independent velocity rows there are."""
+    own, model = scales(system.model), system.model
+    sizes = (own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities))
     values = (ca.jacobian(position_rows(system), system.q), system.A)
     ranks = []
-    for value in values:
-        matrix = ca.Function("rows", [system.t, system.q, system.p], [ca.densify(value)])(0.0, q, p).full()
-        ranks.append(int(np.linalg.matrix_rank(matrix, tol=1e-9)) if matrix.size else 0)
+    for value, columns in zip(values, sizes):
+        matrix = ca.Function("rows", [system.t, system.q, system.p], [ca.densify(value)])(0.0, q, p).full() * columns
+        largest = np.max(np.abs(matrix), axis=1, initial=0.0)
+        even = matrix / np.where(largest > 0.0, largest, 1.0)[:, None]
+        ranks.append(int(np.linalg.matrix_rank(even, tol=1e-9)) if matrix.size else 0)
     holonomic = ranks[0] - len(system.quaternions)
     return holonomic, ranks[1] - holonomic

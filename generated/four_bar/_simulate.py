@@ -239,7 +239,7 @@ def _agrees(r, t, cut, end, y, own, z, k):
     except _Failed:
         return False
     differ, speed = np.abs((last - k)[:3]).max(), np.abs(own[:3]).max()
-    return r.norm(again - z, y, z) <= 1 and differ <= 10 * r.rtol * speed
+    return r.norm(again - z, y, z) <= 1 and differ <= min(10 * r.rtol, 1e-7) * speed
 
 
 def _passed(r, t, h, end, y, own, z, k):

@@ -258,8 +258,8 @@ static void watch(Run *r)
 
 /* Whether the motion from y to z may be believed. A step over a singular position is made again in two other steps, cut in up to
    three places, for one of these could come too close: on the right branch, where the motion is smooth, two ways agree within the
-   tolerance and velocities do not jump. Rates of coordinates have to agree, too, to ten times that: small errors of quasi-velocities
-   are large ones of these where the choice is singular. */
+   tolerance and velocities do not jump. Rates of coordinates have to agree, too, to ten times that and to 1e-7: small errors
+   of quasi-velocities are large ones of these where the choice is singular, and passages add up. */
 static int passed(Run *r, int method, double t, double h, double end, const double *y, const double *own, const double *z, const double *next, double *seen)
 {
     static const double cuts[] = {0.37, 0.61, 0.23};
@@ -281,7 +281,7 @@ static int passed(Run *r, int method, double t, double h, double end, const doub
         differ = 0.0;
         for (i = 0; i < 3; i++)
             differ = fmax(differ, fabs(last[i] - next[i]));
-        if (norm(r, again, y, z) <= 1.0 && differ <= 10.0 * r->rtol * speed) {
+        if (norm(r, again, y, z) <= 1.0 && differ <= fmin(10.0 * r->rtol, 1e-7) * speed) {
             r->s[FOUR_BAR_SIM_PASSED] += 1.0;
             return FOUR_BAR_OK;
         }

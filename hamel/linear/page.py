@@ -120,7 +120,7 @@ def _check(study: Study, spurious: int) -> str:
     try:
         found = unreduced(study.linear, study.motions({}), cyclic)
     except AssumptionError as error:
-        return f"The unreduced form is not constant along this motion ({escape(str(error).removeprefix('error: '))})."
+        return f"There is no unreduced form to compare with ({escape(str(error).removeprefix('error: '))})."
     return (
         f"The multiplier equations in all {len(found.states)} coordinates and velocities, differentiated on their own, agree on "
         f"the constraints to {found.difference:.1e} of the largest entry, and have 2 m<sub>h</sub> + m<sub>n</sub> = {spurious} "

@@ -14,7 +14,7 @@ from hamel.records import StressRow
 from hamel.report.front import LEVELS, MULTIPLIERS, Row, accuracy, cheapest, families, front, good, is_library, method
 from hamel.report.judging import COLUMNS
 from hamel.report.plan import Excluded
-from hamel.report.plots import FIRST, error_charts, time_charts
+from hamel.report.plots import FIRST, error_charts, stress_chart, time_charts
 from hamel.report.study import Study
 from hamel.report.words import advice
 
@@ -34,7 +34,8 @@ def page(studies: Sequence[Study], stress: Sequence[StressRow], version: str) ->
     sections = [_section(study, Markup) for study in studies]
     title = ", ".join([*(study.model for study in studies), *(["extreme cases"] if stress else [])])
     tables = {"comparison": _comparison(studies), "stress": _stress(stress), "outcomes": outcomes(stress)}
-    return template.render(title=title, version=version, sections=sections, heading=_heading, **tables)
+    drawn = Markup(stress_chart(stress))
+    return template.render(title=title, version=version, sections=sections, heading=_heading, stress_chart=drawn, **tables)
 
 
 def _section(study: Study, markup: Any) -> dict[str, Any]:

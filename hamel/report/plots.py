@@ -7,6 +7,7 @@ from typing import Any
 
 from codegen.integrators import INTEGRATORS
 from hamel.plot import Series, chart
+from hamel.records import StressRow
 from hamel.report.front import Row, cheapest, families, front, good, is_library, is_traditional
 from hamel.report.judging import LEAST
 from hamel.report.plan import DEFAULT
@@ -55,6 +56,19 @@ def _error_chart(title: str, rows: Sequence[Row], lines: Sequence[Series]) -> st
     dots = Series("", [(row["ms"], row["error"]) for row in good(rows)], "dots")
     best = Series("front of all runs", [(row["ms"], row["error"]) for row in front(rows)], "front")
     return chart(title, "run time (ms) →", "error at the end", [dots, best, *lines])
+
+
+def stress_chart(rows: Sequence[StressRow]) -> str:
+    """The extreme cases that have an error, from the largest on, each below the tolerance that its file states."""
+    judged = sorted((row for row in rows if row.error is not None), key=lambda row: -(row.error or 0.0))
+    if not judged:
+        return ""
+    errors = [(float(k), max(row.error or 0.0, LEAST * 1e-3)) for k, row in enumerate(judged, 1)]
+    bounds = [(float(k), row.tolerance) for k, row in enumerate(judged, 1) if row.tolerance]
+    lines = [Series("error at the end", errors), Series("tolerance of the case", bounds)]
+    return chart(
+        "extreme cases: error and tolerance", "cases, the largest error first →", "error at the end", lines, (False, True)
+    )
 
 
 def time_charts(model: str, tracks: Sequence[Mapping[str, Any]], exchanged: float) -> list[str]:

@@ -37,6 +37,8 @@ def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float,
 
     o = s.outcome
     span = step(e, s, vdot)
+    if span == 0.0:  # v̇ is infinite
+        return np.inf
     gain, doubt = slope(energy, span)
     doubt = doubt + ROUNDING * (abs(t.T) + abs(t.V)) / span
     flows = np.abs(o.force) @ np.abs(s.v) + np.abs(o.constraint_force) @ np.abs(s.v) + np.abs(s.v) @ np.abs(t.M @ vdot)

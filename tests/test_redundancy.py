@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.formulations.equations import misfits
 from derive.formulations.records import Equations
@@ -134,6 +134,22 @@ def test_rows_that_contradict_each_other_are_no_repetition(tmp_path) -> None:
     file.write_text(TEXTS["lines"].replace("2*x", "2*x - 1 mm"))
     with pytest.raises(ModelError, match="no configuration"):
         check.run(file)
+
+
+DRIVES = """
+model: drives
+coordinates: {x: m, y: m}
+kinetic: 1 kg*(der(x)^2 + der(y)^2)/2
+constraints:
+  steady: {nonholonomic: "der(x) - 1 m/s"}
+  swinging: {nonholonomic: "der(x) - 1 m/s*cos(t/(1 s))"}
+"""
+
+
+def test_rates_that_contradict_each_other_are_refused_by_name() -> None:
+    """At t = 0 they agree, later they do not."""
+    with pytest.raises(AssumptionError, match="steady and swinging cannot be met together"):
+        equations(system(load_text(DRIVES)))
 
 
 SKATES = """

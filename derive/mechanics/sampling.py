@@ -14,6 +14,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from derive.diagnostics import AssumptionError
 from derive.mechanics.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, nominal, normalised
 from derive.mechanics.records import System
 from derive.mechanics.scales import scaled, scales
@@ -25,6 +26,7 @@ GAP = 1e-12  # eigenvalues of A Aᵀ below this part of the largest belong to ro
 NEAR = 0.1  # a smallest singular value below this part of its usual size is near a singular position
 PROBES = 6  # configurations looked at to learn the rank
 STARTS = 40  # random starts where the nominal one cannot be closed
+CONTRADICTION = 1e-6  # what A v = c may be off by, in rows of length one, relative to 1 + |v|
 SPARE = 4  # walkers more than states asked for, and a fifth of these
 
 
@@ -313,7 +315,22 @@ def _velocities(
     for _ in range(2):
         v = v - view.solved((A @ v[:, :, None])[:, :, 0] - c, rank)
     strength = view.strength(rank)
-    return v, strength > NEAR / 5 * float(np.median(strength))
+    regular = strength > NEAR / 5 * float(np.median(strength))
+    _refuse_contradictions(solver.system, ((A @ v[:, :, None])[:, :, 0] - c)[regular], v[regular])
+    return v, regular
+
+
+def _refuse_contradictions(system: System, left: np.ndarray, v: np.ndarray) -> None:
+    """Raises AssumptionError where A v = c has no solution at most states: rows that share their left sides, not their right ones."""
+    if not len(left):
+        return
+    off = np.median(np.abs(left) / (1.0 + np.max(np.abs(v), axis=1, initial=0.0))[:, None], axis=0)
+    if np.max(off, initial=0.0) > CONTRADICTION:
+        names = " and ".join(row.name for row, size in zip(system.rows, off) if size > CONTRADICTION)
+        raise AssumptionError(
+            f"no velocities satisfy all constraints, whatever the position: {names} cannot be met together",
+            hint="take one of them out, or give them the same right-hand side",
+        )
 
 
 def _steady(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:

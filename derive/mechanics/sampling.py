@@ -321,7 +321,7 @@ def _velocities(
 
 
 def _refuse_contradictions(system: System, left: np.ndarray, v: np.ndarray) -> None:
-    """Raises AssumptionError where A v = c has no solution at most states: rows that share their left sides, not their right ones."""
+    """Raises AssumptionError where A v = c has no solution at most states: left sides that depend, right ones that do not."""
     if not len(left):
         return
     off = np.median(np.abs(left) / (1.0 + np.max(np.abs(v), axis=1, initial=0.0))[:, None], axis=0)

@@ -48,13 +48,13 @@ def rank_of(A: Array) -> int:
 
 
 def condition_of(matrix: Array) -> float:
-    """Ratio of the largest to the smallest nonzero singular value of the scaled matrix, which is symmetric."""
+    """Ratio of the largest to the smallest nonzero singular value of the scaled matrix, which is symmetric; infinite for zeros."""
     if not matrix.size:
         return 1.0
     D = scales(matrix)
     singular = np.sort(np.abs(np.linalg.eigvalsh(D[:, None] * matrix * D)))[::-1]
     nonzero = singular[singular > 1e-14 * singular[0]]
-    return float(nonzero[0] / nonzero[-1])
+    return float(nonzero[0] / nonzero[-1]) if nonzero.size else np.inf
 
 
 def row_condition(Y: Array) -> float:

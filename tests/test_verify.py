@@ -26,6 +26,7 @@ from hamel.verify.planted import mutants, wrong_functions, wrong_matrices, wrong
 from hamel.verify.published import INTEGRATOR, published_checks
 from hamel.verify.reference import reference
 from hamel.verify.roundoff import bound
+from hamel.verify.saddle import condition_of
 from hamel.verify.stored import stored
 from tests.test_reference import ARM, CAR_AXIS, EVERYTHING, PARALLELOGRAM, SURFACE
 
@@ -156,13 +157,17 @@ def test_wrong_terms_of_the_system_are_caught(name):
         assert EXPECTED[what] in shown(found), what
 
 
-@pytest.mark.parametrize("name", ["four_bar", "free_body", "rolling_disk"])
+@pytest.mark.parametrize("name", ["four_bar", "free_body", "rolling_disk", "bead_on_wire"])
 def test_every_planted_error_is_caught(name):
     """Of a sample over all terms and functions; the slow test below takes more of every model."""
     model = load(MODELS / f"{name}.yaml")
     found = mutations(model, equations(system(model)), most=60)
     assert found.planted > 30
     assert found.caught == found.planted, [mutation for mutation in found.list if not mutation.caught_by]
+
+
+def test_zeros_have_no_condition():
+    assert condition_of(np.zeros((2, 2))) == np.inf and condition_of(np.diag([2.0, 8.0])) == 1.0
 
 
 @pytest.mark.slow

@@ -48,7 +48,7 @@ def rank_of(A: Array) -> int:
 
 
 def condition_of(matrix: Array) -> float:
-    """Ratio of the largest to the smallest nonzero singular value of the scaled matrix, which is symmetric; infinite for zeros."""
+    """Ratio of the largest to the smallest nonzero singular value of the scaled symmetric matrix; infinite for zeros."""
     if not matrix.size:
         return 1.0
     D = scales(matrix)

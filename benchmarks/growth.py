@@ -139,7 +139,7 @@ def _exponents(rows: list[dict[str, Any]]) -> str:
 
 def _drawn(found: dict[str, list[dict[str, Any]]]) -> str:
     """Four charts, both axes logarithmic, two by two."""
-    from hamel.plot import Series, chart
+    from hamel.draw import Series, chart
 
     def series(kind: str, name: str) -> Series:
         return Series(LABELS[kind], [(row["links"], row[name]) for row in found[kind] if name in row])

@@ -17,12 +17,12 @@ import numpy as np
 
 from derive.formulations import equations
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import Model, load
-from hamel.motion import Stepping, integrated
+from derive.states.initial import initial_state
 from hamel.pipeline import temporary_module
-from hamel.verify.engines import exudyn
-from hamel.verify.reference import Reference, reference, state_of
+from hamel.simulate.motion import Stepping, integrated
+from hamel.verify.reference.engines import exudyn
+from hamel.verify.reference.outcome import Reference, reference, state_of
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
 NAMES = (

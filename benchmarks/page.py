@@ -16,8 +16,8 @@ from typing import Any
 
 from targets import BEST, CHAINS
 
-from hamel.plot import Curve, Panel, draw
-from hamel.plot.svg import COLOURS, STYLE, text
+from hamel.draw import Curve, Panel, draw
+from hamel.draw.svg import COLOURS, STYLE, text
 
 SOURCE, DOCS = Path("build/bench.json"), Path("docs")
 BEGIN, END = "<!-- the rest of this section: benchmarks/page.py -->", "<!-- so far -->"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from hamel.records import StressRow
-from hamel.report.plots import error_charts, stress_chart
+from hamel.study.plots import error_charts, stress_chart
 
 REPORT, WHOLE, DOCS = Path("build/report/report.json"), Path("build/whole.json"), Path("docs")
 END = "<!-- so far -->"

@@ -25,8 +25,8 @@ from derive.diagnostics import HamelError
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
-from derive.mechanics.sampling import states
-from hamel.importing import Imported, imported
+from derive.robots import Imported, imported
+from derive.states.sampling import states
 
 STATES = 20
 TOLERANCE = 1e-9

@@ -17,9 +17,9 @@ from peers.robot import robot
 from robots import Peer, robots
 from targets import AUGMENTED, AUGMENTED_MX, BATCH, CHAINS, INVERSE, LANES, MASS, PINOCCHIO, PYDY, SCALAR, THROUGH_CASADI
 
-from derive.mechanics.sampling import States
 from derive.model import Model, load
-from hamel.importing import imported
+from derive.robots import imported
+from derive.states.sampling import States
 from models import four_bars
 
 Made = Callable[[], Sequence[Contender]]

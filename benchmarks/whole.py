@@ -27,12 +27,12 @@ from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.mechanics.records import System
 from derive.model import load
+from derive.states.initial import initial_state
 from hamel.pipeline import temporary_module
 from hamel.settings import settings
-from hamel.solutions import Problem, solution, state_of
+from hamel.simulate.exact import Problem, solution, state_of
 
 OUT = Path("build/whole.json")
 WITHIN = 1e-8

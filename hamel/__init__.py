@@ -10,6 +10,7 @@ Each verb of the command line is a function here. Importing this package imports
 import sys
 from types import ModuleType
 
+from derive.robots import Floating
 from hamel.api import (
     build,
     check,
@@ -26,7 +27,6 @@ from hamel.api import (
     stress,
     verify,
 )
-from hamel.importing import Floating
 
 __version__ = "0.1.0"
 __all__ = [

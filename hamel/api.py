@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from hamel.importing import File as Model
+from derive.robots import File as Model
 from hamel.pipeline import Constants
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def stress(
     paths: Model | Sequence[Model], *, case: str | None = None, progress: Callable[[str], None] | None = None
 ) -> records.Stressed:
     """Run the `stress:` cases of model files, or of all in a folder, and judge each end by a closed form or many digits."""
-    from hamel.verbs.stress import run
+    from hamel.verbs.extremes import run
 
     return run(_models(paths), case, progress)
 
@@ -190,7 +190,7 @@ def report(
     `stress` names files or folders whose extreme cases are run too. The runs of one model may take `budget` seconds; finished
     ones are kept, so that the same call goes on where it was. Raises ToolchainError without a C compiler.
     """
-    from hamel.report.plan import Asked
+    from hamel.study.plan import Asked
     from hamel.verbs.report import run
 
     names = (_names(each) for each in (formulations, choices, keepings, integrators))

@@ -185,7 +185,7 @@ def verify(model: str, constants: str, **options: Any) -> Any:
 @click.option("--case", metavar="NAME", help="Only the cases of this name.")
 def stress(models: Sequence[str], case: str | None) -> Any:
     """Run the extreme cases of MODELS (files or folders): survived, refused, or wrong."""
-    return hamel.stress(models, case=case)
+    return hamel.study.extremes(models, case=case)
 
 
 @verb
@@ -248,7 +248,7 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
     names = {kind: _names(options.pop(kind)) for kind in ("formulations", "choices", "keepings", "integrators")}
     tolerances = _numbers(options.pop("tolerances"))
     with bar(1.0, "running") as progress:
-        return hamel.report(models, values=values, tolerances=tolerances, progress=progress, **names, **options)
+        return hamel.study(models, values=values, tolerances=tolerances, progress=progress, **names, **options)
 
 
 def _numbers(text: str) -> tuple[float, ...]:

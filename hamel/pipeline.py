@@ -72,8 +72,8 @@ def _read(path: str | PathLike[str], constants: Constants, fix: Fixed) -> tuple[
     """The model, read in a copy of this process while this one imports what comes next, where it is not imported yet."""
 
     def read() -> tuple[Model, Constants]:
+        from derive.robots import load
         from hamel.fixing import fixed
-        from hamel.importing import load
 
         return fixed(load(path), constants, fix)
 

@@ -26,8 +26,8 @@ def fastest(
     Every formulation that fits is tried, with every choice of the file where `choice` names none.
     """
     from codegen.tune import timings
+    from derive.robots import load
     from hamel.fixing import fixed
-    from hamel.importing import load
 
     with clock("model"):
         model, constants = fixed(load(path), constants, fix)

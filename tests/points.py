@@ -15,14 +15,14 @@ from codegen import build, compiler, loader
 from codegen.integrators import INTEGRATORS
 from codegen.passes import program
 from derive.diagnostics import AssumptionError
+from derive.enforcement import KEEPINGS, Keeping, Options, kept_equations
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.keepings import KEEPINGS, Keeping, Options, kept_equations
 from derive.mechanics import system
-from derive.mechanics.initial import Initial, initial_state
 from derive.mechanics.records import System
 from derive.model import load_text
-from hamel.solutions import state_of
+from derive.states.initial import Initial, initial_state
+from hamel.simulate.exact import state_of
 from tests.scenes import MODELS
 
 # A particle on an ellipsoid, held to one side by a spring: two degrees of freedom behind one holonomic row, written by hand.

@@ -23,9 +23,9 @@ from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.mechanics.records import System
 from derive.model import load_text
+from derive.states.initial import initial_state
 from hamel.pipeline import temporary_module
 from hamel.verify import quick_verification, verification
 from tests.points import LOSSES

@@ -19,9 +19,9 @@ import hamel
 from codegen import compiler
 from codegen.integrators import INTEGRATORS, Collocation, Integrator, Midpoint, Rosenbrock, Tableau
 from derive.diagnostics import AssumptionError
+from derive.enforcement import KEEPINGS, Keeping, Options, kept_equations
 from derive.formulations import FORMULATIONS
-from derive.keepings import KEEPINGS, Keeping, Options, kept_equations
-from hamel.references import REFERENCES, Problem
+from hamel.simulate.libraries import REFERENCES, Problem
 from tests.extended import LONGER, Simulator
 from tests.points import ALPHA, LOOPS, NAMED, TREES, common, fitting, made, mechanics, module, quickly_built, refusal, start
 from tests.scenes import MODELS

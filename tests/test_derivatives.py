@@ -15,10 +15,11 @@ from derive.diagnostics import AssumptionError, VerificationError
 from derive.formulations import FORMULATIONS, equations
 from derive.formulations.derivatives import derivatives
 from derive.formulations.records import Equations
-from derive.mechanics import sampling, system
+from derive.mechanics import system
 from derive.model import load, load_text
+from derive.states import sampling
 from hamel import making
-from hamel.verify.evidence import slots_of
+from hamel.verify.checks.evidence import slots_of
 
 MODELS = Path(__file__).parent.parent / "models"
 DENSE = ("jacobian", "jacobian_u", "jacobian_p", "jacobian_t", "dynamics_forward", "dynamics_adjoint", "step", "step_sensitivity")

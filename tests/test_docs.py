@@ -10,8 +10,8 @@ import pytest
 
 from codegen import compiler
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load, load_text
+from derive.states.initial import initial_state
 from hamel.cli import main
 from tests.scenes import ROOT
 

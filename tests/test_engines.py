@@ -11,9 +11,9 @@ from derive.formulations import equations
 from derive.mechanics import system
 from derive.model import load, load_text
 from hamel.verify.checks import RUNGS, engines
-from hamel.verify.evidence import terms
-from hamel.verify.ladder import evidence
-from hamel.verify.reference import reference
+from hamel.verify.checks.evidence import terms
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
 from tests.test_reference import ARM
 
 MODELS = Path(__file__).parent.parent / "models"

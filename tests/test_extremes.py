@@ -13,8 +13,8 @@ from derive.mechanics import system
 from derive.model import load
 from hamel.pipeline import temporary_module
 from hamel.verify.checks.strange import found
-from hamel.verify.ladder import evidence
-from hamel.verify.reference import reference
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
 
 MODELS = Path(__file__).parent.parent / "models"
 QUICK = ("four_bar", "free_body")

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from codegen.passes import program
+from derive.choices import resolution as choices
 from derive.diagnostics import AssumptionError
-from derive.formulations import choices, equations
+from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
 from derive.mechanics.records import System
-from derive.mechanics.sampling import states
 from derive.mechanics.solve import best_block
 from derive.model import load, load_text
+from derive.states.sampling import states
 from tests.scenes import MODELS, derived, mechanics
 
 EVERY = [(path, choice.name) for path in sorted(MODELS.glob("*.yaml")) for choice in load(path).choices]

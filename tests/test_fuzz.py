@@ -14,10 +14,10 @@ import pytest
 from derive.diagnostics import HamelError, ModelError
 from derive.formulations import equations
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load_text
+from derive.robots import imported
+from derive.states.initial import initial_state
 from hamel.cli import main
-from hamel.importing import imported
 from tests.scenes import MODELS
 
 ROBOTS = sorted((Path(__file__).parent / "robots").glob("*.*"))

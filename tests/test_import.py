@@ -18,13 +18,13 @@ import hamel
 from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
 from derive.mechanics import system
-from derive.mechanics.closing import Kinematics
 from derive.model import load_text
+from derive.robots import imported, load, markup, mjcf, rotations
+from derive.robots.mjcf import inertia
+from derive.robots.naming import Names, legal
+from derive.robots.numbers import written
+from derive.states.closing import Kinematics
 from hamel.cli import main
-from hamel.importing import imported, load, markup, mjcf, rotations
-from hamel.importing.mjcf import inertia
-from hamel.importing.naming import Names, legal
-from hamel.importing.numbers import written
 from tests.scenes import MODELS
 
 ROBOTS = Path(__file__).resolve().parent / "robots"

@@ -14,7 +14,6 @@ from derive.expressions.parser import expression, quantity
 from derive.expressions.tree import ONE, ZERO, Name, Number
 from derive.joints import JOINTS
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import KINDS, load, load_text, schema
 from derive.model.records import (
     Armature,
@@ -27,6 +26,7 @@ from derive.model.records import (
     OnSurface,
     Rolling,
 )
+from derive.states.initial import initial_state
 from tests.scenes import MODELS
 
 HEAD = "model: m\nparameters: {m: 1 kg, l: 0.3 m, p: 5 mm, tilt: 20 deg}\n"

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 import hamel
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import linear
-from derive.mechanics.initial import initial_state
+from derive.states.initial import initial_state
 from hamel.pipeline import equations_of
 
 ROOT = Path(__file__).parent.parent

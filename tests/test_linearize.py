@@ -20,8 +20,8 @@ from derive.linearize.spectrum import eigenvalues
 from derive.linearize.steady import motion_of
 from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load, load_text
+from derive.states.initial import initial_state
 from derive.textbook import printed
 from hamel.cli import main
 

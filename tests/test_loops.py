@@ -13,10 +13,10 @@ from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
-from derive.mechanics.closing import Kinematics
-from derive.mechanics.sampling import states
 from derive.model import load, load_text
 from derive.model.records import Model
+from derive.states.closing import Kinematics
+from derive.states.sampling import states
 from hamel.verify import verification
 from tests.loops import KITE, RHOMBUS, four_bars
 from tests.scenes import MODELS

@@ -10,14 +10,14 @@ from derive.joints.records import Still
 from derive.joints.rotations import IDENTITY, axis_rotation, dot, inverse, matrix, merged, product, transpose
 from derive.joints.turns import turn
 from derive.mechanics import system
-from derive.mechanics.closing import Kinematics
-from derive.mechanics.initial import initial_state
 from derive.mechanics.links import moved, summed
 from derive.mechanics.records import Inertia, System
-from derive.mechanics.sampling import states
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
 from derive.mechanics.tree import ground_positions, ground_rotations
 from derive.model import load, load_text
+from derive.states.closing import Kinematics
+from derive.states.initial import initial_state
+from derive.states.sampling import states
 from tests.scenes import MODELS, SPATIAL_CHAIN
 
 CHAINS = {

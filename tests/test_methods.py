@@ -12,12 +12,12 @@ import pytest
 import hamel
 from codegen import compiler
 from derive.diagnostics import AssumptionError, ModelError
+from derive.enforcement import KEEPINGS, Options
 from derive.formulations import equations
-from derive.keepings import KEEPINGS, Options
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load_text
-from hamel.solutions import state_of
+from derive.states.initial import initial_state
+from hamel.simulate.exact import state_of
 from tests.points import LOSSES, quickly_built
 from tests.scenes import MODELS
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from derive.diagnostics import AssumptionError, Diagnostic, HamelError, ModelError, ToolchainError, VerificationError, nearest
 from derive.model import Model, load, load_text
-from hamel.importing import load as load_any
+from derive.robots import load as load_any
 
 MODELS = sorted((Path(__file__).parent.parent / "models").rglob("*.yaml"))
 

@@ -9,11 +9,11 @@ import pytest
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import FORMULATIONS, equations
 from derive.mechanics import system
-from derive.mechanics.sampling import states
 from derive.model import load_text
 from derive.model.rows import row_names
+from derive.states.sampling import states
 from hamel.verify import verification
-from hamel.verify.saddle import saddle, solved
+from hamel.verify.reference.saddle import saddle, solved
 from tests.scenes import mechanics
 from tests.test_formulations import accelerations, functions
 

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from hamel.plot import Curve, Panel, draw, linear, logarithmic
+from hamel.draw import Curve, Panel, draw, linear, logarithmic
 
 X = [0.01 * k for k in range(301)]
 

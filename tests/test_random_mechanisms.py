@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hamel.verify.mutation.mutations.errors import wrong_systems
 from hypothesis import HealthCheck, Phase, given, reject, settings
 from hypothesis import strategies as st
 
@@ -49,9 +50,8 @@ from derive.model.records import (
     Velocity,
 )
 from hamel.verify import verification
-from hamel.verify.evidence import samples
-from hamel.verify.planted import wrong_systems
-from hamel.verify.reference import reference, state_of
+from hamel.verify.checks.evidence import samples
+from hamel.verify.reference.outcome import reference, state_of
 
 HERE = Span(1, 1)
 TREE = ("revolute", "prismatic", "screw", "cylindrical", "universal", "ball", "planar", "free", "free quaternion", "fixed")

@@ -25,15 +25,15 @@ from codegen.program import Expression, Kernel, Program
 from codegen.reals import FLOAT32, FLOAT64, REALS, recast
 from codegen.tune import timings
 from derive.diagnostics import AssumptionError, HamelError, ModelError, VerificationError
+from derive.enforcement import KEEPINGS, Options, kept_equations
 from derive.formulations import equations
-from derive.keepings import KEEPINGS, Options, kept_equations
 from derive.linearize.minimal import with_linearization
 from derive.mechanics import system
 from derive.model import load
 from hamel import kept, making
 from hamel.verify.checks import code
-from hamel.verify.ladder import evidence
-from hamel.verify.reference import reference
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
 from tests.scenes import MODELS
 from tests.test_trig import turning
 from tests.toy import toy

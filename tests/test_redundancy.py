@@ -13,12 +13,12 @@ from derive.formulations import equations
 from derive.formulations.equations import misfits
 from derive.formulations.records import Equations
 from derive.mechanics import system
-from derive.mechanics.sampling import States, states
 from derive.model import load_text
+from derive.states.sampling import States, states
 from hamel.verbs import check
 from hamel.verify import verification
-from hamel.verify.reference import Outcome, evaluate, reference, state_of
-from hamel.verify.saddle import condition_of, saddle
+from hamel.verify.reference.outcome import Outcome, evaluate, reference, state_of
+from hamel.verify.reference.saddle import condition_of, saddle
 from tests.loops import IN_SPACE, TWICE
 from tests.scenes import MODELS
 

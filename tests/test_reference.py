@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from derive.model import load_text
-from hamel.verify.compare import slope
-from hamel.verify.joints import joint_motion
-from hamel.verify.loads import applied, body_inertia
-from hamel.verify.reference import Reference, energies, evaluate, kinematics, reference, state_of
-from hamel.verify.rows import joint_blocks
-from hamel.verify.saddle import saddle
+from hamel.verify.checks.compare import slope
+from hamel.verify.reference.joints import joint_motion
+from hamel.verify.reference.loads import applied, body_inertia
+from hamel.verify.reference.outcome import Reference, energies, evaluate, kinematics, reference, state_of
+from hamel.verify.reference.rows import joint_blocks
+from hamel.verify.reference.saddle import saddle
 
 ARM = """
 model: arm

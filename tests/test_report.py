@@ -16,11 +16,11 @@ import pytest
 
 import hamel
 from codegen import compiler
-from hamel.plot import Series, chart
+from hamel.draw import Series, chart
 from hamel.records import Reported
-from hamel.report import front, judging, study, words
-from hamel.report.crew import Crew, Task
-from hamel.report.judging import COLUMNS, Judge, Reference
+from hamel.study import front, judging, study, words
+from hamel.study.crew import Crew, Task
+from hamel.study.judging import COLUMNS, Judge, Reference
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
@@ -58,7 +58,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def record(place: Path) -> Reported:
-    return hamel.report([place / "swing.yaml"], out=place / "out", **ASKED)
+    return hamel.study([place / "swing.yaml"], out=place / "out", **ASKED)
 
 
 def test_rows(record: Reported) -> None:
@@ -135,7 +135,7 @@ def test_nothing_is_computed_twice(record: Reported, place: Path, monkeypatch: p
         raise OSError("no more workers")
 
     monkeypatch.setattr(Crew, "_process", refuse)
-    again = hamel.report([place / "swing.yaml"], out=place / "again", **ASKED)
+    again = hamel.study([place / "swing.yaml"], out=place / "again", **ASKED)
     assert again.rows == record.rows and not started
     with pytest.raises(OSError, match="no more"):
         Crew(1)._process(0)
@@ -155,10 +155,10 @@ def test_a_wrong_reference_is_noticed(record: Reported, place: Path, monkeypatch
         return planted
 
     monkeypatch.setattr(study, "agreed", off(0.0))
-    one = hamel.report([place / "swing.yaml"], out=place / "one", **ASKED)
+    one = hamel.study([place / "swing.yaml"], out=place / "one", **ASKED)
     assert "differ" in one.models[0]["reference"]["doubt"] and all(row["error"] is None for row in one.rows)
     monkeypatch.setattr(study, "agreed", off(0.01))
-    both = hamel.report([place / "swing.yaml"], out=place / "both", **ASKED)
+    both = hamel.study([place / "swing.yaml"], out=place / "both", **ASKED)
     assert not both.passed and "agree with each other" in both.models[0]["advice"][0]
 
 
@@ -178,7 +178,7 @@ def test_the_front_is_what_none_beats() -> None:
 
 def test_extreme_cases_are_on_the_page(place: Path) -> None:
     path = Path(__file__).parent.parent / "models" / "stress" / "mass_ratio.yaml"
-    made = hamel.report([], stress=[path], out=place / "stress")
+    made = hamel.study([], stress=[path], out=place / "stress")
     assert made.passed and not made.rows and {row.outcome for row in made.stress} == {"survived"}
     page = made.html.read_text("utf-8")
     assert all(row.case in page for row in made.stress) and "extreme cases: error and tolerance" in page

@@ -13,9 +13,9 @@ from derive.formulations import FORMULATIONS, equations, misfits
 from derive.formulations.records import Equations
 from derive.mechanics import system
 from derive.mechanics.records import System
-from derive.mechanics.sampling import states
 from derive.model import load, load_text
-from hamel.verify.saddle import condition_of, row_condition, saddle, solved
+from derive.states.sampling import states
+from hamel.verify.reference.saddle import condition_of, row_condition, saddle, solved
 from tests.scenes import MODELS, derived, is_tree, mechanics
 from tests.test_formulations import accelerations, arguments, functions
 

@@ -44,7 +44,7 @@ def test_four_bar_stays_closed_and_in_balance(choice):
 
 
 def test_the_balance_notices_a_loss():
-    from hamel.motion import Motion
+    from hamel.simulate.motion import Motion
 
     none, ramp = np.zeros(3), np.array([1.0, 1.1, 1.2])
     motion = Motion("", ramp, {}, {}, {}, {}, {}, ramp, none, none, none, none, 0, 0, 0, 0.0, 0.0, 0, 0.0)

@@ -15,11 +15,11 @@ from codegen.reals import REALS
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load
 from derive.model.stress import RTOL
-from hamel.solutions import Problem, Solution, solution, state_of
-from hamel.stress import judged
+from derive.states.initial import initial_state
+from hamel.simulate.exact import Problem, Solution, solution, state_of
+from hamel.study.extremes import judged
 from tests.scenes import MODELS
 
 AT_THE_START = {("snake3", "hinges")}  # stretched out, hinge rates say nothing of how the snake glides: refused with a status
@@ -62,7 +62,7 @@ def test_stiff_cases_need_at_most_three_times_the_steps_of_scipy(monkeypatch: py
     entry = next(entry for entry in model.stress if entry.name == "heavily_damped")
     row = judged(path, model, entry)
     assert row.passed and row.fewest and row.scipy and row.fewest <= row.scipy
-    monkeypatch.setattr(importlib.import_module("hamel.stress"), "MOST_STEPS", 0.1)
+    monkeypatch.setattr(importlib.import_module("hamel.study.extremes"), "MOST_STEPS", 0.1)
     assert not judged(path, model, entry).passed
 
 

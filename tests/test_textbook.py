@@ -16,8 +16,8 @@ import sympy
 
 from derive.formulations import FORMULATIONS, equations
 from derive.mechanics import system
-from derive.mechanics.sampling import states
 from derive.model import load
+from derive.states.sampling import states
 from derive.textbook import html, laws, printed
 from derive.textbook.convert import Reader
 from derive.textbook.derivation import derivation

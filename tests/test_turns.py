@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 
 from codegen import compiler
 from codegen.passes import pipeline, program
+from derive.enforcement import Options
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.keepings import Options
 from derive.mechanics import system
 from derive.model import load_text
 from tests.points import NAMED, quickly_built

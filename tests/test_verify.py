@@ -10,6 +10,7 @@ from types import ModuleType
 import casadi as ca
 import numpy as np
 import pytest
+from hamel.verify.mutation.mutations.errors import mutants, wrong_functions, wrong_matrices, wrong_systems
 
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
@@ -18,16 +19,15 @@ from derive.model import load, load_text
 from hamel.pipeline import temporary_module
 from hamel.verify import verification
 from hamel.verify.checks import RUNGS
+from hamel.verify.checks.evidence import graph, terms
 from hamel.verify.checks.linear import JACOBIANS, with_linearization
-from hamel.verify.evidence import graph, terms
-from hamel.verify.ladder import evidence
-from hamel.verify.mutation import mutations
-from hamel.verify.planted import mutants, wrong_functions, wrong_matrices, wrong_systems
+from hamel.verify.checks.roundoff import bound
+from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
-from hamel.verify.reference import reference
-from hamel.verify.roundoff import bound
-from hamel.verify.saddle import condition_of
+from hamel.verify.reference.outcome import reference
+from hamel.verify.reference.saddle import condition_of
 from hamel.verify.stored import stored
+from hamel.verify.suite import evidence
 from tests.test_reference import ARM, CAR_AXIS, EVERYTHING, PARALLELOGRAM, SURFACE
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -183,7 +183,7 @@ def test_every_planted_error_is_caught_in_every_model(path):
 def test_what_the_checks_cannot_see_is_said(monkeypatch):
     """With the rung that knows Q left out, wrong forces go unnoticed, and the record says so."""
     blind = tuple(rung for rung in RUNGS if rung.name == "M")
-    monkeypatch.setattr(sys.modules["hamel.verify.mutation"], "RUNGS", blind)
+    monkeypatch.setattr(sys.modules["hamel.verify.mutation.mutations"], "RUNGS", blind)
     model = load(MODELS / "four_bar.yaml")
     found = mutations(model, equations(system(model)), most=40)
     assert found.caught < found.planted

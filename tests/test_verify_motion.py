@@ -6,16 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hamel.verify.mutation.mutations.errors import wrong_functions
 
 from derive.formulations import equations
 from derive.mechanics import system
 from derive.model import load, load_text
 from hamel.pipeline import temporary_module
 from hamel.verify.checks import RUNGS, momenta
-from hamel.verify.evidence import graph
-from hamel.verify.ladder import evidence
-from hamel.verify.planted import wrong_functions
-from hamel.verify.reference import reference
+from hamel.verify.checks.evidence import graph
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
 
 MODELS = Path(__file__).parent.parent / "models"
 TOLERANCES = {rung.name: rung.tolerance for rung in RUNGS}

@@ -11,12 +11,12 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit
 from derive.formulations import equations
 from derive.mechanics import system
-from derive.mechanics.sampling import states
-from derive.mechanics.scales import Scales, scales
 from derive.model import load, load_text
+from derive.states.sampling import states
+from derive.states.scales import Scales, scales
 from hamel.verify import verification
-from hamel.verify.mutation import mutations
-from hamel.verify.reference import evaluate, reference, state_of
+from hamel.verify.mutation.mutations import mutations
+from hamel.verify.reference.outcome import evaluate, reference, state_of
 
 MODELS = Path(__file__).parent.parent / "models"
 NUMBER_WITH_UNIT = re.compile(r"(?<![\w.])(\d+\.?\d*(?:[eE][-+]?\d+)?) +([A-Za-z][\w*/^]*)")

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from derive.model.records import GROUND, Model, NoSlip
-from hamel.verify.reference import reference, state_of
-from hamel.verify.states import State, inertia_tensor, placed
+from hamel.verify.reference.outcome import reference, state_of
+from hamel.verify.reference.states import State, inertia_tensor, placed
 from peers.simulations import Simulation, timed
 
 STEPS = tuple(1000 * 2**k for k in range(13))

@@ -14,8 +14,8 @@ from codegen.passes import program
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics import system
-from derive.mechanics.sampling import States, states
 from derive.model.records import Model
+from derive.states.sampling import States, states
 from peers.contest import BUILD, ROWS, Contender, compiled, put
 from peers.peak import of_turn
 

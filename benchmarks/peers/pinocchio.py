@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from derive.model.records import Model
-from hamel.verify.reference import reference, state_of
+from hamel.verify.reference.outcome import reference, state_of
 from peers.casadi_c import Read, of_source
 from peers.contest import BUILD, HERE, NATIVE, Contender, Unavailable, compiled, run
 
@@ -48,7 +48,7 @@ def _numbers(values: Any) -> str:
 
 def model_of(model: Model) -> Any:
     """A tree of revolute and sliding joints in hamel's records as Pinocchio's model."""
-    from hamel.verify.engines.pinocchio import tree
+    from hamel.verify.reference.engines.pinocchio import tree
 
     start = np.zeros(len(model.coordinates))
     return tree(model, state_of(reference(model), 0.0, start, np.zeros(len(model.velocities))))

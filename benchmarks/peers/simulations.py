@@ -21,8 +21,8 @@ from codegen.passes import program
 from codegen.program import Program
 from codegen.targets.simulate import combination, number
 from derive.formulations.records import Equations
-from hamel.references import REFERENCES, Problem
-from hamel.references.sundials import compiled_by_casadi
+from hamel.simulate.libraries import REFERENCES, Problem
+from hamel.simulate.libraries.sundials import compiled_by_casadi
 from peers.contest import BUILD, HERE, PLAIN, compiled
 from peers.mechanisms import Mechanism
 

@@ -26,10 +26,10 @@ from codegen.passes.turns import turns
 from codegen.passes.watch import watch
 from codegen.program import CALLED, KINDS, Argument, Chart, Entry, Hoisted, Kernel, Loop, Pattern, Pivot, Program
 from derive.diagnostics import AssumptionError, HamelError
+from derive.enforcement import KEEPINGS
 from derive.formulations import records
 from derive.formulations.charts import differs
 from derive.formulations.records import Equations, Function
-from derive.keepings import KEEPINGS
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps

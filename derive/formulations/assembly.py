@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from derive.formulations.choices import Workshop
+from derive.choices.explicit import Explicit
+from derive.choices.pivots import quadratic_guards, solved
+from derive.choices.reduction import Reduction
+from derive.choices.resolution import Workshop
 from derive.formulations.functions import Motion, arguments, functions
-from derive.formulations.pivots import quadratic_guards, solved
-from derive.formulations.quasi_velocities import Explicit
 from derive.formulations.records import Equations, Guard
-from derive.formulations.reduction import Reduction
 from derive.joints.records import Vector
 from derive.mechanics.records import Named, System
 

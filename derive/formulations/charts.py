@@ -12,9 +12,9 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from derive.choices.named import carried_through
+from derive.choices.resolution import Resolved, Workshop, ranked_partitions
 from derive.diagnostics import AssumptionError, HamelError
-from derive.formulations.choices import Resolved, Workshop, ranked_partitions
-from derive.formulations.named_choices import carried_through
 from derive.formulations.records import Equations, Function, Guard
 
 BETWEEN = "+"  # of the names of choices that are charts of one module

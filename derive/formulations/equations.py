@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from derive.choices.named import declared
+from derive.choices.resolution import Ranking, Workshop, ranked_partitions, workshop
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.charts import BETWEEN, charted, covered
-from derive.formulations.choices import Ranking, Workshop, ranked_partitions, workshop
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.derivatives import derivatives
 from derive.formulations.formulation import Formulation
 from derive.formulations.manifold import manifold
 from derive.formulations.methods import FORMULATIONS
-from derive.formulations.named_choices import declared
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.model.records import Choice

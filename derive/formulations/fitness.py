@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from derive.choices.pivots import sampled
+from derive.choices.resolution import Workshop
 from derive.diagnostics import listed
-from derive.formulations.choices import Workshop
-from derive.formulations.pivots import sampled
 from derive.joints.rotations import is_zero
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars

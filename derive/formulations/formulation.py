@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from derive.formulations.choices import Workshop
+from derive.choices.resolution import Workshop
 from derive.formulations.records import Equations
 from derive.model.records import Choice
 

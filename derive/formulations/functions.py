@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from derive.choices.redundancy import keeps
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Guard, Iteration, Result
-from derive.formulations.redundancy import keeps
 from derive.joints.records import Vector
-from derive.mechanics.closing import Kinematics, nominal
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
+from derive.states.closing import Kinematics, nominal
 
 CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ, divided by …
 USUAL = 3  # … the size of its terms where that is more than so many powers of ten from one

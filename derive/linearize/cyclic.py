@@ -8,7 +8,7 @@ import numpy as np
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.minimal import evaluator, position_rows
-from derive.mechanics.sampling import states
+from derive.states.sampling import states
 
 SAMPLES = 5
 NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states

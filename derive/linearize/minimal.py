@@ -15,9 +15,9 @@ from derive.diagnostics import AssumptionError
 from derive.formulations.records import Argument, Equations, Function, Guard, Request, Result
 from derive.joints.records import Vector
 from derive.linearize.records import Linear
-from derive.mechanics.initial import initial_state
 from derive.mechanics.records import System
 from derive.mechanics.solve import Block, lu_solution, scalars
+from derive.states.initial import initial_state
 
 WEAK = 1e-9  # relative size of what is left of a row that repeats others
 SPARED = 1e-3  # coordinates whose rates are quasi-velocities become dependent only where others are this much weaker

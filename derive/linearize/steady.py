@@ -14,10 +14,10 @@ from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
-from derive.mechanics.closing import Kinematics, closed, nominal, normalised
-from derive.mechanics.initial import initial_state
-from derive.mechanics.scales import scales
 from derive.model.records import Span, SteadyMotion
+from derive.states.closing import Kinematics, closed, nominal, normalised
+from derive.states.initial import initial_state
+from derive.states.scales import scales
 
 GUESS = "guess"
 STEPS = 40

@@ -17,7 +17,7 @@ from derive.diagnostics import AssumptionError
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Linear, Steady
 from derive.mechanics.records import System
-from derive.mechanics.scales import scales
+from derive.states.scales import scales
 
 CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
 from derive.joints.records import Vector
-from derive.mechanics.closing import Kinematics
 from derive.mechanics.records import Named, System
-from derive.mechanics.sampling import states
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
+from derive.states.closing import Kinematics
+from derive.states.sampling import states
 
 SAMPLES = 12
 RANK = 1e-9

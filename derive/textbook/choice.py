@@ -11,8 +11,8 @@ import numpy as np
 import sympy
 
 from derive.formulations.records import Guard
-from derive.mechanics.closing import Kinematics
-from derive.mechanics.sampling import states
+from derive.states.closing import Kinematics
+from derive.states.sampling import states
 from derive.textbook.author import Author
 from derive.textbook.compose import operations
 from derive.textbook.records import Math, Text

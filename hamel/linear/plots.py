@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hamel.draw import Curve, Panel, draw
+from hamel.draw.axis import Axis, linear
 from hamel.linear.sweep import Sweep
-from hamel.plot import Curve, Panel, draw
-from hamel.plot.axis import Axis, linear
 
 STYLE = (
     "text{font:12px system-ui,sans-serif;fill:#333}.title{font-size:14px;font-weight:600}"

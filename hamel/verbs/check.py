@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from derive.mechanics.initial import initial_state
-from hamel.importing import load
+from derive.robots import load
+from derive.states.initial import initial_state
 from hamel.pipeline import mechanics_of, usable_choices
 from hamel.records import Checked
 
@@ -60,7 +60,7 @@ def _rank(mechanics: System, q: Any) -> int:
 
 
 def show(record: Checked, console: Console) -> None:
-    from hamel.importing.robot import counted
+    from derive.robots.robot import counted
     from hamel.show import refusals
 
     velocities = counted(len(record.velocities), "velocity", "velocities")

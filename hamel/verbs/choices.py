@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from derive.choices.assessment import Assessed, comparison, conditions_along
 from derive.diagnostics import ModelError
 from derive.formulations import equations
-from derive.formulations.assessment import Assessed, comparison, conditions_along
-from derive.mechanics.sampling import states
-from hamel.importing import load
+from derive.robots import load
+from derive.states.sampling import states
+from hamel.draw import Curve, Panel, draw
 from hamel.pipeline import mechanics_of, temporary_module
-from hamel.plot import Curve, Panel, draw
 from hamel.records import Choices, Ranking
 from hamel.staging import write_text
 

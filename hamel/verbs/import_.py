@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError
-from hamel.importing import imported
-from hamel.importing.robot import counted
+from derive.robots import imported
+from derive.robots.robot import counted
 from hamel.records import Imported
 from hamel.staging import write_text
 

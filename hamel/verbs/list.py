@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from codegen.integrators import INTEGRATORS
 from codegen.targets import TARGETS
+from derive.enforcement import KEEPINGS
 from derive.formulations import FORMULATIONS, equations
-from derive.keepings import KEEPINGS
 from derive.linearize.minimal import with_linearization
 from derive.model import KINDS, load_text
-from hamel.importing import load
+from derive.robots import load
 from hamel.pipeline import mechanics_of
 from hamel.records import Known, Listed
-from hamel.references import REFERENCES
+from hamel.simulate.libraries import REFERENCES
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -14,19 +14,19 @@ import hamel
 from codegen.compiler import INSTALL, find_compiler
 from codegen.integrators import INTEGRATORS
 from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
+from derive.enforcement import KEEPINGS
 from derive.formulations import FORMULATIONS
-from derive.keepings import KEEPINGS
 from derive.model.records import Stress
-from hamel.importing import Floating, load
+from derive.robots import Floating, load
 from hamel.pipeline import mechanics_of
 from hamel.records import Reported, StressRow, as_json
-from hamel.report import page
-from hamel.report.crew import Crew
-from hamel.report.plan import Asked
-from hamel.report.study import Case, Study, studied
 from hamel.settings import settings, units
 from hamel.staging import write_text
-from hamel.stress import files, judged
+from hamel.study import page
+from hamel.study.crew import Crew
+from hamel.study.extremes import files, judged
+from hamel.study.plan import Asked
+from hamel.study.study import Case, Study, studied
 
 if TYPE_CHECKING:
     from rich.console import Console

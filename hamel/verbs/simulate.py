@@ -14,20 +14,21 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS, Integrator
 from codegen.reals import FLOAT64, Real, real_of
+from derive.choices.redundancy import lost
+from derive.choices.resolution import workshop
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
+from derive.enforcement import KEEPINGS, Keeping, Options, kept_equations, usual_rate
 from derive.formulations import equations
 from derive.formulations.charts import charted, together
-from derive.formulations.choices import workshop
-from derive.formulations.redundancy import lost
-from derive.keepings import KEEPINGS, Keeping, Options, kept_equations, usual_rate
-from derive.mechanics.initial import Initial, initial_state
-from hamel import charts, motion
-from hamel.importing import load
+from derive.robots import load
+from derive.states.initial import Initial, initial_state
+from hamel import charts
 from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Simulated
-from hamel.references import REFERENCES
 from hamel.settings import settings
-from hamel.solutions import state_of as _state
+from hamel.simulate import motion
+from hamel.simulate.exact import state_of as _state
+from hamel.simulate.libraries import REFERENCES
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.formulations.charts import together
-from hamel.importing import load
+from derive.robots import load
 from hamel.pipeline import Constants, mechanics_of, temporary_module, usable_choices
 from hamel.records import CheckLine, Mutations, Verified
 from hamel.verify import verification
-from hamel.verify.mutation import mutations
+from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ import numpy as np
 
 from derive.expressions.evaluate import number
 from derive.formulations.records import Equations
-from derive.mechanics.initial import initial_state
 from derive.model.records import Published
-from hamel.verify.evidence import Graph, graph
+from derive.states.initial import initial_state
+from hamel.verify.checks.evidence import Graph, graph
 from hamel.verify.records import Check
-from hamel.verify.vectors import Array
+from hamel.verify.reference.vectors import Array
 
 INTEGRATOR = "dop853"  # what the module must have been made with
 # A passage through a singular position is only made where two ways across agree, and at the tightest tolerances rounding keeps

@@ -7,12 +7,12 @@ solved by one unrolled L D Lᵀ of the quasi-definite matrix [M Aᵀ; A 0] (unkn
 
 from __future__ import annotations
 
+from derive.choices.pivots import quadratic_guards
+from derive.choices.resolution import Workshop
 from derive.formulations.assembly import entries, in_base_velocities
-from derive.formulations.choices import Workshop
 from derive.formulations.fitness import first_of, singular, undetermined, unwritten
 from derive.formulations.formulation import Formulation
 from derive.formulations.multipliers import bordered_solution
-from derive.formulations.pivots import quadratic_guards
 from derive.formulations.records import Equations
 from derive.model.records import Choice
 

@@ -11,17 +11,17 @@ from dataclasses import replace
 
 import casadi as ca
 
+from derive.choices.explicit import Explicit
+from derive.choices.named import carried_through
+from derive.choices.pivots import Solved, block_guards, solved
+from derive.choices.reduction import Reduction
+from derive.choices.resolution import Workshop
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
 from derive.formulations.assembly import column, entries, reduced
-from derive.formulations.choices import Workshop
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
-from derive.formulations.named_choices import carried_through
-from derive.formulations.pivots import Solved, block_guards, solved
-from derive.formulations.quasi_velocities import Explicit
 from derive.formulations.records import Equations
-from derive.formulations.reduction import Reduction
 from derive.joints.records import Vector
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice

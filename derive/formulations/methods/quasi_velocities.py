@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import casadi as ca
 
+from derive.choices.named import carried_through
+from derive.choices.pivots import solved
+from derive.choices.reduction import Reduction
+from derive.choices.resolution import Workshop
 from derive.formulations.assembly import entries, reduced
-from derive.formulations.choices import Workshop
 from derive.formulations.fitness import undetermined
 from derive.formulations.formulation import Formulation
-from derive.formulations.named_choices import carried_through
-from derive.formulations.pivots import solved
 from derive.formulations.records import Equations
-from derive.formulations.reduction import Reduction
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
 from derive.model.records import Choice

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from derive.choices.resolution import Workshop
 from derive.expressions.counting import cheapest
 from derive.formulations.assembly import column, entries, in_base_velocities
-from derive.formulations.choices import Workshop
 from derive.formulations.fitness import constrained, first_of, not_of_links, singular
 from derive.formulations.formulation import Formulation
 from derive.formulations.records import Equations

@@ -8,12 +8,12 @@ a + M⁻¹ C, of which the second term keeps what lies along ker A alone: M^−�
 
 from __future__ import annotations
 
+from derive.choices.pivots import quadratic_guards
+from derive.choices.resolution import Workshop
 from derive.formulations.assembly import entries, in_base_velocities
-from derive.formulations.choices import Workshop
 from derive.formulations.fitness import first_of, not_of_links, singular, undetermined
 from derive.formulations.formulation import Formulation
 from derive.formulations.gauss import constrained_motion, inverse_applied, named, rows_of
-from derive.formulations.pivots import quadratic_guards
 from derive.formulations.records import Equations
 from derive.model.records import Choice
 

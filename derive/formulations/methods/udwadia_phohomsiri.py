@@ -13,12 +13,12 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from derive.choices.pivots import quadratic_guards, sampled
+from derive.choices.resolution import Workshop
 from derive.formulations.assembly import column, entries, in_base_velocities
-from derive.formulations.choices import Workshop
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
 from derive.formulations.gauss import constrained_motion, named, rows_of
-from derive.formulations.pivots import quadratic_guards, sampled
 from derive.formulations.records import Equations
 from derive.mechanics.records import Named
 from derive.mechanics.solve import ldl_solution, scalars

@@ -15,7 +15,7 @@ from hamel.verify.checks import (
     strange,
     udwadia,
 )
-from hamel.verify.checks.rung import Rung
+from hamel.verify.checks.check import Rung
 
 RUNGS: tuple[Rung, ...] = (
     *agreement.RUNGS,

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from derive.expressions.tree import Call
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import FLOOR, SMALL, deviation, sizes, worst
-from hamel.verify.evidence import Evidence, Graph, Sample, Terms
-from hamel.verify.outputs import nearest_turn, outputs
-from hamel.verify.reference import Kinematics, Outcome, state_of
-from hamel.verify.saddle import RANK, rank_of, saddle, solved
-from hamel.verify.states import State
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import FLOOR, SMALL, deviation, sizes, worst
+from hamel.verify.checks.evidence import Evidence, Graph, Sample, Terms
+from hamel.verify.reference.outcome import Kinematics, Outcome, state_of
+from hamel.verify.reference.outputs import nearest_turn, outputs
+from hamel.verify.reference.saddle import RANK, rank_of, saddle, solved
+from hamel.verify.reference.states import State
+from hamel.verify.reference.vectors import Array
 
 
 def admissible(e: Evidence) -> float:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import deviation, worst
-from hamel.verify.evidence import Evidence, Sample
-from hamel.verify.reference import energies, state_of
-from hamel.verify.states import State
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import deviation, worst
+from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.reference.outcome import energies, state_of
+from hamel.verify.reference.states import State
+from hamel.verify.reference.vectors import Array
 
 
 def symmetric(e: Evidence) -> float:

@@ -8,12 +8,12 @@ from itertools import permutations
 import numpy as np
 
 from hamel.charts import in_chart
+from hamel.verify.checks.check import Rung
 from hamel.verify.checks.code import NEARLY
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import worst
-from hamel.verify.evidence import Evidence, Graph, Sample, graph
-from hamel.verify.saddle import row_condition
-from hamel.verify.vectors import Array
+from hamel.verify.checks.compare import worst
+from hamel.verify.checks.evidence import Evidence, Graph, Sample, graph
+from hamel.verify.reference.saddle import row_condition
+from hamel.verify.reference.vectors import Array
 
 
 def transformation(e: Evidence) -> float | None:

@@ -15,10 +15,10 @@ import numpy as np
 from codegen import compiler
 from codegen.loader import load
 from hamel.charts import in_chart
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import sizes, worst
-from hamel.verify.evidence import Evidence, Row
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import sizes, worst
+from hamel.verify.checks.evidence import Evidence, Row
+from hamel.verify.reference.vectors import Array
 
 Call = Callable[..., Array]
 PLAIN = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC")

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from derive.mechanics.sampling import normalised
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import deviation
-from hamel.verify.evidence import Evidence
-from hamel.verify.vectors import Array, quaternion_product
+from derive.states.sampling import normalised
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import deviation
+from hamel.verify.checks.evidence import Evidence
+from hamel.verify.reference.vectors import Array, quaternion_product
 
 
 def coordinate_rates(e: Evidence) -> float | None:

@@ -11,13 +11,13 @@ from types import ModuleType
 import numpy as np
 
 from hamel.verify.checks.agreement import mass_error
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import deviation, worst
+from hamel.verify.checks.evidence import Evidence, Sample
 from hamel.verify.checks.motion import best_conditioned, reference_end, time_scale
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import deviation, worst
-from hamel.verify.engines.records import Forces
-from hamel.verify.evidence import Evidence, Sample
-from hamel.verify.reference import reference, rotors, state_of
-from hamel.verify.vectors import Array
+from hamel.verify.reference.engines.records import Forces
+from hamel.verify.reference.outcome import reference, rotors, state_of
+from hamel.verify.reference.vectors import Array
 
 MANY = 10  # states
 STEPS = 400  # of Exudyn, half of them in the other run
@@ -64,7 +64,7 @@ def _engine(e: Evidence, name: str) -> ModuleType | None:
     if importlib.util.find_spec(name) is None:
         return None
     try:
-        engine = importlib.import_module(f"hamel.verify.engines.{name}")
+        engine = importlib.import_module(f"hamel.verify.reference.engines.{name}")
     except ImportError:  # installed, but not for this machine
         return None
     return None if engine.missing(e.system.model) else engine

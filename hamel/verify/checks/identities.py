@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from derive.mechanics.closing import normalised
+from derive.states.closing import normalised
 from hamel.verify.checks.agreement import violated
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import deviation, slope, worst
-from hamel.verify.evidence import Evidence, Sample, Terms
-from hamel.verify.reference import energies, mass, state_of
-from hamel.verify.saddle import condition_of, saddle, solved
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import deviation, slope, worst
+from hamel.verify.checks.evidence import Evidence, Sample, Terms
+from hamel.verify.reference.outcome import energies, mass, state_of
+from hamel.verify.reference.saddle import condition_of, saddle, solved
+from hamel.verify.reference.vectors import Array
 
 DIFFERENCES = 1e-8  # tolerance of what is differentiated by differences; what two step sizes disagree by counts as no error
 ROUNDING = 1e-15  # of a quantity, in its differences: two step sizes may by chance agree on it

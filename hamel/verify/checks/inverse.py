@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import worst
-from hamel.verify.evidence import Evidence, Sample
-from hamel.verify.reference import evaluate, state_of
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import worst
+from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.reference.outcome import evaluate, state_of
+from hamel.verify.reference.vectors import Array
 
 
 def any_motion(e: Evidence) -> float | None:

@@ -19,13 +19,13 @@ from derive.linearize.minimal import linearization
 from derive.linearize.records import Linear
 from derive.linearize.steady import motion_of
 from derive.linearize.unreduced import constraint_counts, unreduced
-from derive.mechanics.initial import initial_state
+from derive.states.initial import initial_state
+from hamel.verify.checks.check import Rung
 from hamel.verify.checks.code import NEARLY
+from hamel.verify.checks.compare import FLOOR, slope, worst
+from hamel.verify.checks.evidence import Evidence, Row, Sample
 from hamel.verify.checks.motion import best_conditioned
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import FLOOR, slope, worst
-from hamel.verify.evidence import Evidence, Row, Sample
-from hamel.verify.vectors import Array
+from hamel.verify.reference.vectors import Array
 
 NAME = "linearization"
 JACOBIANS = {"jacobian_t": 0, "jacobian": 1, "jacobian_u": 2, "jacobian_p": 3}  # of ẋ by which argument

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import FLOOR, slope, worst
+from hamel.verify.checks.evidence import Evidence, Sample
 from hamel.verify.checks.identities import step
 from hamel.verify.checks.motion import best_conditioned, end_of, simulates, time_scale, worst_of
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import FLOOR, slope, worst
-from hamel.verify.evidence import Evidence, Sample
-from hamel.verify.reference import kinematics, mass, state_of
-from hamel.verify.states import STILL
-from hamel.verify.vectors import Array, skew
+from hamel.verify.reference.outcome import kinematics, mass, state_of
+from hamel.verify.reference.states import STILL
+from hamel.verify.reference.vectors import Array, skew
 
 ASKED, FEWEST = 10, 7  # states: more than there are screws
 KEPT = 1e-9  # of the largest: a smaller rate, or gap between rigid motion and what the joints allow, is none

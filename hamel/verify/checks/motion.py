@@ -16,12 +16,12 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS
 from codegen.reals import FLOAT64
-from derive.mechanics.closing import normalised
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import sizes, worst
-from hamel.verify.evidence import Evidence, Sample
-from hamel.verify.reference import energies, evaluate, state_of
-from hamel.verify.vectors import Array
+from derive.states.closing import normalised
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import sizes, worst
+from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.reference.outcome import energies, evaluate, state_of
+from hamel.verify.reference.vectors import Array
 
 SHARE = 0.5
 NUDGE = 1e-3  # in the model's own units

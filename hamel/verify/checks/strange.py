@@ -12,9 +12,9 @@ import numpy as np
 
 from derive.formulations.records import Function
 from hamel.charts import in_chart
-from hamel.verify.checks.rung import Rung
-from hamel.verify.evidence import Evidence, Row
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.evidence import Evidence, Row
+from hamel.verify.reference.vectors import Array
 
 STRANGE = {"nan": np.nan, "inf": np.inf, "-inf": -np.inf, "denormal": 5e-324, "huge": 1e300}
 FINITE = ("denormal", "huge")  # where squares or quotients overflow, the order of operations decides: the result is not compared

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import deviation
-from hamel.verify.evidence import Evidence, Terms
-from hamel.verify.saddle import RANK, condition_of
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Rung
+from hamel.verify.checks.compare import deviation
+from hamel.verify.checks.evidence import Evidence, Terms
+from hamel.verify.reference.saddle import RANK, condition_of
+from hamel.verify.reference.vectors import Array
 
 REGULAR = 1e12  # condition of a mass matrix that has an inverse
 

@@ -1,0 +1,114 @@
+"""Robot files → models: URDF and MJCF become the text of a model, which is then read like any other.
+
+So errors that the model language finds in a robot are told at the place in the robot's own file.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from derive.model import Model
+    from derive.robots.robot import Robot
+    from derive.robots.writing import Written
+
+ROBOTS = (".urdf", ".xml", ".mjcf", ".xacro")
+
+
+@dataclass(frozen=True)
+class Floating:
+    """A robot file taken with its root link moving freely; stands wherever the path of a file does."""
+
+    path: str | PathLike[str]
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    __str__ = __fspath__
+
+
+File = str | PathLike[str]  # the path of a file, or Floating
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A robot as a model's text. `left_out` alters the motion, `changed` does not; `joints`: the file's name → the model's."""
+
+    model: Model
+    text: str
+    kind: str
+    changed: tuple[str, ...]
+    left_out: tuple[str, ...]
+    joints: Mapping[str, str]
+
+
+def load(path: File) -> Model:
+    """The Model of a model file or of a robot file; what a robot loses is warned of."""
+    floating = isinstance(path, Floating)
+    if Path(path).suffix.lower() not in ROBOTS:
+        from derive.model import load
+
+        if floating:
+            from derive.diagnostics import ModelError
+
+            raise ModelError(
+                f"--floating is for URDF and MJCF files, and {path} is neither", "a joint of type free in the model file"
+            )
+        return load(str(path))
+    found = imported(path, floating)
+    for sentence in found.left_out:
+        warnings.warn(f"{path}: left out: {sentence}", RuntimeWarning, stacklevel=2)
+    return found.model
+
+
+def imported(path: File, floating: bool = False) -> Imported:
+    """A URDF or MJCF file as a model; ModelError with places in that file for everything wrong with it."""
+    from derive.robots.inertias import gather
+    from derive.robots.writing import text_of
+
+    robot = _robot(path, floating or isinstance(path, Floating))
+    _check_size(robot)
+    gather(robot)
+    made = text_of(robot, Path(path).name)
+    joints = {joint.place.get("name"): joint.name for joint in robot.joints if joint.place.tag in ("joint", "freejoint")}
+    return Imported(_model(made, robot, path), made.text, robot.kind, tuple(robot.changed), tuple(robot.left_out), joints)
+
+
+def _robot(path: File, floating: bool) -> Robot:
+    from derive.robots import mjcf, urdf
+    from derive.robots.markup import parsed, read
+
+    root = parsed(read(path))
+    if root.tag == "robot":
+        return urdf.robot(root, Path(path).stem, floating)
+    if root.tag == "mujoco":
+        return mjcf.robot(root, Path(path).stem, floating)
+    root.refuse(f"<{root.tag}> is no robot", "<robot> (URDF) or <mujoco> (MJCF)")
+
+
+def _check_size(robot: Robot) -> None:
+    """Before anything is made of it: what grows faster than the file does."""
+    from derive.model.build import MOST_BODIES
+
+    if len(robot.bodies) > MOST_BODIES:
+        robot.root.refuse(f"the robot has {len(robot.bodies)} bodies", f"at most {MOST_BODIES}")
+
+
+def _model(made: Written, robot: Robot, path: File) -> Model:
+    """The text read as a model; what is wrong is told where it stands in the robot's file."""
+    from derive.diagnostics import ModelError
+    from derive.model import load_text
+
+    try:
+        return load_text(made.text, str(path))
+    except ModelError as error:
+        found = []
+        for problem in error.diagnostics:
+            origin = made.origins[problem.line - 1] if problem.line else None
+            found.append((origin or robot.root).diagnostic(problem.message, problem.expected, problem.hint))
+        raise ModelError(dict.fromkeys(found)) from None

@@ -4,7 +4,8 @@
     built = hamel.build("models/four_bar.yaml", choice="crank")
     module = hamel.load(built.folder)
 
-Each verb of the command line is a function here. Importing this package imports none of the libraries behind the verbs.
+Each verb of the command line is a function here. Importing this package imports none of the
+libraries behind the verbs.
 """
 
 import sys
@@ -17,6 +18,7 @@ from hamel.api import (
     choices,
     derive,
     explain,
+    extremes,
     import_,
     linearize,
     list,
@@ -24,7 +26,6 @@ from hamel.api import (
     report,
     schema,
     simulate,
-    stress,
     verify,
 )
 
@@ -36,6 +37,7 @@ __all__ = [
     "choices",
     "derive",
     "explain",
+    "extremes",
     "import_",
     "linearize",
     "list",
@@ -43,13 +45,13 @@ __all__ = [
     "report",
     "schema",
     "simulate",
-    "stress",
     "verify",
 ]
 
 
 class _Face(ModuleType):
-    """Keeps `hamel.verify` the verb: importing the package of the same name would put itself in its place."""
+    """Keeps `hamel.verify` the verb: importing the package of the same name would put itself in its
+    place."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if name not in __all__ or not isinstance(value, ModuleType):

@@ -1,4 +1,5 @@
-"""What a user sees of an error: one message and a documented exit code, never a traceback unless --debug asks for it."""
+"""What a user sees of an error: one message and a documented exit code, never a traceback unless
+--debug asks for it."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ USAGE, INTERNAL, INTERRUPTED, PIPE = 64, 70, 130, 141  # sysexits.h and 128 + si
 
 
 def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
-    """Run `command` and return the exit code; errors go to standard error or, with --json, to standard output as one object."""
+    """Run `command` and return the exit code; errors go to standard error or, with --json, to
+    standard output as one object."""
     warnings.formatwarning = _once(set())
     try:
         _check_neighbours()
@@ -60,14 +62,19 @@ def _once(said: set[str]) -> Callable[..., str]:
 
 def _usage(error: click.ClickException) -> Diagnostic:
     context = getattr(error, "ctx", None)
-    return Diagnostic(message=error.format_message(), hint=f"see '{context.command_path if context else 'hamel'} --help'")
+    return Diagnostic(
+        message=error.format_message(),
+        hint=f"see '{context.command_path if context else 'hamel'} --help'",
+    )
 
 
 def _internal(error: Exception) -> Diagnostic:
     last = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{os.path.basename(last.filename)}:{last.lineno}"
     what = f"{type(error).__name__}: {error}".splitlines()[0]
-    return Diagnostic(message=f"internal error, please report it with the model: {what} ({place}); --debug shows the traceback")
+    return Diagnostic(
+        message=f"internal error, please report it with the model: {what} ({place}); --debug shows the traceback"
+    )
 
 
 def _report(problems: Sequence[Diagnostic], code: int, arguments: Sequence[str]) -> int:
@@ -86,7 +93,8 @@ def _as_json(problem: Diagnostic) -> dict[str, Any]:
 
 
 def _check_neighbours() -> None:
-    """PyPI has other packages called `derive` and `codegen`; if one of them is found first nothing here can work."""
+    """PyPI has other packages called `derive` and `codegen`; if one of them is found first nothing
+    here can work."""
     import codegen
     import derive
     import hamel
@@ -96,5 +104,6 @@ def _check_neighbours() -> None:
         found = os.path.dirname(os.path.dirname(os.path.abspath(package.__file__ or "")))
         if found != home:
             raise ToolchainError(
-                f"the package '{package.__name__}' in {found} hides hamel's own", hint=f"pip uninstall {package.__name__}"
+                f"the package '{package.__name__}' in {found} hides hamel's own",
+                hint=f"pip uninstall {package.__name__}",
             )

@@ -1,7 +1,9 @@
-"""Random mechanisms: trees with every joint type, closures and constraints that can be met, loads of every type.
+"""Random mechanisms: trees with every joint type, closures and constraints that can be met, loads
+of every type.
 
-Each is a Model made by hand, so that neither the loader nor the model files decide what is tried. The ladder compares it with
-the independent reference: M, h, Q, φ, A, β, v̇, λ, energies, power balance, inverse dynamics.
+Each is a Model made by hand, so that neither the loader nor the model files decide what is tried.
+The suite compares it with the independent reference: M, h, Q, φ, A, β, v̇, λ, energies, power
+balance, inverse dynamics.
 """
 
 from __future__ import annotations
@@ -16,10 +18,20 @@ from hypothesis import HealthCheck, Phase, given, reject, settings
 from hypothesis import strategies as st
 
 from derive.diagnostics import AssumptionError
-from derive.expressions.tree import ONE, ZERO, Call, Expression, Name, Number, Power, Product, Rate, Sum
+from derive.expressions.tree import (
+    ONE,
+    ZERO,
+    Call,
+    Expression,
+    Name,
+    Number,
+    Power,
+    Product,
+    Rate,
+    Sum,
+)
 from derive.formulations import equations
 from derive.joints import joint_type
-from derive.mechanics import system
 from derive.mechanics.records import System
 from derive.model import load_text
 from derive.model.records import (
@@ -49,18 +61,59 @@ from derive.model.records import (
     Torque,
     Velocity,
 )
+from derive.states import system
 from hamel.verify import verification
 from hamel.verify.checks.evidence import samples
 from hamel.verify.reference.outcome import reference, state_of
 
 HERE = Span(1, 1)
-TREE = ("revolute", "prismatic", "screw", "cylindrical", "universal", "ball", "planar", "free", "free quaternion", "fixed")
-LOOPS = {"revolute": 5, "prismatic": 5, "screw": 5, "cylindrical": 4, "universal": 4, "ball": 3, "planar": 3, "fixed": 6}
-MEETINGS = {"distance": 1, "on_surface": 1, "sphere": 3, "disk": 3, "torus": 3, "gear": 1, "moving": 1, "servo": 1}
-LOADS = ("bushing", "friction", "armature", "joint spring", "joint damper", "point spring", "force", "torque", "input")
+TREE = (
+    "revolute",
+    "prismatic",
+    "screw",
+    "cylindrical",
+    "universal",
+    "ball",
+    "planar",
+    "free",
+    "free quaternion",
+    "fixed",
+)
+LOOPS = {
+    "revolute": 5,
+    "prismatic": 5,
+    "screw": 5,
+    "cylindrical": 4,
+    "universal": 4,
+    "ball": 3,
+    "planar": 3,
+    "fixed": 6,
+}
+MEETINGS = {
+    "distance": 1,
+    "on_surface": 1,
+    "sphere": 3,
+    "disk": 3,
+    "torus": 3,
+    "gear": 1,
+    "moving": 1,
+    "servo": 1,
+}
+LOADS = (
+    "bushing",
+    "friction",
+    "armature",
+    "joint spring",
+    "joint damper",
+    "point spring",
+    "force",
+    "torque",
+    "input",
+)
 
 
-# ---- making one -----------------------------------------------------------------------------------------------------------
+# ---- making one
+# -----------------------------------------------------------------------------------------------------------
 
 
 def number(x: float) -> Expression:
@@ -76,7 +129,8 @@ def vector_rows(rows) -> list:
 
 
 def any_axis(rng: np.random.Generator) -> np.ndarray:
-    """One of x, y, z, −x, −y, −z half of the time: exact zeros take other branches than oblique axes."""
+    """One of x, y, z, −x, −y, −z half of the time: exact zeros take other branches than oblique
+    axes."""
     if rng.random() < 0.5:
         return np.eye(3)[rng.integers(3)] * rng.choice([-1.0, 1.0])
     x = rng.normal(size=3)
@@ -98,7 +152,9 @@ def any_rotation(rng: np.random.Generator) -> np.ndarray:
 
 
 def placement(position, rotation=None) -> Placement:
-    return Placement(vector(position), None if rotation is None else tuple(vector(row) for row in rotation))
+    return Placement(
+        vector(position), None if rotation is None else tuple(vector(row) for row in rotation)
+    )
 
 
 def any_placement(rng: np.random.Generator) -> Placement:
@@ -110,7 +166,8 @@ def any_placement(rng: np.random.Generator) -> Placement:
 
 
 def any_body(rng: np.random.Generator, name: str) -> Body:
-    """Inertia of three or more point masses, so that it can exist; some are about axes of the body."""
+    """Inertia of three or more point masses, so that it can exist; some are about axes of the
+    body."""
     points, masses = rng.uniform(-0.3, 0.3, (5, 3)), rng.uniform(0.1, 1.0, 5)
     points -= masses @ points / masses.sum()
     I = sum(m * ((r @ r) * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, points))
@@ -154,7 +211,10 @@ class Parts:
         table = joint_type(name, orientation)
         axis = np.array([0.0, 0.0, 1.0]) if name == "planar" else any_axis(self.rng)
         label = f"j{i}"
-        coordinates = [Coordinate(f"q{i}_{k}", slot.unit, label, HERE) for k, slot in enumerate(table.coordinates)]
+        coordinates = [
+            Coordinate(f"q{i}_{k}", slot.unit, label, HERE)
+            for k, slot in enumerate(table.coordinates)
+        ]
         velocities = [
             Velocity(f"{label}.{slot.suffix}", slot.unit, label, "", HERE)
             if slot.suffix
@@ -180,7 +240,9 @@ class Parts:
             if coordinate.unit == "1" and self.coordinates[i - 1].unit != "1":
                 q[i : i + 4] = self.rng.normal(size=4)
                 q[i : i + 4] /= np.linalg.norm(q[i : i + 4])
-        self.initial = tuple(InitialValue(c.name, number(x), False, HERE) for c, x in zip(self.coordinates, q))
+        self.initial = tuple(
+            InitialValue(c.name, number(x), False, HERE) for c, x in zip(self.coordinates, q)
+        )
         ref = reference(self.model())
         self.q, self.frames = q, state_of(ref, 0.0, q, np.zeros(len(self.velocities))).frames
 
@@ -199,7 +261,9 @@ class Parts:
         axis2 = vector(across(rng, axis)) if kind == "universal" else None
         pitch = number(rng.uniform(0.1, 0.5)) if kind == "screw" else ZERO
         name = f"c{len(self.closures)}"
-        self.closures.append(Closure(name, kind, bodies, (at, other), vector(axis), HERE, axis2, pitch))
+        self.closures.append(
+            Closure(name, kind, bodies, (at, other), vector(axis), HERE, axis2, pitch)
+        )
 
     def meet(self, kind: str, bodies: tuple[str, str]) -> None:
         """A constraint that the random configuration satisfies."""
@@ -209,18 +273,25 @@ class Parts:
         ground = [frame.origin + frame.rotation @ point for frame, point in zip(frames, points)]
         if kind == "distance":
             length = number(float(np.linalg.norm(ground[1] - ground[0])))
-            self.constraints.append(Distance(name, bodies, (vector(points[0]), vector(points[1])), length, HERE))
+            self.constraints.append(
+                Distance(name, bodies, (vector(points[0]), vector(points[1])), length, HERE)
+            )
         elif kind == "on_surface":
             inside = frames[1].rotation.T @ (ground[0] - frames[1].origin)
             surface = ellipsoid(rng.uniform(0.5, 2.0, 3), inside)
-            self.constraints.append(OnSurface(name, bodies[0], vector(points[0]), bodies[1], surface, HERE))
+            self.constraints.append(
+                OnSurface(name, bodies[0], vector(points[0]), bodies[1], surface, HERE)
+            )
         elif kind == "gear":
             plain = [i for i, x in enumerate(self.coordinates) if x.unit != "1"]
             if not plain:
                 return  # quaternions alone: nothing to gear
             pair = rng.choice(plain, 2)  # one against itself is held where it is
             ratio = float(rng.uniform(1.5, 2.5))
-            terms = [Name(self.coordinates[pair[0]].name), Product((number(-ratio), Name(self.coordinates[pair[1]].name)))]
+            terms = [
+                Name(self.coordinates[pair[0]].name),
+                Product((number(-ratio), Name(self.coordinates[pair[1]].name))),
+            ]
             rest = number(float(ratio * self.q[pair[1]] - self.q[pair[0]]))
             self.constraints.append(Holonomic(name, Sum((*terms, rest)), (), HERE))
         elif kind in ("moving", "servo"):
@@ -229,9 +300,11 @@ class Parts:
             self.constraints.append(self.rolling(kind, name, bodies[0], points[0]))
 
     def formula(self, kind: str, name: str) -> Iterator[Holonomic | Nonholonomic]:
-        """A formula that is nonlinear in the coordinates and knows the time: of positions, or of rates.
+        """A formula that is nonlinear in the coordinates and knows the time: of positions, or of
+        rates.
 
-        q₁ + ½ sin q₂ − q₂²/4 − a sin ω t = 0 with q from where they are, or q̇₁ + ω sin(q₁ + t) q̇₂ = 0.
+        q₁ + ½ sin q₂ − q₂²/4 − a sin ω t = 0 with q from where they are, or q̇₁ + ω sin(q₁ + t) q̇₂
+        = 0.
 
         Rates are not driven: other rows may tie the same ones, and then nothing could meet both.
         """
@@ -243,17 +316,27 @@ class Parts:
         a, omega = number(self.rng.uniform(0.1, 0.4)), number(self.rng.uniform(0.5, 2.0))
         if kind == "servo":
             turned = Call("sin", (Sum((first, t)),))
-            yield Nonholonomic(name, Sum((Rate(first.name), Product((omega, turned, Rate(second.name))))), (), HERE)
+            yield Nonholonomic(
+                name, Sum((Rate(first.name), Product((omega, turned, Rate(second.name))))), (), HERE
+            )
             return
         p, q = Sum((first, number(-self.q[i]))), Sum((second, number(-self.q[j])))
-        bent = (Product((number(0.5), Call("sin", (q,)))), Product((number(-0.25), Power(q, Number(2.0)))))
+        bent = (
+            Product((number(0.5), Call("sin", (q,)))),
+            Product((number(-0.25), Power(q, Number(2.0)))),
+        )
         driven = Product((number(-1.0), a, Call("sin", (Product((omega, t)),))))
         yield Holonomic(name, Sum((p, *bent, driven)), (), HERE)
 
     def rolling(self, kind: str, name: str, body: str, centre: np.ndarray) -> Rolling:
         """On a plane that the body touches in the random configuration."""
         rng, frame = self.rng, self.frames[body]
-        normal, axis, radius, tube = any_axis(rng), any_axis(rng), rng.uniform(0.2, 0.5), rng.uniform(0.02, 0.1)
+        normal, axis, radius, tube = (
+            any_axis(rng),
+            any_axis(rng),
+            rng.uniform(0.2, 0.5),
+            rng.uniform(0.02, 0.1),
+        )
         e = frame.rotation @ axis
         down = -(normal - (normal @ e) * e)
         reach = {
@@ -299,7 +382,8 @@ def ellipsoid(weights: np.ndarray, through: np.ndarray) -> Expression:
 
 
 def mechanism(tree, loops=(), meetings=(), loads=(), seed: int = 0) -> Model:
-    """`tree`: (joint, parent) pairs, the others (kind, ends); bodies are counted modulo what is there.
+    """`tree`: (joint, parent) pairs, the others (kind, ends); bodies are counted modulo what is
+    there.
 
     Closures and constraints are left out that would leave no freedom.
     """
@@ -339,14 +423,17 @@ def free_between(parts: Parts, first: str, second: str) -> int:
     return sum(len(carrier[body].velocities) for body in path(first) ^ path(second))
 
 
-# ---- checking them --------------------------------------------------------------------------------------------------------
+# ---- checking them
+# --------------------------------------------------------------------------------------------------------
 
 
-LOOSER = 10.0  # random lengths and masses cancel worse than those of a designed machine; a wrong sign errs by 1
+# random lengths and masses cancel worse than those of a designed machine; a wrong sign errs by 1
+LOOSER = 10.0
 
 
 def check(model: Model, formulation: str = "augmented", states: int = 2) -> System:
-    """The ladder: v̇ to 1e-9 × condition, power balance, M symmetric and semidefinite, inverse dynamics, and the terms apart."""
+    """The suite: v̇ to 1e-9 × condition, power balance, M symmetric and semidefinite, inverse
+    dynamics, and the terms apart."""
     try:
         mechanics = system(model)
         chosen = equations(mechanics, None, formulation)
@@ -371,11 +458,17 @@ def trees(most: int):
 
 
 def profile(examples: int):
-    """The same examples every time, and no stopwatch: these are checks of mathematics on machines of any speed."""
+    """The same examples every time, and no stopwatch: these are checks of mathematics on machines
+    of any speed."""
     quiet = (HealthCheck.too_slow, HealthCheck.filter_too_much)
     steps = (Phase.explicit, Phase.generate)  # a smaller example is not worth five minutes
     return settings(
-        max_examples=examples, derandomize=True, deadline=None, database=None, phases=steps, suppress_health_check=quiet
+        max_examples=examples,
+        derandomize=True,
+        deadline=None,
+        database=None,
+        phases=steps,
+        suppress_health_check=quiet,
     )
 
 
@@ -411,19 +504,32 @@ def test_loops_without_multipliers(loop, seed):
 
 @pytest.mark.slow
 @profile(150)
-@given(tree=trees(7), loops=some(LOOPS, 0, 3), meetings=some(MEETINGS, 0, 2), loads=some(LOADS, 0, 4), seed=SEEDS)
+@given(
+    tree=trees(7),
+    loops=some(LOOPS, 0, 3),
+    meetings=some(MEETINGS, 0, 2),
+    loads=some(LOADS, 0, 4),
+    seed=SEEDS,
+)
 def test_large_mechanisms(tree, loops, meetings, loads, seed):
     check(mechanism(tree, loops, one_rolling(meetings), loads, seed), states=4)
 
 
 @pytest.mark.slow
 @profile(25)
-@given(tree=trees(4), loops=some(LOOPS, 0, 2), meetings=some(MEETINGS, 0, 1), loads=some(LOADS, 0, 2), seed=SEEDS)
+@given(
+    tree=trees(4),
+    loops=some(LOOPS, 0, 2),
+    meetings=some(MEETINGS, 0, 1),
+    loads=some(LOADS, 0, 2),
+    seed=SEEDS,
+)
 def test_large_mechanisms_without_multipliers(tree, loops, meetings, loads, seed):
     check(mechanism(tree, loops, meetings, loads, seed), "quasi_velocities", states=4)
 
 
-# ---- one of each ----------------------------------------------------------------------------------------------------------
+# ---- one of each
+# ----------------------------------------------------------------------------------------------------------
 
 TWO_FREE = [("free quaternion", 0), ("revolute", 1), ("ball", 0), ("universal", 3)]
 
@@ -453,7 +559,15 @@ def test_every_joint_and_every_load_at_once():
 @pytest.mark.parametrize("plane", ["xy", "xz", "yz"])
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "fixed"])
 def test_planar_closures(kind, plane):
-    check(load_text(PLANAR.format(kind=kind, plane=plane, axis=f"axis: {plane[1]}" if kind == "prismatic" else "about: x")))
+    check(
+        load_text(
+            PLANAR.format(
+                kind=kind,
+                plane=plane,
+                axis=f"axis: {plane[1]}" if kind == "prismatic" else "about: x",
+            )
+        )
+    )
 
 
 PLANAR = """
@@ -496,7 +610,7 @@ initial: {guess: {q1: 1 rad, q2: -1 rad, q3: 1 rad}}
 
 @pytest.mark.parametrize("formulation", ["quasi_velocities", "augmented"])
 def test_redundant_rows_in_space(formulation):
-    """λ is not unique then: the ladder compares Aᵀ λ, v̇ and the number of independent rows."""
+    """λ is not unique then: the suite compares Aᵀ λ, v̇ and the number of independent rows."""
     model = load_text(FLAT_LOOP)
     check(model, formulation)
     ref = reference(model)
@@ -504,12 +618,15 @@ def test_redundant_rows_in_space(formulation):
     assert [(s.outcome.rank, len(s.outcome.lam)) for s in seen] == [(2, 5)] * 3
 
 
-@pytest.mark.parametrize("kind", ["cylindrical", "universal", "screw", "planar", "prismatic", "fixed", "ball", "revolute"])
-def test_the_ladder_sees_a_wrong_closure_row(kind):
+@pytest.mark.parametrize(
+    "kind",
+    ["cylindrical", "universal", "screw", "planar", "prismatic", "fixed", "ball", "revolute"],
+)
+def test_the_suite_sees_a_wrong_closure_row(kind):
     """A sign in A, an entry of β and of φ: the reference's own rows are not the system's."""
     model = mechanism(TWO_FREE, [(kind, (1, 4))], seed=7)
     chosen = equations(system(model), None, "augmented")
     planted = dict(wrong_systems(chosen.system))
-    for what, rung in (("constraint row", "A, c"), ("constraint drift", "β"), ("position", "φ")):
+    for what, check in (("constraint row", "A, c"), ("constraint drift", "β"), ("position", "φ")):
         found = verification(model, replace(chosen, system=planted[what]), states=2)
-        assert rung in {check.name for check in found.failed}, what
+        assert check in {check.name for check in found.failed}, what

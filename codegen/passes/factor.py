@@ -1,4 +1,5 @@
-"""factor: flatten sums and products that are used once, then take common factors out: a x + b x → (a + b) x.
+"""factor: flatten sums and products that are used once, then take common factors out: a x + b x →
+(a + b) x.
 
 A node with several users is never opened, so nothing that is shared is computed twice.
 """
@@ -8,7 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, copied, nearly_sum, rewrite, scaled, uses
+from codegen.passes.graph import (
+    ONE,
+    Graph,
+    Reference,
+    Work,
+    copied,
+    nearly_sum,
+    rewrite,
+    scaled,
+    uses,
+)
 
 Factors = tuple[tuple[int, int], ...]  # (node, exponent), …
 Term = tuple[float, Factors]
@@ -50,7 +61,14 @@ def _opened(work: Work) -> set[int]:
             for other, exponent in rest[0]:
                 spots[other] = _Spot(kind, exponent if kind == "product" else 1)
     rooted = {node for _, node in work.roots}
-    return {n for n in nodes if count[n] == 1 and n not in rooted and n in spots and _opens(work.graph.nodes[n][0], spots[n])}
+    return {
+        n
+        for n in nodes
+        if count[n] == 1
+        and n not in rooted
+        and n in spots
+        and _opens(work.graph.nodes[n][0], spots[n])
+    }
 
 
 def _opens(kind: str, spot: _Spot) -> bool:
@@ -58,7 +76,9 @@ def _opens(kind: str, spot: _Spot) -> bool:
     return (kind == "sum" and spot.user == "sum") or (kind == "product" and abs(spot.exponent) == 1)
 
 
-def _terms(work: Work, graph: Graph, node: int, done: dict[int, Reference], opened: set[int]) -> list[Term]:
+def _terms(
+    work: Work, graph: Graph, node: int, done: dict[int, Reference], opened: set[int]
+) -> list[Term]:
     """The terms of a flattened sum over the new graph."""
     terms: list[Term] = []
     stack = [(node, 1.0)]
@@ -76,7 +96,8 @@ def _terms(work: Work, graph: Graph, node: int, done: dict[int, Reference], open
 
 
 def _term(graph: Graph, reference: Reference) -> Term:
-    """A node as a term. Of products only squares of a sine or cosine are opened, for they may meet their like."""
+    """A node as a term. Of products only squares of a sine or cosine are opened, for they may meet
+    their like."""
     factor, node = reference
     inside = graph.nodes[node][1] if graph.nodes[node][0] == "product" else ()
     if len(inside) == 1 and inside[0][1] == 2 and _angle(graph, inside[0][0]):
@@ -84,7 +105,9 @@ def _term(graph: Graph, reference: Reference) -> Term:
     return factor, () if node == ONE else ((node, 1),)
 
 
-def _open_product(work: Work, node: int, done: dict[int, Reference], opened: set[int]) -> list[tuple[Reference, int]]:
+def _open_product(
+    work: Work, node: int, done: dict[int, Reference], opened: set[int]
+) -> list[tuple[Reference, int]]:
     """The factors of a flattened product over the new graph."""
     factors = []
     stack = [(node, 1)]
@@ -157,7 +180,9 @@ def _angle(graph: Graph, node: int) -> int | None:
 def factored(graph: Graph, terms: Sequence[Term]) -> Reference:
     """The sum of the terms, the factor that saves most taken out first."""
     while (best := _best_factor(terms)) is not None:
-        inside = [(value, _without(factors, best)) for value, factors in terms if _holds(factors, best)]
+        inside = [
+            (value, _without(factors, best)) for value, factors in terms if _holds(factors, best)
+        ]
         outside = [term for term in terms if not _holds(term[1], best)]
         taken = graph.product([(factored(graph, inside), 1), ((1.0, best[0]), best[1])])
         terms = [*outside, _term(graph, taken)]
@@ -169,7 +194,8 @@ def _product(graph: Graph, term: Term) -> Reference:
 
 
 def _best_factor(terms: Sequence[Term]) -> tuple[int, int] | None:
-    """(node, ±1) whose extraction saves most multiplications or divisions; None where none saves any."""
+    """(node, ±1) whose extraction saves most multiplications or divisions; None where none saves
+    any."""
     saved: dict[tuple[int, int], int] = {}
     for value, factors in terms:
         degree = sum(abs(exponent) for _, exponent in factors) - (abs(value) == 1.0)
@@ -185,5 +211,7 @@ def _holds(factors: Factors, wanted: tuple[int, int]) -> bool:
 
 
 def _without(factors: Factors, taken: tuple[int, int]) -> Factors:
-    lowered = ((node, exponent - taken[1] if node == taken[0] else exponent) for node, exponent in factors)
+    lowered = (
+        (node, exponent - taken[1] if node == taken[0] else exponent) for node, exponent in factors
+    )
     return tuple((node, exponent) for node, exponent in lowered if exponent)

@@ -1,8 +1,10 @@
-"""The expression graph that the passes rewrite: hash-consed n-ary sums and products with constants kept on the edges.
+"""The expression graph that the passes rewrite: hash-consed n-ary sums and products with constants
+kept on the edges.
 
-A reference is (factor, node). Signs and constant factors live on the references, so x − y and y − x, 2x and −3x share one
-node; a sum is stored with leading factor 1. Node 0 is the number one, so a constant c is the reference (c, 0). Node ids are
-given in the order of creation: operands come before what uses them.
+A reference is (factor, node). Signs and constant factors live on the references, so x − y and y −
+x, 2x and −3x share one node; a sum is stored with leading factor 1. Node 0 is the number one, so a
+constant c is the reference (c, 0). Node ids are given in the order of creation: operands come
+before what uses them.
 """
 
 from __future__ import annotations
@@ -35,11 +37,14 @@ _NARY = frozenset({"sum", "product"})
 
 class Graph:
     """Nodes are tuples: ("one",), ("input", argument, index), ("literal", text) for inf and nan,
-    ("sum", ((node, factor), …)), ("product", ((node, exponent), …)), ("call", function, (reference, …))."""
+    ("sum", ((node, factor), …)), ("product", ((node, exponent), …)), ("call", function, (reference,
+    …))."""
 
     def __init__(self) -> None:
         self.nodes: list[tuple[Any, ...]] = [("one",)]
-        self.natural: dict[int, float] = {}  # the factor with which a sum was first met: its own numbers, undivided
+        self.natural: dict[
+            int, float
+        ] = {}  # the factor with which a sum was first met: its own numbers, undivided
         self._ids: dict[tuple[Any, ...], int] = {("one",): ONE}
         self._operands: dict[int, tuple[int, ...]] = {}
 
@@ -80,7 +85,8 @@ class Graph:
         return (scale, node)
 
     def product(self, factors: Iterable[tuple[Reference, int]]) -> Reference:
-        """Π reference^exponent; constants move to the reference. x / x is 1 even where x = 0: the removable singularity goes."""
+        """Π reference^exponent; constants move to the reference. x / x is 1 even where x = 0: the
+        removable singularity goes."""
         scale = 1.0
         merged: dict[int, int] = {}
         for (factor, node), exponent in factors:
@@ -132,7 +138,11 @@ class Graph:
             if found[0] in _NARY:
                 known = tuple([other for other, _ in found[1] if other != ONE])
             else:
-                known = tuple([other for _, other in found[2] if other != ONE]) if found[0] == "call" else ()
+                known = (
+                    tuple([other for _, other in found[2] if other != ONE])
+                    if found[0] == "call"
+                    else ()
+                )
             self._operands[node] = known
         return known
 
@@ -148,7 +158,8 @@ class Mark:
 
 @dataclass(frozen=True)
 class Work:
-    """One function on its way through the passes: a graph, the references to be computed, and named places in it."""
+    """One function on its way through the passes: a graph, the references to be computed, and named
+    places in it."""
 
     graph: Graph
     roots: tuple[Reference, ...]
@@ -180,7 +191,8 @@ def nearly_sum(a: float, b: float) -> float:
 
 @functools.lru_cache(maxsize=1 << 16)
 def snapped(factor: float) -> float:
-    """The factor, or the short decimal or fraction it differs from by rounding only: 14.715 for 14.715000000000002."""
+    """The factor, or the short decimal or fraction it differs from by rounding only: 14.715 for
+    14.715000000000002."""
     short = float(f"{factor:.12g}")
     if abs(factor - short) <= 2 * EPSILON * abs(factor):
         return short
@@ -212,7 +224,8 @@ Rule = Callable[[Graph, int, dict[int, Reference]], Reference | None]
 
 
 def rewrite(work: Work, rule: Rule) -> Work:
-    """A new graph in which each live node became rule(new graph, node, earlier results), None where its user needs no node of it.
+    """A new graph in which each live node became rule(new graph, node, earlier results), None where
+    its user needs no node of it.
 
     Marks follow where their nodes survive.
     """
@@ -246,7 +259,11 @@ def copied(work: Work, graph: Graph, node: int, done: dict[int, Reference]) -> R
 
 
 def _follow(mark: Mark, done: dict[int, Reference]) -> Mark:
-    kept = tuple((label, scaled(factor, done[node])) for label, (factor, node) in mark.entries if node in done)
+    kept = tuple(
+        (label, scaled(factor, done[node]))
+        for label, (factor, node) in mark.entries
+        if node in done
+    )
     return Mark(mark.name, mark.about, kept)
 
 

@@ -1,7 +1,9 @@
-"""lower: from n-ary sums and products to two-operand operations, with every sign and constant where it costs least.
+"""lower: from n-ary sums and products to two-operand operations, with every sign and constant where
+it costs least.
 
-Each node is computed up to a factor of its own (its scale), chosen so that its users and its terms together multiply by as
-few constants as possible. Signs are free inside sums: a term is added or subtracted.
+Each node is computed up to a factor of its own (its scale), chosen so that its users and its terms
+together multiply by as few constants as possible. Signs are free inside sums: a term is added or
+subtracted.
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ from typing import Any
 from codegen.passes.graph import ONE, Graph, Reference, Work, snapped
 from codegen.passes.scales import free_scale, scales
 
-Operand = int | float  # the index of an operation, or a constant; of "input" the argument's name and the index
+Operand = (
+    int | float
+)  # the index of an operation, or a constant; of "input" the argument's name and the index
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +28,8 @@ class Operation:
 
 @dataclass
 class Code:
-    """Operations in an order that computes operands first. `inputs` and repeated operations occur once."""
+    """Operations in an order that computes operands first. `inputs` and repeated operations occur
+    once."""
 
     operations: list[Operation] = field(default_factory=list)
     index: dict[tuple[object, ...], int] = field(default_factory=dict)
@@ -33,7 +38,11 @@ class Code:
         """The index of an operation, appended when it is new."""
         if name in ("add", "mul") and _order(operands[0]) > _order(operands[1]):
             operands = operands[::-1]
-        key = (name, *operands, *map(type, operands))  # Python takes operation 2 and the number 2.0 for the same
+        key = (
+            name,
+            *operands,
+            *map(type, operands),
+        )  # Python takes operation 2 and the number 2.0 for the same
         if key not in self.index:
             self.index[key] = len(self.operations)
             self.operations.append(Operation(name, operands))
@@ -42,7 +51,8 @@ class Code:
 
 @dataclass(frozen=True)
 class Lowered:
-    """`roots` are the values asked for; for those in `loose` the factor that is missing stands in `factors`.
+    """`roots` are the values asked for; for those in `loose` the factor that is missing stands in
+    `factors`.
 
     `places` says where a node's value is: (operand, scale).
     """
@@ -54,14 +64,23 @@ class Lowered:
 
 
 def lower(work: Work, loose: Sequence[int] = ()) -> Lowered:
-    """Operations for all roots; the roots numbered in `loose` may come out times a constant (they are only compared)."""
+    """Operations for all roots; the roots numbered in `loose` may come out times a constant (they
+    are only compared)."""
     nodes = work.live
     found = scales(work, nodes, set(loose))
     maker = _Maker(work.graph, found)
     for node in nodes:
         maker.make(node)
-    roots = [maker.loose(root) if i in loose else (maker.value(root), 1.0) for i, root in enumerate(work.roots)]
-    return Lowered(maker.code, tuple(value for value, _ in roots), tuple(factor for _, factor in roots), maker.places)
+    roots = [
+        maker.loose(root) if i in loose else (maker.value(root), 1.0)
+        for i, root in enumerate(work.roots)
+    ]
+    return Lowered(
+        maker.code,
+        tuple(value for value, _ in roots),
+        tuple(factor for _, factor in roots),
+        maker.places,
+    )
 
 
 def _order(operand: Operand) -> tuple[int, float]:
@@ -69,7 +88,8 @@ def _order(operand: Operand) -> tuple[int, float]:
 
 
 def _partners(graph: Graph, known: dict[int, float]) -> dict[int, int]:
-    """For products with a constant: the factor to multiply by it first, where that is of use to several products."""
+    """For products with a constant: the factor to multiply by it first, where that is of use to
+    several products."""
     sizes: dict[int, float] = {}
     where: dict[tuple[float, int], list[int]] = {}
     for product in sorted(known):
@@ -107,7 +127,10 @@ class _Maker:
         elif kind == "product":
             self.places[node] = (self._product(node, rest[0], self.scales[node]), self.scales[node])
         elif kind == "call":
-            self.places[node] = (self.code.put(rest[0], *(self.value(operand) for operand in rest[1])), 1.0)
+            self.places[node] = (
+                self.code.put(rest[0], *(self.value(operand) for operand in rest[1])),
+                1.0,
+            )
         elif kind == "input":
             self.places[node] = (self.code.put("input", *rest), 1.0)
         else:
@@ -121,7 +144,8 @@ class _Maker:
         return self._times(snapped(reference[0] / scale), operand)
 
     def loose(self, reference: Reference) -> tuple[Operand, float]:
-        """The operand that equals factor · node up to a constant, and the constant: value = constant · operand."""
+        """The operand that equals factor · node up to a constant, and the constant: value =
+        constant · operand."""
         if reference[1] == ONE:
             return reference[0], 1.0
         operand, scale = self.places[reference[1]]
@@ -132,10 +156,15 @@ class _Maker:
             return operand
         if isinstance(operand, float):
             return factor * operand
-        return self.code.put("neg", operand) if factor == -1.0 else self.code.put("mul", factor, operand)
+        return (
+            self.code.put("neg", operand)
+            if factor == -1.0
+            else self.code.put("mul", factor, operand)
+        )
 
     def _sum(self, terms: Sequence[tuple[int, float]], scale: float) -> tuple[Operand, float]:
-        """The value and its scale; the sign of the scale may have turned where all terms are subtracted."""
+        """The value and its scale; the sign of the scale may have turned where all terms are
+        subtracted."""
         groups: dict[float, list[tuple[float, Operand]]] = {}
         for node, factor in terms:
             size, sign, operand = self._term(node, snapped(scale * factor))
@@ -156,14 +185,17 @@ class _Maker:
         return abs(ratio), (1.0 if ratio > 0 else -1.0), operand
 
     def _add(self, signed: Sequence[tuple[float, Operand]]) -> tuple[float, Operand]:
-        """Add signed operands as a balanced tree; returns the sign that is left over and the sum."""
+        """Add signed operands as a balanced tree; returns the sign that is left over and the
+        sum."""
         if len(signed) == 1:
             return signed[0]
         half = (len(signed) + 1) // 2 if len(signed) > 3 else len(signed) - 1
         (sign, left), (other, right) = self._add(signed[:half]), self._add(signed[half:])
         if sign == other:
             return sign, self.code.put("add", left, right)
-        return 1.0, self.code.put("sub", left, right) if sign > 0 else self.code.put("sub", right, left)
+        return 1.0, self.code.put("sub", left, right) if sign > 0 else self.code.put(
+            "sub", right, left
+        )
 
     def _product(self, product: int, factors: Sequence[tuple[int, int]], scale: float) -> Operand:
         above, below = [], []
@@ -176,7 +208,9 @@ class _Maker:
             (above if exponent > 0 else below).append((operand, abs(exponent)))
         return self._quotient(above, below, snapped(scale))
 
-    def _quotient(self, above: list[tuple[Operand, int]], below: list[tuple[Operand, int]], factor: float) -> Operand:
+    def _quotient(
+        self, above: list[tuple[Operand, int]], below: list[tuple[Operand, int]], factor: float
+    ) -> Operand:
         if not above:
             return self.code.put("div", factor, self._multiply(below))
         top = self._multiply(above)
@@ -188,7 +222,8 @@ class _Maker:
         values = [self._power(operand, exponent) for operand, exponent in factors]
         while len(values) > 1:
             values = [
-                self.code.put("mul", *values[i : i + 2]) if i + 1 < len(values) else values[i] for i in range(0, len(values), 2)
+                self.code.put("mul", *values[i : i + 2]) if i + 1 < len(values) else values[i]
+                for i in range(0, len(values), 2)
             ]
         return values[0]
 

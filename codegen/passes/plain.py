@@ -1,7 +1,8 @@
-"""plain: the operations of the derivation as they are, equal ones done once, signs kept out of the way.
+"""plain: the operations of the derivation as they are, equal ones done once, signs kept out of the
+way.
 
-Folding constants moves them, and in long recursions a moved constant is one more multiplication. This is what the passes must
-beat: where they do not, it is what is emitted.
+Folding constants moves them, and in long recursions a moved constant is one more multiplication.
+This is what the passes must beat: where they do not, it is what is emitted.
 """
 
 from __future__ import annotations
@@ -19,21 +20,31 @@ _SUMS = {ca.OP_ADD: 1.0, ca.OP_SUB: -1.0}
 
 
 def plain(tape: Tape, loose: range) -> tuple[Lowered, tuple[Mark, ...]]:
-    """Operations for all roots of the tape (those numbered in `loose` up to their sign) and where the named entries are."""
+    """Operations for all roots of the tape (those numbered in `loose` up to their sign) and where
+    the named entries are."""
     code = Code()
     done: list[Signed] = []
     for step in tape.steps:
-        done.append(_given(code, step) if step.given is not None else _applied(code, step.code, [done[i] for i in step.operands]))
+        done.append(
+            _given(code, step)
+            if step.given is not None
+            else _applied(code, step.code, [done[i] for i in step.operands])
+        )
     places: dict[int, tuple[Operand, float]] = {}
     marks = []
     for name, about, labels, found in tape.named:
         nodes = range(len(places), len(places) + len(found))
         places |= {node: (done[i][1], done[i][0]) for node, i in zip(nodes, found)}
-        marks.append(Mark(name, about, tuple((label, (1.0, node)) for label, node in zip(labels, nodes))))
+        marks.append(
+            Mark(name, about, tuple((label, (1.0, node)) for label, node in zip(labels, nodes)))
+        )
     roots = [
-        (done[root][1], done[root][0]) if k in loose else (_value(code, done[root]), 1.0) for k, root in enumerate(tape.roots)
+        (done[root][1], done[root][0]) if k in loose else (_value(code, done[root]), 1.0)
+        for k, root in enumerate(tape.roots)
     ]
-    return Lowered(code, tuple(value for value, _ in roots), tuple(sign for _, sign in roots), places), tuple(marks)
+    return Lowered(
+        code, tuple(value for value, _ in roots), tuple(sign for _, sign in roots), places
+    ), tuple(marks)
 
 
 def _given(code: Code, step: Step) -> Signed:

@@ -1,7 +1,9 @@
-"""scales: which multiple of each node to compute, so that as few multiplications by constants as possible remain.
+"""scales: which multiple of each node to compute, so that as few multiplications by constants as
+possible remain.
 
-Two starts: what the users ask for, and the numbers the derivation had (which cost nothing extra). From both, nodes are rescaled
-one by one as long as that saves a multiplication; the better end is taken.
+Two starts: what the users ask for, and the numbers the derivation had (which cost nothing extra).
+From both, nodes are rescaled one by one as long as that saves a multiplication; the better end is
+taken.
 """
 
 from __future__ import annotations
@@ -29,7 +31,11 @@ def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float
     structure = _Structure(work.graph, nodes, wants)
     best = _settled(_Balance(structure, first))
     if best.needed:
-        best = min(best, _settled(_Balance(structure, _from_origin(work, nodes))), key=lambda b: len(b.needed))
+        best = min(
+            best,
+            _settled(_Balance(structure, _from_origin(work, nodes))),
+            key=lambda b: len(b.needed),
+        )
     return {node: _signed(best.scales[node], first[node]) for node in structure.order}
 
 
@@ -81,7 +87,9 @@ def free_scale(factors: Iterable[tuple[int, int]], known: dict[int, float]) -> f
 # ---- from the roots down
 
 
-def _from_users(work: Work, nodes: Sequence[int], wants: dict[int, list[float]]) -> dict[int, float]:
+def _from_users(
+    work: Work, nodes: Sequence[int], wants: dict[int, list[float]]
+) -> dict[int, float]:
     """Every node is told which multiples its users want, chooses one and tells its own operands."""
     wanted: dict[int, list[float]] = {node: list(wants.get(node, ())) for node in (ONE, *nodes)}
     used = uses(work, nodes)
@@ -90,7 +98,9 @@ def _from_users(work: Work, nodes: Sequence[int], wants: dict[int, list[float]])
     for node in reversed(nodes):
         kind, *rest = work.graph.nodes[node]
         if kind == "sum":
-            found[node] = _sum_scale(rest[0], wanted[node], named.get(node, work.graph.natural[node]))
+            found[node] = _sum_scale(
+                rest[0], wanted[node], named.get(node, work.graph.natural[node])
+            )
             _want_terms(rest[0], found[node], wanted)
         elif kind == "product":
             found[node] = _product_scale(work.graph, rest[0], wanted[node], used)
@@ -126,7 +136,9 @@ def _prefers_negative(wants: Sequence[float]) -> bool:
     return sum(1 if want < 0 else -1 for want in wants) > 0
 
 
-def _product_scale(graph: Graph, factors: Sequence[tuple[int, int]], wants: Sequence[float], used: dict[int, int]) -> float:
+def _product_scale(
+    graph: Graph, factors: Sequence[tuple[int, int]], wants: Sequence[float], used: dict[int, int]
+) -> float:
     sizes = list(dict.fromkeys(abs(want) for want in wants))
     reciprocal = all(exponent < 0 for _, exponent in factors)
     if sizes == [1.0] and not reciprocal and not _prefers_negative(wants):
@@ -141,25 +153,40 @@ def _product_scale(graph: Graph, factors: Sequence[tuple[int, int]], wants: Sequ
     return -best if flips and _prefers_negative(wants) else best
 
 
-def _absorber(graph: Graph, factors: Sequence[tuple[int, int]], used: dict[int, int], factor: float) -> int | None:
-    """A factor of a product that takes the constant in: a sum used here alone; for a mere sign one with a minus in it."""
+def _absorber(
+    graph: Graph, factors: Sequence[tuple[int, int]], used: dict[int, int], factor: float
+) -> int | None:
+    """A factor of a product that takes the constant in: a sum used here alone; for a mere sign one
+    with a minus in it."""
     for node, exponent in factors:
         kind, *rest = graph.nodes[node]
-        if kind == "sum" and exponent == 1 and used[node] == 1 and (factor > 0 or any(f < 0 for _, f in rest[0])):
+        if (
+            kind == "sum"
+            and exponent == 1
+            and used[node] == 1
+            and (factor > 0 or any(f < 0 for _, f in rest[0]))
+        ):
             return node
     return None
 
 
 def _want_factors(
-    graph: Graph, factors: Sequence[tuple[int, int]], scale: float, wanted: dict[int, list[float]], used: dict[int, int]
+    graph: Graph,
+    factors: Sequence[tuple[int, int]],
+    scale: float,
+    wanted: dict[int, list[float]],
+    used: dict[int, int],
 ) -> None:
     takes = None if scale == 1.0 else _absorber(graph, factors, used, scale)
     for node, _ in factors:
         wanted[node].append(scale if node == takes else 1.0)
 
 
-def _want_terms(terms: Sequence[tuple[int, float]], scale: float, wanted: dict[int, list[float]]) -> None:
-    """Terms with a factor of their own may bring it along; a group with the same factor is multiplied once."""
+def _want_terms(
+    terms: Sequence[tuple[int, float]], scale: float, wanted: dict[int, list[float]]
+) -> None:
+    """Terms with a factor of their own may bring it along; a group with the same factor is
+    multiplied once."""
     groups: dict[float, list[int]] = {}
     for node, factor in terms:
         groups.setdefault(abs(snapped(scale * factor)), []).append(node)
@@ -178,9 +205,13 @@ class _Structure:
         self.graph = graph
         self.nodes = nodes
         self.order = [node for node in nodes if graph.nodes[node][0] in ("sum", "product")]
-        self.wants = {node: sorted({abs(want) for want in wanted}) for node, wanted in wants.items()}
+        self.wants = {
+            node: sorted({abs(want) for want in wanted}) for node, wanted in wants.items()
+        }
         self.users: dict[int, list[int]] = {}
-        self.sums: dict[int, list[tuple[int, float]]] = {}  # the terms that are no constants, and the sizes of their factors
+        self.sums: dict[
+            int, list[tuple[int, float]]
+        ] = {}  # the terms that are no constants, and the sizes of their factors
         self.products: dict[int, tuple[tuple[int, int], ...]] = {}
         self.fixed: set[int] = set()  # terms of wide sums: each trial would look at all the others
         for node in self.order:
@@ -203,15 +234,23 @@ class _Balance:
 
     def __init__(self, structure: _Structure, start: dict[int, float]) -> None:
         self.graph, self.order, self.wants = structure.graph, structure.order, structure.wants
-        self.users, self.sums, self.products, self.fixed = structure.users, structure.sums, structure.products, structure.fixed
+        self.users, self.sums, self.products, self.fixed = (
+            structure.users,
+            structure.sums,
+            structure.products,
+            structure.fixed,
+        )
         nodes = structure.nodes
-        self.scales = dict.fromkeys(nodes, 1.0) | {node: abs(scale) for node, scale in start.items()}
+        self.scales = dict.fromkeys(nodes, 1.0) | {
+            node: abs(scale) for node, scale in start.items()
+        }
         self.keys = {node: keys for node in nodes if (keys := self._keys(node))}
         self.needed = Counter([key for keys in self.keys.values() for key in keys])
         self.sweeps = _SWEEPS if len(nodes) <= _LONG else 1
 
     def settle(self) -> None:
-        """Sweep up and down until no node can be rescaled with profit; after the first sweep only near what changed."""
+        """Sweep up and down until no node can be rescaled with profit; after the first sweep only
+        near what changed."""
         due = set(self.order if self.needed else ())
         for sweep in range(self.sweeps):
             stirred: set[int] = set()
@@ -226,7 +265,12 @@ class _Balance:
         """The nodes whose multiplications may be the same as those of the node or of its users."""
         near = {node, *self.users.get(node, ())}
         near.update(other for one in list(near) for other in self.graph.operands(one))
-        near.update(user for one in list(near) for user in self.users.get(one, ()) if len(self.users[one]) <= _BUSY)
+        near.update(
+            user
+            for one in list(near)
+            for user in self.users.get(one, ())
+            if len(self.users[one]) <= _BUSY
+        )
         return near
 
     def _improve(self, node: int) -> bool:
@@ -283,11 +327,14 @@ class _Balance:
         return len(fresh)
 
     def _keys(self, node: int) -> list[Key]:
-        """Multiplications by constants inside a node, and of the node for those who want a certain multiple."""
+        """Multiplications by constants inside a node, and of the node for those who want a certain
+        multiple."""
         own = self.scales[node]
         keys: list[Key] = []
         if node in self.wants:
-            keys += [(size, node) for want in self.wants[node] if (size := _ratio(want, own)) != 1.0]
+            keys += [
+                (size, node) for want in self.wants[node] if (size := _ratio(want, own)) != 1.0
+            ]
         if node in self.products:
             factors = self.products[node]
             size = _ratio(own, free_scale(factors, self.scales))
@@ -329,7 +376,9 @@ class _Balance:
             sizes = {_ratio(own * f, self.scales[o]) for o, f in terms[:_WIDE] if o != node}
             yield from (_ratio(own * factor, size) for size in (1.0, *sorted(sizes)))
         elif (node, 1) in self.products[user]:
-            rest = free_scale([term for term in self.products[user] if term[0] != node], self.scales)
+            rest = free_scale(
+                [term for term in self.products[user] if term[0] != node], self.scales
+            )
             yield _ratio(own, rest)
 
 

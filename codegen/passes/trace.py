@@ -1,4 +1,5 @@
-"""trace: from CasADi graphs to the graph of the passes. Equal expressions meet here, constants fold here."""
+"""trace: from CasADi graphs to the graph of the passes. Equal expressions meet here, constants fold
+here."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ _MOST = 16  # integer powers up to this are multiplied out
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One instruction: CasADi's code, the steps it works on, and a constant or an argument's name and index."""
+    """One instruction: CasADi's code, the steps it works on, and a constant or an argument's name
+    and index."""
 
     code: int
     operands: tuple[int, ...] = ()
@@ -33,7 +35,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Tape:
-    """A function as CasADi would run it, every result in a place of its own. `named` holds (name, about, labels, steps)."""
+    """A function as CasADi would run it, every result in a place of its own. `named` holds (name,
+    about, labels, steps)."""
 
     steps: list[Step]
     roots: list[int]
@@ -41,7 +44,10 @@ class Tape:
 
     def count(self) -> int:
         """Instructions that compute something for the roots, before any pass."""
-        return sum(bool(flag) and step.code not in _COST_NOTHING for flag, step in zip(self.needed(self.roots), self.steps))
+        return sum(
+            bool(flag) and step.code not in _COST_NOTHING
+            for flag, step in zip(self.needed(self.roots), self.steps)
+        )
 
     def needed(self, roots: Sequence[int]) -> bytearray:
         """1 for every step that the roots need."""
@@ -57,8 +63,13 @@ class Tape:
 _COST_NOTHING = frozenset({ca.OP_INPUT, ca.OP_CONST, ca.OP_NEG, ca.OP_ASSIGN})
 
 
-def record(arguments: Sequence[tuple[str, ca.SX]], roots: Sequence[ca.SX], named: Sequence[tuple[str, str, ca.SX]] = ()) -> Tape:
-    """The scalars `roots` as a tape. named holds (name, about, matrix): they ride along as further outputs."""
+def record(
+    arguments: Sequence[tuple[str, ca.SX]],
+    roots: Sequence[ca.SX],
+    named: Sequence[tuple[str, str, ca.SX]] = (),
+) -> Tape:
+    """The scalars `roots` as a tape. named holds (name, about, matrix): they ride along as further
+    outputs."""
     matrices = [ca.densify(ca.vertcat(*roots)), *(value.T for _, _, value in named)]
     function = ca.Function("traced", [symbol for _, symbol in arguments], matrices)
     steps, outputs = _recorded(function, [name for name, _ in arguments])
@@ -66,12 +77,18 @@ def record(arguments: Sequence[tuple[str, ca.SX]], roots: Sequence[ca.SX], named
     return Tape(steps, outputs[0], [(*label, found) for label, found in zip(labels, outputs[1:])])
 
 
-def _recorded(function: ca.Function, arguments: Sequence[str]) -> tuple[list[Step], list[list[int]]]:
+def _recorded(
+    function: ca.Function, arguments: Sequence[str]
+) -> tuple[list[Step], list[list[int]]]:
     outputs = [[0] * function.nnz_out(i) for i in range(function.n_out())]
     steps: list[Step] = []
     register: dict[int, int] = {}
     for k in range(function.n_instructions()):
-        code, inputs, targets = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        code, inputs, targets = (
+            function.instruction_id(k),
+            function.instruction_input(k),
+            function.instruction_output(k),
+        )
         if code == ca.OP_OUTPUT:
             outputs[targets[0]][targets[1]] = register[inputs[0]]
             continue
@@ -87,7 +104,8 @@ def _recorded(function: ca.Function, arguments: Sequence[str]) -> tuple[list[Ste
 
 
 def _labels(name: str, value: ca.SX) -> list[str]:
-    """Entries that are not structural zeros, row by row, labelled as in the textbook: M_1_2, h_3, T."""
+    """Entries that are not structural zeros, row by row, labelled as in the textbook: M_1_2, h_3,
+    T."""
     columns, rows = value.T.sparsity().get_triplet()
     return [_label(name, r, c, *value.shape) for r, c in zip(rows, columns)]
 
@@ -110,14 +128,22 @@ def trace(tape: Tape) -> Work:
         else:
             done.append(_operation(step.code)(graph, [done[i] for i in step.operands]))
     marks = (
-        Mark(name, about, tuple((label, done[i]) for label, i in zip(labels, found))) for name, about, labels, found in tape.named
+        Mark(name, about, tuple((label, done[i]) for label, i in zip(labels, found)))
+        for name, about, labels, found in tape.named
     )
     return Work(graph, tuple(done[root] for root in tape.roots), tuple(marks))
 
 
 def _operation(code: int) -> Operation:
     if code not in _OPERATIONS:
-        name = next((key[3:].lower() for key in dir(ca) if key.startswith("OP_") and getattr(ca, key) == code), str(code))
+        name = next(
+            (
+                key[3:].lower()
+                for key in dir(ca)
+                if key.startswith("OP_") and getattr(ca, key) == code
+            ),
+            str(code),
+        )
         raise HamelError(f"there is no generated code for CasADi's operation '{name}'")
     return _OPERATIONS[code]
 
@@ -154,6 +180,12 @@ _ARITHMETIC: dict[str, Operation] = {
 }
 _OPERATIONS: dict[int, Operation] = {
     getattr(ca, f"OP_{name}"): operation
-    for name, operation in [*_ARITHMETIC.items(), *((key, _call(name)) for key, name in _CALLS.items())]
+    for name, operation in [
+        *_ARITHMETIC.items(),
+        *((key, _call(name)) for key, name in _CALLS.items()),
+    ]
 }
-NAME_OF_CALL = {getattr(ca, f"OP_{key}"): name for key, name in _CALLS.items()} | {ca.OP_POW: "pow", ca.OP_CONSTPOW: "pow"}
+NAME_OF_CALL = {getattr(ca, f"OP_{key}"): name for key, name in _CALLS.items()} | {
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+}

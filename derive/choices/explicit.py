@@ -1,9 +1,11 @@
 """Equations of motion in quasi-velocities, without multipliers (Mirtaheri & Zohoor; Maggi; Kane).
 
-With v = S w + v₀ and v̇ = S ẇ + σ, projecting M v̇ + h = Q + Aᵀ λ on the columns of S (A S = 0) leaves
+With v = S w + v₀ and v̇ = S ẇ + σ, projecting M v̇ + h = Q + Aᵀ λ on the columns of S (A S = 0)
+leaves
     (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ).
-Both sides can be gathered link by link, from the links' twists as forms in w (Kane's partial velocities), or joint by joint
-(composite bodies, Newton–Euler from tip to base, then Sᵀ). Which is cheaper depends on the model: both are counted.
+Both sides can be gathered link by link, from the links' twists as forms in w (Kane's partial
+velocities), or joint by joint (composite bodies, Newton–Euler from tip to base, then Sᵀ). Which is
+cheaper depends on the model: both are counted.
 """
 
 from __future__ import annotations
@@ -24,7 +26,14 @@ from derive.mechanics.forms import Form
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Inertia, Named, System
 from derive.mechanics.solve import ldl_solution, scalars
-from derive.mechanics.tree import Wrench, gravities, ground_rotations, inertia_force, joint_forces, momentum
+from derive.mechanics.tree import (
+    Wrench,
+    gravities,
+    ground_rotations,
+    inertia_force,
+    joint_forces,
+    momentum,
+)
 
 MANY = 12  # with more quasi-velocities than this, not every combination is solved
 
@@ -44,8 +53,8 @@ class Explicit:
     def named(self, reduction: Reduction) -> tuple[Named, ...]:
         """What the generated code names its sections after."""
         return (
-            Named("S", "base velocities per quasi-velocity, v = S w + R c", reduction.S),
-            Named("v", "base velocities", reduction.v),
+            Named("S", "generalized velocities per quasi-velocity, v = S w + R c", reduction.S),
+            Named("v", "generalized velocities", reduction.v),
             Named("sigma", "v̇ where ẇ = 0", reduction.sigma),
             Named("M_w", "mass matrix of the quasi-velocities, Sᵀ M S", self.mass),
             Named("f_w", "right-hand side, Sᵀ (Q − h − M σ)", self.force),
@@ -76,21 +85,32 @@ class _Gathered:
 
 
 def _by_matrices(system: System, reduction: Reduction) -> list[_Gathered]:
-    """ẇ by an unrolled L D Lᵀ, tip to base, from every pair of a mass matrix and a force; where solving is long, from the
-    pair that is made with the fewest operations."""
-    pairs = list(combinations(_masses(system, reduction).items(), _forces(system, reduction).items()))
+    """ẇ by an unrolled L D Lᵀ, tip to base, from every pair of a mass matrix and a force; where
+    solving is long, from the pair that is made with the fewest operations."""
+    pairs = list(
+        combinations(_masses(system, reduction).items(), _forces(system, reduction).items())
+    )
     if len(reduction.names) > MANY:
-        sides = [ca.vertcat(reduction.v, *[_column(row) for row in mass], _column(force)) for (_, mass), (_, force) in pairs]
+        sides = [
+            ca.vertcat(reduction.v, *[_column(row) for row in mass], _column(force))
+            for (_, mass), (_, force) in pairs
+        ]
         counts = alternatives(sides)
         pairs = [pairs[counts.index(min(counts))]]
     return [
-        _Gathered(f"{a}, {b}", mass, force, _column(ldl_solution(mass, [force], list(reversed(range(len(force))))).x[0]))
+        _Gathered(
+            f"{a}, {b}",
+            mass,
+            force,
+            _column(ldl_solution(mass, [force], list(reversed(range(len(force))))).x[0]),
+        )
         for (a, mass), (b, force) in pairs
     ]
 
 
 def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
-    """ẇ by the O(n) recursion, where the base velocities of a tree are the quasi-velocities and T is the bodies' alone."""
+    """ẇ by the O(n) recursion, where the generalized velocities of a tree are the quasi-velocities
+    and T is the bodies' alone."""
     rotors = _diagonal(system.M_extra)
     if system.rows or not system.links or rotors is None or not _is_identity(reduction.S):
         return []
@@ -113,7 +133,9 @@ def _forces_on_tree(system: System, reduction: Reduction, inertias: tuple[Inerti
     """Q − h by Newton–Euler with v̇ = 0."""
     v = _entries(reduction.v)
     wrenches = newton_euler(system.links, inertias, v, [0.0] * len(v), system.gravity)
-    return _by_joints(system, reduction, _at(system, reduction, system.Q - system.h_extra), wrenches)
+    return _by_joints(
+        system, reduction, _at(system, reduction, system.Q - system.h_extra), wrenches
+    )
 
 
 def _column(entries: Vector) -> ca.SX:
@@ -148,8 +170,11 @@ def _is_identity(S: ca.SX) -> bool:
 
 
 def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
-    """Sᵀ (Q − h − M σ), likewise: with accelerations recomputed from v and σ, or with the rates the rows needed anyway."""
-    Q = _at(system, reduction, system.Q - system.h_extra) - ca.mtimes(system.M_extra, reduction.sigma)
+    """Sᵀ (Q − h − M σ), likewise: with accelerations recomputed from v and σ, or with the rates the
+    rows needed anyway."""
+    Q = _at(system, reduction, system.Q - system.h_extra) - ca.mtimes(
+        system.M_extra, reduction.sigma
+    )
     applied = ca.mtimes(reduction.S.T, Q)
     result: dict[str, Vector] = {}
     v, sigma = _entries(reduction.v), _entries(reduction.sigma)
@@ -161,7 +186,9 @@ def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
         wrenches = _wrenches(system, reduction.walked, inertias)
         result[f"forces by joints from rates{label}"] = _by_joints(system, reduction, Q, wrenches)
         by_links = _force_by_links(reduction, wrenches)
-        result[f"forces by links{label}"] = [minus(applied[k], by_links[k]) for k in range(len(by_links))]
+        result[f"forces by links{label}"] = [
+            minus(applied[k], by_links[k]) for k in range(len(by_links))
+        ]
     return result
 
 
@@ -187,7 +214,9 @@ def _columns(reduction: Reduction, i: int) -> list[Numbers]:
     """Link i's partial velocities: its twist per unit of each quasi-velocity."""
     assert reduction.walked is not None
     omega, velocity = reduction.walked.twists[i]
-    return [(_coefficients(omega, k), _coefficients(velocity, k)) for k in range(len(reduction.names))]
+    return [
+        (_coefficients(omega, k), _coefficients(velocity, k)) for k in range(len(reduction.names))
+    ]
 
 
 def _coefficients(forms: list[Form], k: int) -> Vector:

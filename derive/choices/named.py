@@ -1,6 +1,8 @@
-"""Every choice of quasi-velocities by name: those of the file, the kinds that fit any model, and every partition.
+"""Every choice of quasi-velocities by name: those of the file, the kinds that fit any model, and
+every partition.
 
-A partition is named by the base velocities that stay free, as `hamel choices` prints them: `q1_dot q4_dot`, or `q1,q4`.
+A partition is named by the generalized velocities that stay free, as `hamel choices` prints them:
+`q1_dot q4_dot`, or `q1,q4`.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from collections.abc import Callable
 
 from derive.choices.frozen import frozen
 from derive.choices.momenta import mass_orthogonal
-from derive.choices.resolution import Resolved, Workshop, resolved, speed_name
+from derive.choices.resolution import Resolved, Survey, resolved, speed_name
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.expressions.tree import Name, Rate
 from derive.mechanics.records import System
@@ -20,7 +22,8 @@ OF_THE_COMMAND = Span(0, 0)
 
 
 def declared(system: System, name: str | None) -> Choice:
-    """The choice of that name; the first of the file when None. Raises AssumptionError for a name that is none."""
+    """The choice of that name; the first of the file when None. Raises AssumptionError for a name
+    that is none."""
     known = {choice.name: choice for choice in system.model.choices}
     if name is None:
         return system.model.choices[0]
@@ -38,8 +41,13 @@ def _unknown(system: System, name: str, offered: list[str]) -> Choice:
 
 
 def _partition(system: System, name: str) -> Choice | None:
-    """The velocities that are named, separated by commas or blanks, as rows; None where one is unknown or named twice."""
-    places = {word: j for j, velocity in enumerate(system.model.velocities) for word in _words(system, j, velocity)}
+    """The velocities that are named, separated by commas or blanks, as rows; None where one is
+    unknown or named twice."""
+    places = {
+        word: j
+        for j, velocity in enumerate(system.model.velocities)
+        for word in _words(system, j, velocity)
+    }
     parts = [part for part in re.split(r"[\s,]+", name.strip()) if part]
     columns = [places[part] for part in parts if part in places]
     if not parts or len(columns) < len(parts) or len(set(columns)) < len(columns):
@@ -49,16 +57,24 @@ def _partition(system: System, name: str) -> Choice | None:
 
 
 def _words(system: System, j: int, velocity: Velocity) -> tuple[str, ...]:
-    return (speed_name(system, j), velocity.name, *((velocity.rate_of,) if velocity.rate_of else ()))
+    return (
+        speed_name(system, j),
+        velocity.name,
+        *((velocity.rate_of,) if velocity.rate_of else ()),
+    )
 
 
 def _expression(velocity: Velocity) -> Name | Rate:
     return Rate(velocity.rate_of) if velocity.rate_of else Name(velocity.name)
 
 
-CARRIED: dict[str, Callable[[Workshop, Choice], Resolved]] = {"frozen": frozen, "mass_orthogonal": mass_orthogonal}
+CARRIED: dict[str, Callable[[Survey, Choice], Resolved]] = {
+    "frozen": frozen,
+    "mass_orthogonal": mass_orthogonal,
+}
 
 
-def carried_through(shop: Workshop, choice: Choice) -> Resolved:
-    """The choice with its reduction and explicit equations. Raises AssumptionError where it is no choice."""
-    return CARRIED.get(choice.kind, resolved)(shop, choice)
+def carried_through(survey: Survey, choice: Choice) -> Resolved:
+    """The choice with its reduction and explicit equations. Raises AssumptionError where it is no
+    choice."""
+    return CARRIED.get(choice.kind, resolved)(survey, choice)

@@ -1,8 +1,10 @@
-"""Choice b: B = Nᵀ with N(q) an orthonormal basis of ker A(q), so that [A; B] is as well conditioned as A allows.
+"""Choice b: B = Nᵀ with N(q) an orthonormal basis of ker A(q), so that [A; B] is as well
+conditioned as A allows.
 
-One degree of freedom: N is the generalised cross product of the rows of A, divided by its length; smooth wherever A has
-full rank. More: the columns of a constant frame E, projected on ker A and orthonormalised by Gram–Schmidt; smooth away from
-where the projection of E loses rank, which a guard watches. v̇ at ẇ = 0 is the derivative of N w + A⁺ c along the motion.
+One degree of freedom: N is the generalised cross product of the rows of A, divided by its length;
+smooth wherever A has full rank. More: the columns of a constant frame E, projected on ker A and
+orthonormalised by Gram–Schmidt; smooth away from where the projection of E loses rank, which a
+guard watches. v̇ at ẇ = 0 is the derivative of N w + A⁺ c along the motion.
 """
 
 from __future__ import annotations
@@ -12,9 +14,9 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from derive.choices.records import Guard
 from derive.choices.reduction import SINGULAR, Reduction, symbols_for
 from derive.choices.redundancy import Independent
-from derive.formulations.records import Guard
 from derive.joints.records import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
 from derive.mechanics.records import System
@@ -25,8 +27,11 @@ from derive.states.sampling import States
 MINORS = 3  # with more rows than this the cross product costs more than Gram–Schmidt
 
 
-def orthonormal(system: System, rows: Independent, kept: Sequence[int], sampled: States) -> Reduction:
-    """The reduction with B = Nᵀ; `rows` are independent and stand for all, `kept` are such rows of A."""
+def orthonormal(
+    system: System, rows: Independent, kept: Sequence[int], sampled: States
+) -> Reduction:
+    """The reduction with B = Nᵀ; `rows` are independent and stand for all, `kept` are such rows of
+    A."""
     A = scalars(rows.A) if kept else []
     nv, nc = system.v.numel(), len(kept)
     if nv == nc:
@@ -39,7 +44,12 @@ def orthonormal(system: System, rows: Independent, kept: Sequence[int], sampled:
 
 
 def _reduction(
-    system: System, kept: Sequence[int], A: list[Vector], c: ca.SX, N: list[Vector], lengths: list[Scalar]
+    system: System,
+    kept: Sequence[int],
+    A: list[Vector],
+    c: ca.SX,
+    N: list[Vector],
+    lengths: list[Scalar],
 ) -> Reduction:
     names = tuple(f"w{k + 1}" for k in range(len(N)))
     w = symbols_for(names)
@@ -55,7 +65,10 @@ def _reduction(
         v=v,
         sigma=sigma,
         walked=None,
-        guards=tuple(Guard(f"length of basis vector {k + 1}", ca.SX(x), SINGULAR) for k, x in enumerate(lengths)),
+        guards=tuple(
+            Guard(f"length of basis vector {k + 1}", ca.SX(x), SINGULAR)
+            for k, x in enumerate(lengths)
+        ),
         pivots=tuple(f"basis vector {k + 1} is divided by its length" for k in range(len(lengths))),
         kept=tuple(kept),
         constant_pivots=False,
@@ -73,7 +86,10 @@ def _columns(N: Sequence[Vector], nv: int) -> ca.SX:
 
 def _cross_product(A: list[Vector]) -> tuple[list[Vector], list[Scalar]]:
     n = len(A) + 1
-    minors = [(-1.0) ** j * _determinant([[row[k] for k in range(n) if k != j] for row in A]) for j in range(n)]
+    minors = [
+        (-1.0) ** j * _determinant([[row[k] for k in range(n) if k != j] for row in A])
+        for j in range(n)
+    ]
     length = ca.sqrt(dot(minors, minors))
     return [[x / length for x in minors]], [length]
 
@@ -83,12 +99,16 @@ def _determinant(rows: list[Vector]) -> Scalar:
         return 1.0
     return dot(
         [(-1.0) ** j * x for j, x in enumerate(rows[0])],
-        [0.0 if is_zero(x) else _determinant([row[:j] + row[j + 1 :] for row in rows[1:]]) for j, x in enumerate(rows[0])],
+        [
+            0.0 if is_zero(x) else _determinant([row[:j] + row[j + 1 :] for row in rows[1:]])
+            for j, x in enumerate(rows[0])
+        ],
     )
 
 
 def _gram_schmidt(A: list[Vector], frame: np.ndarray) -> tuple[list[Vector], list[Scalar]]:
-    """Orthonormal rows from A, then the frame's columns made orthogonal to them and to each other."""
+    """Orthonormal rows from A, then the frame's columns made orthogonal to them and to each
+    other."""
     done: list[Vector] = []
     lengths: list[Scalar] = []
     for row in [*A, *([float(x) for x in column] for column in frame.T)]:
@@ -116,8 +136,13 @@ def _particular(A: list[Vector], c: list[ca.SX]) -> ca.SX:
 
 
 def _frame(system: System, kept: Sequence[int], sampled: States) -> np.ndarray:
-    """Constant nv × nw frame: the null space at the sampled state that suits all sampled states best."""
+    """Constant nv × nw frame: the null space at the sampled state that suits all sampled states
+    best."""
     rows = Kinematics(system).rows(sampled.t, sampled.q, sampled.p)[0][:, list(kept)]
-    spaces = [np.linalg.svd(A)[2][len(kept) :].T if len(kept) else np.eye(system.v.numel()) for A in rows]
-    worst = [min(np.linalg.svd(other.T @ space)[1].min() for other in spaces) for space in spaces[:20]]
+    spaces = [
+        np.linalg.svd(A)[2][len(kept) :].T if len(kept) else np.eye(system.v.numel()) for A in rows
+    ]
+    worst = [
+        min(np.linalg.svd(other.T @ space)[1].min() for other in spaces) for space in spaces[:20]
+    ]
     return np.round(spaces[int(np.argmax(worst))], 3)

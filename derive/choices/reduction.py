@@ -1,4 +1,5 @@
-"""A choice of quasi-velocities carried through: v = S w + v₀, v̇ = S ẇ + σ, with B v = w, pivots and guards."""
+"""A choice of quasi-velocities carried through: v = S w + v₀, v̇ = S ẇ + σ, with B v = w, pivots
+and guards."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from math import prod
 import casadi as ca
 
 from derive.choices.elimination import Elimination, Step, elimination, transformation
-from derive.formulations.records import Guard
+from derive.choices.records import Guard
 from derive.mechanics.records import RowForm, System
 from derive.states.sampling import States
 
@@ -18,7 +19,8 @@ SINGULAR = 1e-9  # guard: smallest |pivot| relative to the largest over the samp
 
 @dataclass(frozen=True)
 class Reduction:
-    """`walked` is the elimination where there was one; without it the links' twists follow from v alone."""
+    """`walked` is the elimination where there was one; without it the links' twists follow from v
+    alone."""
 
     names: tuple[str, ...]
     w: ca.SX
@@ -42,7 +44,8 @@ def by_elimination(
     kept: tuple[int, ...],
     sizes: Sequence[float],
 ) -> Reduction:
-    """The reduction for speed rows and constraint rows in one way of writing them; `kept` rows of A are independent."""
+    """The reduction for speed rows and constraint rows in one way of writing them; `kept` rows of A
+    are independent."""
     w = symbols_for(names)
     found = elimination(system, rows, speeds, w, sampled, sizes)
     return Reduction(
@@ -61,7 +64,8 @@ def by_elimination(
 
 
 def unreduced(system: System, names: tuple[str, ...]) -> Reduction:
-    """The base velocities of a system without constraints are the quasi-velocities: v = w."""
+    """The generalized velocities of a system without constraints are the quasi-velocities: v =
+    w."""
     nv, w = system.v.numel(), symbols_for(names)
     one = ca.SX.eye(nv)
     return Reduction(names, w, one, one, w, ca.SX(nv, 1), None, (), (), (), True)
@@ -81,14 +85,22 @@ def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
 
 def _guard(found: Elimination, step: Step) -> Guard:
     names = ", ".join(found.row_names[i] for i in step.rows)
-    return Guard(f"pivot of {names}", ca.SX(step.pivot), SINGULAR * step.block.largest * prod(found.sizes[i] for i in step.rows))
+    return Guard(
+        f"pivot of {names}",
+        ca.SX(step.pivot),
+        SINGULAR * step.block.largest * prod(found.sizes[i] for i in step.rows),
+    )
 
 
 def _in_words(system: System, found: Elimination, step: Step) -> str:
     rows = " and ".join(found.row_names[i] for i in step.rows)
     unknowns = " and ".join(_unknown(system, key[1]) for key in step.keys)
     block = step.block
-    kind = ("a number", "cannot vanish", f"varies, {block.least:.2g} … {block.largest:.2g} over the sampled states")[block.grade]
+    kind = (
+        "a number",
+        "cannot vanish",
+        f"varies, {block.least:.2g} … {block.largest:.2g} over the sampled states",
+    )[block.grade]
     return f"{rows} {'give' if len(step.rows) > 1 else 'gives'} {unknowns} (pivot: {kind})"
 
 

@@ -1,7 +1,9 @@
-"""Which quasi-velocities: the user's rows, an orthonormal basis, or the best partition of the base velocities.
+"""Which quasi-velocities: the user's rows, an orthonormal basis, or the best partition of the
+generalized velocities.
 
-`auto` ranks candidates by three criteria, in this order: pivots that are numbers or parameters alone (they can never
-vanish), the conditioning of [A; B] over sampled consistent states, and the operations of ẋ.
+`auto` ranks candidates by three criteria, in this order: pivots that are numbers or parameters
+alone (they can never vanish), the conditioning of [A; B] over sampled consistent states, and the
+operations of ẋ.
 """
 
 from __future__ import annotations
@@ -20,7 +22,15 @@ from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.explicit import Explicit, explicit
 from derive.choices.orthonormal import orthonormal
 from derive.choices.reduction import Reduction, by_elimination, unreduced
-from derive.choices.redundancy import Group, Independent, combined, groups, keeps, selected, sentences
+from derive.choices.redundancy import (
+    Group,
+    Independent,
+    combined,
+    groups,
+    keeps,
+    selected,
+    sentences,
+)
 from derive.diagnostics import AssumptionError, Diagnostic, ModelError
 from derive.expressions.counting import alternatives
 from derive.joints.rotations import is_one
@@ -31,9 +41,14 @@ from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
 from derive.states.sampling import States, states
 
-REGULAR = 1e-3  # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
+REGULAR = (
+    1e-3  # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
+)
 SAMPLES = 40
-ENTRIES, FEWEST = 2_000, 10  # of large systems fewer states are looked at: about so many velocities, at least so many states
+ENTRIES, FEWEST = (
+    2_000,
+    10,
+)  # of large systems fewer states are looked at: about so many velocities, at least so many states
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
 MOST_WAYS = 16
 FINALISTS = 5
@@ -42,7 +57,8 @@ RANK = 1e-9
 
 @dataclass(frozen=True)
 class Ranking:
-    """One candidate: how it was judged. `condition` is the median, `worst` the largest cond [A; B] over the sampled states."""
+    """One candidate: how it was judged. `condition` is the median, `worst` the largest cond [A; B]
+    over the sampled states."""
 
     name: str
     kind: str
@@ -66,7 +82,7 @@ class Resolved:
 
 
 @dataclass(frozen=True)
-class Workshop:
+class Survey:
     """The system with what every choice needs to know of it: sampled states and the rank of A."""
 
     system: System
@@ -83,16 +99,22 @@ class Workshop:
     def sampled_for(self, B: ca.SX) -> States:
         """The sampled states, and the initial one where [A; B] is regular there.
 
-        It is no random state: a pivot that is zero just there must not be taken where another is not.
+        It is no random state: a pivot that is zero just there must not be taken where another is
+        not.
         """
         start = self.initial
         if start is None or not len(self.sampled.t):
             return self.sampled
         A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
-        Y = np.concatenate([_scaled(A), _scaled(self.solver.values(B, start.t, start.q, start.p))], axis=1)[0]
+        Y = np.concatenate(
+            [_scaled(A), _scaled(self.solver.values(B, start.t, start.q, start.p))], axis=1
+        )[0]
         if np.linalg.svd(Y, compute_uv=False)[-1] < REGULAR:
             return self.sampled
-        pairs = ((getattr(self.sampled, name), getattr(start, name)) for name in ("t", "q", "v", "u", "p"))
+        pairs = (
+            (getattr(self.sampled, name), getattr(start, name))
+            for name in ("t", "q", "v", "u", "p")
+        )
         return States(*(np.concatenate(pair) for pair in pairs))
 
     @cached_property
@@ -133,7 +155,8 @@ class Workshop:
 
     @cached_property
     def closing(self) -> tuple[int, ...]:
-        """Independent rows among the holonomic ones alone: φ = 0 needs them even where a nonholonomic row repeats their rate."""
+        """Independent rows among the holonomic ones alone: φ = 0 needs them even where a
+        nonholonomic row repeats their rate."""
         return self.independent([i for i, row in enumerate(self.system.rows) if row.position >= 0])
 
     def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
@@ -161,7 +184,8 @@ class Workshop:
 
     @cached_property
     def independent_rows(self) -> Independent:
-        """What stands for all rows, by the policy of the model: the kept ones, or all with those of a group combined."""
+        """What stands for all rows, by the policy of the model: the kept ones, or all with those of
+        a group combined."""
         if self.combines:
             return combined(self.system, self.kept, self.groups)
         return selected(self.system, self.kept)
@@ -170,10 +194,16 @@ class Workshop:
     def forms(self) -> list[list[RowForm]]:
         """The rows to eliminate, in every way of writing them."""
         if not self.combines:
-            return [[row for block, way in zip(self.system.blocks, ways) for row in block[way]] for ways in _ways(self.system)]
+            return [
+                [row for block, way in zip(self.system.blocks, ways) for row in block[way]]
+                for ways in _ways(self.system)
+            ]
         rows = [row for block in self.system.blocks for row in block[0]]
         combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
-        return [[row for i, row in enumerate(rows) if i not in self.grouped] + [self.independent_rows.form(k) for k in combined]]
+        return [
+            [row for i, row in enumerate(rows) if i not in self.grouped]
+            + [self.independent_rows.form(k) for k in combined]
+        ]
 
     @cached_property
     def form_sizes(self) -> list[float]:
@@ -210,9 +240,9 @@ def _lengths(matrices: np.ndarray) -> list[float]:
     return [float(x) if x > 0 else 1.0 for x in lengths]
 
 
-def workshop(system: System) -> Workshop:
+def survey_of(system: System) -> Survey:
     """Raises AssumptionError where no consistent state can be found to look at."""
-    found = Workshop(system)
+    found = Survey(system)
     if not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
         if not system.rows:
@@ -221,64 +251,75 @@ def workshop(system: System) -> Workshop:
     return found
 
 
-def resolved(shop: Workshop, choice: Choice) -> Resolved:
-    """The choice of the given declaration, carried through. Raises AssumptionError where it is no choice."""
+def resolved(survey: Survey, choice: Choice) -> Resolved:
+    """The choice of the given declaration, carried through. Raises AssumptionError where it is no
+    choice."""
     match choice.kind:
         case "orthonormal":
-            return _orthonormal(shop, choice)
+            return _orthonormal(survey, choice)
         case "auto":
-            return _best(shop, choice)
+            return _best(survey, choice)
         case _:
-            return _declared(shop, choice)
+            return _declared(survey, choice)
 
 
-def _declared(shop: Workshop, choice: Choice) -> Resolved:
-    rows = speed_rows(shop.system, choice)
-    if len(rows) != shop.freedom:
+def _declared(survey: Survey, choice: Choice) -> Resolved:
+    rows = speed_rows(survey.system, choice)
+    if len(rows) != survey.freedom:
         raise _refused(
-            shop.system,
+            survey.system,
             choice,
             f"choice '{choice.name}' has {_counted(len(rows), 'speed')}, "
-            f"but the system has {_counted(shop.freedom, 'degree')} of freedom",
-            f"{shop.freedom} independent rows",
+            f"but the system has {_counted(survey.freedom, 'degree')} of freedom",
+            f"{survey.freedom} independent rows",
         )
     try:
         return carried_out(
-            shop, choice.name, "rows", rows, "the model declares it" if choice.span.line else "it was asked for by name"
+            survey,
+            choice.name,
+            "rows",
+            rows,
+            "the model declares it" if choice.span.line else "it was asked for by name",
         )
     except Dependent as problem:
         raise _refused(
-            shop.system,
+            survey.system,
             choice,
             f"choice '{choice.name}': the speed '{problem.speed}' depends on the constraints and the other speeds "
-            f"at every sampled state ({_culprits(shop, rows)})",
+            f"at every sampled state ({_culprits(survey, rows)})",
             "speeds that, with the constraint rows, determine all velocities; `auto` finds such a set",
         ) from None
     except Undetermined as problem:
-        message = (
-            f"choice '{choice.name}': the sampled states are too near singular positions to find a pivot for '{problem.velocity}'"
-        )
-        raise _refused(shop.system, choice, message, "initial values away from singular positions, or another choice") from None
+        message = f"choice '{choice.name}': the sampled states are too near singular positions to find a pivot for '{problem.velocity}'"
+        raise _refused(
+            survey.system,
+            choice,
+            message,
+            "initial values away from singular positions, or another choice",
+        ) from None
 
 
 def _counted(n: int, what: str) -> str:
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
-def _culprits(shop: Workshop, rows: Sequence[RowForm]) -> str:
-    """The constraints that take part in the dependency: the left null vector of [A; B] at a sampled state."""
-    Y = np.vstack([shop.rows[0], _scaled(_numeric_rows(shop, _matrix(rows, shop.system.v.numel())))[0]])
+def _culprits(survey: Survey, rows: Sequence[RowForm]) -> str:
+    """The constraints that take part in the dependency: the left null vector of [A; B] at a sampled
+    state."""
+    Y = np.vstack(
+        [survey.rows[0], _scaled(_numeric_rows(survey, _matrix(rows, survey.system.v.numel())))[0]]
+    )
     weights = np.abs(np.linalg.svd(Y)[0][:, -1])
-    names = [row.name for row in shop.system.rows] + [row.name for row in rows]
+    names = [row.name for row in survey.system.rows] + [row.name for row in rows]
     return "with " + ", ".join(n for n, x in zip(names, weights) if x > 1e-6)
 
 
-def _numeric_rows(shop: Workshop, B: ca.SX) -> np.ndarray:
+def _numeric_rows(survey: Survey, B: ca.SX) -> np.ndarray:
     """The speed rows at the sampled states."""
     if B.is_constant():
-        return np.tile(ca.DM(B).full(), (len(shop.sampled.t), 1, 1))
-    s = shop.sampled
-    return shop.solver.values(B, s.t, s.q, s.p)
+        return np.tile(ca.DM(B).full(), (len(survey.sampled.t), 1, 1))
+    s = survey.sampled
+    return survey.solver.values(B, s.t, s.q, s.p)
 
 
 def _matrix(rows: Sequence[RowForm], nv: int) -> ca.SX:
@@ -290,97 +331,146 @@ def _matrix(rows: Sequence[RowForm], nv: int) -> ca.SX:
 
 
 def speed_rows(system: System, choice: Choice) -> list[RowForm]:
-    """The declared speeds as rows over the base velocities; the loader has seen to it that they are linear and homogeneous."""
+    """The declared speeds as rows over the generalized velocities; the loader has seen to it that
+    they are linear and homogeneous."""
     result = []
     for name, expression in choice.rows:
-        velocity = ca.substitute(ca.SX(system.symbols.scalar(expression)), system.symbols.qd, system.qdot)
+        velocity = ca.substitute(
+            ca.SX(system.symbols.scalar(expression)), system.symbols.qd, system.qdot
+        )
         coefficients, _, rate = velocity_row(system.symbols, system.qdot, velocity)
         result.append(RowForm(name, (), coefficients, 0.0, rate))
     return result
 
 
-def carried_out(shop: Workshop, name: str, kind: str, rows: Sequence[RowForm], reason: str) -> Resolved:
-    """The elimination in every way of writing the constraint blocks; among those with the safest pivots the one that gives v
-    and v̇ with the fewest operations wins, for what follows hardly differs."""
+def carried_out(
+    survey: Survey, name: str, kind: str, rows: Sequence[RowForm], reason: str
+) -> Resolved:
+    """The elimination in every way of writing the constraint blocks; among those with the safest
+    pivots the one that gives v and v̇ with the fewest operations wins, for what follows hardly
+    differs."""
     names = tuple(row.name for row in rows)
-    if not shop.system.rows and _are_the_base(rows):
-        reduction = unreduced(shop.system, names)
-        equations = explicit(shop.system, reduction)
-        ranking = Ranking(name, kind, names, True, 1.0, 1.0, equations.operations, (), equations.gathered)
+    if not survey.system.rows and _are_the_base(rows):
+        reduction = unreduced(survey.system, names)
+        equations = explicit(survey.system, reduction)
+        ranking = Ranking(
+            name, kind, names, True, 1.0, 1.0, equations.operations, (), equations.gathered
+        )
         return Resolved(ranking, reduction, equations, reason)
-    B = _matrix(rows, shop.system.v.numel())
-    sizes, sampled = [*shop.form_sizes, *_lengths(_numeric_rows(shop, B))], shop.sampled_for(B)
-    found = [by_elimination(shop.system, names, rows, forms, sampled, shop.kept, sizes) for forms in shop.forms]
+    B = _matrix(rows, survey.system.v.numel())
+    sizes, sampled = (
+        [*survey.form_sizes, *_lengths(_numeric_rows(survey, B))],
+        survey.sampled_for(B),
+    )
+    found = [
+        by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
+        for forms in survey.forms
+    ]
     counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
-    best = min(range(len(found)), key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]))
-    reduction, equations = found[best], explicit(shop.system, found[best])
-    ranking = judged(shop, name, kind, names, reduction, equations)
+    best = min(
+        range(len(found)),
+        key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]),
+    )
+    reduction, equations = found[best], explicit(survey.system, found[best])
+    ranking = judged(survey, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:
-    """Whether the speeds are the base velocities themselves, in order."""
+    """Whether the speeds are the generalized velocities themselves, in order."""
     singles = [row.coefficients[0] for row in rows if len(row.coefficients) == 1]
-    return len(singles) == len(rows) and all(j == k and is_one(x) for k, (j, x) in enumerate(singles))
+    return len(singles) == len(rows) and all(
+        j == k and is_one(x) for k, (j, x) in enumerate(singles)
+    )
 
 
 def _ways(system: System) -> list[tuple[int, ...]]:
-    """Index of the way of writing per block: all combinations while they are few, else the same way for all blocks."""
+    """Index of the way of writing per block: all combinations while they are few, else the same way
+    for all blocks."""
     counts = [len(block) for block in system.blocks]
     if np.prod(counts, dtype=float) <= MOST_WAYS:
         return list(cartesian(*[range(n) for n in counts]))
     return [tuple(min(k, n - 1) for n in counts) for k in range(max(counts))]
 
 
-def judged(shop: Workshop, name: str, kind: str, rows: tuple[str, ...], reduction: Reduction, equations: Explicit) -> Ranking:
-    conditions = _conditions(shop, _numeric_rows(shop, reduction.B))
+def judged(
+    survey: Survey,
+    name: str,
+    kind: str,
+    rows: tuple[str, ...],
+    reduction: Reduction,
+    equations: Explicit,
+) -> Ranking:
+    conditions = _conditions(survey, _numeric_rows(survey, reduction.B))
     count, pivots = equations.operations, reduction.pivots
-    return Ranking(name, kind, rows, reduction.constant_pivots, *conditions, count, pivots, equations.gathered)
+    return Ranking(
+        name, kind, rows, reduction.constant_pivots, *conditions, count, pivots, equations.gathered
+    )
 
 
-def _conditions(shop: Workshop, B: np.ndarray) -> tuple[float, float]:
+def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
     """Median and largest condition number of [A; B], rows scaled to length one."""
-    nv = shop.system.v.numel()
-    values = np.linalg.svd(np.concatenate([shop.rows, _scaled(B)], axis=1), compute_uv=False)
+    nv = survey.system.v.numel()
+    values = np.linalg.svd(np.concatenate([survey.rows, _scaled(B)], axis=1), compute_uv=False)
     if not values.size or values.shape[1] < nv:
         return (1.0, 1.0) if not nv else (np.inf, np.inf)
     found = values[:, 0] / np.maximum(values[:, nv - 1], 1e-300)
     return float(np.median(found)), float(np.max(found))
 
 
-def _orthonormal(shop: Workshop, choice: Choice) -> Resolved:
-    reduction = orthonormal(shop.system, shop.independent_rows, shop.kept, shop.sampled)
-    equations = explicit(shop.system, reduction)
-    ranking = judged(shop, choice.name, "orthonormal", reduction.names, reduction, equations)
-    return Resolved(ranking, reduction, equations, "the model declares it: [A; B] is as well conditioned as A allows")
+def _orthonormal(survey: Survey, choice: Choice) -> Resolved:
+    reduction = orthonormal(survey.system, survey.independent_rows, survey.kept, survey.sampled)
+    equations = explicit(survey.system, reduction)
+    ranking = judged(survey, choice.name, "orthonormal", reduction.names, reduction, equations)
+    return Resolved(
+        ranking,
+        reduction,
+        equations,
+        "the model declares it: [A; B] is as well conditioned as A allows",
+    )
 
 
-def _best(shop: Workshop, choice: Choice) -> Resolved:
+def _best(survey: Survey, choice: Choice) -> Resolved:
     """The winner of the ranking, with the reason in words."""
-    ranked = ranked_partitions(shop)
+    ranked = ranked_partitions(survey)
     if not ranked:
-        message = "no set of base velocities is independent of the constraints at the sampled states"
-        raise _refused(shop.system, choice, message, "a well-posed constraint set, or the choice `orthonormal`")
+        message = "no set of generalized velocities is independent of the constraints at the sampled states"
+        raise _refused(
+            survey.system,
+            choice,
+            message,
+            "a well-posed constraint set, or the choice `orthonormal`",
+        )
     best = ranked[0]
-    return Resolved(best.ranking, best.reduction, best.explicit, _in_words(best.ranking, [x.ranking for x in ranked[1:]]))
+    return Resolved(
+        best.ranking,
+        best.reduction,
+        best.explicit,
+        _in_words(best.ranking, [x.ranking for x in ranked[1:]]),
+    )
 
 
-def ranked_partitions(shop: Workshop) -> list[Resolved]:
-    """Sets of base velocities (and the user's own rows) that determine the rest, best first."""
-    finalists = sorted(_candidates(shop), key=lambda x: x[0])[:FINALISTS]
-    carried = [_try(shop, name, rows) for _, name, rows in finalists]
-    carried += [_try(shop, c.name, tuple(speed_rows(shop.system, c))) for c in shop.system.model.choices if _fits(shop, c)]
+def ranked_partitions(survey: Survey) -> list[Resolved]:
+    """Sets of generalized velocities (and the user's own rows) that determine the rest, best
+    first."""
+    finalists = sorted(_candidates(survey), key=lambda x: x[0])[:FINALISTS]
+    carried = [_try(survey, name, rows) for _, name, rows in finalists]
+    carried += [
+        _try(survey, c.name, tuple(speed_rows(survey.system, c)))
+        for c in survey.system.model.choices
+        if _fits(survey, c)
+    ]
     unique = {x.ranking.rows: x for x in reversed([y for y in carried if y is not None])}
     return sorted(unique.values(), key=lambda x: score(x.ranking))
 
 
-def _fits(shop: Workshop, choice: Choice) -> bool:
-    return choice.kind == "rows" and len(choice.rows) == shop.freedom
+def _fits(survey: Survey, choice: Choice) -> bool:
+    return choice.kind == "rows" and len(choice.rows) == survey.freedom
 
 
-def _try(shop: Workshop, name: str, rows: tuple[RowForm, ...]) -> Resolved | None:
+def _try(survey: Survey, name: str, rows: tuple[RowForm, ...]) -> Resolved | None:
     try:
-        return carried_out(shop, name, "rows", rows, "")
+        return carried_out(survey, name, "rows", rows, "")
     except (Dependent, Undetermined):
         return None
 
@@ -389,31 +479,47 @@ def score(ranking: Ranking) -> tuple:
     return not ranking.constant_pivots, round(np.log10(ranking.worst) / 1.5), ranking.operations
 
 
-def _candidates(shop: Workshop) -> list[tuple[tuple[float, int], str, tuple[RowForm, ...]]]:
-    """Partitions with the worst condition number each: all of them while they are few, else the pivoted one."""
-    nv, nw = shop.system.v.numel(), shop.freedom
-    subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(shop)
+def _candidates(survey: Survey) -> list[tuple[tuple[float, int], str, tuple[RowForm, ...]]]:
+    """Partitions with the worst condition number each: all of them while they are few, else the
+    pivoted one."""
+    nv, nw = survey.system.v.numel(), survey.freedom
+    subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(survey)
     result = []
     for subset in subsets:
-        rows = tuple(RowForm(speed_name(shop.system, j), (), ((j, 1.0),)) for j in subset)
-        worst = _conditions(shop, np.tile(np.eye(nv)[list(subset)], (len(shop.rows), 1, 1)))[1] if shop.system.rows else 1.0
-        result.append(((round(np.log10(worst), 1), subset[0] if subset else 0), " ".join(r.name for r in rows), rows))
+        rows = tuple(RowForm(speed_name(survey.system, j), (), ((j, 1.0),)) for j in subset)
+        worst = (
+            _conditions(survey, np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1)))[1]
+            if survey.system.rows
+            else 1.0
+        )
+        result.append(
+            (
+                (round(np.log10(worst), 1), subset[0] if subset else 0),
+                " ".join(r.name for r in rows),
+                rows,
+            )
+        )
     return result
 
 
-def _pivoted(shop: Workshop) -> list[tuple[int, ...]]:
-    """Greedy: columns of the sampled A with the largest smallest remainder become dependent, the others stay free.
+def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
+    """Greedy: columns of the sampled A with the largest smallest remainder become dependent, the
+    others stay free.
 
     Two preferences: with all columns equal, and with the first velocities of the tree kept free.
     """
-    nv = shop.system.v.numel()
-    return list(dict.fromkeys(_greedy(shop, 1.0 + slope * np.arange(nv) / nv) for slope in (0.0, 1.0, 10.0)))
+    nv = survey.system.v.numel()
+    return list(
+        dict.fromkeys(
+            _greedy(survey, 1.0 + slope * np.arange(nv) / nv) for slope in (0.0, 1.0, 10.0)
+        )
+    )
 
 
-def _greedy(shop: Workshop, weight: np.ndarray) -> tuple[int, ...]:
-    matrices = shop.rows[:, list(shop.kept)]
-    free = list(range(shop.system.v.numel()))
-    for _ in range(shop.rank):
+def _greedy(survey: Survey, weight: np.ndarray) -> tuple[int, ...]:
+    matrices = survey.rows[:, list(survey.kept)]
+    free = list(range(survey.system.v.numel()))
+    for _ in range(survey.rank):
         sizes = np.min(np.linalg.norm(matrices, axis=1), axis=0) * weight
         j = max(free, key=lambda k: (round(float(sizes[k]), 6), k))
         free.remove(j)
@@ -444,7 +550,11 @@ def _in_words(best: Ranking, others: Sequence[Ranking]) -> str:
 
 
 def _qualities(ranking: Ranking) -> str:
-    safe = "no pivot can vanish" if ranking.constant_pivots else "a pivot varies with the configuration"
+    safe = (
+        "no pivot can vanish"
+        if ranking.constant_pivots
+        else "a pivot varies with the configuration"
+    )
     return f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states, about {ranking.operations} operations"
 
 
@@ -455,4 +565,6 @@ def _refused(system: System, choice: Choice, message: str, expected: str) -> Ass
 def _at(system: System, span: Span, message: str, expected: str) -> Diagnostic:
     lines = system.model.text.splitlines()
     source = lines[span.line - 1] if 0 < span.line <= len(lines) else ""
-    return Diagnostic(system.model.file, span.line, span.column, span.length, message, expected, "", source)
+    return Diagnostic(
+        system.model.file, span.line, span.column, span.length, message, expected, "", source
+    )

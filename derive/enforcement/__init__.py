@@ -1,4 +1,5 @@
-"""Keepings: how a simulation stays on the constraints. To add one: a file with a Keeping, and its line here."""
+"""Enforcements: how a simulation stays on the constraints. To add one: a file with a Enforcement,
+and its line here."""
 
 from __future__ import annotations
 
@@ -12,12 +13,12 @@ from derive.enforcement.invariants import INVARIANTS, INVARIANTS_EUCLIDEAN
 from derive.enforcement.none import NONE
 from derive.enforcement.projection import PROJECTION
 from derive.enforcement.rate import usual_rate
-from derive.enforcement.records import Keeping, Options
+from derive.enforcement.records import Enforcement, Options
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 
-KEEPINGS: tuple[Keeping, ...] = (
+ENFORCEMENTS: tuple[Enforcement, ...] = (
     PROJECTION,
     NONE,
     BAUMGARTE,
@@ -30,14 +31,19 @@ KEEPINGS: tuple[Keeping, ...] = (
 )
 
 
-def kept_equations(system: System, choice: str | None, formulation: str, keeping: Keeping, options: Options) -> Equations:
-    """The equations that a simulation with this keeping integrates. Raises AssumptionError where it does not fit them."""
-    found = equations(keeping.system(system, options), choice, formulation)
-    reason = keeping.refusal(found, options)
+def kept_equations(
+    system: System, choice: str | None, formulation: str, enforcement: Enforcement, options: Options
+) -> Equations:
+    """The equations that a simulation with this enforcement integrates. Raises AssumptionError
+    where it does not fit them."""
+    found = equations(enforcement.system(system, options), choice, formulation)
+    reason = enforcement.refusal(found, options)
     if reason:
-        raise AssumptionError(f"{system.model.name}, {formulation}: keeping '{keeping.name}' does not fit: {reason}")
-    charts = tuple(keeping.equations(chart, options) for chart in found.charts)
-    return replace(keeping.equations(found, options), charts=charts)
+        raise AssumptionError(
+            f"{system.model.name}, {formulation}: enforcement '{enforcement.name}' does not fit: {reason}"
+        )
+    charts = tuple(enforcement.equations(chart, options) for chart in found.charts)
+    return replace(enforcement.equations(found, options), charts=charts)
 
 
-__all__ = ["KEEPINGS", "Keeping", "Options", "kept_equations", "usual_rate"]
+__all__ = ["ENFORCEMENTS", "Enforcement", "Options", "kept_equations", "usual_rate"]

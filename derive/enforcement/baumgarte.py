@@ -1,4 +1,5 @@
-"""Baumgarte's stabilisation: A v̇ = β − 2 α (A v − c) − α² φ on holonomic rows, A v̇ = β − α (A v − c) on nonholonomic ones."""
+"""Baumgarte's stabilisation: A v̇ = β − 2 α (A v − c) − α² φ on holonomic rows, A v̇ = β − α (A v −
+c) on nonholonomic ones."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from derive.enforcement.records import Keeping, Options
+from derive.enforcement.records import Enforcement, Options
 from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
@@ -32,7 +33,7 @@ def _pull(system: System, i: int, slip: ca.SX, alpha: float) -> ca.SX:
     return alpha * slip if position < 0 else 2 * alpha * slip + alpha**2 * system.phi[position]
 
 
-BAUMGARTE = Keeping(
+BAUMGARTE = Enforcement(
     name="baumgarte",
     about="the constraints' accelerations pull violations back at the rate alpha; first order on nonholonomic rows",
     source="J. Baumgarte: Stabilization of constraints and integrals of motion in dynamical systems, CMAME 1, 1972",

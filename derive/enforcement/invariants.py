@@ -1,5 +1,6 @@
-"""Projection on constraints and invariants (jet spaces): after every step the nearest state with φ = 0, A v = c and the energy
-and momenta of the start, x ← x − D K⁻¹ g with K = G W⁻¹ Gᵀ, D = W⁻¹ Gᵀ and G the derivative of all g.
+"""Projection on constraints and invariants (jet spaces): after every step the nearest state with φ
+= 0, A v = c and the energy and momenta of the start, x ← x − D K⁻¹ g with K = G W⁻¹ Gᵀ, D = W⁻¹ Gᵀ
+and G the derivative of all g.
 
 Near means in W = diag(M, ∂²T/∂w²) (positions and velocities, in units of 1 s), or W = 1.
 """
@@ -11,8 +12,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from derive.choices.resolution import workshop
-from derive.enforcement.records import Keeping, Options
+from derive.choices.resolution import survey_of
+from derive.enforcement.records import Enforcement, Options
 from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations, Function, Request, Result
 from derive.mechanics.solve import ldl_solution, scalars
@@ -22,7 +23,8 @@ ABOUT = "constraints and invariants for the projection on them: [g, G W⁻¹ G�
 
 
 def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
-    """Energy, always where it is conserved, and the momenta asked for, over the state. Unknown names raise KeyError."""
+    """Energy, always where it is conserved, and the momenta asked for, over the state. Unknown
+    names raise KeyError."""
     system = found.system
     functions = {function.name: function for function in found.functions}
     v = functions["velocity"].result.value
@@ -31,9 +33,16 @@ def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
     names = {velocity.name: j for j, velocity in enumerate(system.model.velocities)}
     known = {"energy": energy[0] + energy[1]}
     known |= {f"{name}": momenta[j] for name, j in names.items()}
-    known |= {c.name: momenta[names[f"der({c.name})"]] for c in system.model.coordinates if f"der({c.name})" in names}
+    known |= {
+        c.name: momenta[names[f"der({c.name})"]]
+        for c in system.model.coordinates
+        if f"der({c.name})" in names
+    }
     asked = [(name, known[name]) for name in options.conserve or ("energy",)]
-    also = "energy" not in options.conserve and _relative_rate(found, known["energy"], options) <= CONSERVED
+    also = (
+        "energy" not in options.conserve
+        and _relative_rate(found, known["energy"], options) <= CONSERVED
+    )
     return [("energy", known["energy"]), *asked] if options.conserve and also else asked
 
 
@@ -41,7 +50,7 @@ def _refusal(found: Equations, options: Options) -> str:
     try:
         held = _invariants(found, options)
     except KeyError as missing:
-        return f"{missing} is no invariant that could be held: energy, or a coordinate or base velocity with its momentum"
+        return f"{missing} is no invariant that could be held: energy, or a coordinate or generalized velocity with its momentum"
     for name, value in held:
         rate = _relative_rate(found, value, options)
         if rate > CONSERVED:
@@ -53,14 +62,18 @@ def _refusal(found: Equations, options: Options) -> str:
 def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
     """max |dH/dt| over the sampled states, relative to the sum of the sizes of its terms."""
     slots = {argument.name: argument.symbols for argument in found.arguments}
-    xdot = next(function for function in found.functions if function.name == "dynamics").result.value
+    xdot = next(
+        function for function in found.functions if function.name == "dynamics"
+    ).result.value
     gradient = ca.jacobian(value, slots["x"])
     terms = ca.vertcat(gradient.T * xdot, ca.jacobian(value, slots["t"]))
     function = ca.Function("rate", [slots[name] for name in "txup"], [ca.densify(terms)])
     state = next(function for function in found.functions if function.name == "state")
     assert state.x is not None
-    to_x = ca.Function("x", [slots["t"], state.x.symbols, slots["p"]], [ca.densify(state.result.value)])
-    s = workshop(found.system).sampled
+    to_x = ca.Function(
+        "x", [slots["t"], state.x.symbols, slots["p"]], [ca.densify(state.result.value)]
+    )
+    s = survey_of(found.system).sampled
     u = np.array(options.inputs) if options.inputs else np.zeros(found.system.u.numel())
     rates = []
     for t, q, v, p in zip(s.t, s.q, s.v, s.p):
@@ -72,7 +85,9 @@ def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
 
 
 def _with_manifold(euclidean: bool, found: Equations, options: Options) -> Equations:
-    request = Request("manifold", ABOUT, lambda: _manifold(found, _invariants(found, options), euclidean))
+    request = Request(
+        "manifold", ABOUT, lambda: _manifold(found, _invariants(found, options), euclidean)
+    )
     return replace(found, requests=(*found.requests, request))
 
 
@@ -84,7 +99,9 @@ def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) 
     made = {request.name: request for request in found.requests}
     closure = made["closure"].make().result if "closure" in made else None
     slip = made["slip"].make().result if "slip" in made and keeps_velocities(found) else None
-    parts = [result.value[:, 0] for result in (closure, slip) if result is not None] + [value for _, value in held]
+    parts = [result.value[:, 0] for result in (closure, slip) if result is not None] + [
+        value for _, value in held
+    ]
     g = ca.vertcat(*parts)
     G = ca.horzcat(ca.mtimes(ca.jacobian(g, system.q), system.N), ca.jacobian(g, w))
     W = _metric(found, w, euclidean)
@@ -93,8 +110,12 @@ def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) 
     nv = system.v.numel()
     steps = ca.horzcat(ca.mtimes(toward[:, :nv], system.N.T), toward[:, nv:])
     value = ca.densify(ca.horzcat(g, ca.mtimes(toward, G.T), steps))
-    labels = tuple(label for result in (closure, slip) if result is not None for label in result.labels)
-    return Function("manifold", ABOUT, Result("manifold", value, (*labels, *(name for name, _ in held)), ()))
+    labels = tuple(
+        label for result in (closure, slip) if result is not None for label in result.labels
+    )
+    return Function(
+        "manifold", ABOUT, Result("manifold", value, (*labels, *(name for name, _ in held)), ())
+    )
 
 
 def _metric(found: Equations, w: ca.SX, euclidean: bool) -> ca.SX:
@@ -106,18 +127,21 @@ def _metric(found: Equations, w: ca.SX, euclidean: bool) -> ca.SX:
     return ca.diagcat(system.M, ca.hessian(T, w)[0])
 
 
-def _keeping(name: str, near: str, euclidean: bool) -> Keeping:
-    return Keeping(
+def _enforcement(name: str, near: str, euclidean: bool) -> Enforcement:
+    return Enforcement(
         name=name,
         about=f"after every step the nearest state, {near}, on the constraints and with the start's energy and chosen momenta",
         source="J. Tuomela, T. Arponen, V. Normi: On the simulation of multibody systems with holonomic constraints (jet spaces)",
         level="steps",
         refusal=_refusal,
-        needs=lambda found: ("manifold", *(function.name for function in found.functions if function.name == "project")),
+        needs=lambda found: (
+            "manifold",
+            *(function.name for function in found.functions if function.name == "project"),
+        ),
         equations=lambda found, options: _with_manifold(euclidean, found, options),
         conserves=True,
     )
 
 
-INVARIANTS = _keeping("invariants", "in the metric of M", False)
-INVARIANTS_EUCLIDEAN = _keeping("invariants_euclidean", "by plain distance", True)
+INVARIANTS = _enforcement("invariants", "in the metric of M", False)
+INVARIANTS_EUCLIDEAN = _enforcement("invariants_euclidean", "by plain distance", True)

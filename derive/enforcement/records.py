@@ -1,8 +1,9 @@
-"""The Keeping record: how a simulation stays on φ = 0 and A v = c.
+"""The Enforcement record: how a simulation stays on φ = 0 and A v = c.
 
-A keeping acts on one of three levels: on the equations themselves ("rates": what is integrated pulls back to the constraints),
-on the state after every step ("steps"), or on the state before every evaluation ("stages": fewer coordinates are integrated, the
-rest follows from the constraints).
+An enforcement acts on one of three levels: on the equations themselves ("rates": what is integrated
+pulls back to the constraints), on the state after every step ("steps"), or on the state before
+every evaluation ("stages": fewer coordinates are integrated, the rest follows from the
+constraints).
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from derive.mechanics.records import System
 
 @dataclass(frozen=True)
 class Options:
-    """`alpha`: rate in 1/s at which violations decay (baumgarte, feedback); `conserve`: cyclic coordinates whose
-    momenta are held (invariants); `inputs` and `parameters`: u and p of the motion, zero and their defaults where none
-    are given."""
+    """`alpha`: rate in 1/s at which violations decay (baumgarte, feedback); `conserve`: cyclic
+    coordinates whose momenta are held (invariants); `inputs` and `parameters`: u and p of the
+    motion, zero and their defaults where none are given."""
 
     alpha: float | None = None
     conserve: tuple[str, ...] = ()
@@ -35,10 +36,11 @@ def same(system: System, options: Options) -> System:
 
 
 @dataclass(frozen=True)
-class Keeping:
-    """`refusal` says why a keeping does not fit some equations ("" where it does); `system` and `equations` are what it makes of
-    the mechanics before a formulation sees it, and of the formulation's result; `needs` are the functions its code calls;
-    `conserves` says whether it looks at `Options.conserve`.
+class Enforcement:
+    """`refusal` says why an enforcement does not fit some equations ("" where it does); `system`
+    and `equations` are what it makes of the mechanics before a formulation sees it, and of the
+    formulation's result; `needs` are the functions its code calls; `conserves` says whether it
+    looks at `Options.conserve`.
     """
 
     name: str

@@ -1,7 +1,8 @@
 """How many operations a graph needs, after finding equal subexpressions by value numbering.
 
-Counts adds, multiplies, divisions, roots, sines, cosines and other calls once each; signs, copies and constants not at all.
-A quick estimate for comparing derivations; the figures in manifests are those of the emitted program.
+Counts adds, multiplies, divisions, roots, sines, cosines and other calls once each; signs, copies
+and constants not at all. A quick estimate for comparing derivations; the figures in manifests are
+those of the emitted program.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ def operations(*results: ca.SX) -> int:
 
 
 def alternatives(results: Sequence[ca.SX]) -> list[int]:
-    """Distinct counted operations that each result needs by itself; what they have in common is looked at once."""
+    """Distinct counted operations that each result needs by itself; what they have in common is
+    looked at once."""
     values, users = _numbered(results)
     shares: dict[int, int] = {}  # by who uses them, one bit per result: how many counted values
     for number in reversed(range(len(values))):
@@ -32,12 +34,14 @@ def alternatives(results: Sequence[ca.SX]) -> list[int]:
         for k in operands:
             users[k] |= users[number]
         shares[users[number]] = shares.get(users[number], 0) + counts
-    return [sum(count for who, count in shares.items() if who >> k & 1) for k in range(len(results))]
+    return [
+        sum(count for who, count in shares.items() if who >> k & 1) for k in range(len(results))
+    ]
 
 
 def _numbered(results: Sequence[ca.SX]) -> tuple[list[tuple[bool, tuple[int, ...]]], list[int]]:
-    """Of each distinct value, operands before what is made of them: whether it counts, its operands, and which results it is
-    an entry of, one bit each."""
+    """Of each distinct value, operands before what is made of them: whether it counts, its
+    operands, and which results it is an entry of, one bit each."""
     graphs = [ca.vec(ca.SX(x)) for x in results]  # a result of numbers alone may come as a DM
     symbols = ca.vertcat(ca.SX(0, 1), *ca.symvar(ca.vertcat(*graphs)))
     function = ca.Function("count", [symbols], graphs)
@@ -46,7 +50,11 @@ def _numbered(results: Sequence[ca.SX]) -> tuple[list[tuple[bool, tuple[int, ...
     slots: dict[int, int] = {}
     entries: list[int] = []
     for k in range(function.n_instructions()):
-        op, inputs, outputs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        op, inputs, outputs = (
+            function.instruction_id(k),
+            function.instruction_input(k),
+            function.instruction_output(k),
+        )
         if op == ca.OP_OUTPUT:
             entries[slots[inputs[0]]] |= 1 << outputs[0]
             continue
@@ -69,7 +77,8 @@ def _key(function: ca.Function, k: int, op: int, inputs: list[int], slots: dict[
 
 
 def cheapest(candidates: Iterable[Nested]) -> Nested:
-    """Of equivalent results, each a list of scalars or of rows of scalars, the one that needs the fewest operations."""
+    """Of equivalent results, each a list of scalars or of rows of scalars, the one that needs the
+    fewest operations."""
     known = list(candidates)
     if len(known) == 1:
         return known[0]

@@ -1,7 +1,9 @@
-"""Dimension inference over a formula: metres are not added to kilograms, and sines are taken of plain numbers.
+"""Dimension inference over a formula: metres are not added to kilograms, and sines are taken of
+plain numbers.
 
-The dimension of a part is a Dimension, UNKNOWN (it holds a parameter that was given without a unit; nothing can be said), or BARE
-(numbers without units alone: fits anything it is added to, and is a plain number as a factor).
+The dimension of a part is a Dimension, UNKNOWN (it holds a parameter that was given without a unit;
+nothing can be said), or BARE (numbers without units alone: fits anything it is added to, and is a
+plain number as a factor).
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ Inferred = Dimension | str | None
 
 
 def infer(expression: Expression, known: Mapping[str, Inferred], text: str = "") -> Inferred:
-    """The dimension of a formula. `known` has an entry for each name, and "der(q)" for each rate; absent ones are UNKNOWN."""
+    """The dimension of a formula. `known` has an entry for each name, and "der(q)" for each rate;
+    absent ones are UNKNOWN."""
     stack: list[Inferred] = []
     for node in tree.walk(expression):
         count = len(tree.children(node))
@@ -33,7 +36,9 @@ def infer(expression: Expression, known: Mapping[str, Inferred], text: str = "")
     return stack[0]
 
 
-def _of(node: Expression, operands: list[Inferred], known: Mapping[str, Inferred], text: str) -> Inferred:
+def _of(
+    node: Expression, operands: list[Inferred], known: Mapping[str, Inferred], text: str
+) -> Inferred:
     match node:
         case tree.Number(_, written):
             return unit(written).dimension if written else BARE
@@ -57,7 +62,9 @@ def _of(node: Expression, operands: list[Inferred], known: Mapping[str, Inferred
             return _alike(entries, operands, "list", text)
 
 
-def _alike(parts: tuple[Expression, ...], dimensions: list[Inferred], verb: str, text: str) -> Inferred:
+def _alike(
+    parts: tuple[Expression, ...], dimensions: list[Inferred], verb: str, text: str
+) -> Inferred:
     first: Inferred = BARE
     for part, dimension in zip(parts, dimensions):
         if dimension in (UNKNOWN, BARE):
@@ -72,7 +79,9 @@ def _alike(parts: tuple[Expression, ...], dimensions: list[Inferred], verb: str,
 
 def _mismatch(verb: str, given: Inferred, first: Inferred) -> str:
     a, b = named(_solid(given)), named(_solid(first))
-    return {"add": f"cannot add {a} to {b}", "compare": f"cannot compare {a} with {b}"}.get(verb, f"{a} in a list of {b}")
+    return {"add": f"cannot add {a} to {b}", "compare": f"cannot compare {a} with {b}"}.get(
+        verb, f"{a} in a list of {b}"
+    )
 
 
 def _solid(dimension: Inferred) -> Dimension:
@@ -107,7 +116,10 @@ def _power(node: tree.Power, operands: list[Inferred], text: str) -> Inferred:
     constant = _exponent(node.exponent)
     if constant is None:
         raise FormulaError(
-            f"{named(base)} to a power that is not a number", text, node.exponent.at, "a number, or a base without unit"
+            f"{named(base)} to a power that is not a number",
+            text,
+            node.exponent.at,
+            "a number, or a base without unit",
         )
     return power_of(base, constant)
 
@@ -126,7 +138,9 @@ def _exponent(node: Expression) -> Fraction | None:
 
 def _plain(dimension: Inferred, node: Expression, what: str, text: str) -> None:
     if isinstance(dimension, tuple) and dimension != NUMBER:
-        raise FormulaError(f"{what} in {named(dimension)}", text, node.at, "a plain number or an angle")
+        raise FormulaError(
+            f"{what} in {named(dimension)}", text, node.at, "a plain number or an angle"
+        )
 
 
 def _call(node: tree.Call, operands: list[Inferred], text: str) -> Inferred:
@@ -135,7 +149,9 @@ def _call(node: tree.Call, operands: list[Inferred], text: str) -> Inferred:
         _plain(operands[0], node.arguments[0], f"{node.function}() of a quantity", text)
         return BARE if operands[0] == BARE else NUMBER
     if rule == "root":
-        return power_of(operands[0], Fraction(1, 2)) if isinstance(operands[0], tuple) else operands[0]
+        return (
+            power_of(operands[0], Fraction(1, 2)) if isinstance(operands[0], tuple) else operands[0]
+        )
     if rule in ("same", "ratio"):
         common = _alike(node.arguments, operands, "compare", text)
         return common if rule == "same" else NUMBER

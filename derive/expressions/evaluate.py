@@ -1,7 +1,7 @@
 """Evaluation of a tree over any kind of number: floats, CasADi graphs, SymPy expressions.
 
-A table of functions makes the difference. Besides the functions of FUNCTIONS it may hold "number", which turns a float
-into a constant of the library (SymPy wants exact ones).
+A table of functions makes the difference. Besides the functions of FUNCTIONS it may hold "number",
+which turns a float into a constant of the library (SymPy wants exact ones).
 """
 
 from __future__ import annotations
@@ -17,8 +17,11 @@ from derive.expressions.tree import Expression
 Functions = Mapping[str, Callable[..., Any]]
 
 
-def value(expression: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions) -> Any:
-    """The value of a tree; `names` and `rates` (by coordinate) give the values of Name and Rate. A Vector gives a list."""
+def value(
+    expression: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions
+) -> Any:
+    """The value of a tree; `names` and `rates` (by coordinate) give the values of Name and Rate. A
+    Vector gives a list."""
     match expression:
         case tree.Number(number):
             return functions["number"](number) if "number" in functions else number
@@ -61,7 +64,13 @@ def _product(factors: Sequence[Any]) -> Any:
     return total
 
 
-def _power(base: Any, exponent: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions) -> Any:
+def _power(
+    base: Any,
+    exponent: Expression,
+    names: Mapping[str, Any],
+    rates: Mapping[str, Any],
+    functions: Functions,
+) -> Any:
     if isinstance(exponent, tree.Number):
         if exponent.value == 0.5:
             return functions["sqrt"](base)
@@ -87,7 +96,8 @@ def is_constant(expression: Expression) -> bool:
 
 
 def check_constants(expression: Expression, text: str) -> None:
-    """Refuse constant parts such as 9**9**9, 1/0 or sqrt(-1) where they stand. All arithmetic is on floats."""
+    """Refuse constant parts such as 9**9**9, 1/0 or sqrt(-1) where they stand. All arithmetic is on
+    floats."""
     stack: list[tuple[tree.Expression, float | None]] = []
     for node in tree.walk(expression):
         count = len(tree.children(node))
@@ -113,17 +123,35 @@ def _constant(node: Expression, operands: list[float | None], text: str) -> floa
 def _folded(node: Expression, operands: list[float], text: str) -> float:
     try:
         power = isinstance(node, tree.Power)
-        result = operands[0] ** operands[1] if power else _applied(node, operands, float_functions())
+        result = (
+            operands[0] ** operands[1] if power else _applied(node, operands, float_functions())
+        )
     except (ArithmeticError, ValueError):
         result = math.nan
     if isinstance(result, complex) or not math.isfinite(result):
-        raise FormulaError("the value is not a finite number", text, node.at, "a real number below 1.8e308")
+        raise FormulaError(
+            "the value is not a finite number", text, node.at, "a real number below 1.8e308"
+        )
     return float(result)
 
 
 _FLOAT: dict[str, Callable[..., Any]] = {
     name: getattr(math, name)
-    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+    for name in (
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "log",
+        "sqrt",
+    )
 } | {"abs": abs, "min": min, "max": max, "sign": lambda x: float((x > 0) - (x < 0))}
 
 
@@ -136,7 +164,22 @@ def casadi_functions() -> Functions:
     """The table for casadi.SX."""
     import casadi as ca
 
-    same = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign")
+    same = (
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "log",
+        "sqrt",
+        "sign",
+    )
     return {name: getattr(ca, name) for name in same} | {
         "abs": ca.fabs,
         "min": lambda *x: _folded_over(ca.fmin, x),
@@ -155,7 +198,22 @@ def sympy_functions() -> Functions:
     """The table for SymPy, with short decimals as exact fractions."""
     import sympy as sp
 
-    same = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign")
+    same = (
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "log",
+        "sqrt",
+        "sign",
+    )
     return {name: getattr(sp, name) for name in same} | {
         "abs": sp.Abs,
         "min": sp.Min,

@@ -1,4 +1,5 @@
-"""The analytic form: kinetic and potential energy given as formulas of q, q̇ and t (Lagrange's equations by differentiation)."""
+"""The analytic form: kinetic and potential energy given as formulas of q, q̇ and t (Lagrange's
+equations by differentiation)."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ class Lagrangian:
 
 
 def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
-    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q in q̇, carried over to v by q̇ = N v: M = Nᵀ M_q N, h = Nᵀ (h_q + M_q Ṅ v).
+    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q in q̇, carried over to v by q̇ = N v: M = Nᵀ M_q N, h = Nᵀ (h_q +
+    M_q Ṅ v).
 
     Raises ModelError where T is not quadratic in the rates.
     """
@@ -32,7 +34,11 @@ def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
     momentum = ca.gradient(T, s.qd) if nq else ca.SX(0, 1)
     M = ca.jacobian(momentum, s.qd)
     if ca.depends_on(M, s.qd):
-        raise ModelError(Diagnostic(file=model.file, message="the kinetic energy is not quadratic in the rates der(…)"))
+        raise ModelError(
+            Diagnostic(
+                file=model.file, message="the kinetic energy is not quadratic in the rates der(…)"
+            )
+        )
     along = ca.vertcat(s.t, s.q)
     h = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - ca.gradient(T - V, s.q)
     N = ca.jacobian(qdot, s.v)

@@ -1,4 +1,5 @@
-"""Robot files → models: URDF and MJCF become the text of a model, which is then read like any other.
+"""Robot files → models: URDF and MJCF become the text of a model, which is then read like any
+other.
 
 So errors that the model language finds in a robot are told at the place in the robot's own file.
 """
@@ -22,7 +23,8 @@ ROBOTS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 @dataclass(frozen=True)
 class Floating:
-    """A robot file taken with its root link moving freely; stands wherever the path of a file does."""
+    """A robot file taken with its root link moving freely; stands wherever the path of a file
+    does."""
 
     path: str | PathLike[str]
 
@@ -37,7 +39,8 @@ File = str | PathLike[str]  # the path of a file, or Floating
 
 @dataclass(frozen=True)
 class Imported:
-    """A robot as a model's text. `left_out` alters the motion, `changed` does not; `joints`: the file's name → the model's."""
+    """A robot as a model's text. `left_out` alters the motion, `changed` does not; `joints`: the
+    file's name → the model's."""
 
     model: Model
     text: str
@@ -57,7 +60,8 @@ def load(path: File) -> Model:
             from derive.diagnostics import ModelError
 
             raise ModelError(
-                f"--floating is for URDF and MJCF files, and {path} is neither", "a joint of type free in the model file"
+                f"--floating is for URDF and MJCF files, and {path} is neither",
+                "a joint of type free in the model file",
             )
         return load(str(path))
     found = imported(path, floating)
@@ -67,7 +71,8 @@ def load(path: File) -> Model:
 
 
 def imported(path: File, floating: bool = False) -> Imported:
-    """A URDF or MJCF file as a model; ModelError with places in that file for everything wrong with it."""
+    """A URDF or MJCF file as a model; ModelError with places in that file for everything wrong with
+    it."""
     from derive.robots.inertias import gather
     from derive.robots.writing import text_of
 
@@ -75,8 +80,19 @@ def imported(path: File, floating: bool = False) -> Imported:
     _check_size(robot)
     gather(robot)
     made = text_of(robot, Path(path).name)
-    joints = {joint.place.get("name"): joint.name for joint in robot.joints if joint.place.tag in ("joint", "freejoint")}
-    return Imported(_model(made, robot, path), made.text, robot.kind, tuple(robot.changed), tuple(robot.left_out), joints)
+    joints = {
+        joint.place.get("name"): joint.name
+        for joint in robot.joints
+        if joint.place.tag in ("joint", "freejoint")
+    }
+    return Imported(
+        _model(made, robot, path),
+        made.text,
+        robot.kind,
+        tuple(robot.changed),
+        tuple(robot.left_out),
+        joints,
+    )
 
 
 def _robot(path: File, floating: bool) -> Robot:
@@ -110,5 +126,7 @@ def _model(made: Written, robot: Robot, path: File) -> Model:
         found = []
         for problem in error.diagnostics:
             origin = made.origins[problem.line - 1] if problem.line else None
-            found.append((origin or robot.root).diagnostic(problem.message, problem.expected, problem.hint))
+            found.append(
+                (origin or robot.root).diagnostic(problem.message, problem.expected, problem.hint)
+            )
         raise ModelError(dict.fromkeys(found)) from None

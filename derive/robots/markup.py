@@ -1,6 +1,8 @@
-"""XML text → elements with places, read safely: no document type (and so no entities), bounded size, depth and count.
+"""XML text → elements with places, read safely: no document type (and so no entities), bounded
+size, depth and count.
 
-expat is driven directly because the ready-made trees keep no places; the tree is walked and built without recursion.
+expat is driven directly because the ready-made trees keep no places; the tree is walked and built
+without recursion.
 """
 
 from __future__ import annotations
@@ -36,13 +38,28 @@ class File:
         lines = self.content.splitlines()
         return lines[number - 1].decode("utf-8", "replace") if 0 < number <= len(lines) else ""
 
-    def diagnostic(self, at: int, length: int, message: str, expected: str = "", hint: str = "") -> Diagnostic:
+    def diagnostic(
+        self, at: int, length: int, message: str, expected: str = "", hint: str = ""
+    ) -> Diagnostic:
         """A message about the `length` bytes from offset `at`."""
         start = self.content.rfind(b"\n", 0, at) + 1
         stop = self.content.find(b"\n", at)
-        text = self.content[start : stop if stop >= 0 else len(self.content)].decode("utf-8", "replace").rstrip("\r")
+        text = (
+            self.content[start : stop if stop >= 0 else len(self.content)]
+            .decode("utf-8", "replace")
+            .rstrip("\r")
+        )
         column = len(self.content[start:at].decode("utf-8", "replace")) + 1
-        return Diagnostic(self.name, self.content.count(b"\n", 0, at) + 1, column, length, message, expected, hint, text)
+        return Diagnostic(
+            self.name,
+            self.content.count(b"\n", 0, at) + 1,
+            column,
+            length,
+            message,
+            expected,
+            hint,
+            text,
+        )
 
 
 @dataclass(eq=False)
@@ -74,12 +91,16 @@ class Element:
             yield element
             waiting.extend(reversed(element.children))
 
-    def diagnostic(self, message: str, expected: str = "", hint: str = "", attribute: str = "") -> Diagnostic:
+    def diagnostic(
+        self, message: str, expected: str = "", hint: str = "", attribute: str = ""
+    ) -> Diagnostic:
         """A message about the element, or about one of its attributes."""
         at, length = self._place(attribute)
         return self.file.diagnostic(at, length, message, expected, hint)
 
-    def refuse(self, message: str, expected: str = "", hint: str = "", attribute: str = "") -> NoReturn:
+    def refuse(
+        self, message: str, expected: str = "", hint: str = "", attribute: str = ""
+    ) -> NoReturn:
         raise ModelError(self.diagnostic(message, expected, hint, attribute))
 
     def _place(self, attribute: str) -> tuple[int, int]:
@@ -97,7 +118,11 @@ def read(path: str | PathLike[str]) -> File:
     name = str(path)
     found = content(path, LARGEST)
     if len(found) > LARGEST:
-        raise ModelError(Diagnostic(name, message="the file is too large", expected=f"at most {LARGEST >> 20} MiB"))
+        raise ModelError(
+            Diagnostic(
+                name, message="the file is too large", expected=f"at most {LARGEST >> 20} MiB"
+            )
+        )
     return as_file(found, name, Path(path).parent)
 
 
@@ -107,18 +132,28 @@ def as_file(content: bytes, name: str, folder: Path) -> File:
     try:
         file.content.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise ModelError(file.diagnostic(error.start, 1, "the file is not UTF-8 text", "text saved as UTF-8")) from None
+        raise ModelError(
+            file.diagnostic(error.start, 1, "the file is not UTF-8 text", "text saved as UTF-8")
+        ) from None
     declared = _DECLARATION.match(file.content)
-    if declared and declared[1].decode("utf-8", "replace").lower() not in _UTF8 and not file.content.isascii():
+    if (
+        declared
+        and declared[1].decode("utf-8", "replace").lower() not in _UTF8
+        and not file.content.isascii()
+    ):
         problem = f"the file says that it is {declared[1].decode()!r} text"
-        raise ModelError(file.diagnostic(declared.start(1), len(declared[1]), problem, "text saved as UTF-8"))
+        raise ModelError(
+            file.diagnostic(declared.start(1), len(declared[1]), problem, "text saved as UTF-8")
+        )
     return file
 
 
 def parsed(file: File) -> Element:
     """The root element of a file."""
     if not file.content.strip():
-        raise ModelError(Diagnostic(file.name, message="the file is empty", expected="a URDF or MJCF robot"))
+        raise ModelError(
+            Diagnostic(file.name, message="the file is empty", expected="a URDF or MJCF robot")
+        )
     builder = _Builder(file)
     try:
         builder.parser.Parse(file.content, True)
@@ -133,7 +168,11 @@ def _refuse_syntax(file: File, error: expat.ExpatError) -> NoReturn:
     start = sum(len(line) for line in file.content.splitlines(keepends=True)[: error.lineno - 1])
     at = min(start + error.offset, len(file.content))
     if not file.content.lstrip().startswith(b"<"):
-        raise ModelError(file.diagnostic(at, 1, "the file is not XML", "a URDF or MJCF robot, which starts with `<`"))
+        raise ModelError(
+            file.diagnostic(
+                at, 1, "the file is not XML", "a URDF or MJCF robot, which starts with `<`"
+            )
+        )
     raise ModelError(file.diagnostic(at, 1, f"not valid XML: {problem}"))
 
 
@@ -175,4 +214,8 @@ class _Builder:
 
     def document_type(self, *declaration: object) -> None:
         problem = "a document type, which can declare entities"
-        raise ModelError(self.file.diagnostic(self.parser.CurrentByteIndex, 1, problem, "a file without <!DOCTYPE>"))
+        raise ModelError(
+            self.file.diagnostic(
+                self.parser.CurrentByteIndex, 1, problem, "a file without <!DOCTYPE>"
+            )
+        )

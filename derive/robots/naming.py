@@ -1,4 +1,5 @@
-"""Names of a robot file → names that a model may have: letters, digits, single underscores, no keyword, none twice."""
+"""Names of a robot file → names that a model may have: letters, digits, single underscores, no
+keyword, none twice."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ PLAIN = ("v", "w")  # J.v and J.w of joints with one rate
 
 
 def legal(name: str, kind: str) -> str:
-    """The nearest name without an objection; `kind` ("body", "joint" …) helps where nothing or a keyword is left."""
+    """The nearest name without an objection; `kind` ("body", "joint" …) helps where nothing or a
+    keyword is left."""
     text = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
     text = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:LONGEST].rstrip("_")
     if not text[:1].isalpha():
@@ -29,7 +31,8 @@ def model_name(name: str) -> str:
 
 
 class Names:
-    """One space of names; everything taken is remembered as the identifier it becomes in generated code."""
+    """One space of names; everything taken is remembered as the identifier it becomes in generated
+    code."""
 
     def __init__(self) -> None:
         self.taken: set[str] = set()

@@ -13,18 +13,28 @@ from derive.robots.rotations import Vector
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 
 
-def listing(reading: Reading, element: Element, attribute: str, count: int | None = None) -> list[float] | None:
-    """The finite numbers of an attribute, exactly `count` of them if given; None after reporting, or where there is none."""
+def listing(
+    reading: Reading, element: Element, attribute: str, count: int | None = None
+) -> list[float] | None:
+    """The finite numbers of an attribute, exactly `count` of them if given; None after reporting,
+    or where there is none."""
     if attribute not in element.attributes:
         return None
     words = element.get(attribute).split()
     values = [float(word) if _NUMBER.match(word) else math.nan for word in words]
     bad = next((word for word, value in zip(words, values) if not math.isfinite(value)), None)
     if bad is not None:
-        reading.report(element, f"'{bad}' in '{attribute}' of <{element.tag}>", "finite numbers", attribute=attribute)
+        reading.report(
+            element,
+            f"'{bad}' in '{attribute}' of <{element.tag}>",
+            "finite numbers",
+            attribute=attribute,
+        )
         return None
     if count is not None and len(values) != count:
-        problem = f"{len(values)} number{'s' * (len(values) != 1)} in '{attribute}' of <{element.tag}>"
+        problem = (
+            f"{len(values)} number{'s' * (len(values) != 1)} in '{attribute}' of <{element.tag}>"
+        )
         reading.report(element, problem, str(count), attribute=attribute)
         return None
     return values
@@ -35,7 +45,12 @@ def scalar(reading: Reading, element: Element, attribute: str, otherwise: float 
     return found[0] if found else otherwise
 
 
-def vector(reading: Reading, element: Element | None, attribute: str, otherwise: Sequence[float] = (0.0, 0.0, 0.0)) -> Vector:
+def vector(
+    reading: Reading,
+    element: Element | None,
+    attribute: str,
+    otherwise: Sequence[float] = (0.0, 0.0, 0.0),
+) -> Vector:
     found = listing(reading, element, attribute, 3) if element else None
     x, y, z = found or otherwise
     return (x, y, z)

@@ -1,4 +1,5 @@
-"""What the readers make and the writer takes: a robot with names that are legal, SI units, and the place of everything."""
+"""What the readers make and the writer takes: a robot with names that are legal, SI units, and the
+place of everything."""
 
 from __future__ import annotations
 
@@ -12,12 +13,17 @@ from derive.robots.rotations import IDENTITY, ORIGIN, Matrix, Vector, from_rpy
 GROUND = "ground"
 ONE_RATE = ("revolute", "prismatic")
 SMOOTHING = 0.01  # rad/s or m/s: where tanh in place of the sign is three quarters there
-BASE_RATES = {"ball": ("wx", "wy", "wz"), "free": ("vx", "vy", "vz", "wx", "wy", "wz"), "planar": ("vx", "vy", "w")}
+BASE_RATES = {
+    "ball": ("wx", "wy", "wz"),
+    "free": ("vx", "vy", "vz", "wx", "wy", "wz"),
+    "planar": ("vx", "vy", "w"),
+}
 
 
 @dataclass
 class Body:
-    """Inertia about the centre of mass in the body's frame (xx, yy, zz, xy, xz, yz); no mass at all where `mass` is 0."""
+    """Inertia about the centre of mass in the body's frame (xx, yy, zz, xy, xz, yz); no mass at all
+    where `mass` is 0."""
 
     name: str
     place: Element
@@ -29,8 +35,9 @@ class Body:
 
 @dataclass
 class Joint:
-    """`rpy` is used where a file gives roll, pitch and yaw, else `rotation`: parent ← joint frame; `rotation_child`: the same for
-    the child. `spring`: stiffness and rest. `coulomb`: of dry friction."""
+    """`rpy` is used where a file gives roll, pitch and yaw, else `rotation`: parent ← joint frame;
+    `rotation_child`: the same for the child. `spring`: stiffness and rest. `coulomb`: of dry
+    friction."""
 
     name: str
     type: str
@@ -55,7 +62,7 @@ class Joint:
         return self.rotation if self.rpy is None else from_rpy(self.rpy)
 
     def rates(self) -> tuple[str, ...]:
-        """Its base velocities, as loads and inputs name them."""
+        """Its generalized velocities, as loads and inputs name them."""
         if self.type in ONE_RATE:
             return (f"der({self.name})",)
         return tuple(f"{self.name}.{rate}" for rate in BASE_RATES.get(self.type, ()))
@@ -73,7 +80,8 @@ class Closure:
 
 @dataclass
 class Entry:
-    """A line of the model that needs no more than its text: a load, a constraint, an input, an initial value."""
+    """A line of the model that needs no more than its text: a load, a constraint, an input, an
+    initial value."""
 
     name: str
     text: str
@@ -83,7 +91,8 @@ class Entry:
 
 @dataclass
 class Robot:
-    """`changed` and `left_out` are sentences for the head of the file; only what is left out alters the motion."""
+    """`changed` and `left_out` are sentences for the head of the file; only what is left out alters
+    the motion."""
 
     name: str
     kind: str
@@ -108,19 +117,32 @@ class Reading:
         self.symbols, self.bodies = Names(), Names()
         self.renamed = 0
 
-    def report(self, element: Element, message: str, expected: str = "", hint: str = "", attribute: str = "") -> None:
+    def report(
+        self,
+        element: Element,
+        message: str,
+        expected: str = "",
+        hint: str = "",
+        attribute: str = "",
+    ) -> None:
         """Note a problem and go on."""
         self.problems.append(element.diagnostic(message, expected, hint, attribute))
 
     def finish(self) -> None:
         """Raise what was noted."""
         if self.problems:
-            raise ModelError(sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)))
+            raise ModelError(
+                sorted(
+                    dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)
+                )
+            )
 
     def unknown(self, element: Element, attribute: str, what: str, known: list[str]) -> None:
         """Note a name that nothing has."""
         name = element.get(attribute)
-        self.report(element, f"unknown {what} '{name}'", listed(known), did_you_mean(name, known), attribute)
+        self.report(
+            element, f"unknown {what} '{name}'", listed(known), did_you_mean(name, known), attribute
+        )
 
     def body_name(self, original: str, notes: list[str]) -> str:
         return self._noted(self.bodies(original, "body"), original, notes)

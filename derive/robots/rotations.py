@@ -1,8 +1,8 @@
 """Rotations as 3 × 3 tuples of floats, and the angles that are written into a model file.
 
-Angles within 1e-9 of a whole number of degrees are taken for that number, and components of a unit vector within 1e-9 of 0 and ±1
-for these: `1.57079632679` in a robot file means a right angle, and only exact right angles give the structural zeros that make
-equations short.
+Angles within 1e-9 of a whole number of degrees are taken for that number, and components of a unit
+vector within 1e-9 of 0 and ±1 for these: `1.57079632679` in a robot file means a right angle, and
+only exact right angles give the structural zeros that make equations short.
 """
 
 from __future__ import annotations
@@ -42,7 +42,11 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 
 
 def transposed(a: Matrix) -> Matrix:
-    return (_three([row[0] for row in a]), _three([row[1] for row in a]), _three([row[2] for row in a]))
+    return (
+        _three([row[0] for row in a]),
+        _three([row[1] for row in a]),
+        _three([row[2] for row in a]),
+    )
 
 
 def rotated(a: Matrix, x: Sequence[float]) -> Vector:
@@ -88,7 +92,10 @@ def about(axis: Vector, angle: float) -> Matrix:
     s, c = sine_cosine(angle)
     x, y, z = axis
     skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
-    rows = [[c * (i == j) + s * skew[i][j] + (1.0 - c) * axis[i] * axis[j] for j in range(3)] for i in range(3)]
+    rows = [
+        [c * (i == j) + s * skew[i][j] + (1.0 - c) * axis[i] * axis[j] for j in range(3)]
+        for i in range(3)
+    ]
     return (_three(rows[0]), _three(rows[1]), _three(rows[2]))
 
 
@@ -98,7 +105,8 @@ def from_rpy(rpy: Sequence[float]) -> Matrix:
 
 
 def from_euler(sequence: str, angles: Sequence[float]) -> Matrix:
-    """Small letters turn about axes that move along, capitals about fixed ones (as MuJoCo has it)."""
+    """Small letters turn about axes that move along, capitals about fixed ones (as MuJoCo has
+    it)."""
     result = IDENTITY
     for letter, angle in zip(sequence, angles):
         turn = about(_UNIT[letter.lower()], angle)
@@ -142,7 +150,8 @@ def to_quaternion(R: Matrix) -> tuple[float, float, float, float]:
 
 
 def to_rpy(R: Matrix) -> Vector:
-    """Roll, pitch and yaw of a rotation; roll is 0 where pitch is ±90° and only one of the two is determined."""
+    """Roll, pitch and yaw of a rotation; roll is 0 where pitch is ±90° and only one of the two is
+    determined."""
     level = math.hypot(R[0][0], R[1][0])
     pitch = math.atan2(-R[2][0], level)
     if level <= NEAR:

@@ -1,4 +1,5 @@
-"""URDF → Robot. The tree is checked first; then every link becomes a body and every joint a joint of the same frames.
+"""URDF → Robot. The tree is checked first; then every link becomes a body and every joint a joint
+of the same frames.
 
 In URDF a joint's frame is its child's frame, so origins carry over as they are.
 """
@@ -10,7 +11,18 @@ from dataclasses import dataclass, field
 
 from derive.robots.markup import Element
 from derive.robots.numbers import listing, scalar, vector, written
-from derive.robots.robot import GROUND, ONE_RATE, Body, Entry, Joint, Reading, Robot, counted, dry_friction, quoted
+from derive.robots.robot import (
+    GROUND,
+    ONE_RATE,
+    Body,
+    Entry,
+    Joint,
+    Reading,
+    Robot,
+    counted,
+    dry_friction,
+    quoted,
+)
 from derive.robots.rotations import (
     IDENTITY,
     Matrix,
@@ -32,7 +44,11 @@ TYPES = {
     "planar": "planar",
     "floating": "free",
 }
-PLANES = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))  # normals that a planar joint can have as they are
+PLANES = (
+    (1.0, 0.0, 0.0),
+    (0.0, -1.0, 0.0),
+    (0.0, 0.0, 1.0),
+)  # normals that a planar joint can have as they are
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
@@ -60,7 +76,11 @@ def robot(root: Element, name: str, floating: bool) -> Robot:
     reading.finish()
     if all(joint.type == "fixed" for joint in result.joints):
         hint = "--floating gives the root link a free joint"
-        root.refuse("nothing moves: every joint is fixed, and the root link is fixed to the ground", "a joint that moves", hint)
+        root.refuse(
+            "nothing moves: every joint is fixed, and the root link is fixed to the ground",
+            "a joint that moves",
+            hint,
+        )
     _mimics(reading, tree, result)
     reading.finish()
     _check_massless(reading, result, {entry.place for entry in result.constraints})
@@ -73,16 +93,25 @@ def robot(root: Element, name: str, floating: bool) -> Robot:
 def _refuse_macros(root: Element) -> None:
     for element in root.walk():
         if element.tag.startswith("xacro:"):
-            element.refuse("a xacro macro", "a URDF file", "expand it first: xacro FILE.xacro > robot.urdf")
+            element.refuse(
+                "a xacro macro", "a URDF file", "expand it first: xacro FILE.xacro > robot.urdf"
+            )
 
 
 def _old_quaternions(root: Element, result: Robot) -> None:
-    """Before version 1.1 of the format quat_xyzw is no attribute of an origin, and parsers pass over it."""
-    origins = [element for element in root.walk() if element.tag == "origin" and "quat_xyzw" in element.attributes]
+    """Before version 1.1 of the format quat_xyzw is no attribute of an origin, and parsers pass
+    over it."""
+    origins = [
+        element
+        for element in root.walk()
+        if element.tag == "origin" and "quat_xyzw" in element.attributes
+    ]
     if origins and root.get("version", "1.0") in ("1", "1.0"):
         for origin in origins:
             del origin.attributes["quat_xyzw"]
-        result.changed.append(f'quat_xyzw of {counted(len(origins), "origin")} is not read: it takes <robot version="1.1">')
+        result.changed.append(
+            f'quat_xyzw of {counted(len(origins), "origin")} is not read: it takes <robot version="1.1">'
+        )
 
 
 def _turned(reading: Reading, origin: Element | None) -> tuple[Vector | None, Matrix]:
@@ -92,7 +121,9 @@ def _turned(reading: Reading, origin: Element | None) -> tuple[Vector | None, Ma
     if origin is None or quaternion is None:
         return rpy, from_rpy(rpy)
     if "rpy" in origin.attributes:
-        reading.report(origin, "an origin with rpy and quat_xyzw", "one of the two", attribute="quat_xyzw")
+        reading.report(
+            origin, "an origin with rpy and quat_xyzw", "one of the two", attribute="quat_xyzw"
+        )
     x, y, z, w = quaternion
     found = from_quaternion((w, x, y, z))
     if found is None:
@@ -107,7 +138,9 @@ def _collect(reading: Reading, root: Element, tree: Tree) -> None:
             if not name.strip():
                 reading.report(element, f"a {tag} without a name", f'<{tag} name="…">')
             elif name in table:
-                reading.report(element, f"a second {tag} '{name}'", "names that differ", attribute="name")
+                reading.report(
+                    element, f"a second {tag} '{name}'", "names that differ", attribute="name"
+                )
             table.setdefault(name, element)
     if not tree.links:
         root.refuse("the robot has no links", '<link name="…">')
@@ -117,7 +150,9 @@ def _end(reading: Reading, tree: Tree, joint: Element, tag: str) -> str:
     """The parent or child link of a joint; "" after reporting that there is none."""
     end = joint.first(tag)
     if end is None or not end.get("link"):
-        reading.report(end or joint, f"the joint '{joint.get('name')}' has no {tag}", f'<{tag} link="…"/>')
+        reading.report(
+            end or joint, f"the joint '{joint.get('name')}' has no {tag}", f'<{tag} link="…"/>'
+        )
         return ""
     if end.get("link") not in tree.links:
         reading.unknown(end, "link", "link", list(tree.links))
@@ -133,9 +168,13 @@ def _root(reading: Reading, tree: Tree) -> str:
         parent, child = _end(reading, tree, joint, "parent"), _end(reading, tree, joint, "child")
         if child in above:
             other = above[child].get("name")
-            problem = f"a kinematic loop: the link '{child}' is already the child of the joint '{other}'"
+            problem = (
+                f"a kinematic loop: the link '{child}' is already the child of the joint '{other}'"
+            )
             hint = "import the tree without this joint, then close the loop under `closures:` of the model"
-            reading.report(joint.first("child") or joint, problem, "one joint per child link", hint, "link")
+            reading.report(
+                joint.first("child") or joint, problem, "one joint per child link", hint, "link"
+            )
         elif child:
             above[child], parents[child] = joint, parent
     reading.finish()
@@ -146,7 +185,12 @@ def _only_root(reading: Reading, tree: Tree, parents: dict[str, str]) -> str:
     roots = [name for name in tree.links if name not in parents]
     for extra in roots[1:]:
         problem = f"the link '{extra}' is not connected to '{roots[0]}': no joint carries it"
-        reading.report(tree.links[extra], problem, "one root link; every other is the child of a joint", attribute="name")
+        reading.report(
+            tree.links[extra],
+            problem,
+            "one root link; every other is the child of a joint",
+            attribute="name",
+        )
     for circle in _circles(tree, parents):
         problem = f"a kinematic loop without a beginning: {' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
         reading.report(tree.links[circle[0]], problem, "a tree of links", attribute="name")
@@ -181,10 +225,16 @@ def _bodies(reading: Reading, tree: Tree, result: Robot) -> None:
 def _inertial(reading: Reading, name: str, inertial: Element, body: Body) -> None:
     mass, inertia, origin = (inertial.first(tag) for tag in ("mass", "inertia", "origin"))
     if mass is None or "value" not in mass.attributes:
-        reading.report(mass or inertial, f"the inertial of '{name}' has no mass", '<mass value="…"/>')
+        reading.report(
+            mass or inertial, f"the inertial of '{name}' has no mass", '<mass value="…"/>'
+        )
         return
     if inertia is None:
-        reading.report(inertial, f"the inertial of '{name}' has no inertia", "<inertia …/>, with zeros for a point mass")
+        reading.report(
+            inertial,
+            f"the inertial of '{name}' has no inertia",
+            "<inertia …/>, with zeros for a point mass",
+        )
         return
     body.mass = scalar(reading, mass, "value")
     if body.mass < 0.0:
@@ -202,10 +252,14 @@ def _joints(reading: Reading, tree: Tree, result: Robot, base: str, floating: bo
     for name, element in tree.joints.items():
         if (made := _joint(reading, tree, element)) is not None:
             tree.made[name] = made
-    result.joints.append(Joint(reading.joint_name("base", kind, []), kind, GROUND, tree.bodies[base].name, root))
+    result.joints.append(
+        Joint(reading.joint_name("base", kind, []), kind, GROUND, tree.bodies[base].name, root)
+    )
     result.joints += tree.made.values()
     if not floating:
-        result.changed.append(f"the root link {quoted(base)} is fixed to the ground; --floating frees it")
+        result.changed.append(
+            f"the root link {quoted(base)} is fixed to the ground; --floating frees it"
+        )
 
 
 def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:
@@ -236,7 +290,12 @@ def _axis(reading: Reading, element: Element) -> Vector:
     given = vector(reading, axis, "xyz", (1.0, 0.0, 0.0))
     found = unit(given)
     if axis is not None and found is None:
-        reading.report(axis, f"the axis of the joint '{element.get('name')}' has length zero", "a direction", attribute="xyz")
+        reading.report(
+            axis,
+            f"the axis of the joint '{element.get('name')}' has length zero",
+            "a direction",
+            attribute="xyz",
+        )
     return found or (1.0, 0.0, 0.0)
 
 
@@ -259,7 +318,10 @@ def _limits(reading: Reading, element: Element, joint: Joint) -> None:
 def _dynamics(reading: Reading, element: Element, joint: Joint) -> None:
     dynamics = element.first("dynamics")
     if dynamics is not None:
-        joint.damper, joint.coulomb = scalar(reading, dynamics, "damping"), scalar(reading, dynamics, "friction")
+        joint.damper, joint.coulomb = (
+            scalar(reading, dynamics, "damping"),
+            scalar(reading, dynamics, "friction"),
+        )
 
 
 def _planar(joint: Joint) -> None:
@@ -293,7 +355,11 @@ def _mimics(reading: Reading, tree: Tree, result: Robot) -> None:
             masters[name] = mimic.get("joint")
     for circle in _mimic_circles(masters):
         problem = f"joints that mimic each other in a circle: {' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
-        reading.report(tree.joints[circle[0]].first("mimic") or tree.joints[circle[0]], problem, "a joint that moves by itself")
+        reading.report(
+            tree.joints[circle[0]].first("mimic") or tree.joints[circle[0]],
+            problem,
+            "a joint that moves by itself",
+        )
     for name, master in masters.items():
         _couple(reading, tree, result, name, master)
 
@@ -318,12 +384,16 @@ def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str)
     assert mimic is not None
     for end in (joint, other):
         if end is not None and end.type not in (*ONE_RATE, "fixed"):
-            reading.report(mimic, f"a mimic of the {end.type} joint '{end.name}'", "joints with one coordinate")
+            reading.report(
+                mimic, f"a mimic of the {end.type} joint '{end.name}'", "joints with one coordinate"
+            )
             return
     multiplier, offset = scalar(reading, mimic, "multiplier", 1.0), scalar(reading, mimic, "offset")
     terms = [f"ratio: {written(multiplier)}"] + ([f"offset: {written(offset)}"] if offset else [])
     text = f"{{type: coupling, joints: [{joint.name}, {other.name if other else ''}], {', '.join(terms)}}}"
-    if other is None or other.type == "fixed" or multiplier == 0.0:  # nothing to follow: it stays at the offset
+    if (
+        other is None or other.type == "fixed" or multiplier == 0.0
+    ):  # nothing to follow: it stays at the offset
         text = f"{{holonomic: {joint.name} - ({written(offset)})}}"
     result.constraints.append(Entry(reading.symbols(f"mimic_{joint.name}", "mimic"), text, mimic))
 
@@ -331,7 +401,8 @@ def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str)
 def _check_massless(reading: Reading, result: Robot, mimics: set[Element]) -> None:
     """Joints that mimic each other move together; report those of which none carries any mass.
 
-    A single joint without mass behind it is for the model language to report; a coupled one passes there.
+    A single joint without mass behind it is for the model language to report; a coupled one passes
+    there.
     """
     heavy = _carrying_mass(result)
     coupled = [joint for joint in result.joints if joint.place.first("mimic") in mimics]
@@ -340,14 +411,20 @@ def _check_massless(reading: Reading, result: Robot, mimics: set[Element]) -> No
     groups: dict[str, list[Joint]] = {}
     for joint in coupled:
         leader = joint
-        while (mimic := leader.place.first("mimic")) in mimics and mimic is not None and mimic.get("joint") in by_file:
+        while (
+            (mimic := leader.place.first("mimic")) in mimics
+            and mimic is not None
+            and mimic.get("joint") in by_file
+        ):
             leader = by_file[mimic.get("joint")]
         groups.setdefault(leader.name, [leaders[leader.name]]).append(joint)
     for group in groups.values():
         if not any(joint.child in heavy for joint in group):
             names = ", ".join(quoted(joint.place.get("name")) for joint in group[:3])
             problem = f"the joints {names}{' …' if len(group) > 3 else ''} move together and carry nothing that has mass"
-            reading.report(group[0].place, problem, "links with mass, or fixed joints", attribute="name")
+            reading.report(
+                group[0].place, problem, "links with mass, or fixed joints", attribute="name"
+            )
 
 
 def _carrying_mass(result: Robot) -> set[str]:
@@ -375,17 +452,25 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
     """What a reader of the model should know about how it was made."""
     massless = sum(1 for body in result.bodies if not body.mass)
     if massless:
-        result.changed.append(f"{counted(massless, 'link')} without mass: kept, as bodies without mass")
+        result.changed.append(
+            f"{counted(massless, 'link')} without mass: kept, as bodies without mass"
+        )
     if reading.renamed:
-        result.changed.append(f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside")
+        result.changed.append(
+            f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside"
+        )
     meshes = sum(1 for element in root.walk() if element.tag == "mesh")
     if any(link.first("visual") or link.first("collision") for link in root.all("link")):
         files = counted(meshes, "mesh file")
-        result.changed.append(f"geometry is not read ({files}, there or not): the equations do not need it")
+        result.changed.append(
+            f"geometry is not read ({files}, there or not): the equations do not need it"
+        )
     ignored = sorted({child.tag for child in root.children} - {"link", "joint", "material"})
     if ignored:
         tags = ", ".join(f"<{tag}>" for tag in ignored)
         result.changed.append(f"not read: {tags}; inputs are forces and torques at the joints")
     if any(joint.first("limit") for joint in root.all("joint")):
-        result.changed.append("limits are there to read: nothing in the equations stops a joint at them")
+        result.changed.append(
+            "limits are there to read: nothing in the equations stops a joint at them"
+        )
     dry_friction(result)

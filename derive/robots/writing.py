@@ -31,9 +31,15 @@ def text_of(robot: Robot, source: str) -> Written:
 
 
 def _head(robot: Robot, source: str) -> list[Line]:
-    said = [f"Made from {_one_line(source)} ({robot.kind}) by `hamel import`; numbers without a unit are in SI units."]
-    said += [f"- {note}" for note in robot.changed] + [f"- LEFT OUT: {note}" for note in robot.left_out]
-    comments: list[Line] = [(f"# {part}", None) for sentence in said for part in _wrapped(_one_line(sentence))]
+    said = [
+        f"Made from {_one_line(source)} ({robot.kind}) by `hamel import`; numbers without a unit are in SI units."
+    ]
+    said += [f"- {note}" for note in robot.changed] + [
+        f"- LEFT OUT: {note}" for note in robot.left_out
+    ]
+    comments: list[Line] = [
+        (f"# {part}", None) for sentence in said for part in _wrapped(_one_line(sentence))
+    ]
     gravity = ", ".join(written(g) for g in robot.gravity)
     head: list[Line] = [(f"model: {model_name(robot.name)}", robot.root)]
     return comments + head + ([(f"gravity: [{gravity}]", robot.root)] if any(robot.gravity) else [])
@@ -50,11 +56,22 @@ def _wrapped(sentence: str) -> list[str]:
 
 
 def _sections(robot: Robot) -> list[Line]:
-    lines = _section("bodies", [(body.name, _body(body), body.notes, body.place) for body in robot.bodies])
-    lines += _section("joints", [(joint.name, _joint(joint), joint.notes, joint.place) for joint in robot.joints])
-    lines += _section("closures", [(closure.name, _closure(closure), [], closure.place) for closure in robot.closures])
+    lines = _section(
+        "bodies", [(body.name, _body(body), body.notes, body.place) for body in robot.bodies]
+    )
+    lines += _section(
+        "joints", [(joint.name, _joint(joint), joint.notes, joint.place) for joint in robot.joints]
+    )
+    lines += _section(
+        "closures",
+        [(closure.name, _closure(closure), [], closure.place) for closure in robot.closures],
+    )
     lines += _entries("constraints", robot.constraints)
-    lines += _entries("loads", robot.loads) + _entries("inputs", robot.inputs) + _entries("initial", robot.initial)
+    lines += (
+        _entries("loads", robot.loads)
+        + _entries("inputs", robot.inputs)
+        + _entries("initial", robot.initial)
+    )
     return lines
 
 
@@ -90,7 +107,12 @@ def _body(body: Body) -> str:
 
 
 def _joint(joint: Joint) -> str:
-    parts = [f"type: {joint.type}", f"parent: {joint.parent}", f"child: {joint.child}", *_placed(joint)]
+    parts = [
+        f"type: {joint.type}",
+        f"parent: {joint.parent}",
+        f"child: {joint.child}",
+        *_placed(joint),
+    ]
     if joint.axis is not None:
         parts.append(f"axis: {_axis(joint.axis)}")
     if joint.type == "free":
@@ -99,11 +121,15 @@ def _joint(joint: Joint) -> str:
         parts.append(f"limits: {_vector(joint.limits)}")
     if joint.spring:
         stiffness, rest = (written(x) for x in joint.spring)
-        parts.append(f"spring: {{stiffness: {stiffness}{f', rest: {rest}' if joint.spring[1] else ''}}}")
+        parts.append(
+            f"spring: {{stiffness: {stiffness}{f', rest: {rest}' if joint.spring[1] else ''}}}"
+        )
     if joint.damper:
         parts.append(f"damper: {written(joint.damper)}")
     if joint.coulomb:
-        parts.append(f"friction: {{coulomb: {written(joint.coulomb)}, smoothing: {written(SMOOTHING)}}}")
+        parts.append(
+            f"friction: {{coulomb: {written(joint.coulomb)}, smoothing: {written(SMOOTHING)}}}"
+        )
     if joint.armature:
         parts.append(f"armature: {written(joint.armature)}")
     return _braced(parts)
@@ -114,7 +140,9 @@ def _placed(joint: Joint) -> list[str]:
     turned, turned_child = _turned(joint.rpy, joint.rotation), _turned(None, joint.rotation_child)
     if turned_child:
         sides = (("parent", joint.at, turned), ("child", joint.at_child, turned_child))
-        placed = (f"{side}: {_braced([f'position: {_vector(at)}', *turn])}" for side, at, turn in sides)
+        placed = (
+            f"{side}: {_braced([f'position: {_vector(at)}', *turn])}" for side, at, turn in sides
+        )
         return [f"at: {_braced(list(placed))}"]
     if joint.at_child != ORIGIN:
         return [f"at: [{_vector(joint.at)}, {_vector(joint.at_child)}]", *turned]
@@ -123,7 +151,11 @@ def _placed(joint: Joint) -> list[str]:
 
 def _closure(closure: Closure) -> str:
     first, second = closure.at
-    parts = [f"type: {closure.type}", f"between: [{', '.join(closure.between)}]", f"at: [{_vector(first)}, {_vector(second)}]"]
+    parts = [
+        f"type: {closure.type}",
+        f"between: [{', '.join(closure.between)}]",
+        f"at: [{_vector(first)}, {_vector(second)}]",
+    ]
     return _braced([*parts, *_turned(None, closure.rotation)])
 
 
@@ -144,7 +176,14 @@ def _angle(angle: float) -> str:
 
 
 def _axis(axis: Sequence[float]) -> str:
-    for letter, sign in (("x", 1.0), ("y", 1.0), ("z", 1.0), ("-x", -1.0), ("-y", -1.0), ("-z", -1.0)):
+    for letter, sign in (
+        ("x", 1.0),
+        ("y", 1.0),
+        ("z", 1.0),
+        ("-x", -1.0),
+        ("-y", -1.0),
+        ("-z", -1.0),
+    ):
         if list(axis) == [sign if letter.endswith(c) else 0.0 for c in "xyz"]:
             return letter
     return _vector(axis)

@@ -1,4 +1,5 @@
-"""φ(q, t) = 0 met by Gauss–Newton: for one configuration with some coordinates held, and for many at once."""
+"""φ(q, t) = 0 met by Gauss–Newton: for one configuration with some coordinates held, and for many
+at once."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ class Kinematics:
         phi, jacobian = self._positions(t, q, p)
         return phi.full().ravel(), jacobian.full()
 
-    def velocities(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def velocities(
+        self, t: float, q: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A (nc × nv), c, N (nq × nv)."""
         A, c, N = self._velocities(t, q, p)
         return A.full(), c.full().ravel(), N.full()
@@ -38,7 +41,8 @@ class Kinematics:
         return A, c[:, :, 0]
 
     def closing(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """φ (k, m) and its derivative J N along the base velocities (k, m, nv) at k states."""
+        """φ (k, m) and its derivative J N along the generalized velocities (k, m, nv) at k
+        states."""
         phi, J = self._many(self._closing, t, q, p)
         return phi[:, :, 0], J
 
@@ -56,7 +60,9 @@ class Kinematics:
         moved = q + (along if N is None else (N @ along[:, :, None])[:, :, 0])
         return normalised(self.system, moved) if self.system.quaternions else moved
 
-    def _many(self, function: ca.Function, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
+    def _many(
+        self, function: ca.Function, t: np.ndarray, q: np.ndarray, p: np.ndarray
+    ) -> list[np.ndarray]:
         """The results of a function at k states, k × rows × columns each."""
         k = len(t)
         found = function.call([t.reshape(1, k), q.T, p.T])
@@ -111,17 +117,23 @@ def nominal(system: System) -> np.ndarray:
 
 
 def normalised(system: System, q: np.ndarray) -> np.ndarray:
-    """q, one or many in rows, with its quaternions divided by their length; a zero one becomes (1, 0, 0, 0)."""
+    """q, one or many in rows, with its quaternions divided by their length; a zero one becomes (1,
+    0, 0, 0)."""
     result = q.copy()
     for i in system.quaternions:
         part = q[..., i : i + 4]
         length = np.linalg.norm(part, axis=-1, keepdims=True)
-        result[..., i : i + 4] = np.where(length > 0, part / np.where(length > 0, length, 1.0), (1.0, 0.0, 0.0, 0.0))
+        result[..., i : i + 4] = np.where(
+            length > 0, part / np.where(length > 0, length, 1.0), (1.0, 0.0, 0.0, 0.0)
+        )
     return result
 
 
-def closed(solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, free: np.ndarray | None = None) -> np.ndarray | None:
-    """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that fails."""
+def closed(
+    solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, free: np.ndarray | None = None
+) -> np.ndarray | None:
+    """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that
+    fails."""
     weights = np.ones(len(q)) if free is None else free.astype(float)
     for _ in range(NEWTON):
         phi, J = solver.positions(t, q, p)

@@ -1,4 +1,5 @@
-"""The initial state of a model file made consistent: first q on φ = 0, then v on A v = c; and how far each was moved."""
+"""The initial state of a model file made consistent: first q on φ = 0, then v on A v = c; and how
+far each was moved."""
 
 from __future__ import annotations
 
@@ -26,20 +27,28 @@ class Initial:
     moved: tuple[tuple[str, float, float], ...]
 
 
-def initial_state(system: System, changes: Mapping[str, float] | None = None, p: np.ndarray | None = None) -> Initial:
-    """Held values are kept, guesses and unnamed ones move; where that has no solution everything may move, and is reported.
+def initial_state(
+    system: System, changes: Mapping[str, float] | None = None, p: np.ndarray | None = None
+) -> Initial:
+    """Held values are kept, guesses and unnamed ones move; where that has no solution everything
+    may move, and is reported.
 
-    `changes` overrides values by name and holds them. Raises ModelError where no consistent state is found.
+    `changes` overrides values by name and holds them. Raises ModelError where no consistent state
+    is found.
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
     told, held = _given(system, changes or {}, parameters)
     own = _own(system)
     given = {name: x / own.one_of(name) for name, x in told.items()}
     q, v, N = _consistent(system, own, given, held, parameters)
-    coordinates, velocities = ([x.name for x in items] for items in (system.model.coordinates, system.model.velocities))
+    coordinates, velocities = (
+        [x.name for x in items] for items in (system.model.coordinates, system.model.velocities)
+    )
     used = dict(zip(coordinates, q)) | dict(zip(velocities, v))
     used |= {f"der({name})": rate for name, rate in zip(coordinates, N @ v)}
-    moved = [n for n in given if n in held and abs(used[n] - given[n]) > AGREES * (1 + abs(given[n]))]
+    moved = [
+        n for n in given if n in held and abs(used[n] - given[n]) > AGREES * (1 + abs(given[n]))
+    ]
     found = tuple((n, told[n], float(used[n] * own.one_of(n))) for n in moved)
     sizes = [np.array([own.one_of(name) for name in names]) for names in (coordinates, velocities)]
     return Initial(q * sizes[0], v * sizes[1], found)
@@ -47,7 +56,8 @@ def initial_state(system: System, changes: Mapping[str, float] | None = None, p:
 
 @dataclass(frozen=True)
 class Own:
-    """The system in the model's own units, in which it is closed, and one of each coordinate, velocity and rate in SI by name."""
+    """The system in the model's own units, in which it is closed, and one of each coordinate,
+    velocity and rate in SI by name."""
 
     system: System
     units: dict[str, float]
@@ -72,14 +82,23 @@ def _consistent(
     solver, here = Kinematics(own.system), p / own.parameters
     q = _closed(own.system, solver, _start(own.system, given), held, here)
     if q is None:
-        raise _off(system, p, _start(system, {name: x * own.one_of(name) for name, x in given.items()}))
+        raise _off(
+            system, p, _start(system, {name: x * own.one_of(name) for name, x in given.items()})
+        )
     v = _velocities(own.system, solver, given, held, q, here)
     return q, v, solver.velocities(0.0, q, here)[2]
 
 
-def _given(system: System, changes: Mapping[str, float], p: np.ndarray) -> tuple[dict[str, float], set[str]]:
+def _given(
+    system: System, changes: Mapping[str, float], p: np.ndarray
+) -> tuple[dict[str, float], set[str]]:
     names = {x.name: x.value for x in system.model.parameters} | {"t": 0.0}
-    names |= dict(zip([x.name for x in system.model.parameters if x.name not in system.constants], map(float, p)))
+    names |= dict(
+        zip(
+            [x.name for x in system.model.parameters if x.name not in system.constants],
+            map(float, p),
+        )
+    )
     given = {x.name: number(x.value, names) for x in system.model.initial} | dict(changes)
     return given, {x.name for x in system.model.initial if x.held} | set(changes)
 
@@ -91,7 +110,9 @@ def _start(system: System, given: dict[str, float]) -> np.ndarray:
     return normalised(system, start)
 
 
-def _closed(system: System, solver: Kinematics, start: np.ndarray, held: set[str], p: np.ndarray) -> np.ndarray | None:
+def _closed(
+    system: System, solver: Kinematics, start: np.ndarray, held: set[str], p: np.ndarray
+) -> np.ndarray | None:
     """Guesses move, else everything may."""
     free = np.array([c.name not in held for c in system.model.coordinates])
     for choice in (free, np.ones(len(start), dtype=bool)):
@@ -106,25 +127,40 @@ def _off(system: System, p: np.ndarray, start: np.ndarray) -> ModelError:
     worst = int(np.argmax(np.abs(phi)))
     row = next(row.name for row in system.rows if row.position == worst)
     return _problem(
-        system, f"no configuration near the initial values satisfies the constraints ({row} is off by {phi[worst]:.3g})"
+        system,
+        f"no configuration near the initial values satisfies the constraints ({row} is off by {phi[worst]:.3g})",
     )
 
 
 def _velocities(
-    system: System, solver: Kinematics, given: dict[str, float], held: set[str], q: np.ndarray, p: np.ndarray
+    system: System,
+    solver: Kinematics,
+    given: dict[str, float],
+    held: set[str],
+    q: np.ndarray,
+    p: np.ndarray,
 ) -> np.ndarray:
-    """v nearest the guesses with A v = c and the held rates; where they contradict each other A v = c wins."""
+    """v nearest the guesses with A v = c and the held rates; where they contradict each other A v =
+    c wins."""
     A, c, N = solver.velocities(0.0, q, p)
-    for what, values in (("the constraints' rates", (A, c)), ("the rates of the coordinates", (N,))):
+    for what, values in (
+        ("the constraints' rates", (A, c)),
+        ("the rates of the coordinates", (N,)),
+    ):
         if not all(np.isfinite(value).all() for value in values):
             raise _problem(system, f"{what} are not finite at the initial position")
     rows, values = _held_rows(system, given, held, N)
     guess = np.array([given.get(x.name, 0.0) for x in system.model.velocities])
-    wanted = guess + _least(np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess)
+    wanted = guess + _least(
+        np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess
+    )
     v = wanted + _least(A, c - A @ wanted)
     residual = float(np.max(np.abs(A @ v - c), initial=0.0))
     if residual > AGREES * (1 + float(np.max(np.abs(v), initial=0.0))):
-        raise _problem(system, f"no velocities satisfy the constraints at the initial position (residual {residual:.3g})")
+        raise _problem(
+            system,
+            f"no velocities satisfy the constraints at the initial position (residual {residual:.3g})",
+        )
     return v
 
 
@@ -132,9 +168,14 @@ def _least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(A, b, rcond=1e-10)[0] if len(b) else np.zeros(A.shape[1])
 
 
-def _held_rows(system: System, given: dict[str, float], held: set[str], N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _held_rows(
+    system: System, given: dict[str, float], held: set[str], N: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     rows = {f"der({c.name})": N[i] for i, c in enumerate(system.model.coordinates)}
-    rows |= {x.name: np.eye(len(system.model.velocities))[j] for j, x in enumerate(system.model.velocities)}
+    rows |= {
+        x.name: np.eye(len(system.model.velocities))[j]
+        for j, x in enumerate(system.model.velocities)
+    }
     names = [name for name in given if name in held and name in rows]
     matrix = np.array([rows[name] for name in names]).reshape(len(names), N.shape[1])
     return matrix, np.array([given[name] for name in names])

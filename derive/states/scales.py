@@ -1,8 +1,10 @@
-"""A model's own units: the powers of a thousand of metre, kilogram and second nearest to the magnitudes it is made of.
+"""A model's own units: the powers of a thousand of metre, kilogram and second nearest to the
+magnitudes it is made of.
 
-Random states are drawn, and errors judged, in these: a mechanism of a micrometre given in metres is looked at as one of a metre
-is. For most models they are SI itself. The magnitudes are those of the file: masses, lengths, inertias, gravity, and whatever has
-a unit; their logarithms are fitted by logarithms of the three units, all with the same weight.
+Random states are drawn, and errors judged, in these: a mechanism of a micrometre given in metres is
+looked at as one of a metre is. For most models they are SI itself. The magnitudes are those of the
+file: masses, lengths, inertias, gravity, and whatever has a unit; their logarithms are fitted by
+logarithms of the three units, all with the same weight.
 """
 
 from __future__ import annotations
@@ -20,7 +22,15 @@ from derive.expressions.evaluate import number
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit as unit_of
 from derive.expressions.tree import Expression
-from derive.expressions.units import LENGTH, MASS, TIME, Dimension, power_of, product_of, quotient_of
+from derive.expressions.units import (
+    LENGTH,
+    MASS,
+    TIME,
+    Dimension,
+    power_of,
+    product_of,
+    quotient_of,
+)
 from derive.mechanics.records import System
 from derive.model.records import Model
 
@@ -54,7 +64,8 @@ class Scales:
         return self.energy / self.time
 
     def of(self, unit: str) -> float:
-        """One of the model's own in SI, for a unit as the records spell it; 1 for plain numbers and angles."""
+        """One of the model's own in SI, for a unit as the records spell it; 1 for plain numbers and
+        angles."""
         m, kg, s, _ = unit_of(unit).dimension
         return float(self.length ** float(m) * self.mass ** float(kg) * self.time ** float(s))
 
@@ -64,7 +75,11 @@ class Scales:
 
 def scales(model: Model) -> Scales:
     """The model's own; where nothing in it tells, say, of mass, that is the kilogram."""
-    found = [(dimension, abs(value)) for dimension, value in _magnitudes(model) if any(dimension[:3]) and value]
+    found = [
+        (dimension, abs(value))
+        for dimension, value in _magnitudes(model)
+        if any(dimension[:3]) and value
+    ]
     if not found:
         return Scales()
     powers = np.array([[float(k) for k in dimension[:3]] for dimension, _ in found])
@@ -73,14 +88,16 @@ def scales(model: Model) -> Scales:
 
 
 def scaled(system: System, own: Scales) -> System:
-    """The kinematics and M of a system in the model's own units, for whoever draws or closes states; forces stay in SI."""
+    """The kinematics and M of a system in the model's own units, for whoever draws or closes
+    states; forces stay in SI."""
     model = system.model
     units = {x.name: x.unit for x in (*model.coordinates, *model.velocities)}
     q, v = (own.all_of(x.unit for x in items) for items in (model.coordinates, model.velocities))
     p = own.all_of(x.unit for x in model.parameters if x.name not in system.constants)
     values = {x.name: x.value for x in model.parameters} | {"t": 0.0}
     start = tuple(
-        replace(x, value=tree.Number(number(x.value, values) / own.of(units.get(x.name, "rad/s")))) for x in model.initial
+        replace(x, value=tree.Number(number(x.value, values) / own.of(units.get(x.name, "rad/s"))))
+        for x in model.initial
     )
     parameters = tuple(float(x) for x in np.array(system.parameters) / p)
     rates = ca.DM(own.time / q)
@@ -97,22 +114,34 @@ def scaled(system: System, own: Scales) -> System:
         [own.time * system.t, ca.DM(q) * system.q, ca.DM(v) * system.v, ca.DM(p) * system.p],
     )
     terms = dict(zip(("phi", "A", "c", "N", "M", "qdot"), found))
-    return _of_like_rows(replace(system, model=replace(model, initial=start), parameters=parameters, **terms))
+    return _of_like_rows(
+        replace(system, model=replace(model, initial=start), parameters=parameters, **terms)
+    )
 
 
 def _of_like_rows(system: System) -> System:
     """Every row divided by its usual size; what its own unit is cannot always be told."""
     if not system.rows:
         return system
-    at, rng, p = ca.Function("A", [system.t, system.q, system.p], [system.A]), np.random.default_rng(0), system.parameters
+    at, rng, p = (
+        ca.Function("A", [system.t, system.q, system.p], [system.A]),
+        np.random.default_rng(0),
+        system.parameters,
+    )
     places = rng.uniform(-1.0, 1.0, (PLACES, system.q.numel()))
-    rows = typical([np.max(np.abs(np.nan_to_num(at(0.0, q, p).full())), axis=1, initial=0.0) for q in places])
+    rows = typical(
+        [np.max(np.abs(np.nan_to_num(at(0.0, q, p).full())), axis=1, initial=0.0) for q in places]
+    )
     positions = np.zeros(system.phi.numel())
     for size, row in zip(rows, system.rows):
         if row.position >= 0:
             positions[row.position] = size
     by_row = ca.DM(1.0 / rows)
-    A, c, phi = ca.mtimes(ca.diag(by_row), system.A), by_row * system.c, system.phi / ca.DM(positions)
+    A, c, phi = (
+        ca.mtimes(ca.diag(by_row), system.A),
+        by_row * system.c,
+        system.phi / ca.DM(positions),
+    )
     return replace(system, A=A, c=c, phi=phi)
 
 
@@ -142,7 +171,9 @@ def _magnitudes(model: Model) -> Iterator[Magnitude]:
     yield from ((unit_of(x.unit).dimension, x.value) for x in _numbers(formulas) if x.unit)
 
 
-def _sized(dimension: Dimension, entries: Sequence[Expression], values: Mapping[str, float]) -> Iterator[Magnitude]:
+def _sized(
+    dimension: Dimension, entries: Sequence[Expression], values: Mapping[str, float]
+) -> Iterator[Magnitude]:
     """What has a value before anything moves."""
     for entry in entries:
         try:
@@ -158,4 +189,6 @@ def _numbers(part: Any) -> Iterator[tree.Number]:
     elif isinstance(part, tuple):
         yield from (found for item in part for found in _numbers(item))
     elif is_dataclass(part):
-        yield from (found for field in fields(part) for found in _numbers(getattr(part, field.name)))
+        yield from (
+            found for field in fields(part) for found in _numbers(getattr(part, field.name))
+        )

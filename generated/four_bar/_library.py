@@ -102,12 +102,12 @@ def dynamics(t, x, u=None, p=None, out=None):
 
 
 def mass(t, x, u=None, p=None, out=None):
-    """mass matrix M(q) of the base velocities v, nv × nv"""
+    """mass matrix M(q) of the generalized velocities v, nv × nv"""
     return _evaluate("mass", t, x, u, p, out)
 
 
 def bias(t, x, u=None, p=None, out=None):
-    """bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
     return _evaluate("bias", t, x, u, p, out)
 
 
@@ -147,7 +147,7 @@ def outputs(t, x, u=None, p=None, out=None):
 
 
 def velocity(t, x, u=None, p=None, out=None):
-    """base velocities v = S w + R c"""
+    """generalized velocities v = S w + R c"""
     return _evaluate("velocity", t, x, u, p, out)
 
 

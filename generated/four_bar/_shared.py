@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "112948af33d154ca8971ed3ef6b62148"
+PROGRAM = "3aa08d7c2d8c36a6810a8dd77d0984b8"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)

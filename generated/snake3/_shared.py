@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "8061148df8e8ba468c1aa0d8901a5da9"
+PROGRAM = "94fb782a473cb86722f2a8e1fea32e50"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)

@@ -1,4 +1,5 @@
-"""Line plots as SVG text of our own: no plotting library at run time, the same bytes for the same numbers."""
+"""Line plots as SVG text of our own: no plotting library at run time, the same bytes for the same
+numbers."""
 
 from hamel.draw.axis import Axis, linear, logarithmic
 from hamel.draw.chart import Series, chart

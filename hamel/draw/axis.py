@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Axis:
-    """`low` and `high` bound the axis in its own scale (log10 of the values when `log`); `ticks` are (position, label)."""
+    """`low` and `high` bound the axis in its own scale (log10 of the values when `log`); `ticks`
+    are (position, label)."""
 
     low: float
     high: float
@@ -17,14 +18,16 @@ class Axis:
     log: bool = False
 
     def position(self, value: float) -> float:
-        """Where `value` stands, 0 at the low end; what a logarithm cannot show stays at the bottom."""
+        """Where `value` stands, 0 at the low end; what a logarithm cannot show stays at the
+        bottom."""
         if self.log:
             value = max(math.log10(value), self.low) if value > 0 else self.low
         return (value - self.low) / (self.high - self.low)
 
 
 def linear(values: Iterable[float], tight: bool = False) -> Axis:
-    """An axis over the finite values; `tight` ends at the data (time), else at the ticks around it."""
+    """An axis over the finite values; `tight` ends at the data (time), else at the ticks around
+    it."""
     low, high = _range(values)
     step = _step(high - low)
     first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
@@ -36,7 +39,9 @@ def linear(values: Iterable[float], tight: bool = False) -> Axis:
 
 def logarithmic(values: Iterable[float], floor: float = 1e-18) -> Axis:
     """Whole decades around the positive values, at least two and never below `floor`."""
-    exponents = [math.log10(max(v, floor)) for v in values if v > 0 and math.isfinite(v)] or [math.log10(floor)]
+    exponents = [math.log10(max(v, floor)) for v in values if v > 0 and math.isfinite(v)] or [
+        math.log10(floor)
+    ]
     low, high = math.floor(min(exponents)), math.ceil(max(exponents))
     high = max(high, low + 2)
     every = max(1, (high - low) // 4)
@@ -44,9 +49,13 @@ def logarithmic(values: Iterable[float], floor: float = 1e-18) -> Axis:
     return Axis(low, high, _placed(ticks, low, high), log=True)
 
 
-def _placed(ticks: tuple[tuple[float, str], ...], low: float, high: float) -> tuple[tuple[float, str], ...]:
+def _placed(
+    ticks: tuple[tuple[float, str], ...], low: float, high: float
+) -> tuple[tuple[float, str], ...]:
     span = high - low
-    return tuple(((at - low) / span, label) for at, label in ticks if -1e-9 <= (at - low) / span <= 1 + 1e-9)
+    return tuple(
+        ((at - low) / span, label) for at, label in ticks if -1e-9 <= (at - low) / span <= 1 + 1e-9
+    )
 
 
 def _range(values: Iterable[float]) -> tuple[float, float]:

@@ -1,4 +1,5 @@
-"""One chart of several series over axes of their own, linear or logarithmic both ways: scattered points, lines, fronts.
+"""One chart of several series over axes of their own, linear or logarithmic both ways: scattered
+points, lines, fronts.
 
 Narrower than the panels of svg.py, with the legend below: it stays readable on a phone.
 """
@@ -21,15 +22,23 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Series:
-    """`kind`: "line" with points on it, "curve" without, "dots" (grey, no entry in the legend), or "front" (stairs)."""
+    """`kind`: "line" with points on it, "curve" without, "dots" (grey, no entry in the legend), or
+    "front" (stairs)."""
 
     label: str
     points: Sequence[Point]
     kind: str = "line"
 
 
-def chart(title: str, abscissa: str, ordinate: str, series: Sequence[Series], log: tuple[bool, bool] = (True, True)) -> str:
-    """The document; `log` says which axes (x, y) are logarithmic. Points that are no numbers are left out."""
+def chart(
+    title: str,
+    abscissa: str,
+    ordinate: str,
+    series: Sequence[Series],
+    log: tuple[bool, bool] = (True, True),
+) -> str:
+    """The document; `log` says which axes (x, y) are logarithmic. Points that are no numbers are
+    left out."""
     finite = [[(x, y) for x, y in one.points if x - x == 0 and y - y == 0] for one in series]
     across, up = _axes(finite, log)
     named = [(one, points) for one, points in zip(series, finite) if one.kind != "dots" and points]
@@ -61,13 +70,20 @@ def _grid(across: Axis, up: Axis) -> list[str]:
     parts = []
     for at, label in up.ticks:
         y = TOP + HEIGHT * (1 - at)
-        parts.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
+        parts.append(
+            f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
+        )
         parts.append(text(LEFT - 6, y + 4, label, anchor="end"))
     for at, label in across.ticks:
         x = _x(at)
-        parts.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{TOP + HEIGHT}"/>')
+        parts.append(
+            f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{TOP + HEIGHT}"/>'
+        )
         parts.append(text(x, TOP + HEIGHT + 18, label, anchor="middle"))
-    return [*parts, f'<rect class="frame" x="{LEFT}" y="{TOP}" width="{WIDTH - RIGHT - LEFT}" height="{HEIGHT}"/>']
+    return [
+        *parts,
+        f'<rect class="frame" x="{LEFT}" y="{TOP}" width="{WIDTH - RIGHT - LEFT}" height="{HEIGHT}"/>',
+    ]
 
 
 def _series(one: Series, points: Sequence[Point], across: Axis, up: Axis, index: int) -> list[str]:
@@ -100,8 +116,14 @@ def _stairs(points: Sequence[Point]) -> list[Point]:
 
 def _marks(points: Sequence[Point], across: Axis, up: Axis, colour: str, size: float) -> list[str]:
     """All dots as one path of strokes without length: a tenth of the text of as many circles."""
-    dots = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in (_place(point, across, up) for point in points))
-    return [f'<path d="{dots}" stroke="{colour}" stroke-width="{2 * size}" stroke-linecap="round"/>'] if dots else []
+    dots = "".join(
+        f"M{x:.1f},{y:.1f}h0" for x, y in (_place(point, across, up) for point in points)
+    )
+    return (
+        [f'<path d="{dots}" stroke="{colour}" stroke-width="{2 * size}" stroke-linecap="round"/>']
+        if dots
+        else []
+    )
 
 
 def _place(point: Point, across: Axis, up: Axis) -> Point:

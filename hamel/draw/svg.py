@@ -50,14 +50,21 @@ def draw(title: str, abscissa: str, x: Sequence[float], panels: Sequence[Panel])
 def _panel(panel: Panel, x: Sequence[float], across: Axis, top: float) -> list[str]:
     values = [float(v) for curve in panel.curves for v in curve.values]
     up = logarithmic(values) if panel.log else linear(values)
-    return [*_grid(across, up, top), text(LEFT, top - 6, panel.about), *_curves(panel, x, across, up, top), *_legend(panel, top)]
+    return [
+        *_grid(across, up, top),
+        text(LEFT, top - 6, panel.about),
+        *_curves(panel, x, across, up, top),
+        *_legend(panel, top),
+    ]
 
 
 def _grid(across: Axis, up: Axis, top: float) -> list[str]:
     parts = []
     for at, label in up.ticks:
         y = top + HEIGHT * (1 - at)
-        parts.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
+        parts.append(
+            f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
+        )
         parts.append(text(LEFT - 6, y + 4, label, anchor="end"))
     for at, label in across.ticks:
         parts.append(text(_across(at), top + HEIGHT + 15, label, anchor="middle"))
@@ -70,7 +77,13 @@ def _curves(panel: Panel, x: Sequence[float], across: Axis, up: Axis, top: float
     shown = [*range(0, len(x) - 1, every), len(x) - 1]
     places = [_across(across.position(x[k])) for k in shown]
     return [
-        _polyline([(place, top + HEIGHT * (1 - up.position(float(curve.values[k])))) for place, k in zip(places, shown)], index)
+        _polyline(
+            [
+                (place, top + HEIGHT * (1 - up.position(float(curve.values[k]))))
+                for place, k in zip(places, shown)
+            ],
+            index,
+        )
         for index, curve in enumerate(panel.curves)
     ]
 
@@ -89,10 +102,14 @@ def _legend(panel: Panel, top: float) -> list[str]:
         y = top + 14 + 18 * index
         colour = COLOURS[index % len(COLOURS)]
         left = WIDTH - RIGHT + 10
-        parts.append(f'<line x1="{left}" x2="{left + 20}" y1="{y - 4}" y2="{y - 4}" stroke="{colour}" stroke-width="2"/>')
+        parts.append(
+            f'<line x1="{left}" x2="{left + 20}" y1="{y - 4}" y2="{y - 4}" stroke="{colour}" stroke-width="2"/>'
+        )
         parts.append(text(left + 26, y, curve.label))
     if len(panel.curves) > room:
-        parts.append(text(WIDTH - RIGHT + 36, top + HEIGHT + 14, f"and {len(panel.curves) - room} more"))
+        parts.append(
+            text(WIDTH - RIGHT + 36, top + HEIGHT + 14, f"and {len(panel.curves) - room} more")
+        )
     return parts
 
 

@@ -1,4 +1,5 @@
-"""A motion as arrays: integrated by the generated module, judged by its constraints and energies, written and drawn."""
+"""A motion as arrays: integrated by the generated module, judged by its constraints and energies,
+written and drawn."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ Writer = Callable[["Motion"], None]
 
 @dataclass(frozen=True)
 class Motion:
-    """One row per output time in every array; `work` is that of all forces without potential since the first row."""
+    """One row per output time in every array; `work` is that of all forces without potential since
+    the first row."""
 
     title: str
     t: np.ndarray
@@ -44,7 +46,9 @@ class Motion:
     T: np.ndarray
     V: np.ndarray
     work: np.ndarray
-    phi: np.ndarray  # max |φ| per row, as it was integrated: angles that go round without their whole turns
+    phi: (
+        np.ndarray
+    )  # max |φ| per row, as it was integrated: angles that go round without their whole turns
     slip: np.ndarray  # max |A v − c| per row, likewise
     steps: int
     rejected: int
@@ -65,7 +69,8 @@ class Motion:
 
     @property
     def balance(self) -> np.ndarray:
-        """T + V − (T + V at 0) − work, relative to the largest energy exchanged (V counts from wherever it likes)."""
+        """T + V − (T + V at 0) − work, relative to the largest energy exchanged (V counts from
+        wherever it likes)."""
         total = self.T + self.V
         scale = max(np.max(self.T), np.ptp(self.V), np.max(np.abs(self.work)))
         return (total - total[0] - self.work) / scale if scale > 0 else np.zeros_like(total)
@@ -80,7 +85,7 @@ class Stepping:
     """How the module is to integrate: steps by the tolerances without a step size."""
 
     integrator: str
-    keeping: str
+    enforcement: str
     step_size: float | None
     rtol: float
     atol: float
@@ -106,13 +111,17 @@ def integrated(
         else:
             several = {"chart": chart} if equations.charts else {}
             watch = paced(progress, float(times[-1] - times[0]), _haste(by))
-            found = module.simulate(times, x, u, p, max_steps=MOST_STEPS, progress=watch, **asdict(by), **several)
+            found = module.simulate(
+                times, x, u, p, max_steps=MOST_STEPS, progress=watch, **asdict(by), **several
+            )
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         if "singular position" in str(error) and by.step_size is None and by.rtol < FINEST:
             hint += f"; across a singular position an rtol of {FINEST:g} is about the finest that can be checked"
         raise AssumptionError(str(error), hint) from None
-    found = replace(found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float))
+    found = replace(
+        found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float)
+    )
     return judged(module, equations, found, u, p, time.perf_counter() - start)
 
 
@@ -122,11 +131,20 @@ def _haste(by: Stepping) -> str:
         return f"steps of {by.step_size:g} s are many"
     explicit = next(integrator for integrator in INTEGRATORS if integrator.name == by.integrator)
     if isinstance(explicit, Tableau):
-        return "where fast motions have died out the system is stiff, which --integrator radau is for"
+        return (
+            "where fast motions have died out the system is stiff, which --integrator radau is for"
+        )
     return "a looser rtol takes longer steps"
 
 
-def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, p: np.ndarray, seconds: float) -> Motion:
+def judged(
+    module: ModuleType,
+    equations: Equations,
+    found: Any,
+    u: np.ndarray,
+    p: np.ndarray,
+    seconds: float,
+) -> Motion:
     """What the module's own functions say about every row, in the chart it was made in."""
     t, x = found.t, found.x
     reduced = replace(found, x=getattr(found, "reduced", x).astype(float))
@@ -164,38 +182,60 @@ def judged(module: ModuleType, equations: Equations, found: Any, u: np.ndarray, 
         crossings=found.crossings,
         seconds=seconds,
         charts=found.charts,
-        acceleration_violation=max(_acceleration_violation(equations, module, *part, u, p) for part in parts),
+        acceleration_violation=max(
+            _acceleration_violation(equations, module, *part, u, p) for part in parts
+        ),
         switches=charts.switches(equations, found),
     )
 
 
 def _acceleration_violation(
-    first: Equations, module: ModuleType, chart: int, places: np.ndarray, part: Any, u: np.ndarray, p: np.ndarray
+    first: Equations,
+    module: ModuleType,
+    chart: int,
+    places: np.ndarray,
+    part: Any,
+    u: np.ndarray,
+    p: np.ndarray,
 ) -> float:
-    """max |A v̇ − β| over the rows of one chart, v̇ the derivative of v(t, x) along the compiled ẋ."""
+    """max |A v̇ − β| over the rows of one chart, v̇ the derivative of v(t, x) along the compiled
+    ẋ."""
     equations, system, t, x = (first, *first.charts)[chart], first.system, part.t, part.x
     if not system.rows:
         return 0.0
     slots = {argument.name: argument.symbols for argument in equations.arguments}
-    v = next(function for function in equations.functions if function.name == "velocity").result.value
+    v = next(
+        function for function in equations.functions if function.name == "velocity"
+    ).result.value
     xdot = ca.SX.sym("xdot", slots["x"].numel())
     vdot = ca.jtimes(v, slots["x"], xdot) + ca.jacobian(v, slots["t"])
     beta = ca.substitute(system.beta, system.v, v)
-    residual = ca.Function("residual", [slots["t"], slots["x"], slots["p"], xdot], [ca.mtimes(system.A, vdot) - beta])
+    residual = ca.Function(
+        "residual", [slots["t"], slots["x"], slots["p"], xdot], [ca.mtimes(system.A, vdot) - beta]
+    )
     dynamics = charts.in_chart(module, "dynamics", chart)
     assert dynamics is not None  # it was integrated
     rates = dynamics(t, x, u, p).astype(float)
-    return float(np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, np.tile(p, (len(t), 1)).T, rates.T)))))
+    return float(
+        np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, np.tile(p, (len(t), 1)).T, rates.T))))
+    )
 
 
 def _units(equations: Equations) -> dict[str, str]:
     x = next(argument for argument in equations.arguments if argument.name == "x")
-    results = [function.result for function in equations.functions if function.name in ("velocity", "outputs")]
-    return {name: unit for source in (x, *results) for name, unit in zip(source.labels, source.units)}
+    results = [
+        function.result
+        for function in equations.functions
+        if function.name in ("velocity", "outputs")
+    ]
+    return {
+        name: unit for source in (x, *results) for name, unit in zip(source.labels, source.units)
+    }
 
 
 def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
-    """What will write the motion; a suffix that nothing writes is refused before anything is computed."""
+    """What will write the motion; a suffix that nothing writes is refused before anything is
+    computed."""
     kinds = [(out, _WRITERS, "-o"), (plot, {".svg": write_svg}, "--plot")]
     return [_writer(Path(place), known, option) for place, known, option in kinds if place]
 
@@ -224,18 +264,34 @@ def write_npz(motion: Motion, place: Path) -> None:
 
 def write_svg(motion: Motion, place: Path) -> None:
     """Coordinates, quasi-velocities, outputs, energies and violations over time."""
-    groups = [("coordinates", motion.q), ("quasi-velocities", motion.w), ("outputs", motion.outputs)]
+    groups = [
+        ("coordinates", motion.q),
+        ("quasi-velocities", motion.w),
+        ("outputs", motion.outputs),
+    ]
     panels = [panel for about, curves in groups for panel in _by_unit(about, curves, motion.units)]
     panels.append(_panel("energy (J)", {"T": motion.T, "V": motion.V, "work": motion.work}))
     errors = {"|φ|": motion.phi, "|A v − c|": motion.slip, "energy, rel.": np.abs(motion.balance)}
-    panels.append(_panel("violation and energy error", {name: e for name, e in errors.items() if np.any(e > 0)}, log=True))
+    panels.append(
+        _panel(
+            "violation and energy error",
+            {name: e for name, e in errors.items() if np.any(e > 0)},
+            log=True,
+        )
+    )
     write_text(place, draw(motion.title, "t (s)", motion.t.tolist(), panels))
 
 
 def _by_unit(about: str, curves: dict[str, np.ndarray], units: dict[str, str]) -> list[Panel]:
     """One panel per unit: metres and radians share no axis."""
     found = dict.fromkeys(units.get(name, "") for name in curves)
-    return [_panel(f"{about} ({unit or '1'})", {n: c for n, c in curves.items() if units.get(n, "") == unit}) for unit in found]
+    return [
+        _panel(
+            f"{about} ({unit or '1'})",
+            {n: c for n, c in curves.items() if units.get(n, "") == unit},
+        )
+        for unit in found
+    ]
 
 
 def _panel(about: str, curves: dict[str, np.ndarray], log: bool = False) -> Panel:

@@ -1,4 +1,5 @@
-"""A module to run: one formulation, one choice, and what a keeping makes of the equations; with all integrators in it."""
+"""A module to run: one formulation, one choice, and what an enforcement makes of the equations;
+with all integrators in it."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS
 from derive.diagnostics import AssumptionError
-from derive.enforcement import KEEPINGS, Options, kept_equations, usual_rate
+from derive.enforcement import ENFORCEMENTS, Options, kept_equations, usual_rate
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
@@ -23,7 +24,16 @@ from hamel.pipeline import emit, mechanics_of, program_of
 from hamel.settings import settings
 from hamel.study.plan import OWN
 
-FUNCTIONS = ("dynamics", "constraints", "project", "energy", "power", "velocity", "state", "reactions")
+FUNCTIONS = (
+    "dynamics",
+    "constraints",
+    "project",
+    "energy",
+    "power",
+    "velocity",
+    "state",
+    "reactions",
+)
 
 
 @dataclass(frozen=True)
@@ -55,26 +65,34 @@ def built(
     found = start(path, values)
     plain = plain_equations(found, unit)
     known = {
-        keeping.name: keeping for keeping in KEEPINGS if (keeping.name == unit["own"] if unit["own"] else keeping.name not in OWN)
+        enforcement.name: enforcement
+        for enforcement in ENFORCEMENTS
+        if (enforcement.name == unit["own"] if unit["own"] else enforcement.name not in OWN)
     }
     alpha = _rate(found, plain, span) if unit["own"] else None
     options = Options(alpha, (), tuple(found.u), tuple(found.p))
-    refused = {name: keeping.refusal(plain, options) for name, keeping in known.items()}
-    fitting = [keeping for keeping in known.values() if not refused[keeping.name]]
+    refused = {name: enforcement.refusal(plain, options) for name, enforcement in known.items()}
+    fitting = [enforcement for enforcement in known.values() if not refused[enforcement.name]]
     if not fitting:
         raise AssumptionError("; ".join(refused.values()))
-    made = kept_equations(found.system, unit["choice"] or None, plain.formulation, fitting[0], options) if unit["own"] else plain
-    for keeping in fitting if not unit["own"] else ():
-        made = keeping.equations(made, options)
+    made = (
+        kept_equations(found.system, unit["choice"] or None, plain.formulation, fitting[0], options)
+        if unit["own"]
+        else plain
+    )
+    for enforcement in fitting if not unit["own"] else ():
+        made = enforcement.equations(made, options)
     names = [function.name for function in made.functions if function.name in FUNCTIONS]
     methods = [method.name for method in INTEGRATORS]
-    program = program_of(made, names, integrators=methods, keepings=[keeping.name for keeping in fitting])
+    program = program_of(
+        made, names, integrators=methods, enforcements=[enforcement.name for enforcement in fitting]
+    )
     emit(program, Path(folder), {})
     yield {
         "operations": program.kernel("dynamics").operations["total"],
-        "keepings": list(program.keepings),
+        "enforcements": list(program.enforcements),
         "misfits": {name: reason for name, reason in refused.items() if reason},
-        "alpha": alpha if any(keeping.level == "rates" for keeping in fitting) else None,
+        "alpha": alpha if any(enforcement.level == "rates" for enforcement in fitting) else None,
     }
 
 
@@ -92,4 +110,6 @@ def first_state(found: Start, made: Equations) -> np.ndarray:
     t, _, u, p = (argument.symbols for argument in made.arguments)
     assert function.x is not None
     state = ca.Function("state", [t, function.x.symbols, u, p], [ca.densify(function.result.value)])
-    return np.asarray(state(0.0, np.concatenate([found.initial.q, found.initial.v]), found.u, found.p)).ravel()
+    return np.asarray(
+        state(0.0, np.concatenate([found.initial.q, found.initial.v]), found.u, found.p)
+    ).ravel()

@@ -1,6 +1,8 @@
-"""Worker processes that can be killed: a run that takes too long ends with its process, and the work goes on in a new one.
+"""Worker processes that can be killed: a run that takes too long ends with its process, and the
+work goes on in a new one.
 
-A task is a call of one of worker.CALLS; what it yields comes back message by message. Messages are lines of JSON.
+A task is a call of one of worker.CALLS; what it yields comes back message by message. Messages are
+lines of JSON.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ Message = dict[str, Any]
 
 @dataclass(frozen=True)
 class Task:
-    """`patience`: seconds without a message after which the process is killed; `about` is for whoever gets the answers."""
+    """`patience`: seconds without a message after which the process is killed; `about` is for
+    whoever gets the answers."""
 
     call: str
     arguments: Mapping[str, Any]
@@ -34,7 +37,8 @@ class Task:
 
 @dataclass
 class Crew:
-    """As many workers as `size`, started when there is something to do. Use it in a `with` block: it ends its processes."""
+    """As many workers as `size`, started when there is something to do. Use it in a `with` block:
+    it ends its processes."""
 
     size: int
     _processes: dict[int, subprocess.Popen[str]] = field(default_factory=dict)
@@ -42,7 +46,12 @@ class Crew:
     def __enter__(self) -> Crew:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         for process in self._processes.values():
             process.kill()
         for process in self._processes.values():
@@ -50,13 +59,18 @@ class Crew:
         self._processes.clear()
 
     def answers(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Message]]:
-        """Every message with its task, as they come; a task's last is {"over": "done"}, {"over": "killed"} or {"error": …}."""
+        """Every message with its task, as they come; a task's last is {"over": "done"}, {"over":
+        "killed"} or {"error": …}."""
         waiting, found = deque(tasks), queue.Queue[tuple[Task, Message]]()
         seats = range(min(self.size, len(waiting)))
         stop, threads = threading.Event(), []
         try:
             for seat in seats:
-                threads.append(threading.Thread(target=self._work, args=(seat, waiting, found, stop), daemon=True))
+                threads.append(
+                    threading.Thread(
+                        target=self._work, args=(seat, waiting, found, stop), daemon=True
+                    )
+                )
                 threads[-1].start()
             while any(thread.is_alive() for thread in threads) or not found.empty():
                 try:
@@ -66,10 +80,18 @@ class Crew:
         finally:
             stop.set()
             waiting.clear()
-            if any(thread.is_alive() for thread in threads):  # whoever asked wants no more: what is under way is in vain
+            if any(
+                thread.is_alive() for thread in threads
+            ):  # whoever asked wants no more: what is under way is in vain
                 self.__exit__(None, None, None)
 
-    def _work(self, seat: int, waiting: deque[Task], found: queue.Queue[tuple[Task, Message]], stop: threading.Event) -> None:
+    def _work(
+        self,
+        seat: int,
+        waiting: deque[Task],
+        found: queue.Queue[tuple[Task, Message]],
+        stop: threading.Event,
+    ) -> None:
         while not stop.is_set():
             try:
                 task = waiting.popleft()

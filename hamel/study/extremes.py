@@ -1,7 +1,8 @@
-"""Extreme cases: each is simulated as a user would, and its end is judged by a closed form or by a solution of many digits.
+"""Extreme cases: each is simulated as a user would, and its end is judged by a closed form or by a
+solution of many digits.
 
-The judge knows nothing of the run but its end: a case that drifts off, changes branch or loses its digits is wrong however well
-its constraints and its energy look.
+The judge knows nothing of the run but its end: a case that drifts off, changes branch or loses its
+digits is wrong however well its constraints and its energy look.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.expressions.evaluate import number
 from derive.formulations import equations
 from derive.formulations.charts import together
-from derive.model.records import Model, Stress
-from derive.model.stress import REAL
+from derive.model.extremes import REAL
+from derive.model.records import Extreme, Model
 from derive.robots import load
 from derive.states.initial import initial_state
 from hamel.pipeline import mechanics_of, temporary_module
-from hamel.records import Simulated, StressRow
+from hamel.records import ExtremeRow, Simulated
 from hamel.settings import settings
 from hamel.simulate.exact import Problem, solution, state_of
 from hamel.simulate.exact.series import NotAnalytic
@@ -51,7 +52,8 @@ class Ended:
 
 
 def files(paths: Iterable[str | PathLike[str]]) -> Iterator[Path]:
-    """Model files as they are, folders as the model files in them. Raises ModelError where there is none."""
+    """Model files as they are, folders as the model files in them. Raises ModelError where there is
+    none."""
     for path in map(Path, paths):
         found = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
         if not found:
@@ -59,14 +61,16 @@ def files(paths: Iterable[str | PathLike[str]]) -> Iterator[Path]:
         yield from found
 
 
-def stress_table(
-    paths: Iterable[str | PathLike[str]], case: str | None = None, progress: Callable[[str], None] | None = None
-) -> tuple[StressRow, ...]:
+def extremes_table(
+    paths: Iterable[str | PathLike[str]],
+    case: str | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[ExtremeRow, ...]:
     """Every case of the files (or the ones called `case`), run and judged."""
     rows = []
     for path in files(paths):
         model = load(path)
-        for entry in model.stress:
+        for entry in model.extremes:
             if case in (None, entry.name):
                 if progress is not None:
                     progress(f"{model.name}: {entry.name}")
@@ -74,7 +78,7 @@ def stress_table(
     return tuple(rows)
 
 
-def judged(path: Path, model: Model, entry: Stress) -> StressRow:
+def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
     """One case. An error of the model's file is no refusal and is raised."""
     if entry.spoiled:
         return _spoiled(model, entry)
@@ -88,17 +92,19 @@ def judged(path: Path, model: Model, entry: Stress) -> StressRow:
     error = _error(model, found, wanted.values)
     good = error <= (np.inf if entry.tolerance is None else entry.tolerance)
     fewest, scipy = _steps(path, model, entry, wanted.values) if good else (None, None)
-    return StressRow(
+    return ExtremeRow(
         model=model.name,
         case=entry.name,
         about=entry.about,
-        method=f"{found.choice}, {found.keeping}, {found.integrator}{_precision(entry)}",
+        method=f"{found.choice}, {found.enforcement}, {found.integrator}{_precision(entry)}",
         outcome="survived" if good else "wrong",
         error=error,
         tolerance=entry.tolerance,
         status="",
         expected="refused" if entry.refused else "survived",
-        passed=good and not entry.refused and not (fewest and scipy and fewest > MOST_STEPS * scipy),
+        passed=good
+        and not entry.refused
+        and not (fewest and scipy and fewest > MOST_STEPS * scipy),
         judged_by=wanted.by,
         steps=found.steps,
         seconds=found.seconds,
@@ -110,21 +116,28 @@ def judged(path: Path, model: Model, entry: Stress) -> StressRow:
     )
 
 
-def _run(path: Path, entry: Stress) -> Simulated:
-    named = (entry.choice or None, entry.keeping or None)
-    method = Method("quasi_velocities", *named, entry.integrator, None, entry.rtol, None, real=entry.real)
+def _run(path: Path, entry: Extreme) -> Simulated:
+    named = (entry.choice or None, entry.enforcement or None)
+    method = Method(
+        "quasi_velocities", *named, entry.integrator, None, entry.rtol, None, real=entry.real
+    )
     return simulated(path, method, entry.time, entry.time, dict(entry.values), None, None, None)
 
 
-def _steps(path: Path, model: Model, entry: Stress, wanted: dict[str, float]) -> tuple[int | None, int | None]:
+def _steps(
+    path: Path, model: Model, entry: Extreme, wanted: dict[str, float]
+) -> tuple[int | None, int | None]:
     """Of a stiff case: how many steps the tolerance takes, and how many with SciPy's Radau."""
     if entry.integrator not in STIFF or entry.tolerance is None:
         return None, None
-    ours, scipy = (_fewest(path, model, replace(entry, integrator=name), wanted) for name in (entry.integrator, "scipy_radau"))
+    ours, scipy = (
+        _fewest(path, model, replace(entry, integrator=name), wanted)
+        for name in (entry.integrator, "scipy_radau")
+    )
     return ours, scipy
 
 
-def _fewest(path: Path, model: Model, entry: Stress, wanted: dict[str, float]) -> int | None:
+def _fewest(path: Path, model: Model, entry: Extreme, wanted: dict[str, float]) -> int | None:
     for rtol in (10.0**-k for k in range(2, 13)):
         with suppress(HamelError), np.errstate(all="ignore"):
             found = _run(path, replace(entry, rtol=rtol))
@@ -133,15 +146,18 @@ def _fewest(path: Path, model: Model, entry: Stress, wanted: dict[str, float]) -
     return None
 
 
-def _spoiled(model: Model, entry: Stress) -> StressRow:
-    """Every argument of every function, in C and in NumPy, made strange: the graph's own result or a refusal."""
+def _spoiled(model: Model, entry: Extreme) -> ExtremeRow:
+    """Every argument of every function, in C and in NumPy, made strange: the graph's own result or
+    a refusal."""
     chosen = equations(mechanics_of(model), entry.choice or None)
     with temporary_module(chosen, real=entry.real) as module:
         seen = evidence(reference(model), chosen, module, 1)
-        said = Counter(each for backend in strange.backends(module) for each in strange.tried(seen, backend))
+        said = Counter(
+            each for backend in strange.backends(module) for each in strange.tried(seen, backend)
+        )
     right, refused = said.pop(strange.RIGHT, 0), said.pop(strange.REFUSED, 0)
     wrong, good = said.total(), right > 0 and not said
-    return StressRow(
+    return ExtremeRow(
         model=model.name,
         case=entry.name,
         about=entry.about,
@@ -149,7 +165,12 @@ def _spoiled(model: Model, entry: Stress) -> StressRow:
         outcome="survived" if good else "wrong",
         error=None,
         tolerance=None,
-        status="; ".join((f"{right + refused + wrong} calls: {right} right, {refused} refused, {wrong} wrong", *[*said][:1])),
+        status="; ".join(
+            (
+                f"{right + refused + wrong} calls: {right} right, {refused} refused, {wrong} wrong",
+                *[*said][:1],
+            )
+        ),
         expected="survived",
         passed=good,
         judged_by="CasADi's graph",
@@ -161,25 +182,39 @@ def _spoiled(model: Model, entry: Stress) -> StressRow:
     )
 
 
-def _refused(model: Model, entry: Stress, status: str) -> StressRow:
+def _refused(model: Model, entry: Extreme, status: str) -> ExtremeRow:
     method = f"{entry.choice or 'default'}, {entry.integrator}{_precision(entry)}"
     right = bool(entry.refused) and entry.refused in status
     expected = "refused" if entry.refused else "survived"
     judge = "what the file expects"
-    names = (model.name, entry.name, entry.about, method, "refused", None, entry.tolerance, status, expected, right, judge)
-    return StressRow(*names, 0, 0.0, 0.0, 0.0, 0.0)
+    names = (
+        model.name,
+        entry.name,
+        entry.about,
+        method,
+        "refused",
+        None,
+        entry.tolerance,
+        status,
+        expected,
+        right,
+        judge,
+    )
+    return ExtremeRow(*names, 0, 0.0, 0.0, 0.0, 0.0)
 
 
-def _precision(entry: Stress) -> str:
+def _precision(entry: Extreme) -> str:
     return "" if entry.real == REAL else f", {entry.real}"
 
 
-def _wanted(model: Model, entry: Stress) -> Ended:
+def _wanted(model: Model, entry: Extreme) -> Ended:
     """The closed form of the file, else a solution of many digits."""
     system = mechanics_of(model)
     given = settings(model, dict(entry.values))
     if entry.end:
-        return Ended({name: number(value, given.parameters) for name, value in entry.end}, "closed form")
+        return Ended(
+            {name: number(value, given.parameters) for name, value in entry.end}, "closed form"
+        )
     p, u = tuple(given.parameters.values()), tuple(given.inputs.values())
     start, problem = initial_state(system, given.initial, np.array(p)), ""
     for choice in dict.fromkeys((entry.choice or None, *(choice.name for choice in model.choices))):
@@ -191,23 +226,37 @@ def _wanted(model: Model, entry: Stress) -> Ended:
             problem = str(error)
             continue
         if found.agreement <= AGREES:
-            return Ended({name: float(value) for name, value in found.at(0).items()}, f"{found.steps} Taylor steps")
+            return Ended(
+                {name: float(value) for name, value in found.at(0).items()},
+                f"{found.steps} Taylor steps",
+            )
         problem = f"accelerations differ by {found.agreement:.0e} from the independent derivation"
-    raise ModelError(f"{model.name}, case {entry.name}: nothing to judge it by: {problem}; give it an end: in closed form")
+    raise ModelError(
+        f"{model.name}, case {entry.name}: nothing to judge it by: {problem}; give it an end: in closed form"
+    )
 
 
 def _error(model: Model, found: Simulated, wanted: dict[str, float]) -> float:
-    """The largest difference, in radians for angles, else relative to the largest value of the same unit at the end."""
+    """The largest difference, in radians for angles, else relative to the largest value of the same
+    unit at the end."""
     units = {item.name: item.unit for item in (*model.coordinates, *model.velocities)}
     scales = {"rad": 1.0}
     for name, value in wanted.items():
         scales[units[name]] = max(scales.get(units[name], 0.0), abs(value))
     pairs = _turned(model, found, wanted)
-    errors = [abs(found.final[name] - value) / (scales[units[name]] or 1.0) for name, value in pairs]
-    return max(float(np.max(errors, initial=0.0)), LEAST) if np.isfinite(errors).all() else float("inf")
+    errors = [
+        abs(found.final[name] - value) / (scales[units[name]] or 1.0) for name, value in pairs
+    ]
+    return (
+        max(float(np.max(errors, initial=0.0)), LEAST)
+        if np.isfinite(errors).all()
+        else float("inf")
+    )
 
 
-def _turned(model: Model, found: Simulated, wanted: dict[str, float]) -> Sequence[tuple[str, float]]:
+def _turned(
+    model: Model, found: Simulated, wanted: dict[str, float]
+) -> Sequence[tuple[str, float]]:
     """A quaternion and its negative are the same."""
     signs = dict.fromkeys(wanted, 1.0)
     for name in wanted:

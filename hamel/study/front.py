@@ -22,7 +22,11 @@ MULTIPLIERS = (
 
 def good(rows: Iterable[Row]) -> list[Row]:
     """Rows with a result that can be judged."""
-    return [row for row in rows if row["status"] == "ok" and row["error"] is not None and row["ms"] is not None]
+    return [
+        row
+        for row in rows
+        if row["status"] == "ok" and row["error"] is not None and row["ms"] is not None
+    ]
 
 
 def is_library(row: Row) -> bool:
@@ -43,7 +47,8 @@ def front(rows: Iterable[Row]) -> list[Row]:
 
 
 def cheapest(rows: Iterable[Row], level: float) -> Row | None:
-    """The fastest run with an error of at most `level`; of those as fast, for all one can tell, the one that drifts least."""
+    """The fastest run with an error of at most `level`; of those as fast, for all one can tell, the
+    one that drifts least."""
     reached = [row for row in good(rows) if row["error"] <= level]
     least = min((row["ms"] for row in reached), default=0.0)
     return min((row for row in reached if row["ms"] <= NOISE * least), key=_merit, default=None)
@@ -51,7 +56,11 @@ def cheapest(rows: Iterable[Row], level: float) -> Row | None:
 
 def _merit(row: Row) -> tuple[float, ...]:
     """The decade of the drift, then the size of the equations."""
-    return round(math.log10(max(row["phi"] + row["velocity"], SMALL))), row["operations"] or math.inf, row["ms"]
+    return (
+        round(math.log10(max(row["phi"] + row["velocity"], SMALL))),
+        row["operations"] or math.inf,
+        row["ms"],
+    )
 
 
 def families(rows: Sequence[Row], *names: str) -> dict[tuple[str, ...], list[Row]]:
@@ -65,8 +74,10 @@ def families(rows: Sequence[Row], *names: str) -> dict[tuple[str, ...], list[Row
 def method(row: Row) -> str:
     """A run's method in words."""
     choice = f" ({row['choice']})" if row["choice"] else ""
-    keeping = "" if row["keeping"] == "none" and is_library(row) else f", {row['keeping']}"
-    return f"{row['formulation']}{choice}{keeping}, {row['integrator']}"
+    enforcement = (
+        "" if row["enforcement"] == "none" and is_library(row) else f", {row['enforcement']}"
+    )
+    return f"{row['formulation']}{choice}{enforcement}, {row['integrator']}"
 
 
 def accuracy(row: Row) -> str:

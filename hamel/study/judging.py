@@ -12,22 +12,27 @@ from derive.mechanics.records import System
 from hamel.study.plan import Unit
 
 AGREE = 1e-3  # two tight runs that differ by more give no reference
-FAR = 0.1  # an error above this is no result: wrong where another method with the same tolerance is this much closer
+# an error above this is no result: wrong where another method with the same tolerance is this much
+# closer
+FAR = 0.1
 CLOSER, NEAR = 100.0, 1e-4  # … and is near
 LEAST = 1e-15
-CONTRADICTED = 10.0  # times the bound and what the best runs differ by, from each other and from their looser ones
+# times the bound and what the best runs differ by, from each other and from their looser ones
+CONTRADICTED = 10.0
 
 COLUMNS = (
-    *("model", "formulation", "choice", "keeping", "integrator", "rtol", "step", "error", "phi", "velocity", "energy"),
+    *("model", "formulation", "choice", "enforcement", "integrator", "rtol", "step", "error", "phi", "velocity", "energy"),
     *("ms", "steps", "rejected", "calls", "operations", "status"),
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Reference:
-    """(q, v) at the end with the largest error it can have (twice what two runs differ by), None where they do not agree.
+    """(q, v) at the end with the largest error it can have (twice what two runs differ by), None
+    where they do not agree.
 
-    `sizes`: the largest |q| and |v| on the way; `exchanged`: the largest energy; `scale`: steps of a loose run.
+    `sizes`: the largest |q| and |v| on the way; `exchanged`: the largest energy; `scale`: steps of
+    a loose run.
     """
 
     by: tuple[str, ...]
@@ -52,11 +57,21 @@ def agreed(found: Sequence[tuple[str, Mapping[str, Any]]]) -> Reference:
     other = tuple(found[-1][1]["end"]) if len(found) > 1 else ()
     scale = max(10, round(first["steps"] / 8))
     doubt = "" if other else "only one tight run came to its end, so that nothing confirms it"
-    return Reference(by, tuple(first["end"]), other, tuple(first["sizes"]), first["exchanged"], scale, None, doubt)
+    return Reference(
+        by,
+        tuple(first["end"]),
+        other,
+        tuple(first["sizes"]),
+        first["exchanged"],
+        scale,
+        None,
+        doubt,
+    )
 
 
 class Judge:
-    """Knows the scales of a motion: 1 for angles and plain numbers, else the largest value of the same unit on the way."""
+    """Knows the scales of a motion: 1 for angles and plain numbers, else the largest value of the
+    same unit on the way."""
 
     def __init__(self, system: System, reference: Reference, span: float) -> None:
         self.system = system
@@ -69,19 +84,28 @@ class Judge:
             return replace(reference, end=None)
         apart = self._distance(reference.other, reference.end)
         if apart > AGREE:
-            return replace(reference, end=None, bound=apart, doubt=f"the two reference runs differ by {apart:.1e}")
+            return replace(
+                reference,
+                end=None,
+                bound=apart,
+                doubt=f"the two reference runs differ by {apart:.1e}",
+            )
         return replace(reference, bound=max(2 * apart, LEAST))
 
     def _distance(self, end: Sequence[float], wanted: Sequence[float]) -> float:
-        """The largest difference relative to the scales; a quaternion and its negative are the same."""
+        """The largest difference relative to the scales; a quaternion and its negative are the
+        same."""
         found, target = np.array(end, dtype=float), np.array(wanted)
         for i in self.system.quaternions:
             if found[i : i + 4] @ target[i : i + 4] < 0:
                 found[i : i + 4] *= -1
         return float(np.max(np.abs(found - target) / self.scales, initial=0.0))
 
-    def confirmed(self, made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]) -> Reference:
-        """The reference, doubted where runs of different formulations agree with each other on another end."""
+    def confirmed(
+        self, made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]
+    ) -> Reference:
+        """The reference, doubted where runs of different formulations agree with each other on
+        another end."""
         best = _tightest(made)
         if self.reference.end is None or self.reference.bound is None or len(best) < 2:
             return self.reference
@@ -92,7 +116,9 @@ class Judge:
             return replace(self.reference, doubt=doubt)
         return self.reference
 
-    def rows(self, model: str, made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]) -> list[dict[str, Any]]:
+    def rows(
+        self, model: str, made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]
+    ) -> list[dict[str, Any]]:
         rows = [self._row(model, unit, run, row) for unit, run, row in made]
         best: dict[tuple[Any, ...], float] = {}
         for row in rows:
@@ -100,22 +126,32 @@ class Judge:
                 best[_effort(row)] = min(best.get(_effort(row), np.inf), row["error"])
         for row in rows:
             if row["error"] is not None and row["error"] > FAR:
-                row["status"] = "wrong" if best[_effort(row)] < min(NEAR, row["error"] / CLOSER) else "too coarse"
+                row["status"] = (
+                    "wrong"
+                    if best[_effort(row)] < min(NEAR, row["error"] / CLOSER)
+                    else "too coarse"
+                )
         return rows
 
-    def _row(self, model: str, unit: Unit, run: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
+    def _row(
+        self, model: str, unit: Unit, run: Mapping[str, Any], row: Mapping[str, Any]
+    ) -> dict[str, Any]:
         error = self._error(row)
         balance, exchanged = row.get("balance"), self.reference.exchanged
         given = {
             "model": model,
             "formulation": unit.formulation,
             "choice": unit.choice,
-            "keeping": unit.own or run["keeping"],
+            "enforcement": unit.own or run["enforcement"],
             "integrator": run["integrator"],
             "rtol": run.get("rtol"),
             "step": self.span / run["count"] if "count" in run else None,
             "error": error,
-            "energy": None if balance is None else abs(balance) / exchanged if exchanged > 0 else abs(balance),
+            "energy": None
+            if balance is None
+            else abs(balance) / exchanged
+            if exchanged > 0
+            else abs(balance),
             "status": _status(row),
         }
         return {name: given[name] if name in given else row.get(name) for name in COLUMNS}
@@ -147,12 +183,17 @@ def _scales(system: System, sizes: Sequence[float]) -> np.ndarray:
     return np.array([1.0 if group in plain else largest[group] or 1.0 for group in groups])
 
 
-def _tightest(made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]) -> list[list[Sequence[float]]]:
-    """Per family that ran at two tolerances or more the ends of its two tightest runs; of each unit the best family."""
+def _tightest(
+    made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]],
+) -> list[list[Sequence[float]]]:
+    """Per family that ran at two tolerances or more the ends of its two tightest runs; of each unit
+    the best family."""
     families: dict[tuple[Unit, str, str], list[tuple[float, Sequence[float]]]] = {}
     for unit, run, row in made:
         if row.get("end") is not None and run.get("rtol"):
-            families.setdefault((unit, run["keeping"], run["integrator"]), []).append((run["rtol"], row["end"]))
+            families.setdefault((unit, run["enforcement"], run["integrator"]), []).append(
+                (run["rtol"], row["end"])
+            )
     best: dict[Unit, list[tuple[float, Sequence[float]]]] = {}
     for (unit, _, _), ends in families.items():
         two = sorted(ends, key=lambda item: item[0])[:2]

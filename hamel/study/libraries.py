@@ -1,4 +1,5 @@
-"""Library solvers over the same equations, compiled, as reference lines. Making them ready is not timed."""
+"""Library solvers over the same equations, compiled, as reference lines. Making them ready is not
+timed."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def rows(
     limit: float,
     share: float,
 ) -> Iterator[dict[str, Any]]:
-    """One solver on one unit's equations, loose tolerances first. After a run that took long tighter ones are not tried."""
+    """One solver on one unit's equations, loose tolerances first. After a run that took long
+    tighter ones are not tried."""
     found, module = start(path, values), load_module(Path(folder))
     equations = plain_equations(found, unit)
     reference = next(each for each in REFERENCES if each.name == solver)
@@ -43,16 +45,28 @@ def rows(
 
 
 def _row(
-    reference: Reference, module: Any, equations: Equations, found: Start, span: float, rtol: float, share: float
+    reference: Reference,
+    module: Any,
+    equations: Equations,
+    found: Start,
+    span: float,
+    rtol: float,
+    share: float,
 ) -> dict[str, Any]:
     x = module.state(0.0, np.concatenate([found.initial.q, found.initial.v]), found.u, found.p)
     times = np.array([0.0, span])
-    problem = Problem(module, equations, times, x, found.u, found.p, rtol, rtol / 100, compiled=True)
+    problem = Problem(
+        module, equations, times, x, found.u, found.p, rtol, rtol / 100, compiled=True
+    )
     try:
         ms, made = timed(reference.prepare(problem), share)
     except (FloatingPointError, RuntimeError) as error:
         flag = re.search(r"\b(?:CV|IDA)_[A-Z_]+", str(error))
-        return {"status": f"stops: {flag.group()}" if flag else str(error).partition(": ")[2] or str(error)}
+        return {
+            "status": f"stops: {flag.group()}"
+            if flag
+            else str(error).partition(": ")[2] or str(error)
+        }
     if not np.isfinite(made.x[-1]).all():
         return {"status": "not finite"}
     return judged(module, found, span, ms, made)

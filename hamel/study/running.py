@@ -1,4 +1,5 @@
-"""Runs in the compiled loop of a module: whole simulations with the end time as their only output, timed and judged."""
+"""Runs in the compiled loop of a module: whole simulations with the end time as their only output,
+timed and judged."""
 
 from __future__ import annotations
 
@@ -31,15 +32,16 @@ def exact(
     values: Mapping[str, float | str],
     folder: str,
     span: float,
-    keeping: str,
+    enforcement: str,
     integrator: str,
     rtol: float,
     limit: float,
 ) -> Iterator[dict[str, Any]]:
-    """One tight run: the end (q, v), the sizes of all q and v on the way, and the largest energy exchanged."""
+    """One tight run: the end (q, v), the sizes of all q and v on the way, and the largest energy
+    exchanged."""
     found, module = start(path, values), load_module(Path(folder))
     times = np.linspace(0.0, span, POINTS)
-    run = {"keeping": keeping, "integrator": integrator, "rtol": rtol}
+    run = {"enforcement": enforcement, "integrator": integrator, "rtol": rtol}
     try:
         made = _simulated(module, found, times, run, span, limit)
     except (FloatingPointError, TooLong) as problem:
@@ -51,7 +53,9 @@ def exact(
     yield {
         "end": [*q[-1].tolist(), *v[-1].tolist()],
         "sizes": np.max(np.abs(np.hstack([q, v])), axis=0).tolist(),
-        "exchanged": float(max(np.max(energy[:, 0]), np.ptp(energy[:, 1]), np.max(np.abs(made.work)))),
+        "exchanged": float(
+            max(np.max(energy[:, 0]), np.ptp(energy[:, 1]), np.max(np.abs(made.work)))
+        ),
         "steps": made.steps,
         "violation": made.position_violation,
     }
@@ -66,18 +70,30 @@ def rows(
     limit: float,
     share: float,
 ) -> Iterator[dict[str, Any]]:
-    """A message per run, in the order given. After a run that took too long, tighter ones of its family are not tried."""
+    """A message per run, in the order given. After a run that took too long, tighter ones of its
+    family are not tried."""
     found, module = start(path, values), load_module(Path(folder))
     hopeless: set[tuple[str, str]] = set()
     for run in runs:
-        family = (run["keeping"], run["integrator"])
-        made = {"status": TOO_LONG} if family in hopeless else _row(module, found, span, run, limit, share)
+        family = (run["enforcement"], run["integrator"])
+        made = (
+            {"status": TOO_LONG}
+            if family in hopeless
+            else _row(module, found, span, run, limit, share)
+        )
         if made["status"] == TOO_LONG:
             hopeless.add(family)
         yield {"run": run["key"], "row": made}
 
 
-def _row(module: ModuleType, found: Start, span: float, run: Mapping[str, Any], limit: float, share: float) -> dict[str, Any]:
+def _row(
+    module: ModuleType,
+    found: Start,
+    span: float,
+    run: Mapping[str, Any],
+    limit: float,
+    share: float,
+) -> dict[str, Any]:
     times = np.array([span])
     try:
         ms, made = timed(lambda: _simulated(module, found, times, run, span, limit), share)
@@ -90,7 +106,10 @@ def _row(module: ModuleType, found: Start, span: float, run: Mapping[str, Any], 
 def judged(module: ModuleType, found: Start, span: float, ms: float, made: Any) -> dict[str, Any]:
     """The row of a run that came to its end."""
     before = module.energy(0.0, _state(module, found), found.u, found.p)
-    after, v = (at_rows(module, name, made, found.system.q.numel(), found.u, found.p)[-1] for name in ("energy", "velocity"))
+    after, v = (
+        at_rows(module, name, made, found.system.q.numel(), found.u, found.p)[-1]
+        for name in ("energy", "velocity")
+    )
     return {
         "status": "ok",
         "ms": ms,
@@ -105,7 +124,8 @@ def judged(module: ModuleType, found: Start, span: float, ms: float, made: Any) 
 
 
 def timed(call: Callable[[], Any], share: float) -> tuple[float, Any]:
-    """Milliseconds of processor time, the least of as many calls as fit in `share` seconds; and what a call returned."""
+    """Milliseconds of processor time, the least of as many calls as fit in `share` seconds; and
+    what a call returned."""
     best, spent, made = np.inf, 0.0, None
     for repeat in range(MOST_REPEATS):
         begin = time.process_time()
@@ -119,7 +139,14 @@ def timed(call: Callable[[], Any], share: float) -> tuple[float, Any]:
     return 1e3 * best, made
 
 
-def _simulated(module: ModuleType, found: Start, times: np.ndarray, run: Mapping[str, Any], span: float, limit: float) -> Any:
+def _simulated(
+    module: ModuleType,
+    found: Start,
+    times: np.ndarray,
+    run: Mapping[str, Any],
+    span: float,
+    limit: float,
+) -> Any:
     begin = time.process_time()
 
     def watch(reached: float) -> None:
@@ -138,7 +165,7 @@ def _simulated(module: ModuleType, found: Start, times: np.ndarray, run: Mapping
         max_steps=MOST_STEPS,
         progress=watch,
         integrator=run["integrator"],
-        keeping=run["keeping"],
+        enforcement=run["enforcement"],
         step_size=span / run["count"] if run.get("count") else None,
     )
 
@@ -160,9 +187,15 @@ def _cause(problem: Exception) -> tuple[str, float | None]:
 
 
 def tracks(
-    path: str, values: Mapping[str, float | str], folder: str, span: float, runs: Sequence[Mapping[str, Any]], limit: float
+    path: str,
+    values: Mapping[str, float | str],
+    folder: str,
+    span: float,
+    runs: Sequence[Mapping[str, Any]],
+    limit: float,
 ) -> Iterator[dict[str, Any]]:
-    """Violations and energy error over time, a message per run; without them where it does not come to its end."""
+    """Violations and energy error over time, a message per run; without them where it does not come
+    to its end."""
     found, module = start(path, values), load_module(Path(folder))
     times = np.linspace(0.0, span, POINTS)
     for run in runs:

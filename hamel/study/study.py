@@ -1,4 +1,5 @@
-"""One model: what is planned is built, run by the workers, and judged by a reference solution that two tight runs agree on."""
+"""One model: what is planned is built, run by the workers, and judged by a reference solution that
+two tight runs agree on."""
 
 from __future__ import annotations
 
@@ -14,12 +15,12 @@ from codegen.integrators import INTEGRATORS
 from hamel.study import building, plan
 from hamel.study.crew import Crew, Message, Task
 from hamel.study.judging import Judge, Reference, agreed
-from hamel.study.keeping import Found
 from hamel.study.plan import DEFAULT, Asked, Excluded, Unit
 from hamel.study.running import TOO_LONG
+from hamel.study.storage import Found
 
-# Of the two runs of the reference: two integrators on two formulations, so that they share no error of discretisation. The second
-# pair is tried where the first takes too long.
+# Of the two runs of the reference: two integrators on two formulations, so that they share no error
+# of discretisation. The second pair is tried where the first takes too long.
 TIGHT = ((("dop853", 1e-14), ("dopri5", 1e-14)), (("radau", 1e-11), ("dop853", 1e-11)))
 EXACT_LIMIT = 20.0  # seconds of a tight run
 BUILD_LIMIT = 120.0
@@ -69,13 +70,17 @@ class Worksite:
     places: Iterator[int] = field(default_factory=itertools.count)  # each folder is used once
 
 
-def studied(case: Case, asked: Asked, crew: Crew, folder: Path, advance: Callable[[float, float], None]) -> Study:
+def studied(
+    case: Case, asked: Asked, crew: Crew, folder: Path, advance: Callable[[float, float], None]
+) -> Study:
     """All of it; what was found before is not computed again. `folder` is for the modules."""
     begin = time.monotonic()
     started = building.start(case.path, case.values)
     planned = plan.plan(started.system, asked)
     options = {"report": 1, "values": sorted(case.values.items()), "span": case.span}
-    site = Worksite(case, asked, crew, Found(case.path, options), folder, advance, [*planned.excluded])
+    site = Worksite(
+        case, asked, crew, Found(case.path, options), folder, advance, [*planned.excluded]
+    )
     units = _built(site, planned.units)
     judge = Judge(started.system, _reference(site, units), case.span)
     made = _measured(site, units, _runs(site, units, judge.reference.scale))
@@ -102,21 +107,33 @@ def _name(unit: Unit, *more: str) -> str:
 
 def _built(site: Worksite, units: Sequence[Unit]) -> list[Unit]:
     """The units that can be built, known or built now; the others are noted with their reasons."""
-    _ensure(site, [unit for unit in units if _name(unit, "built") not in site.found], time.monotonic() + site.asked.budget)
+    _ensure(
+        site,
+        [unit for unit in units if _name(unit, "built") not in site.found],
+        time.monotonic() + site.asked.budget,
+    )
     good = []
     for unit in units:
-        late = {"refused": f"not built: the {site.asked.budget:g} s for modules were used up; the same command goes on"}
+        late = {
+            "refused": f"not built: the {site.asked.budget:g} s for modules were used up; the same command goes on"
+        }
         about: dict[str, Any] = site.found.get(_name(unit, "built")) or late
         if "refused" in about:
-            site.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", about["refused"]))
+            site.excluded.append(
+                Excluded(unit.formulation, unit.choice, unit.own, "", about["refused"])
+            )
         else:
             good.append(unit)
-            site.excluded += [Excluded(unit.formulation, unit.choice, k, "", why) for k, why in about["misfits"].items()]
+            site.excluded += [
+                Excluded(unit.formulation, unit.choice, k, "", why)
+                for k, why in about["misfits"].items()
+            ]
     return good
 
 
 def _ensure(site: Worksite, units: Sequence[Unit], end: float = math.inf) -> None:
-    """Modules on disk for these units; those that are not ready at the time `end` are left, but for two."""
+    """Modules on disk for these units; those that are not ready at the time `end` are left, but for
+    two."""
     missing = [unit for unit in dict.fromkeys(units) if unit not in site.ready]
     tasks = []
     for unit in missing:
@@ -137,7 +154,8 @@ def _ensure(site: Worksite, units: Sequence[Unit], end: float = math.inf) -> Non
 
 
 def _reference(site: Worksite, units: Sequence[Unit]) -> Reference:
-    """Two tight runs of different formulations where there are two, else of different choices or integrators."""
+    """Two tight runs of different formulations where there are two, else of different choices or
+    integrators."""
     plain = [unit for unit in units if not unit.own]
     others = [unit for unit in plain if not unit.choice]
     own = [unit for unit in plain if unit.choice]
@@ -152,7 +170,9 @@ def _reference(site: Worksite, units: Sequence[Unit]) -> Reference:
     return agreed(found)
 
 
-def _first_exact(site: Worksite, units: Sequence[Unit], integrator: str, rtol: float) -> list[tuple[str, dict[str, Any]]]:
+def _first_exact(
+    site: Worksite, units: Sequence[Unit], integrator: str, rtol: float
+) -> list[tuple[str, dict[str, Any]]]:
     """The first unit's run that comes to its end."""
     for unit in units:
         found = _exact(site, [unit], integrator, rtol)
@@ -161,20 +181,31 @@ def _first_exact(site: Worksite, units: Sequence[Unit], integrator: str, rtol: f
     return []
 
 
-def _exact(site: Worksite, units: Sequence[Unit], integrator: str, rtol: float) -> list[tuple[str, dict[str, Any]]]:
+def _exact(
+    site: Worksite, units: Sequence[Unit], integrator: str, rtol: float
+) -> list[tuple[str, dict[str, Any]]]:
     names = {unit: _name(unit, "exact", integrator, f"{rtol:.0e}") for unit in units}
     missing = [unit for unit in units if names[unit] not in site.found]
     _ensure(site, missing)
     tasks = []
     for unit in missing:
-        how = {"keeping": _usual(site, unit), "integrator": integrator, "rtol": rtol, "limit": EXACT_LIMIT}
+        how = {
+            "enforcement": _usual(site, unit),
+            "integrator": integrator,
+            "rtol": rtol,
+            "limit": EXACT_LIMIT,
+        }
         arguments = {**site.case.start, "folder": site.ready[unit], "span": site.case.span, **how}
         tasks.append(Task("exact", arguments, EXACT_LIMIT + GRACE, unit))
     for task, message in site.crew.answers(tasks):
         if "over" not in message:
             site.found.put(names[task.about], message)
     answers = [(unit, site.found.get(names[unit]) or {}) for unit in units]
-    return [(f"{_title(unit)}, {integrator} at {rtol:.0e}", answer) for unit, answer in answers if answer.get("sizes")]
+    return [
+        (f"{_title(unit)}, {integrator} at {rtol:.0e}", answer)
+        for unit, answer in answers
+        if answer.get("sizes")
+    ]
 
 
 def _title(unit: Unit) -> str:
@@ -182,7 +213,7 @@ def _title(unit: Unit) -> str:
 
 
 def _usual(site: Worksite, unit: Unit) -> str:
-    return site.found[_name(unit, "built")]["keepings"][0]
+    return site.found[_name(unit, "built")]["enforcements"][0]
 
 
 # ---- rows
@@ -192,20 +223,31 @@ Made = list[tuple[Unit, dict[str, Any], dict[str, Any]]]
 
 
 def _runs(site: Worksite, units: Sequence[Unit], scale: int) -> Wanted:
-    """Every run of every unit; those of the first integrator come first, then those that are compared with every keeping."""
+    """Every run of every unit; those of the first integrator come first, then those that are
+    compared with every enforcement."""
     asked, wanted = site.asked, []
-    compared = {units[0], *(unit for unit in units if unit.formulation == "augmented")} if units else set()
+    compared = (
+        {units[0], *(unit for unit in units if unit.formulation == "augmented")} if units else set()
+    )
     for unit in units:
-        keepings = site.found[_name(unit, "built")]["keepings"]
-        wanted += [(unit, run) for run in plan.runs(asked, keepings, unit in compared, scale)]
-    return sorted(wanted, key=lambda item: (item[1]["integrator"] != INTEGRATORS[0].name, item[0] not in compared))
+        enforcements = site.found[_name(unit, "built")]["enforcements"]
+        wanted += [(unit, run) for run in plan.runs(asked, enforcements, unit in compared, scale)]
+    return sorted(
+        wanted,
+        key=lambda item: (item[1]["integrator"] != INTEGRATORS[0].name, item[0] not in compared),
+    )
 
 
 def _measured(site: Worksite, units: Sequence[Unit], wanted: Wanted) -> Made:
-    """The rows of all runs, from the cache or made now; those the budget has no time for are noted."""
+    """The rows of all runs, from the cache or made now; those the budget has no time for are
+    noted."""
     each = site.crew.size * site.asked.budget / max(1, len(wanted))
     limit, share = min(30.0, max(0.3, 20 * each)), min(0.05, max(0.002, each / 4))
-    missing = [(unit, run) for unit, run in wanted if not _is_known(site.found.get(_name(unit, run["key"])), limit)]
+    missing = [
+        (unit, run)
+        for unit, run in wanted
+        if not _is_known(site.found.get(_name(unit, run["key"])), limit)
+    ]
     _ensure(site, [unit for unit, _ in missing])
     done, end = len(wanted) - len(missing), time.monotonic() + site.asked.budget
     tasks = list(_tasks(site, missing, limit, share))
@@ -235,24 +277,33 @@ def _tasks(site: Worksite, missing: Wanted, limit: float, share: float) -> Itera
     for unit, run in missing:
         groups.setdefault((unit, run["integrator"] == INTEGRATORS[0].name), []).append(run)
     for (unit, _), runs in groups.items():
-        about = {"span": site.case.span, "folder": site.ready[unit], "runs": runs, "limit": limit, "share": share}
+        about = {
+            "span": site.case.span,
+            "folder": site.ready[unit],
+            "runs": runs,
+            "limit": limit,
+            "share": share,
+        }
         yield Task("run", {**site.case.start, **about}, GRACE + 10 * limit, (unit, runs))
 
 
 def _put(site: Worksite, unit: Unit, message: Message, limit: float) -> None:
     row = message["row"]
-    site.found.put(_name(unit, message["run"]), {**row, "limit": limit} if row["status"] == TOO_LONG else row)
+    site.found.put(
+        _name(unit, message["run"]), {**row, "limit": limit} if row["status"] == TOO_LONG else row
+    )
 
 
 def _left(site: Worksite, task: Task, message: Message, limit: float) -> Wanted:
-    """What is left of a task that came to its end: nothing, unless its worker was killed in the middle of a run."""
+    """What is left of a task that came to its end: nothing, unless its worker was killed in the
+    middle of a run."""
     unit, runs = task.about
     left = [run for run in runs if _name(unit, run["key"]) not in site.found]
     if message.get("over") == "done" or not left:
         return []
     status = TOO_LONG if "over" in message else message["error"]
-    family = (left[0]["keeping"], left[0]["integrator"])
-    lost = [run for run in left if (run["keeping"], run["integrator"]) == family]
+    family = (left[0]["enforcement"], left[0]["integrator"])
+    lost = [run for run in left if (run["enforcement"], run["integrator"]) == family]
     for run in lost:
         _put(site, unit, {"run": run["key"], "row": {"status": status}}, limit)
     return [(unit, run) for run in left if run not in lost]
@@ -280,11 +331,15 @@ def _library_rows(site: Worksite, units: Sequence[Unit]) -> Made:
         return []
     missing, wanted, tasks = plan.missing_libraries(), [], []
     for formulation, solvers in plan.SOLVERS:
-        unit = next((unit for unit in units if unit.formulation == formulation and not unit.own), None)
+        unit = next(
+            (unit for unit in units if unit.formulation == formulation and not unit.own), None
+        )
         for solver in solvers if unit is not None else ():
             assert unit is not None
             if solver in missing:
-                site.excluded.append(Excluded(formulation, unit.choice, "", solver, missing[solver]))
+                site.excluded.append(
+                    Excluded(formulation, unit.choice, "", solver, missing[solver])
+                )
                 continue
             own = [(unit, run) for run in plan.library_runs(solver, site.asked.tolerances)]
             wanted += own
@@ -293,16 +348,29 @@ def _library_rows(site: Worksite, units: Sequence[Unit]) -> Made:
                 tasks.append((unit, solver, late))
     _ensure(site, [unit for unit, _, _ in tasks])
     _run_libraries(site, tasks)
-    return [(unit, run, site.found[_name(unit, run["key"])]) for unit, run in wanted if _name(unit, run["key"]) in site.found]
+    return [
+        (unit, run, site.found[_name(unit, run["key"])])
+        for unit, run in wanted
+        if _name(unit, run["key"]) in site.found
+    ]
 
 
 LIBRARY_LIMIT = 2.0
 
 
-def _run_libraries(site: Worksite, groups: Sequence[tuple[Unit, str, list[dict[str, Any]]]]) -> None:
+def _run_libraries(
+    site: Worksite, groups: Sequence[tuple[Unit, str, list[dict[str, Any]]]]
+) -> None:
     tasks = []
     for unit, solver, runs in groups:
-        how = {"limit": LIBRARY_LIMIT, "share": 0.1, "span": site.case.span, "unit": unit.about, "solver": solver, "runs": runs}
+        how = {
+            "limit": LIBRARY_LIMIT,
+            "share": 0.1,
+            "span": site.case.span,
+            "unit": unit.about,
+            "solver": solver,
+            "runs": runs,
+        }
         arguments = {**site.case.start, "folder": site.ready[unit], **how}
         tasks.append(Task("library", arguments, GRACE, (unit, runs)))
     for task, message in site.crew.answers(tasks):
@@ -311,7 +379,9 @@ def _run_libraries(site: Worksite, groups: Sequence[tuple[Unit, str, list[dict[s
         elif "ready" not in message:
             unit, runs = task.about
             for run in [run for run in runs if _name(unit, run["key"]) not in site.found]:
-                status = TOO_LONG if message.get("over") == "killed" else message.get("error", "not run")
+                status = (
+                    TOO_LONG if message.get("over") == "killed" else message.get("error", "not run")
+                )
                 _put(site, unit, {"run": run["key"], "row": {"status": status}}, LIBRARY_LIMIT)
 
 
@@ -319,32 +389,60 @@ def _run_libraries(site: Worksite, groups: Sequence[tuple[Unit, str, list[dict[s
 
 
 def _tracks(site: Worksite, units: Sequence[Unit]) -> list[dict[str, Any]]:
-    """Violations over time: the default unit with every keeping, the other formulations without any."""
+    """Violations over time: the default unit with every enforcement, the other formulations without
+    any."""
     wanted = []
     for unit in units:
-        known = site.found[_name(unit, "built")]["keepings"]
-        keepings = [keeping for keeping in known if not site.asked.keepings or keeping in site.asked.keepings]
+        known = site.found[_name(unit, "built")]["enforcements"]
+        enforcements = [
+            enforcement
+            for enforcement in known
+            if not site.asked.enforcements or enforcement in site.asked.enforcements
+        ]
         if unit == units[0] or unit.own:
-            wanted += [(unit, keeping) for keeping in keepings]
+            wanted += [(unit, enforcement) for enforcement in enforcements]
         elif unit.formulation == "augmented":
-            wanted += [(unit, keeping) for keeping in keepings if keeping == "none"]
-    made = {(unit, keeping): _name(unit, "track", keeping) for unit, keeping in wanted}
+            wanted += [(unit, enforcement) for enforcement in enforcements if enforcement == "none"]
+    made = {(unit, enforcement): _name(unit, "track", enforcement) for unit, enforcement in wanted}
     missing: dict[Unit, list[dict[str, Any]]] = {}
-    for (unit, keeping), name in made.items():
+    for (unit, enforcement), name in made.items():
         if name not in site.found:
-            run = {"keeping": keeping, "integrator": INTEGRATORS[0].name, "rtol": TRACKED, "key": name}
+            run = {
+                "enforcement": enforcement,
+                "integrator": INTEGRATORS[0].name,
+                "rtol": TRACKED,
+                "key": name,
+            }
             missing.setdefault(unit, []).append(run)
     _ensure(site, [*missing])
     tasks = [
-        Task("track", {**site.case.start, "folder": site.ready[unit], "span": site.case.span, "runs": runs, "limit": 5.0}, GRACE)
+        Task(
+            "track",
+            {
+                **site.case.start,
+                "folder": site.ready[unit],
+                "span": site.case.span,
+                "runs": runs,
+                "limit": 5.0,
+            },
+            GRACE,
+        )
         for unit, runs in missing.items()
     ]
     for _, message in site.crew.answers(tasks):
         if "track" in message:
             site.found.put(message["track"], message)
-    known = [(unit, keeping, site.found.get(name)) for (unit, keeping), name in made.items()]
-    return [{**track, "about": _label(unit, keeping)} for unit, keeping, track in known if track and "t" in track]
+    known = [
+        (unit, enforcement, site.found.get(name)) for (unit, enforcement), name in made.items()
+    ]
+    return [
+        {**track, "about": _label(unit, enforcement)}
+        for unit, enforcement, track in known
+        if track and "t" in track
+    ]
 
 
-def _label(unit: Unit, keeping: str) -> str:
-    return f"{'' if unit.formulation == DEFAULT else unit.formulation + ', '}{unit.own or keeping}"
+def _label(unit: Unit, enforcement: str) -> str:
+    return (
+        f"{'' if unit.formulation == DEFAULT else unit.formulation + ', '}{unit.own or enforcement}"
+    )

@@ -5,7 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from hamel.study.front import LEVELS, NOISE, Row, accuracy, cheapest, families, good, is_library, is_traditional, method
+from hamel.study.front import (
+    LEVELS,
+    NOISE,
+    Row,
+    accuracy,
+    cheapest,
+    families,
+    good,
+    is_library,
+    is_traditional,
+    method,
+)
 from hamel.study.judging import Reference
 from hamel.study.running import TOO_LONG
 
@@ -14,9 +25,12 @@ MOST_BROKEN = 6
 
 
 def advice(rows: Sequence[Row], reference: Reference) -> list[str]:
-    """Sentences: the method to take, what the others cost, what holds the constraints, what broke, what to believe."""
+    """Sentences: the method to take, what the others cost, what holds the constraints, what broke,
+    what to believe."""
     own = [row for row in rows if not is_library(row)]
-    level = next((x for x in (WORTH, *reversed(LEVELS), 1e-2) if x <= 1e-2 and cheapest(own, x)), None)
+    level = next(
+        (x for x in (WORTH, *reversed(LEVELS), 1e-2) if x <= 1e-2 and cheapest(own, x)), None
+    )
     if reference.doubt:
         lines = [f"No error can be given: {reference.doubt}. {_remedy(reference)}".strip()]
     elif level is None:
@@ -37,7 +51,9 @@ def _remedy(reference: Reference) -> str:
 def _recommended(own: Sequence[Row], level: float) -> list[str]:
     best, loose = cheapest(own, level), cheapest(own, 1e-4)
     assert best is not None
-    lines = [f"Use {method(best)}: it reaches an error of {level:.0e} in {_ms(best)} ms at {accuracy(best)}."]
+    lines = [
+        f"Use {method(best)}: it reaches an error of {level:.0e} in {_ms(best)} ms at {accuracy(best)}."
+    ]
     if loose is not None and method(loose) != method(best):
         lines.append(f"For an error of 1e-04 {method(loose)} does with {_ms(loose)} ms.")
     return lines
@@ -65,7 +81,8 @@ def _others(rows: Sequence[Row], level: float) -> list[str]:
 
 
 def _slower(ratio: float) -> str:
-    """Times that differ by less than noise are the same; the advice takes the run that drifts less of them."""
+    """Times that differ by less than noise are the same; the advice takes the run that drifts less
+    of them."""
     if ratio < NOISE:
         return "took as long, for all one can tell"
     return f"took {ratio:,.0f} times as long" if ratio >= 100 else f"took {ratio:.3g} times as long"
@@ -77,13 +94,26 @@ def _held(own: Sequence[Row], level: float) -> list[str]:
     if best["phi"] is None or not any(row["phi"] or row["velocity"] for row in good(own)):
         return []
     sizes = {
-        name: best[key] for name, key in (("positions", "phi"), ("velocities", "velocity")) if any(r[key] for r in good(own))
+        name: best[key]
+        for name, key in (("positions", "phi"), ("velocities", "velocity"))
+        if any(r[key] for r in good(own))
     }
-    lines = [f"It holds {' and '.join(f'{name} within {size:.1e}' for name, size in sizes.items())}."]
-    same = [r for r in good(own) if all(r[n] == best[n] for n in ("formulation", "choice", "integrator", "rtol", "step"))]
-    drifting = next((r for r in same if r["keeping"] == "none" and r["keeping"] != best["keeping"]), None)
+    lines = [
+        f"It holds {' and '.join(f'{name} within {size:.1e}' for name, size in sizes.items())}."
+    ]
+    same = [
+        r
+        for r in good(own)
+        if all(r[n] == best[n] for n in ("formulation", "choice", "integrator", "rtol", "step"))
+    ]
+    drifting = next(
+        (r for r in same if r["enforcement"] == "none" and r["enforcement"] != best["enforcement"]),
+        None,
+    )
     if drifting is not None:
-        lines.append(f"With no keeping at all positions drift by {drifting['phi']:.1e} (error {drifting['error']:.1e}).")
+        lines.append(
+            f"With no enforcement at all positions drift by {drifting['phi']:.1e} (error {drifting['error']:.1e})."
+        )
     return lines
 
 
@@ -92,18 +122,26 @@ def broken(own: Sequence[Row]) -> list[str]:
     lines = []
     for (formulation, choice, cause), rows in _causes(own).items():
         same = [row for row in own if row["formulation"] == formulation and row["choice"] == choice]
-        kept = dict.fromkeys(row["keeping"] for row in rows)
-        total = sum(row["keeping"] in kept for row in same)
+        kept = dict.fromkeys(row["enforcement"] for row in rows)
+        total = sum(row["enforcement"] in kept for row in same)
         where = f"{formulation} ({choice})" if choice else formulation
         where += f", {' and '.join(kept)}" if total < len(same) else ""
         lines.append((len(rows), f"{where}: {len(rows)} of {total} runs: {cause}."))
     lines.sort(key=lambda line: -line[0])
-    more = [f"{len(lines) - MOST_BROKEN} more kinds of failures are in the tables."] if len(lines) > MOST_BROKEN else []
+    more = (
+        [f"{len(lines) - MOST_BROKEN} more kinds of failures are in the tables."]
+        if len(lines) > MOST_BROKEN
+        else []
+    )
     return [line for _, line in lines[:MOST_BROKEN]] + more
 
 
 def _causes(own: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:
-    failed = [{**row, "cause": _cause(row["status"])} for row in own if row["status"] not in ("ok", TOO_LONG, "too coarse")]
+    failed = [
+        {**row, "cause": _cause(row["status"])}
+        for row in own
+        if row["status"] not in ("ok", TOO_LONG, "too coarse")
+    ]
     return families(failed, "formulation", "choice", "cause")
 
 

@@ -1,4 +1,5 @@
-"""A worker process: reads calls, one JSON object a line, and writes what they yield, a line each. See crew.py."""
+"""A worker process: reads calls, one JSON object a line, and writes what they yield, a line each.
+See crew.py."""
 
 from __future__ import annotations
 
@@ -41,7 +42,10 @@ def _answers(call: str, arguments: dict[str, Any]) -> Iterator[dict[str, Any]]:
     except HamelError as error:
         yield {"error": error.diagnostics[0].message, "exit_code": error.exit_code}
     except Exception as error:
-        yield {"error": f"internal error: {type(error).__name__}: {error}".splitlines()[0], "exit_code": 70}
+        yield {
+            "error": f"internal error: {type(error).__name__}: {error}".splitlines()[0],
+            "exit_code": 70,
+        }
     else:
         yield {"over": "done"}
 

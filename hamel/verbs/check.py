@@ -1,4 +1,5 @@
-"""check: read a model, form its mechanics, make its initial state consistent, try its choices; nothing is generated."""
+"""check: read a model, form its mechanics, make its initial state consistent, try its choices;
+nothing is generated."""
 
 from __future__ import annotations
 
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
 
     from derive.mechanics.records import System
 
-RANK = 1e-9  # singular values below this fraction of the largest are zero: constraints of exact models are far from it
+# singular values below this fraction of the largest are zero: constraints of exact models are far
+# from it
+RANK = 1e-9
 
 
 def run(path: str | PathLike[str]) -> Checked:
@@ -71,4 +74,6 @@ def show(record: Checked, console: Console) -> None:
         console.print(f"  {assumption}")
     refusals(record.refused, console)
     for name, by in record.moved.items():
-        console.print(f"  initial {name} = {by['given']:.6g} cannot be kept, {by['used']:.6g} is used")
+        console.print(
+            f"  initial {name} = {by['given']:.6g} cannot be kept, {by['used']:.6g} is used"
+        )

@@ -32,7 +32,9 @@ def run(path: str | PathLike[str], choice: str | None, constants: Constants) -> 
 def show(record: Explained, console: Console) -> None:
     from hamel.show import ledger, operations
 
-    console.print(f"{record.model}, choice {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}")
+    console.print(
+        f"{record.model}, choice {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}"
+    )
     for pivot in record.pivots:
         console.print(f"pivot: {pivot}")
     for assumption in record.assumptions:

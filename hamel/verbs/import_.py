@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Imported:
     file = Path(out) if out else None
     if file and file.exists() and Path(path).exists() and file.samefile(path):
-        raise ModelError(f"{path} would be overwritten by its own model", "give another file with -o")
+        raise ModelError(
+            f"{path} would be overwritten by its own model", "give another file with -o"
+        )
     found = imported(path, floating)
     if file:
         write_text(file, found.text)

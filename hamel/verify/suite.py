@@ -1,4 +1,4 @@
-"""`verification`: the whole ladder for one choice of quasi-velocities, on one page."""
+"""`verification`: the whole suite for one choice of quasi-velocities, on one page."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from derive.model.records import Model
-from hamel.verify.checks import LOADED, QUICK, RUNGS
-from hamel.verify.checks.check import Rung
+from hamel.verify.checks import CHECKS, LOADED, QUICK
+from hamel.verify.checks.check import Check
 from hamel.verify.checks.evidence import Evidence, Sample, graph, samples, terms
 from hamel.verify.checks.linear import with_linearization
-from hamel.verify.records import Check, Verification
+from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.outcome import Reference, reference
 from hamel.verify.reference.vectors import Array
 
@@ -32,26 +32,36 @@ def verification(
     seed: int = 0,
     others: Collection[Equations] = (),
 ) -> Verification:
-    """Compare one choice, and its generated module, with the independent reference at random admissible states.
+    """Compare one choice, and its generated module, with the independent reference at random
+    admissible states.
 
-    `others` are further choices of the same model: v̇ must not depend on the choice. All charts of the module are compared.
+    `others` are further choices of the same model: v̇ must not depend on the choice. All charts of
+    the module are compared.
     """
     equations = with_linearization(equations)
     seen = evidence(reference(model), equations, module, states, seed, (*others, *equations.charts))
-    return _verdict(seen, states, seed, (*climbed(seen), *_in_charts(seen, RUNGS)))
+    return _verdict(seen, states, seed, (*results(seen), *_in_charts(seen, CHECKS)))
 
 
 def quick_verification(
-    model: Model, equations: Equations, module: Callable[[], ModuleType], states: int = 20, seed: int = 0
+    model: Model,
+    equations: Equations,
+    module: Callable[[], ModuleType],
+    states: int = 20,
+    seed: int = 0,
 ) -> Verification:
-    """What a build waits for: every term against the reference, then the module, asked for when it is needed.
+    """What a build waits for: every term against the reference, then the module, asked for when it
+    is needed.
 
-    The rungs that compare terms with each other, and the other ways to call the code, are left to `verification`.
+    The checks that compare terms with each other, and the other ways to call the code, are left to
+    `verification`.
     """
     seen = evidence(reference(model), equations, None, states, seed)
-    terms_agree = (*climbed(seen, QUICK), *_in_charts(seen, QUICK))
+    terms_agree = (*results(seen, QUICK), *_in_charts(seen, QUICK))
     loaded = _with_expected(seen).loaded(module())
-    return _verdict(seen, states, seed, (*terms_agree, *climbed(loaded, LOADED), *_in_charts(loaded, LOADED)))
+    return _verdict(
+        seen, states, seed, (*terms_agree, *results(loaded, LOADED), *_in_charts(loaded, LOADED))
+    )
 
 
 def _with_expected(seen: Evidence) -> Evidence:
@@ -61,30 +71,49 @@ def _with_expected(seen: Evidence) -> Evidence:
     return seen
 
 
-def _in_charts(seen: Evidence, rungs: Sequence[Rung]) -> tuple[Check, ...]:
+def _in_charts(seen: Evidence, checks: Sequence[Check]) -> tuple[CheckResult, ...]:
     """The same for every further chart of the module."""
-    found: list[Check] = []
+    found: list[CheckResult] = []
     for number, chart in enumerate(seen.graph.equations.charts, 1):
         there = replace(seen, graph=graph(chart), others=(seen.graph,), chart=number)
-        found += [replace(check, name=f"{check.name}; chart {number}, {chart.choice}") for check in climbed(there, rungs)]
+        found += [
+            replace(check, name=f"{check.name}; chart {number}, {chart.choice}")
+            for check in results(there, checks)
+        ]
     return tuple(found)
 
 
-def _verdict(seen: Evidence, states: int, seed: int, climbed: Sequence[Check]) -> Verification:
-    found = (_enough(len(seen.samples), states), *climbed)
+def _verdict(
+    seen: Evidence, states: int, seed: int, results: Sequence[CheckResult]
+) -> Verification:
+    found = (_enough(len(seen.samples), states), *results)
     choice = together(seen.graph.equations)
     passed = all(c.passed for c in found)
     rank = max((s.outcome.rank for s in seen.samples), default=0)
-    return Verification(seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank, _region(seen))
+    return Verification(
+        seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank, _region(seen)
+    )
 
 
 def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:
-    """The least and the largest value of time, every coordinate, velocity and input, and every parameter that is an argument."""
+    """The least and the largest value of time, every coordinate, velocity and input, and every
+    parameter that is an argument."""
     model = seen.system.model
     free = [p for p in model.parameters if p.name not in seen.system.constants]
-    names = ["t", *(x.name for items in (model.coordinates, model.velocities, model.inputs, free) for x in items)]
-    columns = zip(*(np.concatenate([[s.t], _without_roundoff(seen, s), s.u, s.p]) for s in seen.samples))
-    return tuple((name, float(min(column)), float(max(column))) for name, column in zip(names, columns))
+    names = [
+        "t",
+        *(
+            x.name
+            for items in (model.coordinates, model.velocities, model.inputs, free)
+            for x in items
+        ),
+    ]
+    columns = zip(
+        *(np.concatenate([[s.t], _without_roundoff(seen, s), s.u, s.p]) for s in seen.samples)
+    )
+    return tuple(
+        (name, float(min(column)), float(max(column))) for name, column in zip(names, columns)
+    )
 
 
 def _without_roundoff(seen: Evidence, s: Sample) -> Array:
@@ -101,27 +130,41 @@ def evidence(
     seed: int = 0,
     others: Collection[Equations] = (),
 ) -> Evidence:
-    """What the rungs look at."""
+    """What the checks look at."""
     system = equations.system
     seen = samples(system, ref, states, seed)
-    return Evidence(system, ref, seen, terms(system), graph(equations), tuple(graph(other) for other in others), module)
+    return Evidence(
+        system,
+        ref,
+        seen,
+        terms(system),
+        graph(equations),
+        tuple(graph(other) for other in others),
+        module,
+    )
 
 
-def climbed(seen: Evidence, rungs: Sequence[Rung] = RUNGS) -> tuple[Check, ...]:
-    """Every rung that applies, at the states of the evidence."""
-    checks = [_check(rung, seen) for rung in rungs if seen.samples]
-    return tuple(check for check in checks if check is not None)
+def results(seen: Evidence, checks: Sequence[Check] = CHECKS) -> tuple[CheckResult, ...]:
+    """Every check that applies, at the states of the evidence."""
+    outcomes = [_check(check, seen) for check in checks if seen.samples]
+    return tuple(outcome for outcome in outcomes if outcome is not None)
 
 
-def _enough(found: int, wanted: int) -> Check:
+def _enough(found: int, wanted: int) -> CheckResult:
     missing = 1.0 - found / wanted
-    return Check("states found", missing, ENOUGH, missing <= ENOUGH, "share of the states asked for that could not be closed")
+    return CheckResult(
+        "states found",
+        missing,
+        ENOUGH,
+        missing <= ENOUGH,
+        "share of the states asked for that could not be closed",
+    )
 
 
-def _check(rung: Rung, seen: Evidence) -> Check | None:
-    error = rung.error(seen)
+def _check(check: Check, seen: Evidence) -> CheckResult | None:
+    error = check.error(seen)
     if error is None:
         return None
     value = math.inf if math.isnan(error) else float(error)
-    tolerance = rung.tolerance * (seen.real.coarseness if rung.rounding else 1.0)
-    return Check(rung.name, value, tolerance, value <= tolerance, rung.about)
+    tolerance = check.tolerance * (seen.real.coarseness if check.rounding else 1.0)
+    return CheckResult(check.name, value, tolerance, value <= tolerance, check.about)

@@ -1,4 +1,5 @@
-"""MJCF → Robot: bodies, joints, inertias, equalities and motors of MuJoCo's format; contacts are left out, and that is said."""
+"""MJCF → Robot: bodies, joints, inertias, equalities and motors of MuJoCo's format; contacts are
+left out, and that is said."""
 
 from __future__ import annotations
 
@@ -39,10 +40,19 @@ def robot(root: Element, name: str, floating: bool) -> Robot:
 def _check_sections(reading: Reading, root: Element) -> None:
     for section in root.children:
         if section.tag in REFUSED:
-            reading.report(section, f"<{section.tag}>: {REFUSED[section.tag]}", "rigid bodies, joints and motors")
+            reading.report(
+                section,
+                f"<{section.tag}>: {REFUSED[section.tag]}",
+                "rigid bodies, joints and motors",
+            )
         elif section.tag not in (*READ, *NOT_NEEDED):
             known = [*READ, *NOT_NEEDED]
-            reading.report(section, f"unknown section <{section.tag}>", ", ".join(READ), did_you_mean(section.tag, known))
+            reading.report(
+                section,
+                f"unknown section <{section.tag}>",
+                ", ".join(READ),
+                did_you_mean(section.tag, known),
+            )
 
 
 def _notes(reading: Reading, root: Element, scene: Scene) -> None:
@@ -51,15 +61,26 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
         result.left_out.append(f"contacts between {counted(scene.geoms, 'geom')}")
     massless = sum(1 for body in result.bodies if not body.mass)
     if massless:
-        result.changed.append(f"{counted(massless, 'body', 'bodies')} without mass, such as between several joints of one")
+        result.changed.append(
+            f"{counted(massless, 'body', 'bodies')} without mass, such as between several joints of one"
+        )
     if reading.renamed:
-        result.changed.append(f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside")
+        result.changed.append(
+            f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside"
+        )
     ignored = sorted({section.tag for section in root.children} & set(NOT_NEEDED))
     if ignored:
         result.changed.append(f"not read: {', '.join(f'<{tag}>' for tag in ignored)}")
     if any(joint.limits for joint in result.joints):
-        result.changed.append("limits are there to read: nothing in the equations stops a joint at them")
-    fluid = [name for option in root.all("option") for name in ("density", "viscosity", "wind") if name in option.attributes]
+        result.changed.append(
+            "limits are there to read: nothing in the equations stops a joint at them"
+        )
+    fluid = [
+        name
+        for option in root.all("option")
+        for name in ("density", "viscosity", "wind")
+        if name in option.attributes
+    ]
     if fluid:
         result.left_out.append(f"forces of the medium around the bodies ({', '.join(fluid)})")
     dry_friction(result)

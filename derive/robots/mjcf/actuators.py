@@ -1,7 +1,8 @@
-"""<actuator> and fixed <tendon>s: forces along joint coordinates, as inputs where they are plain motors, else by formula.
+"""<actuator> and fixed <tendon>s: forces along joint coordinates, as inputs where they are plain
+motors, else by formula.
 
-A transmission has a length ℓ = gear · Σ cᵢ qᵢ (one joint, or the joints of a fixed tendon); a force f along it acts on joint i
-as gear · cᵢ · f. Motors at a site push and turn the site's body.
+A transmission has a length ℓ = gear · Σ cᵢ qᵢ (one joint, or the joints of a fixed tendon); a force
+f along it acts on joint i as gear · cᵢ · f. Motors at a site push and turn the site's body.
 """
 
 from __future__ import annotations
@@ -33,23 +34,35 @@ class Law:
 
 
 def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmission]:
-    """Fixed tendons by name, their springs and dampers written down; spatial ones are refused where they act."""
+    """Fixed tendons by name, their springs and dampers written down; spatial ones are refused where
+    they act."""
     found: dict[str, Transmission] = {}
     for section in root.all("tendon"):
         for element in section.children:
             tendon = completed(reading, element, scene.settings)
             acts = [
-                name for name in ("stiffness", "damping", "armature", "frictionloss") if any(listing(reading, tendon, name) or ())
+                name
+                for name in ("stiffness", "damping", "armature", "frictionloss")
+                if any(listing(reading, tendon, name) or ())
             ]
             if tendon.tag == "fixed":
                 found[tendon.get("name")] = _coefficients(reading, tendon, scene)
                 _tendon_forces(reading, tendon, acts, found[tendon.get("name")], scene)
             elif acts:
-                reading.report(tendon, f"a <{tendon.tag}> tendon with {acts[0]}", "fixed tendons", attribute=acts[0])
+                reading.report(
+                    tendon,
+                    f"a <{tendon.tag}> tendon with {acts[0]}",
+                    "fixed tendons",
+                    attribute=acts[0],
+                )
             elif "range" in tendon.attributes:
-                scene.robot.left_out.append(f"the tendon {quoted(tendon.get('name'))}, which only ends a motion where it is taut")
+                scene.robot.left_out.append(
+                    f"the tendon {quoted(tendon.get('name'))}, which only ends a motion where it is taut"
+                )
             else:
-                scene.robot.changed.append(f"the tendon {quoted(tendon.get('name'))} does nothing and is left out")
+                scene.robot.changed.append(
+                    f"the tendon {quoted(tendon.get('name'))} does nothing and is left out"
+                )
     return found
 
 
@@ -69,23 +82,36 @@ def _joint(reading: Reading, element: Element, attribute: str, scene: Scene) -> 
     return joint
 
 
-def _tendon_forces(reading: Reading, tendon: Element, acts: list[str], along: Transmission, scene: Scene) -> None:
+def _tendon_forces(
+    reading: Reading, tendon: Element, acts: list[str], along: Transmission, scene: Scene
+) -> None:
     for name in acts:
         if name in ("armature", "frictionloss"):
-            reading.report(tendon, f"a tendon with {name}", "tendons with stiffness or damping", attribute=name)
-    stiffness, damping = ((listing(reading, tendon, name) or [0.0])[0] for name in ("stiffness", "damping"))
+            reading.report(
+                tendon, f"a tendon with {name}", "tendons with stiffness or damping", attribute=name
+            )
+    stiffness, damping = (
+        (listing(reading, tendon, name) or [0.0])[0] for name in ("stiffness", "damping")
+    )
     off = scene.settings.off
     stiffness, damping = stiffness * ("spring" not in off), damping * ("damper" not in off)
     rest = listing(reading, tendon, "springlength") or [-1.0]
     if stiffness and rest[0] != rest[-1]:
-        reading.report(tendon, "a spring that is slack over a range", "one springlength", attribute="springlength")
+        reading.report(
+            tendon,
+            "a spring that is slack over a range",
+            "one springlength",
+            attribute="springlength",
+        )
     start = sum(c * scene.references.get(joint.name, 0.0) for joint, c in along)
     law = Law((0.0,), (stiffness * (start if rest[0] == -1.0 else rest[0]), -stiffness, -damping))
     if any(law.bias):
         _by_formula(reading, tendon, tendon.get("name") or "tendon", law, along, "", scene)
 
 
-def actuators(reading: Reading, root: Element, known: dict[str, Transmission], scene: Scene) -> None:
+def actuators(
+    reading: Reading, root: Element, known: dict[str, Transmission], scene: Scene
+) -> None:
     clamped = 0
     for section in root.all("actuator"):
         for element in section.children:
@@ -95,19 +121,33 @@ def actuators(reading: Reading, root: Element, known: dict[str, Transmission], s
                 _transmitted(reading, actuator, law, known, scene)
             clamped += any(name in actuator.attributes for name in CLAMPS)
     if clamped:
-        scene.robot.left_out.append(f"the ranges of {clamped} actuator{'s' * (clamped != 1)}: inputs and forces are not clamped")
+        scene.robot.left_out.append(
+            f"the ranges of {clamped} actuator{'s' * (clamped != 1)}: inputs and forces are not clamped"
+        )
 
 
 def _law(reading: Reading, actuator: Element) -> Law | None:
     """The force law of an actuator without states of its own; None after reporting another."""
     kind = actuator.tag
-    states = actuator.get("dyntype", "none") not in ("none", "") or scalar(reading, actuator, "timeconst") != 0.0
+    states = (
+        actuator.get("dyntype", "none") not in ("none", "")
+        or scalar(reading, actuator, "timeconst") != 0.0
+    )
     if kind not in ACTUATORS or kind in ("intvelocity", "cylinder", "muscle", "adhesion") or states:
         why = f"a <{kind}> actuator" + (" with an activation" if states else "")
-        reading.report(actuator, f"{why}, which has a state or a law of its own", "motor, position, velocity, damper, general")
+        reading.report(
+            actuator,
+            f"{why}, which has a state or a law of its own",
+            "motor, position, velocity, damper, general",
+        )
         return None
     if "dampratio" in actuator.attributes and scalar(reading, actuator, "dampratio"):
-        reading.report(actuator, "damping as a ratio of the critical one", "kv in numbers", attribute="dampratio")
+        reading.report(
+            actuator,
+            "damping as a ratio of the critical one",
+            "kv in numbers",
+            attribute="dampratio",
+        )
     if kind == "motor":
         return Law((1.0,), ())
     kv = scalar(reading, actuator, "kv", 1.0 if kind != "position" else 0.0)
@@ -123,7 +163,12 @@ def _general(reading: Reading, actuator: Element) -> Law | None:
     kinds = {"gaintype": ("fixed", "affine"), "biastype": ("none", "affine")}
     for attribute, allowed in kinds.items():
         if actuator.get(attribute, allowed[0]) not in allowed:
-            reading.report(actuator, f"{attribute}='{actuator.get(attribute)}'", ", ".join(allowed), attribute=attribute)
+            reading.report(
+                actuator,
+                f"{attribute}='{actuator.get(attribute)}'",
+                ", ".join(allowed),
+                attribute=attribute,
+            )
             return None
     gain = (listing(reading, actuator, "gainprm") or [1.0])[:3]
     bias = (listing(reading, actuator, "biasprm") or [0.0])[:3]
@@ -131,22 +176,40 @@ def _general(reading: Reading, actuator: Element) -> Law | None:
     return Law(gain if actuator.get("gaintype") == "affine" else gain[:1], bias if affine else ())
 
 
-def _transmitted(reading: Reading, actuator: Element, law: Law, known: dict[str, Transmission], scene: Scene) -> None:
+def _transmitted(
+    reading: Reading, actuator: Element, law: Law, known: dict[str, Transmission], scene: Scene
+) -> None:
     gear = listing(reading, actuator, "gear") or [1.0]
     if "site" in actuator.attributes:
         _at_site(reading, actuator, law, gear, scene)
     elif "tendon" in actuator.attributes:
         if actuator.get("tendon") not in known:
             hint = "only fixed tendons can be driven"
-            reading.report(actuator, f"the tendon '{actuator.get('tendon')}'", ", ".join(known) or "none", hint, "tendon")
+            reading.report(
+                actuator,
+                f"the tendon '{actuator.get('tendon')}'",
+                ", ".join(known) or "none",
+                hint,
+                "tendon",
+            )
         else:
-            _along(reading, actuator, law, [(j, gear[0] * c) for j, c in known[actuator.get("tendon")]], scene)
+            _along(
+                reading,
+                actuator,
+                law,
+                [(j, gear[0] * c) for j, c in known[actuator.get("tendon")]],
+                scene,
+            )
     elif "joint" in actuator.attributes or "jointinparent" in actuator.attributes:
         attribute = "joint" if "joint" in actuator.attributes else "jointinparent"
         if (joint := _joint(reading, actuator, attribute, scene)) is not None:
             _at_joint(reading, actuator, law, gear, joint, scene)
     else:
-        reading.report(actuator, f"a <{actuator.tag}> that drives no joint, tendon or site", "joint, tendon or site")
+        reading.report(
+            actuator,
+            f"a <{actuator.tag}> that drives no joint, tendon or site",
+            "joint, tendon or site",
+        )
 
 
 def _input(reading: Reading, actuator: Element, target: str, notes: list[str]) -> str:
@@ -156,22 +219,41 @@ def _input(reading: Reading, actuator: Element, target: str, notes: list[str]) -
     return reading.input_name(wanted if free else f"tau_{wanted}", actuator.get("name"), notes)
 
 
-def _at_joint(reading: Reading, actuator: Element, law: Law, gear: list[float], joint: Joint, scene: Scene) -> None:
+def _at_joint(
+    reading: Reading, actuator: Element, law: Law, gear: list[float], joint: Joint, scene: Scene
+) -> None:
     if joint.type in ONE_RATE:
         _along(reading, actuator, law, [(joint, gear[0])], scene)
     elif joint.type == "ball" and law.plain and "joint" in actuator.attributes:
         name = _noted_input(reading, actuator, joint.name, scene)
         for rate, factor in zip(joint.rates(), gear):
             if factor * law.gain[0]:
-                _load(reading, actuator, name, f"velocity: {rate}", _times(_factor(factor * law.gain[0], ""), name), scene)
+                _load(
+                    reading,
+                    actuator,
+                    name,
+                    f"velocity: {rate}",
+                    _times(_factor(factor * law.gain[0], ""), name),
+                    scene,
+                )
     else:
-        reading.report(actuator, f"a <{actuator.tag}> at the {joint.type} joint '{joint.name}'", "a hinge or slide, or a site")
+        reading.report(
+            actuator,
+            f"a <{actuator.tag}> at the {joint.type} joint '{joint.name}'",
+            "a hinge or slide, or a site",
+        )
 
 
-def _along(reading: Reading, actuator: Element, law: Law, along: Transmission, scene: Scene) -> None:
+def _along(
+    reading: Reading, actuator: Element, law: Law, along: Transmission, scene: Scene
+) -> None:
     """Along one or several joints with one coordinate each."""
     if any(joint.type not in ONE_RATE for joint, _ in along) or not along:
-        reading.report(actuator, f"a <{actuator.tag}> along joints that are not hinges or slides", "hinges and slides")
+        reading.report(
+            actuator,
+            f"a <{actuator.tag}> along joints that are not hinges or slides",
+            "hinges and slides",
+        )
         return
     first = along[0][0].name
     if law.plain and len(along) == 1:
@@ -179,7 +261,9 @@ def _along(reading: Reading, actuator: Element, law: Law, along: Transmission, s
         notes: list[str] = []
         name = _input(reading, actuator, first, notes)
         gear = "" if factor == 1.0 else f", gear: {written(factor)}"
-        scene.robot.inputs.append(Entry(name, f"{{joint: {first}{gear}}}", actuator, "; ".join(notes)))
+        scene.robot.inputs.append(
+            Entry(name, f"{{joint: {first}{gear}}}", actuator, "; ".join(notes))
+        )
     else:
         name = _noted_input(reading, actuator, first, scene)
         _by_formula(reading, actuator, name, law, along, name, scene)
@@ -189,11 +273,21 @@ def _noted_input(reading: Reading, actuator: Element, target: str, scene: Scene)
     """An input that formulas use."""
     notes: list[str] = []
     name = _input(reading, actuator, target, notes)
-    scene.robot.inputs.append(Entry(name, "{}", actuator, "; ".join([*notes, f"a <{actuator.tag}> of the file"])))
+    scene.robot.inputs.append(
+        Entry(name, "{}", actuator, "; ".join([*notes, f"a <{actuator.tag}> of the file"]))
+    )
     return name
 
 
-def _by_formula(reading: Reading, element: Element, name: str, law: Law, along: Transmission, u: str, scene: Scene) -> None:
+def _by_formula(
+    reading: Reading,
+    element: Element,
+    name: str,
+    law: Law,
+    along: Transmission,
+    u: str,
+    scene: Scene,
+) -> None:
     """cᵢ · law for every joint, multiplied out so that every coefficient can have its unit."""
     for joint, c in along:
         gain = _affine(law.gain, c, along, lambda unit: "")
@@ -207,8 +301,11 @@ def _times(term: str, u: str) -> str:
     return u if term == "1" else f"{term}*{u}"
 
 
-def _affine(k: Sequence[float], c: float, along: Transmission, unit: Callable[[str], str]) -> list[str]:
-    """c (k₀ + k₁ ℓ + k₂ dℓ/dt) in terms of the joints; `unit` completes the unit of a coefficient."""
+def _affine(
+    k: Sequence[float], c: float, along: Transmission, unit: Callable[[str], str]
+) -> list[str]:
+    """c (k₀ + k₁ ℓ + k₂ dℓ/dt) in terms of the joints; `unit` completes the unit of a
+    coefficient."""
     k0, k1, k2 = [*k, 0.0, 0.0, 0.0][:3]
     terms = [_factor(c * k0, unit(""))] if k0 else []
     for joint, other in along:
@@ -222,12 +319,18 @@ def _factor(number: float, unit: str) -> str:
     return f"({written(number)}{unit})" if unit or number < 0.0 else written(number)
 
 
-def _load(reading: Reading, element: Element, name: str, where: str, force: str, scene: Scene) -> None:
+def _load(
+    reading: Reading, element: Element, name: str, where: str, force: str, scene: Scene
+) -> None:
     own = reading.symbols(f"{name}_force", "load")
-    scene.robot.loads.append(Entry(own, f"{{type: expression, {where}, expression: {force}}}", element))
+    scene.robot.loads.append(
+        Entry(own, f"{{type: expression, {where}, expression: {force}}}", element)
+    )
 
 
-def _at_site(reading: Reading, actuator: Element, law: Law, gear: list[float], scene: Scene) -> None:
+def _at_site(
+    reading: Reading, actuator: Element, law: Law, gear: list[float], scene: Scene
+) -> None:
     """Force and torque on the site's body, in its frame."""
     if actuator.get("site") not in scene.sites:
         reading.unknown(actuator, "site", "site", list(scene.sites))
@@ -241,6 +344,10 @@ def _at_site(reading: Reading, actuator: Element, law: Law, gear: list[float], s
     at = ", ".join(written(x) for x in frame.at)
     for kind, place, part in (("force", f"at: [{at}], ", gear[:3]), ("torque", "", gear[3:])):
         if any(part):
-            components = ", ".join(_times(_factor(x, ""), name) if x else "0" for x in rotated(frame.turn, part))
+            components = ", ".join(
+                _times(_factor(x, ""), name) if x else "0" for x in rotated(frame.turn, part)
+            )
             text = f"{{type: {kind}, body: {body}, {place}components: [{components}], frame: body}}"
-            scene.robot.loads.append(Entry(reading.symbols(f"{name}_{kind}", "load"), text, actuator))
+            scene.robot.loads.append(
+                Entry(reading.symbols(f"{name}_{kind}", "load"), text, actuator)
+            )

@@ -1,8 +1,9 @@
-"""The tree of <body> elements: poses, joints, inertias. Walked without recursion, for chains nest one level per body.
+"""The tree of <body> elements: poses, joints, inertias. Walked without recursion, for chains nest
+one level per body.
 
-In MJCF a joint is placed in the child's frame and moves it from the pose given for the body; several joints on one body act one
-after the other, so that a chain of bodies without mass carries them. A coordinate is zero in MuJoCo's `qpos` = 0, which is
-`ref` before the pose of the file.
+In MJCF a joint is placed in the child's frame and moves it from the pose given for the body;
+several joints on one body act one after the other, so that a chain of bodies without mass carries
+them. A coordinate is zero in MuJoCo's `qpos` = 0, which is `ref` before the pose of the file.
 """
 
 from __future__ import annotations
@@ -15,7 +16,16 @@ from derive.robots.mjcf.inertia import Frame, Piece, explicit, fill, of_geom, to
 from derive.robots.mjcf.settings import Settings, completed, orientation
 from derive.robots.numbers import listing, scalar, vector, written
 from derive.robots.robot import GROUND, Body, Entry, Joint, Reading, Robot, quoted
-from derive.robots.rotations import IDENTITY, about, minus, product, rotated, times, to_quaternion, unit
+from derive.robots.rotations import (
+    IDENTITY,
+    about,
+    minus,
+    product,
+    rotated,
+    times,
+    to_quaternion,
+    unit,
+)
 
 TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "free"}
 HARMLESS = ("geom", "site", "camera", "light", "joint", "freejoint", "inertial", "body", "frame")
@@ -23,7 +33,8 @@ HARMLESS = ("geom", "site", "camera", "light", "joint", "freejoint", "inertial",
 
 @dataclass
 class Scene:
-    """What the rest of the file refers to by name; poses in the ground frame at the reference configuration."""
+    """What the rest of the file refers to by name; poses in the ground frame at the reference
+    configuration."""
 
     robot: Robot
     settings: Settings
@@ -37,7 +48,8 @@ class Scene:
 
 @dataclass(frozen=True)
 class Waiting:
-    """A body still to be read: its carrier, where frames around it put it, and the class its children have."""
+    """A body still to be read: its carrier, where frames around it put it, and the class its
+    children have."""
 
     element: Element
     parent: str
@@ -66,30 +78,50 @@ def _scale(scene: Scene) -> None:
         for body in bodies:
             body.mass *= wanted / whole
             body.inertia = tuple(wanted / whole * entry for entry in body.inertia)
-        scene.robot.changed.append(f"masses and inertias are scaled by {wanted / whole:.6g}, to {wanted:g} kg in all")
+        scene.robot.changed.append(
+            f"masses and inertias are scaled by {wanted / whole:.6g}, to {wanted:g} kg in all"
+        )
 
 
 def _check_floating(reading: Reading, world: Element, waiting: list[Waiting]) -> None:
     if len(waiting) != 1 or any(waiting[0].element.all("joint", "freejoint")):
         hint = "an MJCF file says itself which bodies are free: <freejoint/>"
-        reading.report(world, "--floating for a file that is not one body on the ground", "one body without joints", hint)
+        reading.report(
+            world,
+            "--floating for a file that is not one body on the ground",
+            "one body without joints",
+            hint,
+        )
 
 
-def _content(reading: Reading, element: Element, inherited: str, scene: Scene) -> Iterator[tuple[Element, Frame, str]]:
+def _content(
+    reading: Reading, element: Element, inherited: str, scene: Scene
+) -> Iterator[tuple[Element, Frame, str]]:
     """The children, with those of <frame>s in their place."""
     waiting = [(child, Frame(), inherited) for child in reversed(element.children)]
     while waiting:
         child, frame, owner = waiting.pop()
         if child.tag == "frame":
-            inner = frame.then(vector(reading, child, "pos"), orientation(reading, child, scene.settings))
-            waiting += [(below, inner, child.get("childclass", owner)) for below in reversed(child.children)]
+            inner = frame.then(
+                vector(reading, child, "pos"), orientation(reading, child, scene.settings)
+            )
+            waiting += [
+                (below, inner, child.get("childclass", owner)) for below in reversed(child.children)
+            ]
         elif child.tag in HARMLESS:
             yield child, frame, owner
         else:
-            reading.report(child, f"<{child.tag}> in a body", ", ".join(HARMLESS), "rigid bodies and joints can be imported")
+            reading.report(
+                child,
+                f"<{child.tag}> in a body",
+                ", ".join(HARMLESS),
+                "rigid bodies and joints can be imported",
+            )
 
 
-def _below(reading: Reading, element: Element, name: str, inherited: str, scene: Scene) -> list[Waiting]:
+def _below(
+    reading: Reading, element: Element, name: str, inherited: str, scene: Scene
+) -> list[Waiting]:
     """Note the sites of a body, count its geoms, and hand on the bodies below it."""
     found = []
     for child, frame, owner in _content(reading, element, inherited, scene):
@@ -97,7 +129,9 @@ def _below(reading: Reading, element: Element, name: str, inherited: str, scene:
             found.append(Waiting(child, name, frame, owner))
         elif child.tag == "site":
             site = completed(reading, child, scene.settings, owner)
-            place = frame.then(vector(reading, site, "pos"), orientation(reading, site, scene.settings))
+            place = frame.then(
+                vector(reading, site, "pos"), orientation(reading, site, scene.settings)
+            )
             scene.sites[site.get("name")] = (name, place)
         scene.geoms += child.tag == "geom"
     return found
@@ -110,9 +144,13 @@ def _body(reading: Reading, waiting: Waiting, scene: Scene, floating: bool) -> l
     original = element.get("name")
     body.name = reading.body_name(original or "body", body.notes if original else [])
     if original in scene.bodies:
-        reading.report(element, f"a second body '{original}'", "names that differ", attribute="name")
+        reading.report(
+            element, f"a second body '{original}'", "names that differ", attribute="name"
+        )
     scene.bodies[original or body.name] = body.name
-    pose = waiting.frame.then(vector(reading, element, "pos"), orientation(reading, element, scene.settings))
+    pose = waiting.frame.then(
+        vector(reading, element, "pos"), orientation(reading, element, scene.settings)
+    )
     scene.poses[body.name] = scene.poses[waiting.parent].then(pose.at, pose.turn)
     _mass(reading, element, inherited, body, scene)
     _joints(reading, waiting, inherited, body, pose, scene, floating)
@@ -138,8 +176,17 @@ def _mass(reading: Reading, element: Element, inherited: str, body: Body, scene:
         fill(body, together(pieces or stated), found)
 
 
-def _joints(reading: Reading, waiting: Waiting, inherited: str, body: Body, pose: Frame, scene: Scene, floating: bool) -> None:
-    """One joint of the model for each of the file, with bodies without mass between; a fixed one where there is none."""
+def _joints(
+    reading: Reading,
+    waiting: Waiting,
+    inherited: str,
+    body: Body,
+    pose: Frame,
+    scene: Scene,
+    floating: bool,
+) -> None:
+    """One joint of the model for each of the file, with bodies without mass between; a fixed one
+    where there is none."""
     elements = [
         (completed(reading, child, scene.settings, owner) if child.tag == "joint" else child, frame)
         for child, frame, owner in _content(reading, waiting.element, inherited, scene)
@@ -160,7 +207,9 @@ def _joints(reading: Reading, waiting: Waiting, inherited: str, body: Body, pose
         carrier, at = child, Frame()
 
 
-def _without_joints(reading: Reading, waiting: Waiting, body: Body, pose: Frame, scene: Scene, floating: bool) -> None:
+def _without_joints(
+    reading: Reading, waiting: Waiting, body: Body, pose: Frame, scene: Scene, floating: bool
+) -> None:
     kind = "free" if floating else "fixed"
     joint = Joint("", kind, waiting.parent, body.name, waiting.element)
     joint.name = reading.joint_name("base" if floating else f"{body.name}_mount", kind, [])
@@ -172,7 +221,14 @@ def _without_joints(reading: Reading, waiting: Waiting, body: Body, pose: Frame,
 
 
 def _joint(
-    reading: Reading, element: Element, frame: Frame, carrier: str, child: str, pose: Frame, waiting: Waiting, scene: Scene
+    reading: Reading,
+    element: Element,
+    frame: Frame,
+    carrier: str,
+    child: str,
+    pose: Frame,
+    waiting: Waiting,
+    scene: Scene,
 ) -> Joint | None:
     given = "free" if element.tag == "freejoint" else element.get("type", "hinge")
     if given not in TYPES:
@@ -180,13 +236,19 @@ def _joint(
         return None
     joint = Joint("", TYPES[given], carrier, child, element)
     original = element.get("name")
-    joint.name = reading.joint_name(original or f"{child}_joint", joint.type, joint.notes if original else [])
+    joint.name = reading.joint_name(
+        original or f"{child}_joint", joint.type, joint.notes if original else []
+    )
     if original in scene.joints:
-        reading.report(element, f"a second joint '{original}'", "names that differ", attribute="name")
+        reading.report(
+            element, f"a second joint '{original}'", "names that differ", attribute="name"
+        )
     scene.joints[original or joint.name] = joint
     if joint.type == "free":
         if waiting.parent != GROUND:
-            reading.report(element, "a free joint on a body inside another", "a body of <worldbody>")
+            reading.report(
+                element, "a free joint on a body inside another", "a body of <worldbody>"
+            )
         _start(joint, pose, scene)
     else:
         _place(reading, element, frame, pose, joint, scene)
@@ -200,17 +262,23 @@ def _start(joint: Joint, pose: Frame, scene: Scene) -> None:
     values = zip(("x", "y", "z", "qw", "qx", "qy", "qz"), (*pose.at, *quaternion))
     still = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     moved = [(name, value) for (name, value), rest in zip(values, still) if value != rest]
-    scene.robot.initial += [Entry(f"{joint.name}_{name}", written(value), joint.place) for name, value in moved]
+    scene.robot.initial += [
+        Entry(f"{joint.name}_{name}", written(value), joint.place) for name, value in moved
+    ]
 
 
-def _place(reading: Reading, element: Element, frame: Frame, pose: Frame, joint: Joint, scene: Scene) -> None:
+def _place(
+    reading: Reading, element: Element, frame: Frame, pose: Frame, joint: Joint, scene: Scene
+) -> None:
     own = frame.then(vector(reading, element, "pos"), IDENTITY)
     turn = pose.turn
     start = pose.then(own.at, IDENTITY).at
     if joint.type != "ball":
         given = unit(vector(reading, element, "axis", (0.0, 0.0, 1.0)))
         if given is None:
-            reading.report(element, "the axis of a joint has length zero", "a direction", attribute="axis")
+            reading.report(
+                element, "the axis of a joint has length zero", "a direction", attribute="axis"
+            )
         joint.axis = unit(rotated(frame.turn, given or (0.0, 0.0, 1.0)))
         assert joint.axis is not None
         reference = scalar(reading, element, "ref")
@@ -230,11 +298,14 @@ def _place(reading: Reading, element: Element, frame: Frame, pose: Frame, joint:
 def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> None:
     """stiffness, damping, frictionloss and armature."""
     stiffness, damping, loss, armature = (
-        scalar(reading, element, name) for name in ("stiffness", "damping", "frictionloss", "armature")
+        scalar(reading, element, name)
+        for name in ("stiffness", "damping", "frictionloss", "armature")
     )
     if any(listing(reading, element, "springdamper", 2) or ()):
         problem = "a spring and damper by time constant and damping ratio"
-        reading.report(element, problem, "stiffness and damping in numbers", attribute="springdamper")
+        reading.report(
+            element, problem, "stiffness and damping in numbers", attribute="springdamper"
+        )
     off = scene.settings.off
     stiffness, damping = stiffness * ("spring" not in off), damping * ("damper" not in off)
     loss *= "frictionloss" not in off
@@ -245,7 +316,12 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
         joint.damper, joint.coulomb, joint.armature = damping, loss, armature
         return
     if stiffness:
-        reading.report(element, f"a spring in a {joint.type} joint", "springs in hinges and slides", attribute="stiffness")
+        reading.report(
+            element,
+            f"a spring in a {joint.type} joint",
+            "springs in hinges and slides",
+            attribute="stiffness",
+        )
     kinds = (("damper", "coefficient", damping), ("armature", "inertia", armature))
     for kind, key, value in kinds:
         for rate in joint.rates() if value else ():
@@ -263,4 +339,6 @@ def _gravity_compensation(reading: Reading, element: Element, body: Body, scene:
         force = ", ".join(written(x) for x in times(-share * body.mass, scene.settings.gravity))
         com = ", ".join(written(x) for x in body.com)
         text = f"{{type: force, body: {body.name}, at: [{com}], components: [{force}]}}"
-        scene.robot.loads.append(Entry(reading.symbols(f"gravcomp_{body.name}", "load"), text, element))
+        scene.robot.loads.append(
+            Entry(reading.symbols(f"gravcomp_{body.name}", "load"), text, element)
+        )

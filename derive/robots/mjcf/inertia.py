@@ -10,7 +10,18 @@ from derive.robots.markup import Element
 from derive.robots.mjcf.settings import Settings, along_z, orientation
 from derive.robots.numbers import listing, scalar, vector
 from derive.robots.robot import Body, Reading
-from derive.robots.rotations import IDENTITY, ORIGIN, Matrix, Vector, minus, plus, product, rotated, times, turned_tensor
+from derive.robots.rotations import (
+    IDENTITY,
+    ORIGIN,
+    Matrix,
+    Vector,
+    minus,
+    plus,
+    product,
+    rotated,
+    times,
+    turned_tensor,
+)
 
 WATER = 1000.0  # kg/m³, the density of a geom that says nothing
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
@@ -63,16 +74,31 @@ def of_geom(reading: Reading, geom: Element, frame: Frame, found: Settings) -> P
     if kind not in SIZES or "mesh" in geom.attributes:
         hint = "give the body an <inertial>, or the geom mass=0 where others carry it"
         reading.report(
-            geom, f"the mass of a {kind if 'mesh' not in geom.attributes else 'mesh'} geom", ", ".join(SIZES), hint, "type"
+            geom,
+            f"the mass of a {kind if 'mesh' not in geom.attributes else 'mesh'} geom",
+            ", ".join(SIZES),
+            hint,
+            "type",
         )
         return None
     if geom.get("shellinertia", "false") == "true":
-        reading.report(geom, "the inertia of a shell", "solid geoms, or an <inertial>", attribute="shellinertia")
+        reading.report(
+            geom,
+            "the inertia of a shell",
+            "solid geoms, or an <inertial>",
+            attribute="shellinertia",
+        )
     return _solid(reading, geom, kind, given, density, frame, found)
 
 
 def _solid(
-    reading: Reading, geom: Element, kind: str, given: float, density: float, frame: Frame, found: Settings
+    reading: Reading,
+    geom: Element,
+    kind: str,
+    given: float,
+    density: float,
+    frame: Frame,
+    found: Settings,
 ) -> Piece | None:
     at, turn, size = _placed(reading, geom, kind, found)
     if size is None:
@@ -84,7 +110,9 @@ def _solid(
     return Piece(mass, own.at, turned_tensor(own.turn, tensor))
 
 
-def _placed(reading: Reading, geom: Element, kind: str, found: Settings) -> tuple[Vector, Matrix, list[float] | None]:
+def _placed(
+    reading: Reading, geom: Element, kind: str, found: Settings
+) -> tuple[Vector, Matrix, list[float] | None]:
     """Centre, orientation and half sizes; `fromto` gives the ends of the long axis."""
     size = listing(reading, geom, "size") or []
     ends = listing(reading, geom, "fromto", 6) if kind != "sphere" else None
@@ -99,7 +127,11 @@ def _placed(reading: Reading, geom: Element, kind: str, found: Settings) -> tupl
     else:
         at, turn = vector(reading, geom, "pos"), orientation(reading, geom, found)
     if len(size) < SIZES[kind] or min(size[: SIZES[kind]], default=0.0) <= 0.0:
-        problem = f"the size of a {kind} has {len(size)} numbers" if len(size) < SIZES[kind] else f"a {kind} with a size of zero"
+        problem = (
+            f"the size of a {kind} has {len(size)} numbers"
+            if len(size) < SIZES[kind]
+            else f"a {kind} with a size of zero"
+        )
         reading.report(geom, problem, f"{SIZES[kind]}, more than zero", attribute="size")
         return at, turn or IDENTITY, None
     return at, turn or IDENTITY, size[: SIZES[kind]]
@@ -142,7 +174,13 @@ def _ellipsoid(size: Sequence[float]) -> tuple[float, Vector]:
 
 
 # half sizes → volume, and moments of inertia per mass
-_SOLIDS = {"sphere": _sphere, "cylinder": _cylinder, "capsule": _capsule, "box": _box, "ellipsoid": _ellipsoid}
+_SOLIDS = {
+    "sphere": _sphere,
+    "cylinder": _cylinder,
+    "capsule": _capsule,
+    "box": _box,
+    "ellipsoid": _ellipsoid,
+}
 
 
 def together(pieces: Sequence[Piece]) -> Piece:
@@ -150,12 +188,18 @@ def together(pieces: Sequence[Piece]) -> Piece:
     if len(pieces) == 1:
         return pieces[0]
     mass = sum(piece.mass for piece in pieces)
-    com = times(1.0 / mass, [sum(piece.mass * piece.com[k] for piece in pieces) for k in range(3)]) if mass else ORIGIN
+    com = (
+        times(1.0 / mass, [sum(piece.mass * piece.com[k] for piece in pieces) for k in range(3)])
+        if mass
+        else ORIGIN
+    )
     tensor = [0.0] * 6
     for piece in pieces:
         x, y, z = minus(piece.com, com)
         shift = (y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
-        tensor = [total + own + piece.mass * s for total, own, s in zip(tensor, piece.tensor, shift)]
+        tensor = [
+            total + own + piece.mass * s for total, own, s in zip(tensor, piece.tensor, shift)
+        ]
     return Piece(mass, com, tuple(tensor))
 
 
@@ -166,4 +210,7 @@ def fill(body: Body, piece: Piece, found: Settings) -> None:
     if found.least_mass and body.mass < found.least_mass:
         body.mass = found.least_mass
     if found.least_inertia and (not body.inertia or min(body.inertia[:3]) < found.least_inertia):
-        body.inertia = tuple(max(x, found.least_inertia) if k < 3 else x for k, x in enumerate(body.inertia or (0.0,) * 6))
+        body.inertia = tuple(
+            max(x, found.least_inertia) if k < 3 else x
+            for k, x in enumerate(body.inertia or (0.0,) * 6)
+        )

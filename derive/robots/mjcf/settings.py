@@ -10,17 +10,37 @@ from derive.diagnostics import did_you_mean, listed
 from derive.robots.markup import Element, parsed, read
 from derive.robots.numbers import listing, scalar, vector
 from derive.robots.robot import Reading
-from derive.robots.rotations import IDENTITY, Matrix, Vector, about, cross, from_euler, from_quaternion, transposed, unit
+from derive.robots.rotations import (
+    IDENTITY,
+    Matrix,
+    Vector,
+    about,
+    cross,
+    from_euler,
+    from_quaternion,
+    transposed,
+    unit,
+)
 
 MOST_FILES = 100
 KINDS = (".xml", ".mjcf")
-ACTUATORS = ("general", "motor", "position", "velocity", "damper", "intvelocity", "cylinder", "muscle", "adhesion")
+ACTUATORS = (
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "damper",
+    "intvelocity",
+    "cylinder",
+    "muscle",
+    "adhesion",
+)
 
 
 @dataclass
 class Settings:
-    """`classes`: class → kind of element → attributes, with what the class inherits. `off`: flags that are disabled.
-    `total_mass`: what all bodies are scaled to, where it is more than zero."""
+    """`classes`: class → kind of element → attributes, with what the class inherits. `off`: flags
+    that are disabled. `total_mass`: what all bodies are scaled to, where it is more than zero."""
 
     degrees: bool = True
     sequence: str = "xyz"
@@ -50,7 +70,10 @@ def included(root: Element) -> Element:
             if child.tag == "include":
                 count += 1
                 if count > MOST_FILES:
-                    child.refuse("more than 100 files are included", "files that do not include each other in a circle")
+                    child.refuse(
+                        "more than 100 files are included",
+                        "files that do not include each other in a circle",
+                    )
                 queue += _content(child)[::-1]
             else:
                 children.append(child)
@@ -64,10 +87,16 @@ def _content(include: Element) -> list[Element]:
     if not name:
         include.refuse("an include without a file", '<include file="…"/>')
     place = include.file.folder / name
-    if place.suffix.lower() not in KINDS:  # a robot from elsewhere must not make us read, and quote, whatever file it likes
-        include.refuse(f"the file {name!r} is no MJCF file by its name", " or ".join(KINDS), attribute="file")
+    if (
+        place.suffix.lower() not in KINDS
+    ):  # a robot from elsewhere must not make us read, and quote, whatever file it likes
+        include.refuse(
+            f"the file {name!r} is no MJCF file by its name", " or ".join(KINDS), attribute="file"
+        )
     if not place.is_file():
-        include.refuse(f"the file {name!r} is not there", "a file beside this one", attribute="file")
+        include.refuse(
+            f"the file {name!r} is not there", "a file beside this one", attribute="file"
+        )
     return parsed(read(place)).children
 
 
@@ -85,12 +114,20 @@ def settings(reading: Reading, root: Element) -> Settings:
 
 
 def _compiler(reading: Reading, compiler: Element, found: Settings) -> None:
-    if (angle := compiler.get("angle", "degree" if found.degrees else "radian")) not in ("degree", "radian"):
+    if (angle := compiler.get("angle", "degree" if found.degrees else "radian")) not in (
+        "degree",
+        "radian",
+    ):
         reading.report(compiler, f"angles in '{angle}'", "degree, radian", attribute="angle")
     found.degrees = angle == "degree"
     found.sequence = compiler.get("eulerseq", found.sequence)
     if len(found.sequence) != 3 or set(found.sequence.lower()) - set("xyz"):
-        reading.report(compiler, f"the Euler sequence '{found.sequence}'", "three of x, y, z, X, Y, Z", attribute="eulerseq")
+        reading.report(
+            compiler,
+            f"the Euler sequence '{found.sequence}'",
+            "three of x, y, z, X, Y, Z",
+            attribute="eulerseq",
+        )
         found.sequence = "xyz"
     if compiler.get("coordinate", "local") != "local":
         hint = "MuJoCo itself no longer reads them; save the model with an older version first"
@@ -112,9 +149,18 @@ def _option(reading: Reading, option: Element, found: Settings) -> None:
         found.off |= {name for name, state in flag.attributes.items() if state == "disable"}
         if "gravity" in found.off:
             found.gravity = (0.0, 0.0, 0.0)
-        for name, what in (("equality", "equality constraints"), ("constraint", "constraints"), ("actuation", "actuators")):
+        for name, what in (
+            ("equality", "equality constraints"),
+            ("constraint", "constraints"),
+            ("actuation", "actuators"),
+        ):
             if name in found.off:
-                reading.report(flag, f"{what} that are switched off", f"{what} that act, or none", attribute=name)
+                reading.report(
+                    flag,
+                    f"{what} that are switched off",
+                    f"{what} that act, or none",
+                    attribute=name,
+                )
     if "passive" in found.off:  # the two together, in older versions
         found.off |= {"spring", "damper"}
 
@@ -142,7 +188,8 @@ def _defaults(reading: Reading, default: Element, found: Settings) -> None:
 
 
 def _family(tag: str) -> str:
-    """MuJoCo keeps one set of defaults for all kinds of actuators, and one for both kinds of tendons."""
+    """MuJoCo keeps one set of defaults for all kinds of actuators, and one for both kinds of
+    tendons."""
     return "actuator" if tag in ACTUATORS else "tendon" if tag in ("fixed", "spatial") else tag
 
 
@@ -151,10 +198,18 @@ def completed(reading: Reading, element: Element, found: Settings, inherited: st
     wanted = element.get("class") or inherited or "main"
     if wanted not in found.classes:
         known = list(found.classes)
-        reading.report(element, f"unknown class '{wanted}'", listed(known), did_you_mean(wanted, known), "class")
+        reading.report(
+            element,
+            f"unknown class '{wanted}'",
+            listed(known),
+            did_you_mean(wanted, known),
+            "class",
+        )
         return element
     attributes = found.classes[wanted].get(_family(element.tag), {}) | element.attributes
-    return Element(element.tag, attributes, element.file, element.at, element.children, element.text)
+    return Element(
+        element.tag, attributes, element.file, element.at, element.children, element.text
+    )
 
 
 def orientation(reading: Reading, element: Element, found: Settings) -> Matrix:

@@ -1,8 +1,10 @@
-"""Power series of everything in a CasADi function, in fixed-point numbers of as many bits as asked for.
+"""Power series of everything in a CasADi function, in fixed-point numbers of as many bits as asked
+for.
 
-A series holds integers: term k is the coefficient of sᵏ times 2ᵇⁱᵗˢ, where s runs from 0 to 1 over one step. Every operation of
-the graph gives its next term from those before it (R. E. Moore: Interval Analysis, 1966; A. Griewank, A. Walther: Evaluating
-Derivatives, 2008, table 13.2), so that a differential equation grows its own solution.
+A series holds integers: term k is the coefficient of sᵏ times 2ᵇⁱᵗˢ, where s runs from 0 to 1 over
+one step. Every operation of the graph gives its next term from those before it (R. E. Moore:
+Interval Analysis, 1966; A. Griewank, A. Walther: Evaluating Derivatives, 2008, table 13.2), so that
+a differential equation grows its own solution.
 """
 
 from __future__ import annotations
@@ -59,15 +61,22 @@ class Fixed:
 
 
 class Graph:
-    """The instructions of an SX function over series: `outputs` grow by one term at a time, as the inputs do."""
+    """The instructions of an SX function over series: `outputs` grow by one term at a time, as the
+    inputs do."""
 
-    def __init__(self, function: ca.Function, fixed: Fixed, inputs: Sequence[Sequence[Series]]) -> None:
+    def __init__(
+        self, function: ca.Function, fixed: Fixed, inputs: Sequence[Sequence[Series]]
+    ) -> None:
         self.fixed, self.bits, self.one = fixed, fixed.bits, 1 << fixed.bits
         self.growing: list[tuple[list[int], Rule]] = []
         self.outputs = [[Series([0], True)] * function.nnz_out(i) for i in range(function.n_out())]
         work = [Series([0], True)] * function.sz_w()
         for k in range(function.n_instructions()):
-            code, source, target = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+            code, source, target = (
+                function.instruction_id(k),
+                function.instruction_input(k),
+                function.instruction_output(k),
+            )
             if code == ca.OP_INPUT:
                 work[target[0]] = inputs[source[0]][source[1]]
             elif code == ca.OP_OUTPUT:
@@ -106,7 +115,11 @@ class Graph:
     def _convolved(self, x: Series, y: Series, k: int, first: int = 0) -> int:
         """Σ xᵢ yₖ₋ᵢ, i from `first` to k − `first`."""
         low, high = max(first, k - len(y.terms) + 1), min(k - first, len(x.terms) - 1)
-        return sum(map(mul, x.terms[low : high + 1], reversed(y.terms[k - high : k - low + 1]))) if low <= high else 0
+        return (
+            sum(map(mul, x.terms[low : high + 1], reversed(y.terms[k - high : k - low + 1])))
+            if low <= high
+            else 0
+        )
 
     def _weighted(self, x: Series, y: Series, k: int, last: int) -> int:
         """Σ i xᵢ yₖ₋ᵢ, i from 1 to `last`."""
@@ -144,7 +157,9 @@ class Graph:
         z = Series()
 
         def rule(k: int) -> int:
-            return ((x[k] << self.bits) - (self._convolved(z, y, k) if k else 0)) // _nonzero(y.terms[0])
+            return ((x[k] << self.bits) - (self._convolved(z, y, k) if k else 0)) // _nonzero(
+                y.terms[0]
+            )
 
         return self._grown((x, y), rule, z)
 
@@ -156,7 +171,9 @@ class Graph:
 
         def rule(k: int) -> int:
             if k:
-                return ((x[k] << self.bits) - self._convolved(z, z, k, 1)) // (2 * _nonzero(z.terms[0]))
+                return ((x[k] << self.bits) - self._convolved(z, z, k, 1)) // (
+                    2 * _nonzero(z.terms[0])
+                )
             if x.terms[0] < 0:
                 raise NotAnalytic("the root of a negative number")
             return math.isqrt(x.terms[0] << self.bits)
@@ -164,7 +181,8 @@ class Graph:
         return self._grown((x,), rule, z)
 
     def power(self, x: Series, y: Series) -> Series:
-        """xʸ: a product for small whole y, else x z′ = y z x′ for a constant y, else exp(y log x)."""
+        """xʸ: a product for small whole y, else x z′ = y z x′ for a constant y, else exp(y log
+        x)."""
         whole = self.fixed.fraction(y.terms[0]) if y.constant else Fraction(1, 2)
         if whole.denominator == 1 and abs(whole) <= 64:
             return self._whole_power(x, int(whole))
@@ -175,7 +193,9 @@ class Graph:
         def rule(k: int) -> int:
             if k == 0:
                 return self.fixed.call(lambda b, c: b**c, x.terms[0], a)
-            total = sum((a * i - ((k - i) << self.bits)) * x[i] * z.terms[k - i] for i in range(1, k + 1))
+            total = sum(
+                (a * i - ((k - i) << self.bits)) * x[i] * z.terms[k - i] for i in range(1, k + 1)
+            )
             return (total >> self.bits) // (k * _nonzero(x.terms[0]))
 
         return self._grown((x,), rule, z)
@@ -189,11 +209,22 @@ class Graph:
             result = self.product(result, x) if bit == "1" else result
         return result
 
-    def _follows(self, x: Series, slope: Series, sign: int, start: Callable[..., Any], z: Series | None = None) -> Series:
+    def _follows(
+        self,
+        x: Series,
+        slope: Series,
+        sign: int,
+        start: Callable[..., Any],
+        z: Series | None = None,
+    ) -> Series:
         """z with z′ = ± slope · x′."""
 
         def rule(k: int) -> int:
-            return (sign * self._weighted(x, slope, k, k) >> self.bits) // k if k else self.fixed.call(start, x.terms[0])
+            return (
+                (sign * self._weighted(x, slope, k, k) >> self.bits) // k
+                if k
+                else self.fixed.call(start, x.terms[0])
+            )
 
         return self._grown((x,), rule, z)
 
@@ -204,7 +235,9 @@ class Graph:
         def rule(k: int) -> int:
             if k == 0:
                 return self.fixed.call(start, x.terms[0])
-            return ((k * x[k] << self.bits) - self._weighted(z, w, k, k - 1)) // (k * _nonzero(w.terms[0]))
+            return ((k * x[k] << self.bits) - self._weighted(z, w, k, k - 1)) // (
+                k * _nonzero(w.terms[0])
+            )
 
         return self._grown((x,), rule, z)
 
@@ -215,7 +248,9 @@ class Graph:
     def log(self, x: Series) -> Series:
         return self._resists(x, x, mpmath.log)
 
-    def _pair(self, x: Series, sign: int, first: Callable[..., Any], second: Callable[..., Any]) -> list[Series]:
+    def _pair(
+        self, x: Series, sign: int, first: Callable[..., Any], second: Callable[..., Any]
+    ) -> list[Series]:
         s, c = Series(), Series()
         self._follows(x, c, 1, first, s)
         self._follows(x, s, sign, second, c)
@@ -237,7 +272,8 @@ class Graph:
         return self._pair(x, 1, mpmath.sinh, mpmath.cosh)[1]
 
     def tanh(self, x: Series) -> Series:
-        """1 − 2/(e²ˣ + 1): nothing overflows where it saturates in the negative, and integers never do."""
+        """1 − 2/(e²ˣ + 1): nothing overflows where it saturates in the negative, and integers never
+        do."""
         denominator = self.sum(self.exp(self.twice(x)), self.number(1.0))
         return self.difference(self.number(1.0), self.quotient(self.number(2.0), denominator))
 
@@ -257,7 +293,11 @@ class Graph:
     def atan2(self, y: Series, x: Series) -> Series:
         """Its value from mpmath, its terms from those of the quotient that stays finite."""
         flat = abs(y.terms[0]) <= abs(x.terms[0]) if y.terms and x.terms else True
-        z = self.atan(self.quotient(y, x)) if flat else self.negative(self.atan(self.quotient(x, y)))
+        z = (
+            self.atan(self.quotient(y, x))
+            if flat
+            else self.negative(self.atan(self.quotient(x, y)))
+        )
 
         def rule(k: int) -> int:
             return z[k] if k else self.fixed.call(mpmath.atan2, y.terms[0], x.terms[0])

@@ -1,4 +1,5 @@
-"""ẋ = f(t, x) by Taylor series of high order in fixed-point numbers: as many digits as asked for."""
+"""ẋ = f(t, x) by Taylor series of high order in fixed-point numbers: as many digits as asked
+for."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ class Run:
 
 
 def integrated(problem: Problem, times: Sequence[float], digits: int, order: int, bits: int) -> Run:
-    """x at rising `times`; the last terms of every step are below 10⁻ᵈⁱᵍⁱᵗˢ. Raises NotAnalytic where that cannot be."""
+    """x at rising `times`; the last terms of every step are below 10⁻ᵈⁱᵍⁱᵗˢ. Raises NotAnalytic
+    where that cannot be."""
     fixed = Fixed(bits)
     state, now, step = [fixed.of(value) for value in problem.x], Fraction(0), FIRST
     found, steps = [], 0
@@ -56,10 +58,14 @@ def integrated(problem: Problem, times: Sequence[float], digits: int, order: int
     return Run(tuple(found), steps)
 
 
-def _terms(problem: Problem, fixed: Fixed, now: Fraction, step: Fraction, state: Sequence[int], order: int) -> list[list[int]]:
+def _terms(
+    problem: Problem, fixed: Fixed, now: Fraction, step: Fraction, state: Sequence[int], order: int
+) -> list[list[int]]:
     """The series of x over one step."""
     t, x = Series([fixed.of(now), fixed.of(step)]), [Series([value]) for value in state]
-    constants = [[Series([fixed.of(value)], True) for value in values] for values in (problem.u, problem.p)]
+    constants = [
+        [Series([fixed.of(value)], True) for value in values] for values in (problem.u, problem.p)
+    ]
     graph = Graph(problem.dynamics, fixed, [[t], x, *constants])
     rates, length = graph.outputs[0], fixed.of(step)
     for k in range(order):
@@ -72,7 +78,9 @@ def _terms(problem: Problem, fixed: Fixed, now: Fraction, step: Fraction, state:
 def _share(fixed: Fixed, series: Sequence[Sequence[int]], digits: int) -> float:
     """The part of the step (or more than it) at which the last two terms come down to 10⁻ᵈⁱᵍⁱᵗˢ."""
     order, wanted = len(series[0]) - 1, fixed.bits - digits * log2(10)
-    excess = [(max(abs(x[k]) for x in series).bit_length() - wanted) / k for k in (order - 1, order)]
+    excess = [
+        (max(abs(x[k]) for x in series).bit_length() - wanted) / k for k in (order - 1, order)
+    ]
     return 2.0 ** -min(max(*excess, -200.0), 900.0)
 
 

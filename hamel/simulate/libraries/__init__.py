@@ -1,4 +1,5 @@
-"""Integrators of other libraries over the same equations. To add one: a file with a Reference, and its line here."""
+"""Integrators of other libraries over the same equations. To add one: a file with a Reference, and
+its line here."""
 
 from hamel.simulate.libraries.records import Problem, Reference
 from hamel.simulate.libraries.scipy_solvers import SCIPY

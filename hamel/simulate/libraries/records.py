@@ -1,4 +1,5 @@
-"""Integrators of other libraries, to compare the generated ones with: what they get and what they give back."""
+"""Integrators of other libraries, to compare the generated ones with: what they get and what they
+give back."""
 
 from __future__ import annotations
 
@@ -15,9 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Problem:
-    """A motion to compute: compiled functions, what they were made of, output times, state at the first, inputs, parameters.
+    """A motion to compute: compiled functions, what they were made of, output times, state at the
+    first, inputs, parameters.
 
-    `compiled`: what the solver evaluates goes through the C compiler first, which pays where a run is repeated or long.
+    `compiled`: what the solver evaluates goes through the C compiler first, which pays where a run
+    is repeated or long.
     """
 
     module: ModuleType
@@ -49,7 +52,8 @@ class Found:
 
 @dataclass(frozen=True)
 class Reference:
-    """`prepare` makes all that is no part of a run, and gives the run; `refusal` says why it does not fit some equations."""
+    """`prepare` makes all that is no part of a run, and gives the run; `refusal` says why it does
+    not fit some equations."""
 
     name: str
     about: str
@@ -58,11 +62,15 @@ class Reference:
     refusal: Callable[[Equations], str] = lambda found: ""
 
 
-def found(problem: Problem, x: np.ndarray, work: np.ndarray, steps: int, rejected: int, calls: int) -> Found:
+def found(
+    problem: Problem, x: np.ndarray, work: np.ndarray, steps: int, rejected: int, calls: int
+) -> Found:
     """With the violations that the module's own functions see."""
     module, positions = problem.module, problem.equations.system.phi.numel()
     if not hasattr(module, "constraints"):
         return Found(problem.times, x, work, steps, rejected, calls, 0.0, 0.0)
     size = np.abs(module.constraints(problem.times, x, problem.u, problem.p))
-    position, velocity = (float(np.max(part, initial=0.0)) for part in (size[:, :positions], size[:, positions:]))
+    position, velocity = (
+        float(np.max(part, initial=0.0)) for part in (size[:, :positions], size[:, positions:])
+    )
     return Found(problem.times, x, work, steps, rejected, calls, position, velocity)

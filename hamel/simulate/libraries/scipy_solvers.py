@@ -1,4 +1,5 @@
-"""SciPy's solvers over the compiled functions, step by step, with their own dense output at the output times."""
+"""SciPy's solvers over the compiled functions, step by step, with their own dense output at the
+output times."""
 
 from __future__ import annotations
 
@@ -15,7 +16,9 @@ def _prepared(solver: str, problem: Problem) -> Callable[[], Found]:
     try:
         from scipy import integrate
     except ImportError:
-        raise ToolchainError("SciPy is not installed", "pip install scipy, or use an integrator of the module itself") from None
+        raise ToolchainError(
+            "SciPy is not installed", "pip install scipy, or use an integrator of the module itself"
+        ) from None
     return lambda: _run(getattr(integrate, solver), solver, problem)
 
 
@@ -35,7 +38,9 @@ def _run(method: Any, solver: str, problem: Problem) -> Found:
     while stepper.status == "running":
         message = stepper.step()
         if stepper.status == "failed":
-            raise FloatingPointError(f"{module.name}: {solver} of SciPy stopped at t = {stepper.t!r}: {message}")
+            raise FloatingPointError(
+                f"{module.name}: {solver} of SciPy stopped at t = {stepper.t!r}: {message}"
+            )
         upto = int(np.searchsorted(times, stepper.t, side="right"))
         if upto > done:
             rows[done:upto] = stepper.dense_output()(times[done:upto]).T
@@ -54,7 +59,10 @@ def _slope(module: Any, t: float, y: np.ndarray, problem: Problem) -> np.ndarray
 def _reference(name: str, solver: str, about: str) -> Reference:
     source = "P. Virtanen et al.: SciPy 1.0, Nature Methods 17, 2020"
     return Reference(
-        name, f"{solver} of SciPy over the compiled functions: {about}", source, lambda problem: _prepared(solver, problem)
+        name,
+        f"{solver} of SciPy over the compiled functions: {about}",
+        source,
+        lambda problem: _prepared(solver, problem),
     )
 
 

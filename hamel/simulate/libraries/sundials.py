@@ -1,10 +1,13 @@
 """SUNDIALS through CasADi: CVODES on the state derivative, IDAS on the constraints themselves.
 
-IDAS integrates the index-2 system of Gear, Gupta and Leimkuhler in (q, v), with multipliers λ and μ:
-    q̇ = N (v + A_hᵀ μ),  M v̇ + h = Q + Aᵀ λ,  0 = φ(q, t),  0 = A v − c     (A_h: the holonomic rows)
-so that positions and velocities are both held, without a choice of quasi-velocities. The traditional reference.
-Newton's method is to converge in q and v alone: rounding of A v gives λ an error of that over the step, which in short steps is
-more than any tolerance. Nor can v be found better than the rounding of the largest rates: its absolute tolerance ends there.
+IDAS integrates the index-2 system of Gear, Gupta and Leimkuhler in (q, v), with multipliers λ and
+μ:
+    q̇ = N (v + A_hᵀ μ),  M v̇ + h = Q + Aᵀ λ,  0 = φ(q, t),  0 = A v − c     (A_h: the holonomic
+    rows)
+so that positions and velocities are both held, without a choice of quasi-velocities. The
+traditional reference. Newton's method is to converge in q and v alone: rounding of A v gives λ an
+error of that over the step, which in short steps is more than any tolerance. Nor can v be found
+better than the rounding of the largest rates: its absolute tolerance ends there.
 """
 
 from __future__ import annotations
@@ -32,7 +35,14 @@ def _cvodes(problem: Problem) -> Run:
     slots = {argument.name: argument.symbols for argument in problem.equations.arguments}
     made = {function.name: function.result.value for function in problem.equations.functions}
     work = made["power"] if "power" in made else ca.SX(0)
-    system = {"x": slots["x"], "t": slots["t"], "u": slots["u"], "p": slots["p"], "ode": made["dynamics"], "quad": work}
+    system = {
+        "x": slots["x"],
+        "t": slots["t"],
+        "u": slots["u"],
+        "p": slots["p"],
+        "ode": made["dynamics"],
+        "quad": work,
+    }
     return _prepared("cvodes", system, problem, np.zeros(0), {})
 
 
@@ -55,7 +65,11 @@ def _idas(problem: Problem) -> Run:
     rates = module.dynamics(t, x, problem.u, problem.p)
     span, nq = float(np.ptp(problem.times)), system.q.numel()
     finest = 10 * np.finfo(float).eps * (np.max(np.abs(x[nq:])) + span * np.max(np.abs(rates[nq:])))
-    tolerances = [*[problem.atol] * nq, *[max(problem.atol, finest)] * (x.size - nq), *[UNCHECKED] * z.size]
+    tolerances = [
+        *[problem.atol] * nq,
+        *[max(problem.atol, finest)] * (x.size - nq),
+        *[UNCHECKED] * z.size,
+    ]
     return _prepared(
         "idas",
         dae,
@@ -67,14 +81,19 @@ def _idas(problem: Problem) -> Run:
             "init_xdot": rates.tolist(),
             "step0": min(1e-5, 1e-3 * span),
             "abstolv": tolerances,
-            "linear_solver": "csparse",  # CasADi's own takes the small pivots of short steps for zeros
+            # CasADi's own takes the small pivots of short steps for zeros
+            "linear_solver": "csparse",
         },
     )
 
 
 def _multipliers(problem: Problem, kept: list[int]) -> np.ndarray:
     """λ of the independent rows at the start, with the same Aᵀ λ as that of all rows."""
-    system, t, q = problem.equations.system, problem.times[0], problem.x[: problem.equations.system.q.numel()]
+    system, t, q = (
+        problem.equations.system,
+        problem.times[0],
+        problem.x[: problem.equations.system.q.numel()],
+    )
     A = Kinematics(system).velocities(float(t), q, problem.p)[0]
     lam = problem.module.reactions(float(t), problem.x, problem.u, problem.p)
     return lam if len(kept) == len(A) else np.linalg.lstsq(A[kept].T, A.T @ lam, rcond=None)[0]
@@ -87,10 +106,17 @@ def _kept(equations: Equations) -> list[int]:
     return [names.index(label) for label in slip.result.labels]
 
 
-def _prepared(solver: str, dae: dict[str, ca.SX], problem: Problem, z: np.ndarray, options: dict[str, Any]) -> Run:
+def _prepared(
+    solver: str, dae: dict[str, ca.SX], problem: Problem, z: np.ndarray, options: dict[str, Any]
+) -> Run:
     """Gives the rows at the output times; the first one is the state given."""
     times = problem.times
-    steps = {"abstol": problem.atol, "reltol": problem.rtol, "max_num_steps": MOST_STEPS, "show_eval_warnings": False}
+    steps = {
+        "abstol": problem.atol,
+        "reltol": problem.rtol,
+        "max_num_steps": MOST_STEPS,
+        "show_eval_warnings": False,
+    }
     made = _compiled(dae) if problem.compiled else dae
     motion = ca.integrator("motion", solver, made, times[0], times[1:], {**steps, **options})
     u = np.tile(problem.u[:, np.newaxis], (1, times.size - 1))
@@ -100,7 +126,9 @@ def _prepared(solver: str, dae: dict[str, ca.SX], problem: Problem, z: np.ndarra
             result = motion(x0=problem.x, z0=z, u=u, p=problem.p)
         except RuntimeError as error:
             why = str(error).strip().splitlines()[-1]
-            raise FloatingPointError(f"{problem.module.name}: {solver.upper()} stopped: {why}") from None
+            raise FloatingPointError(
+                f"{problem.module.name}: {solver.upper()} stopped: {why}"
+            ) from None
         x = np.vstack([problem.x, np.asarray(result["xf"]).T])
         work = np.concatenate([[0.0], np.asarray(result["qf"]).ravel()])
         counts: dict[str, Any] = motion.stats()
@@ -110,7 +138,8 @@ def _prepared(solver: str, dae: dict[str, ca.SX], problem: Problem, z: np.ndarra
 
 
 def _compiled(dae: dict[str, ca.SX]) -> dict[str, ca.MX]:
-    """The same system with its functions and their derivatives as C of CasADi's, compiled with the flags of our own modules."""
+    """The same system with its functions and their derivatives as C of CasADi's, compiled with the
+    flags of our own modules."""
     given = {name: dae[name] for name in ("x", "z", "t", "u", "p") if name in dae}
     sides = {name: ca.densify(dae[name]) for name in ("ode", "alg", "quad") if name in dae}
     function = ca.Function("sides", [*given.values()], [*sides.values()], [*given], [*sides])
@@ -120,7 +149,8 @@ def _compiled(dae: dict[str, ca.SX]) -> dict[str, ca.MX]:
 
 
 def compiled_by_casadi(function: ca.Function) -> ca.Function:
-    """Loaded for as long as the process lives; the files are gone at once. The function itself without a compiler."""
+    """Loaded for as long as the process lives; the files are gone at once. The function itself
+    without a compiler."""
     command = find_compiler()
     if command is None:
         return function
@@ -139,8 +169,12 @@ def _needs_multipliers(equations: Equations) -> str:
     if not equations.system.rows:
         return "there are no constraints to hold"
     if equations.formulation != "augmented":
-        return "it holds the constraints of the base velocities by multipliers of its own: give it the formulation augmented"
-    return "" if equations.system.written else "the mass matrix is not written out for a system of this length"
+        return "it holds the constraints of the generalized velocities by multipliers of its own: give it the formulation augmented"
+    return (
+        ""
+        if equations.system.written
+        else "the mass matrix is not written out for a system of this length"
+    )
 
 
 _SOURCE = "A. C. Hindmarsh et al.: SUNDIALS, ACM TOMS 31, 2005, through CasADi"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hamel.verify.checks.check import Rung
+from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import deviation, worst
 from hamel.verify.checks.evidence import Evidence, Sample
 from hamel.verify.reference.outcome import energies, state_of
@@ -45,7 +45,8 @@ def _quadratic(e: Evidence) -> bool:
 
 
 def inverse(e: Evidence, left: str, right: str) -> float | None:
-    """left · right against the identity (A R, B S) or zero (A S, B R), relative to |left| |right| and per condition of Y."""
+    """left · right against the identity (A R, B S) or zero (A S, B R), relative to |left| |right|
+    and per condition of Y."""
     first, second = e.named(left), e.named(right)
     if first is None or second is None:
         return None
@@ -59,7 +60,9 @@ def _product_error(left: Array, right: Array, identity: bool) -> float:
     wanted = np.eye(len(left)) if identity else np.zeros((len(left), right.shape[1]))
     lengths = _lengths(left, 1)
     left, right = left / lengths, right * lengths.T if identity else right / _lengths(right, 0)
-    size = 1.0 + np.linalg.norm(left, axis=1, keepdims=True) * np.linalg.norm(right, axis=0, keepdims=True)
+    size = 1.0 + np.linalg.norm(left, axis=1, keepdims=True) * np.linalg.norm(
+        right, axis=0, keepdims=True
+    )
     return worst((left @ right - wanted) / size)
 
 
@@ -69,9 +72,13 @@ def _lengths(matrix: Array, axis: int) -> Array:
 
 
 def roundtrip(e: Evidence) -> float:
-    """(q, v) → x → (q, v); and x = (q, B v) off the constraints as well, where B is shown: no condition number excuses that."""
+    """(q, v) → x → (q, v); and x = (q, B v) off the constraints as well, where B is shown: no
+    condition number excuses that."""
     forth = [_forth(e, s, at) for s, d in zip(e.samples, e.disturbed) for at in (s.state, d)]
-    return max(worst(forth), deviation(e.velocities, [s.v for s in e.samples], e.conditions, unit=e.units.v))
+    return max(
+        worst(forth),
+        deviation(e.velocities, [s.v for s in e.samples], e.conditions, unit=e.units.v),
+    )
 
 
 def _forth(e: Evidence, s: Sample, at: State) -> float:
@@ -84,15 +91,25 @@ def _forth(e: Evidence, s: Sample, at: State) -> float:
     return max(moved, worst((w - B @ at.v) / (e.units.w + np.abs(B) @ np.abs(at.v))))
 
 
-def _product_rung(left: str, right: str) -> Rung:
+def _product_check(left: str, right: str) -> Check:
     name = f"{left} {right} = {int((left, right) in (('A', 'R'), ('B', 'S')))}"
-    return Rung(name, 1e-12, "block inverse of Y = [A; B], per condition number", lambda e: inverse(e, left, right))
+    return Check(
+        name,
+        1e-12,
+        "block inverse of Y = [A; B], per condition number",
+        lambda e: inverse(e, left, right),
+    )
 
 
-RUNGS = (
-    Rung("M symmetric", 1e-13, "M = Mᵀ", symmetric),
-    Rung("M semidefinite", 1e-12, "no negative eigenvalue", semidefinite),
-    Rung("T = ½ vᵀ M v", 1e-11, "kinetic energy is the mass matrix's quadratic form", kinetic),
-    *(_product_rung(left, right) for left in "AB" for right in "SR"),
-    Rung("x ↔ (q, v)", 1e-12, "state and velocity undo each other on A v = c, per condition number", roundtrip),
+CHECKS = (
+    Check("M symmetric", 1e-13, "M = Mᵀ", symmetric),
+    Check("M semidefinite", 1e-12, "no negative eigenvalue", semidefinite),
+    Check("T = ½ vᵀ M v", 1e-11, "kinetic energy is the mass matrix's quadratic form", kinetic),
+    *(_product_check(left, right) for left in "AB" for right in "SR"),
+    Check(
+        "x ↔ (q, v)",
+        1e-12,
+        "state and velocity undo each other on A v = c, per condition number",
+        roundtrip,
+    ),
 )

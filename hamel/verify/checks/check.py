@@ -1,4 +1,5 @@
-"""What a check is: a worst error over the states, a tolerance and a line that says why it is that large."""
+"""What a check is: a worst error over the states, a tolerance and a line that says why it is that
+large."""
 
 from __future__ import annotations
 
@@ -9,11 +10,14 @@ from hamel.verify.checks.evidence import Evidence
 
 
 @dataclass(frozen=True)
-class Rung:
-    """`error` gives the worst relative error, or None where the check does not apply to the choice."""
+class Check:
+    """`error` gives the worst relative error, or None where the check does not apply to the
+    choice."""
 
     name: str
     tolerance: float
     about: str
     error: Callable[[Evidence], float | None]
-    rounding: bool = False  # the tolerance counts in units of rounding of the module, and is given for double
+    rounding: bool = (
+        False  # the tolerance counts in units of rounding of the module, and is given for double
+    )

@@ -1,4 +1,5 @@
-"""Comparison of arrays over many states, component by component, each against its own typical size."""
+"""Comparison of arrays over many states, component by component, each against its own typical
+size."""
 
 from __future__ import annotations
 
@@ -10,11 +11,14 @@ import numpy as np
 from hamel.verify.reference.vectors import Array
 
 FLOOR = 1e-3  # a component counts as at least this part of the largest component's typical size …
-SMALL = 1e-6  # … and as at least this in its unit, so that the roundoff of a quantity that is zero is not compared with itself
+# … and as at least this in its unit, so that the roundoff of a quantity that is zero is not
+# compared with itself
+SMALL = 1e-6
 
 
 def sizes(values: Array, floor: float = FLOOR, small: float = SMALL) -> Array:
-    """For states × k values: what size an error in each is to be compared with, max(|value|, its median, the floors)."""
+    """For states × k values: what size an error in each is to be compared with, max(|value|, its
+    median, the floors)."""
     typical = np.median(np.abs(values), axis=0)
     least = max(small, floor * float(np.max(typical, initial=0.0)))
     return np.maximum(np.abs(values), np.maximum(typical, least))
@@ -35,9 +39,11 @@ def deviation(
     small: float = SMALL,
     unit: Array | float = 1.0,
 ) -> float:
-    """Worst relative error over the states, each state's error divided by `relax` (a condition number).
+    """Worst relative error over the states, each state's error divided by `relax` (a condition
+    number).
 
-    `unit`: one of each component, so that different quantities can be compared with each other's sizes.
+    `unit`: one of each component, so that different quantities can be compared with each other's
+    sizes.
     """
     left, right = (np.array([np.ravel(x) for x in side], dtype=float) for side in (got, wanted))
     if left.shape != right.shape:
@@ -49,9 +55,11 @@ def deviation(
 
 
 def slope(function: Callable[[float], Array | float], step: float) -> tuple[Array, Array]:
-    """Derivative at 0 by five points, (8 (f₁ − f₋₁) − (f₂ − f₋₂)) / 12 h with h = step/2, and how much it differs from h = step.
+    """Derivative at 0 by five points, (8 (f₁ − f₋₁) − (f₂ − f₋₂)) / 12 h with h = step/2, and how
+    much it differs from h = step.
 
-    The difference is sixteen times the truncation error of the derivative, or its roundoff, whichever is larger.
+    The difference is sixteen times the truncation error of the derivative, or its roundoff,
+    whichever is larger.
     """
     f = {k: np.asarray(function(k * step / 2.0), dtype=float) for k in (-4, -2, -1, 1, 2, 4)}
     wide, narrow = (_five_points(f[-2 * k], f[-k], f[k], f[2 * k], k * step / 2.0) for k in (2, 1))

@@ -1,4 +1,5 @@
-"""Moving about in the configuration space: q̇, q ⊕ d, q₁ ⊖ q₀ and unit quaternions, each against the reference's own N."""
+"""Moving about in the configuration space: q̇, q ⊕ d, q₁ ⊖ q₀ and unit quaternions, each against
+the reference's own N."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from derive.states.sampling import normalised
-from hamel.verify.checks.check import Rung
+from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import deviation
 from hamel.verify.checks.evidence import Evidence
 from hamel.verify.reference.vectors import Array, quaternion_product
@@ -25,7 +26,8 @@ def displaced(e: Evidence) -> float | None:
 
 
 def between(e: Evidence) -> float | None:
-    """The function `difference`: q₀ ⊕ (q₁ ⊖ q₀) is q₁, for quaternions up to sign, and no turn is longer than half a one."""
+    """The function `difference`: q₀ ⊕ (q₁ ⊖ q₀) is q₁, for quaternions up to sign, and no turn is
+    longer than half a one."""
     if not e.graph.has("difference"):
         return None
     places = e.arguments_of("difference")
@@ -39,7 +41,9 @@ def between(e: Evidence) -> float | None:
 
 def lengths(e: Evidence) -> float | None:
     """The function `normalise`."""
-    return _against(e, "normalise", [normalised(e.system, x) for x in e.arguments_of("normalise")], e.units.q)
+    return _against(
+        e, "normalise", [normalised(e.system, x) for x in e.arguments_of("normalise")], e.units.q
+    )
 
 
 def _against(e: Evidence, name: str, wanted: Sequence[Array], unit: Array) -> float | None:
@@ -56,7 +60,9 @@ def _moved(e: Evidence, q: Array, N: Array, d: Array) -> Array:
         own = slice(start, start + 4)
         turn = d[np.abs(N[own]).any(axis=0)]
         half = np.linalg.norm(turn) / 2.0
-        result[own] = np.cos(half) * q[own] + np.sinc(half / np.pi) * (quaternion_product(q[own]) @ turn)
+        result[own] = np.cos(half) * q[own] + np.sinc(half / np.pi) * (
+            quaternion_product(q[own]) @ turn
+        )
     return result
 
 
@@ -79,9 +85,16 @@ def _longest(e: Evidence, steps: Sequence[Array]) -> float:
     return max(found)
 
 
-RUNGS = (
-    Rung("qdot", 1e-11, "reference: N v", coordinate_rates),
-    Rung("integrate", 1e-11, "q + N d, quaternions times exp(d/2), with the reference's N", displaced),
-    Rung("difference", 1e-10, "the reference's q₀ ⊕ d comes out at q₁, the shorter way round; per condition number", between),
-    Rung("normalise", 1e-12, "quaternions divided by their length", lengths),
+CHECKS = (
+    Check("qdot", 1e-11, "reference: N v", coordinate_rates),
+    Check(
+        "integrate", 1e-11, "q + N d, quaternions times exp(d/2), with the reference's N", displaced
+    ),
+    Check(
+        "difference",
+        1e-10,
+        "the reference's q₀ ⊕ d comes out at q₁, the shorter way round; per condition number",
+        between,
+    ),
+    Check("normalise", 1e-12, "quaternions divided by their length", lengths),
 )

@@ -1,4 +1,5 @@
-"""What the checks look at: at each random admissible state the reference, the system's terms and the equations' functions."""
+"""What the checks look at: at each random admissible state the reference, the system's terms and
+the equations' functions."""
 
 from __future__ import annotations
 
@@ -18,7 +19,14 @@ from derive.states import sampling
 from hamel.verify.checks.compare import SMALL
 from hamel.verify.checks.roundoff import bound
 from hamel.verify.checks.units import Units, units
-from hamel.verify.reference.outcome import Kinematics, Outcome, Reference, evaluate, kinematics, state_of
+from hamel.verify.reference.outcome import (
+    Kinematics,
+    Outcome,
+    Reference,
+    evaluate,
+    kinematics,
+    state_of,
+)
 from hamel.verify.reference.saddle import condition_of, rank_of, row_condition, saddle
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
@@ -34,7 +42,8 @@ MATRICES = ("N", "M", "A")
 
 @dataclass(frozen=True)
 class Sample:
-    """One state with the reference's outcome; `p` are the system's own parameters, `full` all of the model's."""
+    """One state with the reference's outcome; `p` are the system's own parameters, `full` all of
+    the model's."""
 
     t: float
     q: Array
@@ -69,7 +78,8 @@ TermsAt = Callable[[float, Array, Array, Array, Array], Terms]
 
 
 def terms(system: System) -> TermsAt:
-    """(t, q, v, u, p) → Terms, evaluated by CasADi. An M that is not written out is what Newton–Euler multiplies v̇ by."""
+    """(t, q, v, u, p) → Terms, evaluated by CasADi. An M that is not written out is what
+    Newton–Euler multiplies v̇ by."""
     columns = [ca.densify(ca.SX(getattr(system, name))) for name in TERMS]
     function = ca.Function("terms", [system.t, system.q, system.v, system.u, system.p], columns)
     vdot = ca.SX.sym("vdot", system.v.numel())
@@ -94,19 +104,27 @@ def terms(system: System) -> TermsAt:
 def samples(system: System, reference: Reference, count: int, seed: int) -> tuple[Sample, ...]:
     """Random admissible states of derive.states.sampling, each evaluated by the reference."""
     found = sampling.states(system, count, seed, parameters=VARIED)
-    return tuple(_sample(system, reference, *row) for row in zip(found.t, found.q, found.v, found.u, found.p))
+    return tuple(
+        _sample(system, reference, *row) for row in zip(found.t, found.q, found.v, found.u, found.p)
+    )
 
 
-def _sample(system: System, reference: Reference, t: float, q: Array, v: Array, u: Array, p: Array) -> Sample:
+def _sample(
+    system: System, reference: Reference, t: float, q: Array, v: Array, u: Array, p: Array
+) -> Sample:
     full = all_parameters(system, p)
     state = state_of(reference, float(t), q, v, u, full)
     return Sample(float(t), q, v, u, p, full, state, evaluate(reference, state))
 
 
 def all_parameters(system: System, p: Array) -> Array:
-    """The model's parameters in order: those of p where the system takes them, defaults for the rest."""
+    """The model's parameters in order: those of p where the system takes them, defaults for the
+    rest."""
     rest = iter(p)
-    return np.array([x.value if x.name in system.constants else next(rest) for x in system.model.parameters], dtype=float)
+    return np.array(
+        [x.value if x.name in system.constants else next(rest) for x in system.model.parameters],
+        dtype=float,
+    )
 
 
 @dataclass(frozen=True)
@@ -124,7 +142,8 @@ class Graph:
         return shaped(np.array(self.functions[name](t, x, u, p)))
 
     def iterated(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
-        """The result of a function that is one Newton step, repeated as the generated module repeats it."""
+        """The result of a function that is one Newton step, repeated as the generated module
+        repeats it."""
         function = next(function for function in self.equations.functions if function.name == name)
         if function.iteration is None:
             return self(name, t, x, u, p)
@@ -135,7 +154,8 @@ class Graph:
         return x
 
     def roundoff(self, name: str, rows: Sequence[Row], real: Real) -> Array:
-        """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries, in units of double."""
+        """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries,
+        in units of double."""
         function = next(function for function in self.equations.functions if function.name == name)
         arguments = slots_of(self.equations, function)
         states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
@@ -144,7 +164,9 @@ class Graph:
     def margins(self, name: str, rows: Sequence[Row], real: Real) -> Array:
         """How far the function's guards are from refusing each (t, x, u, p): below one they do."""
         function = next(function for function in self.equations.functions if function.name == name)
-        ratios = [guard.value / (guard.tolerance * real.wider(guard.part)) for guard in function.guards]
+        ratios = [
+            guard.value / (guard.tolerance * real.wider(guard.part)) for guard in function.guards
+        ]
         at = ca.Function("margins", slots_of(self.equations, function), [ca.vertcat(*ratios)])
         return np.array([np.min(np.abs(np.array(at(*row))), initial=np.inf) for row in rows])
 
@@ -165,10 +187,18 @@ def graph(equations: Equations) -> Graph:
     """Compile nothing: CasADi's virtual machine runs the graph itself."""
     arguments = slots_of(equations)
     results = {f.name: ca.densify(f.result.value) for f in equations.functions}
-    functions = {f.name: ca.Function(f.name, slots_of(equations, f), [results[f.name]]) for f in equations.functions}
-    named = {item.name: ca.Function(item.name, arguments, [ca.densify(item.value)]) for item in equations.named}
+    functions = {
+        f.name: ca.Function(f.name, slots_of(equations, f), [results[f.name]])
+        for f in equations.functions
+    }
+    named = {
+        item.name: ca.Function(item.name, arguments, [ca.densify(item.value)])
+        for item in equations.named
+    }
     stops = {
-        f.name: ca.Function(f.name, slots_of(equations, f), [f.residual]) for f in equations.functions if f.residual is not None
+        f.name: ca.Function(f.name, slots_of(equations, f), [f.residual])
+        for f in equations.functions
+        if f.residual is not None
     }
     return Graph(equations, functions, named, stops, _rate(arguments, results["velocity"]))
 
@@ -191,7 +221,8 @@ def slots_of(equations: Equations, function: Function | None = None) -> list[ca.
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything about one choice at all states. Arrays are computed when a check first asks for them."""
+    """Everything about one choice at all states. Arrays are computed when a check first asks for
+    them."""
 
     system: System
     reference: Reference
@@ -203,10 +234,13 @@ class Evidence:
     chart: int = 0  # of the module, that the graph is of
 
     def loaded(self, module: ModuleType) -> Evidence:
-        """With the module; what was computed before is kept where it computes in the same precision."""
+        """With the module; what was computed before is kept where it computes in the same
+        precision."""
         made = replace(self, module=module)
         if made.real is self.real:
-            vars(made).update({name: value for name, value in vars(self).items() if name != "module"})
+            vars(made).update(
+                {name: value for name, value in vars(self).items() if name != "module"}
+            )
         return made
 
     @cached_property
@@ -217,7 +251,10 @@ class Evidence:
     def rows_of(self, name: str) -> list[Row]:
         """(t, x, u, p) of a function at every state, as the module's precision rounds them."""
         near = self.real.nearest
-        return [(float(near(s.t)), near(x), near(s.u), near(s.p)) for s, x in zip(self.samples, self.arguments_of(name))]
+        return [
+            (float(near(s.t)), near(x), near(s.u), near(s.p))
+            for s, x in zip(self.samples, self.arguments_of(name))
+        ]
 
     @cached_property
     def units(self) -> Units:
@@ -244,9 +281,13 @@ class Evidence:
         return self.conditions_of(self.graph)
 
     def conditions_of(self, graph: Graph) -> list[float]:
-        """Condition of the augmented system times that of the choice's own Y = [A; B]: how much roundoff may grow."""
+        """Condition of the augmented system times that of the choice's own Y = [A; B]: how much
+        roundoff may grow."""
         own = self.named("Y", graph) or [np.eye(1)] * len(self.samples)
-        return [self._condition(s.outcome) * max(1.0, row_condition(Y * self._columns(Y))) for s, Y in zip(self.samples, own)]
+        return [
+            self._condition(s.outcome) * max(1.0, row_condition(Y * self._columns(Y)))
+            for s, Y in zip(self.samples, own)
+        ]
 
     def _condition(self, o: Outcome) -> float:
         """Of [M Aᵀ; A 0] in the model's own units."""
@@ -260,11 +301,14 @@ class Evidence:
         """The states with q moved off the constraints by up to 0.1, the same way every time."""
         rng = np.random.default_rng(0)
         moved = [s.q + FAR * self.units.q * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
-        return tuple(state_of(self.reference, s.t, q, s.v, s.u, s.full) for s, q in zip(self.samples, moved))
+        return tuple(
+            state_of(self.reference, s.t, q, s.v, s.u, s.full) for s, q in zip(self.samples, moved)
+        )
 
     @cached_property
     def astray(self) -> tuple[Array, ...]:
-        """x moved by up to a tenth: of terms that vanish on the constraints some are of third order in the way off them."""
+        """x moved by up to a tenth: of terms that vanish on the constraints some are of third order
+        in the way off them."""
         rng = np.random.default_rng(2)
         return tuple(x + FAR * self.units.x * rng.uniform(-1, 1, len(x)) for x in self.x)
 
@@ -275,7 +319,8 @@ class Evidence:
 
     @cached_property
     def own(self) -> tuple[State, ...]:
-        """The states at the choice's own v: what the choice says of them is not excused by how well x tells v."""
+        """The states at the choice's own v: what the choice says of them is not excused by how well
+        x tells v."""
         rows = zip(self.samples, self.velocities)
         return tuple(state_of(self.reference, s.t, s.q, v, s.u, s.full) for s, v in rows)
 
@@ -295,7 +340,8 @@ class Evidence:
 
     @cached_property
     def small(self) -> float:
-        """Accelerations below this, in the model's own units, are left over where gravity cancels: 1e-4 of it."""
+        """Accelerations below this, in the model's own units, are left over where gravity cancels:
+        1e-4 of it."""
         gravity, own = self.reference.model.gravity, self.units.own
         size = [float(np.linalg.norm(s.state.vector(gravity))) for s in self.samples[:1] if gravity]
         return max(SMALL, *(1e-4 * g * own.time**2 / own.length for g in size), 0.0)
@@ -305,22 +351,29 @@ class Evidence:
         return any(s.outcome.rank < len(s.outcome.lam) for s in self.samples)
 
     def states_of(self, graph: Graph) -> tuple[Array, ...]:
-        return tuple(graph("state", s.t, np.concatenate([s.q, s.v]), s.u, s.p) for s in self.samples)
+        return tuple(
+            graph("state", s.t, np.concatenate([s.q, s.v]), s.u, s.p) for s in self.samples
+        )
 
     def accelerations_of(self, graph: Graph) -> tuple[Array, ...]:
         rows = zip(self.samples, self.states_of(graph))
         return tuple(graph.acceleration(s.t, x, s.u, s.p) for s, x in rows)
 
     def arguments_of(self, name: str) -> tuple[Array, ...]:
-        """The x that a function takes: the state (q, w), unless it is one of those that take something else."""
+        """The x that a function takes: the state (q, w), unless it is one of those that take
+        something else."""
         if name in ("state", "qdot"):
             return tuple(np.concatenate([s.q, s.v]) for s in self.samples)
         if name == "integrate":
             return tuple(np.concatenate([s.q, s.v * self.units.time]) for s in self.samples)
         if name == "inverse_dynamics":
             rng = np.random.default_rng(4)  # any v̇ will do, and none should come out as zero
-            any_other = (s.outcome.vdot + self.units.vdot * rng.normal(size=len(s.v)) for s in self.samples)
-            return tuple(np.concatenate([s.q, s.v, vdot]) for s, vdot in zip(self.samples, any_other))
+            any_other = (
+                s.outcome.vdot + self.units.vdot * rng.normal(size=len(s.v)) for s in self.samples
+            )
+            return tuple(
+                np.concatenate([s.q, s.v, vdot]) for s, vdot in zip(self.samples, any_other)
+            )
         if name == "difference":
             others = (*self.samples[1:], *self.samples[:1])
             return tuple(np.concatenate([s.q, other.q]) for s, other in zip(self.samples, others))
@@ -339,7 +392,8 @@ class Evidence:
         return tuple(np.append(x, rng.normal(size=taken.symbols.numel() - len(x))) for x in self.x)
 
     def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:
-        """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of that name."""
+        """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of
+        that name."""
         graph = graph or self.graph
         if name not in graph.named:
             return None
@@ -349,7 +403,10 @@ class Evidence:
     @cached_property
     def expected(self) -> dict[str, tuple[Array, Array]]:
         """For every function the graph's results and the roundoff in them, states × entries."""
-        return {function.name: self._expected(function.name) for function in self.graph.equations.functions}
+        return {
+            function.name: self._expected(function.name)
+            for function in self.graph.equations.functions
+        }
 
     def _expected(self, name: str) -> tuple[Array, Array]:
         rows = self.rows_of(name)

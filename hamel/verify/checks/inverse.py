@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hamel.verify.checks.check import Rung
+from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import worst
 from hamel.verify.checks.evidence import Evidence, Sample
 from hamel.verify.reference.outcome import evaluate, state_of
@@ -17,7 +17,9 @@ def any_motion(e: Evidence) -> float | None:
     """τ = M a + h − Q(u = 0) of the reference, at accelerations a that need not be possible."""
     if not e.graph.has("inverse_dynamics"):
         return None
-    return worst([_error(e, s, a, s.outcome.M @ a + s.outcome.h - idle) for s, a, idle in _asked(e)])
+    return worst(
+        [_error(e, s, a, s.outcome.M @ a + s.outcome.h - idle) for s, a, idle in _asked(e)]
+    )
 
 
 def _asked(e: Evidence) -> Iterator[tuple[Sample, Array, Array]]:
@@ -31,7 +33,8 @@ def _idle(e: Evidence, s: Sample) -> Array:
 
 
 def own_motion(e: Evidence) -> float | None:
-    """dynamics ∘ inverse_dynamics = 1: the choice's own v̇ asks for the forces it came from, Q(u) − Q(0) + Aᵀ λ."""
+    """dynamics ∘ inverse_dynamics = 1: the choice's own v̇ asks for the forces it came from, Q(u) −
+    Q(0) + Aᵀ λ."""
     if not e.graph.has("inverse_dynamics"):
         return None
     driven = (s.outcome.Q - _idle(e, s) + s.outcome.constraint_force for s in e.samples)
@@ -44,12 +47,17 @@ def _error(e: Evidence, s: Sample, a: Array, wanted: Array) -> float:
     o = s.outcome
     got = e.graph("inverse_dynamics", s.t, np.concatenate([s.q, s.v, a]), s.u, s.p)
     size = (np.abs(o.M) @ np.abs(a) + np.abs(o.h) + np.abs(o.Q) + np.abs(wanted)) / e.units.force
-    return worst((got - wanted) / e.units.force / np.maximum(size, 1e-6 + 1e-3 * size.max(initial=0.0)))
+    return worst(
+        (got - wanted) / e.units.force / np.maximum(size, 1e-6 + 1e-3 * size.max(initial=0.0))
+    )
 
 
-RUNGS = (
-    Rung("inverse dynamics", 1e-11, "reference: M v̇ + h − Q at u = 0, for any v̇", any_motion),
-    Rung(
-        "dynamics ∘ inverse", 1e-10, "the forces of the choice's own v̇ are those it came from, per condition number", own_motion
+CHECKS = (
+    Check("inverse dynamics", 1e-11, "reference: M v̇ + h − Q at u = 0, for any v̇", any_motion),
+    Check(
+        "dynamics ∘ inverse",
+        1e-10,
+        "the forces of the choice's own v̇ are those it came from, per condition number",
+        own_motion,
     ),
 )

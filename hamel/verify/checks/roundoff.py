@@ -1,8 +1,11 @@
 """Running error analysis: how far roundoff alone can move the results of a straight-line program.
 
-Every operation z = f(a, b) adds half a unit in the last place of z and passes on what its operands carry:
-    δz = |∂f/∂a| δa + |∂f/∂b| δb + ε |z|          (Wilkinson; Higham, Accuracy and Stability of Numerical Algorithms, §3.3)
-Two orderings of the same sums and products agree within a small multiple of the bound, a wrong sign does not.
+Every operation z = f(a, b) adds half a unit in the last place of z and passes on what its operands
+carry:
+    δz = |∂f/∂a| δa + |∂f/∂b| δb + ε |z|          (Wilkinson; Higham, Accuracy and Stability of
+    Numerical Algorithms, §3.3)
+Two orderings of the same sums and products agree within a small multiple of the bound, a wrong sign
+does not.
 """
 
 from __future__ import annotations
@@ -38,8 +41,9 @@ COMMON: dict[int, Callable[..., tuple]] = {
 def bound(arguments: list[ca.SX], value: ca.SX, states: Array, real: Real = FLOAT64) -> Array:
     """The bound of each entry of a dense `value` (row by row), states × entries.
 
-    `value` is an expression over the arguments; `states` holds their entries, states × all arguments, and counts as exact.
-    The bound is in terms of double's unit of rounding, whatever the precision `real`; constants that it rounds carry one unit.
+    `value` is an expression over the arguments; `states` holds their entries, states × all
+    arguments, and counts as exact. The bound is in terms of double's unit of rounding, whatever the
+    precision `real`; constants that it rounds carry one unit.
     """
     program = ca.Function("program", [ca.vertcat(*arguments)], [value.T])
     columns, nothing = states.T, np.zeros(len(states))
@@ -77,5 +81,9 @@ def _formula(operation: int, count: int) -> Callable[..., tuple]:
 def _differentiated(operation: int, count: int) -> Callable[..., tuple]:
     symbols = [ca.SX.sym(name) for name in "ab"[:count]]
     z = ca.SX.unary(operation, *symbols) if count == 1 else ca.SX.binary(operation, *symbols)
-    function = ca.Function("slopes", symbols, [z, *(ca.densify(ca.jacobian(z, symbol)) for symbol in symbols)])
-    return lambda *operands: tuple(np.ravel(np.array(x)) for x in function(*(operand[np.newaxis, :] for operand in operands)))
+    function = ca.Function(
+        "slopes", symbols, [z, *(ca.densify(ca.jacobian(z, symbol)) for symbol in symbols)]
+    )
+    return lambda *operands: tuple(
+        np.ravel(np.array(x)) for x in function(*(operand[np.newaxis, :] for operand in operands))
+    )

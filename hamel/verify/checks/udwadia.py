@@ -1,14 +1,15 @@
-"""The system's own terms solved as Udwadia and Kalaba, and Udwadia and Phohomsiri, do: by pseudo-inverses, without multipliers.
+"""The system's own terms solved as Udwadia and Kalaba, and Udwadia and Phohomsiri, do: by
+pseudo-inverses, without multipliers.
 
-Sources: F. E. Udwadia, R. E. Kalaba, Proc. R. Soc. A 439 (1992) 407–410; F. E. Udwadia, P. Phohomsiri, Proc. R. Soc. A 462 (2006)
-2097–2117.
+Sources: F. E. Udwadia, R. E. Kalaba, Proc. R. Soc. A 439 (1992) 407–410; F. E. Udwadia, P.
+Phohomsiri, Proc. R. Soc. A 462 (2006) 2097–2117.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from hamel.verify.checks.check import Rung
+from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import deviation
 from hamel.verify.checks.evidence import Evidence, Terms
 from hamel.verify.reference.saddle import RANK, condition_of
@@ -20,7 +21,9 @@ REGULAR = 1e12  # condition of a mass matrix that has an inverse
 def udwadia_kalaba(e: Evidence) -> float | None:
     """v̇ against a + M^{-½} (A M^{-½})⁺ (β − A a), a = M⁻¹ (Q − h), where M has an inverse."""
     growth = [condition_of(t.M) for t in e.terms]
-    if max(growth) > REGULAR or any(np.linalg.matrix_rank(_scaled(t)[1]) < len(t.M) for t in e.terms):
+    if max(growth) > REGULAR or any(
+        np.linalg.matrix_rank(_scaled(t)[1]) < len(t.M) for t in e.terms
+    ):
         return None
     try:
         wanted = [D * _udwadia_kalaba(*rest) for D, *rest in map(_scaled, e.terms)]
@@ -47,7 +50,8 @@ def _udwadia_phohomsiri(M: Array, force: Array, A: Array, beta: Array) -> Array:
 
 
 def _scaled(t: Terms) -> tuple[Array, Array, Array, Array, Array]:
-    """D, D M D with ones on its diagonal, D (Q − h), and A D, β with rows of length one; v̇ is D times what solves these."""
+    """D, D M D with ones on its diagonal, D (Q − h), and A D, β with rows of length one; v̇ is D
+    times what solves these."""
     size = np.diag(t.M)
     D = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
     A = t.A * D
@@ -59,9 +63,17 @@ def _pseudo_inverse(matrix: Array) -> Array:
     return np.linalg.pinv(matrix, rcond=RANK)
 
 
-RUNGS = (
-    Rung(
-        "v̇ Udwadia–Kalaba", 1e-10, "the same terms by a pseudo-inverse, per condition number, that of M or of all", udwadia_kalaba
+CHECKS = (
+    Check(
+        "v̇ Udwadia–Kalaba",
+        1e-10,
+        "the same terms by a pseudo-inverse, per condition number, that of M or of all",
+        udwadia_kalaba,
     ),
-    Rung("v̇ Udwadia–Phohomsiri", 1e-10, "the same without an inverse of M, per condition number", udwadia_phohomsiri),
+    Check(
+        "v̇ Udwadia–Phohomsiri",
+        1e-10,
+        "the same without an inverse of M, per condition number",
+        udwadia_phohomsiri,
+    ),
 )

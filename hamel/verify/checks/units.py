@@ -1,6 +1,8 @@
-"""What one of every quantity is, in SI, when the model is told in its own units (derive.states.scales).
+"""What one of every quantity is, in SI, when the model is told in its own units
+(derive.states.scales).
 
-Errors are compared with these where a quantity vanishes, and disturbances are so large: a verdict does not depend on the metre.
+Errors are compared with these where a quantity vanishes, and disturbances are so large: a verdict
+does not depend on the metre.
 """
 
 from __future__ import annotations
@@ -107,17 +109,25 @@ class Units:
             "project": self.x,
         }
         count, result = function.result.value.numel(), function.result
-        found = own.get(function.name, self.own.all_of(result.units) if len(result.units) == count else np.ones(count))
+        found = own.get(
+            function.name,
+            self.own.all_of(result.units) if len(result.units) == count else np.ones(count),
+        )
         return np.ravel(found)
 
 
 def units(system: System, A: Sequence[Array], w: Sequence[Array]) -> Units:
-    """`A` and w at some states say how large each row and each speed is; one that says nothing counts as one."""
+    """`A` and w at some states say how large each row and each speed is; one that says nothing
+    counts as one."""
     own, model = scales(system.model), system.model
-    q, v = (own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities))
+    q, v = (
+        own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities)
+    )
     rows = typical([np.max(np.abs(each) * v, axis=1, initial=0.0) for each in A])
     order = sorted((row.position, i) for i, row in enumerate(system.rows) if row.position >= 0)
     positions = np.array([rows[i] for _, i in order if i < len(rows)]) * own.time
     speeds = typical(np.abs(w))
-    speeds[speeds < LEFT_OVER * np.max(v, initial=0.0)] = 1.0  # the constraints leave nothing but roundoff of it
+    speeds[speeds < LEFT_OVER * np.max(v, initial=0.0)] = (
+        1.0  # the constraints leave nothing but roundoff of it
+    )
     return Units(own, q, v, speeds, rows, positions)

@@ -1,4 +1,5 @@
-"""Planted errors: systems and functions with one thing wrong, to see that the ladder goes red for each."""
+"""Planted errors: systems and functions with one thing wrong, to see that the suite goes red for
+each."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ LEAVES = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
 
 
 def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
-    """(what is wrong, the system with it): one per term of the equations, where the model has the term."""
+    """(what is wrong, the system with it): one per term of the equations, where the model has the
+    term."""
     still = ca.substitute(system.h, system.v, ca.SX.zeros(system.v.numel()))
     errors = {
         "gravity": ("h", system.h - 2 * _one_entry(still)),
@@ -30,7 +32,12 @@ def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
         "negative mass": ("M", -system.M),
         "kinematics": ("N", -system.N),
         "rates": ("qdot", _with_first(system.qdot, -1.0)),
-        "position": ("phi", system.phi + _one_entry(0.001 * system.phi * system.q[0]) if system.phi.numel() else system.phi),
+        "position": (
+            "phi",
+            system.phi + _one_entry(0.001 * system.phi * system.q[0])
+            if system.phi.numel()
+            else system.phi,
+        ),
         "constraint row": ("A", _with_first(system.A, -1.0)),
         "constraint value": ("c", -system.c),
         "constraint drift": ("beta", system.beta - 2 * _one_entry(system.beta)),
@@ -82,11 +89,17 @@ def wrong_matrices(equations: Equations) -> Iterator[tuple[str, Equations]]:
     """The equations with every entry of one shown matrix (S, R, B, …) off by 1e-6."""
     for item in equations.named:
         wrong = replace(item, value=ca.densify(item.value) + 1e-6)
-        yield item.name, replace(equations, named=tuple(wrong if x.name == item.name else x for x in equations.named))
+        yield (
+            item.name,
+            replace(
+                equations, named=tuple(wrong if x.name == item.name else x for x in equations.named)
+            ),
+        )
 
 
 def wrong_functions(equations: Equations, name: str) -> Iterator[tuple[str, Equations]]:
-    """The equations with one operation of one function changed: + for −, × for ÷, sine for cosine, x² for 2 x."""
+    """The equations with one operation of one function changed: + for −, × for ÷, sine for cosine,
+    x² for 2 x."""
     function = next(function for function in equations.functions if function.name == name)
     for index, wrong in mutants(function.result.value):
         changed = replace(function, result=replace(function.result, value=wrong))
@@ -94,12 +107,15 @@ def wrong_functions(equations: Equations, name: str) -> Iterator[tuple[str, Equa
 
 
 def _with_function(equations: Equations, changed: Function) -> Equations:
-    functions = tuple(changed if function.name == changed.name else function for function in equations.functions)
+    functions = tuple(
+        changed if function.name == changed.name else function for function in equations.functions
+    )
     return replace(equations, functions=functions)
 
 
 def mutants(value: ca.SX) -> Iterator[tuple[int, ca.SX]]:
-    """(instruction index, the expression with that operation swapped), for every operation that has a counterpart."""
+    """(instruction index, the expression with that operation swapped), for every operation that has
+    a counterpart."""
     tape = recorded(value)
     for index, step in enumerate(tape.steps):
         if step.operation in SWAPPED:
@@ -108,24 +124,29 @@ def mutants(value: ca.SX) -> Iterator[tuple[int, ca.SX]]:
 
 @dataclass(frozen=True)
 class Change:
-    """One thing that can be wrong in an expression; the expression with it is made when it is asked for."""
+    """One thing that can be wrong in an expression; the expression with it is made when it is asked
+    for."""
 
     about: str
     made: Callable[[], ca.SX]
 
 
 def changes(value: ca.SX) -> list[Change]:
-    """Everything that can be wrong: an operation swapped, its sign, a term left out of a sum; an entry's sign or size."""
+    """Everything that can be wrong: an operation swapped, its sign, a term left out of a sum; an
+    entry's sign or size."""
     tape = recorded(value)
     found = [
         Change(f"operation {index}: {about}", partial(tape.replayed, index, change))
         for index, step in enumerate(tape.steps)
         for about, change, operations in _OPERATIONS
-        if step.operation in operations or (operations == () and step.operation not in (*LEAVES, ca.OP_ASSIGN))
+        if step.operation in operations
+        or (operations == () and step.operation not in (*LEAVES, ca.OP_ASSIGN))
     ]
     places = [k for k in range(value.numel()) if not ca.SX(value[k]).is_zero()]
     return found + [
-        Change(f"entry {k} {about}", partial(_with_entry, value, k, factor)) for k in places for about, factor in _ENTRY
+        Change(f"entry {k} {about}", partial(_with_entry, value, k, factor))
+        for k in places
+        for about, factor in _ENTRY
     ]
 
 
@@ -167,7 +188,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Tape:
-    """An expression as the instructions that evaluate it, to be replayed with one of them changed."""
+    """An expression as the instructions that evaluate it, to be replayed with one of them
+    changed."""
 
     symbols: ca.SX
     steps: tuple[Step, ...]
@@ -187,21 +209,34 @@ class Tape:
             elif operation == ca.OP_CONST:
                 work[into[0]] = ca.SX(step.constant)
             else:
-                work[into[0]] = (change if index == wrong else _applied)(operation, [work[i] for i in operands])
+                work[into[0]] = (change if index == wrong else _applied)(
+                    operation, [work[i] for i in operands]
+                )
         return ca.reshape(results, self.rows, self.columns)
 
 
 def recorded(value: ca.SX) -> Tape:
     symbols = ca.vertcat(*ca.symvar(value))
     program = ca.Function("program", [symbols], [ca.densify(value)])
-    return Tape(symbols, tuple(_step(program, i) for i in range(program.n_instructions())), value.size1(), value.size2())
+    return Tape(
+        symbols,
+        tuple(_step(program, i) for i in range(program.n_instructions())),
+        value.size1(),
+        value.size2(),
+    )
 
 
 def _step(program: ca.Function, index: int) -> Step:
     operation = program.instruction_id(index)
     constant = program.instruction_constant(index) if operation == ca.OP_CONST else 0.0
-    return Step(operation, program.instruction_output(index), program.instruction_input(index), constant)
+    return Step(
+        operation, program.instruction_output(index), program.instruction_input(index), constant
+    )
 
 
 def _applied(operation: int, operands: list[ca.SX]) -> ca.SX:
-    return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
+    return (
+        ca.SX.unary(operation, *operands)
+        if len(operands) == 1
+        else ca.SX.binary(operation, *operands)
+    )

@@ -1,6 +1,8 @@
-"""The analytic half of a model by SymPy: Lagrange's equations and the derivatives of constraint expressions.
+"""The analytic half of a model by SymPy: Lagrange's equations and the derivatives of constraint
+expressions.
 
-Symbols: t, q, r (= q̇), v, u, p. Joints turn rates into base velocities: q̇ = N v, q̈ = N v̇ + Ṅ v.
+Symbols: t, q, r (= q̇), v, u, p. Joints turn rates into generalized velocities: q̇ = N v, q̈ = N v̇
++ Ṅ v.
 """
 
 from __future__ import annotations
@@ -46,25 +48,46 @@ class Symbols:
 
     def along(self, expression: Any) -> Any:
         """Σ ∂e/∂q q̇ + ∂e/∂t: the time derivative less its part in the accelerations."""
-        return sum((sympy.diff(expression, x) * r for x, r in zip(self.q, self.r)), sympy.diff(expression, self.t))
+        return sum(
+            (sympy.diff(expression, x) * r for x, r in zip(self.q, self.r)),
+            sympy.diff(expression, self.t),
+        )
 
     def function(self, entries: list[Any]) -> Callable[[State], Array]:
         """The entries at a state, as one flat array (SymPy's code with shared subexpressions)."""
         arguments = [self.t, self.q, self.r, self.v, self.u, self.p]
-        at = sympy.lambdify(arguments, [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True)
+        at = sympy.lambdify(
+            arguments, [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True
+        )
         return lambda s: np.array(at(s.t, s.q, s.rates, s.v, s.u, s.p), dtype=float)
 
 
 def symbols(model: Model) -> Symbols:
-    """Symbols for every name of the model; definitions are put in, each in terms of the earlier ones."""
+    """Symbols for every name of the model; definitions are put in, each in terms of the earlier
+    ones."""
 
     def column(letter: str, count: int) -> tuple[sympy.Symbol, ...]:
         return tuple(sympy.Symbol(f"{letter}{i}", real=True) for i in range(count))
 
-    q, r, v = column("q", len(model.coordinates)), column("r", len(model.coordinates)), column("v", len(model.velocities))
-    u, p, t = column("u", len(model.inputs)), column("p", len(model.parameters)), sympy.Symbol("t", real=True)
-    groups = ((model.coordinates, q), (model.velocities, v), (model.inputs, u), (model.parameters, p))
-    names = {"t": t, "pi": sympy.pi} | {item.name: x for items, xs in groups for item, x in zip(items, xs)}
+    q, r, v = (
+        column("q", len(model.coordinates)),
+        column("r", len(model.coordinates)),
+        column("v", len(model.velocities)),
+    )
+    u, p, t = (
+        column("u", len(model.inputs)),
+        column("p", len(model.parameters)),
+        sympy.Symbol("t", real=True),
+    )
+    groups = (
+        (model.coordinates, q),
+        (model.velocities, v),
+        (model.inputs, u),
+        (model.parameters, p),
+    )
+    names = {"t": t, "pi": sympy.pi} | {
+        item.name: x for items, xs in groups for item, x in zip(items, xs)
+    }
     result = Symbols(t, q, r, v, u, p, names, {c.name: x for c, x in zip(model.coordinates, r)})
     for name, expression in model.definitions:
         names[name] = result.read(expression)
@@ -92,7 +115,9 @@ def holonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], 
     def row(state: State) -> ConstraintRow:
         values = at(state)
         gradient, (value, explicit, curvature) = values[:n], values[n:]
-        return ConstraintRow(gradient @ state.N, -curvature - gradient @ state.drift, -explicit, value)
+        return ConstraintRow(
+            gradient @ state.N, -curvature - gradient @ state.drift, -explicit, value
+        )
 
     return row
 
@@ -113,16 +138,24 @@ def nonholonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State
 
 
 def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
-    """φ(X, q, t) with X the point in the carrier's frame: φ_X Ẍ + φ_q q̈ = −(terms of second order in Ẋ, q̇ and t)."""
+    """φ(X, q, t) with X the point in the carrier's frame: φ_X Ẍ + φ_q q̈ = −(terms of second order
+    in Ẋ, q̇ and t)."""
     X, R = sympy.symbols("X:3", real=True), sympy.symbols("R:3", real=True)
-    phi = sympy.sympify(evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), SYMBOLIC))
+    phi = sympy.sympify(
+        evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), SYMBOLIC)
+    )
 
     def along(expression: Any) -> Any:
         return s.along(expression) + sum(sympy.diff(expression, x) * r for x, r in zip(X, R))
 
     gradient = [sympy.diff(phi, x) for x in (*X, *s.q)]
     entries = [*gradient, phi, sympy.diff(phi, s.t), along(along(phi))]
-    at = sympy.lambdify([X, R, s.t, s.q, s.r, s.p], [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True)
+    at = sympy.lambdify(
+        [X, R, s.t, s.q, s.r, s.p],
+        [sympy.sympify(entry) for entry in entries],
+        modules="numpy",
+        cse=True,
+    )
 
     def rows(state: State) -> Rows:
         inside = _inside(item, place, state)
@@ -132,7 +165,9 @@ def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
         coefficients = over_point @ np.array([x.over for x in inside])
         coefficients[: place.nv] += over_q @ state.N
         rest = over_point @ np.array([x.rest for x in inside]) + over_q @ state.drift + curvature
-        return Rows(coefficients[None, :], np.array([-rest]), np.array([-explicit]), np.array([height]))
+        return Rows(
+            coefficients[None, :], np.array([-rest]), np.array([-explicit]), np.array([height])
+        )
 
     return rows
 
@@ -147,7 +182,8 @@ def _inside(item: OnSurface, place: Layout, state: State) -> list[Jet]:
 def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
     """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·).
 
-    d(T + V)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t + dG/dt with G = 2 T − q̇·∂T/∂q̇, which vanishes for an ordinary quadratic T.
+    d(T + V)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t + dG/dt with G = 2 T − q̇·∂T/∂q̇, which vanishes for an
+    ordinary quadratic T.
     """
     n = len(s.q)
     at = s.function(_entries(model, s))
@@ -155,7 +191,15 @@ def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
     def evaluate(state: State) -> Lagrange:
         mass, force, odd, (T, V, power, explicit) = np.split(at(state), np.cumsum([n * n, n, n]))
         mass, N = mass.reshape(n, n), state.N
-        return Lagrange(N.T @ mass @ N, N.T @ (force - mass @ state.drift), T, V, power, explicit + odd @ state.drift, N.T @ odd)
+        return Lagrange(
+            N.T @ mass @ N,
+            N.T @ (force - mass @ state.drift),
+            T,
+            V,
+            power,
+            explicit + odd @ state.drift,
+            N.T @ odd,
+        )
 
     return evaluate
 
@@ -168,4 +212,12 @@ def _entries(model: Model, s: Symbols) -> list[Any]:
     mass = [sympy.diff(momentum, r) for momentum in momenta for r in s.r]
     force = [sympy.diff(T - V, x) - s.along(momentum) for x, momentum in zip(s.q, momenta)]
     G = 2 * T - sum(momentum * r for momentum, r in zip(momenta, s.r))
-    return [*mass, *force, *(sympy.diff(G, r) for r in s.r), T, V, sympy.diff(V, s.t), s.along(G) - sympy.diff(T, s.t)]
+    return [
+        *mass,
+        *force,
+        *(sympy.diff(G, r) for r in s.r),
+        T,
+        V,
+        sympy.diff(V, s.t),
+        s.along(G) - sympy.diff(T, s.t),
+    ]

@@ -1,8 +1,9 @@
 """Joints that close loops, as rows in maximal coordinates.
 
-Two joint frames, one placed on each body, have origins p and axes a, b; the joint's axis is the third axis of both. φ and its
-order are the project's convention, for λ to mean the same: points first, p₂ − p₁ along the ground's axes (revolute, ball,
-universal, fixed) or along axes of the first frame (the sliding joints); then bⱼ · aᵢ of axes that stay at right angles.
+Two joint frames, one placed on each body, have origins p and axes a, b; the joint's axis is the
+third axis of both. φ and its order are the project's convention, for λ to mean the same: points
+first, p₂ − p₁ along the ground's axes (revolute, ball, universal, fixed) or along axes of the first
+frame (the sliding joints); then bⱼ · aᵢ of axes that stay at right angles.
 """
 
 from __future__ import annotations
@@ -19,7 +20,10 @@ from hamel.verify.reference.states import State, placed
 from hamel.verify.reference.vectors import UNIT, Array, cross
 
 NORMAL = {"xy": UNIT["z"], "xz": -UNIT["y"], "yz": UNIT["x"], "": UNIT["z"]}
-PARALLEL = ((0, 2), (1, 2))  # aᵢ ⊥ bⱼ: the second axis of rotation is at right angles to the first frame's other two axes
+PARALLEL = (
+    (0, 2),
+    (1, 2),
+)  # aᵢ ⊥ bⱼ: the second axis of rotation is at right angles to the first frame's other two axes
 NO_TURN = ((0, 2), (1, 2), (1, 0))
 
 
@@ -46,11 +50,14 @@ def closure_rows(closure: Closure, plane: str, place: Layout, state: State) -> R
     turned = triad(state.vector(closure.axis), plane)
     pairs = zip(closure.bodies, closure.placements)
     first, second = (joint_frame(place, state, body, at, turned) for body, at in pairs)
-    return _ROWS[closure.type](Loop(closure, plane, place, state, (first[0], second[0]), (first[1], second[1])))
+    return _ROWS[closure.type](
+        Loop(closure, plane, place, state, (first[0], second[0]), (first[1], second[1]))
+    )
 
 
 def triad(axis: Array, plane: str = "") -> Array:
-    """Columns x, axis × x, axis; in a plane x lies in the plane across the axis, in space across the axis' least component."""
+    """Columns x, axis × x, axis; in a plane x lies in the plane across the axis, in space across
+    the axis' least component."""
     unit = axis if axis.any() else NORMAL[plane]
     x = cross(NORMAL[plane], unit)
     if not plane or not x.any():
@@ -93,7 +100,8 @@ def _cross_angle(loop: Loop) -> list[Jet]:
 
 
 def _advance(loop: Loop) -> Rows:
-    """d(a · (p₂ − p₁))/dt − pitch/2π a · (ω₂ − ω₁) = 0: velocities only, the turn has no single-valued angle."""
+    """d(a · (p₂ − p₁))/dt − pitch/2π a · (ω₂ − ω₁) = 0: velocities only, the turn has no
+    single-valued angle."""
     axis, slide = loop.axes[0][2], dot(loop.axes[0][2], loop.gap)
     per_radian = loop.state.value(loop.closure.pitch) / (2.0 * np.pi)
     spin = np.zeros(loop.place.size)
@@ -102,7 +110,9 @@ def _advance(loop: Loop) -> Rows:
             spin[loop.place.twist(body)][:3] += sign * axis.value
     first, second = (loop.state.frames[body].omega for body in loop.closure.bodies)
     gamma = -slide.rest + per_radian * axis.rate @ (second - first)
-    return Rows((slide.over - per_radian * spin)[None, :], np.array([gamma]), np.zeros(1), np.zeros(0))
+    return Rows(
+        (slide.over - per_radian * spin)[None, :], np.array([gamma]), np.zeros(1), np.zeros(0)
+    )
 
 
 _cylindrical = _positions(lambda loop: _across(loop, (0, 1)), lambda loop: _square(loop, PARALLEL))

@@ -1,4 +1,5 @@
-"""Formulas of the model over any kind of number: the reference's own reading of the expression trees."""
+"""Formulas of the model over any kind of number: the reference's own reading of the expression
+trees."""
 
 from __future__ import annotations
 
@@ -20,8 +21,11 @@ NUMERIC: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 
 
-def evaluated(expression: tree.Expression, leaf: Leaf, functions: Mapping[str, Callable[..., Any]]) -> Any:
-    """The value of a tree: `leaf` gives names and rates theirs, `functions` the calls; a vector becomes a list."""
+def evaluated(
+    expression: tree.Expression, leaf: Leaf, functions: Mapping[str, Callable[..., Any]]
+) -> Any:
+    """The value of a tree: `leaf` gives names and rates theirs, `functions` the calls; a vector
+    becomes a list."""
 
     def walk(node: tree.Expression) -> Any:
         match node:
@@ -48,7 +52,8 @@ def evaluated(expression: tree.Expression, leaf: Leaf, functions: Mapping[str, C
 
 
 def _power(base: Any, exponent: Any) -> Any:
-    """Whole exponents stay whole: x**2.0 would be a complex-branch power for SymPy and a slow one for NumPy."""
+    """Whole exponents stay whole: x**2.0 would be a complex-branch power for SymPy and a slow one
+    for NumPy."""
     if isinstance(exponent, float) and exponent.is_integer():
         exponent = int(exponent)
     if isinstance(base, int | float) and isinstance(exponent, int | float):
@@ -57,5 +62,6 @@ def _power(base: Any, exponent: Any) -> Any:
 
 
 def lookup(names: Mapping[str, Any], rates: Mapping[str, Any]) -> Leaf:
-    """Leaves from two tables: names (coordinates, parameters, inputs, definitions, t) and rates der(q)."""
+    """Leaves from two tables: names (coordinates, parameters, inputs, definitions, t) and rates
+    der(q)."""
     return lambda node: rates[node.name] if isinstance(node, tree.Rate) else names[node.name]

@@ -1,7 +1,9 @@
-"""Quantities with their first and second time derivatives along the motion, in maximal coordinates z.
+"""Quantities with their first and second time derivatives along the motion, in maximal coordinates
+z.
 
-x has the rate ẋ = X z and the acceleration ẍ = X ż + rest. Points and directions of bodies are the beginning, sums and
-products make everything else, so that φ(q) of a closure becomes a row X ż = −rest without a formula for its derivative.
+x has the rate ẋ = X z and the acceleration ẍ = X ż + rest. Points and directions of bodies are the
+beginning, sums and products make everything else, so that φ(q) of a closure becomes a row X ż =
+−rest without a formula for its derivative.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from hamel.verify.reference.vectors import Array, cross, skew
 
 @dataclass(frozen=True)
 class Jet:
-    """Three components (or one, then scalars and a row): value, rate, `over` = X (k × nz), `rest`."""
+    """Three components (or one, then scalars and a row): value, rate, `over` = X (k × nz),
+    `rest`."""
 
     value: Array
     rate: Array
@@ -27,10 +30,20 @@ class Jet:
     rest: Array
 
     def __sub__(self, other: Jet) -> Jet:
-        return Jet(self.value - other.value, self.rate - other.rate, self.over - other.over, self.rest - other.rest)
+        return Jet(
+            self.value - other.value,
+            self.rate - other.rate,
+            self.over - other.over,
+            self.rest - other.rest,
+        )
 
     def __add__(self, other: Jet) -> Jet:
-        return Jet(self.value + other.value, self.rate + other.rate, self.over + other.over, self.rest + other.rest)
+        return Jet(
+            self.value + other.value,
+            self.rate + other.rate,
+            self.over + other.over,
+            self.rest + other.rest,
+        )
 
     def scaled(self, factor: float) -> Jet:
         return Jet(factor * self.value, factor * self.rate, factor * self.over, factor * self.rest)
@@ -56,11 +69,16 @@ def point(place: Layout, state: State, body: str, position: Array) -> Jet:
     return Jet(frame.origin + arm, frame.speed(arm), over, centripetal(frame, arm))
 
 
-def joint_frame(place: Layout, state: State, body: str, at: Placement, turned: Array) -> tuple[Jet, tuple[Jet, ...]]:
-    """Origin and the three axes of a frame placed on a body; `turned` has the axes in the placed frame as columns."""
+def joint_frame(
+    place: Layout, state: State, body: str, at: Placement, turned: Array
+) -> tuple[Jet, tuple[Jet, ...]]:
+    """Origin and the three axes of a frame placed on a body; `turned` has the axes in the placed
+    frame as columns."""
     position, rotation = placed(state, at)
     axes = rotation @ turned
-    return point(place, state, body, position), tuple(direction(place, state, body, axes[:, k]) for k in range(3))
+    return point(place, state, body, position), tuple(
+        direction(place, state, body, axes[:, k]) for k in range(3)
+    )
 
 
 def dot(a: Jet, b: Jet) -> Jet:
@@ -81,7 +99,9 @@ def length(a: Jet) -> Jet:
     """s = |a|: s ṡ = a · ȧ, s s̈ = a · ä + ȧ · ȧ − ṡ²."""
     s = float(np.linalg.norm(a.value))
     rate = a.value @ a.rate / s
-    return Jet(np.array(s), rate, a.value @ a.over / s, (a.value @ a.rest + a.rate @ a.rate - rate**2) / s)
+    return Jet(
+        np.array(s), rate, a.value @ a.over / s, (a.value @ a.rest + a.rate @ a.rate - rate**2) / s
+    )
 
 
 def stays(phi: Sequence[Jet], size: int) -> Rows:

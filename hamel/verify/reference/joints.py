@@ -1,7 +1,9 @@
-"""What each joint does, as numbers: the reference's own table, written from the definitions and not from derive.joints.
+"""What each joint does, as numbers: the reference's own table, written from the definitions and not
+from derive.joints.
 
-In the parent's joint frame the child's joint frame sits at `translation`, turned by `rotation`; its relative twist (ω, v of its
-origin), in the child's joint frame, is H v with the rate H v̇ + bias; q̇ = N v and q̈ = N v̇ + drift.
+In the parent's joint frame the child's joint frame sits at `translation`, turned by `rotation`; its
+relative twist (ω, v of its origin), in the child's joint frame, is H v with the rate H v̇ + bias;
+q̇ = N v and q̈ = N v̇ + drift.
 """
 
 from __future__ import annotations
@@ -11,12 +13,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hamel.verify.reference.vectors import UNIT, Array, cross, quaternion_product, quaternion_rotation, turn
+from hamel.verify.reference.vectors import (
+    UNIT,
+    Array,
+    cross,
+    quaternion_product,
+    quaternion_rotation,
+    turn,
+)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One joint at one state: rotation 3 × 3, translation 3, H 6 × k, N nq × k, drift nq (= Ṅ v), bias 6 (= Ḣ v)."""
+    """One joint at one state: rotation 3 × 3, translation 3, H 6 × k, N nq × k, drift nq (= Ṅ v),
+    bias 6 (= Ḣ v)."""
 
     rotation: Array
     translation: Array
@@ -41,7 +51,13 @@ def screw(pitch: float) -> Callable[[Array, Array, Array], Motion]:
 
     def motion(q: Array, v: Array, axis: Array) -> Motion:
         advance = pitch / (2.0 * np.pi) * axis
-        return Motion(turn(axis, q[0]), q[0] * advance, np.concatenate([axis, advance])[:, None], np.eye(1), np.zeros(1))
+        return Motion(
+            turn(axis, q[0]),
+            q[0] * advance,
+            np.concatenate([axis, advance])[:, None],
+            np.eye(1),
+            np.zeros(1),
+        )
 
     return motion
 
@@ -54,7 +70,8 @@ def cylindrical(q: Array, v: Array, axis: Array) -> Motion:
 
 
 def universal(axis2: Array) -> Callable[[Array, Array, Array], Motion]:
-    """R = R₁ R₂ about `axis` of the parent and `axis2` of the child: ω = R₂ᵀ e₁ q̇₁ + e₂ q̇₂, so Ḣ v = −q̇₂ e₂ × R₂ᵀ e₁ q̇₁."""
+    """R = R₁ R₂ about `axis` of the parent and `axis2` of the child: ω = R₂ᵀ e₁ q̇₁ + e₂ q̇₂, so Ḣ
+    v = −q̇₂ e₂ × R₂ᵀ e₁ q̇₁."""
 
     def motion(q: Array, v: Array, axis: Array) -> Motion:
         second = turn(axis2, q[1])
@@ -78,7 +95,8 @@ def fixed(q: Array, v: Array, axis: Array) -> Motion:
 
 
 def planar(q: Array, v: Array, axis: Array) -> Motion:
-    """Body-frame velocities along e1, e2 = axis × e1 of the turned frame: q̇ = turn(θ) v, so Ṅ v = θ̇ k × (turn v)."""
+    """Body-frame velocities along e1, e2 = axis × e1 of the turned frame: q̇ = turn(θ) v, so Ṅ v =
+    θ̇ k × (turn v)."""
     e1 = UNIT["y"] if np.array_equal(axis, UNIT["x"]) else UNIT["x"]
     plane = np.array([e1, cross(axis, e1)])
     c, s = np.cos(q[2]), np.sin(q[2])
@@ -90,7 +108,8 @@ def planar(q: Array, v: Array, axis: Array) -> Motion:
 
 
 def free(orientation: str) -> Callable[[Array, Array, Array], Motion]:
-    """Six degrees of freedom, linear then angular velocity in the body frame, orientation by quaternion or Euler angles."""
+    """Six degrees of freedom, linear then angular velocity in the body frame, orientation by
+    quaternion or Euler angles."""
 
     def motion(q: Array, v: Array, axis: Array) -> Motion:
         R, spin, spin_drift = _orientation(orientation, q[3:], v[3:])
@@ -112,13 +131,16 @@ def _orientation(orientation: str, angles: Array, omega: Array) -> tuple[Array, 
 
 
 def _euler(sequence: str, angles: Array, omega: Array) -> tuple[Array, Array, Array]:
-    """R = R₁ R₂ R₃; ω = E θ̇ with columns e₁, e₂, e₃ seen from the body, hence θ̈ = E⁻¹ (ω̇ − Ė θ̇)."""
+    """R = R₁ R₂ R₃; ω = E θ̇ with columns e₁, e₂, e₃ seen from the body, hence θ̈ = E⁻¹ (ω̇ − Ė
+    θ̇)."""
     e1, e2, e3 = (UNIT[letter] for letter in sequence)
     R1, R2, R3 = (turn(UNIT[letter], angle) for letter, angle in zip(sequence, angles))
     E = np.column_stack([(R2 @ R3).T @ e1, R3.T @ e2, e3])
     inverse = np.linalg.inv(E)
     rate = inverse @ omega
-    later = rate[1] * E[:, 1] + rate[2] * e3  # angular velocity of the body relative to the frame before the second turn
+    later = (
+        rate[1] * E[:, 1] + rate[2] * e3
+    )  # angular velocity of the body relative to the frame before the second turn
     E_rate = np.column_stack([-cross(later, E[:, 0]), -cross(rate[2] * e3, E[:, 1]), np.zeros(3)])
     return R1 @ R2 @ R3, inverse, -inverse @ (E_rate @ rate)
 
@@ -131,7 +153,8 @@ _TABLE = {
 def joint_motion(
     kind: str, orientation: str = "", pitch: float = 0.0, axis2: Array | None = None
 ) -> Callable[[Array, Array, Array], Motion]:
-    """The function (q, v, axis) → Motion of a joint type; NotImplementedError for one the reference does not know."""
+    """The function (q, v, axis) → Motion of a joint type; NotImplementedError for one the reference
+    does not know."""
     if kind == "free":
         return free(orientation)
     if kind == "screw":

@@ -1,4 +1,5 @@
-"""Maximal coordinates z = (v, twist of each body): where things stand in them, and what a set of rows over them is.
+"""Maximal coordinates z = (v, twist of each body): where things stand in them, and what a set of
+rows over them is.
 
 A twist is (angular velocity, velocity of the body's origin) in the ground frame.
 """
@@ -17,7 +18,8 @@ from hamel.verify.reference.vectors import Array, cross, skew
 
 @dataclass(frozen=True)
 class Rows:
-    """k rows over z (nz): coefficients · ż = gamma, coefficients · z = c; phi of the holonomic ones, in order.
+    """k rows over z (nz): coefficients · ż = gamma, coefficients · z = c; phi of the holonomic
+    ones, in order.
 
     The multipliers λ of the rows act on the system as coefficientsᵀ λ.
     """

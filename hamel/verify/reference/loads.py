@@ -1,4 +1,5 @@
-"""Applied forces in maximal coordinates z = (v, twist of each body), their potential energy and their power."""
+"""Applied forces in maximal coordinates z = (v, twist of each body), their potential energy and
+their power."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ from hamel.verify.reference.vectors import Array, cross, skew
 
 @dataclass(frozen=True)
 class Applied:
-    """Forces along z (nz): `weight` and `springs` follow from V (J), `other` do not; power = other · z (W)."""
+    """Forces along z (nz): `weight` and `springs` follow from V (J), `other` do not; power = other
+    · z (W)."""
 
     weight: Array
     springs: Array
@@ -52,7 +54,8 @@ def _only(place: Layout, V: float = 0.0, **forces: Array) -> Applied:
 class Lagrange:
     """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
 
-    `power` is ∂V/∂t; `explicit` + `odd` · v̇ is what T gains by itself: explicit time, and terms not quadratic in the rates.
+    `power` is ∂V/∂t; `explicit` + `odd` · v̇ is what T gains by itself: explicit time, and terms
+    not quadratic in the rates.
     """
 
     inertia: Array
@@ -67,10 +70,17 @@ class Lagrange:
 def applied(model: Model, place: Layout, state: State, nonideal: bool = True) -> Applied:
     """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces, summed."""
     gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
-    parts = [_weight(gravity, body, place, state) for body in model.bodies if body.name not in _at_rest(model)]
+    parts = [
+        _weight(gravity, body, place, state)
+        for body in model.bodies
+        if body.name not in _at_rest(model)
+    ]
     parts += [_load(load, model, place, state) for load in model.loads]
     parts.append(_drive(model, place, state, nonideal))
-    weight, springs, other = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("weight", "springs", "other"))
+    weight, springs, other = (
+        np.sum([getattr(part, name) for part in parts], axis=0)
+        for name in ("weight", "springs", "other")
+    )
     return Applied(weight, springs, other, sum(part.V for part in parts))
 
 
@@ -104,12 +114,15 @@ def _drive(model: Model, place: Layout, state: State, nonideal: bool) -> Applied
         other[: place.nv] = nonideal_force(model, state)
     for item, value in zip(model.inputs, state.u):
         if item.velocity:
-            other[: place.nv] += state.value(item.gear) * value * _conjugate(model, state, item.velocity)
+            other[: place.nv] += (
+                state.value(item.gear) * value * _conjugate(model, state, item.velocity)
+            )
     return _only(place, other=other)
 
 
 def _conjugate(model: Model, state: State, velocity: str) -> Array:
-    """g with g · v the velocity that a force is conjugate to: a base velocity, or the rate der(q) of any coordinate."""
+    """g with g · v the velocity that a force is conjugate to: a generalized velocity, or the rate
+    der(q) of any coordinate."""
     for j, item in enumerate(model.velocities):
         if item.name == velocity or (item.rate_of and velocity == f"der({item.rate_of})"):
             return np.eye(len(model.velocities))[j]
@@ -131,14 +144,18 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
         case Bushing():
             return _bushing(load, place, state)
         case GeneralisedForce():
-            return _along(place, state.value(load.expression) * _conjugate(model, state, load.velocity))
+            return _along(
+                place, state.value(load.expression) * _conjugate(model, state, load.velocity)
+            )
         case PointSpring():
             return _point_spring(load, place, state)
         case Force():
             arm = state.frames[load.body].point(state.vector(load.point))
             return _on_body(place, load.body, _wrench(arm, _components(load, state)))
         case Torque():
-            return _on_body(place, load.body, np.concatenate([_components(load, state), np.zeros(3)]))
+            return _on_body(
+                place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
+            )
     raise NotImplementedError(f"the reference does not know loads of type {type(load).__name__}")
 
 
@@ -171,7 +188,9 @@ def _friction(friction: JointFriction, model: Model, place: Layout, state: State
     """−viscous r − coulomb tanh(r/smoothing) along the velocity r."""
     direction = _conjugate(model, state, friction.velocity)
     rate = direction @ state.v
-    viscous, coulomb, smoothing = state.vector((friction.viscous, friction.coulomb, friction.smoothing))
+    viscous, coulomb, smoothing = state.vector(
+        (friction.viscous, friction.coulomb, friction.smoothing)
+    )
     return _along(place, -(viscous * rate + coulomb * np.tanh(rate / smoothing)) * direction)
 
 
@@ -180,10 +199,16 @@ def _bushing(bushing: Bushing, place: Layout, state: State) -> Applied:
 
     Deflections: p₂ − p₁ and θ = ½ Σ aᵢ × bᵢ, along the axes aᵢ of the first joint frame.
     """
-    frames = [joint_frame(place, state, body, at, np.eye(3)) for body, at in zip(bushing.bodies, bushing.placements)]
+    frames = [
+        joint_frame(place, state, body, at, np.eye(3))
+        for body, at in zip(bushing.bodies, bushing.placements)
+    ]
     (start, a), (end, b) = frames
     swung = [product(x, y).scaled(0.5) for x, y in zip(a, b)]
-    shifts, turns = [dot(x, end - start) for x in a], [dot(x, swung[0] + swung[1] + swung[2]) for x in a]
+    shifts, turns = (
+        [dot(x, end - start) for x in a],
+        [dot(x, swung[0] + swung[1] + swung[2]) for x in a],
+    )
     stiffness = state.vector((*bushing.stiffness, *bushing.torsion))
     damping = state.vector((*bushing.damping, *bushing.torsion_damping))
     return _elastic(place, [*shifts, *turns], stiffness, damping)
@@ -197,7 +222,8 @@ def _elastic(place: Layout, deflections: list[Jet], stiffness: Array, damping: A
 
 
 def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
-    """Tension k (d − length) + damping ḋ along the line between the points; V = ½ k (d − length)²."""
+    """Tension k (d − length) + damping ḋ along the line between the points; V = ½ k (d −
+    length)²."""
     frames = [state.frames[body] for body in spring.bodies]
     arms = [frame.point(state.vector(point)) for frame, point in zip(frames, spring.points)]
     line = frames[1].origin + arms[1] - frames[0].origin - arms[0]
@@ -209,12 +235,15 @@ def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
     for body, sign, arm in zip(spring.bodies, (1.0, -1.0), arms):
         if body != GROUND:
             pull[place.twist(body)] += sign * stiffness * stretch * _wrench(arm, unit)
-            drag[place.twist(body)] += sign * state.value(spring.damping) * rate * _wrench(arm, unit)
+            drag[place.twist(body)] += (
+                sign * state.value(spring.damping) * rate * _wrench(arm, unit)
+            )
     return _only(place, float(0.5 * stiffness * stretch**2), springs=pull, other=drag)
 
 
 def body_inertia(body: Body, state: State) -> tuple[Array, Array]:
-    """Newton–Euler of one body about its origin, ground axes: 6 × 6 inertia, and the velocity-dependent wrench 6.
+    """Newton–Euler of one body about its origin, ground axes: 6 × 6 inertia, and the
+    velocity-dependent wrench 6.
 
     J α + m c × a and m (a + α × c), with ω × J ω and m ω × (ω × c).
     """
@@ -226,6 +255,9 @@ def body_inertia(body: Body, state: State) -> tuple[Array, Array]:
     inertia[:3, :3], inertia[:3, 3:] = about_origin, mass * skew(c)
     inertia[3:, :3], inertia[3:, 3:] = -mass * skew(c), mass * np.eye(3)
     gyroscopic = np.concatenate(
-        [cross(frame.omega, about_origin @ frame.omega), mass * cross(frame.omega, cross(frame.omega, c))]
+        [
+            cross(frame.omega, about_origin @ frame.omega),
+            mass * cross(frame.omega, cross(frame.omega, c)),
+        ]
     )
     return inertia, gyroscopic

@@ -1,12 +1,15 @@
-"""The independent reference: Newton–Euler equations of every body with multipliers, solved as numbers.
+"""The independent reference: Newton–Euler equations of every body with multipliers, solved as
+numbers.
 
-Made from the Model alone. Unknowns: ż = (v̇, acceleration of each body) and a multiplier for each joint and constraint row,
+Made from the Model alone. Unknowns: ż = (v̇, acceleration of each body) and a multiplier for each
+joint and constraint row,
 
-    [K  Gᵀ] [ ż]   [F]        K: analytic inertia and body inertias, F: all forces less the velocity-dependent ones,
-    [G  0 ] [−μ] = [γ]        G: joint rows above constraint rows, μ = (joint wrenches, λ).
+    [K  Gᵀ] [ ż]   [F]        K: analytic inertia and body inertias, F: all forces less the
+    velocity-dependent ones, [G  0 ] [−μ] = [γ]        G: joint rows above constraint rows, μ =
+    (joint wrenches, λ).
 
-The joint rows are eliminated first, six by six from the base to the tips, which leaves v̇ and λ: ż = (v̇, J v̇ + drift).
-Nothing here passes through derive.mechanics, derive.joints or CasADi.
+The joint rows are eliminated first, six by six from the base to the tips, which leaves v̇ and λ: ż
+= (v̇, J v̇ + drift). Nothing here passes through derive.mechanics, derive.joints or CasADi.
 """
 
 from __future__ import annotations
@@ -44,7 +47,8 @@ class Reference:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Velocity level at one state: twists = J v (6 nb × nv), A v = c, φ; `drift` are the twist rates at v̇ = 0."""
+    """Velocity level at one state: twists = J v (6 nb × nv), A v = c, φ; `drift` are the twist
+    rates at v̇ = 0."""
 
     N: Array
     J: Array
@@ -71,7 +75,9 @@ class Outcome:
     Q: Array  # nv, everything else that is applied: M v̇ + h = Q + Aᵀ λ
     T: float
     V: float
-    power: float  # of all forces without a potential, and ∂V/∂t: d(T + V)/dt = power + λᵀ c + explicit
+    power: (
+        float  # of all forces without a potential, and ∂V/∂t: d(T + V)/dt = power + λᵀ c + explicit
+    )
     explicit: float  # what T gains by itself: explicit time, terms not quadratic in the rates
     rank: int  # of A
     residual: float  # of the solved system, relative
@@ -88,17 +94,32 @@ class Outcome:
 
 
 def reference(model: Model) -> Reference:
-    """Differentiate what the model gives as formulas with SymPy, once; a pure mechanism never loads SymPy."""
+    """Differentiate what the model gives as formulas with SymPy, once; a pure mechanism never loads
+    SymPy."""
     analytic = model.kinetic is not None or model.potential is not None
-    formulas = any(isinstance(item, Holonomic | Nonholonomic | OnSurface) for item in model.constraints)
+    formulas = any(
+        isinstance(item, Holonomic | Nonholonomic | OnSurface) for item in model.constraints
+    )
     if not (analytic or formulas):
-        return Reference(model, layout(model), constraint_rows(model, _no_formulas), lambda s: _no_energies(len(s.v)))
+        return Reference(
+            model,
+            layout(model),
+            constraint_rows(model, _no_formulas),
+            lambda s: _no_energies(len(s.v)),
+        )
     from hamel.verify.reference.outcome import analytic as by_formula
 
     s = by_formula.symbols(model)
-    energies_of = by_formula.lagrange(model, s) if analytic else lambda state: _no_energies(len(state.v))
+    energies_of = (
+        by_formula.lagrange(model, s) if analytic else lambda state: _no_energies(len(state.v))
+    )
     place = layout(model)
-    return Reference(model, place, constraint_rows(model, lambda item: by_formula.rows(item, s, place)), energies_of)
+    return Reference(
+        model,
+        place,
+        constraint_rows(model, lambda item: by_formula.rows(item, s, place)),
+        energies_of,
+    )
 
 
 def _no_formulas(item: object) -> NoReturn:
@@ -114,15 +135,19 @@ def defaults(model: Model) -> Array:
     return np.array([parameter.value for parameter in model.parameters])
 
 
-def state_of(ref: Reference, t: float, q: Array, v: Array, u: Array | None = None, p: Array | None = None) -> State:
-    """The state (t, q, v, u, p) spelled out; missing inputs are zero, missing parameters their defaults."""
+def state_of(
+    ref: Reference, t: float, q: Array, v: Array, u: Array | None = None, p: Array | None = None
+) -> State:
+    """The state (t, q, v, u, p) spelled out; missing inputs are zero, missing parameters their
+    defaults."""
     u = np.zeros(len(ref.model.inputs)) if u is None else u
     p = defaults(ref.model) if p is None else p
     return state(ref.model, float(t), *(np.asarray(x, dtype=float) for x in (q, v, u, p)))
 
 
 def kinematics(ref: Reference, s: State) -> Kinematics:
-    """Twists and twist rates as functions of v and v̇, from the base to the tips; then the constraint rows in v."""
+    """Twists and twist rates as functions of v and v̇, from the base to the tips; then the
+    constraint rows in v."""
     nv = ref.place.nv
     J, drift = np.zeros((ref.place.size - nv, nv)), np.zeros(ref.place.size - nv)
     for seat in s.seats:
@@ -136,11 +161,14 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
         J[here], drift[here] = solution[:, :nv], solution[:, nv]
     rows = ref.constraints(s)
     over_v, over_twists = rows.coefficients[:, :nv], rows.coefficients[:, nv:]
-    return Kinematics(s.N, J, drift, over_v + over_twists @ J, rows.c, rows.gamma - over_twists @ drift, rows.phi)
+    return Kinematics(
+        s.N, J, drift, over_v + over_twists @ J, rows.c, rows.gamma - over_twists @ drift, rows.phi
+    )
 
 
 def energies(ref: Reference, s: State) -> tuple[float, float]:
-    """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body, rotors and the analytic T; gravity, springs and the analytic V."""
+    """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body, rotors and the analytic T; gravity,
+    springs and the analytic V."""
     return _energies(ref, s, ref.lagrange(s), _bodies(ref, s))
 
 
@@ -150,7 +178,8 @@ def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> t
 
 
 def evaluate(ref: Reference, s: State) -> Outcome:
-    """Solve for v̇ and λ at one state; twice where a nonideal force uses a reaction of the ideal problem."""
+    """Solve for v̇ and λ at one state; twice where a nonideal force uses a reaction of the ideal
+    problem."""
     if not _uses_reactions(ref.model):
         return _evaluated(ref, s, nonideal=True)
     ideal = _evaluated(ref, s, nonideal=False)
@@ -158,8 +187,14 @@ def evaluate(ref: Reference, s: State) -> Outcome:
 
 
 def _uses_reactions(model: Model) -> bool:
-    formulas = [f for x in model.constraints if isinstance(x, Holonomic | Nonholonomic) for f in x.nonideal]
-    return any(isinstance(node, tree.Name) and node.name.startswith("reaction.") for f in formulas for node in tree.walk(f))
+    formulas = [
+        f for x in model.constraints if isinstance(x, Holonomic | Nonholonomic) for f in x.nonideal
+    ]
+    return any(
+        isinstance(node, tree.Name) and node.name.startswith("reaction.")
+        for f in formulas
+        for node in tree.walk(f)
+    )
 
 
 def _reactions(ref: Reference, lam: Array) -> dict[str, float]:
@@ -168,17 +203,26 @@ def _reactions(ref: Reference, lam: Array) -> dict[str, float]:
 
 
 def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
-    analytic, loads, kin = ref.lagrange(s), applied(ref.model, ref.place, s, nonideal), kinematics(ref, s)
+    analytic, loads, kin = (
+        ref.lagrange(s),
+        applied(ref.model, ref.place, s, nonideal),
+        kinematics(ref, s),
+    )
     bodies, nv = _bodies(ref, s), ref.place.nv
     M, F = _mass(ref, s, kin, bodies), _forces(ref, analytic, loads, bodies)
     springs_and_others = loads.springs + loads.other
     Q = _over_v(kin, springs_and_others)
     h = _over_v(kin, springs_and_others - F) + kin.J.T @ _inertial(bodies, kin.drift[:, None])[:, 0]
     rank = rank_of(kin.A)
-    solution, residual = solved(saddle(M, kin.A), np.concatenate([Q - h, kin.beta]), redundant=rank < len(kin.A))
+    solution, residual = solved(
+        saddle(M, kin.A), np.concatenate([Q - h, kin.beta]), redundant=rank < len(kin.A)
+    )
     vdot, lam = solution[:nv], -solution[nv:]
     z = np.concatenate([s.v, kin.J @ s.v])
-    power, explicit = float(loads.other @ z) + analytic.power, float(analytic.explicit + analytic.odd @ vdot)
+    power, explicit = (
+        float(loads.other @ z) + analytic.power,
+        float(analytic.explicit + analytic.odd @ vdot),
+    )
     T, V = _energies(ref, s, analytic, bodies)
     return Outcome(
         vdot=vdot, qdot=s.rates, lam=lam, kinematics=kin, M=M, h=h, Q=Q,
@@ -209,7 +253,7 @@ def _inertial(bodies: Bodies, rates: Array) -> Array:
 
 
 def rotors(ref: Reference, s: State) -> Array:
-    """Inertia of the rotors that turn with each base velocity, nv."""
+    """Inertia of the rotors that turn with each generalized velocity, nv."""
     result = np.zeros(ref.place.nv)
     names = [velocity.name for velocity in ref.model.velocities]
     for load in ref.model.loads:

@@ -14,8 +14,11 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 
 def outputs(model: Model, state: State, lam: Array) -> Array:
-    """All outputs in order, points as two (planar) or three components; `lam` are the multipliers of all rows."""
-    return np.concatenate([np.zeros(0), *(_output(model, state, output, lam) for output in model.outputs)])
+    """All outputs in order, points as two (planar) or three components; `lam` are the multipliers
+    of all rows."""
+    return np.concatenate(
+        [np.zeros(0), *(_output(model, state, output, lam) for output in model.outputs)]
+    )
 
 
 def nearest_turn(model: Model, wanted: Array, got: Array) -> Array:
@@ -50,7 +53,9 @@ def _output(model: Model, state: State, output: Output, lam: Array) -> Array:
     formula = output.expression
     if isinstance(formula, tree.Call) and formula.function == "reaction":
         return lam[_rows(model, output)]
-    if not (isinstance(formula, tree.Call) and formula.function in ("position", "velocity", "angle")):
+    if not (
+        isinstance(formula, tree.Call) and formula.function in ("position", "velocity", "angle")
+    ):
         return np.array([state.value(formula)])
     body = formula.arguments[0]
     frame = state.frames[body.name] if isinstance(body, tree.Name) else Frame(*np.zeros((4, 3)))
@@ -62,7 +67,8 @@ def _output(model: Model, state: State, output: Output, lam: Array) -> Array:
 
 
 def _point(state: State, formula: tree.Call, axes: list[int]) -> Array:
-    """The body point of a call in body coordinates, in space; the body's origin when none is given."""
+    """The body point of a call in body coordinates, in space; the body's origin when none is
+    given."""
     point = np.zeros(3)
     if len(formula.arguments) > 1 and isinstance(formula.arguments[1], tree.Vector):
         entries = formula.arguments[1].entries

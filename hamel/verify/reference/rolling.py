@@ -1,7 +1,7 @@
 """Rolling without slip: at the contact P the material point of the body stands still on the plane.
 
-φ = n · (P − origin), then rows k · v_P for k = n, t₁, t₂ (n and t₁ in a plane). With d = −(n − (n·e) e)/|…| the steepest way
-down in a disk with axis e, P lies from the centre at
+φ = n · (P − origin), then rows k · v_P for k = n, t₁, t₂ (n and t₁ in a plane). With d = −(n −
+(n·e) e)/|…| the steepest way down in a disk with axis e, P lies from the centre at
     r d (thin disk),   r d − tube n (torus),   −r n (sphere, and any circle in a plane).
 """
 
@@ -54,14 +54,15 @@ def _contact(rolling: Rolling, plane: str, state: State, frame: Frame, n: Array)
 
 
 def _round(frame: Frame, radius: float, n: Array, directions: Array) -> Contact:
-    """Straight below the centre; while the contact moves through the body, centre to P does not turn, so in
-    a_C + α × reach + ω × d(reach)/dt the last term is zero.
+    """Straight below the centre; while the contact moves through the body, centre to P does not
+    turn, so in a_C + α × reach + ω × d(reach)/dt the last term is zero.
     """
     return Contact(-radius * n, np.zeros(3), directions, np.zeros_like(directions))
 
 
 def _edge(frame: Frame, e: Array, n: Array, radius: float, tube: float) -> Contact:
-    """The lowest point of a circle about e, thickened by `tube`; t₁ = e × n/|…| forward, t₂ = n × t₁."""
+    """The lowest point of a circle about e, thickened by `tube`; t₁ = e × n/|…| forward, t₂ = n ×
+    t₁."""
     e_rate = cross(frame.omega, e)
     d, d_rate = _unit(-(n - (n @ e) * e), (n @ e_rate) * e + (n @ e) * e_rate)
     t1, t1_rate = _unit(cross(e, n), cross(e_rate, n))

@@ -1,4 +1,5 @@
-"""Acceleration rows in maximal coordinates z = (v, twist of each body): joints, closures, wheels, rods and user expressions."""
+"""Acceleration rows in maximal coordinates z = (v, twist of each body): joints, closures, wheels,
+rods and user expressions."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ from hamel.verify.reference.vectors import Array, cross
 
 @dataclass(frozen=True)
 class ConstraintRow:
-    """One row over v from a formula: coefficients (nv) · v̇ = gamma, A v = c; phi for a holonomic row, else None."""
+    """One row over v from a formula: coefficients (nv) · v̇ = gamma, A v = c; phi for a holonomic
+    row, else None."""
 
     coefficients: Array
     gamma: float
@@ -38,14 +40,19 @@ class ConstraintRow:
 
 
 def joint_blocks(seat: Seat, state: State) -> tuple[Array, Array, Array]:
-    """X_c, X_p, γ of six rows X_c ẋ_c − X_p ẋ_p − E H v̇ = γ over the twists: the child moves as the parent, plus its own motion.
+    """X_c, X_p, γ of six rows X_c ẋ_c − X_p ẋ_p − E H v̇ = γ over the twists: the child moves as
+    the parent, plus its own motion.
 
-    α_c − α_p − (E Hω) v̇ = ω_p × ω_rel + E Ḣω v;
-    a_c + α_c × s + … − (a_p + α_p × d) − (E Hv) v̇ = ω_p × (ω_p × d + v_rel) + ω_c × v_rel + E Ḣv v, s and d the two arms.
+    α_c − α_p − (E Hω) v̇ = ω_p × ω_rel + E Ḣω v; a_c + α_c × s + … − (a_p + α_p × d) − (E Hv) v̇ =
+    ω_p × (ω_p × d + v_rel) + ω_c × v_rel + E Ḣv v, s and d the two arms.
     """
     parent, child = state.frames[seat.joint.parent], state.frames[seat.joint.child]
-    swing = cross(parent.omega, cross(parent.omega, seat.arm_parent) + seat.velocity) + cross(child.omega, seat.velocity)
-    gamma = np.concatenate([cross(parent.omega, seat.omega), swing - centripetal(child, seat.arm_child)])
+    swing = cross(parent.omega, cross(parent.omega, seat.arm_parent) + seat.velocity) + cross(
+        child.omega, seat.velocity
+    )
+    gamma = np.concatenate(
+        [cross(parent.omega, seat.omega), swing - centripetal(child, seat.arm_child)]
+    )
     return _transport(seat.arm_child), _transport(seat.arm_parent), gamma + seat.bias
 
 
@@ -59,7 +66,10 @@ def _transport(arm: Array) -> Array:
 def no_slip_row(wheel: NoSlip, place: Layout, state: State) -> Rows:
     """d · v_P = 0 with d fixed in the body: d · (a + α × r) = −d · ω × (ω × r) − (ω × d) · v_P."""
     frame = state.frames[wheel.body]
-    arm, direction = frame.point(state.vector(wheel.point)), frame.point(state.vector(wheel.direction))
+    arm, direction = (
+        frame.point(state.vector(wheel.point)),
+        frame.point(state.vector(wheel.direction)),
+    )
     coefficients = np.zeros((1, place.size))
     coefficients[:, place.twist(wheel.body)] = direction @ point_velocity(arm)
     gamma = -direction @ centripetal(frame, arm) - cross(frame.omega, direction) @ frame.speed(arm)
@@ -70,14 +80,19 @@ def distance_row(rod: Distance, place: Layout, state: State) -> Rows:
     """φ = |p₂ − p₁| − length."""
     ends = [point(place, state, body, state.vector(at)) for body, at in zip(rod.bodies, rod.points)]
     gap = length(ends[1] - ends[0])
-    return stays([Jet(gap.value - state.value(rod.length), gap.rate, gap.over, gap.rest)], place.size)
+    return stays(
+        [Jet(gap.value - state.value(rod.length), gap.rate, gap.over, gap.rest)], place.size
+    )
 
 
 RowsOf = Callable[[State], Rows]
 
 
-def constraint_rows(model: Model, by_formula: Callable[[Holonomic | Nonholonomic | OnSurface], RowsOf]) -> tuple[RowsOf, ...]:
-    """Of each closure, then of each constraint, in the model's order; `by_formula` differentiates what is given as a formula."""
+def constraint_rows(
+    model: Model, by_formula: Callable[[Holonomic | Nonholonomic | OnSurface], RowsOf]
+) -> tuple[RowsOf, ...]:
+    """Of each closure, then of each constraint, in the model's order; `by_formula` differentiates
+    what is given as a formula."""
     place = layout(model)
 
     def rows_of(item: Closure | Constraint) -> RowsOf:
@@ -116,6 +131,10 @@ def embedded(row: Callable[[State], ConstraintRow], place: Layout) -> RowsOf:
 def nonideal_force(model: Model, state: State) -> Array:
     """Nᵀ C of the constraints' own generalised forces C per coordinate, nv."""
     entries: list[tuple[tree.Expression, ...]] = [
-        item.nonideal for item in model.constraints if isinstance(item, Holonomic | Nonholonomic) and item.nonideal
+        item.nonideal
+        for item in model.constraints
+        if isinstance(item, Holonomic | Nonholonomic) and item.nonideal
     ]
-    return state.N.T @ sum((state.vector(entry) for entry in entries), np.zeros(len(model.coordinates)))
+    return state.N.T @ sum(
+        (state.vector(entry) for entry in entries), np.zeros(len(model.coordinates))
+    )

@@ -1,4 +1,5 @@
-"""Saddle-point systems [K Gᵀ; G 0]: scaling, solution, rank and condition, all independent of the units chosen."""
+"""Saddle-point systems [K Gᵀ; G 0]: scaling, solution, rank and condition, all independent of the
+units chosen."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ def saddle(K: Array, G: Array) -> Array:
 
 
 def scales(matrix: Array) -> Array:
-    """D with the rows of D X D of like size (Ruiz 2001), so that units do not pass for ill-conditioning."""
+    """D with the rows of D X D of like size (Ruiz 2001), so that units do not pass for
+    ill-conditioning."""
     D, absolute = np.ones(len(matrix)), np.abs(matrix)
     for sweep in range(SWEEPS):
         size = D * (absolute * D).max(axis=1, initial=0.0)
@@ -28,14 +30,17 @@ def scales(matrix: Array) -> Array:
 
 
 def solved(matrix: Array, right: Array, redundant: bool) -> tuple[Array, float]:
-    """Solution of the scaled system (of least norm when rows are redundant), refined once, and its relative residual."""
+    """Solution of the scaled system (of least norm when rows are redundant), refined once, and its
+    relative residual."""
     D = scales(matrix)
     scaled, wanted = D[:, None] * matrix * D, D * right
     inverse = np.linalg.pinv(scaled, rcond=RANK) if redundant else np.linalg.inv(scaled)
     y = inverse @ wanted
     y += inverse @ (wanted - scaled @ y)
     residual = np.abs(scaled @ y - wanted).max(initial=0.0)
-    return D * y, float(residual / max(1e-300, np.abs(wanted).max(initial=0.0), np.abs(y).max(initial=0.0)))
+    return D * y, float(
+        residual / max(1e-300, np.abs(wanted).max(initial=0.0), np.abs(y).max(initial=0.0))
+    )
 
 
 def rank_of(A: Array) -> int:
@@ -48,7 +53,8 @@ def rank_of(A: Array) -> int:
 
 
 def condition_of(matrix: Array) -> float:
-    """Ratio of the largest to the smallest nonzero singular value of the scaled symmetric matrix; infinite for zeros."""
+    """Ratio of the largest to the smallest nonzero singular value of the scaled symmetric matrix;
+    infinite for zeros."""
     if not matrix.size:
         return 1.0
     D = scales(matrix)
@@ -58,7 +64,8 @@ def condition_of(matrix: Array) -> float:
 
 
 def row_condition(Y: Array) -> float:
-    """Condition of a square matrix with its rows scaled to unit length; infinite when it is singular."""
+    """Condition of a square matrix with its rows scaled to unit length; infinite when it is
+    singular."""
     if not Y.size:
         return 1.0
     lengths = np.linalg.norm(Y, axis=1, keepdims=True)

@@ -1,4 +1,5 @@
-"""One state of a model, spelled out: numbers by name, rates, joint motions and the frames of the bodies in the ground frame."""
+"""One state of a model, spelled out: numbers by name, rates, joint motions and the frames of the
+bodies in the ground frame."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ from hamel.verify.reference.vectors import Array, cross
 
 @dataclass(frozen=True)
 class Frame:
-    """A body in the ground frame: origin 3, rotation (ground ← body) 3 × 3, angular velocity and velocity of the origin."""
+    """A body in the ground frame: origin 3, rotation (ground ← body) 3 × 3, angular velocity and
+    velocity of the origin."""
 
     origin: Array
     rotation: Array
@@ -25,7 +27,8 @@ class Frame:
     velocity: Array
 
     def point(self, position: Array) -> Array:
-        """Arm from the body's origin to a point given in body coordinates, along the ground axes."""
+        """Arm from the body's origin to a point given in body coordinates, along the ground
+        axes."""
         return self.rotation @ position
 
     def speed(self, arm: Array) -> Array:
@@ -38,7 +41,8 @@ STILL = Frame(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
 
 @dataclass(frozen=True)
 class Seat:
-    """A joint at one state: arms from both body origins to the child's joint frame, relative twist columns E H, its two parts."""
+    """A joint at one state: arms from both body origins to the child's joint frame, relative twist
+    columns E H, its two parts."""
 
     joint: Joint
     columns: slice
@@ -52,7 +56,8 @@ class Seat:
 
 @dataclass(frozen=True)
 class State:
-    """t, q, v, u, p and what follows from them; N is nq × nv, drift = Ṅ v, names and rates feed formulas."""
+    """t, q, v, u, p and what follows from them; N is nq × nv, drift = Ṅ v, names and rates feed
+    formulas."""
 
     t: float
     q: Array
@@ -91,14 +96,25 @@ def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> Sta
 
 
 def _known(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> dict[str, Any]:
-    groups = ((model.coordinates, q), (model.velocities, v), (model.inputs, u), (model.parameters, p))
-    return {"t": t, "pi": np.pi} | {item.name: x for items, values in groups for item, x in zip(items, values)}
+    groups = (
+        (model.coordinates, q),
+        (model.velocities, v),
+        (model.inputs, u),
+        (model.parameters, p),
+    )
+    return {"t": t, "pi": np.pi} | {
+        item.name: x for items, values in groups for item, x in zip(items, values)
+    }
 
 
 def _walk(model: Model, numbers: State) -> tuple[Array, Array, dict[str, Frame], list[Seat]]:
-    """N and Ṅ v of all coordinates, the frames of all bodies and the joints' seats. Analytic coordinates: q̇ = v."""
+    """N and Ṅ v of all coordinates, the frames of all bodies and the joints' seats. Analytic
+    coordinates: q̇ = v."""
     index_q, index_v = _places(model.coordinates), _places(model.velocities)
-    N, drift = np.zeros((len(model.coordinates), len(model.velocities))), np.zeros(len(model.coordinates))
+    N, drift = (
+        np.zeros((len(model.coordinates), len(model.velocities))),
+        np.zeros(len(model.coordinates)),
+    )
     for row, column in zip(index_q.get("", []), index_v.get("", [])):
         N[row, column] = 1.0
     frames, seats = {GROUND: STILL}, []
@@ -126,7 +142,9 @@ def _range(places: Sequence[int]) -> slice:
     return slice(places[0], places[-1] + 1) if places else slice(0, 0)
 
 
-def _step(joint: Joint, columns: slice, motion: Motion, numbers: State, parent: Frame) -> tuple[Seat, Frame]:
+def _step(
+    joint: Joint, columns: slice, motion: Motion, numbers: State, parent: Frame
+) -> tuple[Seat, Frame]:
     """From the parent's frame to the child's: positions, then velocities by the transport rule."""
     seat_p, turn_p = placed(numbers, joint.at_parent)
     seat_c, turn_c = placed(numbers, joint.at_child)

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 Array = np.ndarray
-UNIT = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
+UNIT = {
+    "x": np.array([1.0, 0.0, 0.0]),
+    "y": np.array([0.0, 1.0, 0.0]),
+    "z": np.array([0.0, 0.0, 1.0]),
+}
 
 
 def skew(a: Array) -> Array:
@@ -16,7 +20,10 @@ def skew(a: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """a × b (np.cross costs fifty times as much on three numbers)."""
-    (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()  # Python's own numbers are three times as fast as NumPy's
+    (a1, a2, a3), (b1, b2, b3) = (
+        a.tolist(),
+        b.tolist(),
+    )  # Python's own numbers are three times as fast as NumPy's
     return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1])
 
 

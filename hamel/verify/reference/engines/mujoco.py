@@ -1,4 +1,5 @@
-"""MuJoCo: revolute and prismatic joints, loops closed in points; these are soft there, so only their directions are compared."""
+"""MuJoCo: revolute and prismatic joints, loops closed in points; these are soft there, so only
+their directions are compared."""
 
 from __future__ import annotations
 
@@ -14,22 +15,34 @@ from hamel.verify.reference.states import State, inertia_tensor, placed
 from hamel.verify.reference.vectors import Array
 
 TYPES = {"revolute": "hinge", "prismatic": "slide"}
-CLOSED = {"revolute", "ball"}  # a revolute closure is one in a plane: in space it would take two points
+CLOSED = {
+    "revolute",
+    "ball",
+}  # a revolute closure is one in a plane: in space it would take two points
 SLENDER = 1e-3  # kg m², about the axes that nothing in a plane turns about
 
 
 def missing(model: Model) -> str:
     """What of the model it has no counterpart of; "" where it fits."""
     kinds = {joint.type for joint in model.joints} - {*TYPES, "fixed"}
-    closures = {f"a {closure.type} closure" for closure in model.closures if closure.type not in CLOSED}
-    closures |= {"a revolute closure in space" for c in model.closures if c.type == "revolute" and not model.plane}
+    closures = {
+        f"a {closure.type} closure" for closure in model.closures if closure.type not in CLOSED
+    }
+    closures |= {
+        "a revolute closure in space"
+        for c in model.closures
+        if c.type == "revolute" and not model.plane
+    }
     others = {"constraints" for _ in model.constraints}
-    analytic = {"analytic energies"} if model.kinetic is not None or model.potential is not None else set()
+    analytic = (
+        {"analytic energies"} if model.kinetic is not None or model.potential is not None else set()
+    )
     return ", ".join(sorted(kinds | closures | others | analytic))
 
 
 def forces(model: Model, s: State, rotors: Array, Q: Array) -> Forces | None:
-    """M, h and the v̇ that the forces Q give without the loops, and the loops' Jacobian; None where MuJoCo refuses the bodies."""
+    """M, h and the v̇ that the forces Q give without the loops, and the loops' Jacobian; None where
+    MuJoCo refuses the bodies."""
     try:
         made = mujoco.MjModel.from_xml_string(text(model, s, rotors))
     except ValueError:  # a body without mass, an inertia that no body has
@@ -37,7 +50,13 @@ def forces(model: Model, s: State, rotors: Array, Q: Array) -> Forces | None:
     data, order, n = mujoco.MjData(made), _order(model, made), made.nv
     data.qpos[:], data.qvel[:], data.qfrc_applied[:] = s.q[order], s.v[order], Q[order]
     mujoco.mj_forward(made, data)
-    upright, M, h, vdot, rows = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros((data.nefc, n))
+    upright, M, h, vdot, rows = (
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros((data.nefc, n)),
+    )
     mujoco.mj_fullM(made, data, upright)
     M[np.ix_(order, order)] = upright
     h[order], vdot[order] = data.qfrc_bias, data.qacc_smooth
@@ -55,7 +74,10 @@ def _order(model: Model, made: Any) -> Array:
 def text(model: Model, s: State, rotors: Array) -> str:
     """The model as MJCF at the parameters of a state."""
     gravity = np.zeros(3) if model.gravity is None else s.vector(model.gravity)
-    loops = "".join(f'<connect site1="{closure.name}.0" site2="{closure.name}.1"/>' for closure in model.closures)
+    loops = "".join(
+        f'<connect site1="{closure.name}.0" site2="{closure.name}.1"/>'
+        for closure in model.closures
+    )
     return (
         f'<mujoco><compiler angle="radian"/><option gravity="{_numbers(gravity)}" jacobian="dense">'
         '<flag contact="disable" limit="disable"/></option>'
@@ -65,12 +87,21 @@ def text(model: Model, s: State, rotors: Array) -> str:
 
 def _inside(model: Model, name: str, s: State, rotors: Array) -> str:
     """The points where loops are closed, and the bodies that hang on this one."""
-    return _sites(model, name, s) + "".join(_body(model, joint, s, rotors) for joint in model.joints if joint.parent == name)
+    return _sites(model, name, s) + "".join(
+        _body(model, joint, s, rotors) for joint in model.joints if joint.parent == name
+    )
 
 
 def _sites(model: Model, name: str, s: State) -> str:
-    ends = ((f"{c.name}.{k}", c.placements[k]) for c in model.closures for k in (0, 1) if c.bodies[k] == name)
-    return "".join(f'<site name="{site}" pos="{_numbers(placed(s, place)[0])}"/>' for site, place in ends)
+    ends = (
+        (f"{c.name}.{k}", c.placements[k])
+        for c in model.closures
+        for k in (0, 1)
+        if c.bodies[k] == name
+    )
+    return "".join(
+        f'<site name="{site}" pos="{_numbers(placed(s, place)[0])}"/>' for site, place in ends
+    )
 
 
 def _body(model: Model, joint: Joint, s: State, rotors: Array) -> str:
@@ -78,7 +109,11 @@ def _body(model: Model, joint: Joint, s: State, rotors: Array) -> str:
     (at, turn), (own, own_turn) = placed(s, joint.at_parent), placed(s, joint.at_child)
     rotation = turn @ own_turn.T
     axes = f'xyaxes="{_numbers([*rotation[:, 0], *rotation[:, 1]])}"'
-    held = "" if joint.type == "fixed" else _joint(model, joint, own, own_turn @ s.vector(joint.axis), rotors)
+    held = (
+        ""
+        if joint.type == "fixed"
+        else _joint(model, joint, own, own_turn @ s.vector(joint.axis), rotors)
+    )
     inside = held + _inertial(model, body, s) + _inside(model, body.name, s, rotors)
     return f'<body name="{body.name}" pos="{_numbers(at - rotation @ own)}" {axes}>{inside}</body>'
 
@@ -93,7 +128,11 @@ def _inertial(model: Model, body: Body, s: State) -> str:
     tensor = inertia_tensor(s, body)
     if model.plane:
         normal = {"xy": 2, "xz": 1, "yz": 0}[model.plane]
-        tensor = np.diag(np.where(np.arange(3) == normal, tensor[normal, normal], max(tensor[normal, normal], SLENDER)))
+        tensor = np.diag(
+            np.where(
+                np.arange(3) == normal, tensor[normal, normal], max(tensor[normal, normal], SLENDER)
+            )
+        )
     entries = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
     return f'<inertial pos="{_numbers(s.vector(body.com))}" mass="{s.value(body.mass)!r}" fullinertia="{_numbers(entries)}"/>'
 

@@ -1,4 +1,5 @@
-"""Pinocchio: trees of revolute, prismatic, ball and free joints, by its composite bodies, Newton–Euler and articulated bodies."""
+"""Pinocchio: trees of revolute, prismatic, ball and free joints, by its composite bodies,
+Newton–Euler and articulated bodies."""
 
 from __future__ import annotations
 
@@ -19,14 +20,19 @@ KINDS = {"revolute", "prismatic", "fixed", "ball", "free"}
 def missing(model: Model) -> str:
     """What of the model it has no counterpart of; "" where it fits."""
     kinds = {joint.type for joint in model.joints} - KINDS
-    turned = {"Euler angles" for joint in model.joints if joint.orientation not in ("", "quaternion")}
+    turned = {
+        "Euler angles" for joint in model.joints if joint.orientation not in ("", "quaternion")
+    }
     others = {"loops" for _ in model.closures} | {"constraints" for _ in model.constraints}
-    analytic = {"analytic energies"} if model.kinetic is not None or model.potential is not None else set()
+    analytic = (
+        {"analytic energies"} if model.kinetic is not None or model.potential is not None else set()
+    )
     return ", ".join(sorted(kinds | turned | others | analytic))
 
 
 def tree(model: Model, s: State, rotors: Array | None = None) -> Any:
-    """The model at the parameters of a state; `rotors`: inertia added along each velocity, in the order of the model."""
+    """The model at the parameters of a state; `rotors`: inertia added along each velocity, in the
+    order of the model."""
     made, places = pin.Model(), {GROUND: (0, pin.SE3.Identity())}
     bodies = {body.name: body for body in model.bodies}
     made.gravity.linear = np.zeros(3) if model.gravity is None else s.vector(model.gravity)
@@ -34,9 +40,16 @@ def tree(model: Model, s: State, rotors: Array | None = None) -> Any:
         parent, behind = places[joint.parent]
         place, inside = behind * _place(joint.at_parent, s), _place(joint.at_child, s).inverse()
         if joint.type != "fixed":
-            parent, place = made.addJoint(parent, _joint(joint, s), place, joint.name), pin.SE3.Identity()
+            parent, place = (
+                made.addJoint(parent, _joint(joint, s), place, joint.name),
+                pin.SE3.Identity(),
+            )
         body, own = bodies[joint.child], place * inside
-        made.appendBodyToJoint(parent, pin.Inertia(s.value(body.mass), s.vector(body.com), inertia_tensor(s, body)), own)
+        made.appendBodyToJoint(
+            parent,
+            pin.Inertia(s.value(body.mass), s.vector(body.com), inertia_tensor(s, body)),
+            own,
+        )
         places[joint.child] = parent, own
     if rotors is not None:
         made.armature = rotors[columns(model)]
@@ -46,7 +59,10 @@ def tree(model: Model, s: State, rotors: Array | None = None) -> Any:
 def columns(model: Model) -> Array:
     """Where Pinocchio's velocities stand among ours."""
     owners = [velocity.owner for velocity in model.velocities]
-    return np.array([i for joint in model.joints for i, owner in enumerate(owners) if owner == joint.name], dtype=int)
+    return np.array(
+        [i for joint in model.joints for i, owner in enumerate(owners) if owner == joint.name],
+        dtype=int,
+    )
 
 
 def forces(model: Model, s: State, rotors: Array, Q: Array) -> Forces:
@@ -65,7 +81,11 @@ def _coordinates(model: Model, s: State) -> Array:
     """Ours in its order, quaternions as (x, y, z, w)."""
     found = []
     for joint in model.joints:
-        q = [s.q[i] for i, coordinate in enumerate(model.coordinates) if coordinate.owner == joint.name]
+        q = [
+            s.q[i]
+            for i, coordinate in enumerate(model.coordinates)
+            if coordinate.owner == joint.name
+        ]
         found += [*q[:-4], *q[-3:], q[-4]] if joint.type in ("ball", "free") else q
     return np.array(found)
 
@@ -79,7 +99,9 @@ def _joint(joint: Joint, s: State) -> Any:
     for own, unit in zip("XYZ", np.eye(3)):
         if np.array_equal(axis, unit):
             return getattr(pin, f"JointModel{letter}{own}")()
-    return getattr(pin, "JointModelRevoluteUnaligned" if letter == "R" else "JointModelPrismaticUnaligned")(axis)
+    return getattr(
+        pin, "JointModelRevoluteUnaligned" if letter == "R" else "JointModelPrismaticUnaligned"
+    )(axis)
 
 
 def _place(placement: Placement, s: State) -> Any:

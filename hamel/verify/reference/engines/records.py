@@ -9,7 +9,8 @@ from hamel.verify.reference.vectors import Array
 
 @dataclass(frozen=True)
 class Forces:
-    """M (nv × nv), h (nv) and v̇ (nv) in our order of velocities; where loops are closed, `rows` @ v̇ are what they hold."""
+    """M (nv × nv), h (nv) and v̇ (nv) in our order of velocities; where loops are closed, `rows` @
+    v̇ are what they hold."""
 
     M: Array
     h: Array

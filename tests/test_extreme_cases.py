@@ -14,15 +14,17 @@ import pytest
 from codegen.reals import REALS
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
-from derive.mechanics import system
 from derive.model import load
-from derive.model.stress import RTOL
+from derive.model.extremes import RTOL
+from derive.states import system
 from derive.states.initial import initial_state
 from hamel.simulate.exact import Problem, Solution, solution, state_of
 from hamel.study.extremes import judged
 from tests.scenes import MODELS
 
-AT_THE_START = {("snake3", "hinges")}  # stretched out, hinge rates say nothing of how the snake glides: refused with a status
+AT_THE_START = {
+    ("snake3", "hinges")
+}  # stretched out, hinge rates say nothing of how the snake glides: refused with a status
 
 
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda path: path.stem)
@@ -39,27 +41,43 @@ def test_no_pivot_of_an_accepted_choice_vanishes_at_the_initial_state(path: Path
         at = ca.Function("guards", [a.symbols for a in e.arguments], [values])
         x = state_of(e, start, np.array(s.parameters))
         found = np.abs(at(0.0, x, np.zeros(s.u.numel()), e.parameters).full())
-        assert np.min(found, initial=np.inf) > 1e6 or (path.stem, choice.name) in AT_THE_START, choice.name
+        assert np.min(found, initial=np.inf) > 1e6 or (path.stem, choice.name) in AT_THE_START, (
+            choice.name
+        )
 
 
-STRESSED = sorted(path for path in (MODELS / "stress").glob("*.yaml") if load(path).stress)
-SLOW = {"soft_pin", "bushed_parallelogram", "chaos", "bricard", "long_run", "four_bar_chain", "heavy_top", "gimbal"}
+EXTREMES = sorted(path for path in (MODELS / "extremes").glob("*.yaml") if load(path).extremes)
+SLOW = {
+    "soft_pin",
+    "bushed_parallelogram",
+    "chaos",
+    "bricard",
+    "long_run",
+    "four_bar_chain",
+    "heavy_top",
+    "gimbal",
+}
 SLOW |= {"scale_megametre"}
 
 
-@pytest.mark.parametrize("path", [pytest.param(p, marks=[pytest.mark.slow] * (p.stem in SLOW), id=p.stem) for p in STRESSED])
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=[pytest.mark.slow] * (p.stem in SLOW), id=p.stem) for p in EXTREMES],
+)
 def test_every_case_comes_out_as_its_file_expects(path: Path) -> None:
     model = load(path)
-    for entry in model.stress:
+    for entry in model.extremes:
         row = judged(path, model, entry)
         assert row.passed and row.outcome != "wrong", row
 
 
-def test_stiff_cases_need_at_most_three_times_the_steps_of_scipy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stiff_cases_need_at_most_three_times_the_steps_of_scipy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Said of every stiff case in the table; a case that needs more does not pass."""
-    path = MODELS / "stress" / "stiff_damper.yaml"
+    path = MODELS / "extremes" / "stiff_damper.yaml"
     model = load(path)
-    entry = next(entry for entry in model.stress if entry.name == "heavily_damped")
+    entry = next(entry for entry in model.extremes if entry.name == "heavily_damped")
     row = judged(path, model, entry)
     assert row.passed and row.fewest and row.scipy and row.fewest <= row.scipy
     monkeypatch.setattr(importlib.import_module("hamel.study.extremes"), "MOST_STEPS", 0.1)
@@ -67,12 +85,19 @@ def test_stiff_cases_need_at_most_three_times_the_steps_of_scipy(monkeypatch: py
 
 
 def test_spoiled_arguments_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    path = MODELS / "stress" / "slow_drive.yaml"
+    path = MODELS / "extremes" / "slow_drive.yaml"
     model = load(path)
-    entry = next(entry for entry in model.stress if entry.spoiled)
+    entry = next(entry for entry in model.extremes if entry.spoiled)
     row = judged(path, model, entry)
-    assert row.passed and row.outcome == "survived" and row.status.endswith(" 0 wrong") and " 0 right" not in row.status
-    monkeypatch.setattr(importlib.import_module("hamel.verify.checks.strange"), "CLOSE", -1.0)  # no result is close enough
+    assert (
+        row.passed
+        and row.outcome == "survived"
+        and row.status.endswith(" 0 wrong")
+        and " 0 right" not in row.status
+    )
+    monkeypatch.setattr(
+        importlib.import_module("hamel.verify.checks.strange"), "CLOSE", -1.0
+    )  # no result is close enough
     row = judged(path, model, entry)
     assert not row.passed and row.outcome == "wrong"
 
@@ -85,40 +110,49 @@ def test_spoiled_arguments_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
         ("tolerance: 1e-8", "the case 'odd' lasts no time"),
     ],
 )
-def test_a_case_is_a_motion_or_has_spoiled_arguments(tmp_path: Path, said: str, message: str) -> None:
+def test_a_case_is_a_motion_or_has_spoiled_arguments(
+    tmp_path: Path, said: str, message: str
+) -> None:
     path = tmp_path / "odd.yaml"
-    path.write_text((MODELS / "stress" / "slow_drive.yaml").read_text() + f"  odd: {{{said}}}\n")
+    path.write_text((MODELS / "extremes" / "slow_drive.yaml").read_text() + f"  odd: {{{said}}}\n")
     with pytest.raises(ModelError, match=message):
         load(path)
 
 
 def test_what_a_case_is_computed_in(tmp_path: Path) -> None:
     path = tmp_path / "half.yaml"
-    text = (MODELS / "stress" / "tumbling.yaml").read_text()
+    text = (MODELS / "extremes" / "tumbling.yaml").read_text()
     path.write_text(text.replace("real: float32", "real: float16"))
-    with pytest.raises(ModelError, match=r"the case 'single' is to be computed in 'float16'") as caught:
+    with pytest.raises(
+        ModelError, match=r"the case 'single' is to be computed in 'float16'"
+    ) as caught:
         load(path)
     assert caught.value.diagnostics[0].expected == "float64 or float32"
-    entries = {entry.name: entry for entry in load(MODELS / "stress" / "tumbling.yaml").stress}
+    entries = {entry.name: entry for entry in load(MODELS / "extremes" / "tumbling.yaml").extremes}
     assert (entries["single"].real, entries["single"].rtol) == ("float32", 1e-6)
     assert (entries["disk"].real, entries["disk"].rtol) == ("float64", 1e-11)
     assert set(RTOL) == {real.name for real in REALS}
 
 
 def test_many_turns_stay_on_the_constraints() -> None:
-    """Angles of thousands of radians have lost digits, and the linkage closes as well as these let it."""
-    path = MODELS / "stress" / "long" / "four_bar_forever.yaml"
+    """Angles of thousands of radians have lost digits, and the linkage closes as well as these let
+    it."""
+    path = MODELS / "extremes" / "long" / "four_bar_forever.yaml"
     model = load(path)
-    entry = next(entry for entry in model.stress if entry.name == "thousand_seconds")
-    assert judged(path, model, replace(entry, keeping="projection", tolerance=1e-4)).passed
+    entry = next(entry for entry in model.extremes if entry.name == "thousand_seconds")
+    assert judged(path, model, replace(entry, enforcement="projection", tolerance=1e-4)).passed
 
 
 def test_a_wrong_end_is_seen(tmp_path: Path) -> None:
     path = tmp_path / "wrong.yaml"
-    text = (MODELS / "stress" / "stiff_spring.yaml").read_text().replace("y: -g*(1 s)^2/2,", "y: -g*(1 s)^2/3,")
+    text = (
+        (MODELS / "extremes" / "stiff_spring.yaml")
+        .read_text()
+        .replace("y: -g*(1 s)^2/2,", "y: -g*(1 s)^2/3,")
+    )
     path.write_text(text)
     model = load(path)
-    row = judged(path, model, model.stress[0])
+    row = judged(path, model, model.extremes[0])
     assert row.outcome == "wrong" and not row.passed
 
 
@@ -155,4 +189,6 @@ def solved(name: str, time: float, digits: int) -> Solution:
     s = system(load(MODELS / f"{name}.yaml"))
     e = equations(s)
     x = state_of(e, initial_state(s), np.array(s.parameters))
-    return solution(Problem(e, tuple(map(float, x)), (0.0,) * s.u.numel(), tuple(e.parameters)), [time], digits)
+    return solution(
+        Problem(e, tuple(map(float, x)), (0.0,) * s.u.numel(), tuple(e.parameters)), [time], digits
+    )

@@ -6,34 +6,40 @@ from derive.expressions.tree import Expression
 from derive.model.document import Key, Scalar
 from derive.model.motions import state_name
 from derive.model.reader import Reader
-from derive.model.records import Stress
-from derive.model.shape import StressEntry
+from derive.model.records import Extreme
+from derive.model.shape import ExtremeEntry
 
 INTEGRATOR, REAL = "dop853", "float64"  # where a case says nothing
 RTOL = {"float64": 1e-11, "float32": 1e-6}
 
 
-def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
-    """One entry of `stress:`."""
+def extremes(reader: Reader, key: Key, entry: ExtremeEntry) -> Extreme:
+    """One entry of `extremes:`."""
     reader.name(key)
     if entry.refused and (entry.end or entry.tolerance):
-        reader.report(entry.refused.span, f"the case '{key}' is refused and ends", "refused: or tolerance: and end:")
+        reader.report(
+            entry.refused.span,
+            f"the case '{key}' is refused and ends",
+            "refused: or tolerance: and end:",
+        )
     real = _text(entry.real) or REAL
     if entry.real and real not in RTOL:
-        reader.report(entry.real.span, f"the case '{key}' is to be computed in '{real}'", " or ".join(RTOL))
+        reader.report(
+            entry.real.span, f"the case '{key}' is to be computed in '{real}'", " or ".join(RTOL)
+        )
     if entry.spoiled:
         _check_spoiled(reader, key, entry, entry.spoiled)
     elif not entry.time:
         reader.report(key.span, f"the case '{key}' lasts no time", "time: 1 s, or spoiled: all")
     ends = [_end(reader, name, scalar) for name, scalar in entry.end.items()]
-    return Stress(
+    return Extreme(
         name=str(key),
         about=_text(entry.about),
         values=tuple((str(name), scalar.text) for name, scalar in entry.set.items()),
         time=_positive(reader, entry.time, "the time of a case", "s") or 0.0,
         spoiled=entry.spoiled is not None,
         integrator=_text(entry.integrator) or INTEGRATOR,
-        keeping=_text(entry.keeping),
+        enforcement=_text(entry.enforcement),
         real=real,
         choice=_text(entry.choice),
         rtol=_positive(reader, entry.rtol, "the tolerance of a step", "1") or RTOL.get(real, 0.0),
@@ -44,12 +50,27 @@ def stress(reader: Reader, key: Key, entry: StressEntry) -> Stress:
     )
 
 
-def _check_spoiled(reader: Reader, key: Key, entry: StressEntry, spoiled: Scalar) -> None:
+def _check_spoiled(reader: Reader, key: Key, entry: ExtremeEntry, spoiled: Scalar) -> None:
     if spoiled.text != "all":
-        reader.report(spoiled.span, f"in the case '{key}' {spoiled.text} arguments are to be spoiled", "all")
-    of_motions = (entry.set, entry.time, entry.end, entry.tolerance, entry.refused, entry.integrator, entry.keeping, entry.rtol)
+        reader.report(
+            spoiled.span, f"in the case '{key}' {spoiled.text} arguments are to be spoiled", "all"
+        )
+    of_motions = (
+        entry.set,
+        entry.time,
+        entry.end,
+        entry.tolerance,
+        entry.refused,
+        entry.integrator,
+        entry.enforcement,
+        entry.rtol,
+    )
     if any(of_motions):
-        reader.report(spoiled.span, f"the case '{key}' is no motion", "besides spoiled: only about, choice and real")
+        reader.report(
+            spoiled.span,
+            f"the case '{key}' is no motion",
+            "besides spoiled: only about, choice and real",
+        )
 
 
 def _text(scalar: Scalar | None) -> str:
@@ -69,4 +90,6 @@ def _end(reader: Reader, key: Key, scalar: Scalar) -> tuple[str, Expression] | N
     name = state_name(reader, key)
     if name is None:
         return None
-    return name, reader.of_parameters(scalar, f"the end of {name}", unit=reader.scope.symbols[name].unit)
+    return name, reader.of_parameters(
+        scalar, f"the end of {name}", unit=reader.scope.symbols[name].unit
+    )

@@ -1,4 +1,5 @@
-"""What was found before: finished runs are kept in the cache folder under a hash of all they depend on, a line each."""
+"""What was found before: finished runs are kept in the cache folder under a hash of all they depend
+on, a line each."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ LINES = "found.jsonl"
 
 
 class Found:
-    """By name; what is put in is on disk at once, so that an interrupted report goes on where it was."""
+    """By name; what is put in is on disk at once, so that an interrupted report goes on where it
+    was."""
 
     def __init__(self, path: str, options: Mapping[str, Any]) -> None:
         name, root = kept.key(path, options), cache.folder()

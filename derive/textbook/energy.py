@@ -42,16 +42,17 @@ def _kinetic(doc: Manuscript) -> None:
 
 def _kinetic_of_links(doc: Manuscript) -> None:
     """Over the links' twists, one after the other."""
-    total: list[sympy.Expr] = []
     twists = numbers_in_symbols(doc.system, components_of(doc))
-    for link, twist in zip(doc.system.links, twists):
-        part = doc.reader.whole(ca.SX(kinetic_energy([link], [twist])))
-        if part is None:
-            return _kinetic(doc)
-        total += part
+    parts = [
+        doc.reader.whole(ca.SX(kinetic_energy([link], [twist])))
+        for link, twist in zip(doc.system.links, twists)
+    ]
+    readable = [part[0] for part in parts if part is not None]
+    if len(readable) < len(parts):
+        return _kinetic(doc)
     doc.mean("T", "kinetic energy", "J")
     symbol = doc.notation.fresh("T", "T")
-    doc.lines("T", [symbol], [sympy.Add(*total)], ca.SX(doc.system.T))
+    doc.lines("T", [symbol], [sympy.Add(*readable)], ca.SX(doc.system.T))
 
 
 def power(doc: Manuscript) -> None:

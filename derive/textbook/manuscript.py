@@ -115,7 +115,7 @@ class Manuscript:
     def say(self, template: str, **given: str | Math) -> None:
         """A paragraph. `$…$` in our own text is mathematics (see names.bold); `{name}` in it is the
         user's text, or Math."""
-        self._blocks.append(Paragraph(_runs(template, given)))
+        self._blocks.append(Paragraph(runs(template, **given)))
 
     def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
         self._blocks.append(Table(tuple(head), tuple(tuple(row) for row in rows)))
@@ -348,12 +348,12 @@ def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
     return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
 
 
-def _runs(template: str, given: dict[str, str | Math]) -> Runs:
-    """Text and mathematics in turn."""
-    runs: list[Run] = []
+def runs(template: str, **given: str | Math) -> Runs:
+    """Text and mathematics in turn: `$…$` is our own, `{name}` is the user's text, or Math."""
+    parts: list[Run] = []
     for i, part in enumerate(template.split("$")):
-        runs += [Math(names.bold(part))] if i % 2 else _filled(part, given)
-    return tuple(run for run in runs if run != Text(""))
+        parts += [Math(names.bold(part))] if i % 2 else _filled(part, given)
+    return tuple(part for part in parts if part != Text(""))
 
 
 def _filled(template: str, given: dict[str, str | Math]) -> list[Run]:

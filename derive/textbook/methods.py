@@ -3,6 +3,8 @@ what is compiled."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 
 from derive.textbook.manuscript import Manuscript
@@ -12,14 +14,9 @@ FEW = 4  # pivots whose product is compared with the determinant of M
 
 def method(doc: Manuscript) -> None:
     """The section of the formulation, where it has one of its own."""
-    found = {
-        "maggi": _maggi,
-        "udwadia_kalaba": _udwadia_kalaba,
-        "udwadia_phohomsiri": _udwadia_phohomsiri,
-        "recursive": _recursive,
-    }.get(doc.equations.formulation)
-    if found is not None:
-        found(doc)
+    section = SECTIONS.get(doc.equations.formulation)
+    if section is not None:
+        section(doc)
 
 
 def nonideal(doc: Manuscript) -> None:
@@ -50,20 +47,22 @@ def _ideal(doc: Manuscript, C: ca.SX, lam: ca.SX) -> None:
             r"!M\,!!v^\circ + !h", r"!Q^\circ + !A^T!\lambda^\circ,\qquad !A\,!!v^\circ = !\beta"
         )
         return
-    symbols = {
-        i: x
-        for i, row in enumerate(s.rows)
-        if (x := s.symbols.names.get(f"reaction.{row.name}")) is not None
-    }
-    force = s.Q - ca.substitute(
-        C, ca.vertcat(*[ca.SX(x) for x in symbols.values()]), lam[list(symbols)]
-    )
+    force = s.Q - _at_reactions(doc, C, lam)
     free = _solved(s.M, force - s.h + ca.mtimes(s.A.T, lam))
     left = r"!A\,!M^{-1}\left(!Q^\circ - !h + !A^T!\lambda^\circ\right)"
     doc.law("ideal reactions", left, r"!\beta", ca.mtimes(s.A, free) - s.beta)
 
 
+def _at_reactions(doc: Manuscript, C: ca.SX, lam: ca.SX) -> ca.SX:
+    """C at these reactions, one for each constraint row."""
+    names, rows = doc.system.symbols.names, doc.system.rows
+    places = [i for i, row in enumerate(rows) if f"reaction.{row.name}" in names]
+    symbols = [ca.SX(names[f"reaction.{rows[i].name}"]) for i in places]
+    return ca.substitute(C, ca.vertcat(*symbols), lam[places])
+
+
 def _solved(M: ca.SX, side: ca.SX) -> ca.SX:
+    """M⁻¹ side, by elimination."""
     return ca.solve(ca.densify(M), ca.densify(side))
 
 
@@ -124,53 +123,54 @@ def _fundamental(doc: Manuscript, M: ca.SX, free: ca.SX, mass: str) -> None:
 
 
 def _udwadia_phohomsiri(doc: Manuscript) -> None:
-    s, A, beta = doc.system, doc.terms.named("A_kept"), doc.terms.named("beta_kept")
     doc.section("Udwadia and Phohomsiri's equation")
     doc.say(
         "The mass matrix may be singular here. The acceleration is unique where the rows of $!M$ "
         "and $!A$ together have full column rank; then, with $!A^+$ the pseudo-inverse,"
     )
-    force = s.Q - s.h
-    if s.rows:
-        motion = ca.mtimes(s.M, doc.terms.vdot) - force
-        tangent = motion - ca.mtimes(A.T, _solved(ca.mtimes(A, A.T), ca.mtimes(A, motion)))
-        doc.law(
-            "stacked",
-            r"\begin{bmatrix} \left(!1-!A^+!A\right)!M \\ !A \end{bmatrix} !!v",
-            r"\begin{bmatrix} \left(!1-!A^+!A\right)\left(!Q-!h\right) \\ !\beta \end{bmatrix}",
-            ca.vertcat(tangent, ca.mtimes(A, doc.terms.vdot) - beta),
-        )
-    else:
-        doc.law("stacked", r"!M\,!!v", r"!Q - !h", ca.mtimes(s.M, doc.terms.vdot) - force)
+    s = doc.system
+    if not s.rows:
+        residual = ca.mtimes(s.M, doc.terms.vdot) - (s.Q - s.h)
+        doc.law("stacked", r"!M\,!!v", r"!Q - !h", residual)
         return
+    _stacked(doc)
     doc.say(
         "The same acceleration follows from a mass matrix that is never singular there, with a "
         "number $W_i$ for every row:"
     )
-    W = doc.terms.named("W")
-    weighted = ca.mtimes(A.T, W)
+    _weighted(doc)
+    _fundamental(doc, doc.terms.named("M_A"), doc.terms.named("a"), r"!M_A")
+
+
+def _stacked(doc: Manuscript) -> None:
+    """[(1 − A⁺A) M; A] v̇ = [(1 − A⁺A)(Q − h); β]."""
+    s, A, beta = doc.system, doc.terms.named("A_kept"), doc.terms.named("beta_kept")
+    motion = ca.mtimes(s.M, doc.terms.vdot) - (s.Q - s.h)
+    tangent = motion - ca.mtimes(A.T, _solved(ca.mtimes(A, A.T), ca.mtimes(A, motion)))
+    doc.law(
+        "stacked",
+        r"\begin{bmatrix} \left(!1-!A^+!A\right)!M \\ !A \end{bmatrix} !!v",
+        r"\begin{bmatrix} \left(!1-!A^+!A\right)\left(!Q-!h\right) \\ !\beta \end{bmatrix}",
+        ca.vertcat(tangent, ca.mtimes(A, doc.terms.vdot) - beta),
+    )
+
+
+def _weighted(doc: Manuscript) -> None:
+    """M_A = M + Aᵀ W A, F_A = Q − h + Aᵀ W β, and a = M_A⁻¹ F_A."""
+    s, named = doc.system, doc.terms.named
+    A, W = named("A_kept"), named("W")
     doc.matrix("W", r"!W", "W", W)
-    doc.law(
-        "M_A", r"!M_A", r"!M + !A^T!W\,!A", doc.terms.named("M_A") - s.M - ca.mtimes(weighted, A)
-    )
-    doc.law(
-        "F_A",
-        r"!F_A",
-        r"!Q - !h + !A^T!W\,!\beta",
-        doc.terms.named("F_A") - force - ca.mtimes(weighted, beta),
-    )
-    doc.law(
-        "free accelerations",
-        r"!M_A\,!a",
-        r"!F_A",
-        ca.mtimes(doc.terms.named("M_A"), doc.terms.named("a")) - doc.terms.named("F_A"),
-    )
+    weighted = ca.mtimes(A.T, W)
+    doc.law("M_A", r"!M_A", r"!M + !A^T!W\,!A", named("M_A") - s.M - ca.mtimes(weighted, A))
+    force = s.Q - s.h + ca.mtimes(weighted, named("beta_kept"))
+    doc.law("F_A", r"!F_A", r"!Q - !h + !A^T!W\,!\beta", named("F_A") - force)
+    residual = ca.mtimes(named("M_A"), named("a")) - named("F_A")
+    doc.law("free accelerations", r"!M_A\,!a", r"!F_A", residual)
     doc.mean(
         r"!W,\; !M_A,\; !F_A",
         "weights of the rows, mass matrix and force with the constraints added",
     )
     doc.mean(r"!a", "accelerations that M_A and F_A give by themselves")
-    _fundamental(doc, doc.terms.named("M_A"), doc.terms.named("a"), r"!M_A")
 
 
 def _recursive(doc: Manuscript) -> None:
@@ -196,3 +196,11 @@ def _product(column: ca.SX) -> ca.SX:
     for i in range(column.numel()):
         result = result * column[i]
     return result
+
+
+SECTIONS: dict[str, Callable[[Manuscript], None]] = {
+    "maggi": _maggi,
+    "udwadia_kalaba": _udwadia_kalaba,
+    "udwadia_phohomsiri": _udwadia_phohomsiri,
+    "recursive": _recursive,
+}

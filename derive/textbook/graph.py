@@ -41,16 +41,16 @@ class Graph:
         function = ca.Function("term", [ca.vertcat(*used)], [entries])
         places = [self.places[symbol.element_hash()] for symbol in used]
         slots: dict[int, int] = {}
-        found = [0] * entries.numel()
+        nodes = [0] * entries.numel()
         for k in range(function.n_instructions()):
             op, inputs = function.instruction_id(k), function.instruction_input(k)
             if op == ca.OP_OUTPUT:
-                found[function.instruction_output(k)[1]] = slots[inputs[0]]
+                nodes[function.instruction_output(k)[1]] = slots[inputs[0]]
             else:
                 slots[function.instruction_output(k)[0]] = self._number(
                     function, k, op, inputs, slots, places
                 )
-        return found
+        return nodes
 
     @cached_property
     def places(self) -> dict[int, int]:
@@ -81,12 +81,12 @@ class Graph:
 
     def below(self, roots: Sequence[int], stop: frozenset[int] = frozenset()) -> list[int]:
         """Everything the roots are made of down to `stop`, operands first."""
-        seen, waiting = set(roots), list(roots)
+        below, waiting = set(roots), list(roots)
         while waiting:
             k = waiting.pop()
             if k in stop:
                 continue
-            fresh = [i for i in self.nodes[k].operands if i not in seen]
-            seen.update(fresh)
+            fresh = [i for i in self.nodes[k].operands if i not in below]
+            below.update(fresh)
             waiting.extend(fresh)
-        return sorted(seen)
+        return sorted(below)

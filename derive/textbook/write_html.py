@@ -18,6 +18,8 @@ def page(document: Document) -> str:
     """MathML and CSS inside; no script, no network, the same bytes every time."""
     return rendered(
         "derive.textbook/page.html.j2",
+        title=document.title,
+        version=document.version,
         document=document,
         kind=lambda block: type(block).__name__,
         runs=_runs,

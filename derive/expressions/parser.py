@@ -19,6 +19,7 @@ from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.evaluate import check_constants
 from derive.expressions.functions import FUNCTIONS, Function
+from derive.expressions.limits import ABOVE, BELOW, objection
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
 from derive.expressions.units import UNITS, Unit, compound
@@ -186,18 +187,17 @@ class _Parser:
     def number(self) -> tree.Number:
         token = self.take()
         value = _finite(token, self.text)
+        # a number may be large in its unit and not in SI, or the other way round
         if self._inverse_unit_follows():
             self.take()
             given = compound(self.unit_tail(self.token.at))
         elif self.token.kind == "name":
             given = compound(self.unit_parts())
         else:
-            return tree.Number(value, "", token.at)
+            given = compound(())
         scaled = value * given.factor
-        if not math.isfinite(scaled):
-            self._refuse(
-                "the number is too large", token.at, "a magnitude below 1.8e308 in SI units"
-            )
+        if problem := objection(scaled):
+            self._refuse(problem[0], token.at, problem[1])
         return tree.Number(scaled, given.si, token.at)
 
     def _inverse_unit_follows(self) -> bool:
@@ -408,7 +408,7 @@ def _product_of(factors: list[Expression], at: int) -> Expression:
 def _finite(token: _Token, text: str) -> float:
     value = float(token.text)
     if math.isinf(value):
-        raise FormulaError("the number is too large", text, token.at, "a magnitude below 1.8e308")
+        raise FormulaError("the number is too large", text, token.at, BELOW)
     mantissa = re.split("[eE]", token.text)[0]
     if re.match("0[0-9]", mantissa):
         expected = f"{mantissa.lstrip('0') or 0}: octal numbers and dates are not part of the model language"
@@ -420,7 +420,7 @@ def _finite(token: _Token, text: str) -> float:
             "the number is too small to tell from zero",
             text,
             token.at,
-            "0, or a magnitude above 5e-324",
+            ABOVE,
         )
     return value
 

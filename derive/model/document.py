@@ -83,6 +83,9 @@ class Key(str):
         key.span = span
         return key
 
+    def __getnewargs__(self) -> tuple[str, Span]:  # so that it can be copied and pickled
+        return str(self), self.span
+
 
 class Items(list[Any]):
     """A YAML list with its place."""

@@ -140,7 +140,16 @@ class Reader:
         parsed = expression(text, names=self.scope.usable(allowed), functions=functions)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
+        if functions is FUNCTIONS:
+            self._check_value(resolved, text)
         return resolved
+
+    def _check_value(self, formula: Expression, text: str) -> None:
+        """FormulaError where a formula of parameters alone has no admissible value at their
+        defaults."""
+        leaves = (n for n in tree.walk(formula) if isinstance(n, tree.Name | tree.Rate))
+        if all(isinstance(n, tree.Name) and n.name in self.values for n in leaves):
+            number(formula, self.values, text)
 
     def _of_unit(self, plain: Number, text: str, where: str, wanted: str) -> Number:
         """A number with a unit: where the unit is right its symbols are units, even if the model

@@ -78,6 +78,7 @@ def imported(path: File, floating: bool = False) -> Imported:
 
     robot = _robot(path, floating or isinstance(path, Floating))
     _check_size(robot)
+    _check_numbers(robot)
     gather(robot)
     made = text_of(robot, Path(path).name)
     joints = {
@@ -113,6 +114,18 @@ def _check_size(robot: Robot) -> None:
 
     if len(robot.bodies) > MOST_BODIES:
         robot.root.refuse(f"the robot has {len(robot.bodies)} bodies", f"at most {MOST_BODIES}")
+
+
+def _check_numbers(robot: Robot) -> None:
+    """Masses and inertias that are made of sizes and densities may leave what a model can have."""
+    from derive.expressions.limits import BELOW, too_large
+
+    for body in robot.bodies:
+        values = {"mass": body.mass, "centre of mass": max(map(abs, body.com))}
+        values |= {"inertia": value for value in body.inertia if too_large(value)}
+        for what, value in values.items():
+            if too_large(value):
+                body.place.refuse(f"the {what} of '{body.name}' comes to {value:g}", BELOW)
 
 
 def _model(made: Written, robot: Robot, path: File) -> Model:

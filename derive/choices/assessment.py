@@ -87,8 +87,8 @@ def _further(system: System, found: dict[str, Resolved]) -> Iterator[str]:
 
 def _score(x: Assessed) -> tuple:
     """As `auto` has it; among what is alike there, the smaller violation first."""
-    varies, condition, count = score(x.ranking)
-    return varies, condition, round(float(np.log10(max(x.violation, 1e-16)))), count
+    varies, condition, *costs = score(x.ranking)
+    return varies, condition, round(float(np.log10(max(x.violation, 1e-16)))), *costs
 
 
 def assessment(survey: Survey, found: Resolved) -> Assessed:

@@ -83,23 +83,39 @@ def _print_json(record: Any) -> None:
     click.echo(json.dumps(as_json(record), allow_nan=False))
 
 
-FLOATING = click.option(
-    "--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely."
+ROBOT = (
+    click.option(
+        "--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely."
+    ),
+    click.option(
+        "--exact",
+        is_flag=True,
+        help="Of a URDF file: angles to the last digit (default: 1.5708 is a right angle).",
+    ),
+    click.option(
+        "--include",
+        multiple=True,
+        metavar="DIR",
+        help="Of an MJCF file: a folder it may include from, beside its own; may be repeated.",
+    ),
 )
 
 
-def _model(function: Function, required: bool = True) -> Function:
+def _model(function: Function, required: bool = True, name: str = "model") -> Function:
     """The argument MODEL with the options that belong to it."""
 
     @functools.wraps(function)
-    def run(model: str | None, floating: bool, **options: Any) -> Any:
-        if floating and model is None:
-            raise click.UsageError("--floating without a file")
-        return function(
-            hamel.Floating(model) if floating and model is not None else model, **options
-        )
+    def run(floating: bool, exact: bool, include: tuple[str, ...], **options: Any) -> Any:
+        model = options.pop(name)
+        if (floating or exact or include) and model is not None:
+            model = hamel.RobotFile(model, floating, exact, include)
+        elif floating or exact or include:
+            raise click.UsageError("--floating, --exact and --include are said of a file")
+        return function(model, **options)
 
-    return click.argument("model", required=required)(FLOATING(run))
+    for option in reversed(ROBOT):
+        run = option(run)
+    return click.argument(name, required=required)(run)
 
 
 CHOICE = click.option(
@@ -493,14 +509,13 @@ def derive(model: str, **options: Any) -> Any:
 
 
 @verb
-@click.argument("robot")
+@functools.partial(_model, name="robot")
 @click.option(
     "-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it)."
 )
-@FLOATING
-def import_(robot: str, out: str | None, floating: bool) -> Any:
+def import_(robot: str, out: str | None) -> Any:
     """Turn ROBOT, a URDF or MJCF file, into a model file to go on editing."""
-    return hamel.import_(robot, out=out, floating=floating)
+    return hamel.import_(robot, out=out)
 
 
 @verb

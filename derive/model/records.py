@@ -466,6 +466,7 @@ class Model:
     potential: Expression | None
     published: tuple[Published, ...] = ()
     extremes: tuple[Extreme, ...] = ()
+    notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[
         tuple[str, float], ...

@@ -264,10 +264,15 @@ def verify(model: str, constants: str, **options: Any) -> Any:
 
 
 @verb
-@click.argument("models", nargs=-1, required=True)
+@click.argument("models", nargs=-1)
 @click.option("--case", metavar="NAME", help="Only the cases of this name.")
 def extremes(models: Sequence[str], case: str | None) -> Any:
     """Run the extreme cases of MODELS (files or folders): survived, refused, or wrong."""
+    if not models:
+        raise click.UsageError(
+            "no model is named: give files with `extremes:` cases or a folder of them, "
+            "such as models/extremes"
+        )
     return hamel.study.extremes(models, case=case)
 
 
@@ -464,8 +469,8 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 @click.option(
     "-o",
     "--out",
-    metavar="FILE.html",
-    help="The page: equations, plots, modes (default: linearization.html; with --json none).",
+    metavar="DIR|FILE.html",
+    help="Where linearization.html goes: equations, plots, modes (default: here; with --json none).",
 )
 @click.option(
     "--step",
@@ -487,7 +492,7 @@ def linearize(
         raise click.BadParameter("a name is swept twice", param_hint="--sweep")
     left_out = None if cyclic is None else () if cyclic.strip() == "none" else _names(cyclic)
     if not click.get_current_context().params["as_json"]:
-        options["out"] = options["out"] or "linearization.html"
+        options["out"] = options["out"] or "."
     return hamel.linearize(
         model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options
     )

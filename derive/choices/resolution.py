@@ -31,7 +31,7 @@ from derive.choices.redundancy import (
     selected,
     sentences,
 )
-from derive.diagnostics import AssumptionError, Diagnostic, ModelError
+from derive.diagnostics import NAMES, AssumptionError, Diagnostic, ModelError, listed
 from derive.expressions.counting import alternatives
 from derive.joints.rotations import is_one
 from derive.mechanics.constraints import velocity_row
@@ -575,13 +575,23 @@ def speed_name(system: System, j: int) -> str:
 
 
 def _in_words(best: Ranking, others: Sequence[Ranking]) -> str:
-    speeds = ", ".join(best.rows)
+    speeds = listed(best.rows, NAMES)
     if not best.rows:
         return "the constraints leave nothing to choose"
     text = f"w = ({speeds}): " + _qualities(best)
     if others:
-        text += f"; next was ({', '.join(others[0].rows)}): {_qualities(others[0])}"
+        text += f"; next was {_against(best, others[0])}: {_qualities(others[0])}"
     return text
+
+
+def _against(best: Ranking, other: Ranking) -> str:
+    """The other's speeds; of many only those that differ."""
+    if len(other.rows) <= NAMES:
+        return f"({', '.join(other.rows)})"
+    enters, leaves = set(other.rows) - set(best.rows), set(best.rows) - set(other.rows)
+    entering = listed((row for row in other.rows if row in enters), NAMES)
+    leaving = listed((row for row in best.rows if row in leaves), NAMES)
+    return f"({entering}) in place of ({leaving})"
 
 
 def _qualities(ranking: Ranking) -> str:

@@ -255,15 +255,17 @@ def _nonideal(scene: Scene, found: list[Block]) -> ca.SX:
 
 
 def _assumptions(model: Model, s: Symbols, extra: Lagrangian) -> tuple[str, ...]:
+    """What must hold for the results to mean what they say, robots' files included."""
     if (
         model.kinetic is not None
         and not (extra.T - 0.5 * ca.bilin(extra.M, s.v, s.v)).is_zero()
         and ca.depends_on(extra.T, s.t)
     ):
         return (
+            *model.notes,
             "the kinetic energy depends on time: the energy balance leaves its explicit part out",
         )
-    return ()
+    return model.notes
 
 
 def _quaternions(model: Model) -> tuple[int, ...]:

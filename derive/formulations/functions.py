@@ -298,17 +298,25 @@ def _of_repeated(system: System, motion: Motion) -> str:
 
 def _energy(system: System, motion: Motion) -> Function:
     value = ca.vertcat(_at(system, motion, system.T), system.V)
-    about = "kinetic and potential energy T, V"
+    about, labels = "kinetic and potential energy T, V", ("T", "V")
+    if not system.homogeneous:
+        value = ca.vertcat(value, _at(system, motion, system.energy))
+        about, labels = f"{about}, and {_JACOBI}", (*labels, INTEGRAL)
     return Function(
         "energy",
         about,
-        Result("energy", value, ("T", "V"), ("J", "J")),
+        Result("energy", value, labels, ("J",) * len(labels)),
         guards=_used(motion, system.T, system),
     )
 
 
+INTEGRAL = "jacobi"  # label of Jacobi's integral, which `energy` gives where it is not T + V
+_JACOBI = "Jacobi's integral T2 - T0 + V"
+
+
 def _power(system: System, motion: Motion) -> Function:
-    """d(T + V)/dt = Q·v of the forces without potential + λᵀ c of constraints that move."""
+    """d(T₂ − T₀ + V)/dt = Q·v of the forces without potential + ∂(V − T)/∂t + λᵀ c of constraints
+    that move; T = T₂ + T₁ + T₀ by powers of the rates, most often T₂ alone."""
     power = _at(system, motion, system.power)
     moving = [
         i
@@ -320,7 +328,7 @@ def _power(system: System, motion: Motion) -> Function:
     guards = (*motion.guards, *motion.solving) if moving else _used(motion, system.power, system)
     return Function(
         "power",
-        "power of forces without potential: d(T + V)/dt",
+        f"power of forces without potential: d({'T' if system.homogeneous else 'T2 - T0'} + V)/dt",
         Result("power", power, ("power",), ("W",)),
         guards=guards,
     )

@@ -80,8 +80,8 @@ def applied(e: Evidence) -> float:
 
 
 def power(e: Evidence) -> float:
-    """Of all forces without a potential; the function `power` adds λᵀ c and is held to the energy
-    balance."""
+    """Of all forces without a potential, and ∂(V − T)/∂t; the function `power` adds λᵀ c and is
+    held to the energy balance."""
     wanted = [np.array([s.outcome.power]) for s in e.samples]
     return deviation([np.array([t.power]) for t in e.terms], wanted, unit=e.units.power)
 
@@ -154,20 +154,27 @@ def independent(e: Evidence) -> float:
 
 
 def energies(e: Evidence) -> float:
-    """T and V of the system."""
-    return _energies(e, [np.array([t.T, t.V]) for t in e.terms], [s.outcome for s in e.samples])
+    """T, V and what the motion balances, of the system."""
+    own = [np.array([t.T, t.V, t.energy]) for t in e.terms]
+    return _energies(e, own, [s.outcome for s in e.samples])
 
 
 def energy(e: Evidence) -> float | None:
-    """The function `energy`."""
-    return _energies(e, e.results("energy"), e.outcomes) if e.graph.has("energy") else None
+    """The function `energy`: T, V and Jacobi's integral, or what stands for it, T + V."""
+    if not e.graph.has("energy"):
+        return None
+    own = [y if len(y) > 2 else np.append(y, y.sum()) for y in e.results("energy")]
+    return _energies(e, own, e.outcomes)
 
 
 def _energies(e: Evidence, got: Sequence[Array], outcomes: Sequence[Outcome]) -> float:
-    """T and V each against its own size: where one is a thousand times the other, it would hide
-    what is wrong there."""
-    wanted = [np.array([outcome.T, outcome.V]) for outcome in outcomes]
-    return worst([deviation(_only(got, k), _only(wanted, k), unit=e.units.energy) for k in (0, 1)])
+    """Each against its own size: where one is a thousand times the other, it would hide what is
+    wrong there. A sum that cancels is held against its parts."""
+    wanted = [np.array([o.T, o.V, o.energy]) for o in outcomes]
+    single = [deviation(_only(got, k), _only(wanted, k), unit=e.units.energy) for k in (0, 1)]
+    parts = e.units.energy + np.array([abs(o.T) + abs(o.V) + abs(o.energy) for o in outcomes])
+    totals = np.array(_only(got, 2)) - np.array(_only(wanted, 2))
+    return worst([*single, worst(totals[:, 0] / parts)])
 
 
 def _only(rows: Sequence[Array], k: int) -> list[Array]:
@@ -321,7 +328,7 @@ CHECKS = (
         independent,
     ),
     Check("β", 1e-9, "reference: A v̇ = β; sums that may cancel", accelerations),
-    Check("T, V", 1e-10, "reference: energies; V may cancel", energies),
+    Check("T, V", 1e-10, "reference: energies, and T₂ − T₀ + V; V may cancel", energies),
     Check("energy", 1e-12, "reference: energies at the choice's own velocities", energy),
     Check("power", 1e-9, "reference: force times velocity; sums that may cancel", power),
     Check(

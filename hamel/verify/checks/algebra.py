@@ -38,7 +38,8 @@ def kinetic(e: Evidence) -> float | None:
 
 def _quadratic(e: Evidence) -> bool:
     for s in e.samples[:3]:
-        T, _ = energies(e.reference, state_of(e.reference, s.t, s.q, 2.0 * s.v, s.u, s.full))
+        twice = state_of(e.reference, s.t, s.q, 2.0 * s.v, s.u, s.full)
+        T = energies(e.reference, twice).T
         if abs(T - 4.0 * s.outcome.T) > 1e-9 * (e.units.energy + abs(T)):
             return False
     return True

@@ -35,9 +35,10 @@ VARIED = 0.2  # parameters that are arguments vary by this part of their value
 STEPS = ("step", "step_sensitivity")  # x, then the length of the step
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
-TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "power")
+TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power")
 VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
 MATRICES = ("N", "M", "A")
+NUMBERS = ("T", "V", "energy", "power")
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class Terms:
     beta: Array
     T: float
     V: float
+    energy: float
     power: float
 
 
@@ -95,8 +97,8 @@ def terms(system: System) -> TermsAt:
         if not system.written:
             found["M"] = mass(t, q, p)
         flat = {name: found[name].ravel() for name in VECTORS}
-        T, V, power = (float(found[name][0, 0]) for name in ("T", "V", "power"))
-        return Terms(**{name: found[name] for name in MATRICES}, **flat, T=T, V=V, power=power)
+        single = {name: float(found[name][0, 0]) for name in NUMBERS}
+        return Terms(**{name: found[name] for name in MATRICES}, **flat, **single)
 
     return at
 

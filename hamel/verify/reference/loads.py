@@ -54,8 +54,8 @@ def _only(place: Layout, V: float = 0.0, **forces: Array) -> Applied:
 class Lagrange:
     """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
 
-    `power` is ∂V/∂t; `explicit` + `odd` · v̇ is what T gains by itself: explicit time, and terms
-    not quadratic in the rates.
+    `power` is ∂(V − T)/∂t at held q and q̇; `odd` = T₁ + 2 T₀ (J) is what Jacobi's integral
+    q̇·∂T/∂q̇ − T + V is less than T + V.
     """
 
     inertia: Array
@@ -63,8 +63,7 @@ class Lagrange:
     T: float
     V: float
     power: float
-    explicit: float
-    odd: Array
+    odd: float
 
 
 def applied(model: Model, place: Layout, state: State, nonideal: bool = True) -> Applied:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -62,6 +62,14 @@ class Kinematics:
         return self.A @ v - self.c
 
 
+class Energies(NamedTuple):
+    """In J; `total` is T + V or, with terms not quadratic in the rates, T₂ − T₀ + V."""
+
+    T: float
+    V: float
+    total: float
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What the reference says at one state. vdot nv, lam nc."""
@@ -75,10 +83,8 @@ class Outcome:
     Q: Array  # nv, everything else that is applied: M v̇ + h = Q + Aᵀ λ
     T: float
     V: float
-    power: (
-        float  # of all forces without a potential, and ∂V/∂t: d(T + V)/dt = power + λᵀ c + explicit
-    )
-    explicit: float  # what T gains by itself: explicit time, terms not quadratic in the rates
+    energy: float  # T + V or, with terms not quadratic in the rates, Jacobi's integral T₂ − T₀ + V
+    power: float  # of forces without a potential, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
     rank: int  # of A
     residual: float  # of the solved system, relative
 
@@ -127,7 +133,7 @@ def _no_formulas(item: object) -> NoReturn:
 
 
 def _no_energies(nv: int) -> Lagrange:
-    return Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, 0.0, np.zeros(nv))
+    return Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, 0.0)
 
 
 def defaults(model: Model) -> Array:
@@ -166,15 +172,17 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
     )
 
 
-def energies(ref: Reference, s: State) -> tuple[float, float]:
+def energies(ref: Reference, s: State) -> Energies:
     """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body, rotors and the analytic T; gravity,
-    springs and the analytic V."""
+    springs and the analytic V. And what is in balance with the power, T₂ − T₀ + V."""
     return _energies(ref, s, ref.lagrange(s), _bodies(ref, s))
 
 
-def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> tuple[float, float]:
+def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> Energies:
     T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in bodies) + 0.5 * rotors(ref, s) @ s.v**2
-    return float(T) + analytic.T, applied(ref.model, ref.place, s, nonideal=False).V + analytic.V
+    T = float(T) + analytic.T
+    V = applied(ref.model, ref.place, s, nonideal=False).V + analytic.V
+    return Energies(T, V, T + V - analytic.odd)
 
 
 def evaluate(ref: Reference, s: State) -> Outcome:
@@ -219,14 +227,11 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     )
     vdot, lam = solution[:nv], -solution[nv:]
     z = np.concatenate([s.v, kin.J @ s.v])
-    power, explicit = (
-        float(loads.other @ z) + analytic.power,
-        float(analytic.explicit + analytic.odd @ vdot),
-    )
-    T, V = _energies(ref, s, analytic, bodies)
+    power = float(loads.other @ z) + analytic.power
+    T, V, energy = _energies(ref, s, analytic, bodies)
     return Outcome(
         vdot=vdot, qdot=s.rates, lam=lam, kinematics=kin, M=M, h=h, Q=Q,
-        T=T, V=V, power=power, explicit=explicit, rank=rank, residual=residual,
+        T=T, V=V, energy=energy, power=power, rank=rank, residual=residual,
     )  # fmt: skip
 
 

@@ -155,17 +155,28 @@ def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...
     return motion.guards if ca.depends_on(expression, system.v) else ()
 
 
+def positions(system: System) -> int:
+    """How many of the leading rows of `constraints` are about positions: φ, then the lengths of
+    quaternions."""
+    return system.phi.numel() + len(system.quaternions)
+
+
 def _constraints(system: System, motion: Motion) -> Function | None:
-    if not system.rows:
+    if not system.rows and not system.quaternions:
         return None
     velocity = ca.mtimes(system.A, system.v) - system.c
-    positions = [row.name for row in system.rows if row.position >= 0]
+    coordinates = system.model.coordinates
     labels = (
-        *(f"phi {name}" for name in positions),
+        *(f"phi {row.name}" for row in system.rows if row.position >= 0),
+        *(f"length {coordinates[i].owner}" for i in system.quaternions),
         *(f"velocity {row.name}" for row in system.rows),
     )
-    value = ca.vertcat(system.phi, _at(system, motion, velocity))
-    about = "constraint violation: φ(q, t), then A v − c row by row"
+    value = ca.vertcat(system.phi, _lengths(system), _at(system, motion, velocity))
+    about = "constraint violation: φ(q, t), " + (
+        "|q|² − 1 of each quaternion, then A v − c row by row"
+        if system.quaternions
+        else "then A v − c row by row"
+    )
     return Function(
         "constraints",
         about,
@@ -192,7 +203,7 @@ def _project(system: System, motion: Motion) -> Function | None:
     if motion.projects_velocity and motion.kept:
         w, rest = _velocity_step(system, motion)
         violation += rest
-    violation += [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
+    violation += ca.vertsplit(_lengths(system)) if system.quaternions else []
     about = "nearest consistent state: q on φ = 0" + (
         ", v on A v = c" if motion.projects_velocity else ", w kept"
     )
@@ -205,6 +216,12 @@ def _project(system: System, motion: Motion) -> Function | None:
         iteration=Iteration(CLOSED, MOST_STEPS),
         residual=_largest(violation),
     )
+
+
+def _lengths(system: System) -> ca.SX:
+    """|q|² − 1 of each quaternion."""
+    lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
+    return ca.vertcat(*lengths) if lengths else ca.SX(0, 1)
 
 
 def _turned(system: System, positions: list[int]) -> ca.SX:

@@ -16,6 +16,7 @@ import numpy as np
 from codegen.integrators import INTEGRATORS, Tableau
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.charts import together
+from derive.formulations.functions import positions
 from hamel import charts
 from hamel.draw import Curve, Panel, draw
 from hamel.progress import paced
@@ -162,7 +163,7 @@ def judged(
 
     energies = charts.at_rows(module, "energy", found, nq, u, p)
     violation = np.abs(charts.at_rows(module, "constraints", reduced, nq, u, p))
-    closed = equations.system.phi.numel()
+    closed = positions(equations.system)
     labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
     return Motion(
         title=f"{equations.system.model.name}, choice {together(equations)}",

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
+from derive.formulations.functions import positions
 from hamel.charts import at_rows
 from hamel.pipeline import load_module
 from hamel.simulate.motion import balanced
@@ -206,7 +207,7 @@ def tracks(
         except (FloatingPointError, TooLong) as problem:
             yield {"track": run["key"], "failed": _cause(problem)[0]}
             continue
-        closed, nq = found.system.phi.numel(), found.system.q.numel()
+        closed, nq = positions(found.system), found.system.q.numel()
         energy = balanced(at_rows(module, "energy", made, nq, found.u, found.p))
         many = at_rows(module, "constraints", made, nq, found.u, found.p)
         yield {

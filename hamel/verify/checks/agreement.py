@@ -93,8 +93,8 @@ def positions(e: Evidence) -> float:
 
 
 def violation(e: Evidence) -> float | None:
-    """The function `constraints`, φ above A v − c, on and off the constraint surface, at the
-    choice's own velocities."""
+    """The function `constraints`, φ above the lengths of quaternions above A v − c, on and off the
+    constraint surface, at the choice's own velocities."""
     if not e.graph.has("constraints"):
         return None
     places = zip((s.state for s in e.samples), e.disturbed)
@@ -107,9 +107,14 @@ def _violation_error(e: Evidence, s: Sample, x: Array, at: State) -> float:
     moved = np.concatenate([at.q, x[len(s.q) :]])
     there = state_of(e.reference, s.t, at.q, e.graph("velocity", s.t, moved, s.u, s.p), s.u, s.full)
     k = e.kinematics(there)
-    wanted = np.concatenate([k.phi, k.violation(there.v)])
+    lengths = np.array([at.q[i : i + 4] @ at.q[i : i + 4] - 1.0 for i in e.system.quaternions])
+    wanted = np.concatenate([k.phi, lengths, k.violation(there.v)])
     size = np.concatenate(
-        [1e-2 * e.units.positions + np.abs(k.phi), e.units.rows + np.abs(k.A) @ np.abs(there.v)]
+        [
+            1e-2 * e.units.positions + np.abs(k.phi),
+            1e-2 + np.abs(lengths),
+            e.units.rows + np.abs(k.A) @ np.abs(there.v),
+        ]
     )
     return worst((e.graph("constraints", s.t, moved, s.u, s.p) - wanted) / size)
 

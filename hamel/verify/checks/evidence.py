@@ -16,9 +16,10 @@ from derive.formulations.records import Equations, Function
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
 from derive.states import sampling
-from hamel.verify.checks.compare import SMALL
+from hamel.verify.checks.compare import Sums, worst
 from hamel.verify.checks.roundoff import bound
 from hamel.verify.checks.units import Units, units
+from hamel.verify.limits import ROUNDING, SMALL
 from hamel.verify.reference.outcome import (
     Kinematics,
     Outcome,
@@ -347,6 +348,53 @@ class Evidence:
         gravity, own = self.reference.model.gravity, self.units.own
         size = [float(np.linalg.norm(s.state.vector(gravity))) for s in self.samples[:1] if gravity]
         return max(SMALL, *(1e-4 * g * own.time**2 / own.length for g in size), 0.0)
+
+    @cached_property
+    def speeds(self) -> Array:
+        """Σ |v| of each state in the model's own units."""
+        return np.array([np.abs(s.v / self.units.v).sum() for s in self.samples])
+
+    @cached_property
+    def forces(self) -> Array:
+        """Per state the largest of the forces that h and Q are sums of, velocity products too, in
+        the model's own units."""
+        own = [worst(s.outcome.summed.force / self.units.force) for s in self.samples]
+        inertia = [worst(s.outcome.M / self.units.M) for s in self.samples]
+        return np.array(own) + np.array(inertia) * self.speeds**2
+
+    def of_speeds(self, tolerance: float) -> Sums:
+        """Sums of velocities; those of the samples are of the order of one before the constraints
+        leave what they leave."""
+        return Sums(tolerance, 1.0 + self.speeds)
+
+    def of_forces(self, tolerance: float) -> Sums:
+        return Sums(tolerance, self.forces)
+
+    def of_accelerations(self, tolerance: float) -> Sums:
+        """Velocity products, and forces on the largest inertia."""
+        inertia = np.array([worst(s.outcome.M / self.units.M) for s in self.samples])
+        given = np.where(inertia > 0.0, self.forces / np.where(inertia > 0.0, inertia, 1.0), 0.0)
+        return Sums(tolerance, self.speeds**2 + given)
+
+    def of_rows(self, tolerance: float) -> Sums:
+        """|A| |v|² over all columns: where a loop turns as a whole, its rows are zero in what turns
+        it, and the products of β cancel."""
+        size = [worst(s.outcome.kinematics.A / self.units.A) for s in self.samples]
+        return Sums(tolerance, np.array(size) * self.speeds**2)
+
+    def of_energies(self, tolerance: float) -> Sums:
+        """T and the parts of V."""
+        size = [abs(s.outcome.T) + s.outcome.summed.V for s in self.samples]
+        return Sums(tolerance, np.array(size) / self.units.energy)
+
+    def of_powers(self, tolerance: float) -> Sums:
+        return Sums(tolerance, self.forces * self.speeds)
+
+    def of_masses(self, tolerance: float) -> list[Array]:
+        """Per state √(sᵢ sⱼ), s the sizes that the diagonal of M is a sum of, as floors of what its
+        entries are compared with."""
+        roots = [np.sqrt(s.outcome.summed.M / np.diag(self.units.M)) for s in self.samples]
+        return [ROUNDING / tolerance * np.outer(root, root) for root in roots]
 
     @property
     def redundant(self) -> bool:

@@ -99,7 +99,10 @@ def _unbalanced(e: Evidence, k: int) -> float:
     span = time_scale(e, s)
     run = _run(e, s, e.x[k], span)
     q, v = np.split(_end(e, s, run, s.t + span), [len(s.q)])
-    end, start = energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full)), s.outcome
+    end, start = (
+        energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full)),
+        s.outcome,
+    )
     size = e.units.energy + abs(end.T) + abs(start.T) + abs(end.V - start.V) + abs(run.work[-1])
     return float(abs(end.total - start.energy - run.work[-1]) / size)
 

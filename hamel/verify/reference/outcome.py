@@ -71,6 +71,16 @@ class Energies(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Summed:
+    """The sizes of what some results are sums of: where these cancel, rounding of this size is
+    left."""
+
+    M: Array  # nv, of the diagonal
+    force: Array  # nv, of h and Q but for velocity products
+    V: float
+
+
+@dataclass(frozen=True)
 class Outcome:
     """What the reference says at one state. vdot nv, lam nc."""
 
@@ -87,6 +97,7 @@ class Outcome:
     power: float  # of forces without a potential, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
     rank: int  # of A
     residual: float  # of the solved system, relative
+    summed: Summed
 
     @property
     def force(self) -> Array:
@@ -232,7 +243,21 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     return Outcome(
         vdot=vdot, qdot=s.rates, lam=lam, kinematics=kin, M=M, h=h, Q=Q,
         T=T, V=V, energy=energy, power=power, rank=rank, residual=residual,
+        summed=_summed(ref, analytic, loads, kin, bodies),
     )  # fmt: skip
+
+
+def _summed(
+    ref: Reference, analytic: Lagrange, loads: Applied, kin: Kinematics, bodies: Bodies
+) -> Summed:
+    J, nv = np.abs(kin.J), ref.place.nv
+    sizes = [(abs(twist), abs(inertia), abs(wrench)) for twist, inertia, wrench in bodies]
+    mass = np.einsum("ij,ij->j", J, _inertial(sizes, J)) + np.abs(np.diag(analytic.inertia))
+    forces = np.abs(loads.weight) + np.abs(loads.springs) + np.abs(loads.other)
+    inertial = _inertial(sizes, np.abs(kin.drift)[:, None])[:, 0]
+    turning = np.concatenate([wrench for _, _, wrench in sizes]) if sizes else np.zeros(0)
+    force = forces[:nv] + np.abs(analytic.force) + J.T @ (forces[nv:] + inertial + turning)
+    return Summed(mass, force, loads.summed + abs(analytic.V))
 
 
 def _over_v(kin: Kinematics, force: Array) -> Array:

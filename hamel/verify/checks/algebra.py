@@ -9,6 +9,7 @@ from hamel.verify.checks.compare import deviation, worst
 from hamel.verify.checks.evidence import Evidence, Sample
 from hamel.verify.limits import TERMS, UNDONE
 from hamel.verify.reference.outcome import energies, state_of
+from hamel.verify.reference.saddle import least_eigenvalue
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
@@ -21,19 +22,8 @@ def symmetric(e: Evidence) -> float:
 def semidefinite(e: Evidence) -> float:
     """How far the smallest eigenvalue of M, scaled to a unit diagonal, is below zero. A diagonal
     entry that cancels counts as what rounding may leave of it."""
-    least = e.of_masses(UNDONE)
-    return worst(
-        [
-            max(0.0, -_least_eigenvalue(t.M / e.units.M, np.diag(own)))
-            for t, own in zip(e.terms, least)
-        ]
-    )
-
-
-def _least_eigenvalue(M: Array, least: Array) -> float:
-    size = np.sqrt(np.maximum(np.diag(M), least))
-    size = np.where(size > 0.0, size, 1.0)
-    return float(np.linalg.eigvalsh((M + M.T) / np.outer(size, size) / 2.0).min(initial=0.0))
+    given = zip(e.terms, e.samples)
+    return worst([max(0.0, -least_eigenvalue(t.M, s.outcome.least_inertia)) for t, s in given])
 
 
 def kinetic(e: Evidence) -> float | None:

@@ -23,10 +23,11 @@ import numpy as np
 from derive.expressions import tree
 from derive.model.records import GROUND, Armature, Holonomic, Model, Nonholonomic, OnSurface
 from derive.model.rows import row_names
+from hamel.verify.limits import ROUNDING, UNDONE
 from hamel.verify.reference.layout import Layout, Rows, layout, stacked
 from hamel.verify.reference.loads import Applied, Lagrange, applied, body_inertia
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
-from hamel.verify.reference.saddle import rank_of, saddle, solved
+from hamel.verify.reference.saddle import least_eigenvalue, rank_of, saddle, solved
 from hamel.verify.reference.states import STILL, State, state
 from hamel.verify.reference.vectors import Array
 
@@ -98,6 +99,17 @@ class Outcome:
     rank: int  # of A
     residual: float  # of the solved system, relative
     summed: Summed
+
+    @property
+    def least_inertia(self) -> Array:
+        """What rounding may leave of the diagonal of M, per unit of the tolerance that definiteness
+        is held to."""
+        return ROUNDING / UNDONE * self.summed.M
+
+    @property
+    def admissible(self) -> bool:
+        """Whether M has no negative eigenvalue: parameters varied one by one may be no machine's."""
+        return least_eigenvalue(self.M, self.least_inertia) >= -UNDONE
 
     @property
     def force(self) -> Array:

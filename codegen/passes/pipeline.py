@@ -42,6 +42,7 @@ from derive.diagnostics import AssumptionError, HamelError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import records
 from derive.formulations.charts import differs
+from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
@@ -115,7 +116,7 @@ def program(
         arguments=arguments,
         kernels=tuple(kernels),
         ledger=tuple(ledger),
-        positions=equations.system.phi.numel(),
+        positions=positions(equations.system),
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
         enforcements=tuple(enforcements or ()) if simulates else (),

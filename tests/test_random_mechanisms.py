@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from hamel.verify.mutation.mutations.errors import wrong_systems
+from hamel.verify.mutation.errors import wrong_systems
 from hypothesis import HealthCheck, Phase, given, reject, settings
 from hypothesis import strategies as st
 

@@ -10,7 +10,7 @@ from types import ModuleType
 import casadi as ca
 import numpy as np
 import pytest
-from hamel.verify.mutation.mutations.errors import (
+from hamel.verify.mutation.errors import (
     mutants,
     wrong_functions,
     wrong_matrices,

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hamel.verify.mutation.mutations.errors import wrong_functions
+from hamel.verify.mutation.errors import wrong_functions
 
 from derive.formulations import equations
 from derive.model import load, load_text

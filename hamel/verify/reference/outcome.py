@@ -107,7 +107,7 @@ def reference(model: Model) -> Reference:
             constraint_rows(model, _no_formulas),
             lambda s: _no_energies(len(s.v)),
         )
-    from hamel.verify.reference.outcome import analytic as by_formula
+    from hamel.verify.reference import analytic as by_formula
 
     s = by_formula.symbols(model)
     energies_of = (

@@ -313,8 +313,8 @@ class Kind:
 
 
 def placed(scene: Scene, section: str, entry: Any) -> Node:
-    """The scene with one entry: the body c or the joint C is replaced, anything else added."""
-    slot = {"bodies": "c", "joints": "C"}.get(section, "e")
+    """The scene with one entry: the body c, the joint C or the coordinate q is replaced, anything else added."""
+    slot = {"bodies": "c", "joints": "C", "coordinates": "q"}.get(section, "e")
     model = {"model": "m"} | scene.model
     if section == "joints" and "x" in model.get("initial", {}).get("guess", {}):
         guess = {name: value for name, value in model["initial"]["guess"].items() if name in ("q", "r")}

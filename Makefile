@@ -29,7 +29,7 @@ demo: $(VENV)/.run-time
 
 # Error against run time: quasi-velocities against traditional methods. Interrupted, it goes on where it was.
 report: $(VENV)/.test
-	$(HAMEL) report models/snake3.yaml models/four_bar.yaml --set tau1=0.01 --set tau2=-0.02 --set base.vx=0.3 --stress models/stress -o build/report
+	$(HAMEL) report models/snake3.yaml models/four_bar.yaml --set tau1=0.01 --set tau2=-0.02 --set base.vx=0.3 --extremes models/extremes -o build/report
 
 test: lint
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"

@@ -1,10 +1,12 @@
-"""make bench: our generated C beside its peers, in compiled loops without Python, into build/bench.json.
+"""make bench: our generated C beside its peers, in compiled loops without Python, into
+build/bench.json.
 
     python benchmarks/bench.py [MODEL …]
 
-First everything is compiled, as many at a time as there are cores, and kept in build/bench. Then every contender is checked to
-agree with ours to 1e-9 and timed; all contenders of a scene run in turn in one process. Each row is in the file as soon as it is
-there. Interrupted, it goes on where it was: a scene is kept that was finished, by the same binaries, before the interruption.
+First everything is compiled, as many at a time as there are cores, and kept in build/bench. Then
+every contender is checked to agree with ours to 1e-9 and timed; all contenders of a scene run in
+turn in one process. Each row is in the file as soon as it is there. Interrupted, it goes on where
+it was: a scene is kept that was finished, by the same binaries, before the interruption.
 """
 
 from __future__ import annotations
@@ -52,12 +54,15 @@ def main(chosen: Sequence[str]) -> int:
     found = list(measured(names, entries, watch))
     page.drawn(read(OUT), OUT.parent)
     missed, met = (sum(row["met"] is verdict for row in found) for verdict in (False, True))
-    print(f"{met} targets met, {missed} missed, {time.monotonic() - watch.start:.0f} s; see {OUT} and {OUT.parent}/bench_*.svg")
+    print(
+        f"{met} targets met, {missed} missed, {time.monotonic() - watch.start:.0f} s; see {OUT} and {OUT.parent}/bench_*.svg"
+    )
     return int(any(row["peer"] == OURS or row["note"].startswith(WRONG) for row in found))
 
 
 def compiled(names: Sequence[str], watch: Stopwatch) -> list[Entry]:
-    """Every scene with its contenders. Threads: the compilers run as processes, while others derive and write C."""
+    """Every scene with its contenders. Threads: the compilers run as processes, while others derive
+    and write C."""
     pool = ThreadPoolExecutor(CORES + 4)
     made: dict[Any, Future[Any]] = {}  # two scenes may have the same peer
 
@@ -73,7 +78,9 @@ def compiled(names: Sequence[str], watch: Stopwatch) -> list[Entry]:
     try:
         for scene in (scene for name in names for scene in _derived(name, watch)):
             label = f"{scene.function}, {scene.model}"
-            peers = {peer: submitted(f"{label}: {peer}", make) for peer, make in scene.peers.items()}
+            peers = {
+                peer: submitted(f"{label}: {peer}", make) for peer, make in scene.peers.items()
+            }
             waiting.append((Entry(scene), peers | {OURS: submitted(f"{label}: ours", scene.own)}))
         for entry, futures in waiting:
             for peer, future in futures.items():
@@ -113,12 +120,20 @@ def measured(names: Sequence[str], entries: Sequence[Entry], watch: Stopwatch) -
     """Rows into the file and out; models that are not run now keep theirs."""
     finished = set(read(DONE))
     over = {(e.scene.function, e.scene.model): e.key in finished for e in entries}
-    kept = [row for row in read(OUT) if row["model"] not in names or over.get((row["function"], row["model"]))]
+    kept = [
+        row
+        for row in read(OUT)
+        if row["model"] not in names or over.get((row["function"], row["model"]))
+    ]
     for entry in entries:
         scene = entry.scene
         if over[scene.function, scene.model]:
             watch.say(f"{scene.function}, {scene.model}: measured before the interruption")
-            yield from (row for row in kept if (row["function"], row["model"]) == (scene.function, scene.model))
+            yield from (
+                row
+                for row in kept
+                if (row["function"], row["model"]) == (scene.function, scene.model)
+            )
             continue
         watch.say(f"{scene.function}, {scene.model}")
         for row in rows(entry):

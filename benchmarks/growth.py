@@ -1,12 +1,16 @@
-"""How time grows with the number of links: derivation, emission, compilation, loading, evaluation of chains and random trees.
+"""How time grows with the number of links: derivation, emission, compilation, loading, evaluation
+of chains and random trees.
 
-    python benchmarks/growth.py [10 30 100 300 1000] [--kinds chain,tree,kane,pinocchio] [--json FILE] [--plot FILE.svg]
+    python benchmarks/growth.py [10 30 100 300 1000] [--kinds chain,tree,kane,pinocchio] [--json
+    FILE] [--plot FILE.svg]
 
-Every mechanism runs in a process of its own with an empty cache; times are processor seconds, the compiler's own included, so
-that other work on the machine shows as little as possible. The exponents are between a tenth of the largest number of links and
-the largest. Beside them, as far as they come within a minute of processor time and 8 GB: derivation by SymPy's KanesMethod (also
-for 2, 3, 5, 8, … links), and evaluation by Pinocchio's articulated-body algorithm where it is installed (its Python call, some
-2 µs, included). Rows that FILE already has and that were not measured now are kept.
+Every mechanism runs in a process of its own with an empty cache; times are processor seconds, the
+compiler's own included, so that other work on the machine shows as little as possible. The
+exponents are between a tenth of the largest number of links and the largest. Beside them, as far as
+they come within a minute of processor time and 8 GB: derivation by SymPy's KanesMethod (also for 2,
+3, 5, 8, … links), and evaluation by Pinocchio's articulated-body algorithm where it is installed
+(its Python call, some 2 µs, included). Rows that FILE already has and that were not measured now
+are kept.
 """
 
 from __future__ import annotations
@@ -26,10 +30,18 @@ from pathlib import Path
 from typing import Any
 
 LENGTHS = (10, 30, 100, 300, 1000)
-FUNCTIONS = ("dynamics", "bias", "inverse_dynamics", "energy")  # the mass matrix has n² entries by itself
+FUNCTIONS = (
+    "dynamics",
+    "bias",
+    "inverse_dynamics",
+    "energy",
+)  # the mass matrix has n² entries by itself
 LONGEST = 60  # processor seconds for a peer
 MOST = 8 << 30  # bytes for a peer: Pinocchio's data grow with the cube of the length
-PEERS = {"kane": (2, 3, 5, 8, 12, 20, 30), "pinocchio": ()}  # numbers of links besides those asked for
+PEERS = {
+    "kane": (2, 3, 5, 8, 12, 20, 30),
+    "pinocchio": (),
+}  # numbers of links besides those asked for
 WIDTH, HEIGHT = 510, 420  # of one chart and the room around it
 STAGES = ("derive", "program", "emit", "compile", "load", "evaluate")
 
@@ -41,7 +53,9 @@ def chain(n: int) -> str:
     lines.append("joints:")
     for i in range(n):
         parent, at = (f"b{i - 1}", 1.0) if i else ("ground", 0.0)
-        lines.append(f"  j{i}: {{type: revolute, parent: {parent}, child: b{i}, at: [{at}, 0], coordinate: q{i}}}")
+        lines.append(
+            f"  j{i}: {{type: revolute, parent: {parent}, child: b{i}, at: [{at}, 0], coordinate: q{i}}}"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -53,7 +67,9 @@ def tree(n: int) -> str:
     first = len(lines) - n
     for i, above in enumerate(parents):
         parent, at = (f"b{above}", 1.0) if i else ("ground", 0.0)
-        lines[first + i] = f"  j{i}: {{type: revolute, parent: {parent}, child: b{i}, at: [{at}, 0], coordinate: q{i}}}"
+        lines[first + i] = (
+            f"  j{i}: {{type: revolute, parent: {parent}, child: b{i}, at: [{at}, 0], coordinate: q{i}}}"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -75,7 +91,9 @@ def main() -> None:
     found = json.loads(chosen.json.read_text()) if chosen.json and chosen.json.exists() else {}
     for kind in chosen.kinds.split(","):
         new = _series(kind, chosen.lengths)
-        kept = [row for row in found.get(kind, []) if row["links"] not in {row["links"] for row in new}]
+        kept = [
+            row for row in found.get(kind, []) if row["links"] not in {row["links"] for row in new}
+        ]
         found[kind] = sorted([*kept, *new], key=lambda row: row["links"])
         if chosen.json:
             _write(chosen.json, json.dumps(found, indent=1) + "\n")
@@ -124,30 +142,48 @@ def _row(row: dict[str, Any]) -> str:
         return f"{row[name] * scale:{width}.{digits}f}" if name in row else " " * (width - 1) + "–"
 
     times = "".join(cell(stage, 11, 2) for stage in STAGES[:-1])
-    rest = cell("evaluate", 11, 0, 1e9) + cell("wall", 11, 1) + cell("MB", 11, 0) + cell("operations", 11, 0)
+    rest = (
+        cell("evaluate", 11, 0, 1e9)
+        + cell("wall", 11, 1)
+        + cell("MB", 11, 0)
+        + cell("operations", 11, 0)
+    )
     return f"{row['links']:6d}{times}{rest}"
 
 
 def _exponents(rows: list[dict[str, Any]]) -> str:
-    """Of each stage, from the largest mechanism of at most a tenth of the largest to the largest."""
+    """Of each stage, from the largest mechanism of at most a tenth of the largest to the
+    largest."""
     last = rows[-1]
-    first = next(row for row in reversed(rows[:-1]) if row["links"] * 10 <= last["links"] or row is rows[0])
+    first = next(
+        row for row in reversed(rows[:-1]) if row["links"] * 10 <= last["links"] or row is rows[0]
+    )
     ratio = math.log(last["links"] / first["links"])
-    found = (f"{stage} {math.log(last[stage] / first[stage]) / ratio:.2f}" for stage in STAGES if first[stage] > 0 < last[stage])
+    found = (
+        f"{stage} {math.log(last[stage] / first[stage]) / ratio:.2f}"
+        for stage in STAGES
+        if first[stage] > 0 < last[stage]
+    )
     return f"from {first['links']} to {last['links']} links, n to the power of: " + ", ".join(found)
 
 
 def _drawn(found: dict[str, list[dict[str, Any]]]) -> str:
     """Four charts, both axes logarithmic, two by two."""
-    from hamel.plot import Series, chart
+    from hamel.draw import Series, chart
 
     def series(kind: str, name: str) -> Series:
-        return Series(LABELS[kind], [(row["links"], row[name]) for row in found[kind] if name in row])
+        return Series(
+            LABELS[kind], [(row["links"], row[name]) for row in found[kind] if name in row]
+        )
 
     parts = []
     for k, name in enumerate(("derive", "emit", "compile", "evaluate")):
         shown = [kind for kind in KINDS if any(name in row for row in found.get(kind, []))]
-        title = f"{name[0].upper()}{name[1:]}, processor seconds" if name != "evaluate" else "Evaluate forward dynamics, seconds"
+        title = (
+            f"{name[0].upper()}{name[1:]}, processor seconds"
+            if name != "evaluate"
+            else "Evaluate forward dynamics, seconds"
+        )
         drawn = chart(title, "links", "s", [series(kind, name) for kind in shown])
         parts.append(drawn.replace("<svg ", f'<svg x="{k % 2 * WIDTH}" y="{k // 2 * HEIGHT}" ', 1))
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * WIDTH} {2 * HEIGHT}" role="img">'
@@ -159,8 +195,8 @@ def measured(text: str, n: int) -> dict[str, Any]:
     from codegen import build, loader
     from codegen.passes import program
     from derive.formulations import equations
-    from derive.mechanics import system
     from derive.model import load
+    from derive.states import system
 
     row: dict[str, Any] = {"links": n}
     with tempfile.TemporaryDirectory() as folder:
@@ -177,7 +213,13 @@ def measured(text: str, n: int) -> dict[str, Any]:
         row["wall"] = time.perf_counter() - start
         row["evaluate"] = _evaluation(module)
     row["operations"] = sum(kernel.operations["total"] for kernel in made.kernels)
-    row["MB"] = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) // 1024
+    row["MB"] = (
+        max(
+            resource.getrusage(who).ru_maxrss
+            for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+        )
+        // 1024
+    )
     return row
 
 
@@ -209,7 +251,14 @@ def _evaluation(module: Any) -> float:
 def kane(n: int) -> dict[str, Any]:
     """Kane's equations of the same chain, formed by SymPy and not simplified."""
     from sympy import symbols
-    from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
+    from sympy.physics.mechanics import (
+        KanesMethod,
+        Point,
+        ReferenceFrame,
+        RigidBody,
+        dynamicsymbols,
+        inertia,
+    )
 
     start = _processor()
     q, w = dynamicsymbols(f"q:{n}"), dynamicsymbols(f"w:{n}")
@@ -223,7 +272,9 @@ def kane(n: int) -> dict[str, Any]:
         centre, tip = joint.locatenew(f"C{i}", turned.x / 2), joint.locatenew(f"P{i}", turned.x)
         centre.v2pt_theory(joint, ground, turned)
         tip.v2pt_theory(joint, ground, turned)
-        bodies.append(RigidBody(f"B{i}", centre, turned, 1.0, (inertia(turned, 0, 0, 0.08), centre)))
+        bodies.append(
+            RigidBody(f"B{i}", centre, turned, 1.0, (inertia(turned, 0, 0, 0.08), centre))
+        )
         loads.append((centre, -g * ground.y))
         frame, joint = turned, tip
     KanesMethod(ground, q, w, [a.diff(t) - b for a, b in zip(q, w)]).kanes_equations(bodies, loads)
@@ -242,7 +293,10 @@ def pinocchio(n: int) -> dict[str, Any]:
         model.appendBodyToJoint(parent, body, pin.SE3.Identity())
         place = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
     data, x = model.createData(), np.full(n, 0.1)
-    return {"links": n, "evaluate": min(_elapsed(lambda: pin.aba(model, data, x, x, x)) for _ in range(200))}
+    return {
+        "links": n,
+        "evaluate": min(_elapsed(lambda: pin.aba(model, data, x, x, x)) for _ in range(200)),
+    }
 
 
 def _elapsed(work: Callable[[], Any]) -> float:
@@ -257,7 +311,12 @@ KINDS: dict[str, Callable[[int], dict[str, Any]]] = {
     "kane": kane,
     "pinocchio": pinocchio,
 }
-LABELS = {"chain": "hamel, chain", "tree": "hamel, tree", "kane": "KanesMethod", "pinocchio": "Pinocchio aba"}
+LABELS = {
+    "chain": "hamel, chain",
+    "tree": "hamel, tree",
+    "kane": "KanesMethod",
+    "pinocchio": "Pinocchio aba",
+}
 
 
 if __name__ == "__main__":

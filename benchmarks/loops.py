@@ -1,9 +1,11 @@
-"""make loops: closed loops and rolling against Exudyn, by where points of all bodies are after a while.
+"""make loops: closed loops and rolling against Exudyn, by where points of all bodies are after a
+while.
 
     python benchmarks/loops.py [MODEL …]
 
-Exudyn integrates bodies in maximal coordinates (Euler parameters, generalised alpha, second order) with its own joints; two step
-sizes are extrapolated. Loads other than gravity are left out on both sides. What it has no joint for is said.
+Exudyn integrates bodies in maximal coordinates (Euler parameters, generalised alpha, second order)
+with its own joints; two step sizes are extrapolated. Loads other than gravity are left out on both
+sides. What it has no joint for is said.
 """
 
 from __future__ import annotations
@@ -16,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from derive.formulations import equations
-from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import Model, load
-from hamel.motion import Stepping, integrated
+from derive.states import system
+from derive.states.initial import initial_state
 from hamel.pipeline import temporary_module
-from hamel.verify.engines import exudyn
-from hamel.verify.reference import Reference, reference, state_of
+from hamel.simulate.motion import Stepping, integrated
+from hamel.verify.reference.engines import exudyn
+from hamel.verify.reference.outcome import Reference, reference, state_of
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
 NAMES = (
@@ -33,7 +35,7 @@ NAMES = (
     "rolling_disk",
     "gear_train",
     "spatial_four_bar",
-    "stress/bricard",
+    "extremes/bricard",
 )
 TIME, STEPS = 0.3, 3_000
 ARM = 0.1  # m, to the points of each body that are compared
@@ -50,7 +52,8 @@ def main() -> None:
 
 
 def compared(model: Model) -> float | str:
-    """The largest difference of the points relative to the largest coordinate, or why there is none."""
+    """The largest difference of the points relative to the largest coordinate, or why there is
+    none."""
     ref = reference(model)
     mechanics = system(model)
     start = initial_state(mechanics)
@@ -60,7 +63,11 @@ def compared(model: Model) -> float | str:
     ours = _ours(mechanics, ref, start)
     first = state_of(ref, 0.0, start.q, start.v)
     theirs = exudyn.ends(model, first, TIME, STEPS, ARM)
-    return "Exudyn gives up" if theirs is None else float(np.max(np.abs(ours - theirs)) / np.max(np.abs(ours)))
+    return (
+        "Exudyn gives up"
+        if theirs is None
+        else float(np.max(np.abs(ours - theirs)) / np.max(np.abs(ours)))
+    )
 
 
 def _ours(mechanics: Any, ref: Reference, start: Any) -> np.ndarray:

@@ -2,8 +2,8 @@
 
     python benchmarks/page.py
 
-copies build/bench.json to docs/bench.json and writes the table of docs/bench.md and the plots beside it from that, so that no
-number is written by hand.
+copies build/bench.json to docs/bench.json and writes the table of docs/bench.md and the plots
+beside it from that, so that no number is written by hand.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Any
 
 from targets import BEST, CHAINS
 
-from hamel.plot import Curve, Panel, draw
-from hamel.plot.svg import COLOURS, STYLE, text
+from hamel.draw import Curve, Panel, draw
+from hamel.draw.svg import COLOURS, STYLE, text
 
 SOURCE, DOCS = Path("build/bench.json"), Path("docs")
 BEGIN, END = "<!-- the rest of this section: benchmarks/page.py -->", "<!-- so far -->"
@@ -43,16 +43,29 @@ def section(rows: Sequence[Row]) -> str:
     loads = sorted(row["load"] for row in rows)
     machines = "; ".join(sorted({row["machine"] for row in rows}))
     met, missed = (sum(row["met"] is verdict for row in rows) for verdict in (True, False))
-    said = f"{machines}. From {days[0]} to {days[-1]} (UTC), load average {loads[0]} to {loads[-1]}."
+    said = (
+        f"{machines}. From {days[0]} to {days[-1]} (UTC), load average {loads[0]} to {loads[-1]}."
+    )
     said += f" {met} targets are met, {missed} missed."
-    table = ["| " + " | ".join(TITLES) + " |", "|---|---|---|---:|---:|---:|---:|---|", *map(_cells, rows)]
-    return "\n".join([said, "", *table, "", *(f"![{title}]({name})" for name, title in PLOTS.items())])
+    table = [
+        "| " + " | ".join(TITLES) + " |",
+        "|---|---|---|---:|---:|---:|---:|---|",
+        *map(_cells, rows),
+    ]
+    return "\n".join(
+        [said, "", *table, "", *(f"![{title}]({name})" for name, title in PLOTS.items())]
+    )
 
 
 def _cells(row: Row) -> str:
     what = row["variant"] or row["note"]
     met = {True: "met", False: "**missed**", None: ""}[row["met"]]
-    numbers = (_number(row["ours_ns"]), _number(row["peer_ns"]), _number(row["ratio"], 3), _number(row["target"], 3))
+    numbers = (
+        _number(row["ours_ns"]),
+        _number(row["peer_ns"]),
+        _number(row["ratio"], 3),
+        _number(row["target"], 3),
+    )
     peer = f"{row['peer']} ({what})" if what else row["peer"]
     return "| " + " | ".join((row["function"], row["model"], peer, *numbers, met)) + " |"
 
@@ -79,14 +92,22 @@ def chains(rows: Sequence[Row]) -> str:
     of = {n: [row for row in rows if row["model"] == f"chain{n}"] for n in CHAINS}
     curves = [Curve("hamel", [of[n][0]["ours_ns"] for n in CHAINS])]
     for peer in [row["peer"] for row in of[CHAINS[0]] if row["peer"] != BEST]:
-        times = [next((row["peer_ns"] for row in of[n] if row["peer"] == peer), None) for n in CHAINS]
+        times = [
+            next((row["peer_ns"] for row in of[n] if row["peer"] == peer), None) for n in CHAINS
+        ]
         if all(times):
             curves.append(Curve(peer, [time for time in times if time]))
-    return draw("Planar pendulum chains", "links", CHAINS, [Panel("forward dynamics, ns", tuple(curves), log=True)])
+    return draw(
+        "Planar pendulum chains",
+        "links",
+        CHAINS,
+        [Panel("forward dynamics, ns", tuple(curves), log=True)],
+    )
 
 
 def targets(rows: Sequence[Row]) -> str:
-    """A bar for each target: our time over the allowed one; what reaches beyond the line is missed."""
+    """A bar for each target: our time over the allowed one; what reaches beyond the line is
+    missed."""
     found = [row for row in rows if row["target"] and row["ratio"]]
     most = max([1.0, *(row["ratio"] / row["target"] for row in found)])
     left, width, step, top = 330, 300, 17, 34
@@ -95,11 +116,19 @@ def targets(rows: Sequence[Row]) -> str:
     for i, row in enumerate(found):
         share, y = row["ratio"] / row["target"], top + step * i
         colour = COLOURS[0] if row["met"] else COLOURS[1]
-        parts.append(text(left - 6, y + 11, f"{row['function']}, {row['model']}: {row['peer']}", anchor="end"))
-        parts.append(f'<rect x="{left}" y="{y}" width="{share / most * width:.1f}" height="{step - 5}" fill="{colour}"/>')
+        parts.append(
+            text(
+                left - 6, y + 11, f"{row['function']}, {row['model']}: {row['peer']}", anchor="end"
+            )
+        )
+        parts.append(
+            f'<rect x="{left}" y="{y}" width="{share / most * width:.1f}" height="{step - 5}" fill="{colour}"/>'
+        )
         parts.append(text(left + share / most * width + 4, y + 11, f"{share:.2f}"))
     one = left + width / most
-    parts.append(f'<line class="frame" x1="{one:.1f}" x2="{one:.1f}" y1="{top - 4}" y2="{height - 24}"/>')
+    parts.append(
+        f'<line class="frame" x1="{one:.1f}" x2="{one:.1f}" y1="{top - 4}" y2="{height - 24}"/>'
+    )
     parts.append(text(one, height - 8, "allowed", anchor="middle"))
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 680 {height}" width="680" height="{height}" role="img">'
     body = "\n".join(parts)
@@ -120,7 +149,10 @@ def main() -> None:
     place = DOCS / "bench.md"
     place.write_text(page(place.read_text("utf-8"), rows), "utf-8")
     drawn(rows, DOCS)
-    print(f"{len(rows)} rows in {place}, {DOCS}/bench.json, " + ", ".join(f"{DOCS}/{name}" for name in PLOTS))
+    print(
+        f"{len(rows)} rows in {place}, {DOCS}/bench.json, "
+        + ", ".join(f"{DOCS}/{name}" for name in PLOTS)
+    )
 
 
 if __name__ == "__main__":

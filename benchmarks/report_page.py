@@ -1,9 +1,10 @@
-"""The figures of docs/report.md from what `make report` and `make whole` found, so that none is written by hand.
+"""The figures of docs/report.md from what `make report` and `make whole` found, so that none is
+written by hand.
 
     python benchmarks/report_page.py
 
-From build/report/report.json come the three plots and the table of extreme cases, from build/whole.json the table of whole
-simulations. What was not run keeps what is there.
+From build/report/report.json come the three plots and the table of extreme cases, from
+build/whole.json the table of whole simulations. What was not run keeps what is there.
 """
 
 from __future__ import annotations
@@ -15,13 +16,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hamel.records import StressRow
-from hamel.report.plots import error_charts, stress_chart
+from hamel.records import ExtremeRow
+from hamel.study.plots import error_charts, extremes_chart
 
 REPORT, WHOLE, DOCS = Path("build/report/report.json"), Path("build/whole.json"), Path("docs")
 END = "<!-- so far -->"
-PLOTS = {"four_bar": ("report-four-bar.svg", 0), "snake3": ("report-snake3.svg", 1)}  # which of its charts
-SHOWN = ("plain C DOP853 loop, CasADi augmented", "CasADi's exported RK4 loop", "best library", "Exudyn")
+PLOTS = {
+    "four_bar": ("report-four-bar.svg", 0),
+    "snake3": ("report-snake3.svg", 1),
+}  # which of its charts
+SHOWN = (
+    "plain C DOP853 loop, CasADi augmented",
+    "CasADi's exported RK4 loop",
+    "best library",
+    "Exudyn",
+)
 # What has to be there, and the cases that are it: a file, or one of its cases.
 EXTREMES: Mapping[str, Sequence[str]] = {
     "stiff springs to 1e12 N/m": ("stiff_spring",),
@@ -34,7 +43,10 @@ EXTREMES: Mapping[str, Sequence[str]] = {
     "gimbal lock": ("gimbal",),
     "heavy top, fast and slow": ("heavy_top",),
     "change point": ("change_point",),
-    "parallelograms through their singular positions": ("four_bar_chain: one_turn_and_more", "four_bar_chain: ten_seconds"),
+    "parallelograms through their singular positions": (
+        "four_bar_chain: one_turn_and_more",
+        "four_bar_chain: ten_seconds",
+    ),
     "slider-crank with crank = rod": ("isosceles_slider",),
     "nearly redundant constraints": ("third_crank: nearly",),
     "redundant constraints": ("redundant", "bricard", "third_crank: exactly"),
@@ -43,8 +55,16 @@ EXTREMES: Mapping[str, Sequence[str]] = {
     "inconsistent initial state": ("scale_metre: inconsistent",),
     "long runs": ("long_run: minutes", "long_run: day"),
     "t = 1e9 s": ("slow_drive: ten_turns", "stiff_damper: heavily_damped"),
-    "NaN, ±Inf, denormals, 1e300 in every argument": ("*: spoiled_arguments", "*: spoiled_arguments_single"),
-    "float32": ("scale_metre: single", "tumbling: single", "mass_ratio: heavy_tip_single", "near_parallel: one_line_single"),
+    "NaN, ±Inf, denormals, 1e300 in every argument": (
+        "*: spoiled_arguments",
+        "*: spoiled_arguments_single",
+    ),
+    "float32": (
+        "scale_metre: single",
+        "tumbling: single",
+        "mass_ratio: heavy_tip_single",
+        "near_parallel: one_line_single",
+    ),
     "chaos (error reported only)": ("chaos",),
 }
 Row = Mapping[str, Any]
@@ -52,7 +72,10 @@ Row = Mapping[str, Any]
 
 def extremes(rows: Sequence[Row]) -> str:
     """Markdown: what was asked for, its cases, how they came out."""
-    cells = ((about, " ".join(f"`{name}`" for name in names), _outcome(chosen(rows, names))) for about, names in EXTREMES.items())
+    cells = (
+        (about, " ".join(f"`{name}`" for name in names), _outcome(chosen(rows, names)))
+        for about, names in EXTREMES.items()
+    )
     return _table(("extreme", "file: case", "outcome"), "--", cells)
 
 
@@ -70,17 +93,35 @@ def _outcome(rows: Sequence[Row]) -> str:
     parts = [f"largest error {max(errors):.1e}"] if errors else []
     spoiled = [re.match(r"(\d+) calls.* (\d+) wrong", row["status"]) for row in rows]
     counts = [tuple(map(int, found.groups())) for found in spoiled if found]
-    parts += [f"{sum(calls for calls, _ in counts):,} calls, {sum(wrong for _, wrong in counts)} wrong"] if counts else []
-    parts += [f"{row['fewest']} steps, SciPy's Radau {row['scipy']}" for row in rows if row["fewest"] and row["scipy"]]
+    parts += (
+        [f"{sum(calls for calls, _ in counts):,} calls, {sum(wrong for _, wrong in counts)} wrong"]
+        if counts
+        else []
+    )
+    parts += [
+        f"{row['fewest']} steps, SciPy's Radau {row['scipy']}"
+        for row in rows
+        if row["fewest"] and row["scipy"]
+    ]
     parts += [f"moved by {row['moved']:.1g}" for row in rows if row["moved"] > 0]
-    parts += [f"{row['case']} refused: {_cause(row['status'])}" for row in rows if row["outcome"] == "refused"]
-    parts += [f"**{row['model']}, {row['case']}: {row['outcome']}, not {row['expected']}**" for row in rows if not row["passed"]]
+    parts += [
+        f"{row['case']} refused: {_cause(row['status'])}"
+        for row in rows
+        if row["outcome"] == "refused"
+    ]
+    parts += [
+        f"**{row['model']}, {row['case']}: {row['outcome']}, not {row['expected']}**"
+        for row in rows
+        if not row["passed"]
+    ]
     return "; ".join(parts) or "not run"
 
 
 def _cause(status: str) -> str:
     """Without the name of the model, and with the time in as many digits as one reads."""
-    return re.sub(r"\S+\.simulate stopped at t = (\S+):", lambda found: f"at {float(found[1]):.4g} s", status)
+    return re.sub(
+        r"\S+\.simulate stopped at t = (\S+):", lambda found: f"at {float(found[1]):.4g} s", status
+    )
 
 
 def simulations(rows: Sequence[Row]) -> str:
@@ -94,7 +135,12 @@ def simulations(rows: Sequence[Row]) -> str:
 def _simulation(row: Row) -> tuple[str, ...]:
     met = {True: "met", False: "**missed**", None: ""}[row["met"]]
     peer = f"{row['peer']} ({row['variant']})"
-    return row["model"], peer, *(_number(row[name]) for name in ("ours_ms", "peer_ms", "ratio", "target")), met
+    return (
+        row["model"],
+        peer,
+        *(_number(row[name]) for name in ("ours_ms", "peer_ms", "ratio", "target")),
+        met,
+    )
 
 
 def _number(value: float | None) -> str:
@@ -103,7 +149,13 @@ def _number(value: float | None) -> str:
 
 def _table(head: Sequence[str], sides: str, rows: Any) -> str:
     bars = "|".join("---:" if side == "r" else "---" for side in sides.ljust(len(head), "-"))
-    return "\n".join(("| " + " | ".join(head) + " |", f"|{bars}|", *("| " + " | ".join(row) + " |" for row in rows)))
+    return "\n".join(
+        (
+            "| " + " | ".join(head) + " |",
+            f"|{bars}|",
+            *("| " + " | ".join(row) + " |" for row in rows),
+        )
+    )
 
 
 def put(page: str, name: str, text: str) -> str:
@@ -116,7 +168,7 @@ def put(page: str, name: str, text: str) -> str:
 def found() -> Iterator[tuple[str, str]]:
     """Names of marks, and what belongs there."""
     if REPORT.exists():
-        yield "extreme cases", extremes(json.loads(REPORT.read_text("utf-8"))["stress"])
+        yield "extreme cases", extremes(json.loads(REPORT.read_text("utf-8"))["extremes"])
     if WHOLE.exists():
         yield "whole simulations", simulations(json.loads(WHOLE.read_text("utf-8")))
 
@@ -129,8 +181,11 @@ def plots() -> Iterator[tuple[str, str]]:
         own = [row for row in found["rows"] if row["model"] == model]
         if own:
             yield name, error_charts(model, own)[which]
-    if found["stress"]:
-        yield "report-stress.svg", stress_chart([StressRow(**row) for row in found["stress"]])
+    if found["extremes"]:
+        yield (
+            "report-extremes.svg",
+            extremes_chart([ExtremeRow(**row) for row in found["extremes"]]),
+        )
 
 
 def main() -> int:

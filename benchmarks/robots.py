@@ -1,7 +1,9 @@
-"""make robots: every URDF of the PyPI package example-robot-data, imported and compared with Pinocchio.
+"""make robots: every URDF of the PyPI package example-robot-data, imported and compared with
+Pinocchio.
 
-Mass matrix, bias and forward dynamics at random states, relative to the largest entry. Each robot with its root link fixed and
-with a free root. Where joints mimic others, Pinocchio's tree is projected on the independent joints here.
+Mass matrix, bias and forward dynamics at random states, relative to the largest entry. Each robot
+with its root link fixed and with a free root. Where joints mimic others, Pinocchio's tree is
+projected on the independent joints here.
 """
 
 from __future__ import annotations
@@ -24,9 +26,9 @@ from codegen.passes import program
 from derive.diagnostics import HamelError
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.mechanics import system
-from derive.mechanics.sampling import states
-from hamel.importing import Imported, imported
+from derive.robots import Imported, imported
+from derive.states import system
+from derive.states.sampling import states
 
 STATES = 20
 TOLERANCE = 1e-9
@@ -59,7 +61,10 @@ def compared(root: Path, file: Path, floating: bool) -> Report:
     try:
         _compare(file, floating, report)
     except HamelError as error:
-        report.verdict, report.reason = "refused", error.diagnostics[0].headline().replace(str(file), file.name)
+        report.verdict, report.reason = (
+            "refused",
+            error.diagnostics[0].headline().replace(str(file), file.name),
+        )
     except Exception as error:  # the table is to be finished
         report.verdict, report.reason = "failed", f"{type(error).__name__}: {error}"[:300]
     return report
@@ -77,7 +82,9 @@ def _compare(file: Path, floating: bool, report: Report) -> None:
         with _timed(report, "passes"):
             report.operations = program(derived, ["dynamics"]).kernels[0].operations["total"]
     peer = Peer(file, floating, found)
-    ours = {name: _function(derived, name) for name in ("mass", "bias", "dynamics", "state")} | {"S": _span(derived)}
+    ours = {name: _function(derived, name) for name in ("mass", "bias", "dynamics", "state")} | {
+        "S": _span(derived)
+    }
     rng = np.random.default_rng(1)
     for _ in range(STATES):
         _check_state(peer, ours, derived, rng, report)
@@ -107,7 +114,10 @@ def _span(derived: Equations) -> ca.Function:
 
 def _function(derived: Equations, name: str) -> ca.Function:
     chosen = next(function for function in derived.functions if function.name == name)
-    slots = [chosen.x if slot.name == "x" and chosen.x is not None else slot for slot in derived.arguments]
+    slots = [
+        chosen.x if slot.name == "x" and chosen.x is not None else slot
+        for slot in derived.arguments
+    ]
     return ca.Function(name, [slot.symbols for slot in slots], [ca.densify(chosen.result.value)])
 
 
@@ -128,14 +138,18 @@ class Peer:
         import pinocchio
 
         self.pin: Any = pinocchio
-        self.model = pinocchio.buildModelFromUrdf(str(file), *([pinocchio.JointModelFreeFlyer()] if floating else []))
+        self.model = pinocchio.buildModelFromUrdf(
+            str(file), *([pinocchio.JointModelFreeFlyer()] if floating else [])
+        )
         self.data = self.model.createData()
         self.joints = list(zip(self.model.names, self.model.joints))[1:]
         base = next(joint.name for joint in found.model.joints if joint.parent == "ground")
         self.ours = {name: found.joints.get(name, base) for name, _ in self.joints}
         self.places = {c.name: i for i, c in enumerate(found.model.coordinates)}
         owners = [v.owner for v in found.model.velocities]
-        self.columns = np.array([i for name, _ in self.joints for i, o in enumerate(owners) if o == self.ours[name]])
+        self.columns = np.array(
+            [i for name, _ in self.joints for i, o in enumerate(owners) if o == self.ours[name]]
+        )
         self.mimics = mimics(file)
         self.friction = np.zeros(self.model.nv)
         rubbing = frictions(file)
@@ -153,7 +167,14 @@ class Peer:
                 G[start[name]] = 0.0
                 if master in start:
                     G[start[name], start[master]] = factor
-        return G[:, [i for i in range(self.model.nv) if not any(start.get(name) == i for name in self.mimics)]]
+        return G[
+            :,
+            [
+                i
+                for i in range(self.model.nv)
+                if not any(start.get(name) == i for name in self.mimics)
+            ],
+        ]
 
     def _master(self, name: str) -> tuple[str, float, float]:
         """q = factor · q_master + offset with a master that mimics nothing."""
@@ -165,7 +186,10 @@ class Peer:
 
     def state(self, rng: np.random.Generator) -> State:
         """A random state that the mimicking joints share in."""
-        reach = {name: 0.5 if joint.shortname().startswith("JointModelP") else np.pi for name, joint in self.joints}
+        reach = {
+            name: 0.5 if joint.shortname().startswith("JointModelP") else np.pi
+            for name, joint in self.joints
+        }
         position = {name: rng.uniform(-most, most) for name, most in reach.items()}
         for name in self.mimics:
             master, factor, offset = self._master(name)
@@ -178,7 +202,15 @@ class Peer:
         v[self.columns] = pin_v
         return State(pin_q, pin_v, q, v)
 
-    def _put(self, name: str, joint: Any, value: float, pin_q: np.ndarray, q: np.ndarray, rng: np.random.Generator) -> None:
+    def _put(
+        self,
+        name: str,
+        joint: Any,
+        value: float,
+        pin_q: np.ndarray,
+        q: np.ndarray,
+        rng: np.random.Generator,
+    ) -> None:
         own = self.ours[name]
         if joint.nv == 6:
             place, turn = rng.normal(size=3), rng.normal(size=4)
@@ -187,11 +219,14 @@ class Peer:
             first = self.places[f"{own}_x"]
             q[first : first + 7] = [*place, *turn]
         else:
-            pin_q[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+            pin_q[joint.idx_q : joint.idx_q + joint.nq] = (
+                value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+            )
             q[self.places[own]] = value
 
     def regular_state(self, rng: np.random.Generator, report: Report) -> State:
-        """A state at which accelerations are determined to better than the tolerance; others are drawn again and counted.
+        """A state at which accelerations are determined to better than the tolerance; others are
+        drawn again and counted.
 
         Robots with links whose inertia is zero have poses at which M is as good as singular.
         """
@@ -199,7 +234,10 @@ class Peer:
             s = self.state(rng)
             M = self.G.T @ self.mass(s) @ self.G
             scale = 1 / np.sqrt(np.maximum(np.diag(M), 1e-300))
-            if np.linalg.cond(M * np.outer(scale, scale)) < ILL_CONDITIONED or report.redrawn >= STATES:
+            if (
+                np.linalg.cond(M * np.outer(scale, scale)) < ILL_CONDITIONED
+                or report.redrawn >= STATES
+            ):
                 return s
             report.redrawn += 1
 
@@ -211,8 +249,13 @@ class Peer:
         return np.asarray(self.pin.nonLinearEffects(self.model, self.data, s.pin_q, s.pin_v))
 
     def acceleration(self, s: State, force: np.ndarray) -> np.ndarray:
-        """By `aba`; where joints mimic others, on the independent joints. Pinocchio leaves damping and friction to its user."""
-        total = force - np.asarray(self.model.damping) * s.pin_v - self.friction * np.tanh(s.pin_v / SMOOTHING)
+        """By `aba`; where joints mimic others, on the independent joints. Pinocchio leaves damping
+        and friction to its user."""
+        total = (
+            force
+            - np.asarray(self.model.damping) * s.pin_v
+            - self.friction * np.tanh(s.pin_v / SMOOTHING)
+        )
         if not self.mimics:
             return np.asarray(self.pin.aba(self.model, self.data, s.pin_q, s.pin_v, total))
         G = self.G
@@ -234,10 +277,20 @@ def frictions(file: Path) -> dict[str, float]:
     """Joint → Coulomb friction, read without hamel."""
     joints = ElementTree.parse(file).getroot().findall("joint")
     found = {joint.get("name", ""): joint.find("dynamics") for joint in joints}
-    return {name: float(dynamics.get("friction", 0.0)) for name, dynamics in found.items() if dynamics is not None}
+    return {
+        name: float(dynamics.get("friction", 0.0))
+        for name, dynamics in found.items()
+        if dynamics is not None
+    }
 
 
-def _check_state(peer: Peer, ours: dict[str, ca.Function], derived: Equations, rng: np.random.Generator, report: Report) -> None:
+def _check_state(
+    peer: Peer,
+    ours: dict[str, ca.Function],
+    derived: Equations,
+    rng: np.random.Generator,
+    report: Report,
+) -> None:
     s = peer.regular_state(rng, report)
     u = rng.normal(size=len(derived.system.model.inputs)) * 10.0
     force = np.zeros(peer.model.nv)
@@ -255,20 +308,31 @@ def _check_state(peer: Peer, ours: dict[str, ca.Function], derived: Equations, r
 
 
 def _note(report: Report, name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
-    error = float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs))) if np.all(np.isfinite(ours)) else np.inf
+    error = (
+        float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
+        if np.all(np.isfinite(ours))
+        else np.inf
+    )
     report.errors[name] = max(report.errors.get(name, 0.0), error)
 
 
 class Mujoco:
-    """MuJoCo's model of the same file: its own order of joints; free bodies move with velocities in the ground frame."""
+    """MuJoCo's model of the same file: its own order of joints; free bodies move with velocities in
+    the ground frame."""
 
     def __init__(self, file: Path, found: Imported) -> None:
         import mujoco
 
         self.mj: Any = mujoco
-        self.model = _without_geometry(file) if file.suffix == ".urdf" else mujoco.MjModel.from_xml_path(str(file))
+        self.model = (
+            _without_geometry(file)
+            if file.suffix == ".urdf"
+            else mujoco.MjModel.from_xml_path(str(file))
+        )
         off = mujoco.mjtDisableBit
-        self.model.opt.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CLAMPCTRL
+        self.model.opt.disableflags |= (
+            off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CLAMPCTRL
+        )
         self.data = mujoco.MjData(self.model)
         names = [self.model.joint(i).name for i in range(self.model.njnt)]
         self.joints = [(self.model.joint(i), found.joints[name]) for i, name in enumerate(names)]
@@ -283,7 +347,8 @@ class Mujoco:
         )
 
     def put(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
-        """Our state and inputs into MuJoCo's data, with friction as the importer smooths it; then everything is evaluated."""
+        """Our state and inputs into MuJoCo's data, with friction as the importer smooths it; then
+        everything is evaluated."""
         for joint, own in self.joints:
             places, columns = self._slots(joint, own)
             self.data.qpos[joint.qposadr[0] : joint.qposadr[0] + len(places)] = q[places]
@@ -291,12 +356,17 @@ class Mujoco:
             if len(columns) == 6:
                 rates = np.concatenate([_rotation(q[places[3:]]) @ rates[:3], rates[3:]])
             self.data.qvel[joint.dofadr[0] : joint.dofadr[0] + len(columns)] = rates
-        self.data.qfrc_applied[:] = -self.model.dof_frictionloss * np.tanh(self.data.qvel / SMOOTHING)
+        self.data.qfrc_applied[:] = -self.model.dof_frictionloss * np.tanh(
+            self.data.qvel / SMOOTHING
+        )
         if self.model.nu:
             self.data.ctrl[:] = u
         else:  # a URDF has no actuators
             drives = [given.velocity for given in self.model_of_ours.inputs]
-            force = [u[drives.index(w.name)] if w.name in drives else 0.0 for w in self.model_of_ours.velocities]
+            force = [
+                u[drives.index(w.name)] if w.name in drives else 0.0
+                for w in self.model_of_ours.velocities
+            ]
             self.data.qfrc_applied[:] += self.theirs(q, np.zeros_like(v), np.array(force))
         self.mj.mj_forward(self.model, self.data)
 
@@ -307,7 +377,9 @@ class Mujoco:
             places, columns = self._slots(joint, own)
             a, w = vdot[columns], v[columns]
             if len(columns) == 6:
-                a = np.concatenate([_rotation(q[places[3:]]) @ (a[:3] + np.cross(w[3:], w[:3])), a[3:]])
+                a = np.concatenate(
+                    [_rotation(q[places[3:]]) @ (a[:3] + np.cross(w[3:], w[:3])), a[3:]]
+                )
             result[joint.dofadr[0] : joint.dofadr[0] + len(columns)] = a
         return result
 
@@ -318,7 +390,11 @@ class Mujoco:
 
     def rows(self) -> np.ndarray:
         """The Jacobian of the equality constraints."""
-        rows = [i for i in range(self.data.nefc) if self.data.efc_type[i] == self.mj.mjtConstraint.mjCNSTR_EQUALITY]
+        rows = [
+            i
+            for i in range(self.data.nefc)
+            if self.data.efc_type[i] == self.mj.mjtConstraint.mjCNSTR_EQUALITY
+        ]
         J = np.zeros((self.data.nefc, self.model.nv))
         if self.data.nefc:
             J = np.array(self.data.efc_J).reshape(self.data.nefc, self.model.nv)
@@ -344,13 +420,16 @@ def _rotation(quaternion: np.ndarray) -> np.ndarray:
 
 
 def against_mujoco(file: Path) -> Report:
-    """Accelerations of one robot beside MuJoCo's; loops are soft there, so M v̇ = forces + Jᵀ λ is checked."""
+    """Accelerations of one robot beside MuJoCo's; loops are soft there, so M v̇ = forces + Jᵀ λ is
+    checked."""
     report = Report(file.name, "", "agreed")
     found = imported(file)
     mechanics = system(found.model, "all")
     derived = equations(mechanics)
     report.velocities, report.mimics = mechanics.v.numel(), len(mechanics.rows)
-    ours = {name: _function(derived, name) for name in ("dynamics", "state")} | {"S": _span(derived)}
+    ours = {name: _function(derived, name) for name in ("dynamics", "state")} | {
+        "S": _span(derived)
+    }
     peer, rng = Mujoco(file, found), np.random.default_rng(2)
     sample = states(mechanics, STATES, rng) if mechanics.rows else None
     for k in range(STATES):
@@ -366,13 +445,23 @@ def against_mujoco(file: Path) -> Report:
 
 
 def _mujoco_state(
-    peer: Mujoco, ours: dict[str, ca.Function], derived: Equations, q: np.ndarray, v: np.ndarray, u: np.ndarray, report: Report
+    peer: Mujoco,
+    ours: dict[str, ca.Function],
+    derived: Equations,
+    q: np.ndarray,
+    v: np.ndarray,
+    u: np.ndarray,
+    report: Report,
 ) -> None:
     x = np.asarray(ours["state"](0.0, np.concatenate([q, v]), u, [])).ravel()
     S = np.asarray(ours["S"](0.0, x, u, []))
     v = S @ x[len(q) :]
     rates = np.asarray(ours["dynamics"](0.0, x, u, [])).ravel()[len(q) :]
-    turning = _directional(lambda x: np.asarray(ours["S"](0.0, x, u, [])), x, np.asarray(ours["dynamics"](0.0, x, u, [])).ravel())
+    turning = _directional(
+        lambda x: np.asarray(ours["S"](0.0, x, u, [])),
+        x,
+        np.asarray(ours["dynamics"](0.0, x, u, [])).ravel(),
+    )
     vdot = S @ rates + turning @ x[len(q) :]
     peer.put(q, v, u)
     accelerations = peer.theirs(q, v, vdot)
@@ -383,7 +472,9 @@ def _mujoco_state(
     _note(report, "reaction", peer.rows().T @ multipliers, force)
 
 
-def _directional(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, along: np.ndarray) -> np.ndarray:
+def _directional(
+    function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, along: np.ndarray
+) -> np.ndarray:
     """Derivative of a function along a direction; zero where it does not change."""
     step = 1e-6 / max(1.0, float(np.max(np.abs(along))))
     return (function(x + step * along) - function(x - step * along)) / (2 * step)
@@ -401,7 +492,11 @@ def robots() -> Path:
 def reports(root: Path, wanted: str) -> Iterator[Report]:
     files = [file for file in sorted(root.rglob("*.urdf")) if wanted in str(file)]
     with ProcessPoolExecutor(max_workers=2, mp_context=get_context("spawn")) as pool:
-        jobs = [pool.submit(compared, root, file, floating) for file in files for floating in (False, True)]
+        jobs = [
+            pool.submit(compared, root, file, floating)
+            for file in files
+            for floating in (False, True)
+        ]
         for job in jobs:
             yield job.result()
 
@@ -420,13 +515,22 @@ def main(arguments: list[str]) -> int:
     for report in reports(robots(), arguments[0] if arguments else ""):
         found.append(report)
         print(line(report), flush=True)
-    for file in sorted(OWN.glob("*.xml")) + sorted(OWN.glob("arm.urdf")) if len(arguments) == 0 or "mujoco" in arguments else []:
+    for file in (
+        sorted(OWN.glob("*.xml")) + sorted(OWN.glob("arm.urdf"))
+        if len(arguments) == 0 or "mujoco" in arguments
+        else []
+    ):
         found.append(against_mujoco(file))
         print(line(found[-1]), flush=True)
     for base in ("fixed", "free"):
         verdicts = [report.verdict for report in found if report.base == base]
-        counts = {verdict: verdicts.count(verdict) for verdict in ("agreed", "refused", "wrong", "failed")}
-        print(f"{base} base: {len(verdicts)} robots, " + ", ".join(f"{n} {verdict}" for verdict, n in counts.items()))
+        counts = {
+            verdict: verdicts.count(verdict) for verdict in ("agreed", "refused", "wrong", "failed")
+        }
+        print(
+            f"{base} base: {len(verdicts)} robots, "
+            + ", ".join(f"{n} {verdict}" for verdict, n in counts.items())
+        )
     OUT.parent.mkdir(exist_ok=True)
     OUT.write_text(json.dumps([asdict(report) for report in found], indent=1) + "\n")
     return int(any(report.verdict in ("wrong", "failed") for report in found))

@@ -10,7 +10,17 @@ from datetime import UTC, datetime
 from typing import Any
 
 from peers import peak, python_call
-from peers.contest import AGREEMENT, CORES, Contender, Time, Unavailable, difference, measured, processor, version
+from peers.contest import (
+    AGREEMENT,
+    CORES,
+    Contender,
+    Time,
+    Unavailable,
+    difference,
+    measured,
+    processor,
+    version,
+)
 from scenes import Scene
 from targets import BEST, PEAK, TARGETS
 
@@ -21,7 +31,8 @@ Row = dict[str, Any]
 
 @dataclass
 class Entry:
-    """A scene with everything compiled, ours among the peers; `missing`: what cannot be had, and why."""
+    """A scene with everything compiled, ours among the peers; `missing`: what cannot be had, and
+    why."""
 
     scene: Scene
     found: dict[str, list[Contender]] = field(default_factory=dict)
@@ -31,8 +42,16 @@ class Entry:
     def key(self) -> str:
         """Equal where the same binaries would be timed again; empty where none are known before."""
         everyone = [c for several in self.found.values() for c in several]
-        said = [self.scene.function, self.scene.model, *sorted(f"{c.library.name} {c.argument}" for c in everyone)]
-        return hashlib.sha256("\n".join([*said, *self.missing]).encode()).hexdigest()[:16] if self.found.get(OURS) else ""
+        said = [
+            self.scene.function,
+            self.scene.model,
+            *sorted(f"{c.library.name} {c.argument}" for c in everyone),
+        ]
+        return (
+            hashlib.sha256("\n".join([*said, *self.missing]).encode()).hexdigest()[:16]
+            if self.found.get(OURS)
+            else ""
+        )
 
 
 def rows(entry: Entry) -> Iterator[Row]:
@@ -58,7 +77,9 @@ def _rows(entry: Entry) -> Iterator[Row]:
     chains = peak.contenders(scene.peak) if scene.peak else []
     times, failing = measured([*own, *(c for several in peers.values() for c in several), *chains])
     ours = min(times[c].ns for c in own)
-    contested = [_contested(scene, name, ours, several, times, failing) for name, several in peers.items()]
+    contested = [
+        _contested(scene, name, ours, several, times, failing) for name, several in peers.items()
+    ]
     yield from contested
     if scene.best:
         best = min((row for row in contested if row["peer_ns"]), key=lambda row: row["peer_ns"])
@@ -72,14 +93,25 @@ def _rows(entry: Entry) -> Iterator[Row]:
 
 
 def _contested(
-    scene: Scene, peer: str, ours: float, theirs: Sequence[Contender], times: dict[Contender, Time], failing: dict[Contender, str]
+    scene: Scene,
+    peer: str,
+    ours: float,
+    theirs: Sequence[Contender],
+    times: dict[Contender, Time],
+    failing: dict[Contender, str],
 ) -> Row:
     running = [c for c in theirs if c in times]
     agreeing = [c for c in running if not times[c].wrong]
     if agreeing:
         best = min(agreeing, key=lambda c: times[c].ns)
         return _row(scene, peer, ours, times[best].ns, variant=best.variant)
-    note = f"{WRONG} {times[running[0]].wrong:.1e}" if running else failing[theirs[0]] if theirs else "nothing made"
+    note = (
+        f"{WRONG} {times[running[0]].wrong:.1e}"
+        if running
+        else failing[theirs[0]]
+        if theirs
+        else "nothing made"
+    )
     return _row(scene, peer, ours, None, note=note)
 
 
@@ -95,7 +127,8 @@ def _timed(scene: Scene, peer: str, ours: float, own: Time) -> Row:
 
 
 def _share(scene: Scene, own: Contender, ours: float, most: float) -> Row:
-    """What the same additions and multiplications would take at the peak; a sine with its cosine counts as its polynomials."""
+    """What the same additions and multiplications would take at the peak; a sine with its cosine
+    counts as its polynomials."""
     turns = sum(scene.operations[kind] for kind in ("sin", "cos")) / 2
     flop = scene.operations["add"] + scene.operations["multiply"] + turns * own.turn
     note = f"{flop:.0f} flop, peak {most:.1f} flop/ns, share {flop / most / ours:.0%}"
@@ -118,7 +151,14 @@ def _row(
     note: str = "",
     target: float | None = None,
 ) -> Row:
-    found = next((t.ratio for t in TARGETS if (t.function, t.model, t.peer) == (scene.function, scene.model, peer)), target)
+    found = next(
+        (
+            t.ratio
+            for t in TARGETS
+            if (t.function, t.model, t.peer) == (scene.function, scene.model, peer)
+        ),
+        target,
+    )
     ratio = ours / theirs if ours and theirs else None
     return {
         "function": scene.function,

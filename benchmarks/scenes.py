@@ -1,4 +1,5 @@
-"""The scenes of `make bench`: a model, what of it is evaluated, and who else does it. One generator per model."""
+"""The scenes of `make bench`: a model, what of it is evaluated, and who else does it. One generator
+per model."""
 
 from __future__ import annotations
 
@@ -9,17 +10,40 @@ from pathlib import Path
 
 import growth
 import numpy as np
-from peers import augmented, batched, kane, lanes, mujoco, ours, peak, pinocchio, python_call, with_symforce
+from peers import (
+    augmented,
+    batched,
+    kane,
+    lanes,
+    mujoco,
+    ours,
+    peak,
+    pinocchio,
+    python_call,
+    with_symforce,
+)
 from peers.batched import Timed
 from peers.casadi_c import Read
 from peers.contest import BUILD, ROWS, Contender, Unavailable
 from peers.robot import robot
 from robots import Peer, robots
-from targets import AUGMENTED, AUGMENTED_MX, BATCH, CHAINS, INVERSE, LANES, MASS, PINOCCHIO, PYDY, SCALAR, THROUGH_CASADI
+from targets import (
+    AUGMENTED,
+    AUGMENTED_MX,
+    BATCH,
+    CHAINS,
+    INVERSE,
+    LANES,
+    MASS,
+    PINOCCHIO,
+    PYDY,
+    SCALAR,
+    THROUGH_CASADI,
+)
 
-from derive.mechanics.sampling import States
 from derive.model import Model, load
-from hamel.importing import imported
+from derive.robots import imported
+from derive.states.sampling import States
 from models import four_bars
 
 Made = Callable[[], Sequence[Contender]]
@@ -27,7 +51,8 @@ Made = Callable[[], Sequence[Contender]]
 
 @dataclass(frozen=True)
 class Scene:
-    """`peers`: name → what makes its contenders; `timed`: those with a loop of their own. Both may raise Unavailable."""
+    """`peers`: name → what makes its contenders; `timed`: those with a loop of their own. Both may
+    raise Unavailable."""
 
     function: str
     model: str
@@ -52,8 +77,11 @@ def snake3() -> Iterator[Scene]:
     yield _plane("snake3", ("best", "head"), augmented.snake3(), kane.snake3)
 
 
-def _plane(name: str, choices: Sequence[str], by: augmented.Lagrangian, by_kane: Callable[[], kane.Kane]) -> Scene:
-    """The fewest operations of some choices against equations with multipliers in the coordinates."""
+def _plane(
+    name: str, choices: Sequence[str], by: augmented.Lagrangian, by_kane: Callable[[], kane.Kane]
+) -> Scene:
+    """The fewest operations of some choices against equations with multipliers in the
+    coordinates."""
     model = load(Path("models") / f"{name}.yaml")
     subjects = [ours.subject(model, choice) for choice in choices]
     of = min(subjects, key=lambda subject: ours.operations(subject)["total"])
@@ -68,7 +96,10 @@ def _plane(name: str, choices: Sequence[str], by: augmented.Lagrangian, by_kane:
         name,
         lambda: [ours.contender(of, read=lambda rows: rows[:, nq:])],
         {
-            AUGMENTED: lambda: [*augmented.unrolled(by, inputs, read), *augmented.unrolled(by, inputs, read, True)],
+            AUGMENTED: lambda: [
+                *augmented.unrolled(by, inputs, read),
+                *augmented.unrolled(by, inputs, read, True),
+            ],
             PYDY: lambda: kane.contender(by_kane(), inputs, read),
         },
         ours.operations(of),
@@ -76,15 +107,20 @@ def _plane(name: str, choices: Sequence[str], by: augmented.Lagrangian, by_kane:
 
 
 def four_bars40() -> Iterator[Scene]:
-    """IFToMM A02: all cranks stay parallel; states away from the horizontal, where it is singular."""
+    """IFToMM A02: all cranks stay parallel; states away from the horizontal, where it is
+    singular."""
     n, rng = 40, np.random.default_rng(1)
     angle = np.where(rng.random(ROWS) < 0.5, 1.0, -1.0) * rng.uniform(0.4, np.pi - 0.4, ROWS)
     signs = np.array([1.0, *[-1.0, 1.0] * n])
     model = load(four_bars(n, BUILD / f"models/four_bars{n}.yaml"))
     place = {f"q{i}": 2 * i for i in range(n + 1)} | {f"s{i}": 2 * i - 1 for i in range(1, n + 1)}
-    theirs = np.array([place[c.name] for c in model.coordinates])  # the peers' order: crank 0, then rod and crank in turn
+    theirs = np.array(
+        [place[c.name] for c in model.coordinates]
+    )  # the peers' order: crank 0, then rod and crank in turn
     q, v = angle[:, None] * signs, rng.normal(size=(ROWS, 1)) * signs
-    given = States(np.zeros(ROWS), q[:, theirs], v[:, theirs], np.zeros((ROWS, 0)), np.zeros((ROWS, 0)))
+    given = States(
+        np.zeros(ROWS), q[:, theirs], v[:, theirs], np.zeros((ROWS, 0)), np.zeros((ROWS, 0))
+    )
     of, by, inputs = ours.subject(model, "crank", given), augmented.four_bars(n), np.hstack([q, v])
 
     def read(rows: np.ndarray) -> np.ndarray:
@@ -92,7 +128,11 @@ def four_bars40() -> Iterator[Scene]:
 
     def soft() -> Sequence[Contender]:
         return mujoco.contender(
-            mujoco.four_bars(n, BUILD / f"models/four_bars{n}.xml"), _with_zeros(inputs, q), q.shape[1], read, True
+            mujoco.four_bars(n, BUILD / f"models/four_bars{n}.xml"),
+            _with_zeros(inputs, q),
+            q.shape[1],
+            read,
+            True,
         )
 
     def closed() -> Sequence[Contender]:
@@ -105,7 +145,10 @@ def four_bars40() -> Iterator[Scene]:
         f"four_bars{n}",
         lambda: [ours.contender(of, read=lambda rows: rows[:, 2 * n + 1 :])],
         {
-            AUGMENTED: lambda: [*augmented.unrolled(by, inputs, read), *augmented.unrolled(by, inputs, read, True)],
+            AUGMENTED: lambda: [
+                *augmented.unrolled(by, inputs, read),
+                *augmented.unrolled(by, inputs, read, True),
+            ],
             AUGMENTED_MX: lambda: augmented.sparse(by, inputs, read),
             "MuJoCo": soft,
             "Pinocchio lcaba": closed,
@@ -115,7 +158,9 @@ def four_bars40() -> Iterator[Scene]:
 
 
 def _in_order(model: Model, place: Mapping[str, int]) -> Model:
-    return replace(model, joints=tuple(sorted(model.joints, key=lambda joint: place[joint.coordinates[0]])))
+    return replace(
+        model, joints=tuple(sorted(model.joints, key=lambda joint: place[joint.coordinates[0]]))
+    )
 
 
 def _with_zeros(inputs: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -126,19 +171,27 @@ def chain(n: int) -> Iterator[Scene]:
     """A planar pendulum of n links: every peer there is, the best one counts."""
     place = BUILD / f"models/chain{n}.yaml"
     place.parent.mkdir(parents=True, exist_ok=True)
-    place.write_text(growth.chain(n).replace("model: chain", f"model: chain{n}", 1))  # each has files of its own
+    place.write_text(
+        growth.chain(n).replace("model: chain", f"model: chain{n}", 1)
+    )  # each has files of its own
     model = load(place)
     rng = np.random.default_rng(1)
     q, v = rng.uniform(-np.pi, np.pi, (ROWS, n)), rng.normal(size=(ROWS, n))
-    of = ours.subject(model, given=States(np.zeros(ROWS), q, v, np.zeros((ROWS, 0)), np.zeros((ROWS, 0))))
+    of = ours.subject(
+        model, given=States(np.zeros(ROWS), q, v, np.zeros((ROWS, 0)), np.zeros((ROWS, 0)))
+    )
     tree = pinocchio.written(pinocchio.model_of(model), f"chain{n}")
     inputs, full = np.hstack([q, v]), _with_zeros(np.hstack([q, v]), q)
     by = augmented.chain(n)
     peers: dict[str, Made] = {
-        THROUGH_CASADI: lambda: [c for f in ("aba", "aba_world") for c in pinocchio.generated(tree, f, full, n, same)],
+        THROUGH_CASADI: lambda: [
+            c for f in ("aba", "aba_world") for c in pinocchio.generated(tree, f, full, n, same)
+        ],
         PINOCCHIO: lambda: [pinocchio.own(tree, f, full, n, same) for f in ("aba", "aba_world")],
     }
-    shared = (False, True) if n <= 20 else ()  # with angles alone elimination fills in: the cube of n
+    shared = (
+        (False, True) if n <= 20 else ()
+    )  # with angles alone elimination fills in: the cube of n
     peers[AUGMENTED] = lambda: [
         *(c for cse in shared for c in augmented.unrolled(by, inputs, same, cse)),
         *augmented.bodies(n, inputs, same),
@@ -150,7 +203,9 @@ def chain(n: int) -> Iterator[Scene]:
 
 def _by_kane(n: int, inputs: np.ndarray) -> list[Contender]:
     if n > 10:
-        raise Unavailable("left out: KanesMethod takes minutes for as many links, and the matrix solved has no zeros")
+        raise Unavailable(
+            "left out: KanesMethod takes minutes for as many links, and the matrix solved has no zeros"
+        )
     return kane.contender(kane.chain(n), inputs, same)
 
 
@@ -173,14 +228,17 @@ def _robot(name: str) -> Tree:
     peer, rng = Peer(file, floating, found), np.random.default_rng(1)
     drawn = [peer.state(rng) for _ in range(ROWS)]
     q, v, pin_q = (np.array([getattr(s, part) for s in drawn]) for part in ("q", "v", "pin_q"))
-    given = States(np.zeros(ROWS), q, v, rng.normal(size=(ROWS, len(found.model.inputs))), np.zeros((ROWS, 0)))
+    given = States(
+        np.zeros(ROWS), q, v, rng.normal(size=(ROWS, len(found.model.inputs))), np.zeros((ROWS, 0))
+    )
     text = pinocchio.written(peer.model, name)
     return Tree(name, text, ours.subject(found.model, given=given), peer.columns, pin_q)
 
 
 @dataclass(frozen=True)
 class Tree:
-    """A tree of joints in Pinocchio's order of velocities: its own states and ours, and the way back from our results."""
+    """A tree of joints in Pinocchio's order of velocities: its own states and ours, and the way
+    back from our results."""
 
     name: str
     text: Path
@@ -205,17 +263,31 @@ class Tree:
         """Of our rows (q̇, ẇ)."""
         return rows[:, self.of.states.q.shape[1] :][:, self.columns]
 
-    def pinocchio(self, functions: Sequence[str], inputs: np.ndarray, size: int, read: Read = same) -> dict[str, Made]:
-        own = [name for name in functions if name != "crba_world"]  # crba.c is the upper triangle of both
+    def pinocchio(
+        self, functions: Sequence[str], inputs: np.ndarray, size: int, read: Read = same
+    ) -> dict[str, Made]:
+        own = [
+            name for name in functions if name != "crba_world"
+        ]  # crba.c is the upper triangle of both
         return {
-            THROUGH_CASADI: lambda: [c for name in functions for c in pinocchio.generated(self.text, name, inputs, size, read)],
+            THROUGH_CASADI: lambda: [
+                c
+                for name in functions
+                for c in pinocchio.generated(self.text, name, inputs, size, read)
+            ],
             PINOCCHIO: lambda: [pinocchio.own(self.text, name, inputs, size, read) for name in own],
         }
 
 
 def _dynamics(tree: Tree) -> Scene:
     peers = tree.pinocchio(("aba", "aba_world"), tree.inputs, tree.nv)
-    return Scene(SCALAR, tree.name, lambda: [ours.contender(tree.of, read=tree.accelerations)], peers, ours.operations(tree.of))
+    return Scene(
+        SCALAR,
+        tree.name,
+        lambda: [ours.contender(tree.of, read=tree.accelerations)],
+        peers,
+        ours.operations(tree.of),
+    )
 
 
 def panda() -> Iterator[Scene]:
@@ -229,11 +301,18 @@ def panda() -> Iterator[Scene]:
         forward,
         function=BATCH,
         own=lambda: [ours.contender(tree.of, batch=True, read=tree.accelerations)],
-        peers=forward.peers | {LANES: lambda: [c for s in _recursions(tree) for c in lanes.vectors(s, *made)]},
+        peers=forward.peers
+        | {LANES: lambda: [c for s in _recursions(tree) for c in lanes.vectors(s, *made)]},
         timed={
-            "JAX": lambda: batched.patiently(batched.jax, _recursions(tree)[0], tree.inputs, tree.nv),
-            "numba": lambda: batched.patiently(batched.numba, _recursions(tree)[0], tree.inputs, tree.nv),
-            "MuJoCo rollout": lambda: batched.patiently(batched.rollout, file, tree.inputs, tree.nv),
+            "JAX": lambda: batched.patiently(
+                batched.jax, _recursions(tree)[0], tree.inputs, tree.nv
+            ),
+            "numba": lambda: batched.patiently(
+                batched.numba, _recursions(tree)[0], tree.inputs, tree.nv
+            ),
+            "MuJoCo rollout": lambda: batched.patiently(
+                batched.rollout, file, tree.inputs, tree.nv
+            ),
         },
         peak=peak.vector_lanes(),
     )
@@ -260,20 +339,31 @@ def _inverse(tree: Tree) -> Scene:
     return Scene(
         INVERSE,
         tree.name,
-        lambda: [ours.contender(tree.of, INVERSE, rows=rows, read=lambda rows: rows[:, tree.columns])],
+        lambda: [
+            ours.contender(tree.of, INVERSE, rows=rows, read=lambda rows: rows[:, tree.columns])
+        ],
         peers,
         ours.operations(tree.of, INVERSE),
     )
 
 
 def _mass(tree: Tree) -> Scene:
-    peers = tree.pinocchio(("crba", "crba_world"), tree.inputs, tree.nv**2, _by_columns(np.arange(tree.nv)))
+    peers = tree.pinocchio(
+        ("crba", "crba_world"), tree.inputs, tree.nv**2, _by_columns(np.arange(tree.nv))
+    )
     own = _by_columns(tree.columns)
-    return Scene(MASS, tree.name, lambda: [ours.contender(tree.of, MASS, read=own)], peers, ours.operations(tree.of, MASS))
+    return Scene(
+        MASS,
+        tree.name,
+        lambda: [ours.contender(tree.of, MASS, read=own)],
+        peers,
+        ours.operations(tree.of, MASS),
+    )
 
 
 def _by_columns(columns: np.ndarray) -> Read:
-    """The upper triangle of a symmetric matrix as rows; theirs come column by column with zeros or nothing below."""
+    """The upper triangle of a symmetric matrix as rows; theirs come column by column with zeros or
+    nothing below."""
 
     def read(rows: np.ndarray) -> np.ndarray:
         M = rows.reshape(-1, len(columns), len(columns))

@@ -1,9 +1,11 @@
-"""make whole: whole simulations to the same error at the end, ours and those of others, side by side, into build/whole.json.
+"""make whole: whole simulations to the same error at the end, ours and those of others, side by
+side, into build/whole.json.
 
     python benchmarks/whole.py [MODEL …]
 
-Every contender gets the tolerance (or number of steps) that meets the error in the least time. The error is that of (q, q̇) at the
-end against a Taylor solution of many digits, relative to the largest entry of the same unit at the end or on the way.
+Every contender gets the tolerance (or number of steps) that meets the error in the least time. The
+error is that of (q, q̇) at the end against a Taylor solution of many digits, relative to the
+largest entry of the same unit at the end or on the way.
 """
 
 from __future__ import annotations
@@ -26,18 +28,22 @@ from peers.simulations import LONGEST, Course, Simulation
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.mechanics.records import System
 from derive.model import load
+from derive.states import system
+from derive.states.initial import initial_state
 from hamel.pipeline import temporary_module
 from hamel.settings import settings
-from hamel.solutions import Problem, solution, state_of
+from hamel.simulate.exact import Problem, solution, state_of
 
 OUT = Path("build/whole.json")
 WITHIN = 1e-8
 ROUNDS, ROUND = 12, 30.0  # how often each is timed in turn, and for how many ms
-PLAIN, RK4, LIBRARIES = "plain C DOP853 loop, CasADi augmented", "CasADi's exported RK4 loop", "best library"
+PLAIN, RK4, LIBRARIES = (
+    "plain C DOP853 loop, CasADi augmented",
+    "CasADi's exported RK4 loop",
+    "best library",
+)
 TARGETS = {PLAIN: 0.7, RK4: 0.15, LIBRARIES: 0.05}
 
 
@@ -81,7 +87,9 @@ class Site:
         names = [coordinate.name for coordinate in m.model.coordinates]
         order = [names.index(name) for name in self.mechanism.names]
         self.order = [*order, *(len(names) + i for i in order)]
-        self.course = Course(self.mechanism, self.state(0.0, self.initial.q, self.initial.v)[self.order], scene.span)
+        self.course = Course(
+            self.mechanism, self.state(0.0, self.initial.q, self.initial.v)[self.order], scene.span
+        )
         self.end = self._end(given.initial)
         self.scales = _scales(self.mechanics, self.end)
 
@@ -95,19 +103,28 @@ class Site:
     def _end(self, held: dict[str, float]) -> np.ndarray:
         plain = equations(self.mechanics)
         x = tuple(map(float, state_of(plain, self.initial, np.zeros(0))))
-        found = solution(Problem(plain, x, tuple(map(float, self.u)), (), tuple(held)), [self.scene.span], 15)
+        found = solution(
+            Problem(plain, x, tuple(map(float, self.u)), (), tuple(held)), [self.scene.span], 15
+        )
         if found.bound > WITHIN / 1e3 or found.agreement > 1e-6:
-            raise RuntimeError(f"{self.scene.name}: the solution to compare with is good for {found.bound:.0e} only")
+            raise RuntimeError(
+                f"{self.scene.name}: the solution to compare with is good for {found.bound:.0e} only"
+            )
         values = {name: float(value) for name, value in found.at(0).items()}
         model = self.mechanics.model
-        q, v = [values[c.name] for c in model.coordinates], [values[c.name] for c in model.velocities]
+        q, v = (
+            [values[c.name] for c in model.coordinates],
+            [values[c.name] for c in model.velocities],
+        )
         return self.state(self.scene.span, q, v)
 
     def of_equations(self, found: Equations) -> Callable[[np.ndarray], np.ndarray]:
         """(q, q̇) from the state of a formulation at the end."""
         function = next(f for f in found.functions if f.name == "velocity")
         slots = {a.name: a.symbols for a in found.arguments}
-        velocity = ca.Function("velocity", [slots["t"], slots["x"], slots["u"]], [ca.densify(function.result.value)])
+        velocity = ca.Function(
+            "velocity", [slots["t"], slots["x"], slots["u"]], [ca.densify(function.result.value)]
+        )
         nq, t = self.mechanics.q.numel(), self.scene.span
         return lambda x: self.state(t, x[:nq], velocity(t, x, self.u))
 
@@ -120,15 +137,21 @@ class Site:
 def _scales(mechanics: System, end: np.ndarray) -> np.ndarray:
     """1 for angles, else the largest of the same unit."""
     model, nq = mechanics.model, mechanics.q.numel()
-    units = [("q", c.unit) for c in model.coordinates] + [("qdot", c.unit) for c in model.coordinates]
+    units = [("q", c.unit) for c in model.coordinates] + [
+        ("qdot", c.unit) for c in model.coordinates
+    ]
     assert len(units) == 2 * nq
-    largest = {unit: max(abs(value) for value, other in zip(end, units) if other == unit) for unit in units}
+    largest = {
+        unit: max(abs(value) for value, other in zip(end, units) if other == unit) for unit in units
+    }
     return np.array([1.0 if unit == ("q", "rad") else largest[unit] or 1.0 for unit in units])
 
 
 def hamels(site: Site) -> Iterator[Simulation]:
     """Every choice of the file, and the multipliers."""
-    wanted = [("quasi_velocities", choice.name) for choice in site.mechanics.model.choices] + [("augmented", None)]
+    wanted = [("quasi_velocities", choice.name) for choice in site.mechanics.model.choices] + [
+        ("augmented", None)
+    ]
     for formulation, choice in wanted:
         try:
             found = equations(site.mechanics, choice, formulation)
@@ -151,8 +174,12 @@ def others(site: Site, stack: ExitStack) -> Iterator[Simulation]:
     found = equations(site.mechanics, None, "augmented")
     module = stack.enter_context(temporary_module(found))
     x = state_of(found, site.initial, np.zeros(0))
-    yield from simulations.libraries(module, found, x, site.u, site.of_equations(found), site.scene.span)
-    yield from exudyn_loops.simulations(site.mechanics.model, site.initial, site.inputs, site.scene.span)
+    yield from simulations.libraries(
+        module, found, x, site.u, site.of_equations(found), site.scene.span
+    )
+    yield from exudyn_loops.simulations(
+        site.mechanics.model, site.initial, site.inputs, site.scene.span
+    )
 
 
 def _reordered(of: Simulation, back: Callable[[np.ndarray], np.ndarray]) -> Simulation:
@@ -168,7 +195,8 @@ def _told(text: str) -> None:
 
 
 def tuned(of: Simulation, error: Callable[[np.ndarray], float]) -> Chosen | None:
-    """The setting that meets the error in the least time, else the one that comes nearest to it; None where nothing comes out."""
+    """The setting that meets the error in the least time, else the one that comes nearest to it;
+    None where nothing comes out."""
     best = near = None
     for setting in of.settings:
         made = of.run(setting, 1)
@@ -184,7 +212,10 @@ def tuned(of: Simulation, error: Callable[[np.ndarray], float]) -> Chosen | None
         if ms > 1e3 * LONGEST or (best is not None and ms > 2 * best.ms):
             break
     found = best or near
-    _told(f"  {of.peer}, {of.variant}: " + (f"error {found.error:.1e} in {found.ms:.3g} ms" if found else "nothing"))
+    _told(
+        f"  {of.peer}, {of.variant}: "
+        + (f"error {found.error:.1e} in {found.ms:.3g} ms" if found else "nothing")
+    )
     return found
 
 
@@ -202,9 +233,10 @@ def timed(chosen: Sequence[Chosen]) -> list[float]:
 def rows(scene: Scene) -> Iterator[dict[str, Any]]:
     site = Site(scene)
     with ExitStack() as stack:
-        ours = sorted((c for c in (tuned(s, site.error) for s in hamels(site)) if c and c.error <= WITHIN), key=lambda c: c.ms)[
-            :4
-        ]
+        ours = sorted(
+            (c for c in (tuned(s, site.error) for s in hamels(site)) if c and c.error <= WITHIN),
+            key=lambda c: c.ms,
+        )[:4]
         peers: dict[str, list[Chosen]] = {}
         short: dict[str, Chosen] = {}
         for simulation in others(site, stack):
@@ -212,12 +244,16 @@ def rows(scene: Scene) -> Iterator[dict[str, Any]]:
             chosen = tuned(simulation, site.error)
             if chosen and chosen.error <= WITHIN:
                 found.append(chosen)
-            elif chosen and (simulation.peer not in short or chosen.error < short[simulation.peer].error):
+            elif chosen and (
+                simulation.peer not in short or chosen.error < short[simulation.peer].error
+            ):
                 short[simulation.peer] = chosen
         everyone = [*ours, *(c for found in peers.values() for c in found)]
         ms = dict(zip(everyone, timed(everyone)))
     own = min(ours, key=lambda c: ms[c])
-    best = {peer: min(found, key=lambda c: ms[c]) if found else None for peer, found in peers.items()}
+    best = {
+        peer: min(found, key=lambda c: ms[c]) if found else None for peer, found in peers.items()
+    }
     reached = [c for peer, c in best.items() if c and peer not in (PLAIN, RK4)]
     if reached:
         best[LIBRARIES] = min(reached, key=lambda c: ms[c])
@@ -226,7 +262,13 @@ def rows(scene: Scene) -> Iterator[dict[str, Any]]:
 
 
 def _row(
-    scene: Scene, peer: str, own: Chosen, ours: float, theirs: Chosen | None, ms: float | None, short: Chosen | None
+    scene: Scene,
+    peer: str,
+    own: Chosen,
+    ours: float,
+    theirs: Chosen | None,
+    ms: float | None,
+    short: Chosen | None,
 ) -> dict[str, Any]:
     target, ratio = TARGETS.get(peer), ours / ms if ms else None
     return {
@@ -239,17 +281,26 @@ def _row(
         "met": None if target is None or ratio is None else ratio <= target,
         "ours": own.simulation.variant,
         "ours_error": own.error,
-        "variant": f"{theirs.simulation.peer} {theirs.simulation.variant}" if theirs else _missed(short),
+        "variant": f"{theirs.simulation.peer} {theirs.simulation.variant}"
+        if theirs
+        else _missed(short),
         "peer_error": theirs.error if theirs else None,
     }
 
 
 def _missed(short: Chosen | None) -> str:
-    return f"an error of {short.error:.0e} in {short.ms:.0f} ms is the nearest" if short else "stops on the way"
+    return (
+        f"an error of {short.error:.0e} in {short.ms:.0f} ms is the nearest"
+        if short
+        else "stops on the way"
+    )
 
 
 def line(row: dict[str, Any]) -> str:
-    cells = [f"{row[name]:10.{digits}f}" if row[name] is not None else f"{'–':>10}" for name, digits in _NUMBERS]
+    cells = [
+        f"{row[name]:10.{digits}f}" if row[name] is not None else f"{'–':>10}"
+        for name, digits in _NUMBERS
+    ]
     met = {True: "met", False: "MISSED", None: ""}[row["met"]]
     return f"{row['model']:10}{row['peer']:40}{''.join(cells)}  {met:7}{row['variant']}"
 
@@ -260,7 +311,10 @@ _NUMBERS = (("ours_ms", 4), ("peer_ms", 4), ("ratio", 3), ("target", 3))
 def main(names: Sequence[str]) -> int:
     unknown = [name for name in names if name not in [scene.name for scene in SCENES]]
     if unknown:
-        print(f"whole: no model {unknown[0]!r}; there are {', '.join(scene.name for scene in SCENES)}", file=sys.stderr)
+        print(
+            f"whole: no model {unknown[0]!r}; there are {', '.join(scene.name for scene in SCENES)}",
+            file=sys.stderr,
+        )
         return 2
     pinned()
     kept = json.loads(OUT.read_text()) if OUT.exists() else []

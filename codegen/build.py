@@ -1,7 +1,8 @@
 """build: emit a Program into a folder, compile it, and put it in place in one move.
 
-The binaries of a program are kept in a cache under a hash of everything they depend on, so that building again does not call
-the compiler. Nothing half-written is ever left where the folder should be.
+The binaries of a program are kept in a cache under a hash of everything they depend on, so that
+building again does not call the compiler. Nothing half-written is ever left where the folder should
+be.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ NO_COMPILER = f"no C compiler found, so the module runs on NumPy: {toolchain.INS
 
 @dataclass(frozen=True)
 class Built:
-    """`message` says in one line what is missing where `compiled` is False; `cached` that no compiler was needed."""
+    """`message` says in one line what is missing where `compiled` is False; `cached` that no
+    compiler was needed."""
 
     folder: Path
     compiled: bool
@@ -58,7 +60,9 @@ def emit(program: Program, extra: Mapping[str, str] | None = None) -> dict[str, 
 
 def _sealed(files: Mapping[str, str], extra: Mapping[str, str]) -> dict[str, str]:
     """With `extra` among them, and the hashes of all in the manifest."""
-    others = {name: text for name, text in sorted({**files, **extra}.items()) if name != "manifest.json"}
+    others = {
+        name: text for name, text in sorted({**files, **extra}.items()) if name != "manifest.json"
+    }
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in others.items()}
     manifest = {**json.loads(files["manifest.json"]), "files": hashes}
     if VERIFICATION in others:
@@ -72,7 +76,8 @@ def build(
     extra: Mapping[str, str] | None = None,
     compiler: Sequence[str] | str | None = None,
 ) -> Built:
-    """The generated folder at `folder`, compiled where there is a compiler (`compiler` or the first one found)."""
+    """The generated folder at `folder`, compiled where there is a compiler (`compiler` or the first
+    one found)."""
     with draft(program, folder, compiler) as made:
         found = compiled(made)
         publish(made, extra or {})
@@ -80,11 +85,15 @@ def build(
 
 
 @contextlib.contextmanager
-def draft(program: Program, folder: str | os.PathLike[str], compiler: Sequence[str] | str | None = None) -> Iterator[Draft]:
+def draft(
+    program: Program, folder: str | os.PathLike[str], compiler: Sequence[str] | str | None = None
+) -> Iterator[Draft]:
     """The texts of the folder, beside its place; gone at the end of the block unless published."""
     place = Path(os.path.abspath(folder))
     check_place(place)
-    command = [compiler] if isinstance(compiler, str) else compiler or toolchain.find_compiler() or ()
+    command = (
+        [compiler] if isinstance(compiler, str) else compiler or toolchain.find_compiler() or ()
+    )
     with new_folder(place) as fresh:
         files = emit(program)
         write(fresh, files)
@@ -95,7 +104,9 @@ def compiled(made: Draft) -> Built:
     """The draft with its binaries: a folder that can be loaded where it is."""
     if not made.command:
         return Built(made.fresh, False, NO_COMPILER)
-    return Built(made.fresh, True, "", _compile(made.fresh, made.name, made.files, list(made.command)))
+    return Built(
+        made.fresh, True, "", _compile(made.fresh, made.name, made.files, list(made.command))
+    )
 
 
 def publish(made: Draft, extra: Mapping[str, str]) -> None:
@@ -117,7 +128,9 @@ def _compile(folder: Path, name: str, files: Mapping[str, str], command: list[st
         made = toolchain.compile_folder(folder, name, command)
     except toolchain.CompileError as error:
         _remember_failure(kept, str(error))
-        raise ToolchainError(f"the generated code does not compile: {error}", hint=toolchain.INSTALL) from error
+        raise ToolchainError(
+            f"the generated code does not compile: {error}", hint=toolchain.INSTALL
+        ) from error
     _remember(kept, folder, made)
     return False
 
@@ -135,7 +148,8 @@ def _recalled(kept: Path, folder: Path) -> bool:
 
 
 def _cache_folder(name: str, files: Mapping[str, str], command: list[str]) -> Path | None:
-    """Where binaries of exactly this text, compiler, Python and NumPy belong; None where no cache can be had."""
+    """Where binaries of exactly this text, compiler, Python and NumPy belong; None where no cache
+    can be had."""
     digest = hashlib.sha256()
     with contextlib.suppress(OSError):
         digest.update(toolchain.identity(command).encode())
@@ -148,7 +162,8 @@ def _cache_folder(name: str, files: Mapping[str, str], command: list[str]) -> Pa
 
 
 def _remember(kept: Path | None, folder: Path, made: Sequence[str]) -> None:
-    """Fill a folder of our own, then rename it: readers see all of it or nothing. A full disk only costs the cache."""
+    """Fill a folder of our own, then rename it: readers see all of it or nothing. A full disk only
+    costs the cache."""
     if kept is None:
         return
     with contextlib.suppress(OSError):
@@ -166,7 +181,8 @@ def _remember(kept: Path | None, folder: Path, made: Sequence[str]) -> None:
 
 
 def _remember_failure(kept: Path | None, said: str) -> None:
-    """A marker for people to read. It is never believed: what was missing may be installed by now."""
+    """A marker for people to read. It is never believed: what was missing may be installed by
+    now."""
     if kept is not None:
         with contextlib.suppress(OSError):
             kept.mkdir(exist_ok=True)

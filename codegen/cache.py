@@ -1,6 +1,8 @@
-"""The folder where work is kept that need not be done twice: compiled binaries, verified modules, prepared templates.
+"""The folder where work is kept that need not be done twice: compiled binaries, verified modules,
+prepared templates.
 
-Losing it, or not having one, only costs time. What nobody used for long, and the oldest of what is too much, is dropped.
+Losing it, or not having one, only costs time. What nobody used for long, and the oldest of what is
+too much, is dropped.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ FRESH = 600.0  # seconds in which an entry may be in use by another process and 
 
 
 def folder(name: str = "") -> Path | None:
-    """A folder in XDG_CACHE_HOME/hamel (~/.cache/hamel), made when it is missing; None where none can be had."""
+    """A folder in XDG_CACHE_HOME/hamel (~/.cache/hamel), made when it is missing; None where none
+    can be had."""
     with contextlib.suppress(OSError, RuntimeError):
         root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hamel" / name
         root.mkdir(parents=True, exist_ok=True)
@@ -41,7 +44,8 @@ def used(entry: Path) -> None:
 
 
 def prune(root: Path, longest: float = LONGEST, largest: int = LARGEST) -> None:
-    """Drop the folders in `root` that were not used for `longest` seconds, then the oldest until `largest` bytes are left."""
+    """Drop the folders in `root` that were not used for `longest` seconds, then the oldest until
+    `largest` bytes are left."""
     now, total = time.time(), 0
     for age, entry in sorted(_aged(root, now)):
         size = _size(entry)

@@ -15,16 +15,22 @@ _loads = itertools.count(1)
 
 
 def load(folder: str | os.PathLike[str]) -> ModuleType:
-    """The module in `folder`, under a name of its own, so that several versions live side by side."""
+    """The module in `folder`, under a name of its own, so that several versions live side by
+    side."""
     place = Path(os.path.abspath(folder))
     if not (place / "__init__.py").is_file():
         raise ToolchainError(f"{place} is not a generated module: it has no __init__.py")
     number = next(_loads)
     name = f"hamel_generated_{number}_{place.name}"
-    # the dynamic linker takes a library for loaded when it knows the path; a rebuilt one needs another spelling
+    # the dynamic linker takes a library for loaded when it knows the path; a rebuilt one needs
+    # another spelling
     spelling = f"{place}{'/.' * number}" if os.name == "posix" else str(place)
-    spec = importlib.util.spec_from_file_location(name, f"{spelling}/__init__.py", submodule_search_locations=[spelling])
-    assert spec is not None and spec.loader is not None  # a path that ends in .py always has a loader
+    spec = importlib.util.spec_from_file_location(
+        name, f"{spelling}/__init__.py", submodule_search_locations=[spelling]
+    )
+    assert (
+        spec is not None and spec.loader is not None
+    )  # a path that ends in .py always has a loader
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:

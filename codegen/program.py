@@ -1,7 +1,9 @@
-"""The Program record: what the generated module computes, statement by statement, in no particular language.
+"""The Program record: what the generated module computes, statement by statement, in no particular
+language.
 
-An expression is a local name (str), a number (float) or a tuple (operation, operand, …) of expressions. The operations are
-add, sub, mul, div, neg and the calls listed in `codegen.passes.graph.CALLS`.
+An expression is a local name (str), a number (float) or a tuple (operation, operand, …) of
+expressions. The operations are add, sub, mul, div, neg and the calls listed in
+`codegen.passes.graph.CALLS`.
 """
 
 from __future__ import annotations
@@ -17,13 +19,25 @@ Expression = str | float | tuple
 OK, SINGULAR, NOT_CONVERGED, NOT_FINITE = range(4)
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 # What `simulate` calls, where the module has it.
-CALLED = ("dynamics", "power", "project", "constraints", "guards", "closure", "slip", "manifold", "jacobian", "jacobian_t")
+CALLED = (
+    "dynamics",
+    "power",
+    "project",
+    "constraints",
+    "guards",
+    "closure",
+    "slip",
+    "manifold",
+    "jacobian",
+    "jacobian_t",
+)
 KINDS = ("add", "multiply", "divide", "sqrt", "sin", "cos", "other")
 
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument slot t, x, u or p. `names` are identifiers made from the labels; `defaults` are given for p alone."""
+    """An argument slot t, x, u or p. `names` are identifiers made from the labels; `defaults` are
+    given for p alone."""
 
     name: str
     labels: tuple[str, ...]
@@ -61,7 +75,8 @@ class Load:
 class Pivot:
     """|value| < tolerance makes the function return SINGULAR.
 
-    `value` is computed up to a constant; for the quantity called `name` the bound is `limit`, a `part` of its usual size.
+    `value` is computed up to a constant; for the quantity called `name` the bound is `limit`, a
+    `part` of its usual size.
     """
 
     name: str
@@ -91,7 +106,8 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Kernel:
-    """One generated function. `outputs` are the entries of the result, row-major; `shape` is (n,) or (r, c)."""
+    """One generated function. `outputs` are the entries of the result, row-major; `shape` is (n,)
+    or (r, c)."""
 
     name: str
     about: str
@@ -106,8 +122,12 @@ class Kernel:
     outputs: tuple[Expression, ...]
     guards: tuple[Pivot, ...]
     loop: Loop | None
-    watched: tuple[tuple[str, int], ...]  # entries of arguments that have to be finite and do not show in a result if not
-    results: tuple[int, ...]  # the outputs that have to be finite; the others are arguments or constants
+    watched: tuple[
+        tuple[str, int], ...
+    ]  # entries of arguments that have to be finite and do not show in a result if not
+    results: tuple[
+        int, ...
+    ]  # the outputs that have to be finite; the others are arguments or constants
     operations: Mapping[str, int]  # of each kind and "total"
     hoisted: Hoisted | None = None
     pattern: Pattern | None = None  # of a result that holds the values of a sparse matrix
@@ -115,12 +135,18 @@ class Kernel:
     @property
     def singular(self) -> str:
         """What status SINGULAR means here, in words."""
-        return "singular: " + " or ".join(f"|{guard.name}| < {guard.limit:g}" for guard in self.guards)
+        return "singular: " + " or ".join(
+            f"|{guard.name}| < {guard.limit:g}" for guard in self.guards
+        )
 
     @property
     def not_converged(self) -> str:
         """What status NOT_CONVERGED means here, in words."""
-        return f"not converged to {self.loop.tolerance:g} in {self.loop.most} steps" if self.loop else "not converged"
+        return (
+            f"not converged to {self.loop.tolerance:g} in {self.loop.most} steps"
+            if self.loop
+            else "not converged"
+        )
 
 
 @dataclass(frozen=True)
@@ -133,7 +159,8 @@ class Hoisted:
 
 @dataclass(frozen=True)
 class Chart:
-    """One of several choices in a module: its functions are called NAME`suffix` where they differ from those of the first."""
+    """One of several choices in a module: its functions are called NAME`suffix` where they differ
+    from those of the first."""
 
     choice: str
     suffix: str  # none for the first
@@ -166,29 +193,43 @@ class Program:
     kernels: tuple[Kernel, ...]
     ledger: tuple[Entry, ...] = ()
     left_out: tuple[str, ...] = ()  # functions and arguments this model has no use for
-    fixed: tuple[tuple[str, float], ...] = ()  # inputs and parameters that were given a value and baked in
+    fixed: tuple[
+        tuple[str, float], ...
+    ] = ()  # inputs and parameters that were given a value and baked in
     positions: int = 0  # leading rows of `constraints` that are position constraints
-    nominal: tuple[float, ...] = ()  # a state to show in examples; any when empty
+    nominal: tuple[float, ...] = field(
+        default=(), repr=False
+    )  # the model's initial state, for examples; any when empty
     inline: bool = False  # also as one header of inline functions
     flags: tuple[str, ...] = ()  # for the compiler, besides those it always gets
-    timings: tuple[tuple[str, float], ...] = ()  # what tuning compared: nanoseconds of `dynamics` per state
+    timings: tuple[
+        tuple[str, float], ...
+    ] = ()  # what tuning compared: nanoseconds of `dynamics` per state
     integrators: tuple[str, ...] = ()  # of `simulate`, the default first
-    keepings: tuple[str, ...] = ()  # how `simulate` may stay on the constraints, the default first
+    enforcements: tuple[
+        str, ...
+    ] = ()  # how `simulate` may stay on the constraints, the default first
     charts: tuple[Chart, ...] = field(default=(), repr=False)  # all of them where there are several
-    turning: tuple[int, ...] = field(default=(), repr=False)  # coordinates whose whole turns nothing in `simulate` sees
+    turning: tuple[int, ...] = field(
+        default=(), repr=False
+    )  # coordinates whose whole turns nothing in `simulate` sees
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
         several = "".join(repr(more) for more in (self.charts, self.turning) if more)
-        return hashlib.sha256(f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()).hexdigest()[:32]
+        return hashlib.sha256(
+            f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
+        ).hexdigest()[:32]
 
     @property
     def simulates(self) -> bool:
         """Is there a state derivative to integrate?"""
         length = len(self.argument("x").names)
-        return any(kernel.name == "dynamics" and kernel.shape == (length,) for kernel in self.kernels)
+        return any(
+            kernel.name == "dynamics" and kernel.shape == (length,) for kernel in self.kernels
+        )
 
     def argument(self, name: str) -> Argument:
         """The argument slot called `name`."""

@@ -1,8 +1,10 @@
-"""The precisions that generated code can work in, each a line of one table: its names in C and in Python, and its digits.
+"""The precisions that generated code can work in, each a line of one table: its names in C and in
+Python, and its digits.
 
-The C templates and the numbers in them are written for double. `recast` makes C of another precision of it, word by word: types,
-functions of libm and constants, which get their suffix; comments and strings stay. What a tolerance is in another precision, the
-record says: in units of rounding for residuals, the same share of the digits for what must stay away from zero.
+The C templates and the numbers in them are written for double. `recast` makes C of another
+precision of it, word by word: types, functions of libm and constants, which get their suffix;
+comments and strings stay. What a tolerance is in another precision, the record says: in units of
+rounding for residuals, the same share of the digits for what must stay away from zero.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ FUNCTIONS = (
 
 @dataclass(frozen=True)
 class Real:
-    """`name` is NumPy's, `c` the type in C; `reach` the largest angle of the inlined sine and cosine."""
+    """`name` is NumPy's, `c` the type in C; `reach` the largest angle of the inlined sine and
+    cosine."""
 
     name: str
     c: str
@@ -38,7 +41,9 @@ class Real:
     rtol: str  # of `simulate`, when none is given
     atol: str
     least_step: int  # of `simulate`, in units of rounding of the time
-    words: Mapping[str, str] = field(default_factory=dict, repr=False)  # of C for double, and what stands for them
+    words: Mapping[str, str] = field(
+        default_factory=dict, repr=False
+    )  # of C for double, and what stands for them
 
     @property
     def epsilon(self) -> float:
@@ -74,7 +79,9 @@ class Real:
 
     def nearest(self, value: Any) -> Any:
         """A number, or an array of them, rounded to this precision; double again."""
-        return np.asarray(value, dtype=float).astype(self.name).astype(float) if self.words else value
+        return (
+            np.asarray(value, dtype=float).astype(self.name).astype(float) if self.words else value
+        )
 
     def rounding(self, tolerance: float) -> float:
         """As many units of rounding as the tolerance is in double."""
@@ -82,10 +89,15 @@ class Real:
 
     def share(self, tolerance: float) -> float:
         """What leaves the same share of the digits as the tolerance does in double."""
-        return tolerance ** (math.log(self.epsilon) / math.log(math.ulp(1.0))) if self.words and tolerance > 0 else tolerance
+        return (
+            tolerance ** (math.log(self.epsilon) / math.log(math.ulp(1.0)))
+            if self.words and tolerance > 0
+            else tolerance
+        )
 
     def wider(self, part: float) -> float:
-        """How much farther from zero a pivot has to stay that in double may come to this part of its usual size."""
+        """How much farther from zero a pivot has to stay that in double may come to this part of
+        its usual size."""
         return self.share(part) / part
 
     def rounded(self, text: str) -> str:
@@ -97,9 +109,14 @@ class Real:
         return f"{self.share(float(text)):.1e}" if self.words else text
 
     def holds(self, value: float) -> bool:
-        """Can it be written with all digits: zero, or neither too large nor too small? What is not finite is kept as it is."""
+        """Can it be written with all digits: zero, or neither too large nor too small? What is not
+        finite is kept as it is."""
         limits = np.finfo(self.name)
-        return value == 0 or not math.isfinite(value) or float(limits.tiny) <= abs(value) <= float(limits.max)
+        return (
+            value == 0
+            or not math.isfinite(value)
+            or float(limits.tiny) <= abs(value) <= float(limits.max)
+        )
 
 
 FLOAT64 = Real("float64", "double", "", "float", "d", 17, "1e5", "1e-9", "1e-11", 16)
@@ -115,7 +132,9 @@ def real_of(name: str) -> Real:
     """The precision of that name. Raises HamelError where there is none."""
     known = {real.name: real for real in REALS}
     if name not in known:
-        raise HamelError(f"unknown precision {name!r}; {did_you_mean(name, known) or listed(known)}")
+        raise HamelError(
+            f"unknown precision {name!r}; {did_you_mean(name, known) or listed(known)}"
+        )
     return known[name]
 
 
@@ -142,7 +161,8 @@ def recast(source: str, real: Real) -> str:
 
 
 def constant(text: str, real: Real) -> str:
-    """A constant of C with its suffix, in as many digits as it takes; one that has a suffix is left alone."""
+    """A constant of C with its suffix, in as many digits as it takes; one that has a suffix is left
+    alone."""
     if text[-1] in "fF":  # the exponent of a hexadecimal constant is decimal
         return text
     value = float.fromhex(text) if text[:2] in ("0x", "0X") else float(text)

@@ -20,7 +20,13 @@ from codegen.program import Expression, Program
 from codegen.reals import Real, recast
 
 TEMPLATES = Path(__file__).parent / "templates"
-SELDOM = ("charts", "choices", "inline", "linear", "long")  # in the names of templates that few modules need
+SELDOM = (
+    "charts",
+    "choices",
+    "inline",
+    "linear",
+    "long",
+)  # in the names of templates that few modules need
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _LEVEL = {"add": 1, "sub": 1, "mul": 2, "div": 2, "neg": 3}
 _ATOM = 4
@@ -28,7 +34,8 @@ _ATOM = 4
 
 @dataclass(frozen=True)
 class Language:
-    """How a language writes calls (format strings by operation; `{0}({1})` else), infinity and not-a-number."""
+    """How a language writes calls (format strings by operation; `{0}({1})` else), infinity and
+    not-a-number."""
 
     calls: dict[str, str]
     infinity: str
@@ -64,10 +71,14 @@ NUMPY = Language(
 
 
 def numpy(real: Real) -> Language:
-    """NumPy in that precision: what makes float64 of everything is called otherwise in the others."""
+    """NumPy in that precision: what makes float64 of everything is called otherwise in the
+    others."""
     if not real.words:
         return NUMPY
-    truths = {name: f"{NUMPY.calls[name]}.astype({real.python})" for name in ("lt", "le", "eq", "ne", "and", "or", "not")}
+    truths = {
+        name: f"{NUMPY.calls[name]}.astype({real.python})"
+        for name in ("lt", "le", "eq", "ne", "and", "or", "not")
+    }
     return replace(NUMPY, calls={**NUMPY.calls, **truths, "pow": "np.power({0}, {1})"})
 
 
@@ -81,7 +92,8 @@ def number(value: float, language: Language = C) -> str:
 
 
 def expression(value: Expression, language: Language) -> str:
-    """The expression as text, with parentheses where the order of evaluation needs them and nowhere else."""
+    """The expression as text, with parentheses where the order of evaluation needs them and nowhere
+    else."""
     return _print(value, language)[0]
 
 
@@ -97,7 +109,10 @@ def _print(value: Any, language: Language) -> tuple[str, int]:
     if operation == "neg":
         return f"-{_bracket(*_print(operands[0], language), _ATOM)}", 3
     form = language.calls.get(operation)
-    texts = [_bracket(*_print(operand, language), _ATOM if operation in _INFIX else 0) for operand in operands]
+    texts = [
+        _bracket(*_print(operand, language), _ATOM if operation in _INFIX else 0)
+        for operand in operands
+    ]
     return form.format(*texts) if form else f"{operation}({', '.join(texts)})", _ATOM
 
 
@@ -105,7 +120,8 @@ _INFIX = frozenset({"sign", "lt", "le", "eq", "ne", "and", "or", "not", "where"}
 
 
 def _binary(operation: str, left: tuple[str, int], right: tuple[str, int]) -> tuple[str, int]:
-    """a + (b + c) is printed (b + c) + a without the parentheses: the same rounding, easier to read."""
+    """a + (b + c) is printed (b + c) + a without the parentheses: the same rounding, easier to
+    read."""
     level = _LEVEL[operation]
     if operation in ("add", "mul") and right[1] == level and left[1] != level:
         left, right = right, left
@@ -123,14 +139,27 @@ def printable(text: str) -> str:
 
 def comment(text: str) -> str:
     """Text that is safe inside a C comment, in C89 and with trigraphs too."""
-    safe = printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").replace("\\", "/")
+    safe = (
+        printable(text)
+        .replace("*/", "* /")
+        .replace("/*", "/ *")
+        .replace("??", "? ?")
+        .replace("\\", "/")
+    )
     return safe.replace("*/", "* /").replace("/*", "/ *")
 
 
 def c_string(text: str) -> str:
-    """A C string literal, quotes included; anything but plain ASCII as octal escapes of its UTF-8 bytes."""
+    """A C string literal, quotes included; anything but plain ASCII as octal escapes of its UTF-8
+    bytes."""
     plain = {byte: chr(byte) for byte in range(32, 127) if chr(byte) not in '"\\?'}
-    return '"' + "".join(plain.get(byte, f"\\{byte:03o}") for byte in printable(text).encode("utf-8", "replace")) + '"'
+    return (
+        '"'
+        + "".join(
+            plain.get(byte, f"\\{byte:03o}") for byte in printable(text).encode("utf-8", "replace")
+        )
+        + '"'
+    )
 
 
 def python_string(text: str) -> str:
@@ -145,11 +174,14 @@ def python_doc(text: str) -> str:
 
 def wrapped(text: str, width: int = 110, indent: str = "") -> str:
     """Lines of at most `width` characters, all but the first indented."""
-    return ("\n" + indent).join(textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)) or ""
+    return ("\n" + indent).join(
+        textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)
+    ) or ""
 
 
 class _Prepared(jinja2.FileSystemBytecodeCache):
-    """Templates as Python code, kept between runs; a full disk only costs the time to prepare them again."""
+    """Templates as Python code, kept between runs; a full disk only costs the time to prepare them
+    again."""
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
         with contextlib.suppress(OSError):
@@ -166,8 +198,10 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        optimized=False,  # constants are few, and looking for them takes longer than to evaluate them
-        autoescape=False,  # what goes in is escaped by the filters below, each for the language at hand
+        # constants are few, and looking for them takes longer than to evaluate them
+        optimized=False,
+        # what goes in is escaped by the filters below, each for the language at hand
+        autoescape=False,
     )
     filters: dict[str, Callable[..., str]] = {
         "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc, "number": number,

@@ -1,4 +1,5 @@
-"""What is said when something is wrong: one message with file, line, column, what was expected and the nearest known name."""
+"""What is said when something is wrong: one message with file, line, column, what was expected and
+the nearest known name."""
 
 from __future__ import annotations
 
@@ -8,12 +9,14 @@ from dataclasses import dataclass
 
 WINDOW = 160  # characters of a source line that are shown at most
 SHOWN = 20  # problems printed at once
+NAMES = 12  # of a list that are told; whoever needs all finds them in the manifest
 COMPARED = 500  # names looked at for "did you mean"
 
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One problem. Lines and columns count from 1; line 0 means that there is no place in a file to point at."""
+    """One problem. Lines and columns count from 1; line 0 means that there is no place in a file to
+    point at."""
 
     file: str = ""
     line: int = 0
@@ -29,7 +32,11 @@ class Diagnostic:
 
     def headline(self) -> str:
         """The one-line form, `file:line:column: error: message`."""
-        place = f"{self.file}:{self.line}:{self.column}: " if self.line else (f"{self.file}: " if self.file else "")
+        place = (
+            f"{self.file}:{self.line}:{self.column}: "
+            if self.line
+            else (f"{self.file}: " if self.file else "")
+        )
         return f"{place}error: {self.message}"
 
     def _excerpt(self) -> list[str]:
@@ -49,14 +56,17 @@ class Diagnostic:
 
 
 class HamelError(Exception):
-    """Base of all errors that are somebody's to mend: `diagnostics` say what and where, `exit_code` is the command's."""
+    """Base of all errors that are somebody's to mend: `diagnostics` say what and where, `exit_code`
+    is the command's."""
 
     exit_code = 1
 
     def __init__(self, problems: str | Diagnostic | Iterable[Diagnostic], hint: str = "") -> None:
         if isinstance(problems, str):
             problems = Diagnostic(message=problems, hint=hint)
-        self.diagnostics: tuple[Diagnostic, ...] = (problems,) if isinstance(problems, Diagnostic) else tuple(problems)
+        self.diagnostics: tuple[Diagnostic, ...] = (
+            (problems,) if isinstance(problems, Diagnostic) else tuple(problems)
+        )
         super().__init__(str(self))
 
     def __str__(self) -> str:
@@ -65,7 +75,9 @@ class HamelError(Exception):
         return "\n".join(shown + ([f"… and {left} more"] if left else []))
 
     def __reduce__(self) -> tuple[type[HamelError], tuple[tuple[Diagnostic, ...]]]:
-        return type(self), (self.diagnostics,)  # so that it survives the way back from a worker process
+        return type(self), (
+            self.diagnostics,
+        )  # so that it survives the way back from a worker process
 
 
 class ModelError(HamelError):
@@ -94,8 +106,12 @@ class VerificationError(HamelError):
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
     """The known name that was probably meant, or None."""
-    known = [known for known in dict.fromkeys(candidates) if _similar_length(known, name)][:COMPARED]
-    for candidate in known:  # wrong case is the commonest slip, and difflib sees `X` and `x` as strangers
+    known = [known for known in dict.fromkeys(candidates) if _similar_length(known, name)][
+        :COMPARED
+    ]
+    for (
+        candidate
+    ) in known:  # wrong case is the commonest slip, and difflib sees `X` and `x` as strangers
         if candidate.lower() == name.lower() and candidate != name:
             return candidate
     found = difflib.get_close_matches(name[:80], known, n=1, cutoff=0.6)
@@ -108,7 +124,7 @@ def did_you_mean(name: str, candidates: Iterable[str]) -> str:
     return f"did you mean '{near}'?" if near else ""
 
 
-def listed(names: Iterable[str], most: int = 12) -> str:
+def listed(names: Iterable[str], most: int = NAMES) -> str:
     """Names for the `expected` line, cut where a reader stops reading."""
     known = list(dict.fromkeys(names))
     return ", ".join(known[:most]) + (f", … ({len(known)} in all)" if len(known) > most else "")

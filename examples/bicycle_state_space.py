@@ -1,4 +1,5 @@
-"""The bicycle as a state-space object of python-control (pip install control): A, B, C, D with the names of states and inputs.
+"""The bicycle as a state-space object of python-control (pip install control): A, B, C, D with the
+names of states and inputs.
 
 Run it in the repository: python examples/bicycle_state_space.py
 """
@@ -27,9 +28,13 @@ def state_space(speed: float) -> Any:
     """From steer torque to lean and steer, at a forward speed in m/s."""
     import control
 
-    A, B = lateral(hamel.linearize(MODEL, values={"speed": speed}, sweep={"speed": f"{speed}:{speed}:1"}))
+    A, B = lateral(
+        hamel.linearize(MODEL, values={"speed": speed}, sweep={"speed": f"{speed}:{speed}:1"})
+    )
     C, D = np.eye(2, 4), np.zeros((2, 1))
-    return control.ss(A, B, C, D, states=list(STATES), inputs=["steer_torque"], outputs=["lean", "steer"])
+    return control.ss(
+        A, B, C, D, states=list(STATES), inputs=["steer_torque"], outputs=["lean", "steer"]
+    )
 
 
 if __name__ == "__main__":

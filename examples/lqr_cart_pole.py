@@ -1,4 +1,5 @@
-"""A linear-quadratic regulator for the cart and pole: linearised, designed with SciPy, run against the nonlinear module in C.
+"""A linear-quadratic regulator for the cart and pole: linearised, designed with SciPy, run against
+the nonlinear module in C.
 
 Run it in the repository: python examples/lqr_cart_pole.py
 """
@@ -26,7 +27,8 @@ def gains(record: hamel.records.Linearized, weights: list[float], effort: float)
 
 
 def closed_loop(module, K: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """States at 1 kHz, the input held over each step, the motion by classical Runge–Kutta steps of the compiled dynamics."""
+    """States at 1 kHz, the input held over each step, the motion by classical Runge–Kutta steps of
+    the compiled dynamics."""
     path = [x]
     for _ in range(round(SECONDS / STEP)):
         u = -K @ x
@@ -40,19 +42,25 @@ def closed_loop(module, K: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def main() -> np.ndarray:
-    """Linearise without the track's dry friction, which has no slope worth the name, then let the real pole fall from 10 degrees.
+    """Linearise without the track's dry friction, which has no slope worth the name, then let the
+    real pole fall from 10 degrees.
 
-    What is left in the end is a slow swing of a few centimetres: dry friction and an unstable pole, held by a linear law.
+    What is left in the end is a slow swing of a few centimetres: dry friction and an unstable pole,
+    held by a linear law.
     """
     record = hamel.linearize(MODEL, at="upright", values={"mu": "0 N"})
     K = gains(record, weights=[10.0, 100.0, 1.0, 1.0], effort=0.1)
     with tempfile.TemporaryDirectory() as folder:
-        module = hamel.load(hamel.build(MODEL, choice=record.choice, out=Path(folder) / "cart_pole").folder)
+        module = hamel.load(
+            hamel.build(MODEL, choice=record.choice, out=Path(folder) / "cart_pole").folder
+        )
         assert record.states == module.states
         path = closed_loop(module, K, np.array([0.0, np.radians(10), 0.0, 0.0]))
     print("gains", dict(zip(record.states, K[0].round(3))))
     for k in range(0, len(path), 500):
-        print(f"t = {k * STEP:4.1f} s   cart {path[k, 0]: .4f} m   pole {np.degrees(path[k, 1]): .4f} deg")
+        print(
+            f"t = {k * STEP:4.1f} s   cart {path[k, 0]: .4f} m   pole {np.degrees(path[k, 1]): .4f} deg"
+        )
     return path
 
 

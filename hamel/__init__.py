@@ -4,18 +4,21 @@
     built = hamel.build("models/four_bar.yaml", choice="crank")
     module = hamel.load(built.folder)
 
-Each verb of the command line is a function here. Importing this package imports none of the libraries behind the verbs.
+Each verb of the command line is a function here. Importing this package imports none of the
+libraries behind the verbs.
 """
 
 import sys
 from types import ModuleType
 
+from derive.robots import Floating, RobotFile
 from hamel.api import (
     build,
     check,
     choices,
     derive,
     explain,
+    extremes,
     import_,
     linearize,
     list,
@@ -23,19 +26,19 @@ from hamel.api import (
     report,
     schema,
     simulate,
-    stress,
     verify,
 )
-from hamel.importing import Floating
 
 __version__ = "0.1.0"
 __all__ = [
     "Floating",
+    "RobotFile",
     "build",
     "check",
     "choices",
     "derive",
     "explain",
+    "extremes",
     "import_",
     "linearize",
     "list",
@@ -43,13 +46,13 @@ __all__ = [
     "report",
     "schema",
     "simulate",
-    "stress",
     "verify",
 ]
 
 
 class _Face(ModuleType):
-    """Keeps `hamel.verify` the verb: importing the package of the same name would put itself in its place."""
+    """Keeps `hamel.verify` the verb: importing the package of the same name would put itself in its
+    place."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if name not in __all__ or not isinstance(value, ModuleType):

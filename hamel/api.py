@@ -1,4 +1,5 @@
-"""The verbs as functions. Each takes the path of a model file, returns a record of hamel.records, and raises HamelError.
+"""The verbs as functions. Each takes the path of a model file, returns a record of hamel.records,
+and raises HamelError.
 
 `Floating(path)` in its place takes a URDF or MJCF file with its root link moving freely.
 """
@@ -11,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from hamel.importing import File as Model
+from derive.robots import File as Model
 from hamel.pipeline import Constants
 
 if TYPE_CHECKING:
@@ -22,7 +23,11 @@ QUICK_STATES = 20  # what `build` verifies at; `verify` does more
 
 def _names(given: Collection[str]) -> tuple[str, ...]:
     """Of several names; one text holds them as on the command line, with commas."""
-    return tuple(name for part in given.split(",") if (name := part.strip())) if isinstance(given, str) else tuple(given)
+    return (
+        tuple(name for part in given.split(",") if (name := part.strip()))
+        if isinstance(given, str)
+        else tuple(given)
+    )
 
 
 def _constants(given: Constants) -> Constants:
@@ -34,7 +39,8 @@ def _models(given: Model | Sequence[Model]) -> tuple[Model, ...]:
 
 
 def check(path: Model) -> records.Checked:
-    """Read a model, form its mechanics and make its initial state consistent, without generating anything."""
+    """Read a model, form its mechanics and make its initial state consistent, without generating
+    anything."""
     from hamel.verbs.check import run
 
     return run(path)
@@ -57,14 +63,15 @@ def build(
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
-    `choice` a+b makes one module of several choices, its charts. `constants` names the parameters to bake in ("all" for every
-    one); `integrators` those that the module's simulate() can use
-    (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler
-    this raises ToolchainError, unless `numpy` says that a module that runs on NumPy will do. `tune` compiles every formulation
-    that fits, with every choice where none is named, and takes the one whose `dynamics` is fastest on this machine. `header` adds
-    <model>_inline.h, all functions in one header for C and C++. `fix` gives inputs and parameters a value, a number in SI or
-    text with a unit, and bakes it in: the functions take them no more, and u is shorter. `real` is what the code computes in,
-    float64 or float32.
+    `choice` a+b makes one module of several choices, its charts. `constants` names the parameters
+    to bake in ("all" for every one); `integrators` those that the module's simulate() can use
+    (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler this raises
+    ToolchainError, unless `numpy` says that a module that runs on NumPy will do. `tune` compiles
+    every formulation that fits, with every choice where none is named, and takes the one whose
+    `dynamics` is fastest on this machine. `header` adds <model>_inline.h, all functions in one
+    header for C and C++. `fix` gives inputs and parameters a value, a number in SI or text with a
+    unit, and bakes it in: the functions take them no more, and u is shorter. `real` is what the
+    code computes in, float64 or float32.
     """
     from hamel.verbs.build import run
 
@@ -95,20 +102,26 @@ def verify(
     formulation: str = "quasi_velocities",
     mutate: bool = False,
 ) -> records.Verified:
-    """Compare a choice (all of the file's when none is named) with an independent derivation at random admissible states.
+    """Compare a choice (all of the file's when none is named) with an independent derivation at
+    random admissible states.
 
-    `mutate` also plants errors, one at a time, and says which checks see each: `mutations` of the record.
+    `mutate` also plants errors, one at a time, and says which checks see each: `mutations` of the
+    record.
     """
     from hamel.verbs.verify import run
 
     return run(path, choice, states, seed, _constants(constants), formulation, mutate)
 
 
-def stress(
-    paths: Model | Sequence[Model], *, case: str | None = None, progress: Callable[[str], None] | None = None
-) -> records.Stressed:
-    """Run the `stress:` cases of model files, or of all in a folder, and judge each end by a closed form or many digits."""
-    from hamel.verbs.stress import run
+def extremes(
+    paths: Model | Sequence[Model],
+    *,
+    case: str | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> records.Extremes:
+    """Run the `extremes:` cases of model files, or of all in a folder, and judge each end by a
+    closed form or many digits."""
+    from hamel.verbs.extremes import run
 
     return run(_models(paths), case, progress)
 
@@ -118,7 +131,7 @@ def simulate(
     *,
     choice: str | None = None,
     formulation: str = "quasi_velocities",
-    keeping: str | None = None,
+    enforcement: str | None = None,
     integrator: str = "dop853",
     time: float = 10.0,
     step: float | None = None,
@@ -133,17 +146,30 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     real: str = "float64",
 ) -> records.Simulated:
-    """Integrate from the consistent initial state: one formulation, one keeping (how to stay on the constraints; projection where
-    there is something to project on when None) and one integrator, with steps by the tolerances or equal ones of `step_size`.
+    """Integrate from the consistent initial state: one formulation, one enforcement (how to stay on
+    the constraints; projection where there is something to project on when None) and one
+    integrator, with steps by the tolerances or equal ones of `step_size`.
 
-    `alpha` is the rate in 1/s at which baumgarte and feedback pull violations back (twice the system's fastest rate when None),
-    `conserve` names cyclic coordinates whose momenta the keeping invariants holds, beside the energy. `step` is the time between
-    rows of the result; `values` sets initial values, parameters and (constant) inputs by name. `real` is what
-    the code computes in, float64 or float32.
+    `alpha` is the rate in 1/s at which baumgarte and feedback pull violations back (twice the
+    system's fastest rate when None), `conserve` names cyclic coordinates whose momenta the
+    enforcement invariants holds, beside the energy. `step` is the time between rows of the result;
+    `values` sets initial values, parameters and (constant) inputs by name. `real` is what the code
+    computes in, float64 or float32.
     """
     from hamel.verbs.simulate import Method, run
 
-    method = Method(formulation, choice, keeping, integrator, step_size, rtol, atol, alpha, _names(conserve), real)
+    method = Method(
+        formulation,
+        choice,
+        enforcement,
+        integrator,
+        step_size,
+        rtol,
+        atol,
+        alpha,
+        _names(conserve),
+        real,
+    )
     return run(path, method, time, step, values or {}, out, plot, progress)
 
 
@@ -158,15 +184,26 @@ def linearize(
     out: str | Path | None = None,
     step: float | None = None,
 ) -> records.Linearized:
-    """The linear equations along the steady motion `at` (the file's first, or `guess`) and their eigenvalues.
+    """The linear equations along the steady motion `at` (the file's first, or `guess`) and their
+    eigenvalues.
 
-    `sweep` gives ranges "first:last:count" of one or two names, `values` the free names and parameters that stay as they are.
-    `cyclic` names the coordinates to leave out of the eigenvalues, all cyclic ones when None. The page goes to `out`.
-    With a `step` (s) the record holds the equations in discrete time too.
+    `sweep` gives ranges "first:last:count" of one or two names, `values` the free names and
+    parameters that stay as they are. `cyclic` names the coordinates to leave out of the
+    eigenvalues, all cyclic ones when None. The page goes to `out`. With a `step` (s) the record
+    holds the equations in discrete time too.
     """
     from hamel.verbs.linearize import run
 
-    return run(path, at, choice, sweep or {}, values or {}, None if cyclic is None else _names(cyclic), out, step)
+    return run(
+        path,
+        at,
+        choice,
+        sweep or {},
+        values or {},
+        None if cyclic is None else _names(cyclic),
+        out,
+        step,
+    )
 
 
 def report(
@@ -177,49 +214,63 @@ def report(
     values: Mapping[str, float | str] | None = None,
     formulations: Collection[str] = (),
     choices: Collection[str] = (),
-    keepings: Collection[str] = (),
+    enforcements: Collection[str] = (),
     integrators: Collection[str] = (),
     tolerances: Sequence[float] = (),
-    stress: Model | Sequence[Model] = (),
+    extremes: Model | Sequence[Model] = (),
     budget: float = 90.0,
     progress: Callable[[float], None] | None = None,
 ) -> records.Reported:
-    """Run every method that fits the models, and write what each costs and reaches to report.html, .csv and .json in `out`.
+    """Run every method that fits the models, and write what each costs and reaches to report.html,
+    .csv and .json in `out`.
 
-    `formulations` to `tolerances` restrict what is run ("libraries" among the integrators stands for the library solvers).
-    `stress` names files or folders whose extreme cases are run too. The runs of one model may take `budget` seconds; finished
-    ones are kept, so that the same call goes on where it was. Raises ToolchainError without a C compiler.
+    `formulations` to `tolerances` restrict what is run ("libraries" among the integrators stands
+    for the library solvers). `extremes` names files or folders whose extreme cases are run too. The
+    runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes
+    on where it was. Raises ToolchainError without a C compiler.
     """
-    from hamel.report.plan import Asked
+    from hamel.study.plan import Asked
     from hamel.verbs.report import run
 
-    names = (_names(each) for each in (formulations, choices, keepings, integrators))
+    names = (_names(each) for each in (formulations, choices, enforcements, integrators))
     asked = Asked(*names, tolerances=tuple(tolerances), budget=budget)
-    return run(_models(paths), out, time, values or {}, asked, _models(stress), progress)
+    return run(_models(paths), out, time, values or {}, asked, _models(extremes), progress)
 
 
 def derive(
-    path: Model, *, choice: str | None = None, out: str | Path | None = None, formulation: str = "quasi_velocities"
+    path: Model,
+    *,
+    choice: str | None = None,
+    out: str | Path | None = None,
+    formulation: str = "quasi_velocities",
 ) -> records.Derived:
-    """Write the derivation as derivation.html and derivation.tex into `out` (default: the current folder)."""
+    """Write the derivation as derivation.html and derivation.tex into `out` (default: the current
+    folder)."""
     from hamel.verbs.derive import run
 
     return run(path, choice, Path(out or "."), formulation)
 
 
-def import_(path: Model, *, out: str | Path | None = None, floating: bool = False) -> records.Imported:
-    """Turn a URDF or MJCF file into the text of a model, written to `out` when given. `floating`, or Floating(path), puts a free
-    joint under the root link, which is fixed to the ground otherwise.
+def import_(
+    path: Model, *, out: str | Path | None = None, floating: bool = False
+) -> records.Imported:
+    """Turn a URDF or MJCF file into the text of a model, written to `out` when given. `floating`,
+    or Floating(path), puts a free joint under the root link, which is fixed to the ground
+    otherwise.
     """
     from hamel.verbs.import_ import run
 
     return run(path, out, floating)
 
 
-def choices(path: Model, *, time: bool = False, plot: str | Path | None = None, until: float = 10.0) -> records.Choices:
-    """The candidates for the quasi-velocities, ranked, and why: partitions, the file's own, orthonormal, frozen, mass-orthogonal.
+def choices(
+    path: Model, *, time: bool = False, plot: str | Path | None = None, until: float = 10.0
+) -> records.Choices:
+    """The candidates for the quasi-velocities, ranked, and why: partitions, the file's own,
+    orthonormal, frozen, mass-orthogonal.
 
-    `time` compiles each and measures `dynamics`; `plot` draws cond [A; B] along the motion of the first choice up to `until`.
+    `time` compiles each and measures `dynamics`; `plot` draws cond [A; B] along the motion of the
+    first choice up to `until`.
     """
     from hamel.verbs.choices import run
 
@@ -233,8 +284,11 @@ def list(path: Model | None = None) -> records.Listed:
     return run(path)
 
 
-def explain(path: Model, *, choice: str | None = None, constants: Constants = ()) -> records.Explained:
-    """Why the module of a choice looks as it does: choice, pivots, what the passes saved, what was left out."""
+def explain(
+    path: Model, *, choice: str | None = None, constants: Constants = ()
+) -> records.Explained:
+    """Why the module of a choice looks as it does: choice, pivots, what the passes saved, what was
+    left out."""
     from hamel.verbs.explain import run
 
     return run(path, choice, _constants(constants))

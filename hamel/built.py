@@ -1,4 +1,5 @@
-"""What `build` returns, in a file of its own: making the classes of all records takes longer than to start the command."""
+"""What `build` returns, in a file of its own: making the classes of all records takes longer than
+to start the command."""
 
 from __future__ import annotations
 
@@ -11,9 +12,11 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Built:
-    """A module on disk. `seconds` is the time of each stage, `left_out` what this model has no use for.
+    """A module on disk. `seconds` is the time of each stage, `left_out` what this model has no use
+    for.
 
-    `kept`: it was built and verified earlier, from the same file with the same options by the same hamel, and copied.
+    `kept`: it was built and verified earlier, from the same file with the same options by the same
+    hamel, and copied.
     """
 
     model: str
@@ -28,7 +31,9 @@ class Built:
     ledger: tuple[Mapping[str, Any], ...]
     compiled: bool
     size: int = 0  # bytes of the library for C
-    tuned: Mapping[str, float] = field(default_factory=dict)  # nanoseconds of `dynamics` per state for what was compared
+    tuned: Mapping[str, float] = field(
+        default_factory=dict
+    )  # nanoseconds of `dynamics` per state for what was compared
     kept: bool = False
     real: str = "float64"  # what the code computes in
 
@@ -36,7 +41,11 @@ class Built:
 def as_json(record: Any) -> Any:
     """The record as JSON values; what JSON has no number for (inf, nan) becomes null."""
     if is_dataclass(record):
-        return {f.name: as_json(getattr(record, f.name)) for f in fields(record) if f.metadata.get("json", True)}
+        return {
+            f.name: as_json(getattr(record, f.name))
+            for f in fields(record)
+            if f.metadata.get("json", True)
+        }
     if isinstance(record, Mapping):
         return {str(key): as_json(value) for key, value in record.items()}
     if isinstance(record, list | tuple):

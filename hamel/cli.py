@@ -1,4 +1,5 @@
-"""The command line: click options around the verbs of hamel.api; records go out as text or, with --json, as one object.
+"""The command line: click options around the verbs of hamel.api; records go out as text or, with
+--json, as one object.
 
 Only click is imported until a verb runs.
 """
@@ -24,21 +25,27 @@ from hamel import failures
 
 Function = Callable[..., Any]
 
-YOUNG = 100_000  # objects that may be new before garbage is looked for: a command makes many that stay, and ends soon
+# objects that may be new before garbage is looked for: a command makes many that stay, and ends
+# soon
+YOUNG = 100_000
 EPILOG = (
     "Exit codes: 0 ok, 1 model error, 2 assumption violated, 3 toolchain missing or output not writable, 4 verification failed, "
     "64 wrong usage, 70 internal error, 130 interrupted."
 )
 
 
-@click.group(epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    epilog=EPILOG,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(hamel.__version__, prog_name="hamel")
 def group() -> None:
     """Explicit equations of motion from a model file: derived, compiled, verified."""
 
 
 def verb(function: Function) -> click.Command:
-    """Make a command of a function that returns a record: `--json` prints the record, else the verb's `show` does."""
+    """Make a command of a function that returns a record: `--json` prints the record, else the
+    verb's `show` does."""
     name = function.__name__.rstrip("_")
 
     @functools.wraps(function)
@@ -49,7 +56,9 @@ def verb(function: Function) -> click.Command:
             raise click.exceptions.Exit(failures.VERIFICATION)
 
     run = click.option("--debug", is_flag=True, help="Show the traceback of an error.")(run)
-    run = click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(run)
+    run = click.option(
+        "--json", "as_json", is_flag=True, help="Print one JSON object and nothing else."
+    )(run)
     return group.command(name)(run)
 
 
@@ -74,19 +83,39 @@ def _print_json(record: Any) -> None:
     click.echo(json.dumps(as_json(record), allow_nan=False))
 
 
-FLOATING = click.option("--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely.")
+ROBOT = (
+    click.option(
+        "--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely."
+    ),
+    click.option(
+        "--exact",
+        is_flag=True,
+        help="Of a URDF file: angles to the last digit (default: 1.5708 is a right angle).",
+    ),
+    click.option(
+        "--include",
+        multiple=True,
+        metavar="DIR",
+        help="Of an MJCF file: a folder it may include from, beside its own; may be repeated.",
+    ),
+)
 
 
-def _model(function: Function, required: bool = True) -> Function:
+def _model(function: Function, required: bool = True, name: str = "model") -> Function:
     """The argument MODEL with the options that belong to it."""
 
     @functools.wraps(function)
-    def run(model: str | None, floating: bool, **options: Any) -> Any:
-        if floating and model is None:
-            raise click.UsageError("--floating without a file")
-        return function(hamel.Floating(model) if floating and model is not None else model, **options)
+    def run(floating: bool, exact: bool, include: tuple[str, ...], **options: Any) -> Any:
+        model = options.pop(name)
+        if (floating or exact or include) and model is not None:
+            model = hamel.RobotFile(model, floating, exact, include)
+        elif floating or exact or include:
+            raise click.UsageError("--floating, --exact and --include are said of a file")
+        return function(model, **options)
 
-    return click.argument("model", required=required)(FLOATING(run))
+    for option in reversed(ROBOT):
+        run = option(run)
+    return click.argument(name, required=required)(run)
 
 
 CHOICE = click.option(
@@ -95,13 +124,24 @@ CHOICE = click.option(
     help="The choice of quasi-velocities, or a+b for charts of one motion (default: the file's first).",
 )
 FORMULATION = click.option(
-    "--formulation", metavar="NAME", default="quasi_velocities", show_default=True, help="How the equations are formed: see list."
+    "--formulation",
+    metavar="NAME",
+    default="quasi_velocities",
+    show_default=True,
+    help="How the equations are formed: see list.",
 )
 REAL = click.option(
-    "--real", default="float64", show_default=True, metavar="NAME", help="What the code computes in: float64 or float32."
+    "--real",
+    default="float64",
+    show_default=True,
+    metavar="NAME",
+    help="What the code computes in: float64 or float32.",
 )
 CONSTANTS = click.option(
-    "--constants", metavar="all|a,b", default="", help="Parameters to bake in as numbers (default: none, all stay arguments)."
+    "--constants",
+    metavar="all|a,b",
+    default="",
+    help="Parameters to bake in as numbers (default: none, all stay arguments).",
 )
 
 
@@ -118,7 +158,9 @@ class _Positive(click.ParamType):
 
     name = "float"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
         number = click.FLOAT.convert(value, param, ctx)
         if not (number > 0 and math.isfinite(number)):
             self.fail(f"{value} is not a positive number.", param, ctx)
@@ -139,10 +181,15 @@ def check(model: str) -> Any:
 @_model
 @CHOICE
 @FORMULATION
-@click.option("-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>).")
+@click.option(
+    "-o", "--out", metavar="DIR", help="The folder of the module (default: generated/<model>)."
+)
 @CONSTANTS
 @click.option(
-    "--fix", metavar="u1=0,a=2 m", default="", help="Inputs and parameters to bake in with these values; u is then shorter."
+    "--fix",
+    metavar="u1=0,a=2 m",
+    default="",
+    help="Inputs and parameters to bake in with these values; u is then shorter.",
 )
 @click.option(
     "--functions",
@@ -151,14 +198,38 @@ def check(model: str) -> Any:
     help='Emit these functions only (`hamel list MODEL` names all); "default" stands for all of use.',
 )
 @click.option(
-    "--integrator", "integrators", metavar="a,b", default="", help="What the module's simulate() uses (default: dop853)."
+    "--integrator",
+    "integrators",
+    metavar="a,b",
+    default="",
+    help="What the module's simulate() uses (default: dop853).",
 )
 @REAL
-@click.option("--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy.")
-@click.option("--header", is_flag=True, help="Also write all functions as one header of inline functions, NAME_inline.h.")
-@click.option("--tune", is_flag=True, help="Time the candidates here (formulations, choices, flags) and take the fastest.")
-@click.option("--explain", is_flag=True, help="Also print what each pass saved and what was left out.")
-def build(model: str, constants: str, fix: str, functions: str, integrators: str, explain: bool, **options: Any) -> Any:
+@click.option(
+    "--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy."
+)
+@click.option(
+    "--header",
+    is_flag=True,
+    help="Also write all functions as one header of inline functions, NAME_inline.h.",
+)
+@click.option(
+    "--tune",
+    is_flag=True,
+    help="Time the candidates here (formulations, choices, flags) and take the fastest.",
+)
+@click.option(
+    "--explain", is_flag=True, help="Also print what each pass saved and what was left out."
+)
+def build(
+    model: str,
+    constants: str,
+    fix: str,
+    functions: str,
+    integrators: str,
+    explain: bool,
+    **options: Any,
+) -> Any:
     """Derive, compile and quickly verify a module of MODEL."""
     values = dict(_setting(text, "--fix") for text in _names(fix))
     lists = {"functions": _names(functions) or None, "integrators": _names(integrators)}
@@ -167,50 +238,106 @@ def build(model: str, constants: str, fix: str, functions: str, integrators: str
 
 @verb
 @_model
-@click.option("--choice", metavar="NAME", help="Verify this choice of quasi-velocities only (default: all of the file's).")
 @click.option(
-    "--states", type=click.IntRange(1, 1_000_000), default=100, show_default=True, help="Random admissible states per choice."
+    "--choice",
+    metavar="NAME",
+    help="Verify this choice of quasi-velocities only (default: all of the file's).",
+)
+@click.option(
+    "--states",
+    type=click.IntRange(1, 1_000_000),
+    default=100,
+    show_default=True,
+    help="Random admissible states per choice.",
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @FORMULATION
 @CONSTANTS
-@click.option("--mutate", is_flag=True, help="Also plant errors, one at a time, and say which checks see each.")
+@click.option(
+    "--mutate",
+    is_flag=True,
+    help="Also plant errors, one at a time, and say which checks see each.",
+)
 def verify(model: str, constants: str, **options: Any) -> Any:
     """Compare MODEL's code with an independent derivation."""
     return hamel.verify(model, constants=_constants(constants), **options)
 
 
 @verb
-@click.argument("models", nargs=-1, required=True)
+@click.argument("models", nargs=-1)
 @click.option("--case", metavar="NAME", help="Only the cases of this name.")
-def stress(models: Sequence[str], case: str | None) -> Any:
+def extremes(models: Sequence[str], case: str | None) -> Any:
     """Run the extreme cases of MODELS (files or folders): survived, refused, or wrong."""
-    return hamel.stress(models, case=case)
+    if not models:
+        raise click.UsageError(
+            "no model is named: give files with `extremes:` cases or a folder of them, "
+            "such as models/extremes"
+        )
+    return hamel.study.extremes(models, case=case)
 
 
 @verb
 @_model
 @CHOICE
 @FORMULATION
-@click.option("--keeping", metavar="NAME", help="How to stay on the constraints (default: projection, where there is any).")
 @click.option(
-    "--alpha", type=POSITIVE, metavar="1/S", help="Rate of baumgarte and feedback (default: twice the system's fastest)."
-)
-@click.option("--conserve", metavar="a,b", default="", help="Coordinates whose momenta the keeping invariants holds too.")
-@click.option("--integrator", default="dop853", show_default=True, metavar="NAME", help="How to step; `hamel list` names all.")
-@click.option(
-    "--step-size", type=POSITIVE, metavar="S", help="Equal steps of at most this size instead of steps by the tolerances."
+    "--enforcement",
+    metavar="NAME",
+    help="How to stay on the constraints (default: projection, where there is any).",
 )
 @click.option(
-    "--time", "--until", "time", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="The last time, in seconds."
+    "--alpha",
+    type=POSITIVE,
+    metavar="1/S",
+    help="Rate of baumgarte and feedback (default: twice the system's fastest).",
 )
 @click.option(
-    "--step", type=POSITIVE, metavar="S", help="Time between rows of the output (default: a five-hundredth of the time)."
+    "--conserve",
+    metavar="a,b",
+    default="",
+    help="Coordinates whose momenta the enforcement invariants holds too.",
 )
-@click.option("--rtol", type=POSITIVE, default=1e-10, show_default=True, help="Relative tolerance of a step.")
-@click.option("--atol", type=POSITIVE, help="Absolute tolerance of a step (default: a hundredth of rtol).")
 @click.option(
-    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Initial value, parameter or input; may be repeated."
+    "--integrator",
+    default="dop853",
+    show_default=True,
+    metavar="NAME",
+    help="How to step; `hamel list` names all.",
+)
+@click.option(
+    "--step-size",
+    type=POSITIVE,
+    metavar="S",
+    help="Equal steps of at most this size instead of steps by the tolerances.",
+)
+@click.option(
+    "--time",
+    "--until",
+    "time",
+    type=POSITIVE,
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="The last time, in seconds.",
+)
+@click.option(
+    "--step",
+    type=POSITIVE,
+    metavar="S",
+    help="Time between rows of the output (default: a five-hundredth of the time).",
+)
+@click.option(
+    "--rtol", type=POSITIVE, default=1e-10, show_default=True, help="Relative tolerance of a step."
+)
+@click.option(
+    "--atol", type=POSITIVE, help="Absolute tolerance of a step (default: a hundredth of rtol)."
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Initial value, parameter or input; may be repeated.",
 )
 @REAL
 @click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv or FILE.npz.")
@@ -221,34 +348,87 @@ def simulate(model: str, settings: Sequence[str], conserve: str, **options: Any)
 
     values = dict(_setting(text) for text in settings)
     with bar(options["time"]) as progress:
-        return hamel.simulate(model, values=values, progress=progress, conserve=_names(conserve), **options)
+        return hamel.simulate(
+            model, values=values, progress=progress, conserve=_names(conserve), **options
+        )
 
 
 @verb
 @click.argument("models", nargs=-1, metavar="MODEL...")
-@click.option("--stress", multiple=True, metavar="PATH", help="Add the extreme cases of a file or folder; may be repeated.")
-@click.option("-o", "--out", metavar="DIR", default="report", show_default=True, help="The folder of the report.")
 @click.option(
-    "--time", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="The length of the motions, in seconds."
+    "--extremes",
+    multiple=True,
+    metavar="PATH",
+    help="Add the extreme cases of a file or folder; may be repeated.",
 )
-@click.option("--budget", type=POSITIVE, default=90.0, show_default=True, metavar="S", help="Seconds for all runs of one model.")
-@click.option("--formulation", "formulations", metavar="a,b", default="", help="These formulations only.")
-@click.option("--choice", "choices", metavar="a,b", default="", help="These choices of quasi-velocities only.")
-@click.option("--keeping", "keepings", metavar="a,b", default="", help="These keepings only.")
-@click.option("--integrator", "integrators", metavar="a,b", default="", help='These only; "libraries" for the library solvers.')
-@click.option("--rtol", "tolerances", metavar="a,b", default="", help="These relative tolerances (default: 1e-4 to 1e-12).")
 @click.option(
-    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Initial value, parameter or input; may be repeated."
+    "-o",
+    "--out",
+    metavar="DIR",
+    default="report",
+    show_default=True,
+    help="The folder of the report.",
+)
+@click.option(
+    "--time",
+    type=POSITIVE,
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="The length of the motions, in seconds.",
+)
+@click.option(
+    "--budget",
+    type=POSITIVE,
+    default=90.0,
+    show_default=True,
+    metavar="S",
+    help="Seconds for all runs of one model.",
+)
+@click.option(
+    "--formulation", "formulations", metavar="a,b", default="", help="These formulations only."
+)
+@click.option(
+    "--choice", "choices", metavar="a,b", default="", help="These choices of quasi-velocities only."
+)
+@click.option(
+    "--enforcement", "enforcements", metavar="a,b", default="", help="These enforcements only."
+)
+@click.option(
+    "--integrator",
+    "integrators",
+    metavar="a,b",
+    default="",
+    help='These only; "libraries" for the library solvers.',
+)
+@click.option(
+    "--rtol",
+    "tolerances",
+    metavar="a,b",
+    default="",
+    help="These relative tolerances (default: 1e-4 to 1e-12).",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Initial value, parameter or input; may be repeated.",
 )
 def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> Any:
     """Compare every method that fits MODEL: error against run time."""
     from hamel.progress import bar
 
     values = dict(_setting(text) for text in settings)
-    names = {kind: _names(options.pop(kind)) for kind in ("formulations", "choices", "keepings", "integrators")}
+    names = {
+        kind: _names(options.pop(kind))
+        for kind in ("formulations", "choices", "enforcements", "integrators")
+    }
     tolerances = _numbers(options.pop("tolerances"))
     with bar(1.0, "running") as progress:
-        return hamel.report(models, values=values, tolerances=tolerances, progress=progress, **names, **options)
+        return hamel.study(
+            models, values=values, tolerances=tolerances, progress=progress, **names, **options
+        )
 
 
 def _numbers(text: str) -> tuple[float, ...]:
@@ -267,50 +447,98 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 
 @verb
 @_model
-@click.option("--at", metavar="NAME", help="A steady motion of the file, or guess: near the initial values (default: its first).")
-@CHOICE
-@click.option("--sweep", multiple=True, metavar="NAME=A:B:N", help="Range of a free name or parameter; give two for a map.")
-@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="A free name or parameter; may be repeated.")
 @click.option(
-    "-o", "--out", metavar="FILE.html", help="The page: equations, plots, modes (default: linearization.html; with --json none)."
+    "--at",
+    metavar="NAME",
+    help="A steady motion of the file, or guess: near the initial values (default: its first).",
 )
-@click.option("--step", type=POSITIVE, metavar="S", help="Also in discrete time: the step in seconds (in --json: Phi, Gamma).")
-@click.option("--cyclic", metavar="a,b|none", help="Coordinates to leave out of the eigenvalues (default: all cyclic ones).")
-def linearize(model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any) -> Any:
+@CHOICE
+@click.option(
+    "--sweep",
+    multiple=True,
+    metavar="NAME=A:B:N",
+    help="Range of a free name or parameter; give two for a map.",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A free name or parameter; may be repeated.",
+)
+@click.option(
+    "-o",
+    "--out",
+    metavar="DIR|FILE.html",
+    help="Where linearization.html goes: equations, plots, modes (default: here; with --json none).",
+)
+@click.option(
+    "--step",
+    type=POSITIVE,
+    metavar="S",
+    help="Also in discrete time: the step in seconds (in --json: Phi, Gamma).",
+)
+@click.option(
+    "--cyclic",
+    metavar="a,b|none",
+    help="Coordinates to leave out of the eigenvalues (default: all cyclic ones).",
+)
+def linearize(
+    model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any
+) -> Any:
     """Linearise MODEL along a steady motion in minimal states, and find its eigenvalues."""
     ranges = dict(_setting(text, "--sweep") for text in sweep)
     if len(ranges) < len(sweep):
         raise click.BadParameter("a name is swept twice", param_hint="--sweep")
     left_out = None if cyclic is None else () if cyclic.strip() == "none" else _names(cyclic)
     if not click.get_current_context().params["as_json"]:
-        options["out"] = options["out"] or "linearization.html"
-    return hamel.linearize(model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options)
+        options["out"] = options["out"] or "."
+    return hamel.linearize(
+        model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options
+    )
 
 
 @verb
 @_model
 @CHOICE
 @FORMULATION
-@click.option("-o", "--out", metavar="DIR", help="Where derivation.html and derivation.tex go (default: here).")
+@click.option(
+    "-o",
+    "--out",
+    metavar="DIR",
+    help="Where derivation.html and derivation.tex go (default: here).",
+)
 def derive(model: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
     return hamel.derive(model, **options)
 
 
 @verb
-@click.argument("robot")
-@click.option("-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it).")
-@FLOATING
-def import_(robot: str, out: str | None, floating: bool) -> Any:
+@functools.partial(_model, name="robot")
+@click.option(
+    "-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it)."
+)
+def import_(robot: str, out: str | None) -> Any:
     """Turn ROBOT, a URDF or MJCF file, into a model file to go on editing."""
-    return hamel.import_(robot, out=out, floating=floating)
+    return hamel.import_(robot, out=out)
 
 
 @verb
 @_model
-@click.option("--time", is_flag=True, help="Compile each choice and measure how long its dynamics take.")
-@click.option("--plot", metavar="FILE", help="Draw cond [A; B] of each choice along the motion to FILE.svg.")
-@click.option("--until", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="The end of that motion, in seconds.")
+@click.option(
+    "--time", is_flag=True, help="Compile each choice and measure how long its dynamics take."
+)
+@click.option(
+    "--plot", metavar="FILE", help="Draw cond [A; B] of each choice along the motion to FILE.svg."
+)
+@click.option(
+    "--until",
+    type=POSITIVE,
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="The end of that motion, in seconds.",
+)
 def choices(model: str, **options: Any) -> Any:
     """Rank MODEL's choices of quasi-velocities, and say why."""
     return hamel.choices(model, **options)
@@ -343,12 +571,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without φ gets a question mark, not a traceback
+            stream.reconfigure(
+                errors="replace"
+            )  # a terminal without φ gets a question mark, not a traceback
     if arguments is None:  # this process is ours
         gc.set_threshold(YOUNG)
-        os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # NumPy's threads sleep at once; others have work for the cores
-    code = failures.guarded(lambda: group.main(given, prog_name="hamel", standalone_mode=False), given)
+        os.environ.setdefault(
+            "OPENBLAS_THREAD_TIMEOUT", "4"
+        )  # NumPy's threads sleep at once; others have work for the cores
+    code = failures.guarded(
+        lambda: group.main(given, prog_name="hamel", standalone_mode=False), given
+    )
     if arguments is None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt,
-        gc.freeze()  # and nothing is worth looking for garbage in, which Python does several times when it ends
+        # and nothing is worth looking for garbage in, which Python does several times when it ends
+        gc.freeze()
     sys.exit(code)

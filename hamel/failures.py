@@ -1,4 +1,5 @@
-"""What a user sees of an error: one message and a documented exit code, never a traceback unless --debug asks for it."""
+"""What a user sees of an error: one message and a documented exit code, never a traceback unless
+--debug asks for it."""
 
 from __future__ import annotations
 
@@ -18,10 +19,15 @@ from derive.diagnostics import Diagnostic, HamelError, ToolchainError
 VERIFICATION = 4
 USAGE, INTERNAL, INTERRUPTED, PIPE = 64, 70, 130, 141  # sysexits.h and 128 + signal
 
+# NumPy's words for a number that is none; what comes of it is checked and told where it is used
+FLOATS = r"(divide by zero|overflow|underflow|invalid value) encountered"
+
 
 def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
-    """Run `command` and return the exit code; errors go to standard error or, with --json, to standard output as one object."""
+    """Run `command` and return the exit code; errors go to standard error or, with --json, to
+    standard output as one object."""
     warnings.formatwarning = _once(set())
+    warnings.filterwarnings("ignore", FLOATS, RuntimeWarning)
     try:
         _check_neighbours()
         code = command()
@@ -41,6 +47,8 @@ def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
         message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
         return _report((Diagnostic(message=message),), ToolchainError.exit_code, arguments)
     except Exception as error:
+        if numeric := _numeric(error):
+            return _report(numeric.diagnostics, numeric.exit_code, arguments)
         if "--debug" in arguments:
             raise
         return _report((_internal(error),), INTERNAL, arguments)
@@ -60,14 +68,26 @@ def _once(said: set[str]) -> Callable[..., str]:
 
 def _usage(error: click.ClickException) -> Diagnostic:
     context = getattr(error, "ctx", None)
-    return Diagnostic(message=error.format_message(), hint=f"see '{context.command_path if context else 'hamel'} --help'")
+    return Diagnostic(
+        message=error.format_message(),
+        hint=f"see '{context.command_path if context else 'hamel'} --help'",
+    )
+
+
+def _numeric(error: Exception) -> HamelError | None:
+    """A number that got out of hand past the derivation: a broken assumption, not a bug."""
+    from derive.numerics import FAILURES, refusal  # NumPy is there already where one is raised
+
+    return refusal("the result", error) if isinstance(error, FAILURES) else None
 
 
 def _internal(error: Exception) -> Diagnostic:
     last = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{os.path.basename(last.filename)}:{last.lineno}"
     what = f"{type(error).__name__}: {error}".splitlines()[0]
-    return Diagnostic(message=f"internal error, please report it with the model: {what} ({place}); --debug shows the traceback")
+    return Diagnostic(
+        message=f"internal error, please report it with the model: {what} ({place}); --debug shows the traceback"
+    )
 
 
 def _report(problems: Sequence[Diagnostic], code: int, arguments: Sequence[str]) -> int:
@@ -86,7 +106,8 @@ def _as_json(problem: Diagnostic) -> dict[str, Any]:
 
 
 def _check_neighbours() -> None:
-    """PyPI has other packages called `derive` and `codegen`; if one of them is found first nothing here can work."""
+    """PyPI has other packages called `derive` and `codegen`; if one of them is found first nothing
+    here can work."""
     import codegen
     import derive
     import hamel
@@ -96,5 +117,6 @@ def _check_neighbours() -> None:
         found = os.path.dirname(os.path.dirname(os.path.abspath(package.__file__ or "")))
         if found != home:
             raise ToolchainError(
-                f"the package '{package.__name__}' in {found} hides hamel's own", hint=f"pip uninstall {package.__name__}"
+                f"the package '{package.__name__}' in {found} hides hamel's own",
+                hint=f"pip uninstall {package.__name__}",
             )

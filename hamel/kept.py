@@ -1,8 +1,9 @@
-"""Modules that were built and verified before: building again, with nothing changed that they depend on, copies them.
+"""Modules that were built and verified before: building again, with nothing changed that they
+depend on, copies them.
 
-The key covers the model file, the options, every file of hamel itself, the libraries it derives with, Python, and what a binary
-depends on: the compiler, its flags and this processor.
-A cache that cannot be read or written only costs time.
+The key covers the model file, the options, every file of hamel itself, the libraries it derives
+with, Python, and what a binary depends on: the compiler, its flags and this processor. A cache that
+cannot be read or written only costs time.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ def key(path: str | PathLike[str], options: Mapping[str, Any]) -> str | None:
     """What names this build; None where no cache can be used."""
     if Path(path).suffix not in ALONE or not os.path.isfile(path):  # a pipe can be read once only
         return None
-    digest = hashlib.sha256(f"{path}\0{sorted(options.items())!r}\0{sys.version}\0{sys.executable}".encode())
+    digest = hashlib.sha256(
+        f"{path}\0{sorted(options.items())!r}\0{sys.version}\0{sys.executable}".encode()
+    )
     with contextlib.suppress(OSError):
         digest.update(Path(path).read_bytes())
         for place in (*_generator(), *_libraries(), *_compiler()):
@@ -93,7 +96,9 @@ def restored(name: str | None, folder: str | Path | None) -> Built | None:
 
 def _record(record: dict[str, Any], folder: Path, seconds: float) -> Built:
     lists = {name: tuple(value) for name, value in record.items() if isinstance(value, list)}
-    return Built(**{**record, **lists, "folder": folder, "seconds": {"kept": seconds}, "kept": True})
+    return Built(
+        **{**record, **lists, "folder": folder, "seconds": {"kept": seconds}, "kept": True}
+    )
 
 
 def remember(name: str | None, record: Built) -> None:
@@ -106,7 +111,9 @@ def remember(name: str | None, record: Built) -> None:
         try:
             shutil.copytree(record.folder, fresh / "module", ignore=_others(record.folder))
             known = {field.name for field in dataclasses.fields(Built)}
-            text = json.dumps({name: value for name, value in as_json(record).items() if name in known})
+            text = json.dumps(
+                {name: value for name, value in as_json(record).items() if name in known}
+            )
             (fresh / RECORD).write_text(text, encoding="utf-8")
             os.rename(fresh, kept)
         finally:
@@ -121,7 +128,11 @@ def _others(folder: Path) -> Any:
     def ignored(place: str, names: list[str]) -> set[str]:
         if Path(place) != Path(folder):
             return set()
-        return {name for name in names if name not in made and not name.endswith((".so", ".dylib", ".dll", ".pyd"))}
+        return {
+            name
+            for name in names
+            if name not in made and not name.endswith((".so", ".dylib", ".dll", ".pyd"))
+        }
 
     return ignored
 

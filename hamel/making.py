@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 @contextmanager
 def _preparing() -> Iterator[None]:
-    """The first build of all: the templates are prepared in a process of their own until they are needed."""
+    """The first build of all: the templates are prepared in a process of their own until they are
+    needed."""
     with ExitStack() as stack:
         if cache.bare("templates"):
             stack.enter_context(meanwhile(_prepare, niceness=4))
@@ -70,7 +71,9 @@ def made(
     with clock("code"):
         import codegen.build  # noqa: F401  (it brings Jinja along, which the page needs, too)
     with meanwhile(lambda: _page(equations)) as page:
-        program = replace(program_of(equations, functions, clock, integrators, real=real), inline=header)
+        program = replace(
+            program_of(equations, functions, clock, integrators, real=real), inline=header
+        )
         if tune:
             from hamel.tuning import tuned
 
@@ -97,29 +100,42 @@ def _page(equations: Equations) -> str:
 def _with_requested(equations: Equations, program: Program) -> Equations:
     """What was emitted on request is verified like the rest, in every chart."""
     emitted = {kernel.name for kernel in program.kernels}
-    charts = tuple(_with_emitted(chart, emitted, f"_chart{number}") for number, chart in enumerate(equations.charts, 1))
+    charts = tuple(
+        _with_emitted(chart, emitted, f"_chart{number}")
+        for number, chart in enumerate(equations.charts, 1)
+    )
     return replace(_with_emitted(equations, emitted, ""), charts=charts)
 
 
 def _with_emitted(equations: Equations, emitted: Collection[str], suffix: str) -> Equations:
-    requested = tuple(request.make() for request in equations.requests if f"{request.name}{suffix}" in emitted)
+    requested = tuple(
+        request.make() for request in equations.requests if f"{request.name}{suffix}" in emitted
+    )
     return replace(equations, functions=(*equations.functions, *requested))
 
 
-def _confirmed(equations: Equations, draft: Draft, states: int, numpy: bool, clock: Clock) -> Verification:
+def _confirmed(
+    equations: Equations, draft: Draft, states: int, numpy: bool, clock: Clock
+) -> Verification:
     """Compile out of sight, and raise unless the module agrees with the independent derivation."""
     with ThreadPoolExecutor(1) as compiling:  # the derivation is checked while the compiler works
         module = compiling.submit(_compiled, draft, numpy, clock)
         with clock("verify"):
             from hamel.verify import quick_verification  # imported while the compiler works, too
 
-            found = quick_verification(equations.system.model, equations, module.result, _affordable(equations, states))
+            found = quick_verification(
+                equations.system.model, equations, module.result, _affordable(equations, states)
+            )
     failed = [check for check in found.checks if not check.passed]
     if failed:
         from derive.formulations.charts import together
 
-        lines = "; ".join(f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed)
-        raise VerificationError(f"{draft.name}, choice {together(equations)}: verification failed, nothing is written: {lines}")
+        lines = "; ".join(
+            f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed
+        )
+        raise VerificationError(
+            f"{draft.name}, choice {together(equations)}: verification failed, nothing is written: {lines}"
+        )
     return found
 
 

@@ -1,6 +1,8 @@
-"""The road from a model file to a verified module on one page; every stage is timed, and imported when it is reached.
+"""The road from a model file to a verified module on one page; every stage is timed, and imported
+when it is reached.
 
-model.yaml → derive.model → derive.mechanics → derive.formulations → codegen.passes → codegen.build → hamel.verify
+model.yaml → derive.model → derive.mechanics → derive.formulations → codegen.passes → codegen.build
+→ hamel.verify
 """
 
 from __future__ import annotations
@@ -55,7 +57,8 @@ def equations_of(
     clock: Clock | None = None,
     fix: Fixed = MappingProxyType({}),
 ) -> Equations:
-    """Model file → Equations of one formulation and choice; the first choice of the file when none is named."""
+    """Model file → Equations of one formulation and choice; the first choice of the file when none
+    is named."""
     clock = clock or Clock()
     with clock("model"):
         model, constants = _read(path, constants, fix)
@@ -69,15 +72,19 @@ def equations_of(
 
 
 def _read(path: str | PathLike[str], constants: Constants, fix: Fixed) -> tuple[Model, Constants]:
-    """The model, read in a copy of this process while this one imports what comes next, where it is not imported yet."""
+    """The model, read in a copy of this process while this one imports what comes next, where it is
+    not imported yet."""
 
     def read() -> tuple[Model, Constants]:
+        from derive.robots import load
         from hamel.fixing import fixed
-        from hamel.importing import load
 
         return fixed(load(path), constants, fix)
 
-    if "casadi" in sys.modules or Path(path).suffix not in (".yaml", ".yml"):  # robots warn of what is left out, here
+    if "casadi" in sys.modules or Path(path).suffix not in (
+        ".yaml",
+        ".yml",
+    ):  # robots warn of what is left out, here
         return read()
     with meanwhile(read, niceness=0) as received:
         import derive.formulations
@@ -88,7 +95,7 @@ def _read(path: str | PathLike[str], constants: Constants, fix: Fixed) -> tuple[
 
 def mechanics_of(model: Model, constants: Constants = ()) -> System:
     """Model → System; ModelError where a constant is no parameter."""
-    from derive.mechanics import system
+    from derive.states import system
 
     known = [parameter.name for parameter in model.parameters]
     unknown = [name for name in (() if constants == "all" else constants) if name not in known]
@@ -96,14 +103,20 @@ def mechanics_of(model: Model, constants: Constants = ()) -> System:
         from derive.diagnostics import ModelError, did_you_mean, listed
 
         near = did_you_mean(unknown[0], known) or f"it has {listed(known)}"
-        raise ModelError(f"'{unknown[0]}' is to be a constant, but {model.name} has no such parameter; {near}")
+        raise ModelError(
+            f"'{unknown[0]}' is to be a constant, but {model.name} has no such parameter; {near}"
+        )
     return system(model, constants)
 
 
-def usable_choices(mechanics: System, formulation: str = "quasi_velocities") -> tuple[dict[str, Equations], dict[str, str]]:
-    """Equations of every choice of the file, and why the others are refused. The first has to be a choice: it is the default.
+def usable_choices(
+    mechanics: System, formulation: str = "quasi_velocities"
+) -> tuple[dict[str, Equations], dict[str, str]]:
+    """Equations of every choice of the file, and why the others are refused. The first has to be a
+    choice: it is the default.
 
-    A formulation in the base velocities makes no choice: its equations stand alone, under its own name.
+    A formulation in the generalized velocities makes no choice: its equations stand alone, under
+    its own name.
     """
     from derive.diagnostics import AssumptionError
     from derive.formulations import equations
@@ -118,7 +131,7 @@ def usable_choices(mechanics: System, formulation: str = "quasi_velocities") -> 
             refused[choice.name] = str(error)
             continue
         usable[found.choice] = found
-        if found.base_velocities:
+        if found.generalized_velocities:
             break
     return usable, refused
 
@@ -128,22 +141,28 @@ def program_of(
     functions: Collection[str] | None = None,
     clock: Clock | None = None,
     integrators: Collection[str] = (),
-    keepings: Collection[str] | None = None,
+    enforcements: Collection[str] | None = None,
     real: str = "float64",
 ) -> Program:
-    """Equations → Program: the straight-line statements of each function, counted. `integrators`: the default one when empty."""
+    """Equations → Program: the straight-line statements of each function, counted. `integrators`:
+    the default one when empty."""
     with (clock or Clock())("passes"):
         from codegen.integrators import INTEGRATORS
         from codegen.passes import in_precision, program
 
         chosen = tuple(integrators) or (INTEGRATORS[0].name,)
         made = program(
-            equations, None if functions is None else tuple(functions), chosen, None if keepings is None else tuple(keepings)
+            equations,
+            None if functions is None else tuple(functions),
+            chosen,
+            None if enforcements is None else tuple(enforcements),
         )
         return in_precision(made, real)
 
 
-def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None) -> MadeFolder:
+def emit(
+    program: Program, folder: Path, extra: dict[str, str], clock: Clock | None = None
+) -> MadeFolder:
     """Program → folder: text of all targets, compiled."""
     with (clock or Clock())("code"):
         from codegen.build import build
@@ -153,7 +172,8 @@ def emit(program: Program, folder: Path, extra: dict[str, str], clock: Clock | N
 
 @contextmanager
 def drafted(program: Program, folder: Path, clock: Clock) -> Iterator[Draft]:
-    """The text of all targets beside `folder`, not compiled yet; gone at the end of the block unless published."""
+    """The text of all targets beside `folder`, not compiled yet; gone at the end of the block
+    unless published."""
     with ExitStack() as stack:
         with clock("code"):
             from codegen.build import draft
@@ -170,7 +190,8 @@ def load_module(folder: Path) -> ModuleType:
 
 
 def load_quietly(made: MadeFolder) -> ModuleType:
-    """The module that was just made; says what to install, instead of what to run in a folder that will be gone."""
+    """The module that was just made; says what to install, instead of what to run in a folder that
+    will be gone."""
     if made.message:
         warnings.warn(made.message, RuntimeWarning, stacklevel=3)
     with warnings.catch_warnings():
@@ -182,13 +203,24 @@ def load_quietly(made: MadeFolder) -> ModuleType:
 def temporary_module(
     equations: Equations,
     integrators: Collection[str] = (),
-    keepings: Collection[str] | None = None,
+    enforcements: Collection[str] | None = None,
     functions: Collection[str] | None = None,
     real: str = "float64",
 ) -> Iterator[ModuleType]:
-    """A module that is needed for the length of a command; codegen's cache keeps what was compiled."""
+    """A module that is needed for the length of a command; codegen's cache keeps what was
+    compiled."""
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
         place = Path(folder) / equations.system.model.name
         yield load_quietly(
-            emit(program_of(equations, functions, integrators=integrators, keepings=keepings, real=real), place, {})
+            emit(
+                program_of(
+                    equations,
+                    functions,
+                    integrators=integrators,
+                    enforcements=enforcements,
+                    real=real,
+                ),
+                place,
+                {},
+            )
         )

@@ -1,4 +1,5 @@
-"""A progress bar on standard error where something takes long, and one word of warning where that is very long."""
+"""A progress bar on standard error where something takes long, and one word of warning where that
+is very long."""
 
 from __future__ import annotations
 
@@ -31,15 +32,20 @@ def bar(total: float, doing: str = "simulating") -> Iterator[Callable[[float], N
         yield report
 
 
-def paced(progress: Callable[[float], None] | None, total: float, hint: str) -> Callable[[float], None]:
-    """`progress`, and one warning where at the present pace the rest of `total` seconds of motion would take very long."""
+def paced(
+    progress: Callable[[float], None] | None, total: float, hint: str
+) -> Callable[[float], None]:
+    """`progress`, and one warning where at the present pace the rest of `total` seconds of motion
+    would take very long."""
     start = time.monotonic()
     said: list[str] = []
 
     def report(done: float) -> None:
         elapsed = time.monotonic() - start
         if not said and elapsed > SLOW and (total - done) * elapsed > LONG * done:
-            said.append(f"{done:.3g} s of {total:g} s are done after {elapsed:.0f} s of computing: {hint}")
+            said.append(
+                f"{done:.3g} s of {total:g} s are done after {elapsed:.0f} s of computing: {hint}"
+            )
             warnings.warn(said[0], RuntimeWarning, stacklevel=2)
         if progress is not None:
             progress(done)

@@ -1,4 +1,5 @@
-"""What the verbs return. The fields are the keys of `--json`; nothing here imports more than the standard library."""
+"""What the verbs return. The fields are the keys of `--json`; nothing here imports more than the
+standard library."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from hamel.built import as_json as as_json
 
 @dataclass(frozen=True)
 class Checked:
-    """A model that is a mechanical system. `rank` is that of the constraint rows at the consistent initial state."""
+    """A model that is a mechanical system. `rank` is that of the constraint rows at the consistent
+    initial state."""
 
     model: str
     file: str
@@ -28,7 +30,9 @@ class Checked:
     refused: Mapping[str, str]  # choices of the file that cannot be built, and why
     rank: int
     degrees_of_freedom: int
-    moved: Mapping[str, Mapping[str, float]]  # held initial values that had to give way: given and used
+    moved: Mapping[
+        str, Mapping[str, float]
+    ]  # held initial values that had to give way: given and used
     assumptions: tuple[str, ...]
 
 
@@ -42,7 +46,8 @@ class CheckLine:
 
 @dataclass(frozen=True)
 class Mutation:
-    """A planted error: in which term or function (`dynamics()`), what was done, and the checks that went red."""
+    """A planted error: in which term or function (`dynamics()`), what was done, and the checks that
+    went red."""
 
     where: str
     what: str
@@ -62,7 +67,8 @@ class Mutations:
 
 @dataclass(frozen=True)
 class Verified:
-    """The checks of every choice that was asked for; names start with the choice. `mutations` where errors were planted."""
+    """The checks of every choice that was asked for; names start with the choice. `mutations` where
+    errors were planted."""
 
     model: str
     passed: bool
@@ -74,15 +80,18 @@ class Verified:
 
 
 @dataclass(frozen=True)
-class StressRow:
-    """An extreme case: survived with an `error` within the tolerance, refused with a `status`, or wrong."""
+class ExtremeRow:
+    """An extreme case: survived with an `error` within the tolerance, refused with a `status`, or
+    wrong."""
 
     model: str
     case: str
     about: str
     method: str
     outcome: str  # survived, refused or wrong
-    error: float | None  # at the end: angles in radians, else relative to the largest value of the same unit
+    error: (
+        float | None
+    )  # at the end: angles in radians, else relative to the largest value of the same unit
     tolerance: float | None  # None: the error is only reported
     status: str
     expected: str  # survived or refused
@@ -93,14 +102,16 @@ class StressRow:
     moved: float  # how far held initial values had to give way
     constraints: float  # largest |φ| or |A v − c|
     energy: float  # energy balance
-    fewest: int | None = None  # of stiff cases: steps at the loosest tolerance, by decades, that meets the case's
+    fewest: int | None = (
+        None  # of stiff cases: steps at the loosest tolerance, by decades, that meets the case's
+    )
     scipy: int | None = None  # the same of SciPy's Radau
 
 
 @dataclass(frozen=True)
-class Stressed:
+class Extremes:
     passed: bool  # every case came out as its file expects
-    rows: tuple[StressRow, ...]
+    rows: tuple[ExtremeRow, ...]
     survived: int
     refused: int
     wrong: int
@@ -117,7 +128,8 @@ class Derived:
 
 @dataclass(frozen=True)
 class Imported:
-    """A robot file as a model. `left_out` alters the motion, `changed` does not; `text` is in `file` where there is one."""
+    """A robot file as a model. `left_out` alters the motion, `changed` does not; `text` is in
+    `file` where there is one."""
 
     model: str
     kind: str  # URDF or MJCF
@@ -142,7 +154,9 @@ class Ranking:
     condition: float  # cond [A; B], median over sampled consistent states
     worst: float
     least_pivot: float  # over those states, relative to the largest
-    violation: float  # predicted: |φ| after one step, or the roundoff of A v − c where there is no φ
+    violation: (
+        float  # predicted: |φ| after one step, or the roundoff of A v − c where there is no φ
+    )
     operations: int  # of ẋ
     verdict: str
     ns: float | None  # per state, measured in a batch
@@ -176,7 +190,8 @@ class Explained:
 
 @dataclass(frozen=True)
 class CriticalValue:
-    """Where the kind of motion changes along a swept name: `kind` is zero, hopf or double; `eigenvalue` is [re, im]."""
+    """Where the kind of motion changes along a swept name: `kind` is zero, hopf or double;
+    `eigenvalue` is [re, im]."""
 
     kind: str
     name: str
@@ -186,7 +201,8 @@ class CriticalValue:
 
 @dataclass(frozen=True)
 class ModeOf:
-    """An eigenvalue at `values`, of a pair the one above the real axis: its course and shape in words, and dλ/d(name)."""
+    """An eigenvalue at `values`, of a pair the one above the real axis: its course and shape in
+    words, and dλ/d(name)."""
 
     eigenvalue: Sequence[float]
     course: str
@@ -196,8 +212,9 @@ class ModeOf:
 
 @dataclass(frozen=True)
 class UnreducedForm:
-    """The multiplier equations in all coordinates and velocities that are not cyclic: how far they are from the minimal form on
-    the constraints, relative to the largest entry of A, and their spurious zero eigenvalues, 2 m_h + m_n."""
+    """The multiplier equations in all coordinates and velocities that are not cyclic: how far they
+    are from the minimal form on the constraints, relative to the largest entry of A, and their
+    spurious zero eigenvalues, 2 m_h + m_n."""
 
     states: tuple[str, ...]
     A: Sequence[Sequence[float]]
@@ -207,10 +224,12 @@ class UnreducedForm:
 
 @dataclass(frozen=True)
 class Linearized:
-    """δẋ = A δx + B δu, δy = C δx + D δu along a steady motion, in `states`: independent coordinates and quasi-velocities.
+    """δẋ = A δx + B δu, δy = C δx + D δu along a steady motion, in `states`: independent
+    coordinates and quasi-velocities.
 
-    `rows` hold the swept values, the eigenvalues [re, im] that belong to the states `reduced` (without `cyclic` coordinates and
-    `families` of steady motions, whose eigenvalues are zero), and how many spurious ones there are among them.
+    `rows` hold the swept values, the eigenvalues [re, im] that belong to the states `reduced`
+    (without `cyclic` coordinates and `families` of steady motions, whose eigenvalues are zero), and
+    how many spurious ones there are among them.
     """
 
     model: str
@@ -233,8 +252,12 @@ class Linearized:
     rows: tuple[Mapping[str, Any], ...]
     critical: tuple[CriticalValue, ...]
     modes: tuple[ModeOf, ...]
-    unreduced: UnreducedForm | None  # where neither base velocities nor rates are constant along the motion there is none
-    stable: tuple[tuple[float, float], ...]  # intervals of the swept name without an unstable eigenvalue
+    unreduced: (
+        UnreducedForm | None
+    )  # where neither generalized velocities nor rates are constant along the motion there is none
+    stable: tuple[
+        tuple[float, float], ...
+    ]  # intervals of the swept name without an unstable eigenvalue
     seconds: Mapping[str, float]
     step: float | None  # s; δx(t + step) = Φ δx + Γ δu where it is given
     Phi: Sequence[Sequence[float]] | None
@@ -260,23 +283,28 @@ class Listed:
 
 @dataclass(frozen=True)
 class Switch:
-    """Where one choice of quasi-velocities took over from another that came near a singular position."""
+    """Where one choice of quasi-velocities took over from another that came near a singular
+    position: between the rows at `time` and `before`."""
 
     time: float
+    before: float
     left: str
     entered: str
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """A motion and how far it can be trusted. The arrays are in `motion` and are left out of `--json`."""
+    """A motion and how far it can be trusted. The arrays are in `motion` and are left out of
+    `--json`."""
 
     model: str
     formulation: str
     choice: str
-    keeping: str
+    enforcement: str
     integrator: str
-    alpha: float | None  # rate in 1/s at which violations are pulled back, where the keeping has one
+    alpha: (
+        float | None
+    )  # rate in 1/s at which violations are pulled back, where the enforcement has one
     time: float
     steps: int
     rejected: int
@@ -285,9 +313,13 @@ class Simulated:
     position_violation: float  # max |φ|
     velocity_violation: float  # max |A v − c|
     acceleration_violation: float  # the largest |A v̇ − β| in the rows of the output
-    energy_balance: float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy exchanged
-    crossings: int  # singular positions on the way; two ways across each agreed within the tolerance
-    charts: int  # that the keeping used, 0 where it has none
+    # max |E − (E at 0) − ∫ power dt|, relative to the largest energy exchanged; E is T + V, or
+    # T₂ − T₀ + V where T = T₂ + T₁ + T₀ has terms linear in the rates or free of them
+    energy_balance: float
+    crossings: (
+        int  # singular positions on the way; two ways across each agreed within the tolerance
+    )
+    charts: int  # that the enforcement used, 0 where it has none
     switches: tuple[Switch, ...]  # of the choice of quasi-velocities
     moved: Mapping[str, Mapping[str, float]]
     final: Mapping[str, float]
@@ -298,16 +330,18 @@ class Simulated:
 
 @dataclass(frozen=True)
 class Reported:
-    """Error against run time. A row per run; `models` hold the time, the reference, what to use and what was left out.
+    """Error against run time. A row per run; `models` hold the time, the reference, what to use and
+    what was left out.
 
-    Not `passed`: runs that agree with each other contradict the reference solution, or an extreme case is not as expected.
+    Not `passed`: runs that agree with each other contradict the reference solution, or an extreme
+    case is not as expected.
     """
 
     model: str
     passed: bool
     rows: tuple[Mapping[str, Any], ...]
     models: tuple[Mapping[str, Any], ...]
-    stress: tuple[StressRow, ...]
+    extremes: tuple[ExtremeRow, ...]
     html: Path
     csv: Path
     json: Path

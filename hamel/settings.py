@@ -1,4 +1,5 @@
-"""`--set name=value`: initial values, parameters and constant inputs by name, with units, checked as in a model file."""
+"""`--set name=value`: initial values, parameters and constant inputs by name, with units, checked
+as in a model file."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import infer
 from derive.expressions.evaluate import number
+from derive.expressions.limits import objection
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.parser import unit as parsed_unit
@@ -21,7 +23,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Settings:
-    """`initial`: coordinates, `der(q)` and base velocities that are held; `parameters` and `inputs`: all of the model's."""
+    """`initial`: coordinates, `der(q)` and generalized velocities that are held; `parameters` and
+    `inputs`: all of the model's."""
 
     initial: dict[str, float]
     parameters: dict[str, float]
@@ -29,7 +32,8 @@ class Settings:
 
 
 def settings(model: Model, values: Mapping[str, float | str]) -> Settings:
-    """The model's own values with `values` put in; formulas may use the parameters as they are in the file."""
+    """The model's own values with `values` put in; formulas may use the parameters as they are in
+    the file."""
     parameters = {p.name: p.value for p in model.parameters}
     inputs = {i.name: 0.0 for i in model.inputs}
     initial: dict[str, float] = {}
@@ -46,23 +50,32 @@ def settings(model: Model, values: Mapping[str, float | str]) -> Settings:
 
 
 def _check_bodies(model: Model, changed: list[str], parameters: Mapping[str, float]) -> None:
-    """What the file is checked for with its own parameters holds for others, too: no mass and no moment is negative."""
+    """What the file is checked for with its own parameters holds for others, too: no mass and no
+    moment is negative."""
     known = dict(parameters)
     for name, formula in model.definitions:
         value = _known(formula, known)
         known |= {} if value is None else {name: value}
     for body in model.bodies:
-        for what, formula in (("mass", body.mass), *(("moment of inertia", moment) for moment in body.inertia[:3])):
+        for what, formula in (
+            ("mass", body.mass),
+            *(("moment of inertia", moment) for moment in body.inertia[:3]),
+        ):
             value = _known(formula, known)
             if value is not None and value < 0.0:
                 given = ", ".join(f"{name} = {parameters[name]:g}" for name in changed)
-                raise ModelError(f"with {given} the {what} of '{body.name}' is {value:g}, less than zero")
+                raise ModelError(
+                    f"with {given} the {what} of '{body.name}' is {value:g}, less than zero"
+                )
 
 
 def _known(formula: tree.Expression, known: Mapping[str, float]) -> float | None:
     """The value of a formula of known names; None where it uses others, or has none."""
     nodes = list(tree.walk(formula))
-    if any(isinstance(node, tree.Rate) or (isinstance(node, tree.Name) and node.name not in known) for node in nodes):
+    if any(
+        isinstance(node, tree.Rate) or (isinstance(node, tree.Name) and node.name not in known)
+        for node in nodes
+    ):
         return None
     try:
         return number(formula, known)
@@ -72,18 +85,25 @@ def _known(formula: tree.Expression, known: Mapping[str, float]) -> float | None
 
 def units(model: Model) -> dict[str, str]:
     """Unit of everything that can be set."""
-    units = {item.name: item.unit for item in (*model.parameters, *model.inputs, *model.coordinates, *model.velocities)}
+    units = {
+        item.name: item.unit
+        for item in (*model.parameters, *model.inputs, *model.coordinates, *model.velocities)
+    }
     rates = {f"der({c.name})": f"{c.unit or 1}/s" for c in model.coordinates}
     return rates | units
 
 
-def _value(name: str, value: float | str, units: Mapping[str, str], parameters: Mapping[str, float]) -> float:
+def _value(
+    name: str, value: float | str, units: Mapping[str, str], parameters: Mapping[str, float]
+) -> float:
     if name not in units:
         raise ModelError(_unknown(name, units))
     if isinstance(value, str):
         return parsed(name, value, units[name], parameters)
     if not math.isfinite(value):
         raise ModelError(f"{name} is set to {value}, which is not a finite number")
+    if problem := objection(value):
+        raise ModelError(f"value of {name}: {problem[0]}", f"expected: {problem[1]}")
     return float(value)
 
 
@@ -93,21 +113,32 @@ def _unknown(name: str, units: Mapping[str, str]) -> str:
 
 
 def parsed(name: str, text: str, unit: str | None, parameters: Mapping[str, float]) -> float:
-    """The value of a formula of parameters, in any unit when `unit` is None; what is wrong with it is said of this name."""
+    """The value of a formula of parameters, in any unit when `unit` is None; what is wrong with it
+    is said of this name."""
     try:
         return _evaluated(name, text, unit, parameters)
     except FormulaError as error:
-        raise ModelError([replace(found, file=f"value of {name}") for found in error.diagnostics]) from None
+        raise ModelError(
+            [replace(found, file=f"value of {name}") for found in error.diagnostics]
+        ) from None
 
 
 def _evaluated(name: str, text: str, unit: str | None, parameters: Mapping[str, float]) -> float:
     formula = expression(text, parameters)
     strange = [
-        node.name for node in tree.walk(formula) if isinstance(node, tree.Name | tree.Rate) and node.name not in parameters
+        node.name
+        for node in tree.walk(formula)
+        if isinstance(node, tree.Name | tree.Rate) and node.name not in parameters
     ]
     if strange:
         raise ModelError(f"{name} is set to '{text}', but '{strange[0]}' is no parameter")
     dimension = infer(formula, {}, text)
-    if unit is not None and isinstance(dimension, tuple) and dimension != parsed_unit(unit).dimension:
-        raise ModelError(f"{name} is set to '{text}', which is no quantity in {unit or 'plain numbers'}")
+    if (
+        unit is not None
+        and isinstance(dimension, tuple)
+        and dimension != parsed_unit(unit).dimension
+    ):
+        raise ModelError(
+            f"{name} is set to '{text}', which is no quantity in {unit or 'plain numbers'}"
+        )
     return number(formula, parameters, text)

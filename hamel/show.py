@@ -6,6 +6,8 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from derive.diagnostics import NAMES
+
 WIDE = 160
 
 if TYPE_CHECKING:
@@ -13,7 +15,8 @@ if TYPE_CHECKING:
 
 
 def page() -> Console:
-    """Standard output for text that is printed as it is; without a terminal nothing is cut to the width of one."""
+    """Standard output for text that is printed as it is; without a terminal nothing is cut to the
+    width of one."""
     from rich.console import Console
 
     class Page(Console):
@@ -21,7 +24,15 @@ def page() -> Console:
             raise BrokenPipeError  # rich would end the process with a code of its own
 
     piped = not sys.stdout.isatty()
-    return Page(markup=False, highlight=False, emoji=False, soft_wrap=piped, width=WIDE if piped else None)
+    return Page(
+        markup=False, highlight=False, emoji=False, soft_wrap=piped, width=WIDE if piped else None
+    )
+
+
+def shortened(name: str) -> str:
+    """A choice as a table can hold it: a partition is named by all of its speeds."""
+    words = name.split()
+    return name if len(words) <= NAMES else f"{' '.join(words[:NAMES])} … ({len(words)} in all)"
 
 
 def operations(counts: Mapping[str, int]) -> str:
@@ -37,7 +48,12 @@ def number(value: float) -> str:
     return "0" if value == 0 else f"{value:.2g}"
 
 
-def table(console: Console, headings: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[int] = ()) -> None:
+def table(
+    console: Console,
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    right: Sequence[int] = (),
+) -> None:
     """A plain table; the columns with an index in `right` are numbers."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
@@ -59,7 +75,8 @@ def refusals(refused: Mapping[str, str], console: Console) -> None:
 def ledger(entries: Sequence[Mapping[str, Any]], left_out: Sequence[str], console: Console) -> None:
     """What the passes did to each function, and what this model had no use for."""
     rows = [
-        (name, *_summary([e for e in entries if e["function"] == name])) for name in dict.fromkeys(e["function"] for e in entries)
+        (name, *_summary([e for e in entries if e["function"] == name]))
+        for name in dict.fromkeys(e["function"] for e in entries)
     ]
     table(console, ("function", "traced", "emitted", "saved by"), rows, right=(1, 2))
     for line in left_out:
@@ -72,5 +89,7 @@ def _summary(entries: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
     for entry in entries:
         saved[entry["step"]] = saved.get(entry["step"], 0) + entry["before"] - entry["after"]
     steps = ", ".join(f"{step} {count}" for step, count in saved.items() if count)
-    emitted = [e["after"] for e in entries if e["step"] != "hoist"][-1]  # what is hoisted is still done, but once
+    emitted = [e["after"] for e in entries if e["step"] != "hoist"][
+        -1
+    ]  # what is hoisted is still done, but once
     return str(entries[0]["before"]), str(emitted), steps

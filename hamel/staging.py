@@ -1,4 +1,5 @@
-"""Files appear whole or not at all: each is made beside its place and moved there when it is finished."""
+"""Files appear whole or not at all: each is made beside its place and moved there when it is
+finished."""
 
 from __future__ import annotations
 
@@ -20,7 +21,9 @@ def staged_file(place: Path) -> Iterator[Path]:
             yield made
             made.replace(place)
     except OSError as error:
-        raise ToolchainError(f"cannot write {place}: {error.strerror or error}", hint="choose another place") from error
+        raise ToolchainError(
+            f"cannot write {place}: {error.strerror or error}", hint="choose another place"
+        ) from error
 
 
 def write_text(place: Path, text: str) -> None:

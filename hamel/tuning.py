@@ -19,31 +19,50 @@ FEW = 1.5  # candidates with more than so many times the fewest operations are n
 
 
 def fastest(
-    path: str | PathLike[str], choice: str | None, constants: Constants, fix: Fixed, real: str, clock: Clock
+    path: str | PathLike[str],
+    choice: str | None,
+    constants: Constants,
+    fix: Fixed,
+    real: str,
+    clock: Clock,
 ) -> tuple[Equations, dict[str, float]]:
-    """The equations whose `dynamics` is fastest here, and the nanoseconds per state of all that were compiled.
+    """The equations whose `dynamics` is fastest here, and the nanoseconds per state of all that
+    were compiled.
 
     Every formulation that fits is tried, with every choice of the file where `choice` names none.
     """
     from codegen.tune import timings
+    from derive.robots import load
     from hamel.fixing import fixed
-    from hamel.importing import load
 
     with clock("model"):
         model, constants = fixed(load(path), constants, fix)
     with clock("mechanics"):
         mechanics = mechanics_of(model, constants)
     with clock("tune"):
-        found = dict(_candidates(mechanics, [choice] if choice else [c.name for c in model.choices] or [None]))
-        programs = {name: program_of(equations, ("dynamics",), real=real) for name, equations in found.items()}
+        found = dict(
+            _candidates(
+                mechanics, [choice] if choice else [c.name for c in model.choices] or [None]
+            )
+        )
+        programs = {
+            name: program_of(equations, ("dynamics",), real=real)
+            for name, equations in found.items()
+        }
         fewest = min(map(_operations, programs.values()))
-        worth = {name: program for name, program in programs.items() if _operations(program) <= FEW * fewest}
+        worth = {
+            name: program
+            for name, program in programs.items()
+            if _operations(program) <= FEW * fewest
+        }
         taken = timings(worth)
     best = min(taken, key=lambda name: taken[name])
     return found[best], {name: round(ns, 1) for name, ns in taken.items()}
 
 
-def _candidates(mechanics: System, choices: Sequence[str | None]) -> Iterator[tuple[str, Equations]]:
+def _candidates(
+    mechanics: System, choices: Sequence[str | None]
+) -> Iterator[tuple[str, Equations]]:
     """Raises the last refusal where nothing can be built."""
     from derive.formulations import equations, misfits
     from derive.linearize.minimal import with_linearization
@@ -73,6 +92,12 @@ def tuned(program: Program, known: dict[str, float], clock: Clock) -> Program:
     from codegen.tune import with_fastest_flags
 
     with clock("tune"):
-        alone = replace(program, kernels=(program.kernel("dynamics"),), charts=(), integrators=("dop853",), keepings=("none",))
+        alone = replace(
+            program,
+            kernels=(program.kernel("dynamics"),),
+            charts=(),
+            integrators=("dop853",),
+            enforcements=("none",),
+        )
         chosen = with_fastest_flags(alone, known)
     return replace(program, flags=chosen.flags, timings=chosen.timings)

@@ -1,4 +1,5 @@
-"""What holds for all tests: the largest models take part in the loops over all models only when slow tests run."""
+"""What holds for all tests: the largest models take part in the loops over all models only when
+slow tests run."""
 
 import pytest
 

@@ -1,4 +1,5 @@
-"""Generated C recast to long double and integrated there, so that orders show over more decades than doubles have."""
+"""Generated C recast to long double and integrated there, so that orders show over more decades
+than doubles have."""
 
 from __future__ import annotations
 
@@ -31,41 +32,77 @@ POLYNOMIALS = "#if defined(__GNUC__)\n    typedef"  # sines of double's digits, 
 class Simulator:
     """simulate and project of the C code over long doubles."""
 
-    def __init__(self, found: Equations, functions: list[str], integrators: tuple[str, ...], keepings: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        found: Equations,
+        functions: list[str],
+        integrators: tuple[str, ...],
+        enforcements: tuple[str, ...],
+    ) -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("codegen.passes.pipeline.LARGE", 0)  # in a hurry
-            made = program(found, functions, integrators, keepings)
-        self.program = replace(made, real=EXTENDED, kernels=tuple(precision._kernel(kernel, EXTENDED) for kernel in made.kernels))
+            made = program(found, functions, integrators, enforcements)
+        self.program = replace(
+            made,
+            real=EXTENDED,
+            kernels=tuple(precision._kernel(kernel, EXTENDED) for kernel in made.kernels),
+        )
         self.nx = len(made.argument("x").names)
         self.p, self.u = (
             np.array(made.argument("p").defaults, np.longdouble),
             np.zeros(len(made.argument("u").names), np.longdouble),
         )
-        self.integrators, self.keepings = integrators, keepings
+        self.integrators, self.enforcements = integrators, enforcements
         with tempfile.TemporaryDirectory(prefix="hamel-extended-") as folder:
             self.library = _library(self.program, Path(folder))
 
     def projected(self, x: np.ndarray) -> np.ndarray:
-        """x on the constraints as exactly as long doubles can; as it is where there is nothing to project on."""
+        """x on the constraints as exactly as long doubles can; as it is where there is nothing to
+        project on."""
         if "project" not in [kernel.name for kernel in self.program.kernels]:
             return x.astype(np.longdouble)
-        call, out = getattr(self.library, f"{self.program.name}_project"), np.empty(self.nx, np.longdouble)
-        given = [value.ctypes.data_as(ctypes.c_void_p) for value in (x.astype(np.longdouble), self.u, self.p, out)]
+        call, out = (
+            getattr(self.library, f"{self.program.name}_project"),
+            np.empty(self.nx, np.longdouble),
+        )
+        given = [
+            value.ctypes.data_as(ctypes.c_void_p)
+            for value in (x.astype(np.longdouble), self.u, self.p, out)
+        ]
         assert call(ctypes.c_longdouble(0.0), *given) == 0
         return out
 
-    def rows(self, times: np.ndarray, x: np.ndarray, integrator: str, keeping: str, step: float) -> np.ndarray:
+    def rows(
+        self, times: np.ndarray, x: np.ndarray, integrator: str, enforcement: str, step: float
+    ) -> np.ndarray:
         """The states at the times by equal steps, one per row."""
-        s, out, work = (np.zeros(n, np.longdouble) for n in (self.size, times.size * self.nx, times.size))
-        head = {"INTEGRATOR": self.integrators.index(integrator), "KEEPING": self.keepings.index(keeping), "FIXED": step}
+        s, out, work = (
+            np.zeros(n, np.longdouble) for n in (self.size, times.size * self.nx, times.size)
+        )
+        head = {
+            "INTEGRATOR": self.integrators.index(integrator),
+            "ENFORCEMENT": self.enforcements.index(enforcement),
+            "FIXED": step,
+        }
         for name, value in head.items():
             s[self.place(name)] = value
         s[self.place("X") : self.place("X") + self.nx] = x
-        at = [value.ctypes.data_as(ctypes.c_void_p) for value in (times.astype(np.longdouble), self.u, self.p, s, out, work)]
+        at = [
+            value.ctypes.data_as(ctypes.c_void_p)
+            for value in (times.astype(np.longdouble), self.u, self.p, s, out, work)
+        ]
         tolerances = ctypes.c_longdouble(1e-2), ctypes.c_longdouble(1e-4)
         turns = [None] * bool(self.program.turning)
         call = getattr(self.library, f"{self.program.name}_simulate")
-        status = call(at[3], ctypes.c_size_t(times.size), *at[:3], *tolerances, ctypes.c_long(10**8), *at[4:], *turns)
+        status = call(
+            at[3],
+            ctypes.c_size_t(times.size),
+            *at[:3],
+            *tolerances,
+            ctypes.c_long(10**8),
+            *at[4:],
+            *turns,
+        )
         assert status == 0
         return out.reshape(times.size, self.nx)
 
@@ -80,13 +117,18 @@ class Simulator:
 def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = simulate.number) -> str:
     """A coefficient that is longer than a double as the sum of two."""
     text = number(value)
-    return text if "/" in text or value.denominator == 1 else f"({text} + {float(value - Fraction(float(value)))!r})"
+    return (
+        text
+        if "/" in text or value.denominator == 1
+        else f"({text} + {float(value - Fraction(float(value)))!r})"
+    )
 
 
 def _library(made: Program, folder: Path) -> ctypes.CDLL:
     prefix = made.name.upper()
     places = "".join(
-        f"const int place_{name} = {prefix}_SIM_{name};\n" for name in ("INTEGRATOR", "KEEPING", "FIXED", "X", "SIZE")
+        f"const int place_{name} = {prefix}_SIM_{name};\n"
+        for name in ("INTEGRATOR", "ENFORCEMENT", "FIXED", "X", "SIZE")
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulate, "number", _in_two_parts)
@@ -99,8 +141,24 @@ def _library(made: Program, folder: Path) -> ctypes.CDLL:
     assert command is not None
     sources = [f"{made.name}.c", f"{made.name}_simulate.c", "places.c"]
     parts = sorted(file.name for file in folder.glob(f"{made.name}_*.c"))
-    sources += [name for name in parts if name.split("_")[-1] not in ("module.c", "batch.c", "cpu.c", "simulate.c")]
+    sources += [
+        name
+        for name in parts
+        if name.split("_")[-1] not in ("module.c", "batch.c", "cpu.c", "simulate.c")
+    ]
     subprocess.run(
-        [*command, "-std=c99", "-O1", "-fPIC", *compiler.shared(), *sources, "-lm", "-o", "made.so"], cwd=folder, check=True
+        [
+            *command,
+            "-std=c99",
+            "-O1",
+            "-fPIC",
+            *compiler.shared(),
+            *sources,
+            "-lm",
+            "-o",
+            "made.so",
+        ],
+        cwd=folder,
+        check=True,
     )
     return ctypes.CDLL(str(folder / "made.so"))

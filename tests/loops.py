@@ -2,14 +2,29 @@
 
 
 def four_bars(n: int) -> str:
-    """n four-bars in a row (IFToMM benchmark A02): n + 1 rods stand on the ground at (i, 0), n couplers join their tips."""
+    """n four-bars in a row (IFToMM benchmark A02): n + 1 rods stand on the ground at (i, 0), n
+    couplers join their tips."""
     link = "{mass: m, com: [l/2, 0], inertia: m*l^2/12}"
     bodies = [f"  r{i}: {link}" for i in range(n + 1)] + [f"  c{i}: {link}" for i in range(n)]
-    joints = [f"  A{i}: {{type: revolute, parent: ground, child: r{i}, at: [{i}*l, 0], coordinate: a{i}}}" for i in range(n + 1)]
-    joints += [f"  B{i}: {{type: revolute, parent: r{i}, child: c{i}, at: [l, 0], coordinate: b{i}}}" for i in range(n)]
-    closures = [f"  C{i}: {{type: revolute, between: [c{i}, r{i + 1}], at: [[l, 0], [l, 0]]}}" for i in range(n)]
+    joints = [
+        f"  A{i}: {{type: revolute, parent: ground, child: r{i}, at: [{i}*l, 0], coordinate: a{i}}}"
+        for i in range(n + 1)
+    ]
+    joints += [
+        f"  B{i}: {{type: revolute, parent: r{i}, child: c{i}, at: [l, 0], coordinate: b{i}}}"
+        for i in range(n)
+    ]
+    closures = [
+        f"  C{i}: {{type: revolute, between: [c{i}, r{i + 1}], at: [[l, 0], [l, 0]]}}"
+        for i in range(n)
+    ]
     guesses = [f"a{i + 1}: 90 deg, b{i}: -90 deg" for i in range(n)]
-    lines = ["model: four_bars", "plane: xy", "gravity: [0, -9.81 m/s^2]", "parameters: {l: 1 m, m: 1 kg}"]
+    lines = [
+        "model: four_bars",
+        "plane: xy",
+        "gravity: [0, -9.81 m/s^2]",
+        "parameters: {l: 1 m, m: 1 kg}",
+    ]
     lines += ["bodies:", *bodies, "joints:", *joints, "closures:", *closures]
     lines += ["quasi_velocities: {crank: [der(a0)]}"]
     lines += [f"initial: {{a0: 90 deg, der(a0): -1 rad/s, guess: {{{', '.join(guesses)}}}}}"]
@@ -17,7 +32,8 @@ def four_bars(n: int) -> str:
 
 
 def flat(a: float, b: float, start: str) -> str:
-    """A planar four-bar with ground a, crank a, rod b, rocker b: all its links can lie along one line."""
+    """A planar four-bar with ground a, crank a, rod b, rocker b: all its links can lie along one
+    line."""
     return f"""
 model: change_point
 plane: xy
@@ -59,5 +75,6 @@ quasi_velocities: {crank: [der(q1)], even: orthonormal}
 initial: {q1: 60 deg, guess: {q2: -30 deg, q3: 100 deg}}
 """
 TWICE = IN_SPACE.replace(
-    "quasi_velocities", "  E: {type: ball, between: [rod, rocker], at: [[b, 0, 0.1 m], [c, 0, 0.1 m]]}\nquasi_velocities"
+    "quasi_velocities",
+    "  E: {type: ball, between: [rod, rocker], at: [[b, 0, 0.1 m], [c, 0, 0.1 m]]}\nquasi_velocities",
 ).replace("in_space", "twice")

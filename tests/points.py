@@ -1,4 +1,5 @@
-"""Points of the product formulation × keeping × integrator as compiled modules that several tests share."""
+"""Points of the product formulation × enforcement × integrator as compiled modules that several
+tests share."""
 
 from __future__ import annotations
 
@@ -15,17 +16,18 @@ from codegen import build, compiler, loader
 from codegen.integrators import INTEGRATORS
 from codegen.passes import program
 from derive.diagnostics import AssumptionError
+from derive.enforcement import ENFORCEMENTS, Enforcement, Options, kept_equations
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.keepings import KEEPINGS, Keeping, Options, kept_equations
-from derive.mechanics import system
-from derive.mechanics.initial import Initial, initial_state
 from derive.mechanics.records import System
 from derive.model import load_text
-from hamel.solutions import state_of
+from derive.states import system
+from derive.states.initial import Initial, initial_state
+from hamel.simulate.exact import state_of
 from tests.scenes import MODELS
 
-# A particle on an ellipsoid, held to one side by a spring: two degrees of freedom behind one holonomic row, written by hand.
+# A particle on an ellipsoid, held to one side by a spring: two degrees of freedom behind one
+# holonomic row, written by hand.
 ELLIPSOID = """
 model: ellipsoid
 coordinates: {x: m, y: m, z: m}
@@ -55,7 +57,7 @@ TREES = ("cart", "double_pendulum", "planar_3r")
 WRITTEN_HERE = {"ellipsoid": ELLIPSOID, "cart": CART}
 LOSSES = re.compile(r"(type: damper.*coefficient: )\S+")
 ALPHA = 10.0
-NAMED = {keeping.name: keeping for keeping in KEEPINGS}
+NAMED = {enforcement.name: enforcement for enforcement in ENFORCEMENTS}
 ALONE = ("invariants_euclidean",)  # has no place beside another metric in one module
 
 
@@ -81,58 +83,91 @@ def fitting(model: str, formulation: str) -> Equations:
 
 
 @functools.cache
-def refusal(model: str, formulation: str, keeping: Keeping) -> str:
+def refusal(model: str, formulation: str, enforcement: Enforcement) -> str:
     found = plain(model, formulation)
-    return found if isinstance(found, str) else keeping.refusal(found, Options(ALPHA))
+    return found if isinstance(found, str) else enforcement.refusal(found, Options(ALPHA))
 
 
-def made(model: str, formulation: str, keeping: str) -> ModuleType:
-    """A module with every integrator and this keeping, shared with other keepings where these can be in one."""
-    own = NAMED[keeping].level == "rates" or keeping in ALONE
-    return module(model, formulation, keeping) if own else module(model, formulation)
+def made(model: str, formulation: str, enforcement: str) -> ModuleType:
+    """A module with every integrator and this enforcement, shared with other enforcements where
+    these can be in one."""
+    own = NAMED[enforcement].level == "rates" or enforcement in ALONE
+    return module(model, formulation, enforcement) if own else module(model, formulation)
 
 
 @functools.cache
 def module(model: str, formulation: str, own: str = "") -> ModuleType:
-    """With the keeping `own`, or with all that can be in one module."""
+    """With the enforcement `own`, or with all that can be in one module."""
     if own:
         names, functions = (own,), ["dynamics", "velocity"]
         found = kept_equations(mechanics(model), None, formulation, NAMED[own], Options(ALPHA))
     else:
-        fit = [keeping for keeping in KEEPINGS if not refusal(model, formulation, keeping)]
-        shared = [keeping for keeping in fit if keeping.level != "rates" and keeping.name not in ALONE]
-        names, found = tuple(keeping.name for keeping in shared), fitting(model, formulation)
-        for keeping in shared:
-            found = keeping.equations(found, Options())
+        fit = [
+            enforcement
+            for enforcement in ENFORCEMENTS
+            if not refusal(model, formulation, enforcement)
+        ]
+        shared = [
+            enforcement
+            for enforcement in fit
+            if enforcement.level != "rates" and enforcement.name not in ALONE
+        ]
+        names, found = (
+            tuple(enforcement.name for enforcement in shared),
+            fitting(model, formulation),
+        )
+        for enforcement in shared:
+            found = enforcement.equations(found, Options())
         wanted = ("dynamics", "velocity", "power", "constraints", "project")
         functions = [f.name for f in found.functions if f.name in wanted]
         functions += ["reactions"] * (formulation == "augmented" and bool(found.system.rows))
     integrators = tuple(integrator.name for integrator in INTEGRATORS)
-    return quickly_built(found, functions, integrators, names, Path(tempfile.mkdtemp(prefix="hamel-methods-")))
+    return quickly_built(
+        found, functions, integrators, names, Path(tempfile.mkdtemp(prefix="hamel-methods-"))
+    )
 
 
 def quickly_built(
-    found: Equations, functions: list[str], integrators: tuple[str, ...], keepings: tuple[str, ...], folder: Path
+    found: Equations,
+    functions: list[str],
+    integrators: tuple[str, ...],
+    enforcements: tuple[str, ...],
+    folder: Path,
 ) -> ModuleType:
     """Compiled in a hurry: these motions are short, and few calls go through Python."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("codegen.passes.pipeline.LARGE", 0)  # operations above which a function is improved once only
+        patch.setattr(
+            "codegen.passes.pipeline.LARGE", 0
+        )  # operations above which a function is improved once only
         patch.setattr(compiler, "FLAGS", tuple(flag for flag in compiler.FLAGS if flag != "-O2"))
         patch.setattr(compiler, "BATCH", ())
         patch.setattr(compiler, "STEPS", ())
         patch.setattr(compiler, "headers", list)
-        return loader.load(build.build(program(found, functions, integrators, keepings), folder / found.system.model.name).folder)
+        return loader.load(
+            build.build(
+                program(found, functions, integrators, enforcements),
+                folder / found.system.model.name,
+            ).folder
+        )
 
 
-def start(model: str, formulation: str, given: dict[str, float] | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def start(
+    model: str, formulation: str, given: dict[str, float] | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """x, u, p of the initial state of the file, some of it changed."""
     mechanical = mechanics(model)
     p = np.array(mechanical.parameters)
     initial: Initial = initial_state(mechanical, given or {}, p)
-    return state_of(fitting(model, formulation), initial, p), np.zeros(len(mechanical.model.inputs)), p
+    return (
+        state_of(fitting(model, formulation), initial, p),
+        np.zeros(len(mechanical.model.inputs)),
+        p,
+    )
 
 
-def common(model: str, module: ModuleType, t: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+def common(
+    model: str, module: ModuleType, t: np.ndarray, x: np.ndarray, p: np.ndarray
+) -> np.ndarray:
     """q and v, which mean the same in every formulation, one row per time."""
     nq = mechanics(model).q.numel()
     return np.hstack([x[:, :nq], module.velocity(t, x, np.zeros(module.nu), p)])

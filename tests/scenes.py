@@ -5,10 +5,10 @@ from pathlib import Path
 
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.mechanics import system
 from derive.mechanics.records import System
 from derive.model import load
 from derive.model.records import Model
+from derive.states import system
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"
@@ -35,7 +35,9 @@ def mechanics(name: str) -> System:
 
 
 @functools.cache
-def derived(name: str, choice: str | None = None, formulation: str = "quasi_velocities") -> Equations:
+def derived(
+    name: str, choice: str | None = None, formulation: str = "quasi_velocities"
+) -> Equations:
     """Equations that several tests look at, derived once."""
     return equations(mechanics(name), choice, formulation)
 

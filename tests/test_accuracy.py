@@ -1,6 +1,8 @@
-"""Rounding: generated code errs at most four times as much as the derivation's own graph does in plain double precision.
+"""Rounding: generated code errs at most four times as much as the derivation's own graph does in
+plain double precision.
 
-The truth is the same graph in 50 digits. Ill-conditioned states (close to a singular position, fast, far away) are among them.
+The truth is the same graph in 50 digits. Ill-conditioned states (close to a singular position,
+fast, far away) are among them.
 """
 
 from __future__ import annotations
@@ -18,8 +20,8 @@ from codegen import build, compiler, loader
 from codegen.passes import program
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.mechanics import system
 from derive.model import load
+from derive.states import system
 
 MODELS = Path(__file__).parents[1] / "models"
 MOST = 4.0
@@ -38,7 +40,11 @@ def exact(function: ca.Function, arguments: Sequence[Sequence[float]]) -> list[A
     work: dict[int, Any] = {}
     out: list[Any] = [mpmath.mpf(0)] * function.nnz_out(0)
     for k in range(function.n_instructions()):
-        code, inputs, into = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        code, inputs, into = (
+            function.instruction_id(k),
+            function.instruction_input(k),
+            function.instruction_output(k),
+        )
         if code == ca.OP_OUTPUT:
             out[into[1]] = work[inputs[0]]
         elif code == ca.OP_INPUT:
@@ -51,14 +57,17 @@ def exact(function: ca.Function, arguments: Sequence[Sequence[float]]) -> list[A
 
 
 def samples(found: Equations, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """States of all sizes; every third is near a multiple of a quarter turn, where pivots and masses degenerate."""
+    """States of all sizes; every third is near a multiple of a quarter turn, where pivots and
+    masses degenerate."""
     random = np.random.default_rng(11)
     nx, nu = (next(a for a in found.arguments if a.name == name).symbols.numel() for name in "xu")
     rows = []
     for i in range(count):
         x = random.uniform(-3, 3, nx) * (1.0, 1e-3, 30.0)[i % 3]
         if i % 3 == 1:
-            x[: found.system.q.numel()] += np.pi / 2 * random.integers(-3, 4, found.system.q.numel())
+            x[: found.system.q.numel()] += (
+                np.pi / 2 * random.integers(-3, 4, found.system.q.numel())
+            )
         rows.append((x, random.uniform(-5, 5, nu)))
     return rows
 
@@ -66,7 +75,9 @@ def samples(found: Equations, count: int) -> list[tuple[np.ndarray, np.ndarray]]
 def compare(name: str, count: int, folder: Path) -> None:
     found = equations(system(load(MODELS / f"{name}.yaml")))
     value = next(f for f in found.functions if f.name == "dynamics").result.value
-    function = ca.Function("f", [argument.symbols for argument in found.arguments], [ca.densify(value)])
+    function = ca.Function(
+        "f", [argument.symbols for argument in found.arguments], [ca.densify(value)]
+    )
     module = loader.load(build.build(program(found, ["dynamics"]), folder / name).folder)
     p = np.array(found.parameters)
     ours, plain = [], []
@@ -79,11 +90,18 @@ def compare(name: str, count: int, folder: Path) -> None:
             true = exact(function, ([0.3], x, u, p))
             size = max(abs(entry) for entry in true)
             straight = function(0.3, x, u, p).full().ravel()
-            ours.append(float(max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(made, true)) / size))
-            plain.append(float(max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(straight, true)) / size))
+            ours.append(
+                float(max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(made, true)) / size)
+            )
+            plain.append(
+                float(max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(straight, true)) / size)
+            )
     assert len(ours) > 0.6 * count
     for share in (50, 90, 99, 100):  # typical states and the worst
-        assert np.percentile(ours, share) <= MOST * max(np.percentile(plain, share), 1e-16), (name, share)
+        assert np.percentile(ours, share) <= MOST * max(np.percentile(plain, share), 1e-16), (
+            name,
+            share,
+        )
 
 
 @pytest.mark.parametrize("name", ["snake3", "four_bar", "stanford_arm", "rolling_disk"])
@@ -92,6 +110,8 @@ def test_rounding_stays_small(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["snake3", "four_bar", "stanford_arm", "rolling_disk", "slider_crank", "planar_3r"])
+@pytest.mark.parametrize(
+    "name", ["snake3", "four_bar", "stanford_arm", "rolling_disk", "slider_crank", "planar_3r"]
+)
 def test_rounding_stays_small_at_ten_thousand_states(name: str, tmp_path: Path) -> None:
     compare(name, 10_000, tmp_path)

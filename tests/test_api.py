@@ -29,32 +29,45 @@ def test_the_package_verify_does_not_hide_the_verb():
 
 
 def test_build_and_load(tmp_path):
-    built = hamel.build(MODELS / "four_bar.yaml", choice="crank", out=tmp_path / "four_bar", constants="all")
+    built = hamel.build(
+        MODELS / "four_bar.yaml", choice="crank", out=tmp_path / "four_bar", constants="all"
+    )
     module = hamel.load(built.folder)
     assert (built.choice, built.model) == ("crank", "four_bar")
     assert module.nx == 4 and module.np_ == 0
     assert module.dynamics(0.0, np.zeros(module.nx) + 0.5, [0.0]).shape == (4,)
 
 
-@pytest.mark.parametrize(("bodies", "states"), [(0, 20), (100, 20), (200, 10), (1000, 2), (5000, 2)])
+@pytest.mark.parametrize(
+    ("bodies", "states"), [(0, 20), (100, 20), (200, 10), (1000, 2), (5000, 2)]
+)
 def test_a_build_looks_at_fewer_states_where_there_are_many_bodies(bodies, states):
     equations = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(bodies=range(bodies))))
     assert _affordable(equations, 20) == states
 
 
 def test_constants_by_name(tmp_path):
-    built = hamel.build(MODELS / "snake3.yaml", choice="head", out=tmp_path / "snake3", constants=["l"])
+    built = hamel.build(
+        MODELS / "snake3.yaml", choice="head", out=tmp_path / "snake3", constants=["l"]
+    )
     assert hamel.load(built.folder).parameters == ("m", "J")
 
 
 def test_only_the_functions_asked_for(tmp_path):
-    built = hamel.build(MODELS / "snake3.yaml", choice="head", out=tmp_path / "snake3", functions=["dynamics", "velocity"])
+    built = hamel.build(
+        MODELS / "snake3.yaml",
+        choice="head",
+        out=tmp_path / "snake3",
+        functions=["dynamics", "velocity"],
+    )
     assert set(built.operations) == {"dynamics", "velocity"}
     assert "function mass" in built.left_out
 
 
 @pytest.mark.parametrize(
-    "options", [{"choice": "none"}, {"constants": ["none"]}, {"functions": ["none"]}], ids=["choice", "constant", "function"]
+    "options",
+    [{"choice": "none"}, {"constants": ["none"]}, {"functions": ["none"]}],
+    ids=["choice", "constant", "function"],
 )
 def test_names_that_do_not_exist(tmp_path, options):
     with pytest.raises(HamelError, match="none"):
@@ -64,7 +77,13 @@ def test_names_that_do_not_exist(tmp_path, options):
 
 def test_one_text_names_several_as_on_the_command_line(tmp_path):
     pendulum = MODELS / "cart_pole.yaml"
-    built = hamel.build(pendulum, out=tmp_path / "cart", functions="dynamics, energy", constants="m", integrators="rk4")
+    built = hamel.build(
+        pendulum,
+        out=tmp_path / "cart",
+        functions="dynamics, energy",
+        constants="m",
+        integrators="rk4",
+    )
     assert set(built.operations) == {"dynamics", "energy"}
     with pytest.raises(HamelError, match="no function 'dynamic'"):
         hamel.build(pendulum, out=tmp_path / "other", functions="dynamic")
@@ -114,15 +133,25 @@ def test_choices_say_why():
     best = found.choices[0]
     assert found.default == "head"
     assert best.constant_pivots and best.pivots and best.operations > 0
-    assert {choice.name for choice in found.choices} >= {"head", "frozen", "orthonormal", "mass_orthogonal"}
+    assert {choice.name for choice in found.choices} >= {
+        "head",
+        "frozen",
+        "orthonormal",
+        "mass_orthogonal",
+    }
     assert "depends on the constraints" in found.refused["world"]
-    assert all(choice.worst >= choice.condition >= 1 and 0 < choice.least_pivot <= 1 for choice in found.choices)
+    assert all(
+        choice.worst >= choice.condition >= 1 and 0 < choice.least_pivot <= 1
+        for choice in found.choices
+    )
 
 
 def test_choices_are_drawn_along_the_motion(tmp_path):
     found = hamel.choices(MODELS / "slider_crank.yaml", plot=tmp_path / "c.svg", until=0.2)
     assert found.choices[0].name == "crank" and found.choices[-1].name == "slider"
-    assert found.choices[-1].violation > found.choices[0].violation > 1e-8  # it is singular at both dead centres
+    assert (
+        found.choices[-1].violation > found.choices[0].violation > 1e-8
+    )  # it is singular at both dead centres
     text = (tmp_path / "c.svg").read_text()
     assert text.count("<polyline") == len(found.choices) and "slider" in text
     with pytest.raises(HamelError, match="must end in"):
@@ -139,7 +168,12 @@ def test_list_names_everything_a_model_can_hold():
     known = hamel.list().kinds
     assert {item.name for item in known["joints"]} >= {"revolute", "prismatic", "planar", "fixed"}
     assert {item.name for item in known["constraints"]} >= {"holonomic", "nonholonomic", "no_slip"}
-    assert {item.name for item in known["formulations"]} > {"quasi_velocities", "maggi", "udwadia_kalaba", "augmented"}
+    assert {item.name for item in known["formulations"]} > {
+        "quasi_velocities",
+        "maggi",
+        "udwadia_kalaba",
+        "augmented",
+    }
     assert all(item.source for item in known["formulations"])
     assert all(item.name and item.about for items in known.values() for item in items)
 
@@ -148,7 +182,9 @@ def test_list_of_a_model():
     named = hamel.list(MODELS / "four_bar.yaml").kinds
     assert [item.name for item in named["bodies"]] == ["crank", "coupler", "rocker"]
     assert "dynamics" in [item.name for item in named["functions"]]
-    assert {"jacobian_values", "step_sensitivity", "linearization"} <= {item.name for item in named["functions on request"]}
+    assert {"jacobian_values", "step_sensitivity", "linearization"} <= {
+        item.name for item in named["functions on request"]
+    }
 
 
 def test_schema_accepts_no_unknown_keys():
@@ -164,4 +200,6 @@ def test_records_are_json():
 
 
 def test_numbers_json_does_not_have_become_null():
-    assert as_json({"a": [float("inf"), np.float64("nan"), np.float64(2.0)]}) == {"a": [None, None, 2.0]}
+    assert as_json({"a": [float("inf"), np.float64("nan"), np.float64(2.0)]}) == {
+        "a": [None, None, 2.0]
+    }

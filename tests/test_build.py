@@ -31,11 +31,15 @@ def small() -> Program:
 
 
 def leftovers(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.parent.iterdir() if path.name not in (folder.name, "cache"))
+    return sorted(
+        path.name for path in folder.parent.iterdir() if path.name not in (folder.name, "cache")
+    )
 
 
 @needs_compiler
-def test_second_build_needs_no_compiler(small: Program, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_second_build_needs_no_compiler(
+    small: Program, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first = build.build(small, tmp_path / "out" / "toy")
     assert first.compiled and not first.cached and not leftovers(first.folder)
 
@@ -58,7 +62,9 @@ def test_rebuilding_gives_the_new_equations(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("setting", [("CC", "/nonexistent/cc"), ("PATH", "")])
-def test_without_compiler(small: Program, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, setting: tuple[str, str]) -> None:
+def test_without_compiler(
+    small: Program, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, setting: tuple[str, str]
+) -> None:
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv(*setting)
     monkeypatch.setattr(compiler.importlib.util, "find_spec", lambda name: None)
@@ -124,7 +130,9 @@ def test_added_files_stay(small: Program, tmp_path: Path, monkeypatch: pytest.Mo
     folder = build.build(small, tmp_path / "toy", extra={"derivation.html": "<p>old</p>"}).folder
     (folder / "notes.txt").write_text("mine")
     build.build(small, folder)
-    assert (folder / "notes.txt").read_text() == "mine" and not (folder / "derivation.html").exists()
+    assert (folder / "notes.txt").read_text() == "mine" and not (
+        folder / "derivation.html"
+    ).exists()
 
 
 @needs_compiler
@@ -134,12 +142,19 @@ def test_builds_side_by_side(small: Program, tmp_path: Path) -> None:
         built = list(pool.map(lambda _: build.build(small, folder), range(6)))
     assert all(b.compiled for b in built) and not leftovers(folder)
     check = "import sys; sys.path.insert(0, sys.argv[1]); import toy; print(toy.backend)"
-    shown = subprocess.run([sys.executable, "-c", check, str(folder.parent)], capture_output=True, text=True, check=True)
+    shown = subprocess.run(
+        [sys.executable, "-c", check, str(folder.parent)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert shown.stdout.strip() == "extension"
 
 
 @needs_compiler
-def test_useless_cache_only_costs_time(small: Program, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_useless_cache_only_costs_time(
+    small: Program, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     assert build.build(small, tmp_path / "toy").compiled
@@ -164,7 +179,10 @@ def test_the_cache_drops_what_is_old_or_too_much(tmp_path: Path) -> None:
     cache.prune(tmp_path, largest=2500)
     assert {path.name for path in tmp_path.iterdir()} == {"new", "week", "templates"}
     cache.prune(tmp_path, largest=0)
-    assert {path.name for path in tmp_path.iterdir()} == {"new", "templates"}  # another process may be using the new one
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "new",
+        "templates",
+    }  # another process may be using the new one
 
 
 @needs_compiler

@@ -1,4 +1,5 @@
-"""The command line: one JSON object on standard output, documented exit codes, no traceback for a user's mistake."""
+"""The command line: one JSON object on standard output, documented exit codes, no traceback for a
+user's mistake."""
 
 import importlib
 import json
@@ -17,7 +18,19 @@ from hamel.cli import main
 MODELS = Path(__file__).parent.parent / "models"
 SNAKE = str(MODELS / "snake3.yaml")
 FOUR_BAR = str(MODELS / "four_bar.yaml")
-VERBS = ("build", "check", "choices", "derive", "explain", "import", "linearize", "list", "schema", "simulate", "verify")
+VERBS = (
+    "build",
+    "check",
+    "choices",
+    "derive",
+    "explain",
+    "import",
+    "linearize",
+    "list",
+    "schema",
+    "simulate",
+    "verify",
+)
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(MODELS.parent)}
 
 
@@ -40,7 +53,9 @@ def hamel(capsys):
 
 
 def spawn(*arguments, **options):
-    return subprocess.Popen([sys.executable, "-m", "hamel", *arguments], env=ENVIRONMENT, text=True, **options)
+    return subprocess.Popen(
+        [sys.executable, "-m", "hamel", *arguments], env=ENVIRONMENT, text=True, **options
+    )
 
 
 def one_object(text: str):
@@ -92,7 +107,14 @@ def test_build_reports_folder_operations_and_time(hamel, tmp_path):
     assert built["folder"] == "out/four_bar"
     assert built["verified"] is True
     assert built["operations"]["dynamics"] > 0
-    assert set(built["seconds"]) >= {"model", "mechanics", "formulation", "passes", "code", "verify"}
+    assert set(built["seconds"]) >= {
+        "model",
+        "mechanics",
+        "formulation",
+        "passes",
+        "code",
+        "verify",
+    }
     assert manifest["operations"] == built["operations"]
     assert os.listdir(tmp_path / "out") == ["four_bar"]
 
@@ -111,11 +133,16 @@ def test_verify_prefixes_checks_with_the_choice(hamel):
     _, out, _ = hamel("verify", FOUR_BAR, "--states", "5", "--json")
     found = one_object(out)
     assert found["passed"] and found["model"] == "four_bar"
-    assert {check["name"].split(": ")[0] for check in found["checks"]} >= {"crank", "rocker", "tangent"}
+    assert {check["name"].split(": ")[0] for check in found["checks"]} >= {
+        "crank",
+        "rocker",
+        "tangent",
+    }
     assert all({"name", "value", "tolerance", "passed"} <= set(check) for check in found["checks"])
 
 
-# Mistakes ------------------------------------------------------------------------------------------------------------
+# Mistakes
+# ------------------------------------------------------------------------------------------------------------
 
 
 def _binary(folder):
@@ -128,9 +155,13 @@ def _misspelt(folder):
     return "misspelt.yaml"
 
 
-@pytest.mark.parametrize("verb", ["check", "build", "verify", "simulate", "derive", "choices", "list", "explain"])
 @pytest.mark.parametrize(
-    "make", [lambda folder: "none.yaml", str, _binary, _misspelt], ids=["missing", "folder", "binary", "misspelt"]
+    "verb", ["check", "build", "verify", "simulate", "derive", "choices", "list", "explain"]
+)
+@pytest.mark.parametrize(
+    "make",
+    [lambda folder: "none.yaml", str, _binary, _misspelt],
+    ids=["missing", "folder", "binary", "misspelt"],
 )
 def test_unreadable_models_are_model_errors(hamel, tmp_path, verb, make):
     path = make(tmp_path)
@@ -156,7 +187,11 @@ def test_unknown_choice_names_the_known_ones(hamel):
 
 
 @pytest.mark.parametrize("place", ["/proc/hamel", "occupied/below"])
-@pytest.mark.parametrize("arguments", [("build", "-o"), ("derive", "-o"), ("simulate", "--time", "0.01", "--plot")], ids=" ".join)
+@pytest.mark.parametrize(
+    "arguments",
+    [("build", "-o"), ("derive", "-o"), ("simulate", "--time", "0.01", "--plot")],
+    ids=" ".join,
+)
 def test_places_that_cannot_be_written(hamel, tmp_path, arguments, place):
     (tmp_path / "occupied").write_text("a file")
     suffix = "/motion.svg" if "simulate" in arguments else ""
@@ -166,14 +201,16 @@ def test_places_that_cannot_be_written(hamel, tmp_path, arguments, place):
 
 
 def _failing(model, equations, *others, **options):
-    from hamel.verify.records import Check, Verification
+    from hamel.verify.records import CheckResult, Verification
 
-    check = Check("acceleration", 1.0, 1e-10, False, "planted")
+    check = CheckResult("acceleration", 1.0, 1e-10, False, "planted")
     return Verification(model.name, equations.choice, False, (check,), 20, 0)
 
 
 def test_failed_verification_leaves_nothing_behind(hamel, tmp_path, tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))  # else what was verified before is copied
+    monkeypatch.setenv(
+        "XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache"))
+    )  # else what was verified before is copied
     monkeypatch.setattr(importlib.import_module("hamel.verify"), "quick_verification", _failing)
     code, _, err = hamel("build", SNAKE)
     assert code == 4 and "acceleration" in err
@@ -240,13 +277,21 @@ def test_closed_pipe():
 
 def test_a_terminal_without_greek():
     environment = {**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}
-    said = subprocess.run([sys.executable, "-m", "hamel", "list"], env=environment, capture_output=True, text=True, check=False)
+    said = subprocess.run(
+        [sys.executable, "-m", "hamel", "list"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert said.returncode == 0 and said.stderr == "" and "?" in said.stdout
 
 
 def test_interrupted_build_leaves_nothing(tmp_path):
     working = spawn("build", SNAKE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path)
-    while working.poll() is None and not os.listdir(tmp_path):  # until the build has begun to write beside its goal
+    while working.poll() is None and not os.listdir(
+        tmp_path
+    ):  # until the build has begun to write beside its goal
         time.sleep(0.01)
     working.send_signal(signal.SIGINT)
     _, err = working.communicate()
@@ -259,11 +304,17 @@ def test_building_again_copies_what_was_verified(hamel, tmp_path, tmp_path_facto
     model = tmp_path / "pendulum.yaml"
     model.write_bytes((MODELS / "pendulum.yaml").read_bytes())
     first = json.loads(hamel("build", str(model), "--json")[1])
-    before = {file.name: file.read_bytes() for file in Path(first["folder"]).iterdir() if file.is_file()}
+    before = {
+        file.name: file.read_bytes() for file in Path(first["folder"]).iterdir() if file.is_file()
+    }
     again = json.loads(hamel("build", str(model), "-o", "elsewhere", "--json")[1])
     assert again["kept"] and not first["kept"] and again["operations"] == first["operations"]
-    assert {file.name: file.read_bytes() for file in Path("elsewhere").iterdir() if file.is_file()} == before
+    assert {
+        file.name: file.read_bytes() for file in Path("elsewhere").iterdir() if file.is_file()
+    } == before
     monkeypatch.setattr("hamel.kept.probe", lambda command: (("-march=other",), ""))
-    assert not json.loads(hamel("build", str(model), "--json")[1])["kept"], "binaries are made for one processor"
+    assert not json.loads(hamel("build", str(model), "--json")[1])["kept"], (
+        "binaries are made for one processor"
+    )
     model.write_text(model.read_text() + "# changed\n")
     assert not json.loads(hamel("build", str(model), "--json")[1])["kept"]

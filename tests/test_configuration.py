@@ -1,4 +1,5 @@
-"""qdot, integrate, difference and normalise: the identities that define them, for every joint there is."""
+"""qdot, integrate, difference and normalise: the identities that define them, for every joint there
+is."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ import pytest
 
 from derive.formulations import equations
 from derive.formulations.configuration import configuration
-from derive.mechanics import system
 from derive.model import load
+from derive.states import system
 
 MODELS = Path(__file__).parent.parent / "models"
 NAMES = ("free_body", "rolling_sphere", "universal_shaft", "snake3", "four_bar", "screw_press")
@@ -46,7 +47,9 @@ def test_difference_undoes_integrate(mechanics):
     for _ in range(10):
         q, d = random_q(mechanics, rng), rng.uniform(-1.5, 1.5, mechanics.v.numel())
         there = call("integrate", q, d)
-        np.testing.assert_allclose(call("difference", q, there), d, atol=1e-12 * max(1.0, np.linalg.norm(there)))
+        np.testing.assert_allclose(
+            call("difference", q, there), d, atol=1e-12 * max(1.0, np.linalg.norm(there))
+        )
         other = random_q(mechanics, rng)
         again = call("integrate", q, call("difference", q, other))
         for i in mechanics.quaternions:
@@ -85,9 +88,13 @@ def test_normalise_keeps_directions():
 
 def test_modules_have_them_where_coordinates_are_no_integrals_of_v():
     def default(name):
-        return {function.name for function in equations(system(load(MODELS / f"{name}.yaml"))).functions}
+        return {
+            function.name for function in equations(system(load(MODELS / f"{name}.yaml"))).functions
+        }
 
     assert {"qdot", "integrate", "difference", "normalise"} <= default("free_body")
     assert not {"qdot", "integrate", "difference", "normalise"} & default("four_bar")
-    requests = {request.name for request in equations(system(load(MODELS / "four_bar.yaml"))).requests}
+    requests = {
+        request.name for request in equations(system(load(MODELS / "four_bar.yaml"))).requests
+    }
     assert {"qdot", "integrate", "difference"} <= requests

@@ -15,24 +15,49 @@ FRESH = ("snake3", "four_bar")
 def texts(folder: Path) -> dict[str, str]:
     """Relative path → text of all that is not compiled."""
     files = (path for path in sorted(folder.rglob("*")) if path.is_file())
-    return {str(f.relative_to(folder)): f.read_text("utf-8") for f in files if f.suffix != ".so" and "__pycache__" not in f.parts}
+    return {
+        str(f.relative_to(folder)): f.read_text("utf-8")
+        for f in files
+        if f.suffix != ".so" and "__pycache__" not in f.parts
+    }
 
 
 @pytest.mark.parametrize("name", FRESH)
 @pytest.mark.parametrize("seed", ["0", "4711"])
 def test_generated_is_fresh_whatever_the_hash_seed(tmp_path, name, seed):
-    command = [sys.executable, "-m", "hamel", "build", f"models/{name}.yaml", "--numpy", "-o", str(tmp_path / name)]
-    subprocess.run(command, cwd=ROOT, env={**os.environ, "PYTHONHASHSEED": seed}, check=True, capture_output=True)
-    made, committed = (_without_margins(texts(place)) for place in (tmp_path / name, ROOT / "generated" / name))
+    command = [
+        sys.executable,
+        "-m",
+        "hamel",
+        "build",
+        f"models/{name}.yaml",
+        "--numpy",
+        "-o",
+        str(tmp_path / name),
+    ]
+    subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONHASHSEED": seed},
+        check=True,
+        capture_output=True,
+    )
+    made, committed = (
+        _without_margins(texts(place)) for place in (tmp_path / name, ROOT / "generated" / name)
+    )
     assert sorted(made) == sorted(committed), "run `make fresh`"
     stale = [path for path in made if made[path] != committed[path]]
     assert not stale, "run `make fresh`"
 
 
 def _without_margins(found):
-    """How far below its tolerance a check stays may depend on how a processor rounds; that is no text of the generator's."""
+    """How far below its tolerance a check stays may depend on how a processor rounds; that is no
+    text of the generator's."""
     margins = re.compile(r' *"(margin|verification\.json)": .*\n')
-    return {path: margins.sub("", text) if path.endswith(".json") else text for path, text in found.items()}
+    return {
+        path: margins.sub("", text) if path.endswith(".json") else text
+        for path, text in found.items()
+    }
 
 
 @pytest.mark.parametrize("name", FRESH)

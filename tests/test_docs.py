@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from codegen import compiler
-from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load, load_text
+from derive.states import system
+from derive.states.initial import initial_state
 from hamel.cli import main
 from tests.scenes import ROOT
 
@@ -23,7 +23,9 @@ def models() -> list:
     """Every model on the pages."""
     found = []
     for page in PAGES:
-        for text in re.findall(r"^```yaml\n(model: .*?)^```", page.read_text("utf-8"), re.DOTALL | re.MULTILINE):
+        for text in re.findall(
+            r"^```yaml\n(model: .*?)^```", page.read_text("utf-8"), re.DOTALL | re.MULTILINE
+        ):
             found.append(pytest.param(text, id=f"{page.stem}-{text.split()[1]}"))
     return found
 
@@ -44,7 +46,9 @@ def test_figures_of_the_benchmark_are_those_of_its_rows(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS.parent / "benchmarks"))
     page = importlib.import_module("page")
     rows = json.loads((DOCS / "bench.json").read_text("utf-8"))
-    assert page.page((DOCS / "bench.md").read_text("utf-8"), rows) == (DOCS / "bench.md").read_text("utf-8")
+    assert page.page((DOCS / "bench.md").read_text("utf-8"), rows) == (DOCS / "bench.md").read_text(
+        "utf-8"
+    )
     for name, drawn in {"bench_chains.svg": page.chains, "bench_targets.svg": page.targets}.items():
         assert drawn(rows) == (DOCS / name).read_text("utf-8")
 
@@ -52,18 +56,32 @@ def test_figures_of_the_benchmark_are_those_of_its_rows(monkeypatch):
 def test_extreme_cases_of_the_page_are_those_of_the_models(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS.parent / "benchmarks"))
     page = importlib.import_module("report_page")
-    paths = sorted((DOCS.parent / "models" / "stress").glob("*.yaml"))
-    known = [{"model": model.name, "case": case.name} for model in map(load, paths) for case in model.stress]
-    shown = [row for names in page.EXTREMES.values() for name in names for row in page.chosen(known, [name]) or [name]]
+    paths = sorted((DOCS.parent / "models" / "extremes").glob("*.yaml"))
+    known = [
+        {"model": model.name, "case": case.name}
+        for model in map(load, paths)
+        for case in model.extremes
+    ]
+    shown = [
+        row
+        for names in page.EXTREMES.values()
+        for name in names
+        for row in page.chosen(known, [name]) or [name]
+    ]
     assert not [name for name in shown if isinstance(name, str)]  # every name stands for a case
-    ordinary = {"scale_metre", "four_bar_chain", "soft_pin"}  # the usual ones of these are there to compare with
+    ordinary = {
+        "scale_metre",
+        "four_bar_chain",
+        "soft_pin",
+    }  # the usual ones of these are there to compare with
     assert {row["model"] for row in known} - ordinary <= {row["model"] for row in shown}
     text = page.put("a\n<!-- x: benchmarks/report_page.py -->\nold\n<!-- so far -->\nb", "x", "new")
     assert text == "a\n<!-- x: benchmarks/report_page.py -->\n\nnew\n\n<!-- so far -->\nb"
 
 
 def commands() -> list[str]:
-    """What the page of methods says to type, paper by paper; a line that goes on from the one before stands for itself."""
+    """What the page of methods says to type, paper by paper; a line that goes on from the one
+    before stands for itself."""
     table = (DOCS / "methods.md").read_text("utf-8").split("## Paper by paper")[1]
     return re.findall(r"`hamel ([^`]+)`", table)
 

@@ -1,4 +1,5 @@
-"""Other people's engines: where one is installed its rung is green on what it knows, red on what is wrong, silent on the rest."""
+"""Other people's engines: where one is installed its check is green on what it knows, red on what
+is wrong, silent on the rest."""
 
 import importlib.util
 from dataclasses import replace
@@ -8,25 +9,25 @@ import casadi as ca
 import pytest
 
 from derive.formulations import equations
-from derive.mechanics import system
 from derive.model import load, load_text
-from hamel.verify.checks import RUNGS, engines
-from hamel.verify.evidence import terms
-from hamel.verify.ladder import evidence
-from hamel.verify.reference import reference
+from derive.states import system
+from hamel.verify.checks import CHECKS, engines
+from hamel.verify.checks.evidence import terms
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
 from tests.test_reference import ARM
 
 MODELS = Path(__file__).parent.parent / "models"
 FITS = {
-    "Pinocchio": ("stanford_arm", "free_body", "stress/heavy_top", "cart_pole"),
+    "Pinocchio": ("stanford_arm", "free_body", "extremes/heavy_top", "cart_pole"),
     "MuJoCo": ("stanford_arm", "four_bar", "planar_3r"),
     "Exudyn": ("four_bar", "rolling_disk", "slider_crank", "bicycle"),
 }
 PAIRS = [(engine, name) for engine, names in FITS.items() for name in names]
 
 
-def rung(name):
-    return next(rung for rung in RUNGS if rung.name == name)
+def check(name):
+    return next(check for check in CHECKS if check.name == name)
 
 
 def seen_of(model):
@@ -41,23 +42,27 @@ def needs(engine):
 @pytest.mark.parametrize("engine, name", PAIRS)
 def test_engines_agree(engine, name):
     needs(engine)
-    error = rung(engine).error(seen_of(load(MODELS / f"{name}.yaml")))
-    assert error is not None and error <= rung(engine).tolerance
+    error = check(engine).error(seen_of(load(MODELS / f"{name}.yaml")))
+    assert error is not None and error <= check(engine).tolerance
 
 
 @pytest.mark.parametrize("engine", FITS)
 def test_what_an_engine_does_not_have_is_not_compared(engine):
     """An analytic energy, and in a tree engine a constraint."""
-    assert rung(engine).error(seen_of(load(MODELS / "bead_in_bowl.yaml"))) is None
+    assert check(engine).error(seen_of(load(MODELS / "bead_in_bowl.yaml"))) is None
 
 
-@pytest.mark.parametrize("engine, name", [("Pinocchio", "stanford_arm"), ("MuJoCo", "four_bar"), ("MuJoCo", "planar_3r")])
+@pytest.mark.parametrize(
+    "engine, name", [("Pinocchio", "stanford_arm"), ("MuJoCo", "four_bar"), ("MuJoCo", "planar_3r")]
+)
 def test_a_wrong_term_is_caught(engine, name):
     needs(engine)
     seen = seen_of(load(MODELS / f"{name}.yaml"))
     for term in ("M", "h"):
         wrong = replace(seen.system, **{term: ca.SX(getattr(seen.system, term)) * (1 + 1e-6)})
-        assert not rung(engine).error(replace(seen, terms_at=terms(wrong))) <= rung(engine).tolerance
+        assert (
+            not check(engine).error(replace(seen, terms_at=terms(wrong))) <= check(engine).tolerance
+        )
 
 
 def test_a_reference_that_moves_otherwise_is_caught(monkeypatch):
@@ -66,10 +71,10 @@ def test_a_reference_that_moves_otherwise_is_caught(monkeypatch):
     model = load(MODELS / "rolling_disk.yaml")
     wrong = reference(replace(model, gravity=model.gravity[::-1]))
     monkeypatch.setattr(engines, "reference", lambda bare: wrong)
-    assert not rung("Exudyn").error(seen_of(model)) <= rung("Exudyn").tolerance
+    assert not check("Exudyn").error(seen_of(model)) <= check("Exudyn").tolerance
 
 
-def test_without_an_engine_there_is_no_rung(monkeypatch):
+def test_without_an_engine_there_is_no_check(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     seen = seen_of(load_text(ARM))
-    assert all(rung(engine).error(seen) is None for engine in FITS)
+    assert all(check(engine).error(seen) is None for engine in FITS)

@@ -18,7 +18,13 @@ from derive.expressions.evaluate import (
     value,
 )
 from derive.expressions.functions import FUNCTIONS
-from derive.expressions.linearity import NONLINEAR, Degree, degree, depends_on_rates, is_linear_in_rates
+from derive.expressions.linearity import (
+    NONLINEAR,
+    Degree,
+    degree,
+    depends_on_rates,
+    is_linear_in_rates,
+)
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity
 from derive.expressions.tree import Name, Negative, Number, Power, Product, Quotient, Rate, Sum
@@ -119,7 +125,9 @@ def test_casadi_agrees_with_floats(text: str) -> None:
         expected = number(formula, NAMES)
     except FormulaError:
         return
-    graph = ca.Function("f", list(symbols.values()), [value(formula, symbols, {}, casadi_functions())])
+    graph = ca.Function(
+        "f", list(symbols.values()), [value(formula, symbols, {}, casadi_functions())]
+    )
     assert float(graph(*NAMES.values())) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
@@ -131,8 +139,12 @@ def test_every_function_means_the_same_everywhere() -> None:
         numbers = [0.3, 0.7, 0.5][: function.arity[0]]
         formula = expression(f"{function.name}({', '.join(map(str, numbers))})")
         expected = number(formula, {})
-        assert float(value(formula, {}, {}, casadi_functions())) == pytest.approx(expected, rel=1e-15)
-        assert float(sp.N(value(formula, {}, {}, sympy_functions()), 17)) == pytest.approx(expected, rel=1e-15)
+        assert float(value(formula, {}, {}, casadi_functions())) == pytest.approx(
+            expected, rel=1e-15
+        )
+        assert float(sp.N(value(formula, {}, {}, sympy_functions()), 17)) == pytest.approx(
+            expected, rel=1e-15
+        )
         assert float(ca.DM(expected)) == expected
 
 
@@ -149,7 +161,10 @@ def test_integer_powers_and_roots_stay_what_they_are() -> None:
     import sympy as sp
 
     z = sp.Symbol("z")
-    assert value(expression("z**2 + z^0.5 + 0.25*z + pi"), {"z": z}, {}, sympy_functions()) == z**2 + sp.sqrt(z) + z / 4 + sp.pi
+    assert (
+        value(expression("z**2 + z^0.5 + 0.25*z + pi"), {"z": z}, {}, sympy_functions())
+        == z**2 + sp.sqrt(z) + z / 4 + sp.pi
+    )
 
 
 def test_rates_have_their_own_table() -> None:
@@ -213,7 +228,9 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("text", "at", "message"), REFUSED, ids=[text[:12] for text, _, _ in REFUSED])
+@pytest.mark.parametrize(
+    ("text", "at", "message"), REFUSED, ids=[text[:12] for text, _, _ in REFUSED]
+)
 def test_refused(text: str, at: int | None, message: str) -> None:
     if at is None:  # a dotted name and nothing more: it resolves to nothing in any model
         assert expression(text) == Name(text)
@@ -235,7 +252,9 @@ def test_unit_symbols_and_the_model_s_names() -> None:
     assert expression("2 m", names=["m"]) == Number(2.0, "m")  # right after a number it is the unit
     assert expression("2*m", names=["m"]) == Product((Number(2.0), Name("m")))
     assert expression("(2 kg)*g", names=["g"]) == Product((Number(2.0, "kg"), Name("g")))
-    assert expression("(2 kg*g)*x", names=["g"]) == Product((Number(0.002, "kg^2"), x))  # alone in brackets too
+    assert expression("(2 kg*g)*x", names=["g"]) == Product(
+        (Number(0.002, "kg^2"), x)
+    )  # alone in brackets too
     with pytest.raises(FormulaError, match="can be the unit or the model's own name"):
         expression("2 kg*g", names=["g"])
     assert expression("2 kg*sin(x)") == Product((Number(2.0, "kg"), tree.Call("sin", (x,))))
@@ -283,4 +302,8 @@ def test_degrees(text: str, expected: Degree) -> None:
 
 
 def test_constants() -> None:
-    assert is_constant(expression("2*sin(1)^2")) and not is_constant(expression("2*x")) and not is_constant(expression("der(x)"))
+    assert (
+        is_constant(expression("2*sin(1)^2"))
+        and not is_constant(expression("2*x"))
+        and not is_constant(expression("der(x)"))
+    )

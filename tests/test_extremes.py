@@ -1,6 +1,8 @@
-"""What the module does with NaN, ±Inf, denormals and huge numbers in any argument: the graph's own result, or a refusal.
+"""What the module does with NaN, ±Inf, denormals and huge numbers in any argument: the graph's own
+result, or a refusal.
 
-A number that comes out must be the one the graph gives; nothing that is no number may come out at all.
+A number that comes out must be the one the graph gives; nothing that is no number may come out at
+all.
 """
 
 import importlib
@@ -9,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from derive.formulations import equations
-from derive.mechanics import system
 from derive.model import load
+from derive.states import system
 from hamel.pipeline import temporary_module
 from hamel.verify.checks.strange import found
-from hamel.verify.ladder import evidence
-from hamel.verify.reference import reference
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
 
 MODELS = Path(__file__).parent.parent / "models"
 QUICK = ("four_bar", "free_body")
@@ -22,7 +24,10 @@ QUICK = ("four_bar", "free_body")
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(path.stem, marks=() if path.stem in QUICK else pytest.mark.slow) for path in sorted(MODELS.glob("*.yaml"))],
+    [
+        pytest.param(path.stem, marks=() if path.stem in QUICK else pytest.mark.slow)
+        for path in sorted(MODELS.glob("*.yaml"))
+    ],
 )
 def test_what_comes_out_is_right_or_nothing_comes_out(name):
     model = load(MODELS / f"{name}.yaml")

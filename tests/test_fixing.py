@@ -1,4 +1,5 @@
-"""Fixed inputs and parameters: the same motion as with these values given, from code that does not take them."""
+"""Fixed inputs and parameters: the same motion as with these values given, from code that does not
+take them."""
 
 from __future__ import annotations
 
@@ -12,11 +13,11 @@ import pytest
 import hamel
 from derive.diagnostics import ModelError
 from derive.formulations import equations
-from derive.mechanics import sampling
 from derive.model import load, load_text
+from derive.states import sampling
 from hamel.fixing import fixed
 from hamel.pipeline import mechanics_of
-from hamel.verify.evidence import slots_of
+from hamel.verify.checks.evidence import slots_of
 
 MODELS = Path(__file__).parent.parent / "models"
 FORMULA = """
@@ -61,12 +62,20 @@ def test_the_motion_is_that_of_the_values(model, values) -> None:
         state = next(f for f in part[0].functions if f.name == "state")
         x = ca.Function("x", slots_of(part[0], state), [state.result.value])(t, np.r_[q, v], u, p)
         given = numbers | dict(zip(free_u, u)) | dict(zip(free_p, p))
-        wanted = whole[1](t, x, [given[i.name] for i in model.inputs], [given[x.name] for x in model.parameters])
-        np.testing.assert_allclose(np.array(part[1](t, x, u, p)), np.array(wanted), rtol=1e-11, atol=1e-12)
+        wanted = whole[1](
+            t, x, [given[i.name] for i in model.inputs], [given[x.name] for x in model.parameters]
+        )
+        np.testing.assert_allclose(
+            np.array(part[1](t, x, u, p)), np.array(wanted), rtol=1e-11, atol=1e-12
+        )
 
 
 def test_a_build_says_what_is_fixed(tmp_path: Path) -> None:
-    hamel.build(MODELS / "snake3.yaml", out=tmp_path / "snake3", fix={"tau1": 0.0, "tau2": "(1 N*m)", "m": 2.0})
+    hamel.build(
+        MODELS / "snake3.yaml",
+        out=tmp_path / "snake3",
+        fix={"tau1": 0.0, "tau2": "(1 N*m)", "m": 2.0},
+    )
     manifest = json.loads((tmp_path / "snake3" / "manifest.json").read_text())
     assert manifest["fixed"] == {"tau1": 0.0, "tau2": 1.0, "m": 2.0}
     module = hamel.load(tmp_path / "snake3")

@@ -1,4 +1,5 @@
-"""Choices of quasi-velocities: what is refused, what is preferred, what it costs, and that all of them mean the same."""
+"""Choices of quasi-velocities: what is refused, what is preferred, what it costs, and that all of
+them mean the same."""
 
 from __future__ import annotations
 
@@ -10,40 +11,55 @@ from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import choices, equations
 from derive.formulations.records import Equations
-from derive.mechanics import system
 from derive.mechanics.records import System
-from derive.mechanics.sampling import states
 from derive.mechanics.solve import best_block
 from derive.model import load, load_text
+from derive.states import system
+from derive.states.sampling import states
 from tests.scenes import MODELS, derived, mechanics
 
-EVERY = [(path, choice.name) for path in sorted(MODELS.glob("*.yaml")) for choice in load(path).choices]
+EVERY = [
+    (path, choice.name) for path in sorted(MODELS.glob("*.yaml")) for choice in load(path).choices
+]
 FITTING = [x for x in EVERY if x != (MODELS / "snake3.yaml", "world")]
 
 
 def functions(e: Equations) -> dict[str, ca.Function]:
     t, x, u, p = (a.symbols for a in e.arguments)
-    return {f.name: ca.Function(f.name, [t, f.x.symbols if f.x else x, u, p], [f.result.value]) for f in e.functions}
+    return {
+        f.name: ca.Function(f.name, [t, f.x.symbols if f.x else x, u, p], [f.result.value])
+        for f in e.functions
+    }
 
 
 def accelerations(e: Equations, found) -> np.ndarray:
-    """v̇ at the sampled states: the derivative of v(t, x) along ẋ, so that a wrong ẇ shows whatever σ says."""
+    """v̇ at the sampled states: the derivative of v(t, x) along ẋ, so that a wrong ẇ shows whatever
+    σ says."""
     f = functions(e)
     t, x, u, p = (a.symbols for a in e.arguments)
     value = {function.name: function.result.value for function in e.functions}
-    vdot = ca.jtimes(ca.densify(value["velocity"]), ca.vertcat(t, x), ca.vertcat(1, ca.densify(value["dynamics"])))
+    vdot = ca.jtimes(
+        ca.densify(value["velocity"]),
+        ca.vertcat(t, x),
+        ca.vertcat(1, ca.densify(value["dynamics"])),
+    )
     rate = ca.Function("rate", [t, x, u, p], [ca.densify(vdot)])
     return np.array([rate(*a).full().ravel() for a in arguments(f, found)])
 
 
 def arguments(f: dict[str, ca.Function], found) -> list[tuple]:
     every = zip(found.t, found.q, found.v, found.u, found.p)
-    return [(t, f["state"](t, np.concatenate([q, v]), u, p).full().ravel(), u, p) for t, q, v, u, p in every]
+    return [
+        (t, f["state"](t, np.concatenate([q, v]), u, p).full().ravel(), u, p)
+        for t, q, v, u, p in every
+    ]
 
 
 def bordered(s: System, found) -> tuple[np.ndarray, np.ndarray]:
     """v̇ and λ of [M −Aᵀ; A 0] by dense least squares."""
-    f = ca.Function("f", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.h, s.Q, s.A, s.beta)])
+    f = ca.Function(
+        "f", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.h, s.Q, s.A, s.beta)]
+    )
     rows = []
     for state in zip(found.t, found.q, found.v, found.u, found.p):
         M, h, Q, A, beta = (x.full() for x in f(*state))
@@ -70,7 +86,8 @@ def test_block_inverse(path, choice) -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "choice", "most"), [("snake3", "head", 150), ("snake3", "best", 150), ("four_bar", "crank", 120)]
+    ("model", "choice", "most"),
+    [("snake3", "head", 150), ("snake3", "best", 150), ("four_bar", "crank", 120)],
 )
 def test_operations_stay_small(model, choice, most) -> None:
     e = equations(system(load(MODELS / f"{model}.yaml"), "all"), choice)
@@ -81,8 +98,12 @@ def test_operations_stay_small(model, choice, most) -> None:
 def test_auto_prefers_pivots_that_cannot_vanish() -> None:
     ranked = choices(system(load(MODELS / "snake3.yaml")))
     assert ranked[0].constant_pivots and ranked[0].rows == ("v", "om")
-    assert equations(system(load(MODELS / "snake3.yaml")), "best").reason.startswith("w = (v, om): no pivot can vanish")
-    assert [r.constant_pivots for r in ranked] == sorted((r.constant_pivots for r in ranked), reverse=True)
+    assert equations(system(load(MODELS / "snake3.yaml")), "best").reason.startswith(
+        "w = (v, om): no pivot can vanish"
+    )
+    assert [r.constant_pivots for r in ranked] == sorted(
+        (r.constant_pivots for r in ranked), reverse=True
+    )
 
 
 def test_no_guard_where_no_pivot_varies() -> None:
@@ -93,7 +114,8 @@ def test_no_guard_where_no_pivot_varies() -> None:
 
 
 def test_the_hinges_guard_vanishes_only_where_the_choice_does() -> None:
-    """φ₁ = φ₂ makes the wheel axes meet in a point; anywhere else the joint rates determine the motion."""
+    """φ₁ = φ₂ makes the wheel axes meet in a point; anywhere else the joint rates determine the
+    motion."""
     e = equations(system(load(MODELS / "snake3.yaml")), "hinges")
     guard = ca.Function("g", [a.symbols for a in e.arguments], [e.functions[0].guards[0].value])
     at = lambda a, b: abs(float(guard(0, [0.2, -0.1, 0.7, a, b, 0, 0], [0, 0], e.parameters)))  # noqa: E731
@@ -111,7 +133,11 @@ def test_a_dependent_speed_is_refused_with_its_place_and_the_constraint() -> Non
 
 
 def test_a_wrong_number_of_speeds_is_refused() -> None:
-    text = (MODELS / "four_bar.yaml").read_text().replace("  crank: [der(q1)]", "  crank: [der(q1), der(q2)]")
+    text = (
+        (MODELS / "four_bar.yaml")
+        .read_text()
+        .replace("  crank: [der(q1)]", "  crank: [der(q1), der(q2)]")
+    )
     with pytest.raises(AssumptionError, match="2 speeds, but the system has 1 degree of freedom"):
         equations(system(load_text(text)), "crank")
 
@@ -173,19 +199,27 @@ def test_constraints_that_move_with_time(choice) -> None:
 def energy_rate(e: Equations, at: tuple) -> float:
     """d(T + V)/dt along the motion by central differences."""
     f, (t, x, u, p), step = functions(e), at, 1e-6
-    total = lambda s: float(ca.sum1(f["energy"](t + s, x + s * f["dynamics"](t, x, u, p).full().ravel(), u, p)))  # noqa: E731
+
+    def total(s: float) -> float:
+        energy = f["energy"](t + s, x + s * f["dynamics"](t, x, u, p).full().ravel(), u, p)
+        return float(ca.sum1(energy))
+
     return (total(step) - total(-step)) / (2 * step)
 
 
 def test_a_rotation_between_unknowns_is_inverted_as_a_whole() -> None:
     angle = np.linspace(-3, 3, 40)
-    values = np.moveaxis(np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]), 2, 0)
+    values = np.moveaxis(
+        np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]), 2, 0
+    )
     block = best_block(values, np.ones((2, 2), bool), np.zeros((2, 2), bool))
     assert block is not None and block.rows == (0, 1) and block.grade == 1
 
 
 def test_nothing_left_to_move() -> None:
     """Two constraints on two coordinates: no speeds, no quasi-velocities, still a system."""
-    text = MOVING.replace("  rail:", "  wall: {holonomic: x - 0.5 m}\n  rail:").replace("along: [der(x)], ", "")
+    text = MOVING.replace("  rail:", "  wall: {holonomic: x - 0.5 m}\n  rail:").replace(
+        "along: [der(x)], ", ""
+    )
     e = equations(system(load_text(text)), "best")
     assert e.w == () and functions(e)["dynamics"](0.3, [0.5, 0.0], [], e.parameters).numel() == 2

@@ -1,4 +1,5 @@
-"""Files with a slip in them: a line lost, words swapped, a number that is none. Every one loads or is refused with its place."""
+"""Files with a slip in them: a line lost, words swapped, a number that is none. Every one loads or
+is refused with its place."""
 
 from __future__ import annotations
 
@@ -13,15 +14,17 @@ import pytest
 
 from derive.diagnostics import HamelError, ModelError
 from derive.formulations import equations
-from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load_text
+from derive.robots import imported
+from derive.states import system
+from derive.states.initial import initial_state
 from hamel.cli import main
-from hamel.importing import imported
 from tests.scenes import MODELS
 
 ROBOTS = sorted((Path(__file__).parent / "robots").glob("*.*"))
-YAML = [path.read_text() for path in sorted(MODELS.glob("**/*.yaml")) if path.stat().st_size < 3_000]
+YAML = [
+    path.read_text() for path in sorted(MODELS.glob("**/*.yaml")) if path.stat().st_size < 3_000
+]
 WORD = re.compile(r"[A-Za-z_][\w.]*|\d+\.?\d*(?:[eE][+-]?\d+)?|[^\sA-Za-z_0-9]")
 STRANGE = (
     "null", "~", "[]", "{}", "[1,2]", "{a:1}", "nan", ".inf", "1e400", "-1e300", "1e-320", "0", "-1", "true", "''", "x", "ground",
@@ -29,7 +32,17 @@ STRANGE = (
     "deg", "auto", "a.b.c", "__class__", "1_000", "0x10", "1:30", "<<", "?", "min(1)", "atan2(1)", "reaction.C", "free", "9" * 30,
 )  # fmt: skip
 NUMBERS = ("0", "1", "-1", "1e-9", "1e9", "1e-300", "1e300", "0.5", "1e-16", "1e150")
-KINDS = ("revolute", "prismatic", "ball", "free", "planar", "cylindrical", "universal", "screw", "fixed")
+KINDS = (
+    "revolute",
+    "prismatic",
+    "ball",
+    "free",
+    "planar",
+    "cylindrical",
+    "universal",
+    "screw",
+    "fixed",
+)
 
 
 def changed(text: str, rng: random.Random) -> str:
@@ -63,7 +76,10 @@ def put(text: str, found: re.Match[str], new: str, group: int = 0) -> str:
 def another_model(text: str, rng: random.Random) -> str:
     """Other numbers and other joints: what often still loads."""
     for _ in range(rng.choice((1, 1, 2, 3))):
-        numbers, kinds = list(re.finditer(r"(?<![\w.])\d[\d.]*", text)), list(re.finditer(rf"type: ({'|'.join(KINDS)})\b", text))
+        numbers, kinds = (
+            list(re.finditer(r"(?<![\w.])\d[\d.]*", text)),
+            list(re.finditer(rf"type: ({'|'.join(KINDS)})\b", text)),
+        )
         if kinds and rng.random() < 0.4:
             text = put(text, rng.choice(kinds), rng.choice(KINDS), 1)
         elif numbers:
@@ -73,7 +89,10 @@ def another_model(text: str, rng: random.Random) -> str:
 
 def changed_xml(text: str, rng: random.Random) -> str:
     """A tag lost or doubled, an attribute lost, renamed, or with a value of another."""
-    tags, attributes = list(re.finditer(r"<[^>]*>", text)), list(re.finditer(r'(\w+)="([^"]*)"', text))
+    tags, attributes = (
+        list(re.finditer(r"<[^>]*>", text)),
+        list(re.finditer(r'(\w+)="([^"]*)"', text)),
+    )
     tag, one, other = rng.choice(tags), rng.choice(attributes), rng.choice(attributes)
     match rng.randrange(6):
         case 0:
@@ -86,17 +105,28 @@ def changed_xml(text: str, rng: random.Random) -> str:
             return put(text, one, other[1], 1)
         case 4:
             return put(text, one, other[2], 2)
-    return put(text, one, rng.choice(["", "nan", "inf", "1e400", "0 0", "0 0 0", "x", "-1", "0", "λ", "../..", "1,2"]), 2)
+    return put(
+        text,
+        one,
+        rng.choice(
+            ["", "nan", "inf", "1e400", "0 0", "0 0 0", "x", "-1", "0", "λ", "../..", "1,2"]
+        ),
+        2,
+    )
 
 
 def refused(attempt: Callable[[], object]) -> bool:
-    """Whether it is refused; anything but a HamelError, and one without words or with a place that is none, is a failure."""
+    """Whether it is refused; anything but a HamelError, and one without words or with a place that
+    is none, is a failure."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             attempt()
         except HamelError as error:
-            assert all(d.message and d.line >= 0 and d.column >= 0 and "\n" not in d.message for d in error.diagnostics)
+            assert all(
+                d.message and d.line >= 0 and d.column >= 0 and "\n" not in d.message
+                for d in error.diagnostics
+            )
             if isinstance(error, ModelError):
                 assert all(d.file for d in error.diagnostics)
             return True
@@ -142,7 +172,12 @@ def test_the_command_ends_with_a_documented_code_and_writes_nothing(tmp_path, ca
         with pytest.raises(SystemExit) as end:
             main(["build", str(file), "-o", str(tmp_path / "out")])
         said = capsys.readouterr()
-        assert end.value.code == 1 and not said.out and "Traceback" not in said.err and said.err.startswith(f"{file}"), k
+        assert (
+            end.value.code == 1
+            and not said.out
+            and "Traceback" not in said.err
+            and said.err.startswith(f"{file}")
+        ), k
         assert [path.name for path in tmp_path.iterdir()] == ["m.yaml"]
 
 

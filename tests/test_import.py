@@ -1,4 +1,5 @@
-"""Robots from URDF and MJCF: what they become, against kinematics written anew here; and one message for each bad file."""
+"""Robots from URDF and MJCF: what they become, against kinematics written anew here; and one
+message for each bad file."""
 
 from __future__ import annotations
 
@@ -17,14 +18,14 @@ from hypothesis import strategies as st
 import hamel
 from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
-from derive.mechanics import system
-from derive.mechanics.closing import Kinematics
 from derive.model import load_text
+from derive.robots import imported, load, markup, mjcf, rotations
+from derive.robots.mjcf import inertia
+from derive.robots.naming import Names, legal
+from derive.robots.numbers import written
+from derive.states import system
+from derive.states.closing import Kinematics
 from hamel.cli import main
-from hamel.importing import imported, load, markup, mjcf, rotations
-from hamel.importing.mjcf import inertia
-from hamel.importing.naming import Names, legal
-from hamel.importing.numbers import written
 from tests.scenes import MODELS
 
 ROBOTS = Path(__file__).resolve().parent / "robots"
@@ -47,9 +48,9 @@ def placed(element):
     """Position and rotation of an <origin>."""
     origin = element.find("origin") if element is not None else None
     roll, pitch, yaw = vector(origin, "rpy")
-    return vector(origin, "xyz"), turn(np.array([0, 0, 1.0]), yaw) @ turn(np.array([0, 1.0, 0]), pitch) @ turn(
-        np.array([1.0, 0, 0]), roll
-    )
+    return vector(origin, "xyz"), turn(np.array([0, 0, 1.0]), yaw) @ turn(
+        np.array([0, 1.0, 0]), pitch
+    ) @ turn(np.array([1.0, 0, 0]), roll)
 
 
 def from_quaternion(q):
@@ -75,11 +76,14 @@ def moved(kind, axis, q):
 
 
 class Tree:
-    """A URDF read anew: centres of mass, orientations and energies at coordinates given by joint name."""
+    """A URDF read anew: centres of mass, orientations and energies at coordinates given by joint
+    name."""
 
     def __init__(self, file, floating):
         self.root = ElementTree.parse(file).getroot()
-        self.joints = {joint.find("child").get("link"): joint for joint in self.root.findall("joint")}
+        self.joints = {
+            joint.find("child").get("link"): joint for joint in self.root.findall("joint")
+        }
         self.floating = floating
 
     def pose(self, name, q):
@@ -88,18 +92,28 @@ class Tree:
             return moved("floating", None, q[""]) if self.floating else (np.zeros(3), np.eye(3))
         place, rotation = self.pose(joint.find("parent").get("link"), q)
         at, turned = placed(joint)
-        shift, spin = moved(joint.get("type"), vector(joint.find("axis"), "xyz", "1 0 0"), q[joint.get("name")])
+        shift, spin = moved(
+            joint.get("type"), vector(joint.find("axis"), "xyz", "1 0 0"), q[joint.get("name")]
+        )
         return place + rotation @ (at + turned @ shift), rotation @ turned @ spin
 
     def bodies(self, q):
-        """(mass, centre of mass, orientation of the inertia's axes, tensor) of every link that has one."""
+        """(mass, centre of mass, orientation of the inertia's axes, tensor) of every link that has
+        one."""
         for link in self.root.findall("link"):
             inertial = link.find("inertial")
             if inertial is not None:
                 (place, rotation), (com, axes) = self.pose(link.get("name"), q), placed(inertial)
                 i = inertial.find("inertia").attrib
-                tensor = np.array([[i[f"i{min(a, b)}{max(a, b)}"] for b in "xyz"] for a in "xyz"], dtype=float)
-                yield float(inertial.find("mass").get("value")), place + rotation @ com, rotation @ axes, tensor
+                tensor = np.array(
+                    [[i[f"i{min(a, b)}{max(a, b)}"] for b in "xyz"] for a in "xyz"], dtype=float
+                )
+                yield (
+                    float(inertial.find("mass").get("value")),
+                    place + rotation @ com,
+                    rotation @ axes,
+                    tensor,
+                )
 
     def potential(self, q):
         return sum(mass * 9.81 * place[2] for mass, place, _, _ in self.bodies(q))
@@ -156,19 +170,38 @@ def test_every_link_and_joint_becomes_a_body_and_a_joint(name):
 def test_the_written_model_reads_back_and_goes_on_being_edited(tmp_path):
     record = hamel.import_(ROBOTS / "arm.urdf", out=tmp_path / "arm.yaml")
     again = load_text((tmp_path / "arm.yaml").read_text())
-    assert [body.name for body in again.bodies] == ["base_link", "upper_arm", "fore_arm", "wrist", "tool", "tip"]
+    assert [body.name for body in again.bodies] == [
+        "base_link",
+        "upper_arm",
+        "fore_arm",
+        "wrist",
+        "tool",
+        "tip",
+    ]
     assert record.joints["elbow"] == "elbow" and record.velocities == 3
 
 
 def test_limits_damping_and_friction_are_kept():
     text = imported(ROBOTS / "arm.urdf").text
-    assert "limits: [-2.9, 2.9]" in text and "damper: 0.5" in text and "friction: {coulomb: 0.3, smoothing: 0.01}" in text
-    assert "# was 'base-link'" in text and "1 mesh file" in text and "Coulomb friction of 1 joint" in text
+    assert (
+        "limits: [-2.9, 2.9]" in text
+        and "damper: 0.5" in text
+        and "friction: {coulomb: 0.3, smoothing: 0.01}" in text
+    )
+    assert (
+        "# was 'base-link'" in text
+        and "1 mesh file" in text
+        and "Coulomb friction of 1 joint" in text
+    )
 
 
 def test_right_angles_are_exact():
     text = imported(ROBOTS / "arm.urdf").text
-    assert "rpy: [-90 deg, 0, 0.2]" in text and "rpy: [0, 45 deg, 0]" in text and "rpy: [0.4, 0, 180 deg]" in text
+    assert (
+        "rpy: [-90 deg, 0, 0.2]" in text
+        and "rpy: [0, 45 deg, 0]" in text
+        and "rpy: [0.4, 0, 180 deg]" in text
+    )
     assert "inertia: [0.002, 0.011, 0.012]" in text  # turned by a right angle
 
 
@@ -183,7 +216,8 @@ def test_mimics_follow_and_are_not_driven():
 
 
 def test_quaternions_of_origins_from_version_1_1_on(tmp_path):
-    """The same robot by roll, pitch and yaw; older files cannot say it so, and urdfdom passes over it, too."""
+    """The same robot by roll, pitch and yaw; older files cannot say it so, and urdfdom passes over
+    it, too."""
     file = tmp_path / "r.urdf"
     arm = robot(joint("a", "l0", "l1", more='<origin xyz="0.1 0.2 0.3" {}/>'))
     quaternion = arm.format('quat_xyzw="0.5 0.5 0.5 0.5"')
@@ -199,7 +233,13 @@ def test_quaternions_of_origins_from_version_1_1_on(tmp_path):
 def test_a_mimic_of_a_fixed_joint_stays_at_its_offset(tmp_path):
     file = tmp_path / "r.urdf"
     mimic = '<mimic joint="a" multiplier="3" offset="0.25"/>'
-    file.write_text(robot(joint("a", "l0", "l1", "fixed"), joint("b", "l1", "l2"), joint("c", "l2", "l3", more=mimic)))
+    file.write_text(
+        robot(
+            joint("a", "l0", "l1", "fixed"),
+            joint("b", "l1", "l2"),
+            joint("c", "l2", "l3", more=mimic),
+        )
+    )
     assert "mimic_c: {holonomic: c - (0.25)}" in imported(file).text
 
 
@@ -220,7 +260,14 @@ def test_an_impossible_inertia_counts_with_the_body_it_is_fixed_to():
 def test_a_free_base_is_asked_for():
     assert "free" not in {joint.type for joint in imported(ROBOTS / "quadruped.urdf").model.joints}
     free = imported(ROBOTS / "quadruped.urdf", floating=True).model
-    assert [v.name for v in free.velocities[:6]] == ["base.vx", "base.vy", "base.vz", "base.wx", "base.wy", "base.wz"]
+    assert [v.name for v in free.velocities[:6]] == [
+        "base.vx",
+        "base.vy",
+        "base.vz",
+        "base.wx",
+        "base.wy",
+        "base.wz",
+    ]
 
 
 def test_a_robot_file_stands_for_a_model_with_a_free_base_too(monkeypatch) -> None:
@@ -229,7 +276,17 @@ def test_a_robot_file_stands_for_a_model_with_a_free_base_too(monkeypatch) -> No
     bound, free = hamel.check(ROBOTS / "arm.urdf"), hamel.check(robot)
     assert len(free.velocities) == len(bound.velocities) + 6 and free.file == str(robot)
     assert load(robot).joints[0].type == "free"
-    for verb in ("build", "check", "choices", "derive", "explain", "linearize", "list", "simulate", "verify"):
+    for verb in (
+        "build",
+        "check",
+        "choices",
+        "derive",
+        "explain",
+        "linearize",
+        "list",
+        "simulate",
+        "verify",
+    ):
         seen: list[object] = []
         monkeypatch.setattr(hamel, verb, lambda path, **options: seen.append(path) or {})  # noqa: B023
         main_code(verb, str(ROBOTS / "arm.urdf"), "--floating", "--json")
@@ -260,8 +317,17 @@ def test_a_loop_of_mjcf_closes_at_the_reference_configuration():
 def test_mjcf_defaults_frames_and_servos():
     found = imported(ROBOTS / "hand.xml")
     model = found.model
-    assert [j.type for j in model.joints] == ["revolute", "prismatic", "revolute", "revolute", "revolute", "ball"]
-    assert found.text.count("armature") == 5 + 2 * 3  # of five joints, and of three rates of the ball joint
+    assert [j.type for j in model.joints] == [
+        "revolute",
+        "prismatic",
+        "revolute",
+        "revolute",
+        "revolute",
+        "ball",
+    ]
+    assert (
+        found.text.count("armature") == 5 + 2 * 3
+    )  # of five joints, and of three rates of the ball joint
     assert "spring: {stiffness: 0.3, rest: 0.17453292519943295}" in found.text
     assert "tau_lift:    {joint: lift, gear: 30}  # was 'lift'" in found.text
     assert "5*tau_yaw + (-5 N*m/rad)*yaw + (-0.2 N*m*s/rad)*der(yaw)" in found.text
@@ -313,7 +379,8 @@ def test_equalities_of_mjcf(tmp_path):
 
 
 def test_equalities_of_fixed_tendons_tie_their_joints(tmp_path):
-    """From the lengths at the reference configuration; hinges and slides in one length are plain numbers."""
+    """From the lengths at the reference configuration; hinges and slides in one length are plain
+    numbers."""
     file = tmp_path / "m.xml"
     file.write_text(
         """<mujoco><compiler angle="radian"/><worldbody>
@@ -336,26 +403,44 @@ def test_masses_and_weights_are_scaled_to_the_total_that_is_asked_for(tmp_path):
     file = tmp_path / "m.xml"
     one = '<body name="{}" gravcomp="0.5"><joint/><inertial pos="0 0 0" mass="{}" diaginertia="1 1 1"/></body>'
     bodies = one.format("a", 1) + one.format("b", 3)
-    file.write_text(f'<mujoco><compiler settotalmass="12"/><worldbody>{bodies}</worldbody></mujoco>')
+    file.write_text(
+        f'<mujoco><compiler settotalmass="12"/><worldbody>{bodies}</worldbody></mujoco>'
+    )
     text = imported(file).text
     first, second = load_text(text).bodies
-    assert [number(x, {}) for body in (first, second) for x in (body.mass, body.inertia[0])] == [3.0, 3.0, 9.0, 3.0]
+    assert [number(x, {}) for body in (first, second) for x in (body.mass, body.inertia[0])] == [
+        3.0,
+        3.0,
+        9.0,
+        3.0,
+    ]
     assert "components: [0, 0, 14.715]" in text and "scaled by 3, to 12 kg" in text
 
 
 def test_flags_switch_springs_dampers_and_friction_off(tmp_path):
     file = tmp_path / "m.xml"
     body = '<body><joint stiffness="1" damping="2" frictionloss="3"/><geom size="1"/></body>'
-    for flag, gone in (("spring", "spring"), ("damper", "damper"), ("frictionloss", "friction"), ("passive", "spring")):
+    for flag, gone in (
+        ("spring", "spring"),
+        ("damper", "damper"),
+        ("frictionloss", "friction"),
+        ("passive", "spring"),
+    ):
         option = f'<option><flag {flag}="disable"/></option>'
         file.write_text(f"<mujoco>{option}<worldbody>{body}</worldbody></mujoco>")
-        assert {"spring:", "damper:", "friction:"} - set(imported(file).text.split()) >= {f"{gone}:"}
+        assert {"spring:", "damper:", "friction:"} - set(imported(file).text.split()) >= {
+            f"{gone}:"
+        }
 
 
 def test_included_files_and_frames_are_read_in_place(tmp_path):
-    (tmp_path / "part.xml").write_text('<mujoco><body name="b"><joint/><geom size="0.1" pos="0.1 0 0"/></body></mujoco>')
+    (tmp_path / "part.xml").write_text(
+        '<mujoco><body name="b"><joint/><geom size="0.1" pos="0.1 0 0"/></body></mujoco>'
+    )
     file = tmp_path / "m.xml"
-    file.write_text('<mujoco><worldbody><frame pos="0 0 2"><include file="part.xml"/></frame></worldbody></mujoco>')
+    file.write_text(
+        '<mujoco><worldbody><frame pos="0 0 2"><include file="part.xml"/></frame></worldbody></mujoco>'
+    )
     assert "at: [0, 0, 2]" in imported(file).text
 
 
@@ -383,7 +468,10 @@ def test_numbers_read_back(number):
     assert float(written(number)) == number
 
 
-@given(st.lists(st.floats(-7, 7), min_size=3, max_size=3), st.sampled_from([0.0, math.pi / 2, -math.pi / 2, 1e-10]))
+@given(
+    st.lists(st.floats(-7, 7), min_size=3, max_size=3),
+    st.sampled_from([0.0, math.pi / 2, -math.pi / 2, 1e-10]),
+)
 def test_rotations_go_through_angles_and_quaternions(angles, pitch):
     for rpy in (angles, [angles[0], pitch, angles[2]]):
         R = rotations.from_rpy(rpy)
@@ -403,8 +491,13 @@ def test_every_name_becomes_a_legal_one(name, kind):
 
 def test_nested_bodies_need_no_recursion():
     count = 5000
-    text = "".join(f'<body name="b{i}"><joint/><geom size="0.1"/>' for i in range(count)) + "</body>" * count
-    file = markup.as_file(f"<mujoco><worldbody>{text}</worldbody></mujoco>".encode(), "deep.xml", Path("."))
+    text = (
+        "".join(f'<body name="b{i}"><joint/><geom size="0.1"/>' for i in range(count))
+        + "</body>" * count
+    )
+    file = markup.as_file(
+        f"<mujoco><worldbody>{text}</worldbody></mujoco>".encode(), "deep.xml", Path(".")
+    )
     assert len(mjcf.robot(markup.parsed(file), "deep", False).bodies) == count
 
 
@@ -468,8 +561,15 @@ def joint(name, parent, child, kind="revolute", more=""):
 
 def robot(*joints, links=None):
     """A robot with a link for every name its joints use."""
-    names = links or dict.fromkeys(word for j in joints for word in j.split('link="')[1:] for word in [word.split('"')[0]])
-    return '<robot name="r">\n' + "".join(LINK.format(name) for name in names) + "".join(joints) + "</robot>\n"
+    names = links or dict.fromkeys(
+        word for j in joints for word in j.split('link="')[1:] for word in [word.split('"')[0]]
+    )
+    return (
+        '<robot name="r">\n'
+        + "".join(LINK.format(name) for name in names)
+        + "".join(joints)
+        + "</robot>\n"
+    )
 
 
 ARM = robot(joint("a", "l0", "l1"), joint("b", "l1", "l2"))
@@ -489,7 +589,10 @@ BAD = {
         robot(*(joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(3_000))),
         ["the robot has 3001 bodies", "at most 3000"],
     ),
-    "no root": (robot(joint("a", "l0", "l1"), joint("b", "l1", "l0")), ["a kinematic loop without a beginning"]),
+    "no root": (
+        robot(joint("a", "l0", "l1"), joint("b", "l1", "l0")),
+        ["a kinematic loop without a beginning"],
+    ),
     "two roots": (
         robot(joint("a", "l0", "l1"), joint("b", "l2", "l3")),
         [":4:13:", "the link 'l2' is not connected to 'l0'"],
@@ -499,23 +602,44 @@ BAD = {
         ["unknown link 'base'", "did you mean 'base_'?"],
     ),
     "no child": (ARM.replace('<child link="l2"/>', ""), ["the joint 'b' has no child"]),
-    "no mass": (ARM.replace('<mass value="1"/>', "", 1), [":2:17:", "the inertial of 'l0' has no mass"]),
-    "negative mass": (ARM.replace('<mass value="1"/>', '<mass value="-3"/>', 1), [":2:40:", "the mass of 'l0' is -3 kg"]),
-    "a bad number": (ARM.replace('value="1"', 'value="1_0"', 1), ["'1_0' in 'value' of <mass>", "finite numbers"]),
+    "no mass": (
+        ARM.replace('<mass value="1"/>', "", 1),
+        [":2:17:", "the inertial of 'l0' has no mass"],
+    ),
+    "negative mass": (
+        ARM.replace('<mass value="1"/>', '<mass value="-3"/>', 1),
+        [":2:40:", "the mass of 'l0' is -3 kg"],
+    ),
+    "a bad number": (
+        ARM.replace('value="1"', 'value="1_0"', 1),
+        ["'1_0' in 'value' of <mass>", "finite numbers"],
+    ),
     "infinite": (ARM.replace('value="1"', 'value="1e999"', 1), ["'1e999'", "finite numbers"]),
-    "two numbers": (ARM.replace('xyz="0 0 1"', 'xyz="0 1"', 1), ["2 numbers in 'xyz' of <axis>", "3"]),
-    "a zero axis": (ARM.replace('xyz="0 0 1"', 'xyz="0 0 0"', 1), ["the axis of the joint 'a' has length zero"]),
+    "two numbers": (
+        ARM.replace('xyz="0 0 1"', 'xyz="0 1"', 1),
+        ["2 numbers in 'xyz' of <axis>", "3"],
+    ),
+    "a zero axis": (
+        ARM.replace('xyz="0 0 1"', 'xyz="0 0 0"', 1),
+        ["the axis of the joint 'a' has length zero"],
+    ),
     "an impossible inertia": (
         ARM.replace('izz="1"', 'izz="5"', 2).replace('izz="5"', 'izz="1"', 1),
         [":3:1:", "no body has the inertia of 'l1'"],
     ),
-    "a strange type": (ARM.replace('"revolute"', '"ball"', 1), ["has the type 'ball'", "revolute, continuous, prismatic"]),
+    "a strange type": (
+        ARM.replace('"revolute"', '"ball"', 1),
+        ["has the type 'ball'", "revolute, continuous, prismatic"],
+    ),
     "a mimic of itself": (
         robot(joint("a", "l0", "l1", more='<mimic joint="a"/>')),
         ["joints that mimic each other in a circle: 'a' → 'a'"],
     ),
     "mimics in a circle": (
-        robot(joint("a", "l0", "l1", more='<mimic joint="b"/>'), joint("b", "l1", "l2", more='<mimic joint="a"/>')),
+        robot(
+            joint("a", "l0", "l1", more='<mimic joint="b"/>'),
+            joint("b", "l1", "l2", more='<mimic joint="a"/>'),
+        ),
         ["joints that mimic each other in a circle: 'a' → 'b' → 'a'"],
     ),
     "a mimic of nothing": (
@@ -532,12 +656,19 @@ BAD = {
         ["the joints 'a', 'b' move together and carry nothing that has mass"],
     ),
     "a massless tip": (
-        '<robot name="r">' + LINK.format("l0") + '<link name="l1"/>' + joint("a", "l0", "l1") + "</robot>",
+        '<robot name="r">'
+        + LINK.format("l0")
+        + '<link name="l1"/>'
+        + joint("a", "l0", "l1")
+        + "</robot>",
         ["nothing gives 'l1' inertia: the joint 'a' has nothing to accelerate"],
     ),
     "nothing moves": (robot(joint("a", "l0", "l1", "fixed")), ["nothing moves", "--floating"]),
     "no links": ('<robot name="r"/>', ["the robot has no links"]),
-    "two links of one name": (robot(joint("a", "l0", "l1"), links=["l0", "l1", "l1"]), ["a second link 'l1'"]),
+    "two links of one name": (
+        robot(joint("a", "l0", "l1"), links=["l0", "l1", "l1"]),
+        ["a second link 'l1'"],
+    ),
     "macros": (
         '<robot name="r" xmlns:xacro="x"><xacro:include filename="a"/></robot>',
         ["a xacro macro", "xacro FILE.xacro"],
@@ -547,7 +678,10 @@ BAD = {
     "not XML": ("model: arm\n", ["the file is not XML"]),
     "nothing": ("", ["the file is empty"]),
     "something else": ("<html/>", ["<html> is no robot", "<robot> (URDF) or <mujoco> (MJCF)"]),
-    "too deep": ("<robot>" + "<a>" * 20_000 + "</a>" * 20_000 + "</robot>", ["the file is nested too deeply"]),
+    "too deep": (
+        "<robot>" + "<a>" * 20_000 + "</a>" * 20_000 + "</robot>",
+        ["the file is nested too deeply"],
+    ),
     "a zero quaternion": (
         '<mujoco><worldbody><body quat="0 0 0 0"><joint/><geom size="1"/></body></worldbody></mujoco>',
         [":1:32:", "a quaternion of length zero"],
@@ -581,16 +715,30 @@ BAD = {
         ["unknown joint 'jj'", "did you mean 'j'?"],
     ),
     "an unknown body": (
-        ONE_BODY.format('<geom size="1"/>', '<equality><connect body1="a" body2="b" anchor="0 0 0"/></equality>'),
+        ONE_BODY.format(
+            '<geom size="1"/>', '<equality><connect body1="a" body2="b" anchor="0 0 0"/></equality>'
+        ),
         ["unknown body 'b'"],
     ),
     "an unknown class": (ONE_BODY.format('<geom size="1" class="c"/>', ""), ["unknown class 'c'"]),
     "no bodies": ("<mujoco><worldbody/></mujoco>", ["the file has no bodies"]),
     "flexible bodies": (ONE_BODY.format('<flexcomp name="f"/>', ""), ["<flexcomp> in a body"]),
-    "global coordinates": ('<mujoco><compiler coordinate="global"/></mujoco>', ["global coordinates"]),
-    "an unknown section": ("<mujoco><wordbody/></mujoco>", ["unknown section <wordbody>", "did you mean 'worldbody'?"]),
-    "a file of another kind": ('<mujoco><include file="/etc/hostname"/></mujoco>', ["is no MJCF file by its name"]),
-    "a file that is not there": ('<mujoco><include file="parts.xml"/></mujoco>', ["the file 'parts.xml' is not there"]),
+    "global coordinates": (
+        '<mujoco><compiler coordinate="global"/></mujoco>',
+        ["global coordinates"],
+    ),
+    "an unknown section": (
+        "<mujoco><wordbody/></mujoco>",
+        ["unknown section <wordbody>", "did you mean 'worldbody'?"],
+    ),
+    "a file of another kind": (
+        '<mujoco><include file="/etc/hostname"/></mujoco>',
+        ["is no MJCF file by its name"],
+    ),
+    "a file that is not there": (
+        '<mujoco><include file="parts.xml"/></mujoco>',
+        ["the file 'parts.xml' is not there"],
+    ),
 }
 
 

@@ -1,4 +1,5 @@
-"""Linear equations at work: as generated code, in discrete time, under a regulator, in the hands of python-control."""
+"""Linear equations at work: as generated code, in discrete time, under a regulator, in the hands of
+python-control."""
 
 import importlib.util
 import json
@@ -13,7 +14,7 @@ from scipy.linalg import expm
 import hamel
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import linear
-from derive.mechanics.initial import initial_state
+from derive.states.initial import initial_state
 from hamel.pipeline import equations_of
 
 ROOT = Path(__file__).parent.parent
@@ -31,7 +32,9 @@ def example(name: str) -> ModuleType:
 @pytest.fixture(scope="module")
 def four_bar(tmp_path_factory):
     folder = tmp_path_factory.mktemp("linear") / "four_bar"
-    return hamel.load(hamel.build(FOUR_BAR, out=folder, functions=("default", "linearization")).folder)
+    return hamel.load(
+        hamel.build(FOUR_BAR, out=folder, functions=("default", "linearization")).folder
+    )
 
 
 def start(module) -> np.ndarray:
@@ -41,7 +44,8 @@ def start(module) -> np.ndarray:
 
 
 def test_generated_code_gives_the_slopes_of_the_motion_on_the_constraints(four_bar):
-    """Against differences between consistent neighbours, at states along a motion: what a predictive controller asks for."""
+    """Against differences between consistent neighbours, at states along a motion: what a
+    predictive controller asks for."""
     x = start(four_bar)
     form = linear(equations_of(FOUR_BAR), x[:3], np.array(four_bar.defaults))
     n, nu, ny = len(form.states), len(form.inputs), len(form.outputs)
@@ -52,8 +56,12 @@ def test_generated_code_gives_the_slopes_of_the_motion_on_the_constraints(four_b
     for x, AB_CD in zip(path, found):
         for k, j in enumerate(rows):
             pair = [_shifted(four_bar, x, rows, j, s * h) for s in (1, -1)]
-            slope = (four_bar.dynamics(0.0, pair[0], [0.3]) - four_bar.dynamics(0.0, pair[1], [0.3]))[rows] / (2 * h)
-            outputs = (four_bar.outputs(0.0, pair[0], [0.3]) - four_bar.outputs(0.0, pair[1], [0.3])) / (2 * h)
+            slope = (
+                four_bar.dynamics(0.0, pair[0], [0.3]) - four_bar.dynamics(0.0, pair[1], [0.3])
+            )[rows] / (2 * h)
+            outputs = (
+                four_bar.outputs(0.0, pair[0], [0.3]) - four_bar.outputs(0.0, pair[1], [0.3])
+            ) / (2 * h)
             scale = 1 + np.max(np.abs(AB_CD))
             assert np.max(np.abs(AB_CD[:n, k] - slope)) < 1e-6 * scale
             assert np.max(np.abs(AB_CD[n:, k] - outputs)) < 1e-6 * scale
@@ -68,7 +76,11 @@ def _shifted(module, x, independent, j, by):
     for _ in range(8):
         phi = module.constraints(0.0, x)[: len(dependent)]
         J = np.column_stack(
-            [(module.constraints(0.0, x + 1e-7 * np.eye(len(x))[i])[: len(dependent)] - phi) / 1e-7 for i in dependent]
+            [
+                (module.constraints(0.0, x + 1e-7 * np.eye(len(x))[i])[: len(dependent)] - phi)
+                / 1e-7
+                for i in dependent
+            ]
         )
         x[dependent] -= np.linalg.solve(J, phi)
     return x
@@ -81,7 +93,14 @@ def test_discrete_time_is_the_exponential_at_rest_and_the_flow_elsewhere(four_ba
     Phi, Gamma = Discrete(form)(0.0, x, np.array([0.3]), p, 0.05)
 
     def end(x, u):
-        return solve_ivp(lambda t, y: four_bar.dynamics(t, y, u), (0, 0.05), x, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+        return solve_ivp(
+            lambda t, y: four_bar.dynamics(t, y, u),
+            (0, 0.05),
+            x,
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+        ).y[:, -1]
 
     rows, h = list(form.independent), 1e-5
     for k, j in enumerate(rows):

@@ -1,4 +1,5 @@
-"""Linear equations along steady motions: published digits, closed forms, and the bookkeeping of zeros."""
+"""Linear equations along steady motions: published digits, closed forms, and the bookkeeping of
+zeros."""
 
 import re
 from pathlib import Path
@@ -19,9 +20,9 @@ from derive.linearize.sensitivity import modes
 from derive.linearize.spectrum import eigenvalues
 from derive.linearize.steady import motion_of
 from derive.linearize.unreduced import constraint_counts, unreduced
-from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load, load_text
+from derive.states import system
+from derive.states.initial import initial_state
 from derive.textbook import printed
 from hamel.cli import main
 
@@ -78,19 +79,29 @@ def test_the_bicycle_has_four_eigenvalues_and_they_are_the_published_ones(bicycl
 
 
 def test_the_matrices_of_the_bicycle_come_out_of_the_nonlinear_model(bicycle):
-    """M, C1, K0 and K2 of M q̈ + v C1 q̇ + (g K0 + v² K2) q = 0 from the reduced mass matrix and force."""
+    """M, C1, K0 and K2 of M q̈ + v C1 q̇ + (g K0 + v² K2) q = 0 from the reduced mass matrix and
+    force."""
     named = {n.name: n.value for n in bicycle.equations.named}
     x = bicycle.equations.arguments[1].symbols
-    mass, slope = (evaluator(bicycle.equations, value) for value in (named["M_w"], ca.jacobian(named["f_w"], x)))
+    mass, slope = (
+        evaluator(bicycle.equations, value)
+        for value in (named["M_w"], ca.jacobian(named["f_w"], x))
+    )
     motions = bicycle.motions({"speed": [0.0, 1.0]})
     at = motions.x, motions.u, motions.p
     T = evaluator(bicycle.equations, bicycle.linear.T)(*at)
     J = (slope(*at) @ T)[:, :2, [3, 4, 7, 8]]
     K, C, g = -J[:, :, :2], -J[:, :, 2:], 9.81
     wanted = {
-        "M": ([[80.81722, 2.31941332208709135], [2.31941332208709135, 0.29784188199685553]], mass(*at)[0, :2, :2]),
+        "M": (
+            [[80.81722, 2.31941332208709135], [2.31941332208709135, 0.29784188199685553]],
+            mass(*at)[0, :2, :2],
+        ),
         "C1": ([[0, 33.8664139149249439], [-0.85035641456978437, 1.68540397397559674]], C[1]),
-        "K0": ([[-80.95, -2.59951685249871641], [-2.59951685249871641, -0.803294884586176881]], K[0] / g),
+        "K0": (
+            [[-80.95, -2.59951685249871641], [-2.59951685249871641, -0.803294884586176881]],
+            K[0] / g,
+        ),
         "K2": ([[0, 76.5973458957322215], [0, 2.65431523794604025]], K[1] - K[0]),
     }
     assert np.max(np.abs(C[0])) < 1e-12  # no damping at rest
@@ -108,16 +119,20 @@ def test_critical_speeds_of_the_bicycle(bicycle):
 
 
 def test_a_planted_sign_in_the_stiffness_is_seen(bicycle):
-    """The multipliers' own stiffness is what beginners forget: without it the eigenvalues are others."""
+    """The multipliers' own stiffness is what beginners forget: without it the eigenvalues are
+    others."""
     form = bicycle.linear
     motions = bicycle.motions({"speed": [5.0]})
-    # dropping the dependent coordinates' part of T is what forgetting the perturbed constraints does
+    # dropping the dependent coordinates' part of T is what forgetting the perturbed constraints
+    # does
     T = ca.DM.eye(form.T.size1())[:, list(form.independent)]
     f = next(f.result.value for f in bicycle.equations.functions if f.name == "dynamics")
     J = ca.jacobian(f[list(form.independent)], bicycle.equations.arguments[1].symbols)
     wrong = evaluator(bicycle.equations, ca.mtimes(J, T))(motions.x, motions.u, motions.p)
     right = bicycle.full(motions)
-    assert np.max(np.abs(wrong - right)) < 1e-9  # straight ahead the pitch does not follow to first order …
+    assert (
+        np.max(np.abs(wrong - right)) < 1e-9
+    )  # straight ahead the pitch does not follow to first order …
     leaning = motions.x + 0.1 * (np.array(bicycle.equations.arguments[1].labels) == "lean")
     wrong = evaluator(bicycle.equations, ca.mtimes(J, T))(leaning, motions.u, motions.p)
     right = bicycle.A(leaning, motions.u, motions.p)
@@ -154,7 +169,11 @@ def test_a_pole_on_a_cart():
 def test_what_is_not_steady_is_refused():
     with pytest.raises(AssumptionError, match=r"'straight' is no steady motion"):
         studied("rolling_disk", choice="best")
-    text = (MODELS / "hoop.yaml").read_text(encoding="utf-8").replace(", sweep: {speed: [0, 8 rad/s]}", "")
+    text = (
+        (MODELS / "hoop.yaml")
+        .read_text(encoding="utf-8")
+        .replace(", sweep: {speed: [0, 8 rad/s]}", "")
+    )
     found = equations(system(load_text(text)))
     with pytest.raises(AssumptionError, match="needs a value for 'speed'"):
         study(found, motion_of(found, "straight"))
@@ -164,13 +183,23 @@ def test_what_is_not_steady_is_refused():
 
 @pytest.mark.parametrize(
     ("name", "at", "spurious"),
-    [("bicycle", None, 8), ("rolling_disk", None, 4), ("hoop", "upright", 4), ("cart_pole", None, 0), ("four_bar", "guess", 4)],
+    [
+        ("bicycle", None, 8),
+        ("rolling_disk", None, 4),
+        ("hoop", "upright", 4),
+        ("cart_pole", None, 0),
+        ("four_bar", "guess", 4),
+    ],
 )
 def test_the_unreduced_equations_agree_and_have_their_spurious_zeros(name, at, spurious):
     found = studied(name, at)
     motions = found.motions({})
-    counts = constraint_counts(found.equations.system, motions.x[0, : found.equations.system.q.numel()], motions.p[0])
-    other = unreduced(found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic))
+    counts = constraint_counts(
+        found.equations.system, motions.x[0, : found.equations.system.q.numel()], motions.p[0]
+    )
+    other = unreduced(
+        found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic)
+    )
     assert other.spurious == spurious == 2 * counts[0] + counts[1]
     assert other.difference < 1e-9 and other.nilpotent < 1e-9
 
@@ -179,9 +208,13 @@ def test_sensitivities_are_the_slopes_of_the_eigenvalues(bicycle):
     for mode in modes(bicycle):
         for name in ("speed", "c", "IFyy", "lam"):
             step = 1e-5 * bicycle.at[name]
-            pair = eigenvalues(bicycle.along({name: [bicycle.at[name] + step, bicycle.at[name] - step]}))
+            pair = eigenvalues(
+                bicycle.along({name: [bicycle.at[name] + step, bicycle.at[name] - step]})
+            )
             above, below = (row[np.argmin(np.abs(row - mode.eigenvalue))] for row in pair)
-            assert abs(mode.sensitivity[name] - (above - below) / (2 * step)) < 1e-6 * (1 + abs(mode.sensitivity[name]))
+            assert abs(mode.sensitivity[name] - (above - below) / (2 * step)) < 1e-6 * (
+                1 + abs(mode.sensitivity[name])
+            )
 
 
 def test_the_printed_equations_of_the_disk_have_the_closed_form_as_their_eigenvalues():
@@ -192,9 +225,13 @@ def test_the_printed_equations_of_the_disk_have_the_closed_form_as_their_eigenva
     A = sympy.Matrix(page["A rates"]).col_join(mass.inv() * slopes)
     r, u2 = sympy.symbols("r u2")
     assert A.free_symbols == {r, u2}  # the mass is gone
-    polynomial = sympy.factor(sympy.nsimplify(A.charpoly(sympy.Symbol("L")).as_expr(), rational=True))
+    polynomial = sympy.factor(
+        sympy.nsimplify(A.charpoly(sympy.Symbol("L")).as_expr(), rational=True)
+    )
     wanted = sympy.Rational(4, 5) * sympy.Rational(981, 100) / r - sympy.Rational(12, 5) * u2**2
-    assert sympy.simplify(polynomial - sympy.Symbol("L") ** 2 * (sympy.Symbol("L") ** 2 - wanted)) == 0
+    assert (
+        sympy.simplify(polynomial - sympy.Symbol("L") ** 2 * (sympy.Symbol("L") ** 2 - wanted)) == 0
+    )
 
 
 def test_hoop_in_closed_form():
@@ -214,7 +251,9 @@ def test_steady_turning_is_continued_and_satisfies_its_equation():
     labels = found.equations.arguments[1].labels
     w2 = x[:, labels.index("u2")]
     balance = (
-        (-A * turn**2 * np.sin(leans) * np.cos(leans)) + (C + m * r**2) * w2 * turn * np.cos(leans) + m * g * r * np.sin(leans)
+        (-A * turn**2 * np.sin(leans) * np.cos(leans))
+        + (C + m * r**2) * w2 * turn * np.cos(leans)
+        + m * g * r * np.sin(leans)
     )
     assert np.max(np.abs(balance)) < 1e-12 * m * g * r
 
@@ -222,18 +261,28 @@ def test_steady_turning_is_continued_and_satisfies_its_equation():
 def test_a_held_input_and_a_free_one():
     found = studied("ball_on_beam", s0=0.2)
     motions = found.motions({})
-    assert motions.u[0, 0] == pytest.approx(0.11 * 9.81 * 0.2, rel=1e-13)  # the torque that holds the ball's weight
+    assert motions.u[0, 0] == pytest.approx(
+        0.11 * 9.81 * 0.2, rel=1e-13
+    )  # the torque that holds the ball's weight
 
 
 def test_the_waveboard_is_never_self_stable_as_given(waveboard):
-    """Straight ahead det A keeps its sign whatever the speed: the capsize mode of a board alike at both ends cannot pass zero."""
+    """Straight ahead det A keeps its sign whatever the speed: the capsize mode of a board alike at
+    both ends cannot pass zero."""
     found = waveboard
     motions = found.motions({})
-    other = unreduced(found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic))
+    other = unreduced(
+        found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic)
+    )
     assert other.spurious == 8 and other.difference < 1e-9 and other.nilpotent < 1e-9
     assert found.spurious == 0 and len(found.linear.states) == 14 and len(found.reduced) == 8
     speeds = np.linspace(0.5, 8, 6)
-    for name, values in (("eps", (0.2, 0.5)), ("kt", (200.0, 900.0)), ("mu", (0.1, 0.9)), ("mr", (10.0, 90.0))):
+    for name, values in (
+        ("eps", (0.2, 0.5)),
+        ("kt", (200.0, 900.0)),
+        ("mu", (0.1, 0.9)),
+        ("mr", (10.0, 90.0)),
+    ):
         for value in values:
             A = found.along({"speed": speeds, name: np.full(6, value)})
             assert np.all(eigenvalues(A).real.max(axis=1) > 0), (name, value)
@@ -241,7 +290,9 @@ def test_the_waveboard_is_never_self_stable_as_given(waveboard):
 
 
 def test_the_page_is_one_file_without_network(tmp_path):
-    record = hamel.linearize(MODELS / "hoop.yaml", at="straight", sweep={"speed": "0:8:9"}, out=tmp_path / "hoop.html")
+    record = hamel.linearize(
+        MODELS / "hoop.yaml", at="straight", sweep={"speed": "0:8:9"}, out=tmp_path / "hoop.html"
+    )
     text = (tmp_path / "hoop.html").read_text(encoding="utf-8")
     assert record.page == tmp_path / "hoop.html"
     assert "<math" in text and "<animate " in text and "2.4761361028" in text
@@ -251,8 +302,17 @@ def test_the_page_is_one_file_without_network(tmp_path):
 
 
 def test_two_names_make_a_map_and_bad_ranges_are_said(tmp_path):
-    record = hamel.linearize(MODELS / "hoop.yaml", sweep={"r": "0.3 m:0.5 m:2", "speed": "0:8:3"}, out=tmp_path / "map.html")
-    assert len(record.rows) == 6 and set(record.rows[0]) == {"r", "speed", "eigenvalues", "spurious"}
+    record = hamel.linearize(
+        MODELS / "hoop.yaml",
+        sweep={"r": "0.3 m:0.5 m:2", "speed": "0:8:3"},
+        out=tmp_path / "map.html",
+    )
+    assert len(record.rows) == 6 and set(record.rows[0]) == {
+        "r",
+        "speed",
+        "eigenvalues",
+        "spurious",
+    }
     assert [row["spurious"] for row in record.rows] == [0] * 6
     for bad, said in (
         ({"speed": "0"}, "first:last"),
@@ -265,9 +325,11 @@ def test_two_names_make_a_map_and_bad_ranges_are_said(tmp_path):
 
 def test_the_bicycle_on_tyres_becomes_the_one_on_knife_edges(bicycle):
     """A thin tyre is a knife edge; a tyre of 2 cm moves the weave speed."""
-    found = studied("stress/bicycle_toroidal")
+    found = studied("extremes/bicycle_toroidal")
     speeds = np.array([2.0, 5.0, 8.0])
-    thin = eigenvalues(found.along({"speed": speeds, "tR": np.full(3, 1e-9), "tF": np.full(3, 1e-9)}))
+    thin = eigenvalues(
+        found.along({"speed": speeds, "tR": np.full(3, 1e-9), "tF": np.full(3, 1e-9)})
+    )
     assert np.max(np.abs(thin - eigenvalues(bicycle.along({"speed": speeds})))) < 1e-6
     weave = next(c.value for c in changes(found, "speed", np.linspace(3, 6, 4)) if c.kind == "hopf")
     assert abs(weave - 4.2923825363411) > 0.01
@@ -279,7 +341,9 @@ def test_the_walk_through_says_what_is_found(bicycle):
     for line in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[1].splitlines():
         assert line in model.splitlines()
     printed_values = [float(x) for x in re.findall(r"at speed = ([\d.]+)", text)]
-    assert printed_values == pytest.approx([0.68428307889245579629, 4.2923825363411039587, 6.0242620153883588899], abs=1e-12)
+    assert printed_values == pytest.approx(
+        [0.68428307889245579629, 4.2923825363411039587, 6.0242620153883588899], abs=1e-12
+    )
     assert "hamel linearize" in text and "spurious" in text
 
 
@@ -298,7 +362,9 @@ def test_zeros_are_taken_out_whichever_way_they_are_named(bicycle):
 def test_equilibria_are_found_from_the_initial_values():
     hanging = studied("pendulum", "guess")
     assert hanging.motions({}).x[0, :2] == pytest.approx([0.0, -1.0], abs=1e-9)
-    assert eigenvalues(hanging.along({}))[0] == pytest.approx([1j * np.sqrt(9.81), -1j * np.sqrt(9.81)], abs=1e-9)
+    assert eigenvalues(hanging.along({}))[0] == pytest.approx(
+        [1j * np.sqrt(9.81), -1j * np.sqrt(9.81)], abs=1e-9
+    )
     with pytest.raises(AssumptionError, match="depends on time"):
         studied("car_axis", "guess")
     with pytest.raises(AssumptionError, match="no steady motion was found near the initial values"):
@@ -311,7 +377,11 @@ def test_equilibria_are_found_from_the_initial_values():
         ("{th: 0, push: 3 rad}", "a steady motion in rad", "N"),
         ("{th: 0, push: free, guess: {th: 1 rad}}", "'th' is held and guessed", "one of the two"),
         ("{th: 0, cyclic: [q]}", "unknown coordinate 'q'", "s, th"),
-        ("{th: 0, sweep: {ll: [1 m, 2 m]}}", "'ll' is neither free in this motion nor a parameter", "did you mean 'l'?"),
+        (
+            "{th: 0, sweep: {ll: [1 m, 2 m]}}",
+            "'ll' is neither free in this motion nor a parameter",
+            "did you mean 'l'?",
+        ),
         ("{th: 0, sweep: {l: [1 m, 1 m]}}", "the range of 'l'", "two different values"),
         ("{th: 0, guess: 3}", "'guess' is not a mapping", "names and numbers"),
         ("{th: free}", "'th' is free", "only inputs can be called free"),
@@ -320,12 +390,21 @@ def test_equilibria_are_found_from_the_initial_values():
     ],
 )
 def test_mistakes_in_a_steady_motion_are_shown_where_they_are(entry, said, expected):
-    text = (MODELS / "cart_pole.yaml").read_text(encoding="utf-8").replace("{s: 0 m, th: 0 rad}", entry)
+    text = (
+        (MODELS / "cart_pole.yaml")
+        .read_text(encoding="utf-8")
+        .replace("{s: 0 m, th: 0 rad}", entry)
+    )
     line = next(k for k, x in enumerate(text.splitlines(), start=1) if "upright:" in x)
     with pytest.raises(ModelError) as refused:
         load_text(text, "cart.yaml")
     message = str(refused.value)
-    assert message.startswith(f"cart.yaml:{line}:") and said in message and expected in message and "^" in message
+    assert (
+        message.startswith(f"cart.yaml:{line}:")
+        and said in message
+        and expected in message
+        and "^" in message
+    )
 
 
 @pytest.mark.parametrize(
@@ -346,7 +425,12 @@ def test_mistakes_on_the_command_line_are_answered(arguments, code, said, capsys
     with pytest.raises(SystemExit) as ended:
         main(["linearize", str(MODELS / "rolling_disk.yaml"), *arguments])
     told = capsys.readouterr().err
-    assert ended.value.code == code and said in told and "Traceback" not in told and "internal" not in told
+    assert (
+        ended.value.code == code
+        and said in told
+        and "Traceback" not in told
+        and "internal" not in told
+    )
 
 
 def test_the_command_writes_its_page_here_unless_a_program_reads(tmp_path, monkeypatch, capsys):
@@ -359,7 +443,8 @@ def test_the_command_writes_its_page_here_unless_a_program_reads(tmp_path, monke
 
 
 def test_a_board_with_unlike_ends_falls_more_slowly(waveboard):
-    """What docs/waveboard.md says of `de`: the real eigenvalue becomes a slow oscillation, still growing."""
+    """What docs/waveboard.md says of `de`: the real eigenvalue becomes a slow oscillation, still
+    growing."""
     values = eigenvalues(waveboard.along({"speed": [3.0], "de": [np.radians(7.5)]}))[0]
     assert values[0].real == pytest.approx(0.496, abs=1e-3) and values[0].imag > 0
     assert eigenvalues(waveboard.along({"speed": [3.0]}))[0, 0].real > 2
@@ -367,14 +452,17 @@ def test_a_board_with_unlike_ends_falls_more_slowly(waveboard):
 
 @pytest.mark.parametrize("size", ["micrometre", "metre", "megametre"])
 def test_the_metre_does_not_matter(size):
-    """A pendulum of each length swings at √(g/l) or falls off at it, and the generated function answers at the start."""
-    model = load(MODELS / "stress" / f"scale_{size}.yaml")
-    found = studied(f"stress/scale_{size}")
+    """A pendulum of each length swings at √(g/l) or falls off at it, and the generated function
+    answers at the start."""
+    model = load(MODELS / "extremes" / f"scale_{size}.yaml")
+    found = studied(f"extremes/scale_{size}")
     values = {p.name: p.value for p in model.parameters}
     squares = eigenvalues(found.along({}))[0] ** 2
     assert np.abs(squares) == pytest.approx(values["g"] / values["l"], rel=1e-9)
     chosen = with_linearization(equations(system(model)))
-    function = next(request for request in chosen.requests if request.name == "linearization").make()
+    function = next(
+        request for request in chosen.requests if request.name == "linearization"
+    ).make()
     margins = [guard.value / guard.tolerance for guard in function.guards]
     start = initial_state(chosen.system)
     x = np.concatenate([start.q, [0.0]])

@@ -12,22 +12,25 @@ from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.mechanics import system
-from derive.mechanics.closing import Kinematics
-from derive.mechanics.sampling import states
 from derive.model import load, load_text
 from derive.model.records import Model
+from derive.states import system
+from derive.states.closing import Kinematics
+from derive.states.sampling import states
 from hamel.verify import verification
 from tests.loops import KITE, RHOMBUS, four_bars
 from tests.scenes import MODELS
 
 G = 9.81
 # hamel verify measures lengths in metres: at a megametre roundoff alone exceeds its tolerances
-STRESS = sorted(path for path in (MODELS / "stress").glob("*.yaml") if path.stem != "scale_megametre")
+EXTREMES = sorted(
+    path for path in (MODELS / "extremes").glob("*.yaml") if path.stem != "scale_megametre"
+)
 
 
 def swing(n: int, angle: float) -> float:
-    """θ̈ of n upright four-bars in a row, all links uniform and of length one: one degree of freedom."""
+    """θ̈ of n upright four-bars in a row, all links uniform and of length one: one degree of
+    freedom."""
     return -((n + 1) / 2 + n) / ((n + 1) / 3 + n) * G * np.cos(angle)
 
 
@@ -40,7 +43,14 @@ def on_branch(e: Equations, n: int, angle: float, rate: float) -> np.ndarray:
     return f(0.0, [*q, rate], [], e.parameters).full().ravel()
 
 
-SIZES = [1, 2, 10, 20, pytest.param(40, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.slow)]
+SIZES = [
+    1,
+    2,
+    10,
+    20,
+    pytest.param(40, marks=pytest.mark.slow),
+    pytest.param(100, marks=pytest.mark.slow),
+]
 
 
 @pytest.mark.parametrize("n", SIZES)
@@ -69,13 +79,13 @@ def test_linkages_that_can_be_laid_flat(text: str) -> None:
     assert_verified(load_text(text), 8)
 
 
-@pytest.mark.parametrize("path", STRESS, ids=lambda path: path.stem)
-def test_stress_models(path: Path) -> None:
+@pytest.mark.parametrize("path", EXTREMES, ids=lambda path: path.stem)
+def test_extreme_models(path: Path) -> None:
     assert_verified(load(path), 8)
 
 
 def test_bricard_is_rigid_by_count_and_moves() -> None:
-    s = system(load(MODELS / "stress" / "bricard.yaml"))
+    s = system(load(MODELS / "extremes" / "bricard.yaml"))
     found = states(s, 20, seed=1)
     A, _ = Kinematics(s).rows(found.t, found.q, found.p)
     assert set(np.linalg.matrix_rank(A, tol=1e-7)) == {4}
@@ -120,5 +130,7 @@ def test_a_massless_tip_moves_with_what_holds_it(held: str, choice: str) -> None
 
 @pytest.mark.parametrize("loose", LOOSE)
 def test_a_massless_tip_that_nothing_turns_is_refused_by_name(loose: str) -> None:
-    with pytest.raises(AssumptionError, match=r"nothing determines the acceleration of body tip \(der\(T\)\)"):
+    with pytest.raises(
+        AssumptionError, match=r"nothing determines the acceleration of body tip \(der\(T\)\)"
+    ):
         equations(system(load_text(TIP + LOOSE[loose])), "auto")

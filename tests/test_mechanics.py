@@ -1,4 +1,5 @@
-"""The System against Lagrange's equations written from positions alone, and against its own definitions."""
+"""The System against Lagrange's equations written from positions alone, and against its own
+definitions."""
 
 from __future__ import annotations
 
@@ -7,17 +8,26 @@ import numpy as np
 import pytest
 
 from derive.joints.records import Still
-from derive.joints.rotations import IDENTITY, axis_rotation, dot, inverse, matrix, merged, product, transpose
+from derive.joints.rotations import (
+    IDENTITY,
+    axis_rotation,
+    dot,
+    inverse,
+    matrix,
+    merged,
+    product,
+    transpose,
+)
 from derive.joints.turns import turn
-from derive.mechanics import system
-from derive.mechanics.closing import Kinematics
-from derive.mechanics.initial import initial_state
 from derive.mechanics.links import moved, summed
 from derive.mechanics.records import Inertia, System
-from derive.mechanics.sampling import states
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
 from derive.mechanics.tree import ground_positions, ground_rotations
 from derive.model import load, load_text
+from derive.states import system
+from derive.states.closing import Kinematics
+from derive.states.initial import initial_state
+from derive.states.sampling import states
 from tests.scenes import MODELS, SPATIAL_CHAIN
 
 CHAINS = {
@@ -32,7 +42,8 @@ def spatial_system() -> System:
 
 
 def lagrange(s: System) -> tuple[ca.SX, ca.SX]:
-    """M and h by differentiating T(q, q̇) and V(q), written from positions and rotation matrices."""
+    """M and h by differentiating T(q, q̇) and V(q), written from positions and rotation
+    matrices."""
     R = ground_rotations(s.links)
     r = ground_positions(s.links, R)
     T, V = ca.SX(0), ca.SX(0)
@@ -43,12 +54,19 @@ def lagrange(s: System) -> tuple[ca.SX, ca.SX]:
         omega = ca.vertcat(spin[2, 1], spin[0, 2], spin[1, 0])
         velocity = ca.jtimes(ca.vertcat(*origin), s.q, s.v)
         body = link.inertia
-        moment, tensor = matrix @ ca.vertcat(*body.moment), ca.vertcat(*[ca.horzcat(*row) for row in body.tensor])
-        T += 0.5 * body.mass * ca.dot(velocity, velocity) + ca.dot(velocity, rate @ ca.vertcat(*body.moment))
+        moment, tensor = (
+            matrix @ ca.vertcat(*body.moment),
+            ca.vertcat(*[ca.horzcat(*row) for row in body.tensor]),
+        )
+        T += 0.5 * body.mass * ca.dot(velocity, velocity) + ca.dot(
+            velocity, rate @ ca.vertcat(*body.moment)
+        )
         T += 0.5 * ca.dot(omega, tensor @ omega)
         V -= ca.dot(ca.vertcat(*s.gravity), body.mass * ca.vertcat(*origin) + moment)
     momentum = ca.gradient(T, s.v)
-    return ca.jacobian(momentum, s.v), ca.jtimes(momentum, s.q, s.v) - ca.gradient(T, s.q) + ca.gradient(V, s.q)
+    return ca.jacobian(momentum, s.v), ca.jtimes(momentum, s.q, s.v) - ca.gradient(
+        T, s.q
+    ) + ca.gradient(V, s.q)
 
 
 def agreement(s: System, ours: ca.SX, theirs: ca.SX, seed: int = 0) -> float:
@@ -58,11 +76,15 @@ def agreement(s: System, ours: ca.SX, theirs: ca.SX, seed: int = 0) -> float:
     for _ in range(10):
         q, v, u = (rng.normal(size=x.numel()) for x in (s.q, s.v, s.u))
         a, b = (np.asarray(x) for x in f(0.3, q, v, u, s.parameters))
-        worst = max(worst, float(np.max(np.abs(a - b), initial=0) / (1 + np.max(np.abs(b), initial=0))))
+        worst = max(
+            worst, float(np.max(np.abs(a - b), initial=0) / (1 + np.max(np.abs(b), initial=0)))
+        )
     return worst
 
 
-@pytest.mark.parametrize("make", [spatial_system, *[lambda p=p: system(load(p)) for p in CHAINS.values()]])
+@pytest.mark.parametrize(
+    "make", [spatial_system, *[lambda p=p: system(load(p)) for p in CHAINS.values()]]
+)
 def test_mass_matrix_and_bias_are_lagranges(make) -> None:
     s = make()
     M, h = lagrange(s)
@@ -95,7 +117,9 @@ def consistent_agreement(s: System, ours: ca.SX, theirs: ca.SX) -> float:
     found, worst = states(s, 10, seed=2), 0.0
     for t, q, v, p in zip(found.t, found.q, found.v, found.p):
         a, b = (np.asarray(x) for x in f(t, q, v, p))
-        worst = max(worst, float(np.max(np.abs(a - b), initial=0) / (1 + np.max(np.abs(b), initial=0))))
+        worst = max(
+            worst, float(np.max(np.abs(a - b), initial=0) / (1 + np.max(np.abs(b), initial=0)))
+        )
     return worst
 
 
@@ -113,8 +137,12 @@ def test_sampled_states_are_admissible(path) -> None:
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_baked_parameters_change_nothing(path) -> None:
     free, baked = system(load(path)), system(load(path), "all")
-    f = ca.Function("f", [free.t, free.q, free.v, free.u, free.p], [ca.densify(free.M), free.h, free.Q])
-    g = ca.Function("g", [baked.t, baked.q, baked.v, baked.u, baked.p], [ca.densify(baked.M), baked.h, baked.Q])
+    f = ca.Function(
+        "f", [free.t, free.q, free.v, free.u, free.p], [ca.densify(free.M), free.h, free.Q]
+    )
+    g = ca.Function(
+        "g", [baked.t, baked.q, baked.v, baked.u, baked.p], [ca.densify(baked.M), baked.h, baked.Q]
+    )
     rng = np.random.default_rng(0)
     q, v, u = (rng.normal(size=x.numel()) for x in (free.q, free.v, free.u))
     for a, b in zip(f(0.0, q, v, u, free.parameters), g(0.0, q, v, u, [])):
@@ -144,10 +172,16 @@ def test_inertia_seen_from_another_frame() -> None:
     body = Inertia(2.0, [0.0, 0.0, 0.0], (half @ half.T).tolist())
     R = np.array(axis_rotation([0.6, 0.0, 0.8], 0.7), dtype=float)
     r = rng.normal(size=3)
-    seen = moved(moved(body, (Still(R.tolist()),), r.tolist()), (Still(R.T.tolist()),), (-R.T @ r).tolist())
+    seen = moved(
+        moved(body, (Still(R.tolist()),), r.tolist()), (Still(R.T.tolist()),), (-R.T @ r).tolist()
+    )
     np.testing.assert_allclose(np.array(seen.tensor, dtype=float), half @ half.T, atol=1e-12)
     steiner = R @ half @ half.T @ R.T + 2.0 * (r @ r * np.eye(3) - np.outer(r, r))
-    np.testing.assert_allclose(np.array(moved(body, (Still(R.tolist()),), r.tolist()).tensor, dtype=float), steiner, atol=1e-12)
+    np.testing.assert_allclose(
+        np.array(moved(body, (Still(R.tolist()),), r.tolist()).tensor, dtype=float),
+        steiner,
+        atol=1e-12,
+    )
     assert summed(body, body).mass == 4.0
 
 

@@ -1,4 +1,5 @@
-"""One file per error in a mechanism: where it points, what it says and what it expected. The mark « stands before the place."""
+"""One file per error in a mechanism: where it points, what it says and what it expected. The mark «
+stands before the place."""
 
 import json
 
@@ -12,7 +13,11 @@ from derive.model import Model, load_text
 HEAD = "model: m\nparameters: {m: 1 kg, l: 0.3 m, zero: 0}\n"
 BODIES = "bodies: {a: {mass: m, inertia: 0.1}, b: {mass: m, inertia: 0.1}}\n"
 FREE_B = "B: {type: free, parent: ground, child: b, orientation: quaternion}"
-SCENE = HEAD + BODIES + f"joints: {{A: {{type: revolute, parent: ground, child: a, axis: z, coordinate: q}}, {FREE_B}}}\n"
+SCENE = (
+    HEAD
+    + BODIES
+    + f"joints: {{A: {{type: revolute, parent: ground, child: a, axis: z, coordinate: q}}, {FREE_B}}}\n"
+)
 FLAT = HEAD.replace("model: m", "model: m\nplane: xy") + BODIES
 HINGES = "joints: {A: {type: revolute, parent: ground, child: a}, B: {type: revolute, parent: a, child: b}}\n"
 CHAIN = "model: m\nplane: xy\nparameters: {m: 1 kg, l: 0.3 m, zero: 0}\nbodies: {a: {mass: m, inertia: 0.1}, «tip: {mass: 0}}\n"
@@ -24,7 +29,9 @@ def joint(text: str, name: str = "A") -> str:
 
 
 def closure(text: str, name: str = "C") -> str:
-    return SCENE + f"closures: {{{name}: {{between: [a, b], at: [[0, 0, 0], [0, 0, 0]], {text}}}}}\n"
+    return (
+        SCENE + f"closures: {{{name}: {{between: [a, b], at: [[0, 0, 0], [0, 0, 0]], {text}}}}}\n"
+    )
 
 
 def tie(text: str, name: str = "c") -> str:
@@ -36,7 +43,10 @@ def load(text: str, name: str = "f") -> str:
 
 
 def body(text: str) -> str:
-    return HEAD + f"bodies: {{a: {{{text}}}}}\njoints: {{A: {{type: free, parent: ground, child: a}}}}\n"
+    return (
+        HEAD
+        + f"bodies: {{a: {{{text}}}}}\njoints: {{A: {{type: free, parent: ground, child: a}}}}\n"
+    )
 
 
 def initial(text: str) -> str:
@@ -54,18 +64,84 @@ ERRORS = [
         "",
     ),
     ("joint_near", joint("type: «sphere"), "unknown type of joint 'sphere'", "ball", ""),
-    ("screw_near", joint("type: «scrwe, axis: z"), "unknown type of joint 'scrwe'", "screw", "did you mean 'screw'?"),
-    ("zero_axis", joint("type: revolute, axis: «[0, 0, 0]"), "an axis of length zero", "a direction", ""),
-    ("no_axis", joint("type: cylindrical", "«A"), "the cylindrical joint 'A' has no axis", "axis: x, y, z", ""),
+    (
+        "screw_near",
+        joint("type: «scrwe, axis: z"),
+        "unknown type of joint 'scrwe'",
+        "screw",
+        "did you mean 'screw'?",
+    ),
+    (
+        "zero_axis",
+        joint("type: revolute, axis: «[0, 0, 0]"),
+        "an axis of length zero",
+        "a direction",
+        "",
+    ),
+    (
+        "no_axis",
+        joint("type: cylindrical", "«A"),
+        "the cylindrical joint 'A' has no axis",
+        "axis: x, y, z",
+        "",
+    ),
     ("axis_of_ball", joint("type: ball, axis: «z"), "an axis of a ball joint", "no axis", ""),
-    ("parallel", joint("type: universal, axis: z, axis2: «[0, 0, -2]"), "the second axis of 'A' is parallel", "right angles", ""),
-    ("oblique", joint("type: universal, axis: z, axis2: «[0, 1, 1]"), "'A' is not at right angles to the first", "right", ""),
-    ("zero_axis2", joint("type: universal, axis: z, axis2: «[0, 0, 0]"), "a second axis of length zero", "a direction", ""),
-    ("axis2_of_hinge", joint("type: revolute, axis: z, axis2: «x"), "a second axis of a revolute joint", "no axis2", ""),
-    ("no_pitch", joint("type: screw, axis: z", "«A"), "the screw 'A' has no pitch", "such as 5 mm", ""),
-    ("zero_pitch", joint("type: screw, axis: z, pitch: «0 m"), "the pitch of 'A' is zero", "metres per turn", "a revolute joint"),
-    ("zero_pitch_by_name", joint("type: screw, axis: z, pitch: «zero*l"), "the pitch of 'A' is zero", "metres per turn", ""),
-    ("pitch_of_hinge", joint("type: revolute, axis: z, pitch: «5 mm"), "the pitch of a revolute joint", "a screw", ""),
+    (
+        "parallel",
+        joint("type: universal, axis: z, axis2: «[0, 0, -2]"),
+        "the second axis of 'A' is parallel",
+        "right angles",
+        "",
+    ),
+    (
+        "oblique",
+        joint("type: universal, axis: z, axis2: «[0, 1, 1]"),
+        "'A' is not at right angles to the first",
+        "right",
+        "",
+    ),
+    (
+        "zero_axis2",
+        joint("type: universal, axis: z, axis2: «[0, 0, 0]"),
+        "a second axis of length zero",
+        "a direction",
+        "",
+    ),
+    (
+        "axis2_of_hinge",
+        joint("type: revolute, axis: z, axis2: «x"),
+        "a second axis of a revolute joint",
+        "no axis2",
+        "",
+    ),
+    (
+        "no_pitch",
+        joint("type: screw, axis: z", "«A"),
+        "the screw 'A' has no pitch",
+        "such as 5 mm",
+        "",
+    ),
+    (
+        "zero_pitch",
+        joint("type: screw, axis: z, pitch: «0 m"),
+        "the pitch of 'A' is zero",
+        "metres per turn",
+        "a revolute joint",
+    ),
+    (
+        "zero_pitch_by_name",
+        joint("type: screw, axis: z, pitch: «zero*l"),
+        "the pitch of 'A' is zero",
+        "metres per turn",
+        "",
+    ),
+    (
+        "pitch_of_hinge",
+        joint("type: revolute, axis: z, pitch: «5 mm"),
+        "the pitch of a revolute joint",
+        "a screw",
+        "",
+    ),
     ("pitch_unit", joint("type: screw, axis: z, pitch: «5 kg"), "a pitch in kg", "m", ""),
     (
         "pitch_per_angle",
@@ -74,11 +150,35 @@ ERRORS = [
         "metres per turn",
         "",
     ),
-    ("limits_count", joint("type: revolute, axis: z, limits: «[0]"), "1 limits", "[lowest, highest]", ""),
-    ("limits_order", joint("type: revolute, axis: z, limits: «[1, -1]"), "the lowest limit 1 is above the highest -1", "", ""),
-    ("limits_of_ball", joint("type: ball, limits: «[0, 1]"), "limits of a joint with 4 coordinates", "one coordinate", ""),
+    (
+        "limits_count",
+        joint("type: revolute, axis: z, limits: «[0]"),
+        "1 limits",
+        "[lowest, highest]",
+        "",
+    ),
+    (
+        "limits_order",
+        joint("type: revolute, axis: z, limits: «[1, -1]"),
+        "the lowest limit 1 is above the highest -1",
+        "",
+        "",
+    ),
+    (
+        "limits_of_ball",
+        joint("type: ball, limits: «[0, 1]"),
+        "limits of a joint with 4 coordinates",
+        "one coordinate",
+        "",
+    ),
     ("limits_unit", joint("type: revolute, axis: z, limits: [«1 m, 2]"), "a limit in m", "rad", ""),
-    ("quaternion_word", joint("type: free, orientation: «quaternoin"), "unknown orientation", "", "did you mean 'quaternion'?"),
+    (
+        "quaternion_word",
+        joint("type: free, orientation: «quaternoin"),
+        "unknown orientation",
+        "",
+        "did you mean 'quaternion'?",
+    ),
     (
         "euler_beside",
         joint("type: free, orientation: {quaternion: [a0, a1, a2, a3], euler: «zyx}"),
@@ -86,9 +186,27 @@ ERRORS = [
         "",
         "",
     ),
-    ("no_sequence", joint("type: free, orientation: {angles: «[e, f, g]}"), "without a sequence", "such as zxy", ""),
-    ("empty_orientation", joint("type: «free, orientation: {}"), "an orientation without a sequence", "quaternion", ""),
-    ("orientation_kind", joint("type: free, orientation: «[a, b]"), "a list under 'orientation'", "quaternion, or a mapping", ""),
+    (
+        "no_sequence",
+        joint("type: free, orientation: {angles: «[e, f, g]}"),
+        "without a sequence",
+        "such as zxy",
+        "",
+    ),
+    (
+        "empty_orientation",
+        joint("type: «free, orientation: {}"),
+        "an orientation without a sequence",
+        "quaternion",
+        "",
+    ),
+    (
+        "orientation_kind",
+        joint("type: free, orientation: «[a, b]"),
+        "a list under 'orientation'",
+        "quaternion, or a mapping",
+        "",
+    ),
     (
         "quaternion_names",
         joint("type: free, orientation: {quaternion: «[e0, e1]}"),
@@ -96,10 +214,17 @@ ERRORS = [
         "four names",
         "",
     ),
-    ("ball_names", joint("type: ball, coordinates: «[e0, e1]"), "2 coordinates of the ball joint 'A'", "4: [qw, qx, qy, qz]", ""),
+    (
+        "ball_names",
+        joint("type: ball, coordinates: «[e0, e1]"),
+        "2 coordinates of the ball joint 'A'",
+        "4: [qw, qx, qy, qz]",
+        "",
+    ),
     (
         "ball_in_the_plane",
-        FLAT + "joints: {A: {type: «ball, parent: ground, child: a}, B: {type: planar, parent: ground, child: b}}\n",
+        FLAT
+        + "joints: {A: {type: «ball, parent: ground, child: a}, B: {type: planar, parent: ground, child: b}}\n",
         "a ball joint in a planar model",
         "revolute, prismatic, planar, fixed",
         "",
@@ -112,14 +237,62 @@ ERRORS = [
         "",
         "",
     ),
-    ("two_turns", joint("type: revolute, axis: z, rpy: [0, 0, 1], matrix: «[]"), "'matrix' beside 'rpy'", "one of the two", ""),
-    ("angle_in_space", joint("type: revolute, axis: z, angle: «1"), "'angle' in space", "rpy, axis_angle, matrix", ""),
-    ("two_angles", joint("type: revolute, axis: z, rpy: «[0, 1]"), "2 angles", "three: [roll, pitch, yaw]", ""),
-    ("angle_unit", joint("type: revolute, axis: z, axis_angle: [z, «1 m]"), "an angle in m", "rad", ""),
-    ("axis_angle_count", joint("type: revolute, axis: z, axis_angle: «[z]"), "not an axis and an angle", "[z, 30 deg]", ""),
-    ("axis_angle_zero", joint("type: revolute, axis: z, axis_angle: [«[0, 0, 0], 1]"), "an axis of length zero", "", ""),
-    ("axis_angle_nested", joint("type: revolute, axis: z, axis_angle: [[«[1], 0, 0], 1]"), "a list or a mapping here", "", ""),
-    ("matrix_shape", joint("type: revolute, axis: z, matrix: «[[1, 0], [0, 1]]"), "not a rotation matrix", "three rows", ""),
+    (
+        "two_turns",
+        joint("type: revolute, axis: z, rpy: [0, 0, 1], matrix: «[]"),
+        "'matrix' beside 'rpy'",
+        "one of the two",
+        "",
+    ),
+    (
+        "angle_in_space",
+        joint("type: revolute, axis: z, angle: «1"),
+        "'angle' in space",
+        "rpy, axis_angle, matrix",
+        "",
+    ),
+    (
+        "two_angles",
+        joint("type: revolute, axis: z, rpy: «[0, 1]"),
+        "2 angles",
+        "three: [roll, pitch, yaw]",
+        "",
+    ),
+    (
+        "angle_unit",
+        joint("type: revolute, axis: z, axis_angle: [z, «1 m]"),
+        "an angle in m",
+        "rad",
+        "",
+    ),
+    (
+        "axis_angle_count",
+        joint("type: revolute, axis: z, axis_angle: «[z]"),
+        "not an axis and an angle",
+        "[z, 30 deg]",
+        "",
+    ),
+    (
+        "axis_angle_zero",
+        joint("type: revolute, axis: z, axis_angle: [«[0, 0, 0], 1]"),
+        "an axis of length zero",
+        "",
+        "",
+    ),
+    (
+        "axis_angle_nested",
+        joint("type: revolute, axis: z, axis_angle: [[«[1], 0, 0], 1]"),
+        "a list or a mapping here",
+        "",
+        "",
+    ),
+    (
+        "matrix_shape",
+        joint("type: revolute, axis: z, matrix: «[[1, 0], [0, 1]]"),
+        "not a rotation matrix",
+        "three rows",
+        "",
+    ),
     (
         "matrix_sheared",
         joint("type: revolute, axis: z, matrix: «[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]"),
@@ -141,9 +314,27 @@ ERRORS = [
         "",
         "",
     ),
-    ("side_key", joint("type: revolute, axis: z, at: {«body: [0, 0, 0]}"), "unknown key 'body'", "parent, child", ""),
-    ("side_kind", joint("type: revolute, axis: z, at: {parent: «5}"), "text under 'parent'", "a point [ ]", ""),
-    ("place_kind", joint("type: revolute, axis: z, at: «5"), "text under 'at'", "a point [ ], two of them, or a mapping", ""),
+    (
+        "side_key",
+        joint("type: revolute, axis: z, at: {«body: [0, 0, 0]}"),
+        "unknown key 'body'",
+        "parent, child",
+        "",
+    ),
+    (
+        "side_kind",
+        joint("type: revolute, axis: z, at: {parent: «5}"),
+        "text under 'parent'",
+        "a point [ ]",
+        "",
+    ),
+    (
+        "place_kind",
+        joint("type: revolute, axis: z, at: «5"),
+        "text under 'at'",
+        "a point [ ], two of them, or a mapping",
+        "",
+    ),
     (
         "rpy_in_the_plane",
         FLAT + HINGES.replace("child: b", "child: b, axis_angle: «[z, 1]"),
@@ -161,7 +352,10 @@ ERRORS = [
     ),
     (
         "loop_in_the_tree",
-        FLAT + HINGES.replace("at: ", "").replace("}\n", ", C: {type: revolute, parent: ground, child: «b}}\n"),
+        FLAT
+        + HINGES.replace("at: ", "").replace(
+            "}\n", ", C: {type: revolute, parent: ground, child: «b}}\n"
+        ),
         "'b' is already the child of the joint 'B'",
         "one joint per child",
         "`closures:`",
@@ -174,8 +368,20 @@ ERRORS = [
         "planar",
     ),
     # massless tips
-    ("massless_tip", CHAIN + TIP, "nothing gives 'tip' inertia: the joint 'T' has nothing", "an armature", "a fixed joint"),
-    ("massless_by_name", CHAIN.replace("mass: 0", "mass: zero*m") + TIP, "nothing gives 'tip' inertia", "", ""),
+    (
+        "massless_tip",
+        CHAIN + TIP,
+        "nothing gives 'tip' inertia: the joint 'T' has nothing",
+        "an armature",
+        "a fixed joint",
+    ),
+    (
+        "massless_by_name",
+        CHAIN.replace("mass: 0", "mass: zero*m") + TIP,
+        "nothing gives 'tip' inertia",
+        "",
+        "",
+    ),
     (
         "massless_chain",
         CHAIN.replace("a: {mass: m, inertia: 0.1}", "a: {mass: 0}") + TIP,
@@ -191,22 +397,60 @@ ERRORS = [
         "",
         "",
     ),
-    ("closure_free", closure("type: «free"), "unknown type of closure 'free'", "revolute, prismatic, screw", ""),
-    ("closure_near", closure("type: «cylindric, axis: z"), "unknown type of closure 'cylindric'", "", "'cylindrical'"),
+    (
+        "closure_free",
+        closure("type: «free"),
+        "unknown type of closure 'free'",
+        "revolute, prismatic, screw",
+        "",
+    ),
+    (
+        "closure_near",
+        closure("type: «cylindric, axis: z"),
+        "unknown type of closure 'cylindric'",
+        "",
+        "'cylindrical'",
+    ),
     ("closure_pitch", closure("type: screw, axis: z", "«C"), "the screw 'C' has no pitch", "", ""),
-    ("closure_axis2", closure("type: universal, axis: z, axis2: «z"), "the second axis of 'C' is parallel to the first", "", ""),
+    (
+        "closure_axis2",
+        closure("type: universal, axis: z, axis2: «z"),
+        "the second axis of 'C' is parallel to the first",
+        "",
+        "",
+    ),
     ("closure_axis", closure("type: planar, axis: «[0, 0, 0]"), "an axis of length zero", "", ""),
     (
         "planar_closure",
-        FLAT + HINGES + "closures: {C: {type: «ball, between: [b, ground], at: [[0, 0], [0, 0]]}}\n",
+        FLAT
+        + HINGES
+        + "closures: {C: {type: «ball, between: [b, ground], at: [[0, 0], [0, 0]]}}\n",
         "unknown type of closure 'ball'",
         "revolute, prismatic, fixed",
         "",
     ),
     # constraints
-    ("unknown_tie", tie("type: «geer, joints: [A, B], ratio: 2"), "unknown type 'geer'", "rolling, distance", "'gear'"),
-    ("distance_zero", tie("type: distance, between: [a, b], at: [[0, 0, 0], [0, 0, 0]], length: «0 m"), "'c' is 0 m", "more", ""),
-    ("distance_itself", tie("type: distance, between: «[a, a], at: [[0, 0, 0], [0, 0, 0]], length: l"), "'a' and itself", "", ""),
+    (
+        "unknown_tie",
+        tie("type: «geer, joints: [A, B], ratio: 2"),
+        "unknown type 'geer'",
+        "rolling, distance",
+        "'gear'",
+    ),
+    (
+        "distance_zero",
+        tie("type: distance, between: [a, b], at: [[0, 0, 0], [0, 0, 0]], length: «0 m"),
+        "'c' is 0 m",
+        "more",
+        "",
+    ),
+    (
+        "distance_itself",
+        tie("type: distance, between: «[a, a], at: [[0, 0, 0], [0, 0, 0]], length: l"),
+        "'a' and itself",
+        "",
+        "",
+    ),
     (
         "surface_names",
         tie("type: point_on_surface, body: b, surface: «l"),
@@ -214,10 +458,34 @@ ERRORS = [
         "zero on the surface",
         "",
     ),
-    ("surface_coordinate", tie("type: point_on_surface, body: b, surface: z - «q"), "unknown name 'q'", "l, zero", ""),
-    ("surface_unit", tie("type: point_on_surface, body: b, surface: z «- x^2"), "cannot add m^2 to m", "m", ""),
-    ("surface_itself", tie("type: point_on_surface, body: b, surface: z, of: «b"), "between 'b' and itself", "two bodies", ""),
-    ("surface_body", tie("type: point_on_surface, body: b, surface: z, of: «d"), "unknown body 'd'", "a, b, ground", ""),
+    (
+        "surface_coordinate",
+        tie("type: point_on_surface, body: b, surface: z - «q"),
+        "unknown name 'q'",
+        "l, zero",
+        "",
+    ),
+    (
+        "surface_unit",
+        tie("type: point_on_surface, body: b, surface: z «- x^2"),
+        "cannot add m^2 to m",
+        "m",
+        "",
+    ),
+    (
+        "surface_itself",
+        tie("type: point_on_surface, body: b, surface: z, of: «b"),
+        "between 'b' and itself",
+        "two bodies",
+        "",
+    ),
+    (
+        "surface_body",
+        tie("type: point_on_surface, body: b, surface: z, of: «d"),
+        "unknown body 'd'",
+        "a, b, ground",
+        "",
+    ),
     (
         "surface_in_plane",
         FLAT + HINGES + "constraints: {c: {type: point_on_surface, body: b, surface: «z}}\n",
@@ -239,11 +507,41 @@ ERRORS = [
         "",
         "",
     ),
-    ("ratio_missing", tie("type: coupling, coordinates: [q, B_x]", "«c"), "'c' has no 'ratio'", "", ""),
-    ("ratio_unit", tie("type: coupling, coordinates: [q, B_x], ratio: «3 m"), "a ratio in m", "1/m", ""),
-    ("couples_nothing", tie("type: coupling, ratio: 2", "«c"), "'c' does not say what it couples", "joints: [A, B]", ""),
-    ("couples_three", tie("type: coupling, coordinates: «[q, B_x, B_y], ratio: 1"), "'c' couples 3", "two", ""),
-    ("couples_itself", tie("type: coupling, coordinates: «[q, q], ratio: 1"), "couples 'q' with itself", "two", ""),
+    (
+        "ratio_missing",
+        tie("type: coupling, coordinates: [q, B_x]", "«c"),
+        "'c' has no 'ratio'",
+        "",
+        "",
+    ),
+    (
+        "ratio_unit",
+        tie("type: coupling, coordinates: [q, B_x], ratio: «3 m"),
+        "a ratio in m",
+        "1/m",
+        "",
+    ),
+    (
+        "couples_nothing",
+        tie("type: coupling, ratio: 2", "«c"),
+        "'c' does not say what it couples",
+        "joints: [A, B]",
+        "",
+    ),
+    (
+        "couples_three",
+        tie("type: coupling, coordinates: «[q, B_x, B_y], ratio: 1"),
+        "'c' couples 3",
+        "two",
+        "",
+    ),
+    (
+        "couples_itself",
+        tie("type: coupling, coordinates: «[q, q], ratio: 1"),
+        "couples 'q' with itself",
+        "two",
+        "",
+    ),
     (
         "couples_free",
         tie("type: coupling, joints: [A, «B], ratio: 1"),
@@ -251,8 +549,20 @@ ERRORS = [
         "coordinates: with one",
         "",
     ),
-    ("couples_unknown", tie("type: coupling, joints: [A, «D], ratio: 1"), "unknown moving joint 'D'", "A, B", ""),
-    ("prescribed_nothing", tie("type: prescribed, motion: t", "«c"), "'c' does not say what it moves", "joint, coordinate", ""),
+    (
+        "couples_unknown",
+        tie("type: coupling, joints: [A, «D], ratio: 1"),
+        "unknown moving joint 'D'",
+        "A, B",
+        "",
+    ),
+    (
+        "prescribed_nothing",
+        tie("type: prescribed, motion: t", "«c"),
+        "'c' does not say what it moves",
+        "joint, coordinate",
+        "",
+    ),
     (
         "prescribed_state",
         tie("type: prescribed, joint: A, motion: «q"),
@@ -260,11 +570,19 @@ ERRORS = [
         "parameters and t",
         "",
     ),
-    ("prescribed_unit", tie('type: prescribed, joint: A, motion: "«0.2 m"'), "a prescribed motion in m", "rad", ""),
+    (
+        "prescribed_unit",
+        tie('type: prescribed, joint: A, motion: "«0.2 m"'),
+        "a prescribed motion in m",
+        "rad",
+        "",
+    ),
     # rolling
     (
         "no_radius",
-        tie("type: rolling, body: b, «shape: {sphere: {}}, plane: {normal: z}").replace("«shape: {", "shape: {«"),
+        tie("type: rolling, body: b, «shape: {sphere: {}}, plane: {normal: z}").replace(
+            "«shape: {", "shape: {«"
+        ),
         "'sphere' has no 'radius'",
         "",
         "",
@@ -292,14 +610,19 @@ ERRORS = [
     ),
     (
         "two_shapes",
-        tie("type: rolling, body: b, shape: {sphere: {radius: l}, disk: {radius: l, axis: y}}, plane: {normal: z}", "«c"),
+        tie(
+            "type: rolling, body: b, shape: {sphere: {radius: l}, disk: {radius: l, axis: y}}, plane: {normal: z}",
+            "«c",
+        ),
         "the shape of 'c' is 2 shapes",
         "one of",
         "",
     ),
     (
         "tube_zero",
-        tie("type: rolling, body: b, shape: {torus: {radius: l, tube: «0 m, axis: y}}, plane: {normal: z}"),
+        tie(
+            "type: rolling, body: b, shape: {torus: {radius: l, tube: «0 m, axis: y}}, plane: {normal: z}"
+        ),
         "the tube of 'c' is 0 m",
         "more than zero",
         "",
@@ -320,21 +643,37 @@ ERRORS = [
     ),
     (
         "torus_in_plane",
-        FLAT + HINGES + "constraints: {«c: {type: rolling, body: b, shape: {torus: {radius: l, tube: l}}, plane: {normal: y}}}\n",
+        FLAT
+        + HINGES
+        + "constraints: {«c: {type: rolling, body: b, shape: {torus: {radius: l, tube: l}}, plane: {normal: y}}}\n",
         "a torus in a planar model",
         "wheel",
         "",
     ),
     (
         "axis_in_plane",
-        FLAT + HINGES + "constraints: {c: {type: rolling, body: b, shape: {wheel: {radius: l, axis: «y}}, plane: {normal: y}}}\n",
+        FLAT
+        + HINGES
+        + "constraints: {c: {type: rolling, body: b, shape: {wheel: {radius: l, axis: «y}}, plane: {normal: y}}}\n",
         "an axis of the wheel 'c' in a planar model",
         "no axis",
         "",
     ),
     # loads and inputs
-    ("empty_bushing", load("type: bushing, between: [a, b]", "«f"), "the bushing 'f' is empty", "stiffness", ""),
-    ("bushing_itself", load("type: bushing, between: «[a, a], stiffness: 1"), "'a' and itself", "", ""),
+    (
+        "empty_bushing",
+        load("type: bushing, between: [a, b]", "«f"),
+        "the bushing 'f' is empty",
+        "stiffness",
+        "",
+    ),
+    (
+        "bushing_itself",
+        load("type: bushing, between: «[a, a], stiffness: 1"),
+        "'a' and itself",
+        "",
+        "",
+    ),
     (
         "bushing_count",
         load("type: bushing, between: [a, b], torsion: «[1, 2]"),
@@ -342,9 +681,27 @@ ERRORS = [
         "or 3 in a list",
         "",
     ),
-    ("bushing_unit", load("type: bushing, between: [a, b], torsion: «1 N/m"), "a stiffness in N/m", "N*m/rad", ""),
-    ("empty_friction", load("type: friction, joint: A", "«f"), "the friction of 'f' is empty", "coulomb with smoothing", ""),
-    ("no_smoothing", load("type: friction, joint: A, coulomb: «2 N*m"), "Coulomb friction of 'f' without smoothing", "rad/s", ""),
+    (
+        "bushing_unit",
+        load("type: bushing, between: [a, b], torsion: «1 N/m"),
+        "a stiffness in N/m",
+        "N*m/rad",
+        "",
+    ),
+    (
+        "empty_friction",
+        load("type: friction, joint: A", "«f"),
+        "the friction of 'f' is empty",
+        "coulomb with smoothing",
+        "",
+    ),
+    (
+        "no_smoothing",
+        load("type: friction, joint: A, coulomb: «2 N*m"),
+        "Coulomb friction of 'f' without smoothing",
+        "rad/s",
+        "",
+    ),
     (
         "zero_smoothing",
         load("type: friction, joint: A, coulomb: 2, smoothing: «0 rad/s"),
@@ -359,13 +716,49 @@ ERRORS = [
         "zero or more",
         "",
     ),
-    ("friction_of_free", load("type: friction, joint: «B, viscous: 1"), "the joint 'B' has 6 velocities", "B.vx", ""),
-    ("armature_unit", load("type: armature, joint: A, inertia: «1 kg"), "an inertia in kg", "kg*m^2", ""),
-    ("spring_of_ball", joint("type: ball, spring: {stiffness: 1}", "«A"), "the joint 'A' has 3 velocities", "A.wx", ""),
-    ("armature_negative", joint("type: revolute, axis: z, armature: «-1"), "the armature of 'A' is -1", "zero or more", ""),
-    ("gear_of_nothing", SCENE + "inputs: {u: {gear: «100}}\n", "'gear' of the input 'u', which drives no joint", "a joint", ""),
+    (
+        "friction_of_free",
+        load("type: friction, joint: «B, viscous: 1"),
+        "the joint 'B' has 6 velocities",
+        "B.vx",
+        "",
+    ),
+    (
+        "armature_unit",
+        load("type: armature, joint: A, inertia: «1 kg"),
+        "an inertia in kg",
+        "kg*m^2",
+        "",
+    ),
+    (
+        "spring_of_ball",
+        joint("type: ball, spring: {stiffness: 1}", "«A"),
+        "the joint 'A' has 3 velocities",
+        "A.wx",
+        "",
+    ),
+    (
+        "armature_negative",
+        joint("type: revolute, axis: z, armature: «-1"),
+        "the armature of 'A' is -1",
+        "zero or more",
+        "",
+    ),
+    (
+        "gear_of_nothing",
+        SCENE + "inputs: {u: {gear: «100}}\n",
+        "'gear' of the input 'u', which drives no joint",
+        "a joint",
+        "",
+    ),
     ("gear_zero", SCENE + "inputs: {u: {joint: A, gear: «0}}\n", "the gear of 'u' is zero", "", ""),
-    ("rotor_unit", SCENE + "inputs: {u: {joint: A, rotor_inertia: «1 kg}}\n", "a rotor's inertia in kg", "kg*m^2", ""),
+    (
+        "rotor_unit",
+        SCENE + "inputs: {u: {joint: A, rotor_inertia: «1 kg}}\n",
+        "a rotor's inertia in kg",
+        "kg*m^2",
+        "",
+    ),
     (
         "rotor_negative",
         SCENE + "inputs: {u: {joint: A, rotor_inertia: «-1}}\n",
@@ -374,10 +767,22 @@ ERRORS = [
         "",
     ),
     # bodies
-    ("about", body("mass: m, inertia: {tensor: 1, about: «centre}"), "unknown point 'centre'", "com, origin", ""),
+    (
+        "about",
+        body("mass: m, inertia: {tensor: 1, about: «centre}"),
+        "unknown point 'centre'",
+        "com, origin",
+        "",
+    ),
     ("no_tensor", body("mass: m, «inertia: {about: com}"), "'inertia' has no 'tensor'", "", ""),
     ("inertia_kind", body("mass: m, inertia: {tensor: «{}}"), "a mapping under 'tensor'", "", ""),
-    ("frame_angle", body("mass: m, inertia: {tensor: 1, frame: {angle: «1}}"), "'angle' in space", "rpy", ""),
+    (
+        "frame_angle",
+        body("mass: m, inertia: {tensor: 1, frame: {angle: «1}}"),
+        "'angle' in space",
+        "rpy",
+        "",
+    ),
     (
         "triangle",
         body("mass: m, inertia: {tensor: «[1, 1, 3], frame: {rpy: [1, 2, 3]}}"),
@@ -385,8 +790,20 @@ ERRORS = [
         "",
         "",
     ),
-    ("products", body("mass: m, inertia: «[1, 1, 1, 0.9, 0, 0]"), "no body has the inertia of 'a': 0.1 + 1 < 1.9", "largest", ""),
-    ("indefinite", body("mass: m, inertia: {tensor: «[1, 1, 1, 0, 2, 0]}"), "a principal moment of inertia of 'a' is -1", "", ""),
+    (
+        "products",
+        body("mass: m, inertia: «[1, 1, 1, 0.9, 0, 0]"),
+        "no body has the inertia of 'a': 0.1 + 1 < 1.9",
+        "largest",
+        "",
+    ),
+    (
+        "indefinite",
+        body("mass: m, inertia: {tensor: «[1, 1, 1, 0, 2, 0]}"),
+        "a principal moment of inertia of 'a' is -1",
+        "",
+        "",
+    ),
     (
         "origin_too_small",
         body("mass: m, com: [1 m, 0, 0], inertia: {tensor: «[0.1, 0.5, 0.5], about: origin}"),
@@ -395,15 +812,35 @@ ERRORS = [
         "",
     ),
     # initial quaternions
-    ("zero_quaternion", initial("«B_qw: 0, B_qx: 0"), "the initial quaternion of 'B' is zero", "1, 0, 0, 0", ""),
-    ("zero_by_name", initial("«B_qw: zero"), "the initial quaternion of 'B' is zero", "not all zero", ""),
-    ("no_first_entry", initial("«B_qx: 0.1"), "a quaternion without its first entry 'B_qw'", "(1, 0, 0, 0) is no turn", ""),
+    (
+        "zero_quaternion",
+        initial("«B_qw: 0, B_qx: 0"),
+        "the initial quaternion of 'B' is zero",
+        "1, 0, 0, 0",
+        "",
+    ),
+    (
+        "zero_by_name",
+        initial("«B_qw: zero"),
+        "the initial quaternion of 'B' is zero",
+        "not all zero",
+        "",
+    ),
+    (
+        "no_first_entry",
+        initial("«B_qx: 0.1"),
+        "a quaternion without its first entry 'B_qw'",
+        "(1, 0, 0, 0) is no turn",
+        "",
+    ),
     ("quaternion_unit", initial("B_qw: «1 m"), "the initial B_qw in m", "a plain number", ""),
 ]
 
 
 @pytest.mark.parametrize(
-    ("marked", "message", "expected", "hint"), [case[1:] for case in ERRORS], ids=[case[0] for case in ERRORS]
+    ("marked", "message", "expected", "hint"),
+    [case[1:] for case in ERRORS],
+    ids=[case[0] for case in ERRORS],
 )
 def test_error(marked: str, message: str, expected: str, hint: str) -> None:
     with pytest.raises(ModelError) as caught:
@@ -442,7 +879,19 @@ def test_a_mere_frame_may_be_massless() -> None:
     assert isinstance(load_text(carried), Model)
 
 
-WORDS = ["[0, 0, 0]", "[1, 2, 2]", "z", "quaternion", "0", "-1", "m", "[[0, 0, 0], {rpy: [0, 0, 1]}]", "{parent: {}}", "{}", "[]"]
+WORDS = [
+    "[0, 0, 0]",
+    "[1, 2, 2]",
+    "z",
+    "quaternion",
+    "0",
+    "-1",
+    "m",
+    "[[0, 0, 0], {rpy: [0, 0, 1]}]",
+    "{parent: {}}",
+    "{}",
+    "[]",
+]
 KEYS = [
     "axis",
     "axis2",
@@ -457,7 +906,17 @@ KEYS = [
     "friction",
     "coordinates",
 ]
-KINDS = ["revolute", "screw", "universal", "ball", "free", "fixed", "planar", "cylindrical", "nothing"]
+KINDS = [
+    "revolute",
+    "screw",
+    "universal",
+    "ball",
+    "free",
+    "fixed",
+    "planar",
+    "cylindrical",
+    "nothing",
+]
 
 
 def test_more_bodies_than_can_be_derived_are_refused_before_anything_is_made_of_them() -> None:
@@ -471,21 +930,53 @@ def test_more_bodies_than_can_be_derived_are_refused_before_anything_is_made_of_
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.sampled_from(KINDS), st.dictionaries(st.sampled_from(KEYS), st.sampled_from(WORDS), max_size=4))
+@given(
+    st.sampled_from(KINDS),
+    st.dictionaries(st.sampled_from(KEYS), st.sampled_from(WORDS), max_size=4),
+)
 def test_any_joint(kind: str, given: dict[str, str]) -> None:
-    readable(joint(", ".join([f"type: {kind}", *(f"{key}: {value}" for key, value in given.items())])))
+    readable(
+        joint(", ".join([f"type: {kind}", *(f"{key}: {value}" for key, value in given.items())]))
+    )
 
 
 @settings(max_examples=200, deadline=None)
 @given(
-    st.sampled_from(["gear", "prescribed", "distance", "point_on_surface", "rolling", "bushing", "friction", "armature"]),
+    st.sampled_from(
+        [
+            "gear",
+            "prescribed",
+            "distance",
+            "point_on_surface",
+            "rolling",
+            "bushing",
+            "friction",
+            "armature",
+        ]
+    ),
     st.dictionaries(
         st.sampled_from(
-            ["between", "at", "length", "joints", "joint", "ratio", "motion", "body", "surface", "shape", "plane", "inertia"]
+            [
+                "between",
+                "at",
+                "length",
+                "joints",
+                "joint",
+                "ratio",
+                "motion",
+                "body",
+                "surface",
+                "shape",
+                "plane",
+                "inertia",
+            ]
         ),
         st.recursive(
             st.sampled_from(["a", "A", "q", "1", "z - x", "l"]),
-            lambda x: st.lists(x, max_size=3) | st.dictionaries(st.sampled_from(["disk", "radius", "normal"]), x),
+            lambda x: (
+                st.lists(x, max_size=3)
+                | st.dictionaries(st.sampled_from(["disk", "radius", "normal"]), x)
+            ),
             max_leaves=6,
         ),
     ),

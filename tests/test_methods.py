@@ -1,4 +1,5 @@
-"""What single keepings and integrators promise: refusals, invariants, singular positions, published digits, long runs."""
+"""What single enforcements and integrators promise: refusals, invariants, singular positions,
+published digits, long runs."""
 
 from __future__ import annotations
 
@@ -12,12 +13,12 @@ import pytest
 import hamel
 from codegen import compiler
 from derive.diagnostics import AssumptionError, ModelError
+from derive.enforcement import ENFORCEMENTS, Options
 from derive.formulations import equations
-from derive.keepings import KEEPINGS, Options
-from derive.mechanics import system
-from derive.mechanics.initial import initial_state
 from derive.model import load_text
-from hamel.solutions import state_of
+from derive.states import system
+from derive.states.initial import initial_state
+from hamel.simulate.exact import state_of
 from tests.points import LOSSES, quickly_built
 from tests.scenes import MODELS
 
@@ -26,43 +27,64 @@ pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C c
 
 def test_the_euclidean_metric_leads_to_the_same_motion() -> None:
     mass, plain_ = (
-        hamel.simulate(MODELS / "rolling_disk.yaml", keeping=keeping, formulation="augmented", time=0.5).final
-        for keeping in ("invariants", "invariants_euclidean")
+        hamel.simulate(
+            MODELS / "rolling_disk.yaml", enforcement=enforcement, formulation="augmented", time=0.5
+        ).final
+        for enforcement in ("invariants", "invariants_euclidean")
     )
     assert plain_["x"] == pytest.approx(mass["x"], abs=1e-8) and plain_["x"] != mass["x"]
 
 
-# What cannot be ---------------------------------------------------------------------------------------------------
+# What cannot be
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        ({"keeping": "baumgarte"}, "A v = c holds identically"),
-        ({"keeping": "feedback", "formulation": "augmented"}, "the velocities drift too in this formulation; use baumgarte"),
-        ({"keeping": "invariants"}, "energy is not conserved"),
-        ({"keeping": "tangent", "integrator": "rosenbrock"}, "exact Jacobian"),
-        ({"keeping": "projection", "integrator": "cvodes"}, "a library's loop has no place for it"),
+        ({"enforcement": "baumgarte"}, "A v = c holds identically"),
+        (
+            {"enforcement": "feedback", "formulation": "augmented"},
+            "the velocities drift too in this formulation; use baumgarte",
+        ),
+        ({"enforcement": "invariants"}, "energy is not conserved"),
+        ({"enforcement": "tangent", "integrator": "rosenbrock"}, "exact Jacobian"),
+        (
+            {"enforcement": "projection", "integrator": "cvodes"},
+            "a library's loop has no place for it",
+        ),
         ({"integrator": "idas"}, "give it the formulation augmented"),
-        ({"integrator": "idas", "formulation": "augmented", "keeping": "baumgarte"}, "holds the constraints itself"),
+        (
+            {"integrator": "idas", "formulation": "augmented", "enforcement": "baumgarte"},
+            "holds the constraints itself",
+        ),
     ],
 )
-def test_refused_before_anything_is_built(options: dict[str, str], why: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hamel.verbs.simulate.temporary_module", lambda *given: pytest.fail("built"))
+def test_refused_before_anything_is_built(
+    options: dict[str, str], why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "hamel.verbs.simulate.temporary_module", lambda *given: pytest.fail("built")
+    )
     with pytest.raises(AssumptionError, match=why) as caught:
         hamel.simulate(MODELS / "four_bar.yaml", time=0.1, **options)  # type: ignore[arg-type]
     assert caught.value.exit_code == 2
 
 
 def test_free_systems_have_nothing_to_keep() -> None:
-    for keeping in ("projection", "partitioning", "baumgarte", "feedback"):
+    for enforcement in ("projection", "partitioning", "baumgarte", "feedback"):
         with pytest.raises(AssumptionError, match="no"):
-            hamel.simulate(MODELS / "double_pendulum.yaml", keeping=keeping, time=0.1)
+            hamel.simulate(MODELS / "double_pendulum.yaml", enforcement=enforcement, time=0.1)
 
 
 @pytest.mark.parametrize(
     "options",
-    [{"keeping": "glue"}, {"integrator": "euler"}, {"integrator": "rk4"}, {"integrator": "cvodes", "step_size": 0.1}],
+    [
+        {"enforcement": "glue"},
+        {"integrator": "euler"},
+        {"integrator": "rk4"},
+        {"integrator": "cvodes", "step_size": 0.1},
+    ],
     ids=str,
 )
 def test_unknown_names_and_missing_steps(options: dict[str, Any]) -> None:
@@ -73,11 +95,12 @@ def test_unknown_names_and_missing_steps(options: dict[str, Any]) -> None:
 def test_momenta_are_held_where_they_are_conserved(tmp_path: Path) -> None:
     path = tmp_path / "sliding.yaml"
     path.write_text(SLIDING)
-    given = {"keeping": "invariants", "time": 5.0, "rtol": 1e-4, "integrator": "dopri5"}
+    given = {"enforcement": "invariants", "time": 5.0, "rtol": 1e-4, "integrator": "dopri5"}
     held = hamel.simulate(path, conserve=["s"], **given).motion
     momentum = 3.0 * held["der(s)"] + held["der(x)"]
     assert (
-        np.abs(momentum - momentum[0]).max() < 1e-12 and np.abs(held["T"] + held["V"] - held["T"][0] - held["V"][0]).max() < 1e-11
+        np.abs(momentum - momentum[0]).max() < 1e-12
+        and np.abs(held["T"] + held["V"] - held["T"][0] - held["V"][0]).max() < 1e-11
     )
     with pytest.raises(AssumptionError, match="the momentum of x is not conserved"):
         hamel.simulate(path, conserve=["x"], **given)
@@ -96,19 +119,25 @@ initial: {x: 0.6 m, guess: {y: -0.8 m}, der(s): 1 m/s, der(x): 0.5 m/s}
 """
 
 
-# Singular positions ------------------------------------------------------------------------------------------------
+# Singular positions
+# ------------------------------------------------------------------------------------------------
 
 CHAIN_END = np.array([0.328458111540815379, 0.944518538178600962])  # of B0 at t = 10 s
 
 
-POINTS_OF_THE_CHAIN = (("quasi_velocities", "crank"), ("quasi_velocities", "best"), ("augmented", None), ("udwadia_kalaba", None))
+POINTS_OF_THE_CHAIN = (
+    ("quasi_velocities", "crank"),
+    ("quasi_velocities", "best"),
+    ("augmented", None),
+    ("udwadia_kalaba", None),
+)
 CHARTED = ("none", "projection", "partitioning", "selective", "tangent")
 
 
 def test_chain_through_its_singular_positions(tmp_path: Path) -> None:
-    """IFToMM A02, N = 2: ten passages where one degree of freedom becomes three. The right end or an honest status, nothing else;
-    rods that stay parallel have a closed form."""
-    mechanical = system(load_text((MODELS / "stress/four_bar_chain.yaml").read_text()))
+    """IFToMM A02, N = 2: ten passages where one degree of freedom becomes three. The right end or
+    an honest status, nothing else; rods that stay parallel have a closed form."""
+    mechanical = system(load_text((MODELS / "extremes/four_bar_chain.yaml").read_text()))
     p = np.array(mechanical.parameters)
     initial = initial_state(mechanical, {}, p)
     right = set()
@@ -116,19 +145,30 @@ def test_chain_through_its_singular_positions(tmp_path: Path) -> None:
         found = equations(mechanical, choice, formulation)
         names = CHARTED
         if formulation in ("augmented", "udwadia_kalaba"):
-            held = next(keeping for keeping in KEEPINGS if keeping.name == "invariants")
+            held = next(
+                enforcement for enforcement in ENFORCEMENTS if enforcement.name == "invariants"
+            )
             assert not held.refusal(found, Options())
             found, names = held.equations(found, Options()), (*CHARTED, "invariants")
         module = quickly_built(
-            found, ["dynamics", "project", "constraints"], ("dop853", "rk4"), names, tmp_path / f"{formulation}_{choice}"
+            found,
+            ["dynamics", "project", "constraints"],
+            ("dop853", "rk4"),
+            names,
+            tmp_path / f"{formulation}_{choice}",
         )
         x = state_of(found, initial, p)
-        for keeping in names:
-            right |= {(formulation, choice, keeping) for options in RUNS if reaches_the_end(module, x, p, keeping, options)}
+        for enforcement in names:
+            right |= {
+                (formulation, choice, enforcement)
+                for options in RUNS
+                if reaches_the_end(module, x, p, enforcement, options)
+            }
     assert len(right) >= 3
 
 
-# Steps fall on either side of the singular positions as rounding has it, so that each method is given several ways across.
+# Steps fall on either side of the singular positions as rounding has it, so that each method is
+# given several ways across.
 RUNS: tuple[dict[str, Any], ...] = (
     *({"step_size": h, "rtol": 1e-9} for h in (4e-3, 5e-3, 6e-3, 8e-3, 1e-2, 1.25e-2)),
     *({"rtol": rtol} for rtol in (1e-9, 1e-10, 3e-11, 1e-11)),
@@ -136,13 +176,20 @@ RUNS: tuple[dict[str, Any], ...] = (
 )
 
 
-def reaches_the_end(module: ModuleType, x: np.ndarray, p: np.ndarray, keeping: str, options: dict[str, Any]) -> bool:
-    """To 1e-8. A motion that stops must say why, one that arrives must have crossed and be as good as its tolerance; one step in
-    some thousands ends so near to a singular position that it costs two digits more."""
+def reaches_the_end(
+    module: ModuleType, x: np.ndarray, p: np.ndarray, enforcement: str, options: dict[str, Any]
+) -> bool:
+    """To 1e-8. A motion that stops must say why, one that arrives must have crossed and be as good
+    as its tolerance; one step in some thousands ends so near to a singular position that it costs
+    two digits more."""
     try:
-        found = module.simulate((0.0, 10.0), x, [], p, keeping=keeping, atol=options["rtol"] / 100, **options)
+        found = module.simulate(
+            (0.0, 10.0), x, [], p, enforcement=enforcement, atol=options["rtol"] / 100, **options
+        )
     except FloatingPointError as stopped:
-        assert any(word in str(stopped) for word in ("singular", "too small", "not finite", "projected"))
+        assert any(
+            word in str(stopped) for word in ("singular", "too small", "not finite", "projected")
+        )
         return False
     q0 = found.x[-1, 0]
     error = np.abs([np.cos(q0), np.sin(q0)] - CHAIN_END).max()
@@ -150,13 +197,19 @@ def reaches_the_end(module: ModuleType, x: np.ndarray, p: np.ndarray, keeping: s
     return bool(error < 1e-8)
 
 
-# Published digits --------------------------------------------------------------------------------------------------
+# Published digits
+# --------------------------------------------------------------------------------------------------
 
 ANDREWS = {  # the corrected column: the published one is good to 3e-8 only
     "beta": 15.810771195153707, "Theta": -15.756371058411840, "gamma": 0.0408222401196458, "Phi": -0.534730116342080,
     "delta": 0.524409965879954, "Omega": 0.534730116342080, "epsilon": 1.048080741041938,
 }  # fmt: skip
-CAR_AXIS = {"xl": 0.0493455784275402809, "yl": 0.496989460230171154, "xr": 1.04174252488542152, "yr": 0.373911027265361257}
+CAR_AXIS = {
+    "xl": 0.0493455784275402809,
+    "yl": 0.496989460230171154,
+    "xr": 1.04174252488542152,
+    "yr": 0.373911027265361257,
+}
 PENDULUM = {"x": -0.27508746257611686, "y": -0.96141920509912507}
 
 
@@ -164,15 +217,37 @@ PENDULUM = {"x": -0.27508746257611686, "y": -0.96141920509912507}
     ("model", "options", "expected_", "tolerance"),
     [
         ("andrews", {"time": 0.03}, ANDREWS, 1e-10),
-        ("andrews", {"time": 0.03, "formulation": "augmented", "keeping": "tangent"}, ANDREWS, 1e-10),
-        ("andrews", {"time": 0.03, "formulation": "augmented", "integrator": "idas"}, ANDREWS, 1e-9),
+        (
+            "andrews",
+            {"time": 0.03, "formulation": "augmented", "enforcement": "tangent"},
+            ANDREWS,
+            1e-10,
+        ),
+        (
+            "andrews",
+            {"time": 0.03, "formulation": "augmented", "integrator": "idas"},
+            ANDREWS,
+            1e-9,
+        ),
         ("car_axis", {"time": 3.0}, CAR_AXIS, 1e-9),
-        ("car_axis", {"time": 3.0, "formulation": "augmented", "keeping": "partitioning"}, CAR_AXIS, 1e-9),
+        (
+            "car_axis",
+            {"time": 3.0, "formulation": "augmented", "enforcement": "partitioning"},
+            CAR_AXIS,
+            1e-9,
+        ),
         ("pendulum", {"time": 10.0, "choice": "tangent"}, PENDULUM, 1e-11),
-        ("pendulum", {"time": 10.0, "formulation": "augmented", "keeping": "invariants"}, PENDULUM, 1e-11),
+        (
+            "pendulum",
+            {"time": 10.0, "formulation": "augmented", "enforcement": "invariants"},
+            PENDULUM,
+            1e-11,
+        ),
     ],
 )
-def test_published_digits(model: str, options: dict[str, Any], expected_: dict[str, float], tolerance: float) -> None:
+def test_published_digits(
+    model: str, options: dict[str, Any], expected_: dict[str, float], tolerance: float
+) -> None:
     final = hamel.simulate(MODELS / f"{model}.yaml", rtol=1e-13, atol=1e-15, **options).final
     assert max(abs(final[name] / value - 1) for name, value in expected_.items()) < tolerance
 
@@ -184,20 +259,21 @@ def test_an_angle_of_many_turns_can_be_projected() -> None:
     assert found.steps < 100 and found.motion["position_violation"][-1] <= 1e-11
 
 
-# Long runs ---------------------------------------------------------------------------------------------------------
+# Long runs
+# ---------------------------------------------------------------------------------------------------------
 
 LONG = [
     ("four_bar", {}),
     ("four_bar", {"formulation": "augmented"}),
-    ("four_bar", {"formulation": "augmented", "keeping": "partitioning"}),
-    ("four_bar", {"keeping": "tangent"}),
+    ("four_bar", {"formulation": "augmented", "enforcement": "partitioning"}),
+    ("four_bar", {"enforcement": "tangent"}),
     ("slider_crank", {}),
-    ("slider_crank", {"formulation": "augmented", "keeping": "partitioning"}),
+    ("slider_crank", {"formulation": "augmented", "enforcement": "partitioning"}),
     ("spatial_four_bar", {}),
     ("tractor_trailers", {"formulation": "augmented"}),
-    ("tractor_trailers", {"formulation": "augmented", "keeping": "tangent"}),
+    ("tractor_trailers", {"formulation": "augmented", "enforcement": "tangent"}),
     ("rolling_disk", {"formulation": "augmented"}),
-    ("rolling_disk", {"formulation": "augmented", "keeping": "invariants"}),
+    ("rolling_disk", {"formulation": "augmented", "enforcement": "invariants"}),
 ]
 
 
@@ -205,7 +281,11 @@ LONG = [
 @pytest.mark.parametrize(("model", "options"), LONG, ids=str)
 def test_constraints_hold_through_ten_thousand_seconds(model: str, options: dict[str, Any]) -> None:
     found = hamel.simulate(MODELS / f"{model}.yaml", time=1e4, step=10.0, rtol=1e-8, **options)
-    assert found.position_violation <= 1e-12 and found.velocity_violation <= 1e-12 and found.acceleration_violation <= 1e-12
+    assert (
+        found.position_violation <= 1e-12
+        and found.velocity_violation <= 1e-12
+        and found.acceleration_violation <= 1e-12
+    )
 
 
 @pytest.mark.slow
@@ -214,9 +294,9 @@ def test_constraints_hold_through_ten_thousand_seconds(model: str, options: dict
     [
         {},
         {"formulation": "augmented"},
-        {"formulation": "augmented", "keeping": "partitioning"},
-        {"formulation": "augmented", "keeping": "invariants"},
-        {"keeping": "tangent"},
+        {"formulation": "augmented", "enforcement": "partitioning"},
+        {"formulation": "augmented", "enforcement": "invariants"},
+        {"enforcement": "tangent"},
     ],
     ids=str,
 )
@@ -233,10 +313,21 @@ def test_loops_that_go_on_turning(model: str, options: dict[str, Any], tmp_path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("formulation", "power"), [("quasi_velocities", 1), ("augmented", 2)])
-def test_growth_without_keeping(formulation: str, power: int) -> None:
-    """Violations of positions grow as t where A v = c holds identically, as t² where velocities drift too."""
-    given = {"step_size": 0.01, "integrator": "rk4", "keeping": "none", "time": 100.0, "step": 1.0, "rtol": 1e-2}
+def test_growth_without_enforcement(formulation: str, power: int) -> None:
+    """Violations of positions grow as t where A v = c holds identically, as t² where velocities
+    drift too."""
+    given = {
+        "step_size": 0.01,
+        "integrator": "rk4",
+        "enforcement": "none",
+        "time": 100.0,
+        "step": 1.0,
+        "rtol": 1e-2,
+    }
     found = hamel.simulate(MODELS / "rolling_disk.yaml", formulation=formulation, **given)  # type: ignore[arg-type]
-    t, drift = found.motion["t"][10:], np.maximum.accumulate(found.motion["position_violation"])[10:]
+    t, drift = (
+        found.motion["t"][10:],
+        np.maximum.accumulate(found.motion["position_violation"])[10:],
+    )
     slope = np.polyfit(np.log(t), np.log(drift), 1)[0]
     assert slope == pytest.approx(power, abs=0.4)

@@ -1,4 +1,5 @@
-"""Nonideal constraints: they do the work they are said to do, whatever the formulation, and friction follows the reaction."""
+"""Nonideal constraints: they do the work they are said to do, whatever the formulation, and
+friction follows the reaction."""
 
 from __future__ import annotations
 
@@ -8,12 +9,12 @@ import pytest
 
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import FORMULATIONS, equations
-from derive.mechanics import system
-from derive.mechanics.sampling import states
 from derive.model import load_text
 from derive.model.rows import row_names
+from derive.states import system
+from derive.states.sampling import states
 from hamel.verify import verification
-from hamel.verify.saddle import saddle, solved
+from hamel.verify.reference.saddle import saddle, solved
 from tests.scenes import mechanics
 from tests.test_formulations import accelerations, functions
 
@@ -52,12 +53,17 @@ def test_a_block_on_an_incline(formulation) -> None:
 @pytest.mark.parametrize("formulation", FITTING)
 @pytest.mark.parametrize("name", ["bead_on_wire", "bead_in_bowl"])
 def test_the_constraints_do_the_work_they_are_said_to_do(name, formulation) -> None:
-    """Q_c = M v̇ + h − Q° is all that the constraints exert: wᵀ Q_c = wᵀ C for every w in ker A, to 1e-12."""
+    """Q_c = M v̇ + h − Q° is all that the constraints exert: wᵀ Q_c = wᵀ C for every w in ker A, to
+    1e-12."""
     s, ideal = mechanics(name), without_nonideal(name)
     found, e = states(s, 20, seed=4), equations(s, None, formulation)
-    terms = ca.Function("f", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.h, s.A, s.beta)])
+    terms = ca.Function(
+        "f", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.h, s.A, s.beta)]
+    )
     applied = ca.Function("Q", [ideal.t, ideal.q, ideal.v, ideal.u, ideal.p], [ca.densify(ideal.Q)])
-    for state, vdot in zip(zip(found.t, found.q, found.v, found.u, found.p), accelerations(e, found)):
+    for state, vdot in zip(
+        zip(found.t, found.q, found.v, found.u, found.p), accelerations(e, found)
+    ):
         (M, h, A, beta), Q = (x.full() for x in terms(*state)), applied(*state).full()
         free = solved(saddle(M, A), np.concatenate([Q - h, beta]).ravel(), redundant=False)[0]
         C = friction(name, state, -free[len(M) :])
@@ -87,7 +93,9 @@ def friction(name, state, lam):
 
 
 def test_a_reaction_that_is_not_unique_is_refused_with_its_place() -> None:
-    text = BLOCK.replace("quasi_velocities:", "  twice: {holonomic: 2*x*sin(a) + 2*y*cos(a)}\nquasi_velocities:")
+    text = BLOCK.replace(
+        "quasi_velocities:", "  twice: {holonomic: 2*x*sin(a) + 2*y*cos(a)}\nquasi_velocities:"
+    )
     with pytest.raises(AssumptionError, match=r"reaction\.incline, which is not unique") as problem:
         system(load_text(text))
     assert problem.value.diagnostics[0].line == 9
@@ -97,8 +105,16 @@ def test_a_reaction_that_is_not_unique_is_refused_with_its_place() -> None:
     ("old", "new", "message"),
     [
         ("abs(reaction.incline)*cos", "abs(reaction.inclin)*cos", "unknown name 'reaction.inclin'"),
-        ("potential: m*g*y", "potential: m*g*y\nforces: {x: reaction.incline}", "unknown name|a reaction"),
-        ("holonomic: x*sin(a)", "holonomic: reaction.incline*x*sin(a)", "'reaction.incline' is a reaction and cannot stand"),
+        (
+            "potential: m*g*y",
+            "potential: m*g*y\nforces: {x: reaction.incline}",
+            "unknown name|a reaction",
+        ),
+        (
+            "holonomic: x*sin(a)",
+            "holonomic: reaction.incline*x*sin(a)",
+            "'reaction.incline' is a reaction and cannot stand",
+        ),
     ],
 )
 def test_reactions_stand_in_nonideal_forces_only(old, new, message) -> None:
@@ -149,7 +165,10 @@ def test_one_row_of_a_reaction_by_its_name(formulation) -> None:
     x = f["state"](0, np.hstack([found.q[0], found.v[0]]), [], s.parameters)
     load, forward = f["outputs"](0, x, [], s.parameters).full().ravel()
     assert load == pytest.approx(m * 9.81) and abs(forward) > 0.1
-    assert next(f for f in e.functions if f.name == "outputs").result.labels == ("contact[0]", "contact[1]")
+    assert next(f for f in e.functions if f.name == "outputs").result.labels == (
+        "contact[0]",
+        "contact[1]",
+    )
 
 
 def test_the_reference_knows_the_rows_by_the_same_names() -> None:
@@ -171,7 +190,10 @@ def test_a_row_that_is_not_named_is_refused_with_the_names(row, message) -> None
         load_text(WHEEL.replace("reaction.contact.normal", row))
     assert problem.value.diagnostics[0].line == 13
     if "contact" in row:
-        assert problem.value.diagnostics[0].expected == "reaction.contact.normal, reaction.contact.forward"
+        assert (
+            problem.value.diagnostics[0].expected
+            == "reaction.contact.normal, reaction.contact.forward"
+        )
 
 
 PAIR = """
@@ -181,15 +203,26 @@ bodies: {{a: {{mass: 1, inertia: 1}}, b: {{mass: 1, inertia: 1}}}}
 joints: {{A: {{type: {base}, parent: ground, child: a}}, B: {{type: {base}, parent: ground, child: b}}}}
 closures: {{C: {{type: {kind}, between: [a, b], at: [{at}, {at}]{more}}}}}
 """
-KINDS = {"": ["revolute", "ball", "fixed", "prismatic", "cylindrical", "planar", "universal", "screw"]}
+KINDS = {
+    "": ["revolute", "ball", "fixed", "prismatic", "cylindrical", "planar", "universal", "screw"]
+}
 KINDS |= {plane: ["revolute", "fixed", "prismatic"] for plane in ("xy", "xz", "yz")}
 
 
-@pytest.mark.parametrize(("plane", "kind"), [(plane, kind) for plane, kinds in KINDS.items() for kind in kinds])
+@pytest.mark.parametrize(
+    ("plane", "kind"), [(plane, kind) for plane, kinds in KINDS.items() for kind in kinds]
+)
 def test_rows_are_called_the_same_before_and_after_they_are_made(plane, kind) -> None:
-    axes = {"universal": ", axis: x, axis2: y", "ball": "", "fixed": "", "screw": ", axis: x, pitch: 1 mm"}
+    axes = {
+        "universal": ", axis: x, axis2: y",
+        "ball": "",
+        "fixed": "",
+        "screw": ", axis: x, pitch: 1 mm",
+    }
     more = axes.get(kind, "" if plane and kind == "revolute" else f", axis: {plane[:1] or 'x'}")
     at, base = ("[0, 0]", "planar") if plane else ("[0, 0, 0]", "free")
-    text = PAIR.format(plane=f"plane: {plane}" if plane else "", base=base, kind=kind, at=at, more=more)
+    text = PAIR.format(
+        plane=f"plane: {plane}" if plane else "", base=base, kind=kind, at=at, more=more
+    )
     s = system(load_text(text))
     assert row_names(s.model) == tuple(row.name for row in s.rows)

@@ -65,8 +65,19 @@ def _evaluated(name: str, operands: tuple[Any, ...], done: list[float], x: np.nd
     if name == "input":
         return float(x[operands[1]])
     numbers = [done[o] if isinstance(o, int) else o for o in operands]
-    plain = {"add": lambda p, q: p + q, "sub": lambda p, q: p - q, "mul": lambda p, q: p * q, "div": lambda p, q: p / q}
-    return plain[name](*numbers) if name in plain else -numbers[0] if name == "neg" else getattr(math, name)(*numbers)
+    plain = {
+        "add": lambda p, q: p + q,
+        "sub": lambda p, q: p - q,
+        "mul": lambda p, q: p * q,
+        "div": lambda p, q: p / q,
+    }
+    return (
+        plain[name](*numbers)
+        if name in plain
+        else -numbers[0]
+        if name == "neg"
+        else getattr(math, name)(*numbers)
+    )
 
 
 @pytest.mark.parametrize(
@@ -98,7 +109,9 @@ def test_counts(expression: ca.SX, most: int) -> None:
 
 
 def leaves() -> st.SearchStrategy[Any]:
-    return st.one_of(st.sampled_from([a, b, c, d, e]), st.sampled_from([0.0, 1.0, -1.0, 2.0, 0.3, 9.81]))
+    return st.one_of(
+        st.sampled_from([a, b, c, d, e]), st.sampled_from([0.0, 1.0, -1.0, 2.0, 0.3, 9.81])
+    )
 
 
 def trees() -> st.SearchStrategy[Any]:
@@ -126,7 +139,9 @@ def test_passes_change_rounding_only(roots: list[Any]) -> None:
     size = 1 + max((abs(value) for value in _all_values(work, x)), default=0.0)
     for improve in (factor, share, factor, share):
         np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)
-        np.testing.assert_allclose(evaluated(balance(lower(work)), x), expected, rtol=1e-11, atol=1e-12 * size)
+        np.testing.assert_allclose(
+            evaluated(balance(lower(work)), x), expected, rtol=1e-11, atol=1e-12 * size
+        )
         work = improve(work)
     np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)
 
@@ -157,10 +172,16 @@ def test_program_of_toy() -> None:
     toy_program = program(toy())
     dynamics = toy_program.kernel("dynamics")
     assert dynamics.operations["total"] <= 47 and dynamics.operations["divide"] == 1
-    assert dynamics.operations["total"] == sum(n for kind, n in dynamics.operations.items() if kind != "total")
+    assert dynamics.operations["total"] == sum(
+        n for kind, n in dynamics.operations.items() if kind != "total"
+    )
     assert dynamics.uses == ("x", "u", "p")
     titles = [section.title for section in dynamics.sections]
-    assert titles[0].startswith("angles: ") and titles[1] == "M: joint-space mass matrix" and titles[-1].startswith("xdot")
+    assert (
+        titles[0].startswith("angles: ")
+        and titles[1] == "M: joint-space mass matrix"
+        and titles[-1].startswith("xdot")
+    )
     assert toy_program.kernel("constant").uses == ()
     assert {entry.step for entry in toy_program.ledger} >= {"fold", "factor", "share"}
     assert all(entry.before >= 0 for entry in toy_program.ledger)
@@ -189,15 +210,20 @@ def test_names_that_would_clash() -> None:
     assert len(set(names)) == 4 and not {"sin", "x", "while"} & set(names)
 
 
-@pytest.mark.parametrize(("name", "choice", "most"), [("snake3", "head", 110), ("four_bar", "crank", 75)])
+@pytest.mark.parametrize(
+    ("name", "choice", "most"), [("snake3", "head", 110), ("four_bar", "crank", 75)]
+)
 def test_operation_counts_of_the_founding_examples(name: str, choice: str, most: int) -> None:
     """The targets are 150 and 120; a hand-made recursion has 131, a hand-made four-bar 80."""
     from derive.formulations import equations
-    from derive.mechanics import system
     from derive.model import load
+    from derive.states import system
 
     model = load(Path(__file__).parents[1] / "models" / f"{name}.yaml")
-    assert program(equations(system(model, "all"), choice)).kernel("dynamics").operations["total"] <= most
+    assert (
+        program(equations(system(model, "all"), choice)).kernel("dynamics").operations["total"]
+        <= most
+    )
 
 
 def test_divisors_are_divided_by_once() -> None:
@@ -211,7 +237,9 @@ def test_divisors_are_divided_by_once() -> None:
 def test_work_with_parameters_alone_is_hoisted() -> None:
     kernel = program(toy()).kernel("dynamics")
     hoisted = kernel.hoisted
-    assert hoisted is not None and hoisted.precompute.uses == ("p",) and "p" not in hoisted.rest.uses
+    assert (
+        hoisted is not None and hoisted.precompute.uses == ("p",) and "p" not in hoisted.rest.uses
+    )
     saved = kernel.operations["total"] - hoisted.rest.operations["total"]
     assert 0 < saved <= hoisted.precompute.operations["total"]
     assert {load.argument for load in hoisted.rest.loads} == {"x", "u", "c"}
@@ -219,7 +247,8 @@ def test_work_with_parameters_alone_is_hoisted() -> None:
 
 
 def test_what_is_known_late_is_multiplied_and_added_last() -> None:
-    """As many operations, the same values, and one operation after the latest operand where there were two."""
+    """As many operations, the same values, and one operation after the latest operand where there
+    were two."""
     late = 1 / (a + b)
     lowered = lower(traced(d * (late * c), d - (e - late)))
     balanced = balance(lowered)

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from hamel.plot import Curve, Panel, draw, linear, logarithmic
+from hamel.draw import Curve, Panel, draw, linear, logarithmic
 
 X = [0.01 * k for k in range(301)]
 
@@ -21,20 +21,27 @@ def lines(root: ET.Element) -> list[ET.Element]:
 
 
 def test_a_line_per_curve_and_escaped_names():
-    root = drawn(Panel("x <m>", (Curve("sin", [math.sin(x) for x in X]), Curve("a&b", X))), Panel("none", ()))
+    root = drawn(
+        Panel("x <m>", (Curve("sin", [math.sin(x) for x in X]), Curve("a&b", X))), Panel("none", ())
+    )
     assert len(lines(root)) == 2
     words = ["".join(element.itertext()) for element in root.iter() if element.tag.endswith("text")]
     assert {"a <b> & c", "x <m>", "sin", "a&b", "t (s)"} <= set(words)
 
 
-@pytest.mark.parametrize("values", [[0.0] * 301, [3.0] * 301, [math.nan] * 301, [1e300] * 301, [1e-300 * k for k in range(301)]])
+@pytest.mark.parametrize(
+    "values",
+    [[0.0] * 301, [3.0] * 301, [math.nan] * 301, [1e300] * 301, [1e-300 * k for k in range(301)]],
+)
 @pytest.mark.parametrize("log", [False, True])
 def test_strange_values_make_a_plot_all_the_same(values, log):
     drawn(Panel("strange", (Curve("c", values),), log))
 
 
 def test_points_that_are_no_numbers_are_left_out():
-    (line,) = lines(drawn(Panel("p", (Curve("c", [math.nan if k % 2 else 1.0 for k in range(301)]),))))
+    (line,) = lines(
+        drawn(Panel("p", (Curve("c", [math.nan if k % 2 else 1.0 for k in range(301)]),)))
+    )
     assert len(line.attrib["points"].split()) == 151
 
 

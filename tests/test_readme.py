@@ -1,4 +1,5 @@
-"""The README is executed: its model is built by its command and driven by its control loop, its tables are true."""
+"""The README is executed: its model is built by its command and driven by its control loop, its
+tables are true."""
 
 import contextlib
 import os
@@ -47,7 +48,9 @@ def test_the_control_loop_reaches_its_heading(sled, monkeypatch):
 
 def test_the_mistake_is_answered_as_shown(sled, monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(tmp_path)
-    Path("sled.yaml").write_text((sled / "sled.yaml").read_text().replace("velocity: base.w}", "velocity: base.omega}"))
+    Path("sled.yaml").write_text(
+        (sled / "sled.yaml").read_text().replace("velocity: base.w}", "velocity: base.omega}")
+    )
     command, said = blocks("console")[0].split("\n", 1)
     with pytest.raises(SystemExit):
         main(command.split()[2:])
@@ -58,7 +61,16 @@ def test_every_verb_and_exit_code_is_in_the_tables():
     verbs = set(re.findall(r"^\| `hamel (\w+)", README, re.MULTILINE))
     assert verbs == set(group.commands)
     codes = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
-    assert codes >= {0, 1, 2, 3, failures.VERIFICATION, failures.USAGE, failures.INTERNAL, failures.INTERRUPTED}
+    assert codes >= {
+        0,
+        1,
+        2,
+        3,
+        failures.VERIFICATION,
+        failures.USAGE,
+        failures.INTERNAL,
+        failures.INTERRUPTED,
+    }
 
 
 def test_make_targets_and_pictures_exist():

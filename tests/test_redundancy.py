@@ -12,21 +12,21 @@ from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.formulations.equations import misfits
 from derive.formulations.records import Equations
-from derive.mechanics import system
-from derive.mechanics.sampling import States, states
 from derive.model import load_text
+from derive.states import system
+from derive.states.sampling import States, states
 from hamel.verbs import check
 from hamel.verify import verification
-from hamel.verify.reference import Outcome, evaluate, reference, state_of
-from hamel.verify.saddle import condition_of, saddle
+from hamel.verify.reference.outcome import Outcome, evaluate, reference, state_of
+from hamel.verify.reference.saddle import condition_of, saddle
 from tests.loops import IN_SPACE, TWICE
 from tests.scenes import MODELS
 
 TEXTS = {
     "in_space": IN_SPACE,
     "twice": TWICE,
-    "bricard": (MODELS / "stress" / "bricard.yaml").read_text(),
-    "lines": (MODELS / "stress" / "redundant.yaml").read_text().replace("redundant: keep\n", ""),
+    "bricard": (MODELS / "extremes" / "bricard.yaml").read_text(),
+    "lines": (MODELS / "extremes" / "redundant.yaml").read_text().replace("redundant: keep\n", ""),
 }
 KEEP = "\nredundant: keep\n"
 DROPPED = "at the sampled states and are dropped: their reactions are not unique"
@@ -42,8 +42,10 @@ TOLD = {
         + DROPPED.replace(" are dropped", " is dropped")
     ],
     "lines": [
-        "constraint third repeats constraint first and constraint second " + DROPPED.replace(" are dropped", " is dropped"),
-        "constraint again repeats constraint first " + DROPPED.replace(" are dropped", " is dropped"),
+        "constraint third repeats constraint first and constraint second "
+        + DROPPED.replace(" are dropped", " is dropped"),
+        "constraint again repeats constraint first "
+        + DROPPED.replace(" are dropped", " is dropped"),
     ],
 }
 
@@ -52,7 +54,9 @@ TOLD = {
 def test_one_sentence_for_each_closure_or_constraint(name: str) -> None:
     assert list(equations(system(load_text(TEXTS[name]))).assumptions) == TOLD[name]
     kept = equations(system(load_text(TEXTS[name] + KEEP))).assumptions
-    assert list(kept) == [x.replace("dropped", "kept") + ", the least ones are given" for x in TOLD[name]]
+    assert list(kept) == [
+        x.replace("dropped", "kept") + ", the least ones are given" for x in TOLD[name]
+    ]
 
 
 def evaluated(e: Equations, name: str, found: States) -> np.ndarray:
@@ -60,7 +64,9 @@ def evaluated(e: Equations, name: str, found: States) -> np.ndarray:
     f = {x.name: x for x in e.functions}
     given = [a.symbols for a in e.arguments]
     assert f["state"].x is not None
-    state = ca.Function("x", [given[0], f["state"].x.symbols, *given[2:]], [f["state"].result.value])
+    state = ca.Function(
+        "x", [given[0], f["state"].x.symbols, *given[2:]], [f["state"].result.value]
+    )
     made = ca.Function("f", given, [f[name].result.value])
     rows = zip(found.t, np.hstack([found.q, found.v]), found.u, found.p)
     return np.array([made(t, state(t, x, u, p), u, p).full().ravel() for t, x, u, p in rows])
@@ -70,17 +76,26 @@ def condition(outcome: Outcome) -> float:
     return condition_of(saddle(outcome.M, outcome.kinematics.A))
 
 
-@pytest.mark.parametrize("formulation", ["quasi_velocities", "maggi", "udwadia_kalaba", "udwadia_phohomsiri", "augmented"])
+@pytest.mark.parametrize(
+    "formulation",
+    ["quasi_velocities", "maggi", "udwadia_kalaba", "udwadia_phohomsiri", "augmented"],
+)
 @pytest.mark.parametrize("name", TEXTS)
-def test_motion_and_forces_are_those_of_the_reference_under_both_policies(name: str, formulation: str) -> None:
-    """v̇ and Aᵀ λ to 1e-10 per condition number, and λ of kept rows is the least of all with that Aᵀ λ."""
+def test_motion_and_forces_are_those_of_the_reference_under_both_policies(
+    name: str, formulation: str
+) -> None:
+    """v̇ and Aᵀ λ to 1e-10 per condition number, and λ of kept rows is the least of all with that
+    Aᵀ λ."""
     models = [load_text(TEXTS[name]), load_text(TEXTS[name] + KEEP)]
     systems = [system(model) for model in models]
     if misfits(systems[0])[formulation]:
         pytest.skip("the formulation does not fit the model")
     found = states(systems[0], 5, seed=3)
     judge = reference(models[0])
-    wanted = [evaluate(judge, state_of(judge, t, q, v, u, p)) for t, q, v, u, p in zip(*(getattr(found, k) for k in "tqvup"))]
+    wanted = [
+        evaluate(judge, state_of(judge, t, q, v, u, p))
+        for t, q, v, u, p in zip(*(getattr(found, k) for k in "tqvup"))
+    ]
     both = [equations(s, None, formulation) for s in systems]
     rates = [evaluated(e, "dynamics", found) for e in both]
     size = 1 + np.max(np.abs(rates[0]))
@@ -90,9 +105,12 @@ def test_motion_and_forces_are_those_of_the_reference_under_both_policies(name: 
     for dropped, kept, outcome in zip(*lam, wanted):
         A, force = outcome.kinematics.A, outcome.constraint_force
         allowed = 1e-10 * condition(outcome) * (1 + np.max(np.abs(force)))
-        assert np.max(np.abs(A.T @ dropped - force)) < allowed and np.max(np.abs(A.T @ kept - force)) < allowed
+        assert (
+            np.max(np.abs(A.T @ dropped - force)) < allowed
+            and np.max(np.abs(A.T @ kept - force)) < allowed
+        )
         assert np.max(np.abs(kept - np.linalg.pinv(A.T, rcond=1e-9) @ force)) < allowed
-    if both[0].base_velocities:
+    if both[0].generalized_velocities:
         nq = systems[0].q.numel()
         for row, outcome in zip(rates[1], wanted):
             assert np.max(np.abs(row[nq:] - outcome.vdot)) < 1e-10 * condition(outcome) * size
@@ -100,7 +118,7 @@ def test_motion_and_forces_are_those_of_the_reference_under_both_policies(name: 
 
 @pytest.mark.parametrize("name", ["in_space", "twice", "lines"])
 @pytest.mark.parametrize("policy", ["", KEEP], ids=["drop", "keep"])
-def test_every_choice_passes_the_ladder(name: str, policy: str) -> None:
+def test_every_choice_passes_the_suite(name: str, policy: str) -> None:
     model = load_text(TEXTS[name] + policy)
     s = system(model)
     for choice in model.choices:
@@ -109,12 +127,16 @@ def test_every_choice_passes_the_ladder(name: str, policy: str) -> None:
 
 
 def test_a_share_that_is_not_the_least_one_is_seen() -> None:
-    """A planted error: the force goes where a dropped row would leave it. It does the same to the motion."""
+    """A planted error: the force goes where a dropped row would leave it. It does the same to the
+    motion."""
     kept, dropped = (equations(system(load_text(TEXTS["lines"] + policy))) for policy in (KEEP, ""))
     names = [a.symbols for a in dropped.arguments], [a.symbols for a in kept.arguments]
     right = next(f for f in dropped.functions if f.name == "reactions").result.value
     wrong = ca.substitute([right], [ca.vertcat(*names[0])], [ca.vertcat(*names[1])])[0]
-    functions = [replace(f, result=replace(f.result, value=wrong)) if f.name == "reactions" else f for f in kept.functions]
+    functions = [
+        replace(f, result=replace(f.result, value=wrong)) if f.name == "reactions" else f
+        for f in kept.functions
+    ]
     found = verification(kept.system.model, replace(kept, functions=tuple(functions)), states=5)
     assert {c.name for c in found.checks if not c.passed} == {"λ", "outputs"}
 

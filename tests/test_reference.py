@@ -1,15 +1,23 @@
-"""The independent reference, tested by itself: closed forms, published numbers and identities along the motion."""
+"""The independent reference, tested by itself: closed forms, published numbers and identities along
+the motion."""
 
 import numpy as np
 import pytest
 
 from derive.model import load_text
-from hamel.verify.compare import slope
-from hamel.verify.joints import joint_motion
-from hamel.verify.loads import applied, body_inertia
-from hamel.verify.reference import Reference, energies, evaluate, kinematics, reference, state_of
-from hamel.verify.rows import joint_blocks
-from hamel.verify.saddle import saddle
+from hamel.verify.checks.compare import slope
+from hamel.verify.reference.joints import joint_motion
+from hamel.verify.reference.loads import applied, body_inertia
+from hamel.verify.reference.outcome import (
+    Reference,
+    energies,
+    evaluate,
+    kinematics,
+    reference,
+    state_of,
+)
+from hamel.verify.reference.rows import joint_blocks
+from hamel.verify.reference.saddle import saddle
 
 ARM = """
 model: arm
@@ -80,7 +88,8 @@ constraints:
   length: {holonomic: (xl - xr)**2 + (yl - yr)**2 - L**2}
 """
 
-# Joints of every type, an analytic coordinate coupled to them, loads of every type, time-dependent and nonholonomic constraints.
+# Joints of every type, an analytic coordinate coupled to them, loads of every type, time-dependent
+# and nonholonomic constraints.
 EVERYTHING = """
 model: everything
 gravity: [0.3 m/s^2, -0.5 m/s^2, -9.81 m/s^2]
@@ -131,7 +140,12 @@ loads:
 """
 AXIS = ", axis: [0.6, 0, 0.8]"
 MORE = dict.fromkeys(("revolute", "prismatic", "cylindrical", "planar"), AXIS)
-MORE |= {"universal": AXIS + ", axis2: [-0.8, 0, 0.6]", "screw": AXIS + ", pitch: 0.3 m", "ball": "", "fixed": ""}
+MORE |= {
+    "universal": AXIS + ", axis2: [-0.8, 0, 0.6]",
+    "screw": AXIS + ", pitch: 0.3 m",
+    "ball": "",
+    "fixed": "",
+}
 LOOPS = {kind: LOOP.replace("TYPE", kind).replace("MORE", more) for kind, more in MORE.items()}
 ON_SURFACE = """
 parameters: {D: 0.3 m^2, f: 1 rad/s}
@@ -142,7 +156,9 @@ constraints:
 SURFACE = LOOPS["ball"] + ON_SURFACE
 
 
-def consistent(ref: Reference, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def consistent(
+    ref: Reference, t: float, q: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """q on φ = 0 by Newton (holonomic rows first in these models), v on A v = c."""
     for _ in range(50):
         k = kinematics(ref, state_of(ref, t, q, v))
@@ -159,7 +175,8 @@ def test_three_link_arm_starts_as_published():
 
 
 def with_wrenches(ref: Reference, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """v̇ and the joints' wrenches (moment, force on the child) of [K Gᵀ; G 0] of all bodies' accelerations, nothing eliminated."""
+    """v̇ and the joints' wrenches (moment, force on the child) of [K Gᵀ; G 0] of all bodies'
+    accelerations, nothing eliminated."""
     state, place = state_of(ref, 0.0, q, v), ref.place
     rows, right = [], []
     for seat in state.seats:
@@ -181,7 +198,9 @@ def with_wrenches(ref: Reference, q: np.ndarray, v: np.ndarray) -> tuple[np.ndar
 
 
 def test_joint_wrench_of_a_hanging_arm_carries_its_weight():
-    _, wrenches = with_wrenches(reference(load_text(ARM)), np.array([-np.pi / 2, 0.0, 0.0]), np.zeros(3))
+    _, wrenches = with_wrenches(
+        reference(load_text(ARM)), np.array([-np.pi / 2, 0.0, 0.0]), np.zeros(3)
+    )
     np.testing.assert_allclose(wrenches[:, 4], 9.81 * np.array([1.2, 0.7, 0.3]), rtol=1e-12)
 
 
@@ -225,14 +244,21 @@ def test_parallelogram_closed_form():
     """[(N + 1)/3 + N] θ̈ = −[(N + 1)/2 + N] g cos θ with N = 1 (IFToMM A02)."""
     ref = reference(load_text(PARALLELOGRAM))
     th, rate = 0.7, -1.3
-    found = evaluate(ref, state_of(ref, 0.0, np.array([th, -th, th]), rate * np.array([1.0, -1.0, 1.0])))
-    np.testing.assert_allclose(found.vdot, -2 * 9.81 * np.cos(th) / (5 / 3) * np.array([1, -1, 1]), rtol=1e-12)
+    found = evaluate(
+        ref, state_of(ref, 0.0, np.array([th, -th, th]), rate * np.array([1.0, -1.0, 1.0]))
+    )
+    np.testing.assert_allclose(
+        found.vdot, -2 * 9.81 * np.cos(th) / (5 / 3) * np.array([1, -1, 1]), rtol=1e-12
+    )
 
 
 def test_redundant_rows_leave_the_motion_alone():
     extra = PARALLELOGRAM + "constraints:\n  same: {holonomic: q1 - q3}\n"
     q, v = np.array([0.7, -0.7, 0.7]), np.array([1.0, -1.0, 1.0])
-    results = [evaluate(ref, state_of(ref, 0.0, q, v)) for ref in (reference(load_text(text)) for text in (PARALLELOGRAM, extra))]
+    results = [
+        evaluate(ref, state_of(ref, 0.0, q, v))
+        for ref in (reference(load_text(text)) for text in (PARALLELOGRAM, extra))
+    ]
     assert [(r.rank, len(r.lam)) for r in results] == [(2, 2), (2, 3)]
     np.testing.assert_allclose(results[1].vdot, results[0].vdot, atol=1e-11)
     np.testing.assert_allclose(results[1].constraint_force, results[0].constraint_force, atol=1e-11)
@@ -240,9 +266,14 @@ def test_redundant_rows_leave_the_motion_alone():
 
 def test_closure_multiplier_is_the_force_on_the_second_body():
     """A rod on two pins, one of them a closure with the ground: each carries half the weight."""
-    for pair, at, sign in (("[ground, a]", "[[0.3, 0], [0.3, 0]]", 1), ("[a, ground]", "[[0.3, 0], [0.3, 0]]", -1)):
+    for pair, at, sign in (
+        ("[ground, a]", "[[0.3, 0], [0.3, 0]]", 1),
+        ("[a, ground]", "[[0.3, 0], [0.3, 0]]", -1),
+    ):
         text = f"{ARM.split('  b:')[0]}joints:\n  A: {{type: revolute, parent: ground, child: a, at: [0, 0], coordinate: q1}}\n"
-        ref = reference(load_text(f"{text}closures:\n  C: {{type: revolute, between: {pair}, at: {at}}}\n"))
+        ref = reference(
+            load_text(f"{text}closures:\n  C: {{type: revolute, between: {pair}, at: {at}}}\n")
+        )
         found = evaluate(ref, state_of(ref, 0.0, np.zeros(1), np.zeros(1)))
         np.testing.assert_allclose(found.lam[1], sign * 0.5 * 9.81 / 2, rtol=1e-12)
 
@@ -274,29 +305,55 @@ def test_rolling_disk_closed_form():
     body = frame @ rotation("y", spin)
     centre = -np.cross(frame @ u, frame @ np.array([0, 0, -r]))
     q = np.array([1.0, 2.0, r * np.cos(lean), yaw, lean, spin])
-    found = evaluate(ref, state_of(ref, 0.0, q, np.concatenate([body.T @ centre, body.T @ frame @ u])))
+    found = evaluate(
+        ref, state_of(ref, 0.0, q, np.concatenate([body.T @ centre, body.T @ frame @ u]))
+    )
     rate = rotation("y", spin) @ found.vdot[3:] + found.qdot[5] * np.cross([0, 1, 0], u)
     wanted = [
-        (-A * u3**2 * np.tan(lean) + (C + m * r**2) * u2 * u3 + m * g * r * np.sin(lean)) / (A + m * r**2),
+        (-A * u3**2 * np.tan(lean) + (C + m * r**2) * u2 * u3 + m * g * r * np.sin(lean))
+        / (A + m * r**2),
         -m * r**2 * u1 * u3 / (C + m * r**2),
         (A * u3 * np.tan(lean) - C * u2) * u1 / A,
     ]
     np.testing.assert_allclose(rate, wanted, rtol=1e-11)
-    np.testing.assert_allclose(found.qdot[3:], [u3 / np.cos(lean), u1, u2 - u3 * np.tan(lean)], rtol=1e-12)
     np.testing.assert_allclose(
-        np.concatenate([found.kinematics.phi, found.kinematics.A @ found.vdot - found.kinematics.beta]), 0, atol=1e-12
+        found.qdot[3:], [u3 / np.cos(lean), u1, u2 - u3 * np.tan(lean)], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        np.concatenate(
+            [found.kinematics.phi, found.kinematics.A @ found.vdot - found.kinematics.beta]
+        ),
+        0,
+        atol=1e-12,
     )
 
 
 def test_car_axis_end_state_and_multipliers():
-    """IVP Test Set, t = 3: on the constraints, and λ with the sign of M q̈ = f + Gᵀ λ (tests φ_tt and φ_qt)."""
-    q = np.array([0.0493455784275402809122, 0.496989460230171153861, 1.04174252488542151681, 0.373911027361265256927])
-    v = np.array([-0.0770583684040972357970, 0.00744686658723778553466, 0.0175568157537232222276, 0.770341043779251976443])
+    """IVP Test Set, t = 3: on the constraints, and λ with the sign of M q̈ = f + Gᵀ λ (tests φ_tt
+    and φ_qt)."""
+    q = np.array(
+        [
+            0.0493455784275402809122,
+            0.496989460230171153861,
+            1.04174252488542151681,
+            0.373911027361265256927,
+        ]
+    )
+    v = np.array(
+        [
+            -0.0770583684040972357970,
+            0.00744686658723778553466,
+            0.0175568157537232222276,
+            0.770341043779251976443,
+        ]
+    )
     ref = reference(load_text(CAR_AXIS))
     found = evaluate(ref, state_of(ref, 3.0, q, v))
     np.testing.assert_allclose(found.kinematics.phi, 0.0, atol=1e-10)
     np.testing.assert_allclose(found.kinematics.violation(v), 0.0, atol=1e-9)
-    np.testing.assert_allclose(found.lam, [-0.00473688659084893324729, -0.00110468033125734368808], rtol=1e-8)
+    np.testing.assert_allclose(
+        found.lam, [-0.00473688659084893324729, -0.00110468033125734368808], rtol=1e-8
+    )
 
 
 @pytest.mark.parametrize(
@@ -305,42 +362,65 @@ def test_car_axis_end_state_and_multipliers():
     ids=["arm", "loop", "sleigh", "disk", "everything", *LOOPS, "surface"],
 )
 def test_motion_keeps_constraints_and_balances_power(text):
-    """Along (q̇, v̇): dφ/dt = A v − c, d(A v − c)/dt = 0, d(T + V)/dt = power + λᵀ c + explicit; M v̇ = force + Aᵀ λ."""
+    """Along (q̇, v̇): dφ/dt = A v − c, d(A v − c)/dt = 0, d(T + V)/dt = power + λᵀ c + explicit; M
+    v̇ = force + Aᵀ λ."""
     ref, rng = reference(load_text(text)), np.random.default_rng(3)
     for t in (0.2, 0.9):
-        q, v = consistent(ref, t, rng.uniform(-0.6, 0.6, len(ref.model.coordinates)), rng.normal(size=ref.place.nv))
+        q, v = consistent(
+            ref,
+            t,
+            rng.uniform(-0.6, 0.6, len(ref.model.coordinates)),
+            rng.normal(size=ref.place.nv),
+        )
         found = evaluate(ref, state_of(ref, t, q, v))
         check_along(ref, t, q, v, found)
-        np.testing.assert_allclose(found.M @ found.vdot, found.force + found.constraint_force, atol=1e-9)
+        np.testing.assert_allclose(
+            found.M @ found.vdot, found.force + found.constraint_force, atol=1e-9
+        )
         assert found.residual < 1e-13
         assert abs(found.T - 0.5 * v @ found.M @ v) < 1e-10 * (1 + found.T)
 
 
 def check_along(ref, t, q, v, found):
     def there(time, free=None):
-        return state_of(ref, t + time, q + time * found.qdot, v + time * found.vdot if free is None else free)
+        return state_of(
+            ref, t + time, q + time * found.qdot, v + time * found.vdot if free is None else free
+        )
 
     def violation(time):
         s = there(time)
         return kinematics(ref, s).violation(s.v)
 
     np.testing.assert_allclose(slope(violation, 1e-3)[0], 0.0, atol=1e-8)
-    np.testing.assert_allclose(slope(lambda time: kinematics(ref, there(time)).phi, 1e-3)[0], 0.0, atol=1e-8)
-    power = found.power + found.lam @ found.kinematics.c + found.explicit
-    np.testing.assert_allclose(slope(lambda time: sum(energies(ref, there(time))), 1e-3)[0], power, atol=1e-7)
+    np.testing.assert_allclose(
+        slope(lambda time: kinematics(ref, there(time)).phi, 1e-3)[0], 0.0, atol=1e-8
+    )
+    power = found.power + found.lam @ found.kinematics.c
+    np.testing.assert_allclose(
+        slope(lambda time: energies(ref, there(time)).total, 1e-3)[0], power, atol=1e-7
+    )
 
 
 @pytest.mark.parametrize("text", [SLEIGH, DISK, EVERYTHING], ids=["planar", "euler", "everything"])
 def test_rates_and_their_drift(text):
-    """q̈ = N v̇ + Ṅ v: the drift is the derivative of N v at held v; twists are the derivatives of positions."""
+    """q̈ = N v̇ + Ṅ v: the drift is the derivative of N v at held v; twists are the derivatives of
+    positions."""
     ref, rng = reference(load_text(text)), np.random.default_rng(4)
     q, v = rng.uniform(-0.6, 0.6, len(ref.model.coordinates)), rng.normal(size=ref.place.nv)
     here = state_of(ref, 0.1, q, v)
     there = lambda time: state_of(ref, 0.1, q + time * here.rates, v)  # noqa: E731
-    np.testing.assert_allclose(slope(lambda time: there(time).rates, 1e-3)[0], here.drift, atol=1e-9)
+    np.testing.assert_allclose(
+        slope(lambda time: there(time).rates, 1e-3)[0], here.drift, atol=1e-9
+    )
     for name, frame in here.frames.items():
-        np.testing.assert_allclose(slope(lambda time, n=name: there(time).frames[n].origin, 1e-3)[0], frame.velocity, atol=1e-9)
-        spin = slope(lambda time, n=name: there(time).frames[n].rotation, 1e-3)[0] @ frame.rotation.T
+        np.testing.assert_allclose(
+            slope(lambda time, n=name: there(time).frames[n].origin, 1e-3)[0],
+            frame.velocity,
+            atol=1e-9,
+        )
+        spin = (
+            slope(lambda time, n=name: there(time).frames[n].rotation, 1e-3)[0] @ frame.rotation.T
+        )
         np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], frame.omega, atol=1e-9)
 
 
@@ -352,9 +432,13 @@ JOINTS = {
 
 @pytest.mark.parametrize("name", JOINTS)
 def test_joint_tables_are_derivatives(name):
-    """Ṙ = R [ω]×, d(translation)/dt = R v for the twist (ω, v) = H v; drift = d(N v)/dt and bias = d(H v)/dt at held v."""
+    """Ṙ = R [ω]×, d(translation)/dt = R v for the twist (ω, v) = H v; drift = d(N v)/dt and bias =
+    d(H v)/dt at held v."""
     kind, _, orientation = name.partition(" ")
-    at, rng = joint_motion(kind, orientation, 0.3, np.array([0.8, 0.0, -0.6])), np.random.default_rng(5)
+    at, rng = (
+        joint_motion(kind, orientation, 0.3, np.array([0.8, 0.0, -0.6])),
+        np.random.default_rng(5),
+    )
     axis = np.array([0.0, 0.0, 1.0]) if kind == "planar" else np.array([0.48, -0.6, 0.64])
     q, v = rng.uniform(0.2, 0.9, JOINTS[name][0]), rng.normal(size=JOINTS[name][1])
     if len(q) in (4, 7):
@@ -364,8 +448,12 @@ def test_joint_tables_are_derivatives(name):
     spin = here.rotation.T @ slope(lambda time: there(time).rotation, 1e-3)[0]
     twist = here.H @ v
     np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], twist[:3], atol=1e-10)
-    np.testing.assert_allclose(slope(lambda time: there(time).translation, 1e-3)[0], here.rotation @ twist[3:], atol=1e-10)
-    np.testing.assert_allclose(slope(lambda time: there(time).N @ v, 1e-3)[0], here.drift, atol=1e-9)
+    np.testing.assert_allclose(
+        slope(lambda time: there(time).translation, 1e-3)[0], here.rotation @ twist[3:], atol=1e-10
+    )
+    np.testing.assert_allclose(
+        slope(lambda time: there(time).N @ v, 1e-3)[0], here.drift, atol=1e-9
+    )
     np.testing.assert_allclose(slope(lambda time: there(time).H @ v, 1e-3)[0], here.bias, atol=1e-9)
 
 
@@ -376,11 +464,15 @@ def test_what_the_reference_does_not_know_it_refuses():
 
 @pytest.mark.parametrize("plane", ["xy", "xz", "yz"])
 def test_planes_are_the_same_mechanics(plane):
-    turned = SLEIGH.replace("plane: xy", f"plane: {plane}").replace("direction: y", f"direction: {plane[1]}")
+    turned = SLEIGH.replace("plane: xy", f"plane: {plane}").replace(
+        "direction: y", f"direction: {plane[1]}"
+    )
     ref = reference(load_text(turned))
     found = evaluate(ref, state_of(ref, 0.0, np.array([0.1, 0.2, 0.9]), np.array([0.7, 0.0, 1.3])))
     np.testing.assert_allclose(found.vdot, [0.845, 0.0, -0.5 * 0.7 * 1.3 / 0.45], atol=1e-13)
-    np.testing.assert_allclose(found.qdot[:2], 0.7 * np.array([np.cos(0.9), np.sin(0.9)]), atol=1e-13)
+    np.testing.assert_allclose(
+        found.qdot[:2], 0.7 * np.array([np.cos(0.9), np.sin(0.9)]), atol=1e-13
+    )
 
 
 def test_nonideal_force_acts_in_the_tangent_space_only():
@@ -394,4 +486,6 @@ constraints:
 """
     ref = reference(load_text(bead))
     found = evaluate(ref, state_of(ref, 0.0, np.zeros(2), np.array([1.5, 0.0])))
-    np.testing.assert_allclose([*found.vdot, *found.lam, found.power], [-3.0, 0.0, -3.0, -4.5], atol=1e-14)
+    np.testing.assert_allclose(
+        [*found.vdot, *found.lam, found.power], [-3.0, 0.0, -3.0, -4.5], atol=1e-14
+    )

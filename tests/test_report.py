@@ -1,4 +1,5 @@
-"""hamel report: rows to believe, a page without network, nothing computed twice, and a wrong reference that is noticed."""
+"""hamel report: rows to believe, a page without network, nothing computed twice, and a wrong
+reference that is noticed."""
 
 from __future__ import annotations
 
@@ -16,11 +17,11 @@ import pytest
 
 import hamel
 from codegen import compiler
-from hamel.plot import Series, chart
+from hamel.draw import Series, chart
 from hamel.records import Reported
-from hamel.report import front, judging, study, words
-from hamel.report.crew import Crew, Task
-from hamel.report.judging import COLUMNS, Judge, Reference
+from hamel.study import front, judging, study, words
+from hamel.study.crew import Crew, Task
+from hamel.study.judging import COLUMNS, Judge, Reference
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
@@ -41,7 +42,7 @@ ASKED: dict[str, Any] = {
     "time": 1.0,
     "formulations": ("quasi_velocities", "augmented", "recursive"),
     "choices": ("swing", "side", "auto"),
-    "keepings": ("projection", "none", "baumgarte"),
+    "enforcements": ("projection", "none", "baumgarte"),
     "integrators": ("dop853", "rk4", "libraries"),
     "tolerances": (1e-5, 1e-9),
 }
@@ -58,32 +59,38 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def record(place: Path) -> Reported:
-    return hamel.report([place / "swing.yaml"], out=place / "out", **ASKED)
+    return hamel.study([place / "swing.yaml"], out=place / "out", **ASKED)
 
 
 def test_rows(record: Reported) -> None:
     assert record.passed and record.model == "swing"
     assert all(tuple(row) == COLUMNS for row in record.rows)
-    families = front.families(front.good(record.rows), "formulation", "choice", "keeping", "integrator")
+    families = front.families(
+        front.good(record.rows), "formulation", "choice", "enforcement", "integrator"
+    )
     for name, rows in families.items():
         if rows[0]["rtol"] and rows[0]["choice"] in ("swing", ""):
             assert [row["rtol"] for row in rows] == [1e-5, 1e-9], name
             assert rows[1]["error"] < 0.05 * rows[0]["error"], name
     assert {"dop853", "rk4", "cvodes", "idas"} <= {name[3] for name in families}
-    held = [row for row in front.good(record.rows) if row["keeping"] == "projection"]
+    held = [row for row in front.good(record.rows) if row["enforcement"] == "projection"]
     assert held and all(row["phi"] < 1e-13 for row in held)
     steps = [row["step"] for row in record.rows if row["integrator"] == "rk4"]
     assert min(steps) > 0
 
 
 def test_what_breaks_and_what_does_not_fit_is_said(record: Reported) -> None:
-    """der(y) fails at the bottom; the recursion is for trees; `auto` is one of the file's choices under another name."""
+    """der(y) fails at the bottom; the recursion is for trees; `auto` is one of the file's choices
+    under another name."""
     side = [row for row in record.rows if row["choice"] == "side"]
     assert side and any("singular" in row["status"] for row in side)
     (model,) = record.models
     assert any("side" in line for line in model["advice"])
     reasons = {(each["formulation"], each["choice"]): each["reason"] for each in model["excluded"]}
-    assert "trees" in reasons["recursive", ""] and "the same quasi-velocities" in reasons["quasi_velocities", "auto"]
+    assert (
+        "trees" in reasons["recursive", ""]
+        and "the same quasi-velocities" in reasons["quasi_velocities", "auto"]
+    )
     assert model["reference"]["bound"] < 1e-10 and len(set(model["reference"]["by"])) == 2
 
 
@@ -124,10 +131,14 @@ def test_page(record: Reported) -> None:
         ElementTree.fromstring(drawn)
     assert not page.open and page.seen.count("svg") >= 5 and page.seen.count("table") >= 4
     assert all(link.startswith("#") for link in page.links)
-    assert "http" not in text.replace('xmlns="http://www.w3.org/2000/svg"', "") and "url(" not in text
+    assert (
+        "http" not in text.replace('xmlns="http://www.w3.org/2000/svg"', "") and "url(" not in text
+    )
 
 
-def test_nothing_is_computed_twice(record: Reported, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_computed_twice(
+    record: Reported, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     started = []
 
     def refuse(crew: Crew, seat: int) -> None:
@@ -135,13 +146,15 @@ def test_nothing_is_computed_twice(record: Reported, place: Path, monkeypatch: p
         raise OSError("no more workers")
 
     monkeypatch.setattr(Crew, "_process", refuse)
-    again = hamel.report([place / "swing.yaml"], out=place / "again", **ASKED)
+    again = hamel.study([place / "swing.yaml"], out=place / "again", **ASKED)
     assert again.rows == record.rows and not started
     with pytest.raises(OSError, match="no more"):
         Crew(1)._process(0)
 
 
-def test_a_wrong_reference_is_noticed(record: Reported, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_reference_is_noticed(
+    record: Reported, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Planted twice: in one of the two runs, which then disagree, and in both."""
     agreed = judging.agreed
 
@@ -155,54 +168,89 @@ def test_a_wrong_reference_is_noticed(record: Reported, place: Path, monkeypatch
         return planted
 
     monkeypatch.setattr(study, "agreed", off(0.0))
-    one = hamel.report([place / "swing.yaml"], out=place / "one", **ASKED)
-    assert "differ" in one.models[0]["reference"]["doubt"] and all(row["error"] is None for row in one.rows)
+    one = hamel.study([place / "swing.yaml"], out=place / "one", **ASKED)
+    assert "differ" in one.models[0]["reference"]["doubt"] and all(
+        row["error"] is None for row in one.rows
+    )
     monkeypatch.setattr(study, "agreed", off(0.01))
-    both = hamel.report([place / "swing.yaml"], out=place / "both", **ASKED)
+    both = hamel.study([place / "swing.yaml"], out=place / "both", **ASKED)
     assert not both.passed and "agree with each other" in both.models[0]["advice"][0]
 
 
 def test_a_call_without_end_is_killed() -> None:
     with Crew(1) as crew:
-        task = Task("build", {"path": "no.yaml", "values": {}, "unit": {}, "span": 1.0, "folder": ""}, 30.0)
+        task = Task(
+            "build", {"path": "no.yaml", "values": {}, "unit": {}, "span": 1.0, "folder": ""}, 30.0
+        )
         ((_, message),) = crew.answers([task])
         assert message["exit_code"] == 1, message
-        assert [m for _, m in crew.answers([replace(task, patience=0.0)])][-1] in ({"over": "killed"}, message)
+        assert [m for _, m in crew.answers([replace(task, patience=0.0)])][-1] in (
+            {"over": "killed"},
+            message,
+        )
 
 
 def test_the_front_is_what_none_beats() -> None:
-    rows = [{"ms": ms, "error": error, "status": "ok"} for ms, error in [(3, 1e-9), (1, 1e-3), (2, 1e-2), (4, 1e-9), (2, 1e-4)]]
+    rows = [
+        {"ms": ms, "error": error, "status": "ok"}
+        for ms, error in [(3, 1e-9), (1, 1e-3), (2, 1e-2), (4, 1e-9), (2, 1e-4)]
+    ]
     assert [row["ms"] for row in front.front(rows)] == [1, 2, 3]
     assert front.front([{"ms": 1, "error": 1, "status": "too long"}]) == []
 
 
 def test_extreme_cases_are_on_the_page(place: Path) -> None:
-    path = Path(__file__).parent.parent / "models" / "stress" / "mass_ratio.yaml"
-    made = hamel.report([], stress=[path], out=place / "stress")
-    assert made.passed and not made.rows and {row.outcome for row in made.stress} == {"survived"}
+    path = Path(__file__).parent.parent / "models" / "extremes" / "mass_ratio.yaml"
+    made = hamel.study([], extremes=[path], out=place / "extremes")
+    assert made.passed and not made.rows and {row.outcome for row in made.extremes} == {"survived"}
     page = made.html.read_text("utf-8")
-    assert all(row.case in page for row in made.stress) and "extreme cases: error and tolerance" in page
+    assert (
+        all(row.case in page for row in made.extremes)
+        and "extreme cases: error and tolerance" in page
+    )
 
 
 def test_causes_lose_their_numbers() -> None:
-    base = {"formulation": "maggi", "choice": "a", "keeping": "none", "integrator": "rk4"}
-    rows = [{**base, "status": f"singular: |pivot of C| < 2e-10 (at {t} s)"} for t in (1, 2.5)] + [{**base, "status": "ok"}]
+    base = {"formulation": "maggi", "choice": "a", "enforcement": "none", "integrator": "rk4"}
+    rows = [{**base, "status": f"singular: |pivot of C| < 2e-10 (at {t} s)"} for t in (1, 2.5)] + [
+        {**base, "status": "ok"}
+    ]
     assert words.broken(rows) == ["maggi (a): 2 of 3 runs: singular: |pivot of C| < 2e-10."]
-    rows.append({**base, "status": "ok", "keeping": "projection"})
+    rows.append({**base, "status": "ok", "enforcement": "projection"})
     assert words.broken(rows) == ["maggi (a), none: 2 of 3 runs: singular: |pivot of C| < 2e-10."]
 
 
 def test_a_chart_is_drawn_with_both_axes_logarithmic() -> None:
     text = chart(
-        "t", "x", "y", [Series("a & b", [(1e-3, 1e-9), (1e2, 1e-3), (float("nan"), 1.0)]), Series("f", [(1, 1)], "front")]
+        "t",
+        "x",
+        "y",
+        [
+            Series("a & b", [(1e-3, 1e-9), (1e2, 1e-3), (float("nan"), 1.0)]),
+            Series("f", [(1, 1)], "front"),
+        ],
     )
     ElementTree.fromstring(text)
-    assert "a &amp; b" in text and "1e-9" in text and "1e2" in text and text.count("h0") == 2 and "nan" not in text
+    assert (
+        "a &amp; b" in text
+        and "1e-9" in text
+        and "1e2" in text
+        and text.count("h0") == 2
+        and "nan" not in text
+    )
 
 
 def test_scales_are_those_of_the_motion(place: Path) -> None:
     system = study.building.start(str(place / "swing.yaml"), {}).system
-    reference = Reference(("a", "b"), (1e-6, 0.0, 0.0, 2.0), (1e-6, 0.0, 0.0, 2.0), (1e-6, 2e-6, 1.0, 4.0), 1.0, 10, None)
+    reference = Reference(
+        ("a", "b"),
+        (1e-6, 0.0, 0.0, 2.0),
+        (1e-6, 0.0, 0.0, 2.0),
+        (1e-6, 2e-6, 1.0, 4.0),
+        1.0,
+        10,
+        None,
+    )
     judge = Judge(system, reference, 1.0)
     assert judge._distance((2e-6, 0.0, 0.0, 2.0), (1e-6, 0.0, 0.0, 2.0)) == pytest.approx(0.5)
     assert judge._distance((1e-6, 0.0, 0.0, 3.0), (1e-6, 0.0, 0.0, 2.0)) == pytest.approx(0.25)

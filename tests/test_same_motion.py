@@ -1,4 +1,5 @@
-"""Every formulation, on every model and choice it fits, is the same motion; where it does not fit it says why."""
+"""Every formulation, on every model and choice it fits, is the same motion; where it does not fit
+it says why."""
 
 from __future__ import annotations
 
@@ -11,17 +12,23 @@ import pytest
 from derive.diagnostics import AssumptionError
 from derive.formulations import FORMULATIONS, equations, misfits
 from derive.formulations.records import Equations
-from derive.mechanics import system
 from derive.mechanics.records import System
-from derive.mechanics.sampling import states
 from derive.model import load, load_text
-from hamel.verify.saddle import condition_of, row_condition, saddle, solved
+from derive.states import system
+from derive.states.sampling import states
+from hamel.verify.reference.saddle import condition_of, row_condition, saddle, solved
 from tests.scenes import MODELS, derived, is_tree, mechanics
 from tests.test_formulations import accelerations, arguments, functions
 
 EXACT = 1e-10  # per condition number
 KINDS = ("orthonormal", "frozen", "mass_orthogonal")
-QUICK = {"four_bar", "snake3", "bead_in_bowl", "car_axis", "chaplygin_sleigh"}  # the other models' further choices are slow tests
+QUICK = {
+    "four_bar",
+    "snake3",
+    "bead_in_bowl",
+    "car_axis",
+    "chaplygin_sleigh",
+}  # the other models' further choices are slow tests
 NONE = {("snake3", "world")}  # rates of x and y depend on each other through the wheel of link 1
 
 
@@ -38,7 +45,9 @@ def judged(name: str, count: int):
 
 
 def truth(s: System, found):
-    terms = ca.Function("f", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.h, s.Q, s.A, s.beta)])
+    terms = ca.Function(
+        "f", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.h, s.Q, s.A, s.beta)]
+    )
     rows = []
     for state in zip(found.t, found.q, found.v, found.u, found.p):
         M, h, Q, A, beta = (x.full() for x in terms(*state))
@@ -49,19 +58,30 @@ def truth(s: System, found):
 
 
 def combinations():
-    """Quick: every formulation, with the declared choices of quasi-velocities. Slow: every pair there is, at 100 states."""
+    """Quick: every formulation, with the declared choices of quasi-velocities. Slow: every pair
+    there is, at 100 states."""
     for path in sorted(MODELS.glob("*.yaml")):
         name = path.stem
         declared = [choice.name for choice in load(path).choices if (name, choice.name) not in NONE]
         for formulation in FORMULATIONS:
-            chosen = [*declared, *(kind for kind in KINDS if kind not in declared)] if formulation.chooses else [None]
+            chosen = (
+                [*declared, *(kind for kind in KINDS if kind not in declared)]
+                if formulation.chooses
+                else [None]
+            )
             for k, choice in enumerate(chosen):
                 own = formulation.name == "quasi_velocities" and choice in declared
-                quick = own or not formulation.chooses or (name in QUICK and (k == 0 or formulation.name != "maggi"))
+                quick = (
+                    own
+                    or not formulation.chooses
+                    or (name in QUICK and (k == 0 or formulation.name != "maggi"))
+                )
                 label = f"{name}-{formulation.name}" + (f"-{choice}" if choice else "")
                 if quick:
                     yield pytest.param(name, formulation.name, choice, 20, id=label)
-                yield pytest.param(name, formulation.name, choice, 100, id=f"{label}-100", marks=pytest.mark.slow)
+                yield pytest.param(
+                    name, formulation.name, choice, 100, id=f"{label}-100", marks=pytest.mark.slow
+                )
 
 
 @pytest.mark.parametrize(("name", "formulation", "choice", "count"), list(combinations()))
@@ -97,7 +117,12 @@ def stretched(e: Equations, found, conditions) -> np.ndarray:
         return np.array(conditions)
     f = functions(e)
     at = ca.Function("Y", [a.symbols for a in e.arguments], [ca.densify(Y)])
-    return np.array([c * max(1.0, row_condition(at(*a).full())) for c, a in zip(conditions, arguments(f, found))])
+    return np.array(
+        [
+            c * max(1.0, row_condition(at(*a).full()))
+            for c, a in zip(conditions, arguments(f, found))
+        ]
+    )
 
 
 def test_names_are_unique_and_have_a_source() -> None:
@@ -148,21 +173,31 @@ initial: {q0: 1, der(q1): 0.3, der(q2): 1, der(q3): 0.1}
 """
 
 SINGULAR = {"two_masses": TWO_MASSES, "massless_spin": MASSLESS_SPIN, "quaternion": QUATERNION}
-PLACES = {"two_masses": "coordinate s", "massless_spin": "body wheel (der(th))", "quaternion": "coordinates q0, q1, q2, q3"}
+PLACES = {
+    "two_masses": "coordinate s",
+    "massless_spin": "body wheel (der(th))",
+    "quaternion": "coordinates q0, q1, q2, q3",
+}
 
 
 @pytest.mark.parametrize("name", SINGULAR)
 @pytest.mark.parametrize("formulation", [f.name for f in FORMULATIONS])
 def test_singular_mass_matrices(name, formulation) -> None:
-    """Where rank [M; A] = nv the acceleration is unique; methods that need M⁻¹ say where M has none."""
+    """Where rank [M; A] = nv the acceleration is unique; methods that need M⁻¹ say where M has
+    none."""
     s = system(load_text(SINGULAR[name]))
     reason = misfits(s)[formulation]
     if formulation in ("quasi_velocities", "maggi", "udwadia_phohomsiri"):
         for choice in ("best", *KINDS) if formulation != "udwadia_phohomsiri" else (None,):
-            compare(equations(s, choice, formulation), *truth(s, states(s, 20, seed=1)), exact=1e-12)
+            compare(
+                equations(s, choice, formulation), *truth(s, states(s, 20, seed=1)), exact=1e-12
+            )
         return
     if formulation != "recursive":
-        assert reason == f"the mass matrix is singular at {PLACES[name]}: use udwadia_phohomsiri or quasi_velocities"
+        assert (
+            reason
+            == f"the mass matrix is singular at {PLACES[name]}: use udwadia_phohomsiri or quasi_velocities"
+        )
     with pytest.raises(AssumptionError, match=f"formulation {formulation} does not fit"):
         equations(s, None, formulation)
 
@@ -170,7 +205,9 @@ def test_singular_mass_matrices(name, formulation) -> None:
 @pytest.mark.parametrize("formulation", [f.name for f in FORMULATIONS if f.name != "recursive"])
 def test_what_nothing_determines_is_refused_by_name(formulation) -> None:
     s = system(load_text(TWO_MASSES.replace("x2 - x1 - l - s", "x2 - x1 - l")))
-    with pytest.raises(AssumptionError, match=r"rank \[M; A\] is less than 3: nothing determines .* coordinate s"):
+    with pytest.raises(
+        AssumptionError, match=r"rank \[M; A\] is less than 3: nothing determines .* coordinate s"
+    ):
         equations(s, None, formulation)
 
 
@@ -178,22 +215,32 @@ def test_the_pseudo_inverse_formula_itself() -> None:
     """v̇ = [(1 − A⁺A) M; A]⁺ [F; β], evaluated as it stands."""
     s = system(load_text(QUATERNION))
     found = states(s, 10, seed=2)
-    terms = ca.Function("f", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.Q - s.h, s.A, s.beta)])
+    terms = ca.Function(
+        "f", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.Q - s.h, s.A, s.beta)]
+    )
     wanted = []
     for state in zip(found.t, found.q, found.v, found.u, found.p):
         M, F, A, beta = (x.full() for x in terms(*state))
         stacked = np.vstack([(np.eye(4) - np.linalg.pinv(A) @ A) @ M, A])
         wanted.append((np.linalg.pinv(stacked, rcond=1e-12) @ np.vstack([F, beta])).ravel())
-    np.testing.assert_allclose(accelerations(equations(s, None, "udwadia_phohomsiri"), found), wanted, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(
+        accelerations(equations(s, None, "udwadia_phohomsiri"), found),
+        wanted,
+        rtol=1e-11,
+        atol=1e-11,
+    )
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "snake3"])
 def test_partitions_by_name(name) -> None:
-    """Every independent set of base velocities can be asked for, in any of its spellings."""
+    """Every independent set of generalized velocities can be asked for, in any of its spellings."""
     s = mechanics(name)
     first = s.model.velocities[0 if name != "snake3" else 3]
     by_name = [
-        equations(s, word) for word in ([first.name, first.rate_of] if name != "snake3" else ["phi1,phi2", "phi1_dot phi2_dot"])
+        equations(s, word)
+        for word in (
+            [first.name, first.rate_of] if name != "snake3" else ["phi1,phi2", "phi1_dot phi2_dot"]
+        )
     ]
     assert len({e.choice for e in by_name}) == 1
     assert by_name[0].reason == "it was asked for by name"
@@ -209,7 +256,9 @@ def test_momenta_make_the_kinetic_energy_block_diagonal(name) -> None:
     named = {n.name: n.value for n in e.named}
     mixed = ca.mtimes(named["R"].T, ca.mtimes(s.M, named["S"]))
     sizes = [ca.mtimes(named[x].T, ca.mtimes(s.M, named[x])) for x in "RS"]
-    at = ca.Function("f", [a.symbols for a in e.arguments], [ca.densify(x) for x in (mixed, *sizes)])
+    at = ca.Function(
+        "f", [a.symbols for a in e.arguments], [ca.densify(x) for x in (mixed, *sizes)]
+    )
     for a in arguments(functions(e), found):
         off, R, S = (x.full() for x in at(*a))
         assert np.max(np.abs(off) / np.sqrt(np.outer(np.diag(R), np.diag(S)))) < 1e-9

@@ -1,4 +1,5 @@
-"""`hamel simulate`: motions against closed forms, on their constraints, in balance; files; starts that contradict themselves."""
+"""`hamel simulate`: motions against closed forms, on their constraints, in balance; files; starts
+that contradict themselves."""
 
 import csv
 import math
@@ -18,7 +19,8 @@ SLEIGH = MODELS / "chaplygin_sleigh.yaml"
 
 
 def sleigh(t, m=1.0, inertia=0.2, a=0.5, w0=2.0):
-    """Speed, spin and heading of the Chaplygin sleigh started in pure rotation (Chaplygin; Caratheodory)."""
+    """Speed, spin and heading of the Chaplygin sleigh started in pure rotation (Chaplygin;
+    Caratheodory)."""
     kappa = math.sqrt(m / (inertia + m * a * a))
     V = w0 / kappa
     s = a * kappa**2 * V * t
@@ -44,10 +46,12 @@ def test_four_bar_stays_closed_and_in_balance(choice):
 
 
 def test_the_balance_notices_a_loss():
-    from hamel.motion import Motion
+    from hamel.simulate.motion import Motion
 
     none, ramp = np.zeros(3), np.array([1.0, 1.1, 1.2])
-    motion = Motion("", ramp, {}, {}, {}, {}, {}, ramp, none, none, none, none, 0, 0, 0, 0.0, 0.0, 0, 0.0)
+    motion = Motion(
+        "", ramp, {}, {}, {}, {}, {}, ramp, none, none, none, none, 0, 0, 0, 0.0, 0.0, 0, 0.0
+    )
     assert motion.energy_balance == pytest.approx(0.2 / 1.2)
 
 
@@ -59,13 +63,17 @@ def test_inputs_parameters_and_initial_values_can_be_set():
     assert heavy.final["base.vx"] == pytest.approx(v, abs=1e-9)
     assert heavy.final["base.w"] == pytest.approx(w, abs=1e-9)
     driven = hamel.simulate(FOUR_BAR, choice="crank", time=0.5, values={"tau": "1 N*m"})
-    assert driven.motion["work"][-1] == pytest.approx(driven.final["q1"] - driven.motion["q1"][0], rel=0.1)
+    assert driven.motion["work"][-1] == pytest.approx(
+        driven.final["q1"] - driven.motion["q1"][0], rel=0.1
+    )
 
 
 def test_rows_come_at_multiples_of_the_step_and_at_the_end():
     t = hamel.simulate(SLEIGH, time=1.0, step=0.3).motion["t"]
     assert t.tolist() == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])
-    assert hamel.simulate(SLEIGH, time=0.3, step=0.1).motion["t"].tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert hamel.simulate(SLEIGH, time=0.3, step=0.1).motion["t"].tolist() == pytest.approx(
+        [0.0, 0.1, 0.2, 0.3]
+    )
     assert len(hamel.simulate(SLEIGH, time=7.0).motion["t"]) == 501
 
 
@@ -97,7 +105,8 @@ def test_without_a_compiler_numpy_finds_the_same_motion(monkeypatch):
     assert plain["q1"] == pytest.approx(compiled["q1"], rel=1e-11)
 
 
-# Starts and ends ---------------------------------------------------------------------------------------------------
+# Starts and ends
+# ---------------------------------------------------------------------------------------------------
 
 
 def changed(tmp_path, old, new):
@@ -128,15 +137,21 @@ def test_a_pivot_that_vanishes_on_the_way_is_told():
     crank = hamel.simulate(FOUR_BAR, choice="crank", time=1.0)
     assert crank.crossings == 0 and not crank.switches
     rocker = hamel.simulate(FOUR_BAR, choice="rocker", time=1.0)
-    assert rocker.switches[0].left == "rocker" and 0.3 < rocker.switches[0].time < 0.4257  # it is singular there
+    assert (
+        rocker.switches[0].left == "rocker" and 0.3 < rocker.switches[0].time < 0.4257
+    )  # it is singular there
     assert rocker.final["q1"] == pytest.approx(crank.final["q1"], abs=1e-8)
 
 
 def test_where_no_other_choice_may_take_over_the_motion_ends_with_the_reason():
-    """A keeping that changes the equations belongs to its choice."""
-    with pytest.raises(AssumptionError, match=r"stopped at t = 0\.4257.*: the motion came to a singular position") as caught:
-        hamel.simulate(FOUR_BAR, choice="rocker", keeping="feedback", time=1.0)
-    assert "hamel choices" in caught.value.diagnostics[0].expected or "hamel choices" in str(caught.value)
+    """An enforcement that changes the equations belongs to its choice."""
+    with pytest.raises(
+        AssumptionError, match=r"stopped at t = 0\.4257.*: the motion came to a singular position"
+    ) as caught:
+        hamel.simulate(FOUR_BAR, choice="rocker", enforcement="feedback", time=1.0)
+    assert "hamel choices" in caught.value.diagnostics[0].expected or "hamel choices" in str(
+        caught.value
+    )
 
 
 def test_a_motion_that_ends_is_an_assumption_that_fails(tmp_path):
@@ -155,9 +170,9 @@ def test_a_motion_that_ends_is_an_assumption_that_fails(tmp_path):
         {"step": 0.0},
         {"rtol": 0.0},
         {"atol": math.nan},
-        {"alpha": 0.0, "keeping": "baumgarte"},
-        {"alpha": 1.0, "keeping": "projection"},
-        {"conserve": ["x"], "keeping": "none"},
+        {"alpha": 0.0, "enforcement": "baumgarte"},
+        {"alpha": 1.0, "enforcement": "projection"},
+        {"conserve": ["x"], "enforcement": "none"},
         {"values": {"m": -1}},
         {"time": 1e9, "step": 1e-9},
         {"out": "motion.txt"},
@@ -172,9 +187,7 @@ def test_numbers_and_files_that_make_no_sense(tmp_path, monkeypatch, options):
     assert not list(tmp_path.iterdir())
 
 
-FREE = (
-    "joints: {b: {type: free, parent: ground, child: a, position: [x, y, z], orientation: {euler: zxz, angles: [q1, q2, q3]}}}\n"
-)
+FREE = "joints: {b: {type: free, parent: ground, child: a, position: [x, y, z], orientation: {euler: zxz, angles: [q1, q2, q3]}}}\n"
 
 
 @pytest.mark.parametrize(
@@ -189,7 +202,10 @@ FREE = (
             "constraints: {c: {type: prescribed, coordinate: x, motion: 1 m*sqrt(t/(1 s))}}\n",
             "the constraints' rates are not finite at the initial position",
         ),
-        ("bodies: {a: {mass: 1, inertia: [1, 2, 2.5]}}\n" + FREE, "the rates of the coordinates are not finite at the initial"),
+        (
+            "bodies: {a: {mass: 1, inertia: [1, 2, 2.5]}}\n" + FREE,
+            "the rates of the coordinates are not finite at the initial",
+        ),
     ],
 )
 def test_a_start_that_is_not_finite_is_told_by_its_cause(tmp_path, text, said):
@@ -204,14 +220,24 @@ def test_a_motion_that_would_take_all_night_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr(progress, "LONG", 0.0)
     text = "model: stiff\ncoordinates: {x: m}\nkinetic: der(x)**2/2*1 kg\npotential: x**2*1e10 N/m\ninitial: {x: 1 m}\n"
     (tmp_path / "stiff.yaml").write_text(text)
-    with pytest.warns(RuntimeWarning, match="s of 1 s are done after .* --integrator radau") as said:
+    with pytest.warns(
+        RuntimeWarning, match="s of 1 s are done after .* --integrator radau"
+    ) as said:
         hamel.simulate(tmp_path / "stiff.yaml", time=1.0)
     assert len([warning for warning in said if "are done after" in str(warning.message)]) == 1
 
 
 def test_energy_is_not_held_where_inputs_do_work():
-    """At rest the input does nothing and energy is conserved; with it the keeping would make a wrong answer look right."""
+    """At rest the input does nothing and energy is conserved; with it the enforcement would make a
+    wrong answer look right."""
     snake = MODELS / "snake3.yaml"
-    assert hamel.simulate(snake, keeping="invariants", time=0.5, values={"base.vx": 0.3}).energy_balance < 1e-12
+    assert (
+        hamel.simulate(
+            snake, enforcement="invariants", time=0.5, values={"base.vx": 0.3}
+        ).energy_balance
+        < 1e-12
+    )
     with pytest.raises(AssumptionError, match="energy is not conserved"):
-        hamel.simulate(snake, keeping="invariants", time=0.5, values={"base.vx": 0.3, "tau1": 0.01})
+        hamel.simulate(
+            snake, enforcement="invariants", time=0.5, values={"base.vx": 0.3, "tau1": 0.01}
+        )

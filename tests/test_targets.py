@@ -24,7 +24,9 @@ from codegen.passes import program
 from codegen.targets import TARGETS
 from tests.toy import toy
 
-HOSTILE = '*/ #error "quoted" \\" \'\'\' """ ??/ \n\r\x00\x85\u2028 // /* %s {{ }} {% raw %} <script> \\'
+HOSTILE = (
+    '*/ #error "quoted" \\" \'\'\' """ ??/ \n\r\x00\x85\u2028 // /* %s {{ }} {% raw %} <script> \\'
+)
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
 
@@ -42,7 +44,10 @@ def module(folder: Path) -> ModuleType:
 
 
 def bindings(module: ModuleType) -> list[ModuleType]:
-    return [module, *(importlib.import_module(f"{module.__name__}.{name}") for name in ("_library", "_numpy"))]
+    return [
+        module,
+        *(importlib.import_module(f"{module.__name__}.{name}") for name in ("_library", "_numpy")),
+    ]
 
 
 def states(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -54,7 +59,11 @@ def states(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_backend(module: ModuleType) -> None:
     assert module.backend == "extension"
     assert (module.nx, module.nu, module.np_) == (4, 1, 3)
-    assert module.states == ("q1", "q2", "der(q1)", "der(q2)") and module.parameters == ("l1", "l2", "m")
+    assert module.states == ("q1", "q2", "der(q1)", "der(q2)") and module.parameters == (
+        "l1",
+        "l2",
+        "m",
+    )
     assert module.defaults.tolist() == [0.5, 0.7, 1.3]
 
 
@@ -63,15 +72,21 @@ def test_backend(module: ModuleType) -> None:
 def test_all_bindings_equal_the_graph(module: ModuleType, name: str) -> None:
     equations = toy()
     function = next(f for f in equations.functions if f.name == name)
-    graph = ca.Function("f", [argument.symbols for argument in equations.arguments], [function.result.value])
+    graph = ca.Function(
+        "f", [argument.symbols for argument in equations.arguments], [function.result.value]
+    )
     t, x, u = states(40)
     p = np.array([0.4, 0.9, 2.0])
     expected = np.array([graph(t[i], x[i], u[i], p).full() for i in range(40)])
     found = [getattr(binding, name)(t, x, u, p) for binding in bindings(module)]
     size = np.abs(expected).max()
-    np.testing.assert_allclose(found[0].reshape(expected.shape), expected, rtol=1e-11, atol=1e-13 * size)
+    np.testing.assert_allclose(
+        found[0].reshape(expected.shape), expected, rtol=1e-11, atol=1e-13 * size
+    )
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=0)
-    tame = np.abs(found[0]).reshape(40, -1).max(axis=1) < 1e3  # near a singular position rounding is amplified
+    tame = (
+        np.abs(found[0]).reshape(40, -1).max(axis=1) < 1e3
+    )  # near a singular position rounding is amplified
     np.testing.assert_allclose(found[2][tame], found[0][tame], rtol=1e-12, atol=1e-15 * size)
     np.testing.assert_allclose(found[2], found[0], rtol=1e-10, atol=1e-14 * size)
     for binding, many in zip(bindings(module), found):
@@ -94,10 +109,14 @@ def test_failures_raise_or_become_nan(module: ModuleType) -> None:
     x = np.full((2, 3, 4), 0.3)
     x[1, 1, 2] = np.inf
     for binding in bindings(module):
-        with pytest.warns(RuntimeWarning, match=r"toy.dynamics: 1 of 6 rows failed and are NaN; row 4: not finite"):
+        with pytest.warns(
+            RuntimeWarning, match=r"toy.dynamics: 1 of 6 rows failed and are NaN; row 4: not finite"
+        ):
             found = binding.dynamics(0.0, x, [0.0])
         assert np.isnan(found[1, 1]).all() and np.isfinite(found).sum() == 20
-        with pytest.raises(FloatingPointError, match=r"toy.dynamics at t = 2.5: singular: \|det M\| < 1e-12"):
+        with pytest.raises(
+            FloatingPointError, match=r"toy.dynamics at t = 2.5: singular: \|det M\| < 1e-12"
+        ):
             binding.dynamics(2.5, x[0, 0], [0.0], [0.0, 0.7, 1.3])
         with pytest.raises(FloatingPointError, match="not converged to 1e-13 in 20 steps"):
             binding.project(0.0, [3.0, 0.3, 0.0, 0.0])
@@ -128,7 +147,9 @@ def test_arguments_in_every_form(module: ModuleType) -> None:
         out = np.empty(4)
         assert binding.dynamics(0.0, x[0], u[0], None, out) is out
         np.testing.assert_array_equal(out, expected)
-        np.testing.assert_array_equal(binding.dynamics(t=0, x=list(x[0]), u=u[0].tolist(), p=module.defaults), expected)
+        np.testing.assert_array_equal(
+            binding.dynamics(t=0, x=list(x[0]), u=u[0].tolist(), p=module.defaults), expected
+        )
         same = x[0].copy()
         binding.dynamics(0.0, same, u[0], out=same)
         np.testing.assert_array_equal(same, expected)
@@ -136,7 +157,9 @@ def test_arguments_in_every_form(module: ModuleType) -> None:
         assert rows.shape == (3, 4, 4)
         wide = np.zeros((12, 9))
         wide[:, ::2][:, :4] = x
-        np.testing.assert_array_equal(binding.dynamics(0.0, wide[:, ::2][:, :4], u), binding.dynamics(0.0, x, u))
+        np.testing.assert_array_equal(
+            binding.dynamics(0.0, wide[:, ::2][:, :4], u), binding.dynamics(0.0, x, u)
+        )
         strided = np.zeros((12, 8))
         binding.dynamics(0.0, x, u, out=strided[:, ::2])
         np.testing.assert_array_equal(strided[:, ::2], binding.dynamics(0.0, x, u))
@@ -148,7 +171,8 @@ def test_arguments_in_every_form(module: ModuleType) -> None:
 
 @needs_compiler
 def test_results_that_somebody_holds_are_never_written_again(module: ModuleType) -> None:
-    """The extension gives arrays out again that nobody holds: not their memory, nor a weak reference, nor in another shape."""
+    """The extension gives arrays out again that nobody holds: not their memory, nor a weak
+    reference, nor in another shape."""
     _, x, u = states(60)
     one = module._binding.dynamics
     expected = [one(0.0, x[i], u[i]).copy() for i in range(60)]
@@ -160,7 +184,10 @@ def test_results_that_somebody_holds_are_never_written_again(module: ModuleType)
         np.testing.assert_array_equal(views[i], expected[i][1:])
         np.testing.assert_array_equal(np.asarray(buffers[i]), expected[i])
     weak = [weakref.ref(one(0.0, x[i], u[i])) for i in range(60)]
-    assert all(found is None or (found == expected[i]).all() for i, found in enumerate(ref() for ref in weak))
+    assert all(
+        found is None or (found == expected[i]).all()
+        for i, found in enumerate(ref() for ref in weak)
+    )
     for change in ({"shape": (2, 2)}, {"dtype": np.int64}, {"strides": (0,)}):
         odd = None
         for _ in range(9):
@@ -179,7 +206,8 @@ def test_results_that_somebody_holds_are_never_written_again(module: ModuleType)
 
 @needs_compiler
 def test_a_result_of_another_shape_is_refused_however_it_is_held(module: ModuleType) -> None:
-    """Nothing is written beyond an array that is too short, even where somebody has a weak reference to it."""
+    """Nothing is written beyond an array that is too short, even where somebody has a weak
+    reference to it."""
     _, x, u = states(1)
     room = np.full(64, 7.0)
     short = room[:1]
@@ -193,7 +221,11 @@ def test_a_result_of_another_shape_is_refused_however_it_is_held(module: ModuleT
 def test_wrong_arguments_are_refused(module: ModuleType) -> None:
     x = np.zeros(4)
     for binding in bindings(module):
-        for arguments in ((0.0, x[:3], [0.0]), (0.0, x), (0.0, x, [0.0], None, np.empty(4, dtype=np.float32))):
+        for arguments in (
+            (0.0, x[:3], [0.0]),
+            (0.0, x),
+            (0.0, x, [0.0], None, np.empty(4, dtype=np.float32)),
+        ):
             with pytest.raises((TypeError, ValueError)):
                 binding.dynamics(*arguments)
         with pytest.raises((TypeError, ValueError)):
@@ -209,7 +241,12 @@ def test_a_wrong_shape_is_told_by_the_name_of_its_argument(module: ModuleType) -
     _, x, u = states(1)
     given = {"x": x[0], "u": u[0], "p": np.array(list(module.defaults))}
     for name, value in given.items():
-        for bad in (value[:-1], np.append(value, 0.0), np.float64(1.0), np.ones((3, len(value) + 1))):
+        for bad in (
+            value[:-1],
+            np.append(value, 0.0),
+            np.float64(1.0),
+            np.ones((3, len(value) + 1)),
+        ):
             for binding in bindings(module):
                 said = f"needs {len(value)} values along the last axis of '{name}', got shape {np.shape(bad)}"
                 with pytest.raises(ValueError, match=re.escape(said)):
@@ -230,7 +267,11 @@ def test_same_bytes_for_every_hash_seed(tmp_path: Path) -> None:
     seen = set()
     for seed in ("0", "1", "4242"):
         environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.getcwd()}
-        seen.add(subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, check=True).stdout)
+        seen.add(
+            subprocess.run(
+                [sys.executable, "-c", script], env=environment, capture_output=True, check=True
+            ).stdout
+        )
     assert len(seen) == 1
 
 
@@ -244,7 +285,12 @@ def run_alone(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
     """Python with NumPy and the folder's parent on its path and nothing else."""
     numpy_home = Path(np.__file__).parents[1]
     preamble = f"import sys; sys.path[:0] = [{str(folder.parent)!r}, {str(numpy_home)!r}]\n"
-    return subprocess.run([sys.executable, "-I", "-S", "-c", preamble + script], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-I", "-S", "-c", preamble + script],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 @needs_compiler
@@ -264,10 +310,17 @@ print(toy.backend, len(seen), toy.dynamics(0.0, [0.1, 0.2, 0.3, 0.4], [1.0]).tol
     second = run_alone(moved, script)
     next(moved.glob("libtoy.*")).unlink()
     third = run_alone(moved, script)
-    rebuilt = subprocess.run([sys.executable, "build.py"], cwd=moved, capture_output=True, text=True, check=False)
+    rebuilt = subprocess.run(
+        [sys.executable, "build.py"], cwd=moved, capture_output=True, text=True, check=False
+    )
     fourth = run_alone(moved, script)
     lines = [run.stdout.split(maxsplit=2) for run in (first, second, third, fourth)]
-    assert [line[:2] for line in lines] == [["extension", "0"], ["ctypes", "0"], ["numpy", "1"], ["extension", "0"]], third.stderr
+    assert [line[:2] for line in lines] == [
+        ["extension", "0"],
+        ["ctypes", "0"],
+        ["numpy", "1"],
+        ["extension", "0"],
+    ], third.stderr
     assert lines[0][2] == lines[1][2] == lines[3][2], rebuilt.stderr
     np.testing.assert_allclose(json.loads(lines[2][2]), json.loads(lines[0][2]), rtol=1e-13)
 
@@ -286,35 +339,34 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
 
 
 @needs_compiler
-def test_example_compiles_without_warnings(folder: Path, tmp_path: Path, module: ModuleType) -> None:
-    command = compiler.find_compiler()
-    assert command
-    sources = [str(folder / name) for name in ("example.c", "toy.c")]
-    subprocess.run([*command, *STRICT, *sources, "-lm", "-o", str(tmp_path / "example")], check=True)
-    printed = subprocess.run([str(tmp_path / "example")], capture_output=True, text=True, check=True).stdout
-    found = [float(line) for line in printed.split()]
-    np.testing.assert_allclose(found, module.dynamics(0.0, [0.1, 0.2, 0.3, 0.4], [0.0]), rtol=1e-12)
-
-
-@needs_compiler
 def test_hostile_text_stays_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     built = build.build(program(toy("toy", HOSTILE, HOSTILE)), tmp_path / "toy")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         module = loader.load(built.folder)
-    assert module.backend == "extension" and module.dynamics(0.0, np.full(4, 0.3), [0.0]).shape == (4,)
+    assert module.backend == "extension" and module.dynamics(0.0, np.full(4, 0.3), [0.0]).shape == (
+        4,
+    )
     command = compiler.find_compiler()
     assert command
     sources = [str(built.folder / name) for name in ("example.c", "toy.c")]
-    subprocess.run([*command, *STRICT, "-trigraphs", *sources, "-lm", "-o", str(tmp_path / "example")], check=True)
+    subprocess.run(
+        [*command, *STRICT, "-trigraphs", *sources, "-lm", "-o", str(tmp_path / "example")],
+        check=True,
+    )
     assert json.loads((built.folder / "manifest.json").read_text())["description"] == HOSTILE
 
 
-@pytest.mark.parametrize("value", [0.1, 1e-320, 1.7976931348623157e308, 1 / 3, -2.5e-300, 123456789.0])
+@pytest.mark.parametrize(
+    "value", [0.1, 1e-320, 1.7976931348623157e308, 1 / 3, -2.5e-300, 123456789.0]
+)
 def test_numbers_round_trip(value: float) -> None:
     assert float(text.number(value)) == value
-    assert text.number(float("inf")) == "INFINITY" and text.number(float("-inf"), text.NUMPY) == "-np.inf"
+    assert (
+        text.number(float("inf")) == "INFINITY"
+        and text.number(float("-inf"), text.NUMPY) == "-np.inf"
+    )
     assert text.number(float("nan")) == "NAN"
 
 
@@ -326,7 +378,10 @@ def test_numbers_round_trip(value: float) -> None:
         (("mul", ("add", "a", "b"), ("neg", "c")), "(a + b) * -c"),
         (("div", "a", ("mul", "b", "c")), "a / (b * c)"),
         (("mul", "a", -2.0), "a * -2.0"),
-        (("where", ("lt", "a", ("add", "b", 1.0)), "c"), "((double)(a < (b + 1.0)) != 0 ? c : 0.0)"),
+        (
+            ("where", ("lt", "a", ("add", "b", 1.0)), "c"),
+            "((double)(a < (b + 1.0)) != 0 ? c : 0.0)",
+        ),
     ],
 )
 def test_parentheses(value: tuple, printed: str) -> None:
@@ -338,7 +393,9 @@ def test_manifest_says_what_is_there() -> None:
     manifest = json.loads(build.emit(toy_program)["manifest.json"])
     assert manifest["operations"]["dynamics"] == toy_program.kernel("dynamics").operations["total"]
     assert manifest["operations_by_kind"]["dynamics"]["sin"] == 3
-    assert manifest["functions"]["mass"]["shape"] == [2, 2] and manifest["arguments"]["p"]["defaults"] == [0.5, 0.7, 1.3]
+    assert manifest["functions"]["mass"]["shape"] == [2, 2] and manifest["arguments"]["p"][
+        "defaults"
+    ] == [0.5, 0.7, 1.3]
     assert manifest["choice"] == "crank"
     assert set(manifest["files"]) == set(build.emit(toy_program)) - {"manifest.json"}
 
@@ -357,7 +414,9 @@ def test_defaults_and_batches_use_precomputed_constants(module: ModuleType) -> N
     p[7, 2] = np.nan
     with pytest.warns(RuntimeWarning, match=r"1 of 30 rows failed and are NaN; row 7: not finite"):
         assert np.isnan(module.dynamics(t, x, u, p)[7]).all()
-    p[:8, 2] = np.nan  # what all rows share is still to be read when the first vector of rows has failed
+    p[:8, 2] = (
+        np.nan
+    )  # what all rows share is still to be read when the first vector of rows has failed
     with pytest.warns(RuntimeWarning, match=r"8 of 30 rows failed"):
         shared = module.dynamics(0.0, x, [1.7], p)
     singles = np.array([module.dynamics(0.0, x[i], np.array([1.7]), p[i]) for i in range(8, 30)])
@@ -367,12 +426,19 @@ def test_defaults_and_batches_use_precomputed_constants(module: ModuleType) -> N
 
 
 def test_steps_use_precomputed_constants() -> None:
-    """Parameters stay as they are on the way, so what follows from them alone is computed once, not at every stage."""
+    """Parameters stay as they are on the way, so what follows from them alone is computed once, not
+    at every stage."""
     made = program(toy())
     hoisted = made.kernel("dynamics").hoisted
-    assert hoisted and hoisted.rest.operations["total"] < made.kernel("dynamics").operations["total"]
+    assert (
+        hoisted and hoisted.rest.operations["total"] < made.kernel("dynamics").operations["total"]
+    )
     simulation = build.emit(made)["toy_simulate.c"]
-    assert simulation.count("toy_dynamics_precompute(p, c)") == simulation.count("toy_dynamics_precomputed(") == 1
+    assert (
+        simulation.count("toy_dynamics_precompute(p, c)")
+        == simulation.count("toy_dynamics_precomputed(")
+        == 1
+    )
     assert "toy_dynamics(" not in simulation
 
 
@@ -387,7 +453,9 @@ def test_batches_on_threads(module: ModuleType) -> None:
         np.testing.assert_array_equal(many(t[0], x[0], u[0]), binding.dynamics(t[0], x[0], u[0]))
         out = np.empty((37, 2, 4))
         assert many(t[:, None], x[:, None], u[:2], out=out) is out
-        np.testing.assert_allclose(out[tame, 0], module.dynamics(t, x, u[0])[tame], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            out[tame, 0], module.dynamics(t, x, u[0])[tame], rtol=1e-9, atol=1e-9
+        )
     with pytest.raises(TypeError):
         module.threaded(module.dynamics, 2)(t, x)
 
@@ -410,16 +478,29 @@ int main(void) {
     command = compiler.find_compiler()
     assert command
     quiet = ["-Wno-unused-function"]
-    subprocess.run([*command, *STRICT, *quiet, "main.c", "-lm", "-o", "main"], cwd=tmp_path, check=True)
-    printed = subprocess.run([str(tmp_path / "main")], capture_output=True, text=True, check=True).stdout
-    np.testing.assert_allclose([float(x) for x in printed.split()], module.dynamics(0.0, [0.1, 0.2, 0.3, 0.4], [0.0]), rtol=1e-12)
+    subprocess.run(
+        [*command, *STRICT, *quiet, "main.c", "-lm", "-o", "main"], cwd=tmp_path, check=True
+    )
+    printed = subprocess.run(
+        [str(tmp_path / "main")], capture_output=True, text=True, check=True
+    ).stdout
+    np.testing.assert_allclose(
+        [float(x) for x in printed.split()],
+        module.dynamics(0.0, [0.1, 0.2, 0.3, 0.4], [0.0]),
+        rtol=1e-12,
+    )
     if shutil.which("g++"):
         subprocess.run(["g++", "-fsyntax-only", "-x", "c++", "main.c"], cwd=tmp_path, check=True)
     assert "toy_inline.h" not in build.emit(program(toy()))
 
 
-@pytest.mark.parametrize(("macros", "tuned"), [("11", True), ("7", False), ("4\n#define __clang__ 1", False), ("", False)])
-def test_lanes_on_zen_are_ordered_by_another_model(macros: str, tuned: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("macros", "tuned"),
+    [("11", True), ("7", False), ("4\n#define __clang__ 1", False), ("", False)],
+)
+def test_lanes_on_zen_are_ordered_by_another_model(
+    macros: str, tuned: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Where gcc has it: not in gcc 7, not in clang, and for lanes alone."""
     said = "#define __znver3 1\n" + (f"#define __GNUC__ {macros}\n" if macros else "")
     monkeypatch.setattr(compiler, "probe", lambda command: ((), said))

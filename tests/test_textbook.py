@@ -15,9 +15,9 @@ import pytest
 import sympy
 
 from derive.formulations import FORMULATIONS, equations
-from derive.mechanics import system
-from derive.mechanics.sampling import states
 from derive.model import load
+from derive.states import system
+from derive.states.sampling import states
 from derive.textbook import html, laws, printed
 from derive.textbook.convert import Reader
 from derive.textbook.derivation import derivation
@@ -45,22 +45,37 @@ IMPOSSIBLE = {("snake3", "world")}  # x and y rates depend on each other through
 
 
 def cases():
-    """Every choice of some models and one of others with parameters as symbols; all the rest are slow tests."""
+    """Every choice of some models and one of others with parameters as symbols; all the rest are
+    slow tests."""
     for path in sorted(MODELS.glob("*.yaml")):
-        names = [choice.name for choice in load(path).choices if (path.stem, choice.name) not in IMPOSSIBLE]
+        names = [
+            choice.name
+            for choice in load(path).choices
+            if (path.stem, choice.name) not in IMPOSSIBLE
+        ]
         for k, name in enumerate(names):
             soon = path.stem in EVERY_CHOICE or (k == 0 and path.stem in ONE_CHOICE)
             yield case(path.stem, name, (), "quasi_velocities", soon)
-            yield case(path.stem, name, "all", "quasi_velocities", k == 0 and path.stem in EVERY_CHOICE)
+            yield case(
+                path.stem, name, "all", "quasi_velocities", k == 0 and path.stem in EVERY_CHOICE
+            )
         for method in FORMULATIONS:
-            if method.name != "quasi_velocities" and (method.name == "recursive") <= is_tree(load(path)):
-                quick = EVERY_CHOICE | ({"cart_pole", "double_pendulum"} if method.name == "recursive" else {"bead_on_wire"})
+            if method.name != "quasi_velocities" and (method.name == "recursive") <= is_tree(
+                load(path)
+            ):
+                quick = EVERY_CHOICE | (
+                    {"cart_pole", "double_pendulum"}
+                    if method.name == "recursive"
+                    else {"bead_on_wire"}
+                )
                 yield case(path.stem, names[0], (), method.name, path.stem in quick)
 
 
 def case(model, choice, constants, formulation, soon):
     label = f"{model}-{choice if formulation == 'quasi_velocities' else formulation}{'-numbers' if constants else ''}"
-    return pytest.param(model, choice, constants, formulation, id=label, marks=() if soon else pytest.mark.slow)
+    return pytest.param(
+        model, choice, constants, formulation, id=label, marks=() if soon else pytest.mark.slow
+    )
 
 
 @functools.cache
@@ -72,17 +87,25 @@ class State:
     """A random consistent state; terms are evaluated there by CasADi."""
 
     def __init__(self, found, seed):
-        self.found, self.augmented = found, found.base_velocities
+        self.found, self.augmented = found, found.generalized_velocities
         sample = states(found.system, 1, seed=seed, parameters=0.1)
-        self.t, self.q, self.v, self.u, self.p = (x[0] for x in (sample.t, sample.q, sample.v, sample.u, sample.p))
-        self.w = self.v if self.augmented else self.terms([named(found, "B")], w=np.zeros(len(found.w)))[0] @ self.v
+        self.t, self.q, self.v, self.u, self.p = (
+            x[0] for x in (sample.t, sample.q, sample.v, sample.u, sample.p)
+        )
+        self.w = (
+            self.v
+            if self.augmented
+            else self.terms([named(found, "B")], w=np.zeros(len(found.w)))[0] @ self.v
+        )
         self.v = self.v if self.augmented else self.terms([named(found, "v")])[0].ravel()
 
     def terms(self, values, w=None):
         s = self.found.system
         x = next(a for a in self.found.arguments if a.name == "x").symbols[s.q.numel() :]
         symbols, here = ([], []) if self.augmented else ([x], [self.w if w is None else w])
-        function = ca.Function("terms", [s.t, s.q, s.v, *symbols, s.u, s.p], [ca.densify(ca.SX(v)) for v in values])
+        function = ca.Function(
+            "terms", [s.t, s.q, s.v, *symbols, s.u, s.p], [ca.densify(ca.SX(v)) for v in values]
+        )
         result = function.call([self.t, self.q, self.v, *here, self.u, self.p])
         return [np.asarray(v, dtype=float) for v in result]
 
@@ -90,11 +113,18 @@ class State:
         """Name → value of what a model declares."""
         s, model = self.found.system, self.found.system.model
         free = [x.name for x in model.parameters if x.name not in s.constants]
-        labels = [free, [c.name for c in model.coordinates], [v.name for v in model.velocities], [i.name for i in model.inputs]]
+        labels = [
+            free,
+            [c.name for c in model.coordinates],
+            [v.name for v in model.velocities],
+            [i.name for i in model.inputs],
+        ]
         values = {}
         for names, numbers in zip(labels, (self.p, self.q, self.v, self.u)):
             values |= dict(zip(names, numbers))
-        return {"t": self.t} | values | speeds(values, [] if self.augmented else self.found.w, self.w)
+        return (
+            {"t": self.t} | values | speeds(values, [] if self.augmented else self.found.w, self.w)
+        )
 
 
 def speeds(values, names, numbers):
@@ -112,12 +142,16 @@ def named(found, name):
 
 
 def discrepancies(formulas, state):
-    """Every printed formula in order, each over the values that the earlier ones gave: (name, relative difference)."""
+    """Every printed formula in order, each over the values that the earlier ones gave: (name,
+    relative difference)."""
     values = state.basic()
     for formula, exact in zip(formulas, state.terms([f.value for f in formulas])):
         result = evaluated(formula, values)
         values |= {s.name: x for s, x in zip(formula.left, result.ravel()) if s is not None}
-        yield formula.name, np.max(np.abs(result - exact), initial=0.0) / (1 + np.max(np.abs(exact), initial=0.0))
+        yield (
+            formula.name,
+            np.max(np.abs(result - exact), initial=0.0) / (1 + np.max(np.abs(exact), initial=0.0)),
+        )
 
 
 def evaluated(formula, values):
@@ -127,7 +161,9 @@ def evaluated(formula, values):
         free = sorted(x.free_symbols, key=lambda s: s.name)
         undefined = [s.name for s in free if s.name not in here]
         assert not undefined, f"{formula.name} uses {undefined} before they are defined"
-        result.append(float(compiled(x, tuple(free))(*[here[s.name] for s in free])) if free else float(x))
+        result.append(
+            float(compiled(x, tuple(free))(*[here[s.name] for s in free])) if free else float(x)
+        )
         if left is not None:
             here[left.name] = result[-1]
     return np.array(result).reshape(formula.right.shape)
@@ -141,10 +177,18 @@ def compiled(expression, symbols):
 def test_what_is_printed_is_what_is_compiled(model, choice, constants, formulation):
     found = derived(model, choice, constants, formulation)
     document, state = derivation(found), State(found, 7)
-    wrong = {name: error for name, error in discrepancies(document.printed, state) if not error <= TOLERANCE}
+    wrong = {
+        name: error
+        for name, error in discrepancies(document.printed, state)
+        if not error <= TOLERANCE
+    }
     assert not wrong
     residuals = state.terms([law.residual for law in document.laws])
-    broken = {law.name: x for law, x in zip(document.laws, residuals) if not np.max(np.abs(x), initial=0.0) <= 1e-6}
+    broken = {
+        law.name: x
+        for law, x in zip(document.laws, residuals)
+        if not np.max(np.abs(x), initial=0.0) <= 1e-6
+    }
     assert not broken
     check_page(page(document))
     check_article(article(document))
@@ -180,20 +224,39 @@ def test_a_planted_sign_error_is_seen(planted):
 
 
 @pytest.mark.parametrize(
-    "model, choice", [("slider_crank", "slider+crank"), ("slider_crank", "slider+tangent"), ("snakeboard", None)]
+    "model, choice",
+    [("slider_crank", "slider+crank"), ("slider_crank", "slider+tangent"), ("snakeboard", None)],
 )
 def test_charts_are_shown_with_their_guards_and_the_way_between(model, choice):
     found = equations(system(load(MODELS / f"{model}.yaml")), choice, charts=True)
     document, state = derivation(found), State(found, 7)
     errors = dict(discrepancies(document.printed, state))
-    assert "B(1)" in errors and not {name: error for name, error in errors.items() if not error <= TOLERANCE}
-    residuals = dict(zip([law.name for law in document.laws], state.terms([law.residual for law in document.laws])))
-    assert max(np.max(np.abs(residuals[name])) for name in ("to chart 1", "back from chart 1")) <= 1e-9
+    assert "B(1)" in errors and not {
+        name: error for name, error in errors.items() if not error <= TOLERANCE
+    }
+    residuals = dict(
+        zip(
+            [law.name for law in document.laws],
+            state.terms([law.residual for law in document.laws]),
+        )
+    )
+    assert (
+        max(np.max(np.abs(residuals[name])) for name in ("to chart 1", "back from chart 1")) <= 1e-9
+    )
     check_page(page(document))
     check_article(article(document))
     shown = page(document)
-    assert all(chart.choice in shown for chart in (found, *found.charts)) and "A chart is left where its margin" in shown
-    guards = [g.name for chart in found.charts for f in chart.functions if f.name == "dynamics" for g in f.guards]
+    assert (
+        all(chart.choice in shown for chart in (found, *found.charts))
+        and "A chart is left where its margin" in shown
+    )
+    guards = [
+        g.name
+        for chart in found.charts
+        for f in chart.functions
+        if f.name == "dynamics"
+        for g in f.guards
+    ]
     assert all(f"guard {name}" in errors for name in guards)
 
 
@@ -201,11 +264,15 @@ def test_a_wrong_way_between_charts_is_seen():
     found = equations(system(load(MODELS / "slider_crank.yaml")), "slider+crank")
     for name in ("state", "velocity"):
         wrong = [
-            replace(f, result=replace(f.result, value=1.001 * f.result.value)) if f.name == name else f
+            replace(f, result=replace(f.result, value=1.001 * f.result.value))
+            if f.name == name
+            else f
             for f in found.charts[0].functions
         ]
         broken = replace(found, charts=(replace(found.charts[0], functions=tuple(wrong)),))
-        residuals = State(broken, 7).terms([law.residual for law in laws(broken) if "chart" in law.name])
+        residuals = State(broken, 7).terms(
+            [law.residual for law in laws(broken) if "chart" in law.name]
+        )
         assert max(np.max(np.abs(x)) for x in residuals) > 1e-5
 
 
@@ -217,7 +284,7 @@ def test_laws_can_fail():
 
 
 SECTIONS = (
-    "Given", "Coordinates and base velocities", "Kinematics", "Constraints", "Choice of quasi-velocities", "Block inverse",
+    "Given", "Coordinates and generalized velocities", "Kinematics", "Constraints", "Choice of quasi-velocities", "Block inverse",
     "Energies", "Equations of motion", "Equations without multipliers", "Multipliers", "Energy and power", "Outputs", "Symbols",
 )  # fmt: skip
 
@@ -231,7 +298,7 @@ def test_a_page_has_every_section_in_order():
 
 def test_same_bytes_for_every_hash_seed():
     code = (
-        "from derive.model import load; from derive.mechanics import system; from derive.formulations import equations\n"
+        "from derive.model import load; from derive.states import system; from derive.formulations import equations\n"
         "from derive.textbook import html, latex\n"
         "import hashlib, sys\n"
         "e = equations(system(load('models/rolling_disk.yaml')), 'lean_frame')\n"
@@ -239,7 +306,11 @@ def test_same_bytes_for_every_hash_seed():
     )
     seen = {
         subprocess.run(
-            [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {"PYTHONHASHSEED": seed}, capture_output=True, check=True
+            [sys.executable, "-c", code],
+            cwd=ROOT,
+            env=os.environ | {"PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
         ).stdout
         for seed in ("0", "1")
     }
@@ -283,7 +354,11 @@ def test_the_users_text_is_text(tmp_path):
 def test_names_of_the_model_do_not_collide_with_names_of_the_page(tmp_path):
     found = hostile(tmp_path)
     document = derivation(found)
-    assert not {name: e for name, e in discrepancies(document.printed, State(found, 1)) if not e <= TOLERANCE}
+    assert not {
+        name: e
+        for name, e in discrepancies(document.printed, State(found, 1))
+        if not e <= TOLERANCE
+    }
     text = page(document)
     assert r"<mi>M_11</mi>" in text.replace("&#x0005F;", "_") and r"<mi>lambda1</mi>" in text
 
@@ -308,7 +383,7 @@ def test_identifiers_become_symbols(name, latex):
     assert symbol(name) == latex
 
 
-def test_base_velocities_carry_their_joint():
+def test_generalized_velocities_carry_their_joint():
     assert velocity("base.vx", "") == r"v_{x}^{\mathrm{base}}"
     assert velocity("base.w", "") == r"\omega^{\mathrm{base}}"
     assert velocity("der(q1)", "q1") == r"\dot{q}_{1}"
@@ -339,7 +414,9 @@ def test_a_term_is_read_as_it_is(term):
     shown = [*(reader.whole(ca.SX(term)) or []), *reader._plain(node, {})]
     exact = float(ca.Function("f", [X, Y], [term])(0.7, 1.9))
     for x in shown:
-        assert float(sympy.N(x.subs(dict(zip(symbols, (0.7, 1.9)))))) == pytest.approx(exact, rel=1e-12)
+        assert float(sympy.N(x.subs(dict(zip(symbols, (0.7, 1.9)))))) == pytest.approx(
+            exact, rel=1e-12
+        )
     ElementTree.fromstring(mathml(Typesetter({symbols[0]: "x", symbols[1]: "y"}).latex(shown[0])))
 
 
@@ -357,7 +434,10 @@ def test_a_term_is_read_as_it_is(term):
 def test_terms_are_shown_as_a_person_writes_them(term, shown):
     symbols = sympy.symbols("x y")
     found = Reader(ca.vertcat(X, Y), symbols, False).whole(ca.SX(term))
-    assert found is not None and Typesetter({symbols[0]: "x", symbols[1]: "y"}).latex(found[0]) == shown
+    assert (
+        found is not None
+        and Typesetter({symbols[0]: "x", symbols[1]: "y"}).latex(found[0]) == shown
+    )
 
 
 def test_long_terms_are_cut_into_named_ones():

@@ -1,4 +1,5 @@
-"""The inlined sine and cosine: below one unit in the last place on |x| ≤ 1e5, the library's own beyond; scalar and in batches."""
+"""The inlined sine and cosine: below one unit in the last place on |x| ≤ 1e5, the library's own
+beyond; scalar and in batches."""
 
 from __future__ import annotations
 
@@ -26,17 +27,26 @@ needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no
 def turning(value: ca.SX, x: ca.SX) -> Equations:
     """One function of one argument, called dynamics so that it has a batch too."""
     labels = tuple(f"y{i}" for i in range(value.numel()))
-    function = Function("dynamics", "sine and cosine", Result("y", value, labels, ("",) * len(labels)))
+    function = Function(
+        "dynamics", "sine and cosine", Result("y", value, labels, ("",) * len(labels))
+    )
     names = tuple(f"x{i}" for i in range(x.numel()))
     arguments = tuple(
         Argument(
-            name, x if name == "x" else ca.SX(0, 1), names if name == "x" else (), ("rad",) * len(names) if name == "x" else ()
+            name,
+            x if name == "x" else ca.SX(0, 1),
+            names if name == "x" else (),
+            ("rad",) * len(names) if name == "x" else (),
         )
         for name in "xup"
     )
-    system: Any = SimpleNamespace(model=SimpleNamespace(name="turn", description="", fixed=()), constants=(), phi=ca.SX(0, 1))
+    system: Any = SimpleNamespace(
+        model=SimpleNamespace(name="turn", description="", fixed=()), constants=(), phi=ca.SX(0, 1)
+    )
     time = Argument("t", ca.SX.sym("t"), ("t",), ("s",))
-    return replace(toy(), system=system, arguments=(time, *arguments), functions=(function,), parameters=())
+    return replace(
+        toy(), system=system, arguments=(time, *arguments), functions=(function,), parameters=()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +55,9 @@ def module(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
     x = ca.SX.sym("x", 1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        return loader.load(build.build(program(turning(ca.vertcat(ca.sin(x), ca.cos(x)), x)), base / "turn").folder)
+        return loader.load(
+            build.build(program(turning(ca.vertcat(ca.sin(x), ca.cos(x)), x)), base / "turn").folder
+        )
 
 
 def points() -> np.ndarray:
@@ -54,14 +66,29 @@ def points() -> np.ndarray:
     wide = np.concatenate([random.uniform(-scale, scale, 20_000) for scale in (1e5, 1e3, 7.0, 0.8)])
     small = random.uniform(-1, 1, 2_000) * 2.0 ** -random.integers(0, 1000, 2_000)
     near = np.arange(0, 127_324) * (np.pi / 4)
-    ends = np.array([1e5, -1e5, np.nextafter(1e5, 0), 0.0, 5e-324, -5e-324, np.pi / 4, np.nextafter(np.pi / 4, 1)])
-    found = np.concatenate([wide, small, near, -near, np.nextafter(near, np.inf), np.nextafter(near, -np.inf), ends])
+    ends = np.array(
+        [
+            1e5,
+            -1e5,
+            np.nextafter(1e5, 0),
+            0.0,
+            5e-324,
+            -5e-324,
+            np.pi / 4,
+            np.nextafter(np.pi / 4, 1),
+        ]
+    )
+    found = np.concatenate(
+        [wide, small, near, -near, np.nextafter(near, np.inf), np.nextafter(near, -np.inf), ends]
+    )
     return found[np.abs(found) <= 1e5]
 
 
 def errors(found: np.ndarray, exact: np.ndarray) -> np.ndarray:
     """In units in the last place of the exact value."""
-    return np.asarray(np.abs(found - exact) / np.spacing(np.maximum(np.abs(exact.astype(float)), 1e-300)))
+    return np.asarray(
+        np.abs(found - exact) / np.spacing(np.maximum(np.abs(exact.astype(float)), 1e-300))
+    )
 
 
 @needs_compiler
@@ -80,7 +107,9 @@ def test_one_unit_in_the_last_place(module: ModuleType) -> None:
 def test_nearest_to_multiples_of_half_a_turn(module: ModuleType) -> None:
     """Where almost nothing is left of the argument; mpmath reduces it with 60 digits."""
     multiples = [k * math.pi / 2 for k in (1, 2, 3, 4, 11, 37, 1571, 20_000, 44_441, 63_661)]
-    x = np.array([v for m in multiples for v in (m, -m, math.nextafter(m, 0), math.nextafter(m, 1e9))])
+    x = np.array(
+        [v for m in multiples for v in (m, -m, math.nextafter(m, 0), math.nextafter(m, 1e9))]
+    )
     with mpmath.workdps(60):
         exact = [(mpmath.sin(mpmath.mpf(float(v))), mpmath.cos(mpmath.mpf(float(v)))) for v in x]
     for found in (module.dynamics(0.0, x[:, None]), [module.dynamics(0.0, v[None]) for v in x]):
@@ -117,10 +146,14 @@ def test_every_length_and_stride_of_a_batch(module: ModuleType) -> None:
         wanted = np.hstack([np.sin(x), np.cos(x)])
         np.testing.assert_allclose(module.dynamics(np.zeros(n), x), wanted, rtol=1e-15, atol=1e-16)
         wide = np.zeros((n, 5))
-        np.testing.assert_allclose(module.dynamics(0.0, x, out=wide[:, 1:3]), wanted, rtol=1e-15, atol=1e-16)
+        np.testing.assert_allclose(
+            module.dynamics(0.0, x, out=wide[:, 1:3]), wanted, rtol=1e-15, atol=1e-16
+        )
         np.testing.assert_allclose(wide[:, 1:3], wanted, rtol=1e-15, atol=1e-16)
         assert not wide[:, [0, 3, 4]].any()
-        np.testing.assert_allclose(module.dynamics(0.0, x[::-1]), wanted[::-1], rtol=1e-15, atol=1e-16)
+        np.testing.assert_allclose(
+            module.dynamics(0.0, x[::-1]), wanted[::-1], rtol=1e-15, atol=1e-16
+        )
         status = module.dynamics(np.zeros((2, 1)), x)
         assert status.shape == (2, n, 2)
 
@@ -132,8 +165,17 @@ def test_batches_are_vector_instructions(module: ModuleType) -> None:
         pytest.skip("no AVX2 here")
     library = next(Path(module.__path__[0]).glob("libturn.*"))
     listing = subprocess.run(
-        ["objdump", "-d", "--no-show-raw-insn", str(library)], capture_output=True, text=True, check=True
+        ["objdump", "-d", "--no-show-raw-insn", str(library)],
+        capture_output=True,
+        text=True,
+        check=True,
     ).stdout
-    lanes = listing.split("<turn_dynamics_lanes>:")[1].split("\n\n")[0] if "<turn_dynamics_lanes>:" in listing else listing
-    packed = sum(lanes.count(name) for name in ("213pd", "231pd", "132pd", "mulpd", "addpd", "subpd"))
+    lanes = (
+        listing.split("<turn_dynamics_lanes>:")[1].split("\n\n")[0]
+        if "<turn_dynamics_lanes>:" in listing
+        else listing
+    )
+    packed = sum(
+        lanes.count(name) for name in ("213pd", "231pd", "132pd", "mulpd", "addpd", "subpd")
+    )
     assert packed > 30 and packed > 3 * sum(lanes.count(name) for name in ("mulsd", "addsd"))

@@ -1,4 +1,5 @@
-"""Tuning: what was timed is in the manifest, what was chosen is what gets compiled. No times are asserted."""
+"""Tuning: what was timed is in the manifest, what was chosen is what gets compiled. No times are
+asserted."""
 
 from __future__ import annotations
 
@@ -36,20 +37,33 @@ def test_flags_that_the_compiler_knows(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 @needs_compiler
-def test_flags_of_the_manifest_reach_the_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_flags_of_the_manifest_reach_the_compiler(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     seen: list[list[str]] = []
     run = compiler.run
-    monkeypatch.setattr(compiler, "run", lambda folder, command: (seen.append(command), run(folder, command))[1])
+    monkeypatch.setattr(
+        compiler, "run", lambda folder, command: (seen.append(command), run(folder, command))[1]
+    )
     build.build(replace(program(toy(), ["energy"]), flags=("-O1",)), tmp_path / "toy")
     kernels = [command for command in seen if command[-1] in ("toy.c", "toy_simulate.c")]
     assert kernels and all("-O1" in command for command in kernels)
 
 
 @needs_compiler
-def test_a_tuned_build_says_what_it_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tuned_build_says_what_it_compared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(tune, "FLAGS", ((), ("-O1",)))
-    built = hamel.build(MODELS / "pendulum.yaml", out=tmp_path / "pendulum", functions=["dynamics"], tune=True)
-    assert built.verified and "flags as usual" in built.tuned and len(built.tuned) >= 3 and built.size > 1000
+    built = hamel.build(
+        MODELS / "pendulum.yaml", out=tmp_path / "pendulum", functions=["dynamics"], tune=True
+    )
+    assert (
+        built.verified
+        and "flags as usual" in built.tuned
+        and len(built.tuned) >= 3
+        and built.size > 1000
+    )
     assert json.loads((built.folder / "manifest.json").read_text())["tuned"] == built.tuned
 
 

@@ -1,4 +1,5 @@
-"""Whole turns of angles are taken out while integrating where nothing sees them, and nowhere else."""
+"""Whole turns of angles are taken out while integrating where nothing sees them, and nowhere
+else."""
 
 from __future__ import annotations
 
@@ -13,11 +14,11 @@ from scipy.integrate import solve_ivp
 
 from codegen import compiler
 from codegen.passes import pipeline, program
+from derive.enforcement import Options
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.keepings import Options
-from derive.mechanics import system
 from derive.model import load_text
+from derive.states import system
 from tests.points import NAMED, quickly_built
 from tests.scenes import MODELS
 
@@ -66,8 +67,8 @@ def test_a_parameter_that_is_a_constant_may_be_a_whole_number() -> None:
 
 def test_energy_that_is_held_sees_what_the_motion_does_not() -> None:
     held = NAMED["invariants"].equations(mill("k*a + k*cos(b)"), Options())
-    assert program(held, keepings=("none",)).turning == (0, 1)
-    assert program(held, keepings=("invariants",)).turning == (1,)
+    assert program(held, enforcements=("none",)).turning == (0, 1)
+    assert program(held, enforcements=("invariants",)).turning == (1,)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +84,9 @@ def test_energy_that_is_held_sees_what_the_motion_does_not() -> None:
 )
 @pytest.mark.parametrize("formulation", ["quasi_velocities", "augmented"])
 def test_mechanisms(name: str, round_: tuple[str, ...], formulation: str) -> None:
-    found = program(equations(system(load_text((MODELS / f"{name}.yaml").read_text())), None, formulation))
+    found = program(
+        equations(system(load_text((MODELS / f"{name}.yaml").read_text())), None, formulation)
+    )
     assert tuple(found.argument("x").labels[i] for i in found.turning) == round_
 
 
@@ -107,32 +110,51 @@ INTEGRATORS = ("dop853", "radau", "rosenbrock", "implicit_midpoint")
 @pytest.fixture(scope="module")
 def turning(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
     return quickly_built(
-        mill("k*cos(a)*sin(b)"), ["dynamics", "energy"], INTEGRATORS, ("none",), tmp_path_factory.mktemp("turning")
+        mill("k*cos(a)*sin(b)"),
+        ["dynamics", "energy"],
+        INTEGRATORS,
+        ("none",),
+        tmp_path_factory.mktemp("turning"),
     )
 
 
 @needs_compiler
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_rows_have_their_whole_turns(turning: ModuleType, integrator: str) -> None:
-    stepping = {"step_size": 1e-4} if integrator == "implicit_midpoint" else {"rtol": 1e-10, "atol": 1e-12}
+    stepping = (
+        {"step_size": 1e-4} if integrator == "implicit_midpoint" else {"rtol": 1e-10, "atol": 1e-12}
+    )
     found = turning.simulate(TIMES, START, integrator=integrator, **stepping)
-    np.testing.assert_allclose(found.x, reference(turning, TIMES, START), atol=1e-4 if "step_size" in stepping else 1e-6)
+    np.testing.assert_allclose(
+        found.x, reference(turning, TIMES, START), atol=1e-4 if "step_size" in stepping else 1e-6
+    )
     taken = (found.x - found.reduced) / (2 * np.pi)
     np.testing.assert_allclose(taken, np.round(taken), atol=1e-15 * np.abs(taken).max() + 1e-15)
-    assert taken[-1, 0] > 5 and taken[-1, 1] < -3 and (taken[:, 2:] == 0).all() and np.abs(found.reduced[:, :2]).max() < 7
+    assert (
+        taken[-1, 0] > 5
+        and taken[-1, 1] < -3
+        and (taken[:, 2:] == 0).all()
+        and np.abs(found.reduced[:, :2]).max() < 7
+    )
 
 
 @needs_compiler
 def test_a_start_of_many_turns_makes_no_difference(turning: ModuleType) -> None:
-    """But for the rounding of the start itself; the tolerance is relative to a turn, not to all of them."""
+    """But for the rounding of the start itself; the tolerance is relative to a turn, not to all of
+    them."""
     many = START + 2 * np.pi * np.array([1e6, -1e3, 0.0, 0.0])
     near, far = (turning.simulate(TIMES, x, rtol=1e-9, atol=1e-11) for x in (START, many))
     np.testing.assert_allclose(far.x - many, near.x - START, atol=1e-7)
-    assert abs(far.steps - near.steps) < 0.05 * near.steps and np.abs(far.reduced[0] - START).max() < 1e-9
+    assert (
+        abs(far.steps - near.steps) < 0.05 * near.steps
+        and np.abs(far.reduced[0] - START).max() < 1e-9
+    )
 
 
 @needs_compiler
-def test_a_motion_within_a_turn_stays_as_it_is(turning: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_motion_within_a_turn_stays_as_it_is(
+    turning: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     swinging = np.array([3.0, 6.0, 0.1, -0.1])
     found = turning.simulate((0.0, 1.0), swinging)
     monkeypatch.setattr(pipeline, "turns", lambda *given: (set(), set()))
@@ -142,7 +164,8 @@ def test_a_motion_within_a_turn_stays_as_it_is(turning: ModuleType, monkeypatch:
 
 @needs_compiler
 def test_turns_that_are_seen_would_show(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """What the decision is for: with a spring wound up by turns the motion is another one when these are taken out."""
+    """What the decision is for: with a spring wound up by turns the motion is another one when
+    these are taken out."""
     spring = mill("k*(a - b)**2/100")
     right = quickly_built(spring, ["dynamics"], ("dop853",), ("none",), tmp_path / "right")
     monkeypatch.setattr(pipeline, "turns", lambda *given: ({0, 1}, set()))
@@ -154,11 +177,19 @@ def test_turns_that_are_seen_would_show(monkeypatch: pytest.MonkeyPatch, tmp_pat
 
 @needs_compiler
 def test_all_backends_take_out_the_same_turns(turning: ModuleType) -> None:
-    simulate, library = (importlib.import_module(f"{turning.__name__}.{name}") for name in ("_simulate", "_library"))
+    simulate, library = (
+        importlib.import_module(f"{turning.__name__}.{name}") for name in ("_simulate", "_library")
+    )
     first = turning.simulate(TIMES, START, rtol=1e-7, atol=1e-9)
     p = np.array(turning.defaults)
     for backend, advance in (("ctypes", library.advance), ("numpy", simulate.advance)):
-        other = simulate.run(advance, backend, (0.0, 5.0), START, [], p, 1e-7, 1e-9, TIMES, 10_000, None)
-        assert (other.steps, other.rejected, other.calls) == (first.steps, first.rejected, first.calls)
+        other = simulate.run(
+            advance, backend, (0.0, 5.0), START, [], p, 1e-7, 1e-9, TIMES, 10_000, None
+        )
+        assert (other.steps, other.rejected, other.calls) == (
+            first.steps,
+            first.rejected,
+            first.calls,
+        )
         np.testing.assert_allclose(other.x, first.x, rtol=1e-8, atol=1e-8)
         np.testing.assert_allclose(other.reduced, first.reduced, atol=1e-8)

@@ -104,7 +104,10 @@ def test_derived_units_have_the_dimension_of_their_definition() -> None:
         assert unit(short).dimension == unit(long).dimension
 
 
-@pytest.mark.parametrize("text", ["N", "N*m", "N/m", "N*s/m", "N*m*s", "kg", "m", "m/s", "m/s^2", "kg*m^2", "1/s", "kg*m", ""])
+@pytest.mark.parametrize(
+    "text",
+    ["N", "N*m", "N/m", "N*s/m", "N*m*s", "kg", "m", "m/s", "m/s^2", "kg*m^2", "1/s", "kg*m", ""],
+)
 def test_pretty_spells_what_it_reads(text: str) -> None:
     dimension = unit(text).dimension
     assert unit(pretty(dimension)).dimension == dimension
@@ -113,11 +116,22 @@ def test_pretty_spells_what_it_reads(text: str) -> None:
 
 
 def test_algebra() -> None:
-    assert quotient_of(product_of(MASS, power_of(LENGTH, Fraction(2))), power_of(TIME, Fraction(2))) == ENERGY
+    assert (
+        quotient_of(product_of(MASS, power_of(LENGTH, Fraction(2))), power_of(TIME, Fraction(2)))
+        == ENERGY
+    )
     assert power_of(ENERGY, Fraction(0)) == NUMBER
 
 
-KNOWN = {"m": MASS, "l": LENGTH, "q": NUMBER, "f": FORCE, "k": UNKNOWN, "der(q)": quotient_of(NUMBER, TIME), "t": TIME}
+KNOWN = {
+    "m": MASS,
+    "l": LENGTH,
+    "q": NUMBER,
+    "f": FORCE,
+    "k": UNKNOWN,
+    "der(q)": quotient_of(NUMBER, TIME),
+    "t": TIME,
+}
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
-"""The verdict does not depend on the metre: models told a million times larger or smaller pass, and planted errors show."""
+"""The verdict does not depend on the metre: models told a million times larger or smaller pass, and
+planted errors show."""
 
 import re
 from pathlib import Path
@@ -10,13 +11,13 @@ import hamel
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit
 from derive.formulations import equations
-from derive.mechanics import system
-from derive.mechanics.sampling import states
-from derive.mechanics.scales import Scales, scales
 from derive.model import load, load_text
+from derive.states import system
+from derive.states.sampling import states
+from derive.states.scales import Scales, scales
 from hamel.verify import verification
-from hamel.verify.mutation import mutations
-from hamel.verify.reference import evaluate, reference, state_of
+from hamel.verify.mutation.mutations import mutations
+from hamel.verify.reference.outcome import evaluate, reference, state_of
 
 MODELS = Path(__file__).parent.parent / "models"
 NUMBER_WITH_UNIT = re.compile(r"(?<![\w.])(\d+\.?\d*(?:[eE][-+]?\d+)?) +([A-Za-z][\w*/^]*)")
@@ -52,14 +53,24 @@ def test_states_are_those_of_the_model_in_its_own_units(name, by):
         (here.length * by.length, here.mass * by.mass, here.time * by.time)
     )
     first, second = (states(system(model), 4, 1, parameters=0.2) for model in (usual, other))
-    for a, b, items in ((first.q, second.q, usual.coordinates), (first.v, second.v, usual.velocities)):
-        np.testing.assert_allclose(b, a * by.all_of(x.unit for x in items), rtol=1e-6, atol=1e-9 * by.length)
+    for a, b, items in (
+        (first.q, second.q, usual.coordinates),
+        (first.v, second.v, usual.velocities),
+    ):
+        np.testing.assert_allclose(
+            b, a * by.all_of(x.unit for x in items), rtol=1e-6, atol=1e-9 * by.length
+        )
     found = [_acceleration(model, seen) for model, seen in ((usual, first), (other, second))]
-    np.testing.assert_allclose(found[1], found[0] * by.all_of(x.unit for x in usual.velocities) / by.time, rtol=1e-6)
+    np.testing.assert_allclose(
+        found[1], found[0] * by.all_of(x.unit for x in usual.velocities) / by.time, rtol=1e-6
+    )
 
 
 def _acceleration(model, seen):
-    return evaluate(reference(model), state_of(reference(model), seen.t[0], seen.q[0], seen.v[0], seen.u[0], seen.p[0])).vdot
+    return evaluate(
+        reference(model),
+        state_of(reference(model), seen.t[0], seen.q[0], seen.v[0], seen.u[0], seen.p[0]),
+    ).vdot
 
 
 @pytest.mark.parametrize("by", OTHERS.values(), ids=OTHERS)
@@ -86,15 +97,22 @@ def test_planted_errors_are_caught_at_every_scale(name, other):
     model = load_text(told(name, OTHERS[other]))
     found = mutations(model, equations(system(model)), most=60)
     assert found.planted > 30
-    assert found.caught == found.planted, [mutation for mutation in found.list if not mutation.caught_by]
+    assert found.caught == found.planted, [
+        mutation for mutation in found.list if not mutation.caught_by
+    ]
 
 
 def test_a_model_without_units_is_its_own():
-    assert scales(load_text("model: plain\ncoordinates: {x: m}\nparameters: {k: 7e9}\nkinetic: k/2*der(x)^2\n")).plain
+    assert scales(
+        load_text(
+            "model: plain\ncoordinates: {x: m}\nparameters: {k: 7e9}\nkinetic: k/2*der(x)^2\n"
+        )
+    ).plain
 
 
 def test_what_is_left_of_velocity_products_is_no_error(tmp_path):
-    """Nothing pulls, and the screw advances by millimetres: h is what gyroscopic terms of order one leave when they cancel."""
+    """Nothing pulls, and the screw advances by millimetres: h is what gyroscopic terms of order one
+    leave when they cancel."""
     file = tmp_path / "screw.yaml"
     file.write_text(
         """model: screw

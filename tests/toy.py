@@ -1,4 +1,5 @@
-"""Hand-made Equations that have one of everything: guards, an iteration, odd functions, constants, time, parameters."""
+"""Hand-made Equations that have one of everything: guards, an iteration, odd functions, constants,
+time, parameters."""
 
 from __future__ import annotations
 
@@ -7,28 +8,48 @@ from typing import Any
 
 import casadi as ca
 
-from derive.formulations.records import Argument, Equations, Function, Guard, Iteration, Result
+from derive.choices.records import Guard
+from derive.formulations.records import Argument, Equations, Function, Iteration, Result
 from derive.mechanics.records import Named
 
 LABELS = ("q1", "q2", "der(q1)", "der(q2)")
 UNITS = ("rad", "rad", "rad/s", "rad/s")
 
 
-def toy(name: str = "toy", description: str = "Two links on a hinge.", about: str = "state derivative") -> Equations:
+def toy(
+    name: str = "toy", description: str = "Two links on a hinge.", about: str = "state derivative"
+) -> Equations:
     t, x, u, p = ca.SX.sym("t"), ca.SX.sym("x", 4), ca.SX.sym("u", 1), ca.SX.sym("p", 3)
     M, h, energy = _mechanics(x, p)
     determinant = M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     right = ca.vertcat(u[0], 0) - h
-    rates = ca.vertcat(M[1, 1] * right[0] - M[0, 1] * right[1], -M[1, 0] * right[0] + M[0, 0] * right[1]) / determinant
+    rates = (
+        ca.vertcat(
+            M[1, 1] * right[0] - M[0, 1] * right[1], -M[1, 0] * right[0] + M[0, 0] * right[1]
+        )
+        / determinant
+    )
     named = (Named("M", "joint-space mass matrix", M), Named("h", "Coriolis and gravity forces", h))
     guard = Guard("det M", determinant, 1e-12)
     functions = (
-        Function("dynamics", about, Result("xdot", ca.vertcat(x[2:], rates), LABELS, UNITS), named, (guard,)),
-        Function("mass", "mass matrix", Result("M", M, ("M11", "M12", "M21", "M22"), ("kg*m^2",) * 4)),
+        Function(
+            "dynamics",
+            about,
+            Result("xdot", ca.vertcat(x[2:], rates), LABELS, UNITS),
+            named,
+            (guard,),
+        ),
+        Function(
+            "mass", "mass matrix", Result("M", M, ("M11", "M12", "M21", "M22"), ("kg*m^2",) * 4)
+        ),
         Function("energy", "total energy", Result("E", energy, ("E",), ("J",))),
         _project(x),
-        Function("odd", "functions seldom met", Result("y", _odd(t, x), tuple("abcdefgh"), ("",) * 8)),
-        Function("constant", "two numbers", Result("k", ca.vertcat(1.0, 2 / 3), ("a", "b"), ("", ""))),
+        Function(
+            "odd", "functions seldom met", Result("y", _odd(t, x), tuple("abcdefgh"), ("",) * 8)
+        ),
+        Function(
+            "constant", "two numbers", Result("k", ca.vertcat(1.0, 2 / 3), ("a", "b"), ("", ""))
+        ),
     )
     arguments = (
         Argument("t", t, ("t",), ("s",)),
@@ -37,7 +58,9 @@ def toy(name: str = "toy", description: str = "Two links on a hinge.", about: st
         Argument("p", p, ("l1", "l2", "m"), ("m", "m", "kg")),
     )
     system: Any = SimpleNamespace(
-        model=SimpleNamespace(name=name, description=description, fixed=()), constants=(), phi=ca.SX(0, 1)
+        model=SimpleNamespace(name=name, description=description, fixed=()),
+        constants=(),
+        phi=ca.SX(0, 1),
     )
     return Equations(
         system,
@@ -56,11 +79,18 @@ def toy(name: str = "toy", description: str = "Two links on a hinge.", about: st
 def _mechanics(x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     (q1, q2, w1, w2), (l1, l2, m) = (x[i] for i in range(4)), (p[i] for i in range(3))
     cross = m * (l2**2 + l1 * l2 * ca.cos(q2))
-    M = ca.vertcat(ca.horzcat(m * (l1**2 + l2**2 + 2 * l1 * l2 * ca.cos(q2)), cross), ca.horzcat(cross, m * l2**2))
+    M = ca.vertcat(
+        ca.horzcat(m * (l1**2 + l2**2 + 2 * l1 * l2 * ca.cos(q2)), cross),
+        ca.horzcat(cross, m * l2**2),
+    )
     bend = m * l1 * l2 * ca.sin(q2)
     weight = 9.81 * m * l2 * ca.sin(q1 + q2)
-    h = ca.vertcat(-bend * (2 * w1 * w2 + w2**2) + 9.81 * m * l1 * ca.sin(q1) + weight, bend * w1**2 + weight)
-    energy = 0.5 * ca.mtimes([x[2:].T, M, x[2:]]) - 9.81 * m * (l1 * ca.cos(q1) + l2 * ca.cos(q1 + q2))
+    h = ca.vertcat(
+        -bend * (2 * w1 * w2 + w2**2) + 9.81 * m * l1 * ca.sin(q1) + weight, bend * w1**2 + weight
+    )
+    energy = 0.5 * ca.mtimes([x[2:].T, M, x[2:]]) - 9.81 * m * (
+        l1 * ca.cos(q1) + l2 * ca.cos(q1 + q2)
+    )
     return M, h, energy
 
 
@@ -70,7 +100,13 @@ def _project(x: ca.SX) -> Function:
     step = ca.vertcat(x[0], x[1] - gap / ca.cos(x[1]), x[2], x[3])
     guard = Guard("cos q2", ca.cos(x[1]), 1e-9)
     return Function(
-        "project", "consistent state", Result("x", step, LABELS, UNITS), (), (guard,), Iteration(1e-13, 20), ca.fabs(gap)
+        "project",
+        "consistent state",
+        Result("x", step, LABELS, UNITS),
+        (),
+        (guard,),
+        Iteration(1e-13, 20),
+        ca.fabs(gap),
     )
 
 
@@ -83,7 +119,8 @@ def _odd(t: ca.SX, x: ca.SX) -> ca.SX:
 
 
 def circle() -> Equations:
-    """A point driven round the unit circle at rate p, with a wall at t = 9 that it cannot pass; power u · b."""
+    """A point driven round the unit circle at rate p, with a wall at t = 9 that it cannot pass;
+    power u · b."""
     t, x, u, p = ca.SX.sym("t"), ca.SX.sym("x", 2), ca.SX.sym("u", 1), ca.SX.sym("p", 1)
     labels, units = ("a", "b"), ("m", "m")
     closing = ca.sumsqr(x) - 1
@@ -91,9 +128,23 @@ def circle() -> Equations:
     step = x - closing / (2 * ca.sumsqr(x)) * x
     rate = ca.vertcat(-p * x[1] + 1e-30 * ca.sqrt(wall), p * x[0])
     functions = (
-        Function("dynamics", "state derivative", Result("xdot", rate, labels, units), (), (Guard("wall", wall, 1e-9),)),
+        Function(
+            "dynamics",
+            "state derivative",
+            Result("xdot", rate, labels, units),
+            (),
+            (Guard("wall", wall, 1e-9),),
+        ),
         Function("constraints", "violation", Result("violation", closing, ("phi",), ("m^2",))),
-        Function("project", "on the circle", Result("x", step, labels, units), (), (), Iteration(1e-14, 9), ca.fabs(closing)),
+        Function(
+            "project",
+            "on the circle",
+            Result("x", step, labels, units),
+            (),
+            (),
+            Iteration(1e-14, 9),
+            ca.fabs(closing),
+        ),
         Function("power", "power", Result("power", u * x[1], ("power",), ("W",))),
     )
     arguments = (
@@ -103,6 +154,19 @@ def circle() -> Equations:
         Argument("p", p, ("rate",), ("rad/s",)),
     )
     system: Any = SimpleNamespace(
-        model=SimpleNamespace(name="circle", description="Round and round.", fixed=()), constants=(), phi=closing
+        model=SimpleNamespace(name="circle", description="Round and round.", fixed=()),
+        constants=(),
+        phi=closing,
     )
-    return Equations(system, "quasi-velocities", "both", "it is simple", arguments, functions, (), (), ("b",), (2.0,))
+    return Equations(
+        system,
+        "quasi-velocities",
+        "both",
+        "it is simple",
+        arguments,
+        functions,
+        (),
+        (),
+        ("b",),
+        (2.0,),
+    )

@@ -1,1 +1,2 @@
-"""Contenders for `make bench`: each module makes shared libraries with the two functions that driver.c calls."""
+"""Contenders for `make bench`: each module makes shared libraries with the two functions that
+driver.c calls."""

@@ -1,6 +1,8 @@
-"""The augmented system [M Aᵀ; A 0] [q̈; −λ] = [f; γ] by Lagrange's equations in CasADi, derived here and not by hamel.
+"""The augmented system [M Aᵀ; A 0] [q̈; −λ] = [f; γ] by Lagrange's equations in CasADi, derived
+here and not by hamel.
 
-Written as C by CasADi's generator: with an LDLᵀ unrolled over the structural nonzeros, or with CasADi's own sparse one (MX).
+Written as C by CasADi's generator: with an LDLᵀ unrolled over the structural nonzeros, or with
+CasADi's own sparse one (MX).
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ G = 9.81
 
 @dataclass(frozen=True)
 class Lagrangian:
-    """Kinetic and potential energy, forces, and rows A(q) q̇ = 0; `order`: of elimination, coordinates then rows numbered on."""
+    """Kinetic and potential energy, forces, and rows A(q) q̇ = 0; `order`: of elimination,
+    coordinates then rows numbered on."""
 
     name: str
     q: ca.SX
@@ -65,9 +68,16 @@ def four_bar() -> Lagrangian:
     q, qd, u = ca.SX.sym("q", 3), ca.SX.sym("qd", 3), ca.SX.sym("u")
     turns = (q[0], q[0] + q[1], q[2])
     B = l1 * _along(turns[0])
-    centres = (l1 / 2 * _along(turns[0]), B + l2 / 2 * _along(turns[1]), ca.vertcat(l4, 0) + l3 / 2 * _along(turns[2]))
+    centres = (
+        l1 / 2 * _along(turns[0]),
+        B + l2 / 2 * _along(turns[1]),
+        ca.vertcat(l4, 0) + l3 / 2 * _along(turns[2]),
+    )
     masses, lengths = (m1, m2, m3), (l1, l2, l3)
-    T = sum(rod(m, m * l**2 / 12, c, turn, q, qd) for m, l, c, turn in zip(masses, lengths, centres, turns))
+    T = sum(
+        rod(m, m * l**2 / 12, c, turn, q, qd)
+        for m, l, c, turn in zip(masses, lengths, centres, turns)
+    )
     V = sum(m * G * c[1] for m, c in zip(masses, centres))
     closing = B + l2 * _along(turns[1]) - ca.vertcat(l4, 0) - l3 * _along(turns[2])
     Q = ca.vertcat(u, 0, -0.01 * qd[2])
@@ -82,7 +92,12 @@ def snake3() -> Lagrangian:
     for before, after in itertools.pairwise(turns):
         centres.append(centres[-1] - l / 2 * (_along(before) + _along(after)))
     T = sum(rod(m, J, c, turn, q, qd) for c, turn in zip(centres, turns))
-    A = ca.vertcat(*[ca.mtimes(ca.horzcat(-ca.sin(turn), ca.cos(turn)), ca.jacobian(c, q)) for c, turn in zip(centres, turns)])
+    A = ca.vertcat(
+        *[
+            ca.mtimes(ca.horzcat(-ca.sin(turn), ca.cos(turn)), ca.jacobian(c, q))
+            for c, turn in zip(centres, turns)
+        ]
+    )
     return Lagrangian("snake3", q, qd, u, T, ca.SX(0), ca.vertcat(0, 0, 0, u), A, tuple(range(8)))
 
 
@@ -96,25 +111,43 @@ def four_bars(n: int) -> Lagrangian:
         if i == n:
             break
         B, turn = ca.vertcat(i, 0) + _along(crank), crank + q[2 * i + 1]
-        T, V = T + rod(1.0, 1 / 12, B + _along(turn) / 2, turn, q, qd), V + G * (B + _along(turn) / 2)[1]
+        T, V = (
+            T + rod(1.0, 1 / 12, B + _along(turn) / 2, turn, q, qd),
+            V + G * (B + _along(turn) / 2)[1],
+        )
         rows.append(B + _along(turn) - ca.vertcat(i + 1, 0) - _along(q[2 * i + 2]))
         order += [2 * i, 2 * i + 1, 2 * n + 1 + 2 * i, 2 * n + 2 + 2 * i]
     A = ca.jacobian(ca.vertcat(*rows), q)
-    return Lagrangian(f"four_bars{n}", q, qd, ca.SX(0, 1), T, V, ca.SX.zeros(2 * n + 1), A, (*order, 2 * n))
+    return Lagrangian(
+        f"four_bars{n}", q, qd, ca.SX(0, 1), T, V, ca.SX.zeros(2 * n + 1), A, (*order, 2 * n)
+    )
 
 
 def chain(n: int) -> Lagrangian:
-    """A planar pendulum of n equal links; solved in absolute angles, the cheapest, with relative ones in and out."""
+    """A planar pendulum of n equal links; solved in absolute angles, the cheapest, with relative
+    ones in and out."""
     q, qd, relative = ca.SX.sym("q", n), ca.SX.sym("qd", n), ca.SX.sym("in", 2 * n)
     T, V, tip = 0, 0, ca.SX.zeros(2)
     for i in range(n):
         centre, tip = tip + _along(q[i]) / 2, tip + _along(q[i])
         T, V = T + rod(1.0, 0.08, centre, q[i], q, qd), V + G * centre[1]
-    return Lagrangian(f"chain{n}", q, qd, ca.SX(0, 1), T, V, ca.SX.zeros(n), ca.SX(0, n), tuple(reversed(range(n))), relative)
+    return Lagrangian(
+        f"chain{n}",
+        q,
+        qd,
+        ca.SX(0, 1),
+        T,
+        V,
+        ca.SX.zeros(n),
+        ca.SX(0, n),
+        tuple(reversed(range(n))),
+        relative,
+    )
 
 
 def bodies(n: int, inputs: np.ndarray, read: Read) -> list[Contender]:
-    """The same chain with three coordinates for every link and multipliers at every joint: more unknowns, but no fill-in."""
+    """The same chain with three coordinates for every link and multipliers at every joint: more
+    unknowns, but no fill-in."""
     q, qd, relative = ca.SX.sym("q", 3 * n), ca.SX.sym("qd", 3 * n), ca.SX.sym("in", 2 * n)
     T, V, tip, rows, order = 0, 0, ca.SX.zeros(2), [], []
     for i in range(n):
@@ -124,18 +157,26 @@ def bodies(n: int, inputs: np.ndarray, read: Read) -> list[Contender]:
         tip = centre + half
         order = [3 * i + 1, 3 * i + 2, 3 * i, 3 * n + 2 * i, 3 * n + 2 * i + 1, *order]
     A = ca.jacobian(ca.vertcat(*rows), q)
-    found = _accelerations(Lagrangian("bodies", q, qd, ca.SX(0, 1), T, V, ca.SX.zeros(3 * n), A, tuple(order)))[::3]
+    found = _accelerations(
+        Lagrangian("bodies", q, qd, ca.SX(0, 1), T, V, ca.SX.zeros(3 * n), A, tuple(order))
+    )[::3]
     angles = ca.vertcat(q[::3], qd[::3])
-    absolute = ca.substitute(found, angles, ca.vertcat(ca.cumsum(relative[:n]), ca.cumsum(relative[n:])))
+    absolute = ca.substitute(
+        found, angles, ca.vertcat(ca.cumsum(relative[:n]), ca.cumsum(relative[n:]))
+    )
     out = ca.cse(ca.vertcat(absolute[0], ca.diff(absolute)))
-    return of_function("augmented, CasADi SX", f"chain{n}", ca.Function("bodies", [relative], [out]), inputs, read)
+    return of_function(
+        "augmented, CasADi SX", f"chain{n}", ca.Function("bodies", [relative], [out]), inputs, read
+    )
 
 
 def _along(angle: ca.SX) -> ca.SX:
     return ca.vertcat(ca.cos(angle), ca.sin(angle))
 
 
-def unrolled(of: Lagrangian, inputs: np.ndarray, read: Read, shared: bool = False) -> list[Contender]:
+def unrolled(
+    of: Lagrangian, inputs: np.ndarray, read: Read, shared: bool = False
+) -> list[Contender]:
     """LDLᵀ without its zeros; `shared`: after CasADi's elimination of common subexpressions."""
     out = _accelerations(of)
     name = "augmented_cse" if shared else "augmented"
@@ -152,7 +193,10 @@ def _accelerations(of: Lagrangian) -> ca.SX:
 def solution(K: ca.SX, b: ca.SX, order: Sequence[int]) -> list[ca.SX]:
     """K⁻¹ b for a symmetric K, pivots in the given order."""
     n = len(order)
-    rows = [{j: K[order[i], order[j]] for j in range(i + 1) if K.sparsity().has_nz(order[i], order[j])} for i in range(n)]
+    rows = [
+        {j: K[order[i], order[j]] for j in range(i + 1) if K.sparsity().has_nz(order[i], order[j])}
+        for i in range(n)
+    ]
     y, inverse, factors = [b[row] for row in order], [], []
     for k in range(n):
         inverse.append(1 / rows[k][k])
@@ -182,5 +226,7 @@ def sparse(of: Lagrangian, inputs: np.ndarray, read: Read) -> list[Contender]:
         "solver", "ldl", matrix[order, order].sparsity(), {"preordering": False}
     )  # its own order meets pivots of zero
     found = solver.solve(matrix[order, order], right[order])
-    function = ca.Function("augmented_mx", [given], [ca.vertcat(*[found[order.index(i)] for i in range(of.q.numel())])])
+    function = ca.Function(
+        "augmented_mx", [given], [ca.vertcat(*[found[order.index(i)] for i in range(of.q.numel())])]
+    )
     return of_function("augmented, CasADi MX", of.name, function, inputs, read)

@@ -1,4 +1,5 @@
-"""Peers that bring their own loop over many states: numba, JAX, MuJoCo's rollout. One core; least of many calls at N = 4,096."""
+"""Peers that bring their own loop over many states: numba, JAX, MuJoCo's rollout. One core; least
+of many calls at N = 4,096."""
 
 from __future__ import annotations
 
@@ -59,13 +60,16 @@ def _answer(queue: Any, measure: Callable[..., Timed], arguments: tuple[object, 
 
 
 def numba(source: Path, inputs: np.ndarray, size: int) -> Timed:
-    """CasADi's C of Pinocchio's recursion, line by line in Python, under numba's njit in a loop over states."""
+    """CasADi's C of Pinocchio's recursion, line by line in Python, under numba's njit in a loop
+    over states."""
     try:
         from numba import njit
     except ImportError as error:
         raise Unavailable(f"numba: {error}") from error
     names: dict[str, object] = {"math": __import__("math")}
-    indented = "\n".join(f"    {line}" for line in python(source, "math.cos", "math.sin").splitlines())
+    indented = "\n".join(
+        f"    {line}" for line in python(source, "math.cos", "math.sin").splitlines()
+    )
     exec(compile(f"def one(given, out):\n{indented}\n", str(source), "exec"), names)
     one = njit(names["one"])
 
@@ -83,7 +87,8 @@ def numba(source: Path, inputs: np.ndarray, size: int) -> Timed:
 def jax(source: Path, inputs: np.ndarray, size: int) -> Timed:
     """The same lines on arrays of all states, under jax.jit in float64.
 
-    XLA does not fuse them here: its fusions repeat what is shared, and do not come to an end with a recursion of this length.
+    XLA does not fuse them here: its fusions repeat what is shared, and do not come to an end with a
+    recursion of this length.
     """
     os.environ["XLA_FLAGS"] = "--xla_disable_hlo_passes=fusion"
     try:
@@ -115,7 +120,9 @@ def rollout(file: Path, inputs: np.ndarray, size: int) -> Timed:
         raise Unavailable(f"MuJoCo: {error}") from error
     model = mujoco.MjModel.from_xml_path(str(file))
     off = mujoco.mjtDisableBit
-    model.opt.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CONSTRAINT
+    model.opt.disableflags |= (
+        off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CONSTRAINT
+    )
     model.opt.timestep = 1.0
     data, given = mujoco.MjData(model), _repeated(inputs)
     state = np.hstack([np.zeros((MANY, 1)), given[:, : model.nq + model.nv]])

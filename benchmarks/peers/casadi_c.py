@@ -36,7 +36,9 @@ void bench_loop(long n, const double *in, long in_size, double *out, long out_si
 Read = Callable[[np.ndarray], np.ndarray]
 
 
-def of_function(peer: str, stem: str, function: ca.Function, inputs: np.ndarray, read: Read) -> list[Contender]:
+def of_function(
+    peer: str, stem: str, function: ca.Function, inputs: np.ndarray, read: Read
+) -> list[Contender]:
     """A function of one vector with one vector as result."""
     folder = BUILD / "models" / stem
     generator = ca.CodeGenerator(f"{function.name()}.c")
@@ -46,12 +48,19 @@ def of_function(peer: str, stem: str, function: ca.Function, inputs: np.ndarray,
     return of_source(peer, source, inputs, function.numel_out(0), read)
 
 
-def of_source(peer: str, source: Path, inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
+def of_source(
+    peer: str, source: Path, inputs: np.ndarray, size: int, read: Read
+) -> list[Contender]:
     """A file with a function of its own name: with everyday flags, and with all of ours."""
     loop = source.with_name(f"{source.stem}_loop.c")
     put(loop, LOOP.format(function=source.stem))
     made = []
-    for flags, options in {"-O2": PLAIN, "our flags": (*compiler.FLAGS, *compiler.probe(("gcc",))[0])}.items():
+    for flags, options in {
+        "-O2": PLAIN,
+        "our flags": (*compiler.FLAGS, *compiler.probe(("gcc",))[0]),
+    }.items():
         library = compiled(f"{source.parent.name}-{source.stem}", {loop: PLAIN, source: options})
-        made.append(Contender(peer, library, inputs, size, read=read, variant=f"{source.stem}, {flags}"))
+        made.append(
+            Contender(peer, library, inputs, size, read=read, variant=f"{source.stem}, {flags}")
+        )
     return made

@@ -1,6 +1,8 @@
-"""SymPy's KanesMethod, C by PyDy with its elimination of common subexpressions, and an LU with partial pivoting in C.
+"""SymPy's KanesMethod, C by PyDy with its elimination of common subexpressions, and an LU with
+partial pivoting in C.
 
-All numbers are folded in, as in ours. Relative coordinates and their rates, dependent ones kept among the unknowns.
+All numbers are folded in, as in ours. Relative coordinates and their rates, dependent ones kept
+among the unknowns.
 """
 
 from __future__ import annotations
@@ -11,7 +13,14 @@ from typing import Any
 
 import numpy as np
 import sympy as sm
-from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
+from sympy.physics.mechanics import (
+    KanesMethod,
+    Point,
+    ReferenceFrame,
+    RigidBody,
+    dynamicsymbols,
+    inertia,
+)
 
 from peers.casadi_c import Read
 from peers.contest import BUILD, PLAIN, Contender, Unavailable, compiled
@@ -82,8 +91,14 @@ def four_bar() -> Kane:
     rocker, tip, c3 = _link(N, N, D, q[2], w[2], l3)
     gap = C.pos_from(O) - tip.pos_from(O)
     closing = [gap.dot(N.x), gap.dot(N.y)]
-    bodies = [_body(f, c, m, m * l**2 / 12) for f, c, m, l in ((crank, c1, m1, l1), (coupler, c2, m2, l2), (rocker, c3, m3, l3))]
-    loads = [(c, -9.81 * m * N.y) for c, m in ((c1, m1), (c2, m2), (c3, m3))] + [(crank, u * N.z), (rocker, -0.01 * w[2] * N.z)]
+    bodies = [
+        _body(f, c, m, m * l**2 / 12)
+        for f, c, m, l in ((crank, c1, m1, l1), (coupler, c2, m2, l2), (rocker, c3, m3, l3))
+    ]
+    loads = [(c, -9.81 * m * N.y) for c, m in ((c1, m1), (c2, m2), (c3, m3))] + [
+        (crank, u * N.z),
+        (rocker, -0.01 * w[2] * N.z),
+    ]
     rates = {a.diff(): b for a, b in zip(q, w)}
     moving = [row.diff(dynamicsymbols._t).subs(rates) for row in closing]
     method = KanesMethod(
@@ -120,8 +135,12 @@ def snake3() -> Kane:
         frames.append(frame)
         centres.append(centre)
     rows = [c.vel(N).dot(f.y) for c, f in zip(centres, frames)]
-    loads = [item for i in (0, 1) for item in ((frames[i + 1], u[i] * N.z), (frames[i], -u[i] * N.z))]
-    method = KanesMethod(N, q, [w[2], w[3]], _same(q, w), u_dependent=[w[0], w[1], w[4]], velocity_constraints=rows)
+    loads = [
+        item for i in (0, 1) for item in ((frames[i + 1], u[i] * N.z), (frames[i], -u[i] * N.z))
+    ]
+    method = KanesMethod(
+        N, q, [w[2], w[3]], _same(q, w), u_dependent=[w[0], w[1], w[4]], velocity_constraints=rows
+    )
     method.kanes_equations([_body(f, c, m, J) for f, c in zip(frames, centres)], loads)
     return Kane("snake3", method, q, w, u, (2, 3, 0, 1, 4))
 
@@ -159,7 +178,10 @@ def _link(N: Any, frame: Any, joint: Any, q: Any, w: Any, l: Any) -> tuple[Any, 
     """A rod turned by q against `frame`: its frame, tip and centre."""
     turned = frame.orientnew(f"A{q.func}", "axis", [q, N.z])
     turned.set_ang_vel(frame, w * N.z)
-    tip, centre = joint.locatenew(f"P{q.func}", l * turned.x), joint.locatenew(f"C{q.func}", l / 2 * turned.x)
+    tip, centre = (
+        joint.locatenew(f"P{q.func}", l * turned.x),
+        joint.locatenew(f"C{q.func}", l / 2 * turned.x),
+    )
     tip.v2pt_theory(joint, N, turned)
     centre.v2pt_theory(joint, N, turned)
     return turned, tip, centre
@@ -182,10 +204,14 @@ def contender(of: Kane, inputs: np.ndarray, read: Read) -> list[Contender]:
     folder = BUILD / "models" / f"{of.name}-kane"
     folder.mkdir(parents=True, exist_ok=True)
     groups = [group for group in (of.q, of.w, of.u) if len(group)]
-    CMatrixGenerator(groups, [of.method.mass_matrix, of.method.forcing]).write("kane", path=str(folder))
+    CMatrixGenerator(groups, [of.method.mass_matrix, of.method.forcing]).write(
+        "kane", path=str(folder)
+    )
     n = len(of.w)
     starts = (0, len(of.q), len(of.q) + n)
-    given = ", ".join(f"(double *)in + {start}" for start, group in zip(starts, (of.q, of.w, of.u)) if len(group))
+    given = ", ".join(
+        f"(double *)in + {start}" for start, group in zip(starts, (of.q, of.w, of.u)) if len(group)
+    )
     loop = folder / "loop.c"
     loop.write_text(LOOP.format(n=n, q=len(of.q), call=f"evaluate({given}, A, out);"))
     order = list(of.places)

@@ -1,4 +1,5 @@
-"""The C that CasADi wrote of Pinocchio's recursion, recast: to vectors of several states with libmvec, to numba, to JAX.
+"""The C that CasADi wrote of Pinocchio's recursion, recast: to vectors of several states with
+libmvec, to numba, to JAX.
 
 Its straight lines are read as text: loads, operations on temporaries, stores.
 """
@@ -53,7 +54,11 @@ def statements(source: Path) -> list[str]:
     text = source.read_text()
     start = text.index("static int casadi_f0(")
     lines = [line.strip() for line in text[start : text.index("return 0;", start)].splitlines()[1:]]
-    lines = [LOAD.sub(r"\1=in[\2];", line) for line in lines if line and not line.startswith("casadi_real")]
+    lines = [
+        LOAD.sub(r"\1=in[\2];", line)
+        for line in lines
+        if line and not line.startswith("casadi_real")
+    ]
     return [STORE.sub(r"out[\1]=\2;", line) for line in lines]
 
 
@@ -62,7 +67,10 @@ def vectors(source: Path, inputs: np.ndarray, size: int, read: Read) -> list[Con
     lines = statements(source)
     names = sorted({name for line in lines for name in re.findall(r"\ba\d+\b", line)})
     body = [re.sub(r"\b(sin|cos)\(", r"\1_wide(", line) for line in lines]
-    body = [re.sub(r"^(a\d+|out\[\d+\])=(-?[\d.][\d.e+-]*);$", r"\1=\2-(wide){0};", line) for line in body]
+    body = [
+        re.sub(r"^(a\d+|out\[\d+\])=(-?[\d.][\d.e+-]*);$", r"\1=\2-(wide){0};", line)
+        for line in body
+    ]
     made = []
     for width in (4, 8):
         path = source.with_name(f"{source.stem}_lanes{width}.c")
@@ -74,17 +82,28 @@ def vectors(source: Path, inputs: np.ndarray, size: int, read: Read) -> list[Con
             outputs=size,
         )
         put(path, text)
-        for flags, options in {"-O2": PLAIN, "our flags": (*compiler.FLAGS, *compiler.flags_of(["gcc"], "", "_batch"))}.items():
+        for flags, options in {
+            "-O2": PLAIN,
+            "our flags": (*compiler.FLAGS, *compiler.flags_of(["gcc"], "", "_batch")),
+        }.items():
             library = compiled(
-                f"{source.parent.name}-lanes{width}", {path: [*options, "-ffp-contract=fast", "-Wno-psabi"]}, ["-lmvec"]
+                f"{source.parent.name}-lanes{width}",
+                {path: [*options, "-ffp-contract=fast", "-Wno-psabi"]},
+                ["-lmvec"],
             )
             variant = f"{source.stem}, {width} lanes, {flags}"
-            made.append(Contender("CasADi C in lanes", library, inputs, size, read=read, variant=variant))
+            made.append(
+                Contender("CasADi C in lanes", library, inputs, size, read=read, variant=variant)
+            )
     return made
 
 
 def python(source: Path, cos: str, sin: str) -> str:
     """The same lines in Python's words; `given` and `out` in place of the arrays."""
-    lines = [re.sub(r"casadi_sq\((a\d+)\)", r"(\1*\1)", line.rstrip(";")) for line in statements(source)]
+    lines = [
+        re.sub(r"casadi_sq\((a\d+)\)", r"(\1*\1)", line.rstrip(";")) for line in statements(source)
+    ]
     lines = [re.sub(r"\bin\[", "given[", line) for line in lines]
-    return "\n".join(re.sub(r"\bcos\(", f"{cos}(", re.sub(r"\bsin\(", f"{sin}(", line)) for line in lines)
+    return "\n".join(
+        re.sub(r"\bcos\(", f"{cos}(", re.sub(r"\bsin\(", f"{sin}(", line)) for line in lines
+    )

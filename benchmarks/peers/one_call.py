@@ -1,4 +1,5 @@
-"""ns of one call of `dynamics` from Python: one_call.py FOLDER STATES.npz CALL. The loop around the calls is taken off."""
+"""ns of one call of `dynamics` from Python: one_call.py FOLDER STATES.npz CALL. The loop around the
+calls is taken off."""
 
 from __future__ import annotations
 
@@ -17,7 +18,12 @@ CALLS, ROUNDS = 500, 300
 
 def least(folder: str, states: str, call: str) -> float:
     module, arrays = loader.load(folder), np.load(states)
-    names = {"f": module.dynamics, "x": arrays["x"].copy(), "u": arrays["u"].copy(), "out": np.empty(module.nx)}
+    names = {
+        "f": module.dynamics,
+        "x": arrays["x"].copy(),
+        "u": arrays["u"].copy(),
+        "out": np.empty(module.nx),
+    }
     timers = [timeit.Timer("pass"), timeit.Timer(call, globals=names)]
     rounds = np.array([[timer.timeit(CALLS) for timer in timers] for _ in range(ROUNDS)])
     empty, full = rounds.min(axis=0)

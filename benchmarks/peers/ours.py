@@ -1,4 +1,5 @@
-"""Our own functions as contenders: the C that `hamel build --constants all` writes, with the flags it is compiled with."""
+"""Our own functions as contenders: the C that `hamel build --constants all` writes, with the flags
+it is compiled with."""
 
 from __future__ import annotations
 
@@ -13,9 +14,9 @@ from codegen import compiler
 from codegen.passes import program
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.mechanics import system
-from derive.mechanics.sampling import States, states
 from derive.model.records import Model
+from derive.states import system
+from derive.states.sampling import States, states
 from peers.contest import BUILD, ROWS, Contender, compiled, put
 from peers.peak import of_turn
 
@@ -39,7 +40,8 @@ void bench_loop(long n, const double *in, long in_size, double *out, long out_si
 
 @dataclass(frozen=True)
 class Subject:
-    """A model with all its numbers folded in, one choice, and ROWS random admissible states; w and x = (q, w) as arrays."""
+    """A model with all its numbers folded in, one choice, and ROWS random admissible states; w and
+    x = (q, w) as arrays."""
 
     equations: Equations
     states: States
@@ -58,7 +60,8 @@ class Subject:
 
     @property
     def quasi(self) -> ca.Function:
-        """ẇ from q, q̇ and q̈, for peers that know coordinates only: w(q, v) along the motion, v from q̇ = N v."""
+        """ẇ from q, q̇ and q̈, for peers that know coordinates only: w(q, v) along the motion, v
+        from q̇ = N v."""
         mechanics = self.equations.system
         to = next(function for function in self.equations.functions if function.name == "state")
         assert to.x is not None
@@ -66,7 +69,9 @@ class Subject:
         N = ca.Function("N", [mechanics.q], [ca.densify(mechanics.N)])
         q, qd, qdd = (ca.SX.sym(name, mechanics.q.numel()) for name in ("q", "qd", "qdd"))
         along = w(ca.vertcat(q, ca.solve(N(q), qd)))
-        return ca.Function("quasi", [q, qd, qdd], [ca.jtimes(along, ca.vertcat(q, qd), ca.vertcat(qd, qdd))])
+        return ca.Function(
+            "quasi", [q, qd, qdd], [ca.jtimes(along, ca.vertcat(q, qd), ca.vertcat(qd, qdd))]
+        )
 
 
 def subject(model: Model, choice: str | None = None, given: States | None = None) -> Subject:
@@ -107,12 +112,23 @@ def contender(
     kind = "batch" if batch else "scalar"
     loop = folder / f"loop_{kind}.c"
     put(loop, (BATCH if batch else SCALAR).format(name=made.name, function=function, x=x.shape[1]))
-    apart = {"example.c", *(f"{made.name}_{part}.c" for part in ("cpu", "module", "simulate", *(() if batch else ("batch",))))}
+    apart = {
+        "example.c",
+        *(
+            f"{made.name}_{part}.c"
+            for part in ("cpu", "module", "simulate", *(() if batch else ("batch",)))
+        ),
+    }
     sources = {loop: ["-O2", f"-I{folder}"]}
     for path in (folder / name for name in files if name.endswith(".c") and name not in apart):
         sources[path] = [*compiler.FLAGS, *compiler.flags_of(["gcc"], made.name, path.stem)]
     library = compiled(f"{folder.name}-{kind}", sources)
     turning = folder / f"{made.name}{'_batch' if batch else ''}.c"
     return Contender(
-        f"hamel, {kind}", library, np.hstack([x, of.states.u]), len(kernel.outputs), read=read, turn=of_turn(turning)
+        f"hamel, {kind}",
+        library,
+        np.hstack([x, of.states.u]),
+        len(kernel.outputs),
+        read=read,
+        turn=of_turn(turning),
     )

@@ -1,4 +1,5 @@
-"""The core's measured peak in flop/ns, and the flop of one evaluation of ours, sine and cosine polynomials counted."""
+"""The core's measured peak in flop/ns, and the flop of one evaluation of ours, sine and cosine
+polynomials counted."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ LITERAL = re.compile(r"-?0x[0-9a-f.]+p[+-]?\d+|\b\d+\.\d+\b")
 
 
 def contenders(lanes: int) -> list[Contender]:
-    """Chains of additions, of fused multiply-adds, and of both; each result is the flop of its row."""
+    """Chains of additions, of fused multiply-adds, and of both; each result is the flop of its
+    row."""
     options = [
         "-O2",
         *NATIVE,
@@ -24,7 +26,10 @@ def contenders(lanes: int) -> list[Contender]:
     ]
     library = compiled(f"peak{lanes}", {HERE / "peak.c": options})
     inputs = np.tile([1.0, 1e-9], (ROWS, 1))
-    return [Contender("peak", library, inputs, 1, kind, tolerance=np.inf, variant=kind) for kind in ("add", "fma", "both")]
+    return [
+        Contender("peak", library, inputs, 1, kind, tolerance=np.inf, variant=kind)
+        for kind in ("add", "fma", "both")
+    ]
 
 
 def flop(contender: Contender) -> float:

@@ -1,4 +1,5 @@
-"""Pinocchio: its own C++ (`aba`, `rnea`, `crba`), and the same algorithms through CasADi's C generator."""
+"""Pinocchio: its own C++ (`aba`, `rnea`, `crba`), and the same algorithms through CasADi's C
+generator."""
 
 from __future__ import annotations
 
@@ -12,31 +13,58 @@ from typing import Any
 import numpy as np
 
 from derive.model.records import Model
-from hamel.verify.reference import reference, state_of
+from hamel.verify.reference.outcome import reference, state_of
 from peers.casadi_c import Read, of_source
 from peers.contest import BUILD, HERE, NATIVE, Contender, Unavailable, compiled, run
 
 _writing = threading.Lock()
-SOFT = 1e-2  # lcaba was seen to be off by 2e-3 where loops of a plane are closed in space; constraintDynamics is exact and slower
+# lcaba was seen to be off by 2e-3 where loops of a plane are closed in space; constraintDynamics is
+# exact and slower
+SOFT = 1e-2
 SITE = Path(sysconfig.get_paths()["purelib"])
 EIGEN = Path("/usr/include/eigen3")
 FLAGS = (
-    *("-std=c++17", "-DNDEBUG", "-fno-gnu-unique", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30"),
+    *(
+        "-std=c++17",
+        "-DNDEBUG",
+        "-fno-gnu-unique",
+        "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
+        "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
+    ),
     *("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS"),
-    *("-isystem", f"{SITE}/cmeel.prefix/include", "-isystem", str(EIGEN), "-isystem", f"{SITE}/casadi/include"),
+    *(
+        "-isystem",
+        f"{SITE}/cmeel.prefix/include",
+        "-isystem",
+        str(EIGEN),
+        "-isystem",
+        f"{SITE}/casadi/include",
+    ),
 )
 
 
 def written(model: Any, name: str) -> Path:
-    """The tree as text for tree.hpp. Entries of rotations within 1e-12 of 0 and ±1 are made exact, which saves CasADi work."""
+    """The tree as text for tree.hpp. Entries of rotations within 1e-12 of 0 and ±1 are made exact,
+    which saves CasADi work."""
     path = BUILD / "models" / f"{name}.tree"
     path.parent.mkdir(parents=True, exist_ok=True)
     lines = [_numbers(model.gravity.linear)]
     for i in range(1, model.njoints):
         kind, axis = _kind(model.joints[i])
         place, body = model.jointPlacements[i], model.inertias[i]
-        R = np.where(np.abs(place.rotation - np.round(place.rotation)) < 1e-12, np.round(place.rotation), place.rotation)
-        numbers = (axis, R.ravel(), place.translation, [body.mass], body.lever, body.inertia.ravel())
+        R = np.where(
+            np.abs(place.rotation - np.round(place.rotation)) < 1e-12,
+            np.round(place.rotation),
+            place.rotation,
+        )
+        numbers = (
+            axis,
+            R.ravel(),
+            place.translation,
+            [body.mass],
+            body.lever,
+            body.inertia.ravel(),
+        )
         lines.append(f"{model.parents[i]} {kind} " + " ".join(_numbers(part) for part in numbers))
     path.write_text("\n".join(lines) + "\n")
     return path
@@ -48,7 +76,7 @@ def _numbers(values: Any) -> str:
 
 def model_of(model: Model) -> Any:
     """A tree of revolute and sliding joints in hamel's records as Pinocchio's model."""
-    from hamel.verify.engines.pinocchio import tree
+    from hamel.verify.reference.engines.pinocchio import tree
 
     start = np.zeros(len(model.coordinates))
     return tree(model, state_of(reference(model), 0.0, start, np.zeros(len(model.velocities))))
@@ -77,28 +105,53 @@ def maker() -> Path:
     """The program that writes C of the algorithms on casadi::SX."""
     _check_headers()
     link = [f"-L{SITE}/casadi", "-lcasadi", f"-Wl,-rpath,{SITE}/casadi"]
-    return compiled("pinocchio_casadi", {HERE / "pinocchio_casadi.cpp": ["-O1", *FLAGS]}, link, shared=False)
+    return compiled(
+        "pinocchio_casadi", {HERE / "pinocchio_casadi.cpp": ["-O1", *FLAGS]}, link, shared=False
+    )
 
 
 def own(tree: Path, function: str, inputs: np.ndarray, size: int, read: Read) -> Contender:
     """`function`: aba, aba_world, rnea or crba."""
-    return Contender("Pinocchio C++", library(), inputs, size, f"{function} {tree.resolve()}", read, variant=function)
+    return Contender(
+        "Pinocchio C++",
+        library(),
+        inputs,
+        size,
+        f"{function} {tree.resolve()}",
+        read,
+        variant=function,
+    )
 
 
-def generated(tree: Path, function: str, inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
-    """`function`: aba, aba_world, rnea, crba or crba_world; straight-line C with all numbers folded in."""
+def generated(
+    tree: Path, function: str, inputs: np.ndarray, size: int, read: Read
+) -> list[Contender]:
+    """`function`: aba, aba_world, rnea, crba or crba_world; straight-line C with all numbers folded
+    in."""
     source = code(tree) / f"{function}.c"
     return of_source("Pinocchio→CasADi→C", source, inputs, size, read)
 
 
-def closed(tree: Path, closures: Sequence[Sequence[float]], inputs: np.ndarray, size: int, read: Read) -> list[Contender]:
-    """Loops closed in points: lines of two joints and the point on each. Both of Pinocchio's methods, mu = 1e-8."""
+def closed(
+    tree: Path, closures: Sequence[Sequence[float]], inputs: np.ndarray, size: int, read: Read
+) -> list[Contender]:
+    """Loops closed in points: lines of two joints and the point on each. Both of Pinocchio's
+    methods, mu = 1e-8."""
     loops = tree.with_suffix(".loops")
-    loops.write_text("".join(f"{int(a)} {int(b)} {_numbers(points)}\n" for a, b, *points in closures))
+    loops.write_text(
+        "".join(f"{int(a)} {int(b)} {_numbers(points)}\n" for a, b, *points in closures)
+    )
     library = loops_library()
     return [
         Contender(
-            "Pinocchio lcaba", library, inputs, size, f"{name} {tree.resolve()} {loops.resolve()}", read, SOFT, variant=name
+            "Pinocchio lcaba",
+            library,
+            inputs,
+            size,
+            f"{name} {tree.resolve()} {loops.resolve()}",
+            read,
+            SOFT,
+            variant=name,
         )
         for name in ("lcaba", "constraintDynamics")
     ]

@@ -1,4 +1,5 @@
-"""What a call from Python costs: the extension module of the same program, one state at a time and ten thousand at once."""
+"""What a call from Python costs: the extension module of the same program, one state at a time and
+ten thousand at once."""
 
 from __future__ import annotations
 
@@ -22,19 +23,30 @@ WITHIN = 1.1  # of the C loop
 def one_at_a_time(of: Subject, fresh: bool = False) -> tuple[float, float]:
     """ns of a call, and of the C; the result into `out`, or a fresh one.
 
-    The least of PROCESSES: what an interpreter takes for one and the same call differs by 40 ns from process to process.
+    The least of PROCESSES: what an interpreter takes for one and the same call differs by 40 ns
+    from process to process.
     """
     folder = _folder(of)
     np.savez(folder / "states.npz", x=of.x[0], u=of.states.u[0])
     call = f"f(0.0, x{', u' if of.states.u.shape[1] else ''}{'' if fresh else ', out=out'})"
-    command = [sys.executable, str(HERE / "one_call.py"), str(folder), str(folder / "states.npz"), call]
-    return min(float(run(command)) for _ in range(PROCESSES)), _c(of, batch=False, rows=len(of.x)).ns
+    command = [
+        sys.executable,
+        str(HERE / "one_call.py"),
+        str(folder),
+        str(folder / "states.npz"),
+        call,
+    ]
+    return min(float(run(command)) for _ in range(PROCESSES)), _c(
+        of, batch=False, rows=len(of.x)
+    ).ns
 
 
 def many_at_once(of: Subject) -> tuple[float, float]:
     """ns of a state in one call with MANY of them, and in the C loop over as many."""
     module = loader.load(_folder(of))
-    x, u = (np.ascontiguousarray(np.resize(part, (MANY, part.shape[1]))) for part in (of.x, of.states.u))
+    x, u = (
+        np.ascontiguousarray(np.resize(part, (MANY, part.shape[1]))) for part in (of.x, of.states.u)
+    )
     names = {"f": module.dynamics, "x": x, "u": u, "out": np.empty((MANY, module.nx))}
     least = min(timeit.repeat("f(0.0, x, u, out=out)", globals=names, number=1, repeat=300)) / MANY
     return least * 1e9, _c(of, batch=True, rows=MANY).ns

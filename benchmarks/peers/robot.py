@@ -1,4 +1,5 @@
-"""Robots as one file that everybody reads: without geometry, without friction, and with fingers held still."""
+"""Robots as one file that everybody reads: without geometry, without friction, and with fingers
+held still."""
 
 from __future__ import annotations
 
@@ -22,7 +23,11 @@ def robot(name: str, root: Path) -> Path:
     for child in [child for child in top if child.tag not in ("link", "joint")]:
         top.remove(child)
     for part in list(top):
-        for child in [child for child in part if child.tag in ("visual", "collision", "dynamics", "safety_controller")]:
+        for child in [
+            child
+            for child in part
+            if child.tag in ("visual", "collision", "dynamics", "safety_controller")
+        ]:
             part.remove(child)
         if "finger" in part.get("name", "") and part.tag == "joint":
             part.set("type", "fixed")

@@ -1,4 +1,5 @@
-"""Whole simulations as contenders: ours, a plain loop of DOP853, CasADi's exported loop of RK4, and the solvers of libraries."""
+"""Whole simulations as contenders: ours, a plain loop of DOP853, CasADi's exported loop of RK4, and
+the solvers of libraries."""
 
 from __future__ import annotations
 
@@ -21,8 +22,8 @@ from codegen.passes import program
 from codegen.program import Program
 from codegen.targets.simulate import combination, number
 from derive.formulations.records import Equations
-from hamel.references import REFERENCES, Problem
-from hamel.references.sundials import compiled_by_casadi
+from hamel.simulate.libraries import REFERENCES, Problem
+from hamel.simulate.libraries.sundials import compiled_by_casadi
 from peers.contest import BUILD, HERE, PLAIN, compiled
 from peers.mechanisms import Mechanism
 
@@ -62,26 +63,45 @@ class Simulation:
 # ---- ours
 
 
-def ours(of: Equations, x: np.ndarray, u: np.ndarray, rates: Callable[[End], End], span: float) -> Iterator[Simulation]:
-    """With the functions of an everyday module, and with nothing to watch; with each keeping. All numbers are folded in."""
-    needed = tuple(function.name for function in of.functions if function.name in ("dynamics", "project"))
+def ours(
+    of: Equations, x: np.ndarray, u: np.ndarray, rates: Callable[[End], End], span: float
+) -> Iterator[Simulation]:
+    """With the functions of an everyday module, and with nothing to watch; with each enforcement.
+    All numbers are folded in."""
+    needed = tuple(
+        function.name for function in of.functions if function.name in ("dynamics", "project")
+    )
     for name, functions in (("default functions", None), ("lean", needed)):
         made = program(of, functions, INTEGRATORS)
-        folder = BUILD / "whole" / f"{made.name}-{of.formulation}-{of.choice or 'v'}-{name.split()[0]}"
+        folder = (
+            BUILD / "whole" / f"{made.name}-{of.formulation}-{of.choice or 'v'}-{name.split()[0]}"
+        )
         folder.mkdir(parents=True, exist_ok=True)
         files = emitting.emit(made)
         loop = folder / "loop.c"
-        texts = {file: text for file, text in files.items() if file.endswith((".c", ".h"))} | {"loop.c": _loop(made, x, u, span)}
+        texts = {file: text for file, text in files.items() if file.endswith((".c", ".h"))} | {
+            "loop.c": _loop(made, x, u, span)
+        }
         for file, text in texts.items():
             _write(folder / file, text)
-        apart = {"example.c", "loop.c", *(f"{made.name}_{part}.c" for part in ("cpu", "module", "batch"))}
+        apart = {
+            "example.c",
+            "loop.c",
+            *(f"{made.name}_{part}.c" for part in ("cpu", "module", "batch")),
+        }
         sources = {loop: ["-O2", f"-I{folder}", f"-I{HERE}"]}
         for path in (folder / file for file in texts if file.endswith(".c") and file not in apart):
             sources[path] = [*compiler.FLAGS, *compiler.flags_of(["gcc"], made.name, path.stem)]
         library = _library(compiled(folder.name, sources))
-        for (i, integrator), (k, keeping) in itertools.product(enumerate(INTEGRATORS), enumerate(made.keepings)):
-            run = _run(library, len(x), rates, lambda i=i, k=k, library=library: library.choose(i, k))
-            yield Simulation("hamel", f"{of.formulation} {of.choice}, {integrator}, {keeping}, {name}", run)
+        for (i, integrator), (k, enforcement) in itertools.product(
+            enumerate(INTEGRATORS), enumerate(made.enforcements)
+        ):
+            run = _run(
+                library, len(x), rates, lambda i=i, k=k, library=library: library.choose(i, k)
+            )
+            yield Simulation(
+                "hamel", f"{of.formulation} {of.choice}, {integrator}, {enforcement}, {name}", run
+            )
 
 
 def _loop(made: Program, x: np.ndarray, u: np.ndarray, span: float) -> str:
@@ -89,14 +109,14 @@ def _loop(made: Program, x: np.ndarray, u: np.ndarray, span: float) -> str:
     reduced = ", 0" if made.turning else ""
     return f"""#include "{name}_simulate.h"
 #include <math.h>
-static int integrator, keeping;
-void choose(int first, int second) {{ integrator = first; keeping = second; }}
+static int integrator, enforcement;
+void choose(int first, int second) {{ integrator = first; enforcement = second; }}
 static int once(double setting, double *end)
 {{
     static const double x[] = {_values(x)}, u[] = {_values([*u, 0.0])}, times[] = {{{span!r}}};
     double s[{big}_SIM_SIZE] = {{0.0}}, work;
     s[{big}_SIM_INTEGRATOR] = integrator;
-    s[{big}_SIM_KEEPING] = keeping;
+    s[{big}_SIM_ENFORCEMENT] = enforcement;
     for (int i = 0; i < {big}_NX; i++)
         s[{big}_SIM_X + i] = x[i];
     return {name}_simulate(s, 1, times, u, 0, pow(10.0, setting), pow(10.0, setting - 2.0), 100000000, end, &work{reduced});
@@ -115,7 +135,12 @@ def plain(of: Course) -> Iterator[Simulation]:
     source = of.folder / "plain.c"
     _write(source, _plain(of))
     for flags, options in _flags().items():
-        library = _library(compiled(f"whole-{of.mechanism.name}-plain", {source: [*options, f"-I{HERE}", f"-I{of.folder}"]}))
+        library = _library(
+            compiled(
+                f"whole-{of.mechanism.name}-plain",
+                {source: [*options, f"-I{HERE}", f"-I{of.folder}"]},
+            )
+        )
         yield Simulation("plain C DOP853 loop, CasADi augmented", flags, _run(library, y))
 
 
@@ -125,7 +150,9 @@ def _plain(of: Course) -> str:
         stages.append(f"for (int i = 0; i < N; i++) z[i] = y[i] + h * ({combination(weights)});")
         if k < 12:
             stages.append(f"RHS(t + {number(c)} * h, z, k[{k}]);")
-    errors = [f"for (int i = 0; i < N; i++) e[i] = {combination(weights)};" for weights in DOP853.errors]
+    errors = [
+        f"for (int i = 0; i < N; i++) e[i] = {combination(weights)};" for weights in DOP853.errors
+    ]
     return f"""#define N {len(of.start)}
 #define T_END {of.span!r}
 #define START {_values(of.start)}
@@ -146,7 +173,8 @@ static void right(double t, const double *y, double *dy)
 
 
 def exported(of: Course, error: Callable[[End], float], within: float) -> Iterator[Simulation]:
-    """The loop of RK4 that CasADi exports (fold), in as few steps as meet the error; its exported step finds how many."""
+    """The loop of RK4 that CasADi exports (fold), in as few steps as meet the error; its exported
+    step finds how many."""
     size, count = len(of.start), _fewest(of, error, within)
     step = _step(of.mechanism)
     z = ca.MX.sym("z", size + 1)
@@ -161,8 +189,12 @@ def exported(of: Course, error: Callable[[End], float], within: float) -> Iterat
     )
     _write(source, _code(loop) + _WORK + once + '\n#include "whole.c"\n')
     for flags, options in _flags().items():
-        library = _library(compiled(f"whole-{of.mechanism.name}-rk4", {source: [*options, f"-I{HERE}"]}))
-        yield Simulation("CasADi's exported RK4 loop", f"{count} steps, {flags}", _run(library, size), (0.0,))
+        library = _library(
+            compiled(f"whole-{of.mechanism.name}-rk4", {source: [*options, f"-I{HERE}"]})
+        )
+        yield Simulation(
+            "CasADi's exported RK4 loop", f"{count} steps, {flags}", _run(library, size), (0.0,)
+        )
 
 
 _WORK = "enum { MOST = 4096 };\nstatic const double *arg[MOST];\nstatic double w[1 << 20];\nstatic casadi_int iw[1 << 16];\n"
@@ -197,8 +229,16 @@ def _fewest(of: Course, error: Callable[[End], float], within: float) -> int:
 }}
 #include "whole.c"
 """
-    _write(source, f"#include <string.h>\nenum {{ N = {len(of.start) + 1} }};\n" + _code(_step(of.mechanism)) + body)
-    run = _run(_library(compiled(f"whole-{of.mechanism.name}-step", {source: [*PLAIN, f"-I{HERE}"]})), len(of.start))
+    _write(
+        source,
+        f"#include <string.h>\nenum {{ N = {len(of.start) + 1} }};\n"
+        + _code(_step(of.mechanism))
+        + body,
+    )
+    run = _run(
+        _library(compiled(f"whole-{of.mechanism.name}-step", {source: [*PLAIN, f"-I{HERE}"]})),
+        len(of.start),
+    )
     count = 500
     while _error(run, count, error) > within:
         count *= 2
@@ -209,7 +249,11 @@ def _fewest(of: Course, error: Callable[[End], float], within: float) -> int:
     return high
 
 
-def _error(run: Callable[[float, int], tuple[float, End] | None], setting: float, error: Callable[[End], float]) -> float:
+def _error(
+    run: Callable[[float, int], tuple[float, End] | None],
+    setting: float,
+    error: Callable[[End], float],
+) -> float:
     made = run(setting, 1)
     return np.inf if made is None else error(made[1])
 
@@ -226,11 +270,20 @@ def cvodes(of: Course) -> Iterator[Simulation]:
         "compiled": {"x": y, "t": t, "ode": external(t, y)},
         "interpreted": {"x": ys, "t": ts, "ode": of.mechanism.rates(ts, ys)},
     }
-    for (how, system), (method, solver) in itertools.product(systems.items(), (("bdf", "newton"), ("adams", "functional"))):
-        given = {"linear_multistep_method": method, "nonlinear_solver_iteration": solver, "max_num_steps": 10**7}
+    for (how, system), (method, solver) in itertools.product(
+        systems.items(), (("bdf", "newton"), ("adams", "functional"))
+    ):
+        given = {
+            "linear_multistep_method": method,
+            "nonlinear_solver_iteration": solver,
+            "max_num_steps": 10**7,
+        }
 
         def run(
-            setting: float, repeats: int, given: dict[str, object] = given, system: dict[str, object] = system
+            setting: float,
+            repeats: int,
+            given: dict[str, object] = given,
+            system: dict[str, object] = system,
         ) -> tuple[float, End] | None:
             tight = {"reltol": 10**setting, "abstol": 10 ** (setting - 2)}
             motion = ca.integrator("motion", "cvodes", system, 0.0, of.span, {**given, **tight})
@@ -240,14 +293,21 @@ def cvodes(of: Course) -> Iterator[Simulation]:
 
 
 def libraries(
-    module: object, found: Equations, x: np.ndarray, u: np.ndarray, to: Callable[[End], End], span: float
+    module: object,
+    found: Equations,
+    x: np.ndarray,
+    u: np.ndarray,
+    to: Callable[[End], End],
+    span: float,
 ) -> Iterator[Simulation]:
     """SciPy and IDAS over our compiled functions, as `hamel report` runs them."""
     for reference in REFERENCES:
         if reference.name == "cvodes" or reference.refusal(found):
             continue
 
-        def run(setting: float, repeats: int, reference: object = reference) -> tuple[float, End] | None:
+        def run(
+            setting: float, repeats: int, reference: object = reference
+        ) -> tuple[float, End] | None:
             rtol = 10**setting
             p = np.array(found.parameters)
             problem = Problem(module, found, np.array([0.0, span]), x, u, p, rtol, rtol / 100, True)  # type: ignore[arg-type]
@@ -258,9 +318,12 @@ def libraries(
 
 
 def timed(call: Callable[[], End], repeats: int) -> tuple[float, End] | None:
-    """In a process of its own, for a library that does not come to its end cannot be interrupted otherwise."""
+    """In a process of its own, for a library that does not come to its end cannot be interrupted
+    otherwise."""
     here, there = multiprocessing.Pipe(duplex=False)
-    child = multiprocessing.get_context("fork").Process(target=_repeated, args=(call, repeats, there))
+    child = multiprocessing.get_context("fork").Process(
+        target=_repeated, args=(call, repeats, there)
+    )
     child.start()
     made = here.recv() if here.poll(PATIENCE + 2 * LONGEST * repeats) else None
     child.kill()
@@ -285,7 +348,10 @@ def _repeated(call: Callable[[], End], repeats: int, to: Connection) -> None:
 
 
 def _run(
-    library: ctypes.CDLL, size: int, to: Callable[[End], End] = lambda end: end, before: Callable[[], object] = lambda: None
+    library: ctypes.CDLL,
+    size: int,
+    to: Callable[[End], End] = lambda end: end,
+    before: Callable[[], object] = lambda: None,
 ) -> Callable[[float, int], tuple[float, End] | None]:
     def run(setting: float, repeats: int) -> tuple[float, End] | None:
         before()
@@ -304,7 +370,10 @@ def _library(path: Path) -> ctypes.CDLL:
 
 
 def _flags() -> dict[str, Sequence[str]]:
-    return {"-O2": PLAIN, "our flags": (*compiler.FLAGS, *compiler.probe(("gcc",))[0], "-std=gnu11")}
+    return {
+        "-O2": PLAIN,
+        "our flags": (*compiler.FLAGS, *compiler.probe(("gcc",))[0], "-std=gnu11"),
+    }
 
 
 def _code(function: ca.Function) -> str:

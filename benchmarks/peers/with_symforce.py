@@ -1,4 +1,5 @@
-"""SymForce: composite bodies and Newton–Euler in its types, LDLᵀ unrolled, its C++ code generator and its fast-math."""
+"""SymForce: composite bodies and Newton–Euler in its types, LDLᵀ unrolled, its C++ code generator
+and its fast-math."""
 
 from __future__ import annotations
 
@@ -34,13 +35,25 @@ def contender(tree: Path, inputs: np.ndarray, size: int, read: Read) -> list[Con
     header = _generated(tree, folder)
     loop = folder / "loop.cpp"
     loop.write_text(LOOP.format(name=header.stem, outputs=size))
-    flags = ["-std=c++17", "-O3", *NATIVE, "-ffast-math", "-isystem", "/usr/include/eigen3", f"-I{header.parent}"]
+    flags = [
+        "-std=c++17",
+        "-O3",
+        *NATIVE,
+        "-ffast-math",
+        "-isystem",
+        "/usr/include/eigen3",
+        f"-I{header.parent}",
+    ]
     library = compiled(f"{tree.stem}-symforce", {loop: flags})
-    return [Contender("SymForce", library, inputs, size, read=read, variant="CRBA + LDLᵀ, fast-math")]
+    return [
+        Contender("SymForce", library, inputs, size, read=read, variant="CRBA + LDLᵀ, fast-math")
+    ]
 
 
 def _generated(tree: Path, folder: Path) -> Path:
-    logging.disable(logging.WARNING)  # a long one of epsilon: nothing here is divided by what may be zero
+    logging.disable(
+        logging.WARNING
+    )  # a long one of epsilon: nothing here is divided by what may be zero
     try:
         import symforce
 
@@ -65,7 +78,9 @@ def _generated(tree: Path, folder: Path) -> Path:
         name="forward_dynamics",
     )
     found = made.generate_function(output_dir=folder, skip_directory_nesting=True)
-    return next(Path(path) for path in found.generated_files if str(path).endswith("forward_dynamics.h"))
+    return next(
+        Path(path) for path in found.generated_files if str(path).endswith("forward_dynamics.h")
+    )
 
 
 def _links(tree: Path) -> list[dict[str, Any]]:
@@ -91,7 +106,9 @@ def _links(tree: Path) -> list[dict[str, Any]]:
     return links
 
 
-def _accelerations(sf: Any, links: Sequence[dict[str, Any]], q: Sequence[Any], w: Sequence[Any], u: Sequence[Any]) -> list[Any]:
+def _accelerations(
+    sf: Any, links: Sequence[dict[str, Any]], q: Sequence[Any], w: Sequence[Any], u: Sequence[Any]
+) -> list[Any]:
     """M q̈ = u − h: h by Newton–Euler at q̈ = 0, M by composite bodies, both in link frames."""
     n = len(links)
     z = sf.Matrix(3, 1, [0, 0, 1])
@@ -113,22 +130,34 @@ def _accelerations(sf: Any, links: Sequence[dict[str, Any]], q: Sequence[Any], w
         a.append(T * (base + before[1].cross(p[i]) + before[0].cross(before[0].cross(p[i]))))
     force, moment = [], []
     for i, link in enumerate(links):
-        f = (a[i] + alpha[i].cross(com[i]) + omega[i].cross(omega[i].cross(com[i]))) * _number(link["m"])
+        f = (a[i] + alpha[i].cross(com[i]) + omega[i].cross(omega[i].cross(com[i]))) * _number(
+            link["m"]
+        )
         force.append(f)
-        moment.append(inertia[i] * alpha[i] + omega[i].cross(inertia[i] * omega[i]) + com[i].cross(f))
+        moment.append(
+            inertia[i] * alpha[i] + omega[i].cross(inertia[i] * omega[i]) + com[i].cross(f)
+        )
     h = [0] * n
     mass = [_number(link["m"]) for link in links]
     first = [com[i] * mass[i] for i in range(n)]
     second = [
         sf.Matrix(
-            3, 3, [_number(x) for x in (l["I"] + l["m"] * (l["c"] @ l["c"] * np.eye(3) - np.outer(l["c"], l["c"]))).ravel()]
+            3,
+            3,
+            [
+                _number(x)
+                for x in (
+                    l["I"] + l["m"] * (l["c"] @ l["c"] * np.eye(3) - np.outer(l["c"], l["c"]))
+                ).ravel()
+            ],
         )
         for l in links
     ]
     M = [[0] * n for _ in range(n)]
     for i in reversed(range(n)):
         h[i] = moment[i][2]
-        # a unit of joint acceleration moves the composite: momentum rate (F, N) about the joint's origin
+        # a unit of joint acceleration moves the composite: momentum rate (F, N) about the joint's
+        # origin
         F, N = z.cross(first[i]), second[i] * z
         M[i][i] = N[2]
         k = i
@@ -144,7 +173,9 @@ def _accelerations(sf: Any, links: Sequence[dict[str, Any]], q: Sequence[Any], w
             moment[j] = moment[j] + R[i] * moment[i] + p[i].cross(f)
             turned, s = R[i] * second[i] * R[i].T, R[i] * first[i]
             mixed = s + s
-            second[j] = second[j] + turned + _steiner(sf, p[i], mixed) + _steiner(sf, p[i], p[i]) * mass[i]
+            second[j] = (
+                second[j] + turned + _steiner(sf, p[i], mixed) + _steiner(sf, p[i], p[i]) * mass[i]
+            )
             first[j] = first[j] + s + p[i] * mass[i]
             mass[j] = mass[j] + mass[i]
     return _ldl(M, [u[i] - h[i] for i in range(n)])
@@ -152,7 +183,15 @@ def _accelerations(sf: Any, links: Sequence[dict[str, Any]], q: Sequence[Any], w
 
 def _steiner(sf: Any, a: Any, b: Any) -> Any:
     """½ (2 a·b E − a bᵀ − b aᵀ)."""
-    return sf.Matrix(3, 3, [a.dot(b) * int(r == c) - (a[r] * b[c] + b[r] * a[c]) / 2 for r in range(3) for c in range(3)])
+    return sf.Matrix(
+        3,
+        3,
+        [
+            a.dot(b) * int(r == c) - (a[r] * b[c] + b[r] * a[c]) / 2
+            for r in range(3)
+            for c in range(3)
+        ],
+    )
 
 
 def _ldl(M: list[list[Any]], b: list[Any]) -> list[Any]:

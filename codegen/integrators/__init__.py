@@ -1,4 +1,5 @@
-"""Integrators as data, the default first. To add one: a file with a record of records.py, and its line here."""
+"""Integrators as data, the default first. To add one: a file with a record of records.py, and its
+line here."""
 
 from codegen.integrators.dop853 import DOP853
 from codegen.integrators.dopri5 import DOPRI5
@@ -10,6 +11,15 @@ from codegen.integrators.rkf45 import RKF45
 from codegen.integrators.rosenbrock import ROSENBROCK
 from codegen.integrators.verner9 import VERNER9
 
-INTEGRATORS: tuple[Integrator, ...] = (DOP853, VERNER9, DOPRI5, RKF45, RK4, RADAU, ROSENBROCK, IMPLICIT_MIDPOINT)
+INTEGRATORS: tuple[Integrator, ...] = (
+    DOP853,
+    VERNER9,
+    DOPRI5,
+    RKF45,
+    RK4,
+    RADAU,
+    ROSENBROCK,
+    IMPLICIT_MIDPOINT,
+)
 
 __all__ = ["INTEGRATORS", "Collocation", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]

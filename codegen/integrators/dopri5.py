@@ -1,4 +1,5 @@
-"""The pair of orders 5 and 4 of Dormand and Prince (J. Comput. Appl. Math. 6, 1980), step control after Hairer and Wanner."""
+"""The pair of orders 5 and 4 of Dormand and Prince (J. Comput. Appl. Math. 6, 1980), step control
+after Hairer and Wanner."""
 
 from fractions import Fraction
 

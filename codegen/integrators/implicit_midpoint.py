@@ -1,4 +1,5 @@
-"""The implicit midpoint rule: order 2, symmetric, symplectic in canonical coordinates; energies stay bounded over long runs."""
+"""The implicit midpoint rule: order 2, symmetric, symplectic in canonical coordinates; energies
+stay bounded over long runs."""
 
 from codegen.integrators.records import Midpoint
 

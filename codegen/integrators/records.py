@@ -1,8 +1,10 @@
-"""What an integrator is, as data: explicit Runge–Kutta methods, Rosenbrock methods, collocation, and the implicit midpoint rule.
+"""What an integrator is, as data: explicit Runge–Kutta methods, Rosenbrock methods, collocation,
+and the implicit midpoint rule.
 
-All advance x' = f(t, x). `order` is the order of the step and `estimate` the power of h in its error estimate; `damping` the
-exponent of the previous error in the proportional–integral step control; `safety` the part of the allowed step that is taken: a
-step of many stages that fails costs more than a few shorter ones. `needs`: the functions of the module beyond `dynamics`.
+All advance x' = f(t, x). `order` is the order of the step and `estimate` the power of h in its
+error estimate; `damping` the exponent of the previous error in the proportional–integral step
+control; `safety` the part of the allowed step that is taken: a step of many stages that fails costs
+more than a few shorter ones. `needs`: the functions of the module beyond `dynamics`.
 """
 
 from __future__ import annotations
@@ -17,10 +19,11 @@ SAFETY = Fraction(9, 10)
 
 @dataclass(frozen=True)
 class Tableau:
-    """kᵢ = f(t + cᵢ h, x + h Σ aᵢⱼ kⱼ); the last row of `a` is the step itself, so its stage is the first of the next step.
+    """kᵢ = f(t + cᵢ h, x + h Σ aᵢⱼ kⱼ); the last row of `a` is the step itself, so its stage is the
+    first of the next step.
 
-    `errors` are the weights of the error estimate: none (fixed steps only), one, or two that are put together as in DOP853,
-    |e₁|²/√(|e₁|² + |e₂|²/100).
+    `errors` are the weights of the error estimate: none (fixed steps only), one, or two that are
+    put together as in DOP853, |e₁|²/√(|e₁|² + |e₂|²/100).
     """
 
     name: str
@@ -46,9 +49,11 @@ class Tableau:
 
 @dataclass(frozen=True)
 class Rosenbrock:
-    """(1/(γ h) − J) Uᵢ = f(t + αᵢ h, x + Σ aᵢⱼ Uⱼ) + Σ cᵢⱼ Uⱼ/h + γᵢ h ∂f/∂t with J = ∂f/∂x, every sum over j < i.
+    """(1/(γ h) − J) Uᵢ = f(t + αᵢ h, x + Σ aᵢⱼ Uⱼ) + Σ cᵢⱼ Uⱼ/h + γᵢ h ∂f/∂t with J = ∂f/∂x, every
+    sum over j < i.
 
-    The last row of `a` plus the last U is the step; the last U alone is the error estimate (stiffly accurate methods).
+    The last row of `a` plus the last U is the step; the last U alone is the error estimate (stiffly
+    accurate methods).
     """
 
     name: str
@@ -73,11 +78,13 @@ class Rosenbrock:
 
 @dataclass(frozen=True)
 class Collocation:
-    """zᵢ = h Σ aᵢⱼ f(t + cⱼ h, x + zⱼ); the last z is the step. By Newton's method with the Jacobian J at its start.
+    """zᵢ = h Σ aᵢⱼ f(t + cⱼ h, x + zⱼ); the last z is the step. By Newton's method with the
+    Jacobian J at its start.
 
-    T splits A⁻¹ = T Λ T⁻¹ into a real eigenvalue λ and pairs α ± iβ, blocks [[α, β], [−β, α]] of Λ: one linear system of the size
-    of x and one of twice that per pair instead of a single one of all stages. b is the last row of A, `inverse` T⁻¹.
-    The error estimate is (λ/h − J)⁻¹ (f(t, x) + Σ eᵢ zᵢ/h).
+    T splits A⁻¹ = T Λ T⁻¹ into a real eigenvalue λ and pairs α ± iβ, blocks [[α, β], [−β, α]] of Λ:
+    one linear system of the size of x and one of twice that per pair instead of a single one of all
+    stages. b is the last row of A, `inverse` T⁻¹. The error estimate is (λ/h − J)⁻¹ (f(t, x) + Σ eᵢ
+    zᵢ/h).
     """
 
     name: str
@@ -104,7 +111,8 @@ class Collocation:
 
 @dataclass(frozen=True)
 class Midpoint:
-    """k = f(t + h/2, x + h k/2), solved by Newton's method with the Jacobian at the start of the step; fixed steps only."""
+    """k = f(t + h/2, x + h k/2), solved by Newton's method with the Jacobian at the start of the
+    step; fixed steps only."""
 
     name: str
     about: str

@@ -1,4 +1,5 @@
-"""The pair of orders 4 and 5 of Fehlberg (NASA TR R-315, 1969); the step is the solution of order 5, as Haug takes it."""
+"""The pair of orders 4 and 5 of Fehlberg (NASA TR R-315, 1969); the step is the solution of order
+5, as Haug takes it."""
 
 from fractions import Fraction
 

@@ -1,4 +1,5 @@
-"""From Equations to Program: verbs that rewrite a function's graph (`pipeline` is the page to read first)."""
+"""From Equations to Program: verbs that rewrite a function's graph (`pipeline` is the page to read
+first)."""
 
 from codegen.passes.pipeline import program
 from codegen.passes.precision import in_precision

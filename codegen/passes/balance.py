@@ -1,7 +1,9 @@
-"""balance: sums and products of several operands are done in the order in which these are known, the latest one last.
+"""balance: sums and products of several operands are done in the order in which these are known,
+the latest one last.
 
-As many operations, but what waits for the latest operand waits for one operation only: in a long recursion every link begins
-where the one before has ended. 2 · z · cos q becomes (2 · cos q) · z, and a − (b − z) becomes (a − b) + z.
+As many operations, but what waits for the latest operand waits for one operation only: in a long
+recursion every link begins where the one before has ended. 2 · z · cos q becomes (2 · cos q) · z,
+and a − (b − z) becomes (a − b) + z.
 """
 
 from __future__ import annotations
@@ -35,9 +37,13 @@ def balance(lowered: Lowered, named: Iterable[int] = ()) -> Lowered:
         if i not in inside:
             made.moved[i] = made.again(operations, i, inside)
     places = {
-        node: (made.there(o), scale) for node, (o, scale) in lowered.places.items() if isinstance(o, float) or o in made.moved
+        node: (made.there(o), scale)
+        for node, (o, scale) in lowered.places.items()
+        if isinstance(o, float) or o in made.moved
     }
-    return Lowered(made.code, tuple(made.there(root) for root in lowered.roots), lowered.factors, places)
+    return Lowered(
+        made.code, tuple(made.there(root) for root in lowered.roots), lowered.factors, places
+    )
 
 
 def _inside(operations: list[Operation], wanted: list[int], kept: set[int]) -> set[int]:
@@ -45,15 +51,11 @@ def _inside(operations: list[Operation], wanted: list[int], kept: set[int]) -> s
     uses: Counter[int] = Counter()
     within: set[int] = set()
     for i in wanted:
-        inner = _inner(operations[i])
+        inner = operations[i].inner
         uses.update(inner)
         kind = KINDS.get(operations[i].name)
         within.update(o for o in inner if kind and KINDS.get(operations[o].name) == kind)
     return {i for i in within if uses[i] == 1 and i not in kept}
-
-
-def _inner(operation: Operation) -> list[int]:
-    return [] if operation.name == "input" else [operand for operand in operation.operands if isinstance(operand, int)]
 
 
 @dataclass
@@ -70,7 +72,7 @@ class _Made:
     def again(self, operations: list[Operation], i: int, inside: set[int]) -> int:
         operation = operations[i]
         if operation.name == "input":
-            return self._put("input", *operation.operands)
+            return self._input(*operation.slot)
         if operation.name not in KINDS:
             return self._put(operation.name, *map(self.there, operation.operands))
         parts = [(sign, self.there(part)) for sign, part in _parts(operations, i, inside)]
@@ -91,25 +93,38 @@ class _Made:
 
     def _put(self, name: str, *operands: Operand) -> int:
         made = self.code.put(name, *operands)
-        self.known[made] = (EARLY if operands[0] == "p" else 0) if name == "input" else self._done(name, operands)
+        self.known[made] = self._done(name, operands)
+        return made
+
+    def _input(self, argument: str, entry: int) -> int:
+        made = self.code.input(argument, entry)
+        self.known[made] = EARLY if argument == "p" else 0
         return made
 
     def _done(self, name: str, operands: tuple[Operand, ...]) -> int:
         if max(map(self._when, operands)) < 0:
             return EARLY
         if KINDS.get(name) == "sum" and any(map(self._is_product, operands)):
-            return max(self._when(o) - CYCLES["mul"] * self._is_product(o) for o in operands) + FUSED
+            return (
+                max(self._when(o) - CYCLES["mul"] * self._is_product(o) for o in operands) + FUSED
+            )
         return max(map(self._when, operands)) + CYCLES.get(name, OTHERS)
 
     def _is_product(self, operand: Operand) -> bool:
         return isinstance(operand, int) and self.code.operations[operand].name == "mul"
 
 
-def _parts(operations: list[Operation], i: int, inside: set[int], sign: int = 1) -> Iterator[Signed]:
+def _parts(
+    operations: list[Operation], i: int, inside: set[int], sign: int = 1
+) -> Iterator[Signed]:
     """The terms of a sum with their signs, or the factors of a product."""
     name, (left, right) = operations[i].name, operations[i].operands
     for operand, own in ((left, sign), (right, -sign if name == "sub" else sign)):
-        if isinstance(operand, int) and operand in inside and KINDS[operations[operand].name] == KINDS[name]:
+        if (
+            isinstance(operand, int)
+            and operand in inside
+            and KINDS[operations[operand].name] == KINDS[name]
+        ):
             yield from _parts(operations, operand, inside, own)
         else:
             yield own, operand

@@ -1,4 +1,5 @@
-"""invert: several divisions by the same value become one reciprocal and multiplications, of which a processor does many more.
+"""invert: several divisions by the same value become one reciprocal and multiplications, of which a
+processor does many more.
 
 It counts as one operation more, but a division takes as long as four to ten multiplications.
 """
@@ -14,9 +15,15 @@ from codegen.passes.schedule import reachable
 
 def invert(lowered: Lowered) -> Lowered:
     """The same values with every divisor divided by once."""
-    wanted = sorted(reachable(lowered.code, [root for root in lowered.roots if isinstance(root, int)]))
-    divisions = [lowered.code.operations[i] for i in wanted if lowered.code.operations[i].name == "div"]
-    count = Counter(operation.operands[1] for operation in divisions if isinstance(operation.operands[1], int))
+    wanted = sorted(
+        reachable(lowered.code, [root for root in lowered.roots if isinstance(root, int)])
+    )
+    divisions = [
+        lowered.code.operations[i] for i in wanted if lowered.code.operations[i].name == "div"
+    ]
+    count = Counter(
+        operation.operands[1] for operation in divisions if isinstance(operation.operands[1], int)
+    )
     shared = {divisor for divisor, uses in count.items() if uses > 1}
     if not shared:
         return lowered
@@ -35,12 +42,20 @@ def invert(lowered: Lowered) -> Lowered:
 
 def _made(code: Code, operation: Operation, moved: dict[int, int], shared: set[int]) -> int:
     if operation.name == "input":
-        return code.put("input", *operation.operands)
+        return code.input(*operation.slot)
     operands: list[Any] = [_there(operand, moved) for operand in operation.operands]
-    if operation.name != "div" or operation.operands[1] not in shared or isinstance(operation.operands[1], float):
+    if (
+        operation.name != "div"
+        or operation.operands[1] not in shared
+        or isinstance(operation.operands[1], float)
+    ):
         return code.put(operation.name, *operands)
     reciprocal = code.put("div", 1.0, operands[1])
-    return reciprocal if operands[0] == 1.0 and isinstance(operands[0], float) else code.put("mul", operands[0], reciprocal)
+    return (
+        reciprocal
+        if operands[0] == 1.0 and isinstance(operands[0], float)
+        else code.put("mul", operands[0], reciprocal)
+    )
 
 
 def _there(operand: Operand, moved: dict[int, int]) -> Operand:

@@ -8,15 +8,22 @@ BATCHED = ("dynamics",)  # worth the time to compile them twice
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne", "and", "or", "not", "where",
 })  # fmt: skip
-WIDEST = 1_500  # statements, inputs and outputs together: longer loops over lanes take compilers too long
+# statements, inputs and outputs together: longer loops over lanes take compilers too long
+WIDEST = 1_500
 
 
 def is_batched(kernel: Kernel) -> bool:
-    """No iteration, no calls of the C library, not too long: compilers make vector instructions of it."""
+    """No iteration, no calls of the C library, not too long: compilers make vector instructions of
+    it."""
     values = [s.value for section in kernel.sections for s in section.statements]
     values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]
     size = len(kernel.x.names) + len(values)
-    return kernel.name in BATCHED and kernel.loop is None and size <= WIDEST and all(map(_is_plain, values))
+    return (
+        kernel.name in BATCHED
+        and kernel.loop is None
+        and size <= WIDEST
+        and all(map(_is_plain, values))
+    )
 
 
 def _is_plain(value: Expression) -> bool:

@@ -38,6 +38,10 @@ class Names:
         name = wanted
         while name in self.taken or name == "z":
             self._next[wanted] = self._next.get(wanted, 0 if wanted == "z" else 1) + 1
-            name = f"{wanted}{self._next[wanted]}" if wanted == "z" else f"{wanted}_{self._next[wanted]}"
+            name = (
+                f"{wanted}{self._next[wanted]}"
+                if wanted == "z"
+                else f"{wanted}_{self._next[wanted]}"
+            )
         self.taken.add(name)
         return name

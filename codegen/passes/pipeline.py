@@ -1,4 +1,5 @@
-"""program: the pipeline from Equations to Program. Each pass is Work → Work; the ledger says what each one did."""
+"""program: the pipeline from Equations to Program. Each pass is Work → Work; the ledger says what
+each one did."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from codegen.passes.balance import balance
 from codegen.passes.factor import factor
 from codegen.passes.graph import Mark, Work, same
 from codegen.passes.hoist import hoist
+from codegen.passes.initial import initial
 from codegen.passes.invert import invert
 from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered, Operation, lower
@@ -24,12 +26,25 @@ from codegen.passes.split import is_long
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
-from codegen.program import CALLED, KINDS, Argument, Chart, Entry, Hoisted, Kernel, Loop, Pattern, Pivot, Program
+from codegen.program import (
+    CALLED,
+    KINDS,
+    Argument,
+    Chart,
+    Entry,
+    Hoisted,
+    Kernel,
+    Loop,
+    Pattern,
+    Pivot,
+    Program,
+)
 from derive.diagnostics import AssumptionError, HamelError
+from derive.enforcement import ENFORCEMENTS
 from derive.formulations import records
 from derive.formulations.charts import differs
+from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
-from derive.keepings import KEEPINGS
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
@@ -37,34 +52,50 @@ LONG = 2_000  # operations from which one round has to do
 MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
 LARGE = 10_000  # operations from which factoring once has to do
 
-_KIND = {"add": "add", "sub": "add", "mul": "multiply", "div": "divide", "sqrt": "sqrt", "sin": "sin", "cos": "cos"}
+_KIND = {
+    "add": "add",
+    "sub": "add",
+    "mul": "multiply",
+    "div": "divide",
+    "sqrt": "sqrt",
+    "sin": "sin",
+    "cos": "cos",
+}
 
 
 def program(
     equations: Equations,
     functions: Sequence[str] | None = None,
     integrators: Sequence[str] = ("dop853",),
-    keepings: Sequence[str] | None = None,
+    enforcements: Sequence[str] | None = None,
 ) -> Program:
-    """The Program of the named functions; the default ones when None, and in place of the name "default".
+    """The Program of the named functions; the default ones when None, and in place of the name
+    "default".
 
-    `integrators` and `keepings` are those that `simulate` of the module can use (projection, where there is anything to project
-    on, and none, where `keepings` is None); functions that they need are added.
+    `integrators` and `enforcements` are those that `simulate` of the module can use (projection,
+    where there is anything to project on, and none, where `enforcements` is None); functions that
+    they need are added.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
     chosen = _chosen(equations, functions)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
-        keepings = _usual(chosen) if keepings is None else keepings
+        enforcements = _usual(chosen) if enforcements is None else enforcements
         watched = [request.name for request in equations.requests if request.name == "guards"]
-        further = (*_needs(integrators), *_needs_of_keepings(equations, keepings), *watched)
+        further = (*_needs(integrators), *_needs_of_enforcements(equations, enforcements), *watched)
         chosen = _chosen(equations, [*(function.name for function in chosen), *further])
         _check_size([function for function in chosen if function.name in further])
     charts = (equations, *equations.charts)
     if len(charts) > 1:
-        chosen = _chosen(equations, [*(function.name for function in chosen), *_for_charts(equations)])
+        chosen = _chosen(
+            equations, [*(function.name for function in chosen), *_for_charts(equations)]
+        )
     emitted = [(equations, function) for function in chosen]
-    emitted += [(chart, f) for number, chart in enumerate(charts[1:], 1) for f in _in_chart(equations, chosen, chart, number)]
+    emitted += [
+        (chart, f)
+        for number, chart in enumerate(charts[1:], 1)
+        for f in _in_chart(equations, chosen, chart, number)
+    ]
     kernels, ledger = [], []
     turning = _Turning(len(arguments[1].names) - len(equations.w) if simulates else 0)
     for source, function in emitted:
@@ -86,18 +117,22 @@ def program(
         arguments=arguments,
         kernels=tuple(kernels),
         ledger=tuple(ledger),
-        positions=equations.system.phi.numel(),
+        positions=positions(equations.system),
+        nominal=initial(equations),
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
-        keepings=tuple(keepings or ()) if simulates else (),
+        enforcements=tuple(enforcements or ()) if simulates else (),
         turning=turning.found,
-        charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts)) if len(charts) > 1 else (),
+        charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts))
+        if len(charts) > 1
+        else (),
     )
 
 
 @dataclass
 class _Turning:
-    """Which of the first `count` entries of x go round in what a simulation calls, and which show their turns there."""
+    """Which of the first `count` entries of x go round in what a simulation calls, and which show
+    their turns there."""
 
     count: int
     round: set[int] = field(default_factory=set)
@@ -106,7 +141,11 @@ class _Turning:
     def look(self, function: Function, tape: Tape) -> None:
         """At the result and the guards: a residual only says when an iteration may stop."""
         name = function.name.split("_chart")[0]
-        if self.count and name in (*CALLED, "velocity", "state") and not name.startswith("jacobian"):
+        if (
+            self.count
+            and name in (*CALLED, "velocity", "state")
+            and not name.startswith("jacobian")
+        ):
             roots = tape.roots[: function.result.value.numel() + len(function.guards)]
             found = turns(tape, roots, self.count, name in ("project", "state"))
             self.round |= found[0]
@@ -122,14 +161,21 @@ def _suffix(number: int) -> str:
 
 
 def _for_charts(equations: Equations) -> list[str]:
-    """What carries a state from one chart to another, and tells how good a chart is where it has something to tell."""
+    """What carries a state from one chart to another, and tells how good a chart is where it has
+    something to tell."""
     known = [request.name for request in equations.requests]
     return ["velocity", "state", *(name for name in ("guards",) if name in known)]
 
 
-def _in_chart(first: Equations, chosen: Sequence[Function], chart: Equations, number: int) -> list[Function]:
-    """The functions of a further chart: those of the first that depend on the chart, and its own guards."""
-    known = {*(function.name for function in chart.functions), *(request.name for request in chart.requests)}
+def _in_chart(
+    first: Equations, chosen: Sequence[Function], chart: Equations, number: int
+) -> list[Function]:
+    """The functions of a further chart: those of the first that depend on the chart, and its own
+    guards."""
+    known = {
+        *(function.name for function in chart.functions),
+        *(request.name for request in chart.requests),
+    }
     wanted = dict.fromkeys([*(function.name for function in chosen), *_for_charts(chart)])
     varying = {function.name for function in chosen if differs(first, function)}
     own = _chosen(chart, [name for name in wanted if name in known])
@@ -157,45 +203,74 @@ def _check_size(chosen: Sequence[Function]) -> None:
         if many > MOST_ON_STACK:
             raise AssumptionError(
                 f"{function.name} has {many} entries, too many to solve with on the stack",
-                "an explicit integrator and the keeping projection or none have no such limit",
+                "an explicit integrator and the enforcement projection or none have no such limit",
             )
 
 
-def _needs_of_keepings(equations: Equations, keepings: Sequence[str]) -> list[str]:
-    return [need for keeping in KEEPINGS if keeping.name in keepings for need in keeping.needs(equations)]
+def _needs_of_enforcements(equations: Equations, enforcements: Sequence[str]) -> list[str]:
+    return [
+        need
+        for enforcement in ENFORCEMENTS
+        if enforcement.name in enforcements
+        for need in enforcement.needs(equations)
+    ]
 
 
 def _usual(chosen: Sequence[Function]) -> tuple[str, ...]:
-    return ("projection", "none") if any(function.name == "project" for function in chosen) else ("none",)
+    return (
+        ("projection", "none")
+        if any(function.name == "project" for function in chosen)
+        else ("none",)
+    )
 
 
 def _chosen(equations: Equations, names: Sequence[str] | None) -> list[Function]:
     """The functions asked for; those with an empty result have no code."""
     default = {function.name: function for function in equations.functions}
     requests = {request.name: request for request in equations.requests}
-    wanted = [n for name in (names or ("default",)) for n in (default if name == "default" else (name,))]
+    wanted = [
+        n for name in (names or ("default",)) for n in (default if name == "default" else (name,))
+    ]
     for name in wanted:
         if name not in default and name not in requests:
-            raise HamelError(f"this model has no function {name!r}; it has {', '.join((*default, *requests))}")
-    chosen = [default[name] if name in default else requests[name].make() for name in dict.fromkeys(wanted)]
+            raise HamelError(
+                f"this model has no function {name!r}; it has {', '.join((*default, *requests))}"
+            )
+    chosen = [
+        default[name] if name in default else requests[name].make()
+        for name in dict.fromkeys(wanted)
+    ]
     return [function for function in chosen if function.result.value.numel()]
 
 
-def _arguments(slots: Sequence[records.Argument], parameters: tuple[float, ...]) -> tuple[Argument, ...]:
+def _arguments(
+    slots: Sequence[records.Argument], parameters: tuple[float, ...]
+) -> tuple[Argument, ...]:
     names = Names()
     found = []
     for slot in slots:
-        local = tuple(names(identifier(label)) if slot.name != "t" else "t" for label in slot.labels)
-        found.append(Argument(slot.name, slot.labels, local, slot.units, parameters if slot.name == "p" else ()))
+        local = tuple(
+            names(identifier(label)) if slot.name != "t" else "t" for label in slot.labels
+        )
+        found.append(
+            Argument(
+                slot.name, slot.labels, local, slot.units, parameters if slot.name == "p" else ()
+            )
+        )
     return tuple(found)
 
 
 def _slots(equations: Equations, function: Function) -> tuple[records.Argument, ...]:
     """t, x, u, p as this function takes them: its own x may be something else than the state."""
-    return tuple(function.x if slot.name == "x" and function.x is not None else slot for slot in equations.arguments)
+    return tuple(
+        function.x if slot.name == "x" and function.x is not None else slot
+        for slot in equations.arguments
+    )
 
 
-def _left_out(equations: Equations, arguments: Sequence[Argument], kernels: Sequence[Kernel]) -> tuple[str, ...]:
+def _left_out(
+    equations: Equations, arguments: Sequence[Argument], kernels: Sequence[Kernel]
+) -> tuple[str, ...]:
     """Functions that were not asked for or are empty, and arguments that no function uses."""
     made = {kernel.name for kernel in kernels}
     used = {name for kernel in kernels for name in kernel.uses}
@@ -203,7 +278,9 @@ def _left_out(equations: Equations, arguments: Sequence[Argument], kernels: Sequ
     return (*functions, *(f"argument {a.name}" for a in arguments if a.name not in used))
 
 
-def _kernel(equations: Equations, function: Function, turning: _Turning) -> tuple[Kernel, list[Entry]]:
+def _kernel(
+    equations: Equations, function: Function, turning: _Turning
+) -> tuple[Kernel, list[Entry]]:
     size = function.result.value.numel()
     slots = _slots(equations, function)
     symbols = [(slot.name, slot.symbols) for slot in slots]
@@ -212,7 +289,9 @@ def _kernel(equations: Equations, function: Function, turning: _Turning) -> tupl
     best, entries = _improve(function.name, tape, _loose(function, size))
     kernel = _finish(function, best, _arguments(slots, equations.parameters), size)
     if kernel.hoisted:
-        entries.append(Entry(function.name, "hoist", best.total, kernel.hoisted.rest.operations["total"]))
+        entries.append(
+            Entry(function.name, "hoist", best.total, kernel.hoisted.rest.operations["total"])
+        )
     return kernel, entries
 
 
@@ -229,7 +308,8 @@ def _loose(function: Function, size: int) -> range:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A function as operations, their number (signs are counted apart), and where its named entries are."""
+    """A function as operations, their number (signs are counted apart), and where its named entries
+    are."""
 
     lowered: Lowered
     marks: tuple[Mark, ...]
@@ -239,11 +319,17 @@ class _Candidate:
 
 def _candidate(lowered: Lowered, marks: tuple[Mark, ...]) -> _Candidate:
     operations = needed(lowered)
-    return _Candidate(lowered, marks, count(operations)["total"], sum(operation.name == "neg" for operation in operations))
+    return _Candidate(
+        lowered,
+        marks,
+        count(operations)["total"],
+        sum(operation.name == "neg" for operation in operations),
+    )
 
 
 def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entry]]:
-    """Rounds of passes; the best result wins, for a pass may cost something that a later one does not regain."""
+    """Rounds of passes; the best result wins, for a pass may cost something that a later one does
+    not regain."""
     best = _candidate(*plain(tape, loose))
     entries = [Entry(name, "number", tape.count(), best.total)]
     for step, found in _tried(trace(tape), loose, best.total):
@@ -261,7 +347,12 @@ def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entr
 def _named(candidate: _Candidate) -> set[int]:
     """The operations that are shown under a name."""
     places = candidate.lowered.places
-    found = (places[node][0] for mark in candidate.marks for _, (_, node) in mark.entries if node in places)
+    found = (
+        places[node][0]
+        for mark in candidate.marks
+        for _, (_, node) in mark.entries
+        if node in places
+    )
     return {operand for operand in found if isinstance(operand, int)}
 
 
@@ -287,36 +378,58 @@ def _tried(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Ca
             return
 
 
-def _finish(function: Function, best: _Candidate, arguments: Sequence[Argument], size: int) -> Kernel:
+def _finish(
+    function: Function, best: _Candidate, arguments: Sequence[Argument], size: int
+) -> Kernel:
     kernel = _written(function, best.lowered, best.marks, arguments, _names(arguments), size)
     if function.name not in BATCHED or is_long(kernel):
         return kernel
     parts = hoist(best.lowered)
     hoisted = _hoisted(function, parts, best.marks, arguments, size) if parts else None
-    return kernel if hoisted is None or is_long(hoisted.precompute) or is_long(hoisted.rest) else replace(kernel, hoisted=hoisted)
+    return (
+        kernel
+        if hoisted is None or is_long(hoisted.precompute) or is_long(hoisted.rest)
+        else replace(kernel, hoisted=hoisted)
+    )
 
 
 def _names(arguments: Sequence[Argument]) -> dict[tuple[str, int], str]:
-    return {(argument.name, i): name for argument in arguments for i, name in enumerate(argument.names)}
+    return {
+        (argument.name, i): name for argument in arguments for i, name in enumerate(argument.names)
+    }
 
 
 def _hoisted(
-    function: Function, parts: parameters.Hoisted, marks: tuple[Mark, ...], arguments: Sequence[Argument], size: int
+    function: Function,
+    parts: parameters.Hoisted,
+    marks: tuple[Mark, ...],
+    arguments: Sequence[Argument],
+    size: int,
 ) -> Hoisted:
-    """c holds parameters that are used as they are under their own names, results of the hoisted work as c1, c2, …"""
+    """c holds parameters that are used as they are under their own names, results of the hoisted
+    work as c1, c2, …"""
     names = _names(arguments)
     count = len(parts.precompute.roots)
     free = Names([*Names().taken, *names.values(), identifier(function.result.name)])
-    labels = tuple(names["p", parts.entries[k]] if k in parts.entries else free(f"c{k + 1}") for k in range(count))
+    labels = tuple(
+        names["p", parts.entries[k]] if k in parts.entries else free(f"c{k + 1}")
+        for k in range(count)
+    )
     about = f"constants of {function.name}, from parameters alone"
-    work = Function(f"{function.name}_precompute", about, records.Result("c", ca.SX(count, 1), labels, ()), x=function.x)
+    work = Function(
+        f"{function.name}_precompute",
+        about,
+        records.Result("c", ca.SX(count, 1), labels, ()),
+        x=function.x,
+    )
     precompute = _written(work, parts.precompute, (), arguments, names, count)
     rest = _written(
         replace(function, name=f"{function.name}_precomputed"),
         parts.rest,
         marks,
         [a for a in arguments if a.name != "p"],
-        {key: name for key, name in names.items() if key[0] != "p"} | {("c", k): label for k, label in enumerate(labels)},
+        {key: name for key, name in names.items() if key[0] != "p"}
+        | {("c", k): label for k, label in enumerate(labels)},
         size,
     )
     return Hoisted(precompute, rest)
@@ -336,7 +449,9 @@ def _written(
         Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance, guard.part)
         for guard, value, factor in zip(function.guards, done.roots[size:], lowered.factors[size:])
     ]
-    loop = function.iteration and Loop(function.iteration.tolerance, function.iteration.most, done.roots[-1])
+    loop = function.iteration and Loop(
+        function.iteration.tolerance, function.iteration.most, done.roots[-1]
+    )
     rows, columns = function.result.value.shape
     uses = tuple(a.name for a in arguments if any(load.argument == a.name for load in done.loads))
     watched = watch(lowered, size, {a.name: len(a.names) for a in arguments if a.name in uses})

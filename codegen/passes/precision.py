@@ -1,4 +1,5 @@
-"""precision: a program in the numbers of another precision. What would lose its digits there is refused."""
+"""precision: a program in the numbers of another precision. What would lose its digits there is
+refused."""
 
 from __future__ import annotations
 
@@ -11,14 +12,17 @@ from derive.diagnostics import AssumptionError
 
 
 def in_precision(program: Program, name: str) -> Program:
-    """The program with `real` of that name, its guards and iterations held to what that precision can tell.
+    """The program with `real` of that name, its guards and iterations held to what that precision
+    can tell.
 
     Raises AssumptionError where a number of the program cannot be written with all digits.
     """
     real = real_of(name)
     if real == FLOAT64:
         return program
-    made = replace(program, real=real, kernels=tuple(_kernel(kernel, real) for kernel in program.kernels))
+    made = replace(
+        program, real=real, kernels=tuple(_kernel(kernel, real) for kernel in program.kernels)
+    )
     for where, value in _numbers(made):
         if not real.holds(value):
             raise AssumptionError(
@@ -33,14 +37,17 @@ def _kernel(kernel: Kernel, real: Real) -> Kernel:
     return replace(
         kernel,
         guards=tuple(_guard(guard, real) for guard in kernel.guards),
-        loop=kernel.loop and replace(kernel.loop, tolerance=_short(real.rounding(kernel.loop.tolerance))),
+        loop=kernel.loop
+        and replace(kernel.loop, tolerance=_short(real.rounding(kernel.loop.tolerance))),
         hoisted=kernel.hoisted and replace(kernel.hoisted, rest=_kernel(kernel.hoisted.rest, real)),
     )
 
 
 def _guard(guard: Pivot, real: Real) -> Pivot:
     wider = real.wider(guard.part)
-    return replace(guard, tolerance=_short(guard.tolerance * wider), limit=_short(guard.limit * wider))
+    return replace(
+        guard, tolerance=_short(guard.tolerance * wider), limit=_short(guard.limit * wider)
+    )
 
 
 def _short(value: float) -> float:

@@ -1,4 +1,5 @@
-"""schedule: order operations under the headings of the textbook, give them names, and nest what is used once."""
+"""schedule: order operations under the headings of the textbook, give them names, and nest what is
+used once."""
 
 from __future__ import annotations
 
@@ -21,14 +22,23 @@ class Scheduled:
 
 
 def schedule(
-    lowered: Lowered, marks: Sequence[Mark], title: str, inputs: dict[tuple[str, int], str], free: Callable[[str], str]
+    lowered: Lowered,
+    marks: Sequence[Mark],
+    title: str,
+    inputs: dict[tuple[str, int], str],
+    free: Callable[[str], str],
 ) -> Scheduled:
-    """inputs names argument entries; free(wanted) makes a name that is not taken; `title` heads what belongs to no mark."""
+    """inputs names argument entries; free(wanted) makes a name that is not taken; `title` heads
+    what belongs to no mark."""
     roots = [root for root in lowered.roots if isinstance(root, int)]
     wanted = reachable(lowered.code, roots)
     groups = []
     done = {i for i in wanted if lowered.code.operations[i].name == "input"}
-    for heading, starts in [(TURNS, _turns(lowered.code, wanted)), *_headings(lowered, marks, wanted), (title, roots)]:
+    for heading, starts in [
+        (TURNS, _turns(lowered.code, wanted)),
+        *_headings(lowered, marks, wanted),
+        (title, roots),
+    ]:
         group = _depth_first(lowered.code, starts, done)
         if group:
             groups.append((heading, group))
@@ -41,29 +51,33 @@ def reachable(code: Code, roots: Sequence[int]) -> set[int]:
     """The operations that the roots need, the roots included."""
     seen, stack = set(roots), list(roots)
     while stack:
-        for operand in _inner(code.operations[stack.pop()]):
+        for operand in code.operations[stack.pop()].inner:
             if operand not in seen:
                 seen.add(operand)
                 stack.append(operand)
     return seen
 
 
-def _inner(operation: Operation) -> list[int]:
-    if operation.name == "input":
-        return []
-    return [operand for operand in operation.operands if isinstance(operand, int)]
-
-
-def _headings(lowered: Lowered, marks: Sequence[Mark], wanted: set[int]) -> list[tuple[str, list[int]]]:
+def _headings(
+    lowered: Lowered, marks: Sequence[Mark], wanted: set[int]
+) -> list[tuple[str, list[int]]]:
     headings = []
     for mark in marks:
-        starts = [lowered.places[node][0] for _, (_, node) in mark.entries if node in lowered.places]
-        headings.append((f"{mark.name}: {mark.about}", [i for i in starts if isinstance(i, int) and i in wanted]))
+        starts = [
+            lowered.places[node][0] for _, (_, node) in mark.entries if node in lowered.places
+        ]
+        headings.append(
+            (
+                f"{mark.name}: {mark.about}",
+                [i for i in starts if isinstance(i, int) and i in wanted],
+            )
+        )
     return headings
 
 
 def _depth_first(code: Code, starts: Sequence[int], done: set[int]) -> list[int]:
-    """What the starts need and `done` does not hold, operands first: values are used soon after they are made."""
+    """What the starts need and `done` does not hold, operands first: values are used soon after
+    they are made."""
     order: list[int] = []
     for start in starts:
         stack = [(start, False)]
@@ -76,7 +90,11 @@ def _depth_first(code: Code, starts: Sequence[int], done: set[int]) -> list[int]
                 order.append(i)
             else:
                 stack.append((i, True))
-                stack += [(operand, False) for operand in reversed(_inner(code.operations[i])) if operand not in done]
+                stack += [
+                    (operand, False)
+                    for operand in reversed(code.operations[i].inner)
+                    if operand not in done
+                ]
     return order
 
 
@@ -91,26 +109,36 @@ def _names(lowered: Lowered, marks: Sequence[Mark], present: set[int]) -> dict[i
     return names
 
 
-def _nested(code: Code, groups: Sequence[tuple[str, list[int]]], roots: Sequence[int], names: dict[int, str]) -> set[int]:
-    """Operations used once, in the section they stand in, become part of the expression that uses them."""
+def _nested(
+    code: Code, groups: Sequence[tuple[str, list[int]]], roots: Sequence[int], names: dict[int, str]
+) -> set[int]:
+    """Operations used once, in the section they stand in, become part of the expression that uses
+    them."""
     count: dict[int, int] = {}
     user: dict[int, int] = {}
     home = {i: k for k, (_, group) in enumerate(groups) for i in group}
     for i in home:
-        for operand in _inner(code.operations[i]):
+        for operand in code.operations[i].inner:
             count[operand] = count.get(operand, 0) + 1
             user[operand] = i
     for root in roots:
         count[root] = count.get(root, 0) + 2
-    return _fitting(code, home, lambda i: count[i] == 1 and i not in names and home[user[i]] == home[i] and not _is_turn(code, i))
+    return _fitting(
+        code,
+        home,
+        lambda i: (
+            count[i] == 1 and i not in names and home[user[i]] == home[i] and not _is_turn(code, i)
+        ),
+    )
 
 
 def _turns(code: Code, wanted: set[int]) -> list[int]:
-    """Sines and cosines of angles that need no others: they stand at the beginning and are computed side by side."""
+    """Sines and cosines of angles that need no others: they stand at the beginning and are computed
+    side by side."""
     later: set[int] = set()  # what depends on a sine or cosine
     found = []
     for i in sorted(wanted):
-        depends = any(operand in later for operand in _inner(code.operations[i]))
+        depends = any(operand in later for operand in code.operations[i].inner)
         if _is_turn(code, i) and not depends:
             found.append(i)
         if _is_turn(code, i) or depends:
@@ -145,7 +173,9 @@ def _write(
         statements = []
         for i in group:
             value = _expression(lowered.code.operations[i], expressions)
-            expressions[i] = value if i in nested else free(names.get(i) or _trig_name(value) or "z")
+            expressions[i] = (
+                value if i in nested else free(names.get(i) or _trig_name(value) or "z")
+            )
             if i not in nested:
                 statements.append(Statement(str(expressions[i]), value))
         sections.append(Section(heading, tuple(statements)))
@@ -153,9 +183,12 @@ def _write(
     return Scheduled(tuple(sorted(loads.values(), key=_slot)), tuple(sections), roots)
 
 
-def _loads(lowered: Lowered, wanted: set[int], inputs: dict[tuple[str, int], str]) -> dict[int, Load]:
-    slots = {i: lowered.code.operations[i].operands for i in sorted(wanted) if lowered.code.operations[i].name == "input"}
-    return {i: Load(inputs[str(name), int(entry)], str(name), int(entry)) for i, (name, entry) in slots.items()}
+def _loads(
+    lowered: Lowered, wanted: set[int], inputs: dict[tuple[str, int], str]
+) -> dict[int, Load]:
+    operations = lowered.code.operations
+    slots = {i: operations[i].slot for i in sorted(wanted) if operations[i].name == "input"}
+    return {i: Load(inputs[slot], *slot) for i, slot in slots.items()}
 
 
 def _slot(load: Load) -> tuple[int, int]:
@@ -163,7 +196,10 @@ def _slot(load: Load) -> tuple[int, int]:
 
 
 def _expression(operation: Operation, expressions: dict[int, Expression]) -> Expression:
-    return (operation.name, *(expressions[o] if isinstance(o, int) else o for o in operation.operands))
+    return (
+        operation.name,
+        *(expressions[o] if isinstance(o, int) else o for o in operation.operands),
+    )
 
 
 def _trig_name(value: Expression) -> str | None:

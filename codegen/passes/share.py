@@ -1,13 +1,26 @@
-"""share: pairs of terms or factors that several sums or products have in common are computed once."""
+"""share: pairs of terms or factors that several sums or products have in common are computed
+once."""
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, copied, rewrite, snapped
+from codegen.passes.graph import (
+    ONE,
+    Graph,
+    Product,
+    Reference,
+    Sum,
+    Work,
+    copied,
+    rewrite,
+    snapped,
+)
 
-Pair = tuple[int, int, float]  # two nodes and the ratio of their factors; in products the ratio is 1 (above) or −1 (below)
+Pair = tuple[
+    int, int, float
+]  # two nodes and the ratio of their factors; in products the ratio is 1 (above) or −1 (below)
 _WIDE = 48  # in wider sums and products only neighbours are looked at
 
 
@@ -19,9 +32,14 @@ def share(work: Work) -> Work:
 def _share(work: Work, kind: str) -> Work:
     members: dict[int, dict[int, float]] = {}
     for node in work.live:
-        if work.graph.nodes[node][0] == kind:
-            members[node] = {other: float(value) for other, value in work.graph.nodes[node][1] if other != ONE}
-    extracted = _extract(members, len(work.graph.nodes), _product_pairs if kind == "product" else _sum_pairs)
+        inside = work.graph.nodes[node]
+        if kind == "sum" and isinstance(inside, Sum):
+            members[node] = {other: factor for other, factor in inside.terms if other != ONE}
+        elif kind == "product" and isinstance(inside, Product):
+            members[node] = {other: float(exponent) for other, exponent in inside.factors}
+    extracted = _extract(
+        members, len(work.graph.nodes), _product_pairs if kind == "product" else _sum_pairs
+    )
     return _rebuild(work, kind, members, extracted) if extracted else work
 
 
@@ -44,9 +62,12 @@ def _sum_pairs(members: dict[int, float]) -> Iterator[Pair]:
 
 
 def _extract(
-    members: dict[int, dict[int, float]], fresh: int, pairs: Callable[[dict[int, float]], Iterator[Pair]]
+    members: dict[int, dict[int, float]],
+    fresh: int,
+    pairs: Callable[[dict[int, float]], Iterator[Pair]],
 ) -> dict[int, Pair]:
-    """Replace the most frequent pair by a new member, again and again. Returns what the new members stand for."""
+    """Replace the most frequent pair by a new member, again and again. Returns what the new members
+    stand for."""
     where: dict[Pair, set[int]] = {}
     for node, inside in members.items():
         for pair in pairs(inside):
@@ -100,7 +121,9 @@ def _take_factors(inside: dict[int, float], pair: Pair, fresh: int) -> None:
     inside[fresh] = inside.get(fresh, 0.0) + pair[2]
 
 
-def _rebuild(work: Work, kind: str, members: dict[int, dict[int, float]], extracted: dict[int, Pair]) -> Work:
+def _rebuild(
+    work: Work, kind: str, members: dict[int, dict[int, float]], extracted: dict[int, Pair]
+) -> Work:
     made: dict[int, Reference] = {}
 
     def found(graph: Graph, member: int, done: dict[int, Reference]) -> Reference:
@@ -122,7 +145,11 @@ def _rebuild(work: Work, kind: str, members: dict[int, dict[int, float]], extrac
         parts = [(found(graph, member, done), value) for member, value in members[node].items()]
         if kind == "product":
             return graph.product((reference, int(value)) for reference, value in parts)
-        constant = [(value, ONE) for other, value in work.graph.nodes[node][1] if other == ONE]
-        return graph.sum([*constant, *((value * factor, other) for (factor, other), value in parts)])
+        old = work.graph.nodes[node]
+        terms = old.terms if isinstance(old, Sum) else ()
+        constant = [(value, ONE) for other, value in terms if other == ONE]
+        return graph.sum(
+            [*constant, *((value * factor, other) for (factor, other), value in parts)]
+        )
 
     return rewrite(work, rule)

@@ -1,6 +1,8 @@
-"""split: a long function as parts over a workspace, because a compiler's time grows faster than the length of a function.
+"""split: a long function as parts over a workspace, because a compiler's time grows faster than the
+length of a function.
 
-What one part computes and another needs is kept in a slot of the workspace, which is given to other values after its last use.
+What one part computes and another needs is kept in a slot of the workspace, which is given to other
+values after its last use.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ Slot = tuple[str, int]  # a local name and its place in the workspace
 
 @dataclass
 class Part:
-    """Statements with what they take from the workspace and what they leave in it; `outputs` are numbered."""
+    """Statements with what they take from the workspace and what they leave in it; `outputs` are
+    numbered."""
 
     loads: tuple[Load, ...] = ()
     taken: list[Slot] = field(default_factory=list)
@@ -41,7 +44,12 @@ class Parts:
 def split(kernel: Kernel) -> Parts:
     """The kernel in parts of at most LONGEST statements, or as it is where it is short."""
     parts = [Part(sections=sections) for sections in _cut(kernel.sections)]
-    home = {s.name: k for k, part in enumerate(parts) for section in part.sections for s in section.statements}
+    home = {
+        s.name: k
+        for k, part in enumerate(parts)
+        for section in part.sections
+        for s in section.statements
+    }
     for i, value in enumerate(kernel.outputs):
         parts[_ready(value, home)].outputs.append((i, value))
     for guard in kernel.guards:
@@ -93,19 +101,29 @@ def _ready(value: Expression, home: dict[str, int]) -> int:
 def _read(part: Part) -> Iterator[str]:
     statements: Iterable[Statement] = (s for section in part.sections for s in section.statements)
     last = [part.residual] if part.residual is not None else []
-    for value in (*(s.value for s in statements), *(v for _, v in part.outputs), *(g.value for g in part.guards), *last):
+    for value in (
+        *(s.value for s in statements),
+        *(v for _, v in part.outputs),
+        *(g.value for g in part.guards),
+        *last,
+    ):
         yield from names(value)
 
 
-def _share_slots(parts: Sequence[Part], reads: Sequence[Sequence[str]], home: dict[str, int]) -> int:
-    """Give slots to values that cross parts; a slot is free again in the part after its last use. Returns how many there are."""
+def _share_slots(
+    parts: Sequence[Part], reads: Sequence[Sequence[str]], home: dict[str, int]
+) -> int:
+    """Give slots to values that cross parts; a slot is free again in the part after its last use.
+    Returns how many there are."""
     last = {name: k for k, names in enumerate(reads) for name in names if home.get(name, k) < k}
     slots: dict[str, int] = {}
     free: list[int] = []
     size = 0
     for k, part in enumerate(parts):
         part.taken = [(name, slots[name]) for name in reads[k] if name in slots and home[name] < k]
-        for name in (s.name for section in part.sections for s in section.statements if s.name in last):
+        for name in (
+            s.name for section in part.sections for s in section.statements if s.name in last
+        ):
             size += not free
             slots[name] = heapq.heappop(free) if free else size - 1
             part.kept.append((name, slots[name]))

@@ -1,9 +1,10 @@
 """turns: the coordinates in which nothing that a simulation computes sees a whole turn.
 
-A value is followed as g + Σ a_i q_i, where whole turns of the coordinates leave g as it is and the a_i are numbers. Sines,
-cosines and tangents of such a sum forget whole turns of a coordinate whose a_i is an integer. Everything else that takes the
-sum, such as the product with a stiffness, sees them, and so does who gets it as a result. Derivatives of what a function does not
-see do not see it either.
+A value is followed as g + Σ a_i q_i, where whole turns of the coordinates leave g as it is and the
+a_i are numbers. Sines, cosines and tangents of such a sum forget whole turns of a coordinate whose
+a_i is an integer. Everything else that takes the sum, such as the product with a stiffness, sees
+them, and so does who gets it as a result. Derivatives of what a function does not see do not see it
+either.
 """
 
 from __future__ import annotations
@@ -19,10 +20,14 @@ Shift = dict[int, float]  # the a_i that are not zero
 _PERIODIC = frozenset({ca.OP_SIN, ca.OP_COS, ca.OP_TAN})
 
 
-def turns(tape: Tape, roots: Sequence[int], count: int, handed_on: bool) -> tuple[set[int], set[int]]:
-    """The coordinates among the first `count` entries of x that go round on the way to the roots, and those whose turns are seen.
+def turns(
+    tape: Tape, roots: Sequence[int], count: int, handed_on: bool
+) -> tuple[set[int], set[int]]:
+    """The coordinates among the first `count` entries of x that go round on the way to the roots,
+    and those whose turns are seen.
 
-    `handed_on`: the first results are the coordinates themselves, corrected, so that turns are to be seen in them.
+    `handed_on`: the first results are the coordinates themselves, corrected, so that turns are to
+    be seen in them.
     """
     shifts, round_, seen = _followed(tape, tape.needed(roots), count)
     for k, root in enumerate(roots):
@@ -31,13 +36,17 @@ def turns(tape: Tape, roots: Sequence[int], count: int, handed_on: bool) -> tupl
     return round_, seen
 
 
-def _followed(tape: Tape, needed: bytearray, count: int) -> tuple[dict[int, Shift], set[int], set[int]]:
+def _followed(
+    tape: Tape, needed: bytearray, count: int
+) -> tuple[dict[int, Shift], set[int], set[int]]:
     shifts: dict[int, Shift] = {}
     round_: set[int] = set()
     seen: set[int] = set()
     for k, step in enumerate(tape.steps):
-        if step.code == ca.OP_INPUT and step.given[0] == "x" and step.given[1] < count:
-            shifts[k] = {step.given[1]: 1.0}
+        if step.code == ca.OP_INPUT:
+            argument, entry = tape.slot(step)
+            if argument == "x" and entry < count:
+                shifts[k] = {entry: 1.0}
         given = [shifts.get(i, {}) for i in step.operands]
         if not (needed[k] and any(given)):
             continue
@@ -55,11 +64,12 @@ def _followed(tape: Tape, needed: bytearray, count: int) -> tuple[dict[int, Shif
 
 def _constant(tape: Tape, place: int) -> float | None:
     step = tape.steps[place]
-    return float(step.given) if step.code == ca.OP_CONST else None
+    return step.number if step.code == ca.OP_CONST else None
 
 
 def _linear(code: int, given: Sequence[Shift], constants: Sequence[float | None]) -> Shift | None:
-    """The shift of the result of an operation that is linear in what is shifted; None of any other."""
+    """The shift of the result of an operation that is linear in what is shifted; None of any
+    other."""
     first, last = given[0], given[-1]
     match code:
         case ca.OP_ADD:

@@ -1,7 +1,8 @@
-"""watch: which values have to be looked at so that no infinity and no NaN passes unseen; what shows in a result is left out.
+"""watch: which values have to be looked at so that no infinity and no NaN passes unseen; what shows
+in a result is left out.
 
-Arithmetic keeps NaN to the end; infinity gets lost only below a fraction line and in functions with a limit there. So most
-arguments show in some result, and checking that result is enough.
+Arithmetic keeps NaN to the end; infinity gets lost only below a fraction line and in functions with
+a limit there. So most arguments show in some result, and checking that result is enough.
 """
 
 from __future__ import annotations
@@ -13,9 +14,26 @@ from codegen.passes.schedule import reachable
 
 LOST, NAN, BOTH = range(3)  # of a value that is not finite: what of it certainly shows in a result
 
-_KEEPS = frozenset({"add", "sub", "mul", "neg", "sqrt", "fabs", "floor", "ceil"})  # infinity stays so, or becomes NaN
+_KEEPS = frozenset(
+    {"add", "sub", "mul", "neg", "sqrt", "fabs", "floor", "ceil"}
+)  # infinity stays so, or becomes NaN
 _SPOILS = frozenset({"sin", "cos", "tan", "asin", "acos"})  # infinity becomes NaN
-_DULLS = frozenset({"atan", "tanh", "exp", "expm1", "erf", "asinh", "sinh", "cosh", "log", "log1p", "acosh", "atanh"})
+_DULLS = frozenset(
+    {
+        "atan",
+        "tanh",
+        "exp",
+        "expm1",
+        "erf",
+        "asinh",
+        "sinh",
+        "cosh",
+        "log",
+        "log1p",
+        "acosh",
+        "atanh",
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -32,8 +50,17 @@ def watch(lowered: Lowered, size: int, arguments: dict[str, int]) -> Watched:
     outputs = [(i, root) for i, root in enumerate(lowered.roots[:size]) if isinstance(root, int)]
     computed = [(i, root) for i, root in outputs if code.operations[root].name != "input"]
     shows = _shows(code, [root for _, root in computed])
-    seen = {code.operations[i].operands for i, level in shows.items() if level == BOTH and code.operations[i].name == "input"}
-    entries = [(name, i) for name, length in arguments.items() for i in range(length) if (name, i) not in seen]
+    seen = {
+        code.operations[i].slot
+        for i, level in shows.items()
+        if level == BOTH and code.operations[i].name == "input"
+    }
+    entries = [
+        (name, i)
+        for name, length in arguments.items()
+        for i in range(length)
+        if (name, i) not in seen
+    ]
     return Watched(tuple(entries), tuple(i for i, _ in computed))
 
 
@@ -47,7 +74,9 @@ def _shows(code: Code, roots: list[int]) -> dict[int, int]:
             continue
         for place, operand in enumerate(operation.operands):
             if isinstance(operand, int):
-                shows[operand] = max(shows.get(operand, LOST), _through(operation.name, place, level))
+                shows[operand] = max(
+                    shows.get(operand, LOST), _through(operation.name, place, level)
+                )
     return shows
 
 

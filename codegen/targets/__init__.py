@@ -1,4 +1,5 @@
-"""The targets, in the order they are emitted. To add one: a file with a Target, and its line here."""
+"""The targets, in the order they are emitted. To add one: a file with a Target, and its line
+here."""
 
 from codegen.targets.c import C
 from codegen.targets.charts import CHARTS

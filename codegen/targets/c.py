@@ -1,7 +1,7 @@
 """C99: a header and source files, straight-line code, no allocation, nothing but libm behind it.
 
-NAME.c has every function for one state, NAME_batch.c the same for several states side by side, in loops that compilers turn
-into vector instructions.
+NAME.c has every function for one state, NAME_batch.c the same for several states side by side, in
+loops that compilers turn into vector instructions.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512b
 class Piece:
     """A part of a kernel as lines of C."""
 
-    lines: tuple[str, ...]  # loads, values from the workspace, statements, results, values into the workspace
+    lines: tuple[
+        str, ...
+    ]  # loads, values from the workspace, statements, results, values into the workspace
     guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
     unused: tuple[str, ...]
 
@@ -55,19 +57,28 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Style:
-    """How entry i of an array is written; at which statement of a section what step for sines and cosines stands."""
+    """How entry i of an array is written; at which statement of a section what step for sines and
+    cosines stands."""
 
     entry: str
     turns: Callable[[str, Section, set[str]], dict[str, _Step]]
 
 
 def files(program: Program) -> dict[str, str]:
-    """NAME.h, NAME.c, NAME_batch.c, and a NAME_FUNCTION.c for every long function, so that several are compiled at a time."""
+    """NAME.h, NAME.c, NAME_batch.c, and a NAME_FUNCTION.c for every long function, so that several
+    are compiled at a time."""
     widths = {argument.name: len(argument.names) for argument in program.arguments}
-    data: dict[str, Any] = {"program": program, "prefix": program.name, "PREFIX": program.name.upper(), "widths": widths}
+    data: dict[str, Any] = {
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+        "widths": widths,
+    }
     bodies = [_body(program, kernel, _ONE) for kernel in program.kernels]
     hoisted = [(kernel, kernel.hoisted) for kernel in program.kernels if kernel.hoisted]
-    data["hoisted"] = [(k, _body(program, h.precompute, _ONE), _body(program, h.rest, _ONE)) for k, h in hoisted]
+    data["hoisted"] = [
+        (k, _body(program, h.precompute, _ONE), _body(program, h.rest, _ONE)) for k, h in hoisted
+    ]
     batches = [_batch(program, kernel) for kernel in program.kernels if is_batched(kernel)]
     short = [body for body in bodies if len(body.pieces) == 1]
     long = {
@@ -79,8 +90,16 @@ def files(program: Program) -> dict[str, str]:
         f"{program.name}.h": text.render("header.h.j2", bodies=bodies, batches=batches, **data),
         f"{program.name}.c": text.render("source.c.j2", bodies=short, features=FEATURES, **data),
         f"{program.name}_cpu.c": text.render("cpu.c.j2", features=FEATURES, **data),
-        **({f"{program.name}_inline.h": text.render("inline.h.j2", bodies=bodies, **data)} if program.inline else {}),
-        **({f"{program.name}_batch.c": text.render("batch.c.j2", bodies=batches, **data)} if batches else {}),
+        **(
+            {f"{program.name}_inline.h": text.render("inline.h.j2", bodies=bodies, **data)}
+            if program.inline
+            else {}
+        ),
+        **(
+            {f"{program.name}_batch.c": text.render("batch.c.j2", bodies=batches, **data)}
+            if batches
+            else {}
+        ),
         **long,
     }
 
@@ -103,17 +122,28 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
         workspace=parts.size,
         stray=_stray(program, kernel, style),
         residual=_value(kernel.loop.residual) if kernel.loop else "",
-        turns=any(_is_turn(s) for part in parts.parts for section in part.sections for s in section.statements),
+        turns=any(
+            _is_turn(s)
+            for part in parts.parts
+            for section in part.sections
+            for s in section.statements
+        ),
     )
 
 
-def _piece(program: Program, kernel: Kernel, part: Part, style: _Style, lines: Callable[..., Iterator[str]]) -> Piece:
+def _piece(
+    program: Program, kernel: Kernel, part: Part, style: _Style, lines: Callable[..., Iterator[str]]
+) -> Piece:
     uses = {load.argument for load in part.loads} | ({"work"} if part.taken or part.kept else set())
-    uses |= ({"out"} if part.outputs else set()) | (set() if part.residual is None else {"residual"})
+    uses |= ({"out"} if part.outputs else set()) | (
+        set() if part.residual is None else {"residual"}
+    )
     given = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
     return Piece(
         lines=tuple(lines(program, kernel, part, style)),
-        guards=tuple((_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in part.guards),
+        guards=tuple(
+            (_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in part.guards
+        ),
         unused=tuple(name for name in given if name not in uses),
     )
 
@@ -133,17 +163,20 @@ def _far(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterato
 
 
 def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterator[str]:
-    """Loads at their first use, stores as soon as there is something to store, for the parts of a long function.
+    """Loads at their first use, stores as soon as there is something to store, for the parts of a
+    long function.
 
-    gcc looks through all lines between a load and its only use for what could change the value (combine.cc): with all loads at
-    the top its time is quadratic in the length of a part.
+    gcc looks through all lines between a load and its only use for what could change the value
+    (combine.cc): with all loads at the top its time is quadratic in the length of a part.
     """
     loads, stores = _loads(part, style), _stores(kernel, part, style)
     for number, step in enumerate(_steps(program, part, style)):
         for name in step.reads:
             if name in loads:
                 yield from (loads.pop(name), *stores.pop(name, ()))
-        yield from step.lines if number else step.lines[1:]  # the first heading without an empty line above
+        yield from (
+            step.lines if number else step.lines[1:]
+        )  # the first heading without an empty line above
         for name in step.makes:
             yield from stores.pop(name, ())
     yield ""
@@ -151,14 +184,21 @@ def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterat
         yield from (line, *stores.pop(name, ()))
     for lines in stores.values():
         yield from lines
-    yield from (_output(kernel, i, style) for i, value in part.outputs if not isinstance(value, str))
+    yield from (
+        _output(kernel, i, style) for i, value in part.outputs if not isinstance(value, str)
+    )
 
 
 def _loads(part: Part, style: _Style) -> dict[str, str]:
     """What arguments and the workspace hold, as lines by local name; t is an argument by itself."""
-    entries = {load.name: (load.argument, load.index) for load in part.loads if load.argument != "t"}
+    entries = {
+        load.name: (load.argument, load.index) for load in part.loads if load.argument != "t"
+    }
     entries |= {name: ("work", slot) for name, slot in part.taken}
-    return {name: f"const double {name} = {style.entry.format(*entry)};" for name, entry in entries.items()}
+    return {
+        name: f"const double {name} = {style.entry.format(*entry)};"
+        for name, entry in entries.items()
+    }
 
 
 def _stores(kernel: Kernel, part: Part, style: _Style) -> dict[str, list[str]]:
@@ -213,17 +253,32 @@ def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step
 
 
 def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step]:
-    """At the last sine or cosine the a step for all, four angles at a time; where one needs another, one by one."""
+    """At the last sine or cosine the a step for all, four angles at a time; where one needs
+    another, one by one."""
     angles = list(_angles(section).items())
-    groups = [angles[i : i + 4] for i in range(0, len(angles), 4)] if section.title == TURNS else [[item] for item in angles]
+    groups = (
+        [angles[i : i + 4] for i in range(0, len(angles), 4)]
+        if section.title == TURNS
+        else [[item] for item in angles]
+    )
     steps = {}
     for group in groups:
-        last = [s.name for s in section.statements if any(s.name in found.values() for _, found in group)]
+        last = [
+            s.name
+            for s in section.statements
+            if any(s.name in found.values() for _, found in group)
+        ]
         sines, cosines = _fresh("sines", taken), _fresh("cosines", taken)
         values = [*(_value(angle) for angle, _ in group), "0.0", "0.0", "0.0"][:4]
-        made = [f"double {sines}[4], {cosines}[4];", f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});"]
+        made = [
+            f"double {sines}[4], {cosines}[4];",
+            f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});",
+        ]
         for k, (_, found) in enumerate(group):
-            made += [f"const double {local} = {sines if name == 'sin' else cosines}[{k}];" for name, local in found.items()]
+            made += [
+                f"const double {local} = {sines if name == 'sin' else cosines}[{k}];"
+                for name, local in found.items()
+            ]
         reads = [name for angle, _ in group for name in names(angle)]
         step = _Step(made, reads, [local for _, found in group for local in found.values()])
         steps[last[-1] if section.title == TURNS else last[0]] = step
@@ -246,18 +301,26 @@ def _output(kernel: Kernel, i: int, style: _Style) -> str:
     label = kernel.labels[i] if i < len(kernel.labels) else ""
     unit = kernel.units[i] if i < len(kernel.units) else ""
     note = text.comment(", ".join(part for part in (label, unit) if part))
-    return f"{style.entry.format('out', i)} = {_value(kernel.outputs[i])};" + (f" /* {note} */" if note else "")
+    return f"{style.entry.format('out', i)} = {_value(kernel.outputs[i])};" + (
+        f" /* {note} */" if note else ""
+    )
 
 
 def _stray(program: Program, kernel: Kernel, style: _Style) -> str:
-    """0 * value is 0 for finite values and NaN for the others; many values are gone through in loops."""
+    """0 * value is 0 for finite values and NaN for the others; many values are gone through in
+    loops."""
     watched = ["t" if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
     results = [style.entry.format("out", i) for i in kernel.results]
     if len(watched) + len(results) <= FEW or style is _MANY:
         return _added([f"0.0 * {value}" for value in (*watched, *results)])
-    sizes = {argument.name: len(argument.names) for argument in program.arguments} | {"x": len(kernel.x.names)}
+    sizes = {argument.name: len(argument.names) for argument in program.arguments} | {
+        "x": len(kernel.x.names)
+    }
     slots = dict.fromkeys(name for name, _ in kernel.watched)
-    calls = ["0.0 * t" if name == "t" else f"{program.name}_stray({name}, {sizes[name]})" for name in slots]
+    calls = [
+        "0.0 * t" if name == "t" else f"{program.name}_stray({name}, {sizes[name]})"
+        for name in slots
+    ]
     return " + ".join([*calls, f"{program.name}_stray(out, {len(kernel.outputs)})"])
 
 

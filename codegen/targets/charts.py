@@ -1,4 +1,5 @@
-"""Charts: which of several choices of quasi-velocities is best at a state, and the way from one to another, in C and Python."""
+"""Charts: which of several choices of quasi-velocities is best at a state, and the way from one to
+another, in C and Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The CPython extension around the C source: FASTCALL functions for one state, a gufunc for many."""
+"""The CPython extension around the C source: FASTCALL functions for one state, a gufunc for
+many."""
 
 from __future__ import annotations
 
@@ -11,7 +12,12 @@ from codegen.targets.records import Target
 def files(program: Program) -> dict[str, str]:
     """NAME_module.c."""
     batched = [kernel.name for kernel in program.kernels if is_batched(kernel)]
-    data = {"batched": batched, "program": program, "prefix": program.name, "PREFIX": program.name.upper()}
+    data = {
+        "batched": batched,
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+    }
     return {f"{program.name}_module.c": text.render("module.c.j2", **data)}
 
 

@@ -9,7 +9,8 @@ from codegen.targets.records import Target
 
 
 def files(program: Program) -> dict[str, str]:
-    """manifest.json without the hashes of the files, which the build adds when all of them are known."""
+    """manifest.json without the hashes of the files, which the build adds when all of them are
+    known."""
     return {"manifest.json": json.dumps(_manifest(program), indent=1, ensure_ascii=True) + "\n"}
 
 
@@ -50,12 +51,21 @@ def _manifest(program: Program) -> dict[str, object]:
 
 
 def _chart(chart: Chart) -> dict[str, object]:
-    """The functions of a chart are called NAME + `suffix` where they differ from those of the first."""
-    return {"choice": chart.choice, "suffix": chart.suffix, "quasi_velocities": list(chart.quasi_velocities)}
+    """The functions of a chart are called NAME + `suffix` where they differ from those of the
+    first."""
+    return {
+        "choice": chart.choice,
+        "suffix": chart.suffix,
+        "quasi_velocities": list(chart.quasi_velocities),
+    }
 
 
 def _argument(argument: Argument) -> dict[str, object]:
-    described: dict[str, object] = {"labels": list(argument.labels), "names": list(argument.names), "units": list(argument.units)}
+    described: dict[str, object] = {
+        "labels": list(argument.labels),
+        "names": list(argument.names),
+        "units": list(argument.units),
+    }
     return {**described, "defaults": list(argument.defaults)} if argument.name == "p" else described
 
 
@@ -69,9 +79,15 @@ def _function(kernel: Kernel) -> dict[str, object]:
         "labels": list(kernel.labels),
         "units": list(kernel.units),
         "pattern": kernel.pattern
-        and {"shape": kernel.pattern.shape, "rows": kernel.pattern.rows, "columns": kernel.pattern.columns},
+        and {
+            "shape": kernel.pattern.shape,
+            "rows": kernel.pattern.rows,
+            "columns": kernel.pattern.columns,
+        },
         "guards": [{"name": guard.name, "limit": guard.limit} for guard in kernel.guards],
-        "iteration": {"tolerance": kernel.loop.tolerance, "most": kernel.loop.most} if kernel.loop else None,
+        "iteration": {"tolerance": kernel.loop.tolerance, "most": kernel.loop.most}
+        if kernel.loop
+        else None,
     }
 
 

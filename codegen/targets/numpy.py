@@ -37,10 +37,17 @@ def files(program: Program) -> dict[str, str]:
     data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
     language = text.numpy(program.real)
     bodies = [_body(kernel, language) for kernel in program.kernels]
-    erf = any(" _erf(" in f" {line}" or "(_erf(" in line for b in bodies for c in b.pieces for line in (*c.lines, *c.outputs))
+    erf = any(
+        " _erf(" in f" {line}" or "(_erf(" in line
+        for b in bodies
+        for c in b.pieces
+        for line in (*c.lines, *c.outputs)
+    )
     return {
         "_numpy.py": text.render("numpy.py.j2", bodies=bodies, erf=erf, **data),
-        "_library.py": text.render("library.py.j2", batched=[k.name for k in program.kernels if is_batched(k)], **data),
+        "_library.py": text.render(
+            "library.py.j2", batched=[k.name for k in program.kernels if is_batched(k)], **data
+        ),
         "_shared.py": text.render("shared.py.j2", **data),
     }
 
@@ -53,10 +60,17 @@ def _body(kernel: Kernel, language: text.Language) -> Body:
 def _piece(part: Part, language: text.Language) -> Piece:
     return Piece(
         lines=tuple(_lines(part, language)),
-        outputs=tuple(f"out[..., {i}] = {text.expression(value, language)}" for i, value in part.outputs),
+        outputs=tuple(
+            f"out[..., {i}] = {text.expression(value, language)}" for i, value in part.outputs
+        ),
         kept=tuple(f"work[{slot}] = {name}" for name, slot in part.kept),
         guards=tuple(
-            (text.expression(g.value, language), text.number(g.tolerance, language), text.printable(g.name)) for g in part.guards
+            (
+                text.expression(g.value, language),
+                text.number(g.tolerance, language),
+                text.printable(g.name),
+            )
+            for g in part.guards
         ),
         residual=text.expression(part.residual, language) if part.residual is not None else "",
     )

@@ -1,4 +1,5 @@
-"""Simulation: a loop of steps around `dynamics`, with the integrators asked for, in C and, without a compiler, in NumPy."""
+"""Simulation: a loop of steps around `dynamics`, with the integrators asked for, in C and, without
+a compiler, in NumPy."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from codegen.targets.records import Target
 # The head of a simulation's array.
 ENTRIES = (
     ("INTEGRATOR", "which integrator, by number"),
-    ("KEEPING", "which keeping, by number"),
+    ("ENFORCEMENT", "which enforcement, by number"),
     ("FIXED", "the size of equal steps; 0 lets the tolerance decide"),
     ("T", "time"),
     ("DONE", "output times reached"),
@@ -35,8 +36,8 @@ OF_CHARTS = (
     ("CHOICE", "the chart that the state is in, by number"),
     ("SWITCHES", "changes of the chart"),
 )
-CHARTS = ("partitioning", "selective", "tangent")  # keepings of simulate_charts.c.j2
-MANIFOLDS = ("invariants", "invariants_euclidean")  # keepings of simulate_keepings.c.j2
+CHARTS = ("partitioning", "selective", "tangent")  # enforcements of simulate_charts.c.j2
+MANIFOLDS = ("invariants", "invariants_euclidean")  # enforcements of simulate_enforcements.c.j2
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,8 @@ class Choice:
 
 @dataclass(frozen=True)
 class Scheme:
-    """An integrator as text. A tableau has C expressions: per stage after the first c and Σ a k, and the error estimates."""
+    """An integrator as text. A tableau has C expressions: per stage after the first c and Σ a k,
+    and the error estimates."""
 
     method: Integrator
     kind: str  # the macro of simulate_steps.c.j2
@@ -60,7 +62,9 @@ class Scheme:
     safety: str
     stages: tuple[tuple[str, str], ...] = ()
     errors: tuple[str, ...] = ()
-    weighted: frozenset[int] = frozenset()  # stages that count in the step or its error: the work is wanted there
+    weighted: frozenset[int] = (
+        frozenset()
+    )  # stages that count in the step or its error: the work is wanted there
     tables: dict[str, str] = field(default_factory=dict)  # of numbers, as C initialisers
 
 
@@ -74,13 +78,17 @@ def files(program: Program) -> dict[str, str]:
     if most := max((chart.guards for chart in charts), default=0):
         sizes["guards"] = most
     chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
-    has = {name: name in sizes for name in ("power", "project", "constraints", "guards", "manifold")}
-    has["project"] &= has["manifold"] or "projection" in program.keepings
-    has["charts"] = any(name in CHARTS for name in program.keepings)
+    has = {
+        name: name in sizes for name in ("power", "project", "constraints", "guards", "manifold")
+    }
+    has["project"] &= has["manifold"] or "projection" in program.enforcements
+    has["charts"] = any(name in CHARTS for name in program.enforcements)
     has["constants"] = not program.charts and program.kernel("dynamics").hoisted is not None
     has["linear"] = has["charts"] or any(x.needs for x in chosen)
     rows = {name: sizes.get(name, 0) for name in ("closure", "slip", "manifold", "guards")}
-    rows["closing"] = sum(label in _labels(program, "closure") for label in _labels(program, "slip"))
+    rows["closing"] = sum(
+        label in _labels(program, "closure") for label in _labels(program, "slip")
+    )
     nq = len(program.argument("x").names) - len(program.quasi_velocities)
     has["rosenbrock"] = any(isinstance(x, Rosenbrock) for x in chosen)
     stages = max((len(x.c) for x in chosen if isinstance(x, Collocation)), default=0)
@@ -94,13 +102,18 @@ def files(program: Program) -> dict[str, str]:
         "entries": (*ENTRIES, *OF_CHARTS) if charts else ENTRIES,
         "charts": charts,
         "tabled": tabled,
-        "calls": {name: f"here(r)->{name}" if name in tabled else f"{program.name}_{name}" for name in CALLED},
+        "calls": {
+            name: f"here(r)->{name}" if name in tabled else f"{program.name}_{name}"
+            for name in CALLED
+        },
         "guards": _guards(program),
         "rows": rows,
         "nq": nq,
         "chart_names": CHARTS,
         "manifold_names": MANIFOLDS,
-        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities), stages, bool(program.turning)),
+        "blocks": _blocks(
+            has, rows, nq, len(program.quasi_velocities), stages, bool(program.turning)
+        ),
         "turn": _turn(program.real),
         "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
         "schemes": [_scheme(x) for x in chosen],
@@ -108,16 +121,26 @@ def files(program: Program) -> dict[str, str]:
     return {
         f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
         f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
-        "_simulate.py": text.render("simulate.py.j2", tableaux=[_python(x) for x in chosen if isinstance(x, Tableau)], **data),
+        "_simulate.py": text.render(
+            "simulate.py.j2",
+            tableaux=[_python(x) for x in chosen if isinstance(x, Tableau)],
+            **data,
+        ),
     }
 
 
 def _tabled(program: Program, sizes: Mapping[str, int]) -> tuple[str, ...]:
     """What differs between the charts."""
-    return tuple(name for name in CALLED if any(chart.suffix and name + chart.suffix in sizes for chart in program.charts))
+    return tuple(
+        name
+        for name in CALLED
+        if any(chart.suffix and name + chart.suffix in sizes for chart in program.charts)
+    )
 
 
-def _choice(program: Program, chart: Chart, sizes: Mapping[str, int], tabled: Sequence[str]) -> Choice:
+def _choice(
+    program: Program, chart: Chart, sizes: Mapping[str, int], tabled: Sequence[str]
+) -> Choice:
     own = {name: name + chart.suffix for name in (*tabled, "velocity")}
     there = {name: full if full in sizes else name for name, full in own.items()}
     functions = {name: f"{program.name}_{full}" for name, full in there.items()}
@@ -129,7 +152,11 @@ def _choice(program: Program, chart: Chart, sizes: Mapping[str, int], tabled: Se
 def _guards(program: Program) -> dict[str, str]:
     """How many guards there are at most, and in the chart that is used."""
     count = f"{program.name.upper()}_N_GUARDS"
-    return {"most": "MOST_GUARDS", "here": "here(r)->count"} if program.charts else {"most": count, "here": count}
+    return (
+        {"most": "MOST_GUARDS", "here": "here(r)->count"}
+        if program.charts
+        else {"most": count, "here": count}
+    )
 
 
 def _labels(program: Program, name: str) -> tuple[str, ...]:
@@ -142,16 +169,30 @@ def _blocks(
     """What a simulation's array holds after state and slope: name, size, meaning."""
     found = []
     if has["guards"]:
-        found.append(("GUARDS", 3 * rows["guards"], "what tells the branch: last values, largest sizes, rates"))
+        found.append(
+            (
+                "GUARDS",
+                3 * rows["guards"],
+                "what tells the branch: last values, largest sizes, rates",
+            )
+        )
     if has["manifold"]:
         held = rows["manifold"] - rows["closure"] - rows["slip"]
         found.append(("HELD", held, "the invariants at the start"))
     if has["charts"]:
         size = rows["closure"] * (nq + rows["closure"]) + rows["slip"] * nw + 1
-        found.append(("CHART", size, "the directions of the chart, and the inverse that goes with them"))
+        found.append(
+            ("CHART", size, "the directions of the chart, and the inverse that goes with them")
+        )
     if stages:
         size = 2 + (stages + 1) * (nq + nw)
-        found.append(("COLLOCATED", size, "the last implicit step, which foretells the next: time, size, start, stages"))
+        found.append(
+            (
+                "COLLOCATED",
+                size,
+                "the last implicit step, which foretells the next: time, size, start, stages",
+            )
+        )
     if turning:  # the last
         found.append(("TURNS", nq, "whole turns that were taken out of each coordinate"))
     return found
@@ -168,8 +209,19 @@ def _scheme(method: Integrator) -> Scheme:
     kind = type(method).__name__.lower()
     if isinstance(method, Tableau):
         stages = tuple((number(c), combination(a)) for c, a in zip(method.c[1:], method.a[1:]))
-        weighted = frozenset(i for row in (method.a[-1], *method.errors) for i, weight in enumerate(row) if weight)
-        return Scheme(method, kind, grow, damp, safety, stages, tuple(combination(error) for error in method.errors), weighted)
+        weighted = frozenset(
+            i for row in (method.a[-1], *method.errors) for i, weight in enumerate(row) if weight
+        )
+        return Scheme(
+            method,
+            kind,
+            grow,
+            damp,
+            safety,
+            stages,
+            tuple(combination(error) for error in method.errors),
+            weighted,
+        )
     if isinstance(method, Rosenbrock):
         tables = {
             "a": _table(method.a, len(method.alpha)),

@@ -1,11 +1,14 @@
-"""Dimension inference over a formula: metres are not added to kilograms, and sines are taken of plain numbers.
+"""Dimension inference over a formula: metres are not added to kilograms, and sines are taken of
+plain numbers.
 
-The dimension of a part is a Dimension, UNKNOWN (it holds a parameter that was given without a unit; nothing can be said), or BARE
-(numbers without units alone: fits anything it is added to, and is a plain number as a factor).
+The dimension of a part is a Dimension, UNKNOWN (it holds a parameter that was given without a unit;
+nothing can be said), or BARE (numbers without units alone: fits anything it is added to, and is a
+plain number as a factor).
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from fractions import Fraction
 
@@ -14,15 +17,26 @@ from derive.expressions.functions import FUNCTIONS
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit
 from derive.expressions.tree import Expression
-from derive.expressions.units import NUMBER, Dimension, named, power_of, product_of, quotient_of
+from derive.expressions.units import (
+    NUMBER,
+    Dimension,
+    named,
+    power_of,
+    pretty,
+    product_of,
+    quotient_of,
+)
 
 UNKNOWN = None
 BARE = "bare"
+SHORT = 60  # characters of a formula that a hint shows whole
+_NUMBER = re.compile(r"[-+\s]*[0-9.]+(?:[eE][-+]?[0-9]+)?")
 Inferred = Dimension | str | None
 
 
 def infer(expression: Expression, known: Mapping[str, Inferred], text: str = "") -> Inferred:
-    """The dimension of a formula. `known` has an entry for each name, and "der(q)" for each rate; absent ones are UNKNOWN."""
+    """The dimension of a formula. `known` has an entry for each name, and "der(q)" for each rate;
+    absent ones are UNKNOWN."""
     stack: list[Inferred] = []
     for node in tree.walk(expression):
         count = len(tree.children(node))
@@ -33,7 +47,9 @@ def infer(expression: Expression, known: Mapping[str, Inferred], text: str = "")
     return stack[0]
 
 
-def _of(node: Expression, operands: list[Inferred], known: Mapping[str, Inferred], text: str) -> Inferred:
+def _of(
+    node: Expression, operands: list[Inferred], known: Mapping[str, Inferred], text: str
+) -> Inferred:
     match node:
         case tree.Number(_, written):
             return unit(written).dimension if written else BARE
@@ -57,7 +73,9 @@ def _of(node: Expression, operands: list[Inferred], known: Mapping[str, Inferred
             return _alike(entries, operands, "list", text)
 
 
-def _alike(parts: tuple[Expression, ...], dimensions: list[Inferred], verb: str, text: str) -> Inferred:
+def _alike(
+    parts: tuple[Expression, ...], dimensions: list[Inferred], verb: str, text: str
+) -> Inferred:
     first: Inferred = BARE
     for part, dimension in zip(parts, dimensions):
         if dimension in (UNKNOWN, BARE):
@@ -66,13 +84,16 @@ def _alike(parts: tuple[Expression, ...], dimensions: list[Inferred], verb: str,
             first = dimension
         elif dimension != first:
             phrase = _mismatch(verb, dimension, first)
-            raise FormulaError(phrase, text, part.at, named(_solid(first)))
+            hint = with_unit(part, quotient_of(first, dimension), text)  # type: ignore[arg-type]
+            raise FormulaError(phrase, text, part.at, named(_solid(first)), hint)
     return first
 
 
 def _mismatch(verb: str, given: Inferred, first: Inferred) -> str:
     a, b = named(_solid(given)), named(_solid(first))
-    return {"add": f"cannot add {a} to {b}", "compare": f"cannot compare {a} with {b}"}.get(verb, f"{a} in a list of {b}")
+    return {"add": f"cannot add {a} to {b}", "compare": f"cannot compare {a} with {b}"}.get(
+        verb, f"{a} in a list of {b}"
+    )
 
 
 def _solid(dimension: Inferred) -> Dimension:
@@ -107,7 +128,10 @@ def _power(node: tree.Power, operands: list[Inferred], text: str) -> Inferred:
     constant = _exponent(node.exponent)
     if constant is None:
         raise FormulaError(
-            f"{named(base)} to a power that is not a number", text, node.exponent.at, "a number, or a base without unit"
+            f"{named(base)} to a power that is not a number",
+            text,
+            node.exponent.at,
+            "a number, or a base without unit",
         )
     return power_of(base, constant)
 
@@ -126,7 +150,39 @@ def _exponent(node: Expression) -> Fraction | None:
 
 def _plain(dimension: Inferred, node: Expression, what: str, text: str) -> None:
     if isinstance(dimension, tuple) and dimension != NUMBER:
-        raise FormulaError(f"{what} in {named(dimension)}", text, node.at, "a plain number or an angle")
+        hint = with_unit(node, quotient_of(NUMBER, dimension), text, angle=True)
+        raise FormulaError(
+            f"{what} in {named(dimension)}", text, node.at, "a plain number or an angle", hint
+        )
+
+
+def with_unit(node: Expression, missing: Dimension, text: str, angle: bool = False) -> str:
+    """How a bare factor of a formula is written with the unit that the formula lacks: `sin(3*t)` →
+    `sin((3 rad/s)*t)`; "" where no bare number is a factor."""
+    factor = _bare_factor(node)
+    if factor is None or missing == NUMBER or not text:
+        return ""
+    number = _NUMBER.match(text, factor.at)
+    if number is None:
+        return ""
+    unit_of = pretty(missing)
+    if angle and unit_of.startswith("1/"):
+        unit_of = f"rad{unit_of[1:]}"
+    written = f"({number.group().strip()} {unit_of})"
+    whole = f"{text[: factor.at]}{written}{text[number.end() :]}".strip()
+    return f"with its unit that is {whole if len(whole) <= SHORT else f'{written}*…'}"
+
+
+def _bare_factor(node: Expression) -> tree.Number | None:
+    """The first number without a unit that multiplies the whole."""
+    match node:
+        case tree.Number(_, ""):
+            return node
+        case tree.Negative(inside) | tree.Quotient(inside, _):
+            return _bare_factor(inside)
+        case tree.Product(factors):
+            return next((f for f in factors if isinstance(f, tree.Number) and not f.unit), None)
+    return None
 
 
 def _call(node: tree.Call, operands: list[Inferred], text: str) -> Inferred:
@@ -135,7 +191,9 @@ def _call(node: tree.Call, operands: list[Inferred], text: str) -> Inferred:
         _plain(operands[0], node.arguments[0], f"{node.function}() of a quantity", text)
         return BARE if operands[0] == BARE else NUMBER
     if rule == "root":
-        return power_of(operands[0], Fraction(1, 2)) if isinstance(operands[0], tuple) else operands[0]
+        return (
+            power_of(operands[0], Fraction(1, 2)) if isinstance(operands[0], tuple) else operands[0]
+        )
     if rule in ("same", "ratio"):
         common = _alike(node.arguments, operands, "compare", text)
         return common if rule == "same" else NUMBER

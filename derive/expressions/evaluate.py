@@ -1,7 +1,7 @@
 """Evaluation of a tree over any kind of number: floats, CasADi graphs, SymPy expressions.
 
-A table of functions makes the difference. Besides the functions of FUNCTIONS it may hold "number", which turns a float
-into a constant of the library (SymPy wants exact ones).
+A table of functions makes the difference. Besides the functions of FUNCTIONS it may hold "number",
+which turns a float into a constant of the library (SymPy wants exact ones).
 """
 
 from __future__ import annotations
@@ -11,14 +11,18 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from derive.expressions import tree
+from derive.expressions.limits import objection, too_large
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
 
 Functions = Mapping[str, Callable[..., Any]]
 
 
-def value(expression: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions) -> Any:
-    """The value of a tree; `names` and `rates` (by coordinate) give the values of Name and Rate. A Vector gives a list."""
+def value(
+    expression: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions
+) -> Any:
+    """The value of a tree; `names` and `rates` (by coordinate) give the values of Name and Rate. A
+    Vector gives a list."""
     match expression:
         case tree.Number(number):
             return functions["number"](number) if "number" in functions else number
@@ -61,7 +65,13 @@ def _product(factors: Sequence[Any]) -> Any:
     return total
 
 
-def _power(base: Any, exponent: Expression, names: Mapping[str, Any], rates: Mapping[str, Any], functions: Functions) -> Any:
+def _power(
+    base: Any,
+    exponent: Expression,
+    names: Mapping[str, Any],
+    rates: Mapping[str, Any],
+    functions: Functions,
+) -> Any:
     if isinstance(exponent, tree.Number):
         if exponent.value == 0.5:
             return functions["sqrt"](base)
@@ -76,9 +86,7 @@ def number(expression: Expression, names: Mapping[str, float], text: str = "") -
         result = value(expression, names, {}, float_functions())
     except (ArithmeticError, ValueError):
         result = math.nan
-    if isinstance(result, float) and math.isfinite(result):
-        return result
-    raise FormulaError("the value is not a finite number", text, expression.at)
+    return _bounded(result, text, expression)
 
 
 def is_constant(expression: Expression) -> bool:
@@ -87,7 +95,8 @@ def is_constant(expression: Expression) -> bool:
 
 
 def check_constants(expression: Expression, text: str) -> None:
-    """Refuse constant parts such as 9**9**9, 1/0 or sqrt(-1) where they stand. All arithmetic is on floats."""
+    """Refuse constant parts such as 9**9**9, 1/0 or sqrt(-1) where they stand. All arithmetic is on
+    floats."""
     stack: list[tuple[tree.Expression, float | None]] = []
     for node in tree.walk(expression):
         count = len(tree.children(node))
@@ -113,17 +122,40 @@ def _constant(node: Expression, operands: list[float | None], text: str) -> floa
 def _folded(node: Expression, operands: list[float], text: str) -> float:
     try:
         power = isinstance(node, tree.Power)
-        result = operands[0] ** operands[1] if power else _applied(node, operands, float_functions())
+        result = (
+            operands[0] ** operands[1] if power else _applied(node, operands, float_functions())
+        )
     except (ArithmeticError, ValueError):
         result = math.nan
-    if isinstance(result, complex) or not math.isfinite(result):
-        raise FormulaError("the value is not a finite number", text, node.at, "a real number below 1.8e308")
-    return float(result)
+    return _bounded(result, text, node)
+
+
+def _bounded(result: Any, text: str, node: Expression) -> float:
+    """A value as a float; FormulaError where it is complex, infinite or too large."""
+    real = float(result) if isinstance(result, float | int) else math.nan
+    if too_large(real):
+        problem, expected = objection(real) or ("", "")
+        raise FormulaError(problem, text, node.at, expected)
+    return real
 
 
 _FLOAT: dict[str, Callable[..., Any]] = {
     name: getattr(math, name)
-    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+    for name in (
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "log",
+        "sqrt",
+    )
 } | {"abs": abs, "min": min, "max": max, "sign": lambda x: float((x > 0) - (x < 0))}
 
 
@@ -136,7 +168,22 @@ def casadi_functions() -> Functions:
     """The table for casadi.SX."""
     import casadi as ca
 
-    same = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign")
+    same = (
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "log",
+        "sqrt",
+        "sign",
+    )
     return {name: getattr(ca, name) for name in same} | {
         "abs": ca.fabs,
         "min": lambda *x: _folded_over(ca.fmin, x),
@@ -155,7 +202,22 @@ def sympy_functions() -> Functions:
     """The table for SymPy, with short decimals as exact fractions."""
     import sympy as sp
 
-    same = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign")
+    same = (
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "log",
+        "sqrt",
+        "sign",
+    )
     return {name: getattr(sp, name) for name in same} | {
         "abs": sp.Abs,
         "min": sp.Min,

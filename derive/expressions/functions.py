@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Function:
-    """`arity` is (least, most). `units`: "number" takes and gives plain numbers, "same" keeps the unit of its arguments,
-    "root" halves it, "ratio" takes equal units and gives a number, "sign" takes any and gives a number."""
+    """`arity` is (least, most). `units`: "number" takes and gives plain numbers, "same" keeps the
+    unit of its arguments, "root" halves it, "ratio" takes equal units and gives a number, "sign"
+    takes any and gives a number."""
 
     name: str
     arity: tuple[int, int]
@@ -37,7 +38,8 @@ _TABLE = (
 )
 FUNCTIONS = {function.name: function for function in _TABLE}
 
-# What an output may also say; the first argument is the name of a body, or of a closure or constraint.
+# What an output may also say; the first argument is the name of a body, or of a closure or
+# constraint.
 _OUTPUT_TABLE = (
     Function("position", (1, 2), "output", "where a point of a body is, in the ground frame"),
     Function("velocity", (1, 2), "output", "velocity of a point of a body, in the ground frame"),

@@ -1,6 +1,8 @@
-"""How a formula depends on the velocities: the lowest and highest degree of its terms, read off the structure.
+"""How a formula depends on the velocities: the lowest and highest degree of its terms, read off the
+structure.
 
-Structural means that (a + der(x))**2 - der(x)**2 counts as quadratic although its squares cancel: write it out.
+Structural means that (a + der(x))**2 - der(x)**2 counts as quadratic although its squares cancel:
+write it out.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ from derive.expressions.tree import Expression
 
 
 class Degree(NamedTuple):
-    """Degrees in the velocities of the terms of a formula; (0, 0) without velocities, highest = inf where it is no polynomial."""
+    """Degrees in the velocities of the terms of a formula; (0, 0) without velocities, highest = inf
+    where it is no polynomial."""
 
     lowest: float
     highest: float
@@ -25,8 +28,13 @@ NONLINEAR = Degree(0, math.inf)
 _NOTHING = Degree(math.inf, -math.inf)  # a sum without terms: the number zero
 
 
-def degree(expression: Expression, velocities: Collection[str] = (), definitions: Mapping[str, Degree] | None = None) -> Degree:
-    """Degree in all rates der(q) and in the names in `velocities`; `definitions` gives the degree of defined names."""
+def degree(
+    expression: Expression,
+    velocities: Collection[str] = (),
+    definitions: Mapping[str, Degree] | None = None,
+) -> Degree:
+    """Degree in all rates der(q) and in the names in `velocities`; `definitions` gives the degree
+    of defined names."""
     stack: list[Degree] = []
     for node in tree.walk(expression):
         count = len(tree.children(node))
@@ -38,7 +46,12 @@ def degree(expression: Expression, velocities: Collection[str] = (), definitions
     return FREE if result == _NOTHING else result
 
 
-def _of(node: Expression, operands: list[Degree], velocities: Collection[str], definitions: Mapping[str, Degree]) -> Degree:
+def _of(
+    node: Expression,
+    operands: list[Degree],
+    velocities: Collection[str],
+    definitions: Mapping[str, Degree],
+) -> Degree:
     match node:
         case tree.Number(value):
             return _NOTHING if value == 0.0 else FREE
@@ -78,14 +91,18 @@ def _power(base: Degree, exponent: Degree, written: Expression) -> Degree:
 
 
 def is_linear_in_rates(
-    expression: Expression, velocities: Collection[str] = (), definitions: Mapping[str, Degree] | None = None
+    expression: Expression,
+    velocities: Collection[str] = (),
+    definitions: Mapping[str, Degree] | None = None,
 ) -> bool:
     """Whether the formula is of the form coefficients · velocities + rest."""
     return degree(expression, velocities, definitions).highest <= 1
 
 
 def depends_on_rates(
-    expression: Expression, velocities: Collection[str] = (), definitions: Mapping[str, Degree] | None = None
+    expression: Expression,
+    velocities: Collection[str] = (),
+    definitions: Mapping[str, Degree] | None = None,
 ) -> bool:
     """Whether a velocity occurs at all."""
     return degree(expression, velocities, definitions).highest > 0

@@ -1,11 +1,11 @@
-"""Text of a formula → expression tree: a precedence parser with a whitelist grammar. Nothing is ever evaluated as Python.
+"""Text of a formula → expression tree: a precedence parser with a whitelist grammar. Nothing is
+ever evaluated as Python.
 
-sum     = product (("+" | "-") product)*
-product = unary (("*" | "/") unary)*
-unary   = ("+" | "-")* power
-power   = atom [("**" | "^") unary]                      right-associative, and binds tighter than a minus
-atom    = number [unit] | name | "der" "(" name ")" | function "(" sum ("," sum)* ")" | "(" sum ")" | "[" sum, … "]"
-unit    = (symbol ["^" integer] | "1" "/" symbol ["^" integer]) (("*" | "/") symbol ["^" integer])*
+sum     = product (("+" | "-") product)* product = unary (("*" | "/") unary)* unary   = ("+" | "-")*
+power power   = atom [("**" | "^") unary]                      right-associative, and binds tighter
+than a minus atom    = number [unit] | name | "der" "(" name ")" | function "(" sum ("," sum)* ")" |
+"(" sum ")" | "[" sum, … "]" unit    = (symbol ["^" integer] | "1" "/" symbol ["^" integer]) (("*" |
+"/") (symbol ["^" integer] | "(" unit ")"))*
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from typing import NamedTuple, NoReturn
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.evaluate import check_constants
-from derive.expressions.functions import FUNCTIONS, Function
+from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS, Function
+from derive.expressions.limits import ABOVE, BELOW, objection
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
 from derive.expressions.units import UNITS, Unit, compound
@@ -47,7 +48,8 @@ def expression(
     functions: Mapping[str, Function] = FUNCTIONS,
     vectors: bool = False,
 ) -> Expression:
-    """The tree of a formula. `names` are the model's own, which a unit symbol may not be mistaken for."""
+    """The tree of a formula. `names` are the model's own, which a unit symbol may not be mistaken
+    for."""
     parser = _Parser(text, names, functions, vectors)
     result = parser.sum()
     parser.finish()
@@ -85,10 +87,14 @@ def quantity(text: str) -> tree.Number | None:
 
 
 class _Parser:
-    def __init__(self, text: str, names: Container[str], functions: Mapping[str, Function], vectors: bool) -> None:
+    def __init__(
+        self, text: str, names: Container[str], functions: Mapping[str, Function], vectors: bool
+    ) -> None:
         self.text, self.names, self.functions, self.vectors = text, names, functions, vectors
         if len(text) > LONGEST:
-            raise FormulaError(f"a formula of {len(text)} characters", expected=f"at most {LONGEST}")
+            raise FormulaError(
+                f"a formula of {len(text)} characters", expected=f"at most {LONGEST}"
+            )
         self.depth = 0
         self.token = self._read(0)
 
@@ -128,8 +134,13 @@ class _Parser:
         start = self.token
         result = self._unary()
         if start.kind == "number" and isinstance(result, tree.Number) and result.unit:
-            # `1/2 kg` reads as 1/(2 kg) by the rules and as half a kilogram by eye: let the author say which
-            self._refuse("a number with a unit right after '/' can be read two ways", start.at, "(2 kg) in brackets, or 0.5 kg")
+            # `1/2 kg` reads as 1/(2 kg) by the rules and as half a kilogram by eye: let the author
+            # say which
+            self._refuse(
+                "a number with a unit right after '/' can be read two ways",
+                start.at,
+                "(2 kg) in brackets, or 0.5 kg",
+            )
         return result
 
     def _unary(self) -> Expression:
@@ -158,11 +169,14 @@ class _Parser:
         if token.text == "[" and self.vectors:
             return tree.Vector(tuple(self._bracketed("]", many=True)), token.at)
         if token.text == "[":
-            self._refuse("a list inside a formula", token.at, "a number, a name, a function or a bracket")
+            self._refuse(
+                "a list inside a formula", token.at, "a number, a name, a function or a bracket"
+            )
         self._refuse_token(token, "a number, a name, a function or a bracket")
 
     def _bracketed_quantity(self) -> tree.Number | None:
-        """(0.1 N*m): a number and its unit alone in brackets, whatever the model calls its own things."""
+        """(0.1 N*m): a number and its unit alone in brackets, whatever the model calls its own
+        things."""
         start, end = self.token.at, self.text.find(")", self.token.at)
         found = quantity(self.text[start + 1 : end]) if end > 0 else None
         if found is None or not found.unit:
@@ -173,16 +187,17 @@ class _Parser:
     def number(self) -> tree.Number:
         token = self.take()
         value = _finite(token, self.text)
+        # a number may be large in its unit and not in SI, or the other way round
         if self._inverse_unit_follows():
             self.take()
             given = compound(self.unit_tail(self.token.at))
         elif self.token.kind == "name":
             given = compound(self.unit_parts())
         else:
-            return tree.Number(value, "", token.at)
+            given = compound(())
         scaled = value * given.factor
-        if not math.isfinite(scaled):
-            self._refuse("the number is too large", token.at, "a magnitude below 1.8e308 in SI units")
+        if problem := objection(scaled):
+            self._refuse(problem[0], token.at, problem[1])
         return tree.Number(scaled, given.si, token.at)
 
     def _inverse_unit_follows(self) -> bool:
@@ -198,14 +213,40 @@ class _Parser:
 
     def unit_tail(self, at: int) -> list[tuple[str, int]]:
         parts = []
-        while self.token.text in ("*", "/") and self._unit_follows():
+        while self.token.text in ("*", "/"):
+            bracket = self._unit_bracket()
+            if not bracket and not self._unit_follows():
+                break
             sign = 1 if self.take().text == "*" else -1
-            parts.append(self._unit_symbol(sign))
+            if bracket:
+                parts += [(symbol, sign * n) for symbol, n in bracket]
+                self.token = self._read(self.text.index(")", self.token.at) + 1)
+            else:
+                parts.append(self._unit_symbol(sign))
         return parts
+
+    def _unit_bracket(self) -> list[tuple[str, int]]:
+        """`(rad*s)` after the operator, as in N*m/(rad*s): symbols of units alone, none of them a
+        name of the model; [] where the bracket is anything else."""
+        opening = self._read(self._end)
+        end = self.text.find(")", opening.at)
+        if opening.text != "(" or end < 0:
+            return []
+        inside = _Parser(self.text[opening.at + 1 : end], (), {}, False)
+        try:
+            parts = inside.unit_parts()
+            inside.finish()
+        except FormulaError:
+            return []
+        return [] if any(symbol in self.names for symbol, _ in parts) else parts
 
     def _unit_follows(self) -> bool:
         following = self._read(self._end)
-        if following.kind != "name" or following.text not in UNITS or self._read(self._after(following)).text == "(":
+        if (
+            following.kind != "name"
+            or following.text not in UNITS
+            or self._read(self._after(following)).text == "("
+        ):
             return False
         if following.text in self.names:
             self._refuse(
@@ -234,7 +275,11 @@ class _Parser:
 
     def _refuse_unit(self, token: _Token) -> NoReturn:
         if token.text in self.names or token.text in self.functions or token.text == "der":
-            self._refuse(f"'{token.text}' stands directly after a number", token.at, "an operator, such as 2*x")
+            self._refuse(
+                f"'{token.text}' stands directly after a number",
+                token.at,
+                "an operator, such as 2*x",
+            )
         split = _split_unit(token.text)
         hint = f"did you mean '{split}'?" if split else did_you_mean(token.text, UNITS)
         self._refuse(f"unknown unit '{token.text}'", token.at, listed(UNITS, 8), hint)
@@ -243,8 +288,14 @@ class _Parser:
         token = self.take()
         if self.token.text != "(":
             if token.text in self.functions or token.text == "der":
-                self._refuse(f"the function '{token.text}' has no argument", token.at, f"{token.text}(…)")
-            return tree.Number(math.pi, "", token.at) if token.text == "pi" else tree.Name(token.text, token.at)
+                self._refuse(
+                    f"the function '{token.text}' has no argument", token.at, f"{token.text}(…)"
+                )
+            return (
+                tree.Number(math.pi, "", token.at)
+                if token.text == "pi"
+                else tree.Name(token.text, token.at)
+            )
         if token.text == "der":
             return self._rate(token)
         if token.text not in self.functions:
@@ -253,9 +304,25 @@ class _Parser:
 
     def _refuse_function(self, token: _Token) -> NoReturn:
         if token.text in self.names:
-            self._refuse(f"'{token.text}' is not a function", token.at, "an operator before the bracket, such as 2*(…)")
+            self._refuse(
+                f"'{token.text}' is not a function",
+                token.at,
+                "an operator before the bracket, such as 2*(…)",
+            )
+        if token.text in OUTPUT_FUNCTIONS:
+            self._refuse(
+                f"{token.text}() stands alone in an entry of `outputs:` and not in a formula",
+                token.at,
+                "coordinates, velocities and the usual functions",
+                "reaction.NAME is a reaction, in `nonideal:`" if token.text == "reaction" else "",
+            )
         known = [*self.functions, "der"]
-        self._refuse(f"unknown function '{token.text}'", token.at, listed(known, 24), did_you_mean(token.text, known))
+        self._refuse(
+            f"unknown function '{token.text}'",
+            token.at,
+            listed(known, 24),
+            did_you_mean(token.text, known),
+        )
 
     def _rate(self, token: _Token) -> tree.Rate:
         self.take()
@@ -271,7 +338,11 @@ class _Parser:
         if not least <= len(arguments) <= most:
             wanted = str(least) if least == most else f"{least} to {most}"
             given = f"{len(arguments)} argument{'s' * (len(arguments) != 1)}"
-            self._refuse(f"{token.text}() does not take {given}", token.at, f"{wanted} argument{'s' * (wanted != '1')}")
+            self._refuse(
+                f"{token.text}() does not take {given}",
+                token.at,
+                f"{wanted} argument{'s' * (wanted != '1')}",
+            )
         return tree.Call(token.text, tuple(arguments), token.at)
 
     def _bracketed(self, closing: str, many: bool = False) -> list[Expression]:
@@ -293,21 +364,41 @@ class _Parser:
         self._refuse_follower(closing)
 
     def _refuse_follower(self, closing: str = "") -> NoReturn:
-        after = f"an operator or '{closing}'" if closing else "an operator or the end of the formula"
+        after = (
+            f"an operator or '{closing}'" if closing else "an operator or the end of the formula"
+        )
         if self.token.kind == "name" and self.token.text in UNITS:
-            self._refuse(f"unexpected '{self.token.text}'", self.token.at, after, "a unit stands directly after a number")
+            self._refuse(
+                f"unexpected '{self.token.text}'",
+                self.token.at,
+                after,
+                "a unit stands directly after a number",
+            )
         self._refuse_token(self.token, after)
 
     def _refuse_token(self, token: _Token, expected: str) -> NoReturn:
         if token.kind == "end":
-            self._refuse("the formula ends too early" if self.text.strip() else "the formula is empty", token.at, expected)
-        kind = f"unexpected character {token.text!r}" if token.kind == "other" else f"unexpected '{token.text}'"
+            self._refuse(
+                "the formula ends too early" if self.text.strip() else "the formula is empty",
+                token.at,
+                expected,
+            )
+        kind = (
+            f"unexpected character {token.text!r}"
+            if token.kind == "other"
+            else f"unexpected '{token.text}'"
+        )
         self._refuse(kind, token.at, expected)
 
     def _enter(self, token: _Token) -> None:
         self.depth += 1
         if self.depth > NESTING:
-            self._refuse("the formula is nested too deeply", token.at, f"at most {NESTING} levels", "name a part in `where:`")
+            self._refuse(
+                "the formula is nested too deeply",
+                token.at,
+                f"at most {NESTING} levels",
+                "name a part in `where:`",
+            )
 
     def _refuse(self, message: str, at: int, expected: str = "", hint: str = "") -> NoReturn:
         raise FormulaError(message, self.text, at, expected, hint)
@@ -346,13 +437,20 @@ def _product_of(factors: list[Expression], at: int) -> Expression:
 def _finite(token: _Token, text: str) -> float:
     value = float(token.text)
     if math.isinf(value):
-        raise FormulaError("the number is too large", text, token.at, "a magnitude below 1.8e308")
+        raise FormulaError("the number is too large", text, token.at, BELOW)
     mantissa = re.split("[eE]", token.text)[0]
     if re.match("0[0-9]", mantissa):
         expected = f"{mantissa.lstrip('0') or 0}: octal numbers and dates are not part of the model language"
-        raise FormulaError(f"the number '{token.text}' starts with a zero", text, token.at, expected)
+        raise FormulaError(
+            f"the number '{token.text}' starts with a zero", text, token.at, expected
+        )
     if value == 0.0 and mantissa.strip("0."):
-        raise FormulaError("the number is too small to tell from zero", text, token.at, "0, or a magnitude above 5e-324")
+        raise FormulaError(
+            "the number is too small to tell from zero",
+            text,
+            token.at,
+            ABOVE,
+        )
     return value
 
 
@@ -370,6 +468,8 @@ def _check_height(expression: Expression, text: str) -> None:
         count = len(tree.children(node))
         below = max(heights[len(heights) - count :], default=0) if count else 0
         if below >= HEIGHT:
-            raise FormulaError("the formula is nested too deeply", text, node.at, hint="name a part in `where:`")
+            raise FormulaError(
+                "the formula is nested too deeply", text, node.at, hint="name a part in `where:`"
+            )
         del heights[len(heights) - count :]
         heights.append(below + 1)

@@ -1,8 +1,8 @@
 """The expression tree: what a formula in a model file is after parsing, before any library sees it.
 
-Nodes are frozen, compare by value, and carry `at`, the offset in the source text, for messages only.
-Sums and products are n-ary so that a formula of ten thousand terms is one node, not ten thousand levels.
-Numbers are already in SI units. Names are resolved by derive.model, never here.
+Nodes are frozen, compare by value, and carry `at`, the offset in the source text, for messages
+only. Sums and products are n-ary so that a formula of ten thousand terms is one node, not ten
+thousand levels. Numbers are already in SI units. Names are resolved by derive.model, never here.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ class Number:
 
 @dataclass(frozen=True)
 class Name:
-    """A parameter, coordinate, input, definition, `t`, or a base velocity such as `base.vx`."""
+    """A parameter, coordinate, input, definition, `t`, or a generalized velocity such as
+    `base.vx`."""
 
     name: str
     at: int = field(default=0, compare=False)

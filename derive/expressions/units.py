@@ -1,4 +1,5 @@
-"""Units of measure: a small table of symbols, their factor to SI and their dimension. Angles are plain numbers."""
+"""Units of measure: a small table of symbols, their factor to SI and their dimension. Angles are
+plain numbers."""
 
 from __future__ import annotations
 
@@ -128,7 +129,9 @@ _PRETTY = ("N", "N*m", "N/m", "W", "N*s/m", "N*m*s", "Pa", "V", "ohm")
 
 def pretty(dimension: Dimension) -> str:
     """A unit people use for the dimension: N, N*m, m/s …; "" for a plain number."""
-    return _pretty_table().get(dimension) or spelled([(s, n) for s, n in zip(("kg", "m", "s", "A"), _ordered(dimension))])
+    return _pretty_table().get(dimension) or spelled(
+        [(s, n) for s, n in zip(("kg", "m", "s", "A"), _ordered(dimension))]
+    )
 
 
 def _ordered(d: Dimension) -> Dimension:
@@ -137,7 +140,8 @@ def _ordered(d: Dimension) -> Dimension:
 
 @cache
 def _pretty_table() -> dict[Dimension, str]:
-    # the first spelling wins: N*m rather than J, since torques are commoner in messages than energies
+    # the first spelling wins: N*m rather than J, since torques are commoner in messages than
+    # energies
     return {compound(_parts(text)).dimension: text for text in reversed(_PRETTY)}
 
 

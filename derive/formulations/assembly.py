@@ -1,4 +1,5 @@
-"""Equations out of what a formulation found: in quasi-velocities of a choice, or in the base velocities themselves."""
+"""Equations out of what a formulation found: in quasi-velocities of a choice, or in the generalized
+velocities themselves."""
 
 from __future__ import annotations
 
@@ -6,45 +7,58 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from derive.formulations.choices import Workshop
+from derive.choices.explicit import Explicit
+from derive.choices.pivots import quadratic_guards, solved
+from derive.choices.records import Guard
+from derive.choices.reduction import Reduction
+from derive.choices.resolution import Survey
 from derive.formulations.functions import Motion, arguments, functions
-from derive.formulations.pivots import quadratic_guards, solved
-from derive.formulations.quasi_velocities import Explicit
-from derive.formulations.records import Equations, Guard
-from derive.formulations.reduction import Reduction
+from derive.formulations.records import Equations
 from derive.joints.records import Vector
 from derive.mechanics.records import Named, System
 
 
 def reduced(
-    shop: Workshop, formulation: str, choice: str, reason: str, reduction: Reduction, found: Explicit, lam: ca.SX
+    survey: Survey,
+    formulation: str,
+    choice: str,
+    reason: str,
+    reduction: Reduction,
+    found: Explicit,
+    lam: ca.SX,
 ) -> Equations:
     """x = (q, w), v = S w + R c."""
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
-        units=_units(shop.system, reduction),
+        units=_units(survey.system, reduction),
         B=reduction.B,
         v=reduction.v,
         qdot=found.qdot,
         wdot=found.wdot,
         lam=lam,
-        guards=(*_combining(shop), *reduction.guards),
+        guards=(*_combining(survey), *reduction.guards),
         solving=(),
         named=found.named(reduction),
         kept=reduction.kept,
-        closing=shop.closing,
+        closing=survey.closing,
         projects_velocity=False,
     )
-    named = (*_shown(shop, reduction), *motion.named[1:])
-    return _finished(shop, formulation, choice, reason, motion, named, reduction.pivots)
+    named = (*_shown(survey, reduction), *motion.named[1:])
+    return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
 
 
-def in_base_velocities(
-    shop: Workshop, formulation: str, vdot: Vector, lam: Vector, solving: tuple[Guard, ...], named: tuple[Named, ...]
+def in_generalized_velocities(
+    survey: Survey,
+    formulation: str,
+    vdot: Vector,
+    lam: Vector,
+    solving: tuple[Guard, ...],
+    named: tuple[Named, ...],
 ) -> Equations:
-    """x = (q, v): the constraints hold through their forces only. `lam` are the multipliers of the independent rows."""
-    system = shop.system
+    """x = (q, v): the constraints hold through their forces only. `lam` are the multipliers of the
+    independent rows."""
+    system = survey.system
     motion = Motion(
         w=system.v,
         names=tuple(identifier(v.name) for v in system.model.velocities),
@@ -53,23 +67,38 @@ def in_base_velocities(
         v=system.v,
         qdot=system.qdot,
         wdot=column(vdot),
-        lam=shop.independent_rows.spread(lam),
+        lam=survey.independent_rows.spread(lam),
         guards=(),
-        solving=(*_combining(shop), *solving),
-        named=(Named("M", "mass matrix", system.M), Named("h", "bias", system.h), Named("beta", "A v̇ = β", system.beta)),
-        kept=shop.kept,
-        closing=shop.closing,
+        solving=(*_combining(survey), *solving),
+        named=(
+            Named("M", "mass matrix", system.M),
+            Named("h", "bias", system.h),
+            Named("beta", "A v̇ = β", system.beta),
+        ),
+        kept=survey.kept,
+        closing=survey.closing,
         projects_velocity=True,
     )
-    reason = "the base velocities themselves, held together by the constraint forces"
-    shown = (Named("A", "constraint rows, A v = c", system.A), *combination(shop), *motion.named, *named)
-    return _finished(shop, formulation, formulation, reason, motion, shown, ())
+    reason = "the generalized velocities themselves, held together by the constraint forces"
+    shown = (
+        Named("A", "constraint rows, A v = c", system.A),
+        *combination(survey),
+        *motion.named,
+        *named,
+    )
+    return _finished(survey, formulation, formulation, reason, motion, shown, ())
 
 
 def _finished(
-    shop: Workshop, formulation: str, choice: str, reason: str, motion: Motion, named: tuple[Named, ...], pivots: tuple[str, ...]
+    survey: Survey,
+    formulation: str,
+    choice: str,
+    reason: str,
+    motion: Motion,
+    named: tuple[Named, ...],
+    pivots: tuple[str, ...],
 ) -> Equations:
-    system = shop.system
+    system = survey.system
     return Equations(
         system=system,
         formulation=formulation,
@@ -81,8 +110,8 @@ def _finished(
         pivots=pivots,
         w=motion.names,
         parameters=system.parameters,
-        assumptions=(*system.assumptions, *shop.repetitions),
-        base_velocities=motion.projects_velocity,
+        assumptions=(*system.assumptions, *survey.repetitions),
+        generalized_velocities=motion.projects_velocity,
         closing=motion.closing,
     )
 
@@ -101,11 +130,14 @@ def column(vector: Sequence) -> ca.SX:
 
 
 def _units(system: System, reduction: Reduction) -> tuple[str, ...]:
-    """Of the quasi-velocities: that of the base velocity a speed is a plain multiple of, else none."""
+    """Of the quasi-velocities: that of the generalized velocity a speed is a plain multiple of,
+    else none."""
     columns: dict[int, list[int]] = {}
     for k, j in zip(*reduction.B.sparsity().get_triplet()):
         columns.setdefault(k, []).append(j)
-    return tuple(_unit(system, reduction, k, columns.get(k, [])) for k in range(len(reduction.names)))
+    return tuple(
+        _unit(system, reduction, k, columns.get(k, [])) for k in range(len(reduction.names))
+    )
 
 
 def _unit(system: System, reduction: Reduction, k: int, columns: list[int]) -> str:
@@ -114,30 +146,37 @@ def _unit(system: System, reduction: Reduction, k: int, columns: list[int]) -> s
     return system.model.velocities[columns[0]].unit
 
 
-def _shown(shop: Workshop, reduction: Reduction) -> tuple[Named, ...]:
+def _shown(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:
     """A, B, Y, S and R as matrices: W = Y⁻¹ = [R S] by the same pivots as λ."""
-    A = shop.independent_rows.A
-    shown = [Named("A", "constraint rows, A v = c", A), Named("B", "speed rows, B v = w", reduction.B)]
-    if shop.rank:
+    A = survey.independent_rows.A
+    shown = [
+        Named("A", "constraint rows, A v = c", A),
+        Named("B", "speed rows, B v = w", reduction.B),
+    ]
+    if survey.rank:
         Y = ca.vertcat(A, reduction.B)
-        shown += [*combination(shop), Named("Y", "[A; B]", Y), Named("R", "v = S w + R c", per_unit_of_c(shop, Y, shop.rank))]
-    shown.append(Named("S", "base velocities per quasi-velocity", reduction.S))
+        shown += [
+            *combination(survey),
+            Named("Y", "[A; B]", Y),
+            Named("R", "v = S w + R c", per_unit_of_c(survey, Y, survey.rank)),
+        ]
+    shown.append(Named("S", "generalized velocities per quasi-velocity", reduction.S))
     return tuple(shown)
 
 
-def _combining(shop: Workshop) -> tuple[Guard, ...]:
+def _combining(survey: Survey) -> tuple[Guard, ...]:
     """Of what combines rows that repeat each other."""
-    pivots = shop.independent_rows.pivots
-    return quadratic_guards(shop, [name for name, _ in pivots], [x for _, x in pivots])
+    pivots = survey.independent_rows.pivots
+    return quadratic_guards(survey, [name for name, _ in pivots], [x for _, x in pivots])
 
 
-def combination(shop: Workshop) -> tuple[Named, ...]:
+def combination(survey: Survey) -> tuple[Named, ...]:
     """E, where rows that repeat others are kept."""
-    E = Named("E", "independent combinations of the constraint rows", shop.independent_rows.E)
-    return (E,) if shop.combines else ()
+    E = Named("E", "independent combinations of the constraint rows", survey.independent_rows.E)
+    return (E,) if survey.combines else ()
 
 
-def per_unit_of_c(shop: Workshop, Y: ca.SX, rows: int) -> ca.SX:
+def per_unit_of_c(survey: Survey, Y: ca.SX, rows: int) -> ca.SX:
     """R, the first columns of Y⁻¹."""
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(Y.size1())] for k in range(rows)]
-    return ca.horzcat(*[ca.vertcat(*x) for x in solved(shop, Y, sides).columns])
+    return ca.horzcat(*[ca.vertcat(*x) for x in solved(survey, Y, sides).columns])

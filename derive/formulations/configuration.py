@@ -1,11 +1,13 @@
-"""Moving about in the configuration space: q̇ from v, q ⊕ d, q₁ ⊖ q₀, and unit quaternions made so again.
+"""Moving about in the configuration space: q̇ from v, q ⊕ d, q₁ ⊖ q₀, and unit quaternions made so
+again.
 
-d is a displacement over the base velocities (d = v Δt for a small step). Coordinates that are no quaternion move along
-their own rates, q ⊕ d = q + N(q) d. A unit quaternion moves by the exponential map of its body-frame rotation vector,
-q ⊕ d = q ∘ (cos |d|/2, sin(|d|/2) d/|d|), and q₁ ⊖ q₀ is the logarithm of q̄₀ ∘ q₁, the shorter way round. So
-q₀ ⊕ (q₁ ⊖ q₀) = q₁ up to the sign of quaternions, and d/ds (q ⊕ s v) = N v at s = 0.
-Source: Solà, Deray, Atchuthan, A micro Lie theory for state estimation in robotics, arXiv 1812.01537, with the retraction
-q + N d where the coordinates are a vector space.
+d is a displacement over the generalized velocities (d = v Δt for a small step). Coordinates that
+are no quaternion move along their own rates, q ⊕ d = q + N(q) d. A unit quaternion moves by the
+exponential map of its body-frame rotation vector, q ⊕ d = q ∘ (cos |d|/2, sin(|d|/2) d/|d|), and q₁
+⊖ q₀ is the logarithm of q̄₀ ∘ q₁, the shorter way round. So q₀ ⊕ (q₁ ⊖ q₀) = q₁ up to the sign of
+quaternions, and d/ds (q ⊕ s v) = N v at s = 0. Source: Solà, Deray, Atchuthan, A micro Lie theory
+for state estimation in robotics, arXiv 1812.01537, with the retraction q + N d where the
+coordinates are a vector space.
 """
 
 from __future__ import annotations
@@ -21,31 +23,56 @@ from derive.joints.rotations import dot
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars, small_inverse
 
-TINY = 1e-30  # keeps 0/0 out of sin(θ)/θ, which does not change where θ² is not far above; float32 can hold it
+# keeps 0/0 out of sin(θ)/θ, which does not change where θ² is not far above; float32 can hold it
+TINY = 1e-30
 
 
 def is_plain(system: System) -> bool:
-    """q̇ = v: coordinates and base velocities are the same things."""
-    return system.q.numel() == system.v.numel() and ca.is_equal(system.N, ca.SX.eye(system.v.numel()), 1)
+    """q̇ = v: coordinates and generalized velocities are the same things."""
+    return system.q.numel() == system.v.numel() and ca.is_equal(
+        system.N, ca.SX.eye(system.v.numel()), 1
+    )
 
 
 def configuration(system: System) -> tuple[Request, ...]:
-    """The four functions; they belong in every module whose coordinates are not simply integrals of v."""
+    """The four functions; they belong in every module whose coordinates are not simply integrals of
+    v."""
     if not system.v.numel():
         return ()
     found = [
         Request("qdot", "rates q̇ = N(q) v of the coordinates, from (q, v)", lambda: _qdot(system)),
-        Request("integrate", "q ⊕ d: the configuration a displacement d over v away, from (q, d)", lambda: _integrate(system)),
-        Request("difference", "q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁)", lambda: _difference(system)),
+        Request(
+            "integrate",
+            "q ⊕ d: the configuration a displacement d over v away, from (q, d)",
+            lambda: _integrate(system),
+        ),
+        Request(
+            "difference",
+            "q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁)",
+            lambda: _difference(system),
+        ),
     ]
     if system.quaternions:
-        found.append(Request("normalise", "q with every quaternion brought to length one", lambda: _normalise(system)))
+        found.append(
+            Request(
+                "normalise",
+                "q with every quaternion brought to length one",
+                lambda: _normalise(system),
+            )
+        )
     return tuple(found)
 
 
 def _qdot(system: System) -> Function:
     about = "rates q̇ = N(q) v of the coordinates, from (q, v)"
-    return _function("qdot", about, "qdot", system.qdot, [(system.q, _q(system)), (system.v, _v(system))], _rates(system))
+    return _function(
+        "qdot",
+        about,
+        "qdot",
+        system.qdot,
+        [(system.q, _q(system)), (system.v, _v(system))],
+        _rates(system),
+    )
 
 
 def _integrate(system: System) -> Function:
@@ -53,10 +80,14 @@ def _integrate(system: System) -> Function:
     moved = ca.substitute(system.q + ca.mtimes(system.N, system.v), system.v, d)
     entries = [moved[i] for i in range(moved.numel())]
     for start, columns in _turns(system):
-        entries[start : start + 4] = _turned(_part(system.q, range(start, start + 4)), _part(d, columns))
+        entries[start : start + 4] = _turned(
+            _part(system.q, range(start, start + 4)), _part(d, columns)
+        )
     about = "q ⊕ d: the configuration a displacement d over v away, from (q, d)"
     labels = (d, tuple(f"d {v.name}" for v in system.model.velocities))
-    return _function("integrate", about, "q", ca.vertcat(*entries), [(system.q, _q(system)), labels], _q(system))
+    return _function(
+        "integrate", about, "q", ca.vertcat(*entries), [(system.q, _q(system)), labels], _q(system)
+    )
 
 
 def _difference(system: System) -> Function:
@@ -64,7 +95,9 @@ def _difference(system: System) -> Function:
     d: Vector = [0.0] * system.v.numel()
     for start, columns in _turns(system):
         quaternion = range(start, start + 4)
-        for column, value in zip(columns, _rotation_vector(_part(system.q, quaternion), _part(other, quaternion))):
+        for column, value in zip(
+            columns, _rotation_vector(_part(system.q, quaternion), _part(other, quaternion))
+        ):
             d[column] = value
     for rows, columns in _blocks(system):
         inverse, _ = small_inverse(scalars(system.N[rows, columns]))
@@ -73,7 +106,9 @@ def _difference(system: System) -> Function:
             d[column] = dot(line, step)
     about = "q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁)"
     slots = [(system.q, _q(system)), (other, tuple(f"to {name}" for name in _q(system)))]
-    return _function("difference", about, "d", ca.vertcat(*d), slots, tuple(f"d {name}" for name in _v(system)))
+    return _function(
+        "difference", about, "d", ca.vertcat(*d), slots, tuple(f"d {name}" for name in _v(system))
+    )
 
 
 def _normalise(system: System) -> Function:
@@ -83,13 +118,22 @@ def _normalise(system: System) -> Function:
         length = ca.sqrt(ca.sumsqr(ca.vertcat(*part)))
         entries[start : start + 4] = [x / length for x in part]
     about = "q with every quaternion brought to length one"
-    return _function("normalise", about, "q", ca.vertcat(*entries), [(system.q, _q(system))], _q(system))
+    return _function(
+        "normalise", about, "q", ca.vertcat(*entries), [(system.q, _q(system))], _q(system)
+    )
 
 
 def _function(
-    name: str, about: str, result: str, value: ca.SX, slots: Sequence[tuple[ca.SX, tuple[str, ...]]], labels: tuple[str, ...]
+    name: str,
+    about: str,
+    result: str,
+    value: ca.SX,
+    slots: Sequence[tuple[ca.SX, tuple[str, ...]]],
+    labels: tuple[str, ...],
 ) -> Function:
-    taken = Argument("x", ca.vertcat(*(s for s, _ in slots)), tuple(n for _, names in slots for n in names), ())
+    taken = Argument(
+        "x", ca.vertcat(*(s for s, _ in slots)), tuple(n for _, names in slots for n in names), ()
+    )
     return Function(name, about, Result(result, ca.densify(value), labels, ()), x=taken)
 
 
@@ -145,7 +189,11 @@ def _rotation_vector(start: Vector, end: Vector) -> Vector:
     a, b, c, d = start
     w, x, y, z = end
     real = a * w + b * x + c * y + d * z
-    turn = [a * x - b * w - c * z + d * y, a * y + b * z - c * w - d * x, a * z - b * y + c * x - d * w]
+    turn = [
+        a * x - b * w - c * z + d * y,
+        a * y + b * z - c * w - d * x,
+        a * z - b * y + c * x - d * w,
+    ]
     size = ca.sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2] + TINY)
     share = 2.0 * ca.copysign(ca.atan2(size, ca.fabs(real)), real) / size
     return [share * e for e in turn]

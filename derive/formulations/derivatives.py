@@ -1,10 +1,12 @@
-"""Derivatives of ẋ = f(t, x, u, p) and of one integration step, on request, by CasADi's differentiation of the same graph.
+"""Derivatives of ẋ = f(t, x, u, p) and of one integration step, on request, by CasADi's
+differentiation of the same graph.
 
-The entries of x count as independent, also where constraints tie coordinates to each other: on the constraints the derivatives
-along admissible directions are those of the motion, off them they depend on how `dynamics` is written.
-`…_values` hold the entries that are not zero for structural reasons, row by row; the manifest has their rows and columns.
-Source: A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., SIAM 2008 (forward and adjoint products, chapter 3); the step is
-W. Kutta's classical one of order four, differentiated stage by stage.
+The entries of x count as independent, also where constraints tie coordinates to each other: on the
+constraints the derivatives along admissible directions are those of the motion, off them they
+depend on how `dynamics` is written. `…_values` hold the entries that are not zero for structural
+reasons, row by row; the manifest has their rows and columns. Source: A. Griewank, A. Walther,
+Evaluating Derivatives, 2nd ed., SIAM 2008 (forward and adjoint products, chapter 3); the step is W.
+Kutta's classical one of order four, differentiated stage by stage.
 """
 
 from __future__ import annotations
@@ -14,8 +16,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
-from derive.formulations.records import Argument, Function, Guard, Pattern, Request, Result
+from derive.formulations.records import Argument, Function, Pattern, Request, Result
 
 _BY = {"x": "the state", "u": "the inputs", "p": "the parameters"}
 RATE = "explicit rate ∂ẋ/∂t of the state derivative"
@@ -25,14 +28,21 @@ STEP = "x after one step of length h of the classical Runge–Kutta method, u he
 SENSITIVITY = "[∂x⁺/∂x, ∂x⁺/∂u] of `step`, nx × (nx + nu), from (x, h)"
 
 
-def derivatives(arguments: Sequence[Argument], functions: Sequence[Function]) -> tuple[Request, ...]:
+def derivatives(
+    arguments: Sequence[Argument], functions: Sequence[Function]
+) -> tuple[Request, ...]:
     """The requests that follow from `dynamics`; none where the module has no state derivative."""
     dynamics = next((function for function in functions if function.name == "dynamics"), None)
     if dynamics is None or not dynamics.result.value.numel():
         return ()
     slots = {argument.name: argument for argument in arguments}
     return (
-        *(request for name in "xup" if slots[name].labels for request in _jacobians(dynamics, slots[name])),
+        *(
+            request
+            for name in "xup"
+            if slots[name].labels
+            for request in _jacobians(dynamics, slots[name])
+        ),
         Request("jacobian_t", RATE, lambda: _rate(dynamics, slots["t"])),
         Request("dynamics_forward", FORWARD, lambda: _forward(dynamics, slots)),
         Request("dynamics_adjoint", ADJOINT, lambda: _adjoint(dynamics, slots)),
@@ -65,13 +75,25 @@ def _values(dynamics: Function, by: Argument, name: str, about: str) -> Function
         raise AssumptionError(f"{name} would be empty: ẋ does not depend on {_BY[by.name]}")
     rows, columns = jacobian.T.sparsity().get_triplet()[::-1]
     labels = tuple(f"{dynamics.result.labels[i]} by {by.labels[j]}" for i, j in zip(rows, columns))
-    result = Result("values", jacobian.T.nz[:], labels, (), pattern=Pattern(jacobian.shape, tuple(rows), tuple(columns)))
+    result = Result(
+        "values",
+        jacobian.T.nz[:],
+        labels,
+        (),
+        pattern=Pattern(jacobian.shape, tuple(rows), tuple(columns)),
+    )
     return Function(name, about, result, dynamics.named, dynamics.guards)
 
 
 def _rate(dynamics: Function, t: Argument) -> Function:
     value = ca.densify(ca.jacobian(dynamics.result.value, t.symbols))
-    return Function("jacobian_t", RATE, Result("ft", value, dynamics.result.labels, ()), dynamics.named, dynamics.guards)
+    return Function(
+        "jacobian_t",
+        RATE,
+        Result("ft", value, dynamics.result.labels, ()),
+        dynamics.named,
+        dynamics.guards,
+    )
 
 
 def _forward(dynamics: Function, slots: dict[str, Argument]) -> Function:
@@ -79,7 +101,9 @@ def _forward(dynamics: Function, slots: dict[str, Argument]) -> Function:
     x, u = slots["x"], slots["u"]
     d = [_seeds("d", argument.labels) for argument in (x, u)]
     along = ca.jtimes(dynamics.result.value, ca.vertcat(x.symbols, u.symbols), ca.vertcat(*d))
-    taken = _longer(x, ca.vertcat(*d), (*_marked("d", x.labels), *_marked("d", u.labels)), (*x.units, *u.units))
+    taken = _longer(
+        x, ca.vertcat(*d), (*_marked("d", x.labels), *_marked("d", u.labels)), (*x.units, *u.units)
+    )
     labels, units = _marked("d", dynamics.result.labels), dynamics.result.units
     result = Result("dxdot", ca.densify(along), labels, units)
     return Function("dynamics_forward", FORWARD, result, dynamics.named, dynamics.guards, x=taken)
@@ -107,7 +131,9 @@ def _step(dynamics: Function, slots: dict[str, Argument]) -> Function:
     x, h = slots["x"], ca.SX.sym("h")
     stages = _stages(_evaluation(dynamics, slots, sensitive=False), slots, h)
     result = Result("x", x.symbols + _mean([stage.rate for stage in stages], h), x.labels, x.units)
-    return Function("step", STEP, result, (), _guards(dynamics, stages), x=_longer(x, h, ("h",), ("s",)))
+    return Function(
+        "step", STEP, result, (), _guards(dynamics, stages), x=_longer(x, h, ("h",), ("s",))
+    )
 
 
 def _sensitivity(dynamics: Function, slots: dict[str, Argument]) -> Function:
@@ -115,7 +141,14 @@ def _sensitivity(dynamics: Function, slots: dict[str, Argument]) -> Function:
     stages = _stages(_evaluation(dynamics, slots, sensitive=True), slots, h)
     value = _start(slots) + _mean([stage.slope for stage in stages], h)
     result = Result("S", ca.densify(value), x.labels, (), matrix=True)
-    return Function("step_sensitivity", SENSITIVITY, result, (), _guards(dynamics, stages), x=_longer(x, h, ("h",), ("s",)))
+    return Function(
+        "step_sensitivity",
+        SENSITIVITY,
+        result,
+        (),
+        _guards(dynamics, stages),
+        x=_longer(x, h, ("h",), ("s",)),
+    )
 
 
 _Evaluation = Callable[[ca.SX, ca.SX, ca.SX], _Stage]
@@ -128,12 +161,22 @@ def _evaluation(dynamics: Function, slots: dict[str, Argument], sensitive: bool)
     """
     t, x, u, p = (slots[name].symbols for name in "txup")
     f = dynamics.result.value
-    by_x, by_u = (ca.jacobian(f, x), ca.jacobian(f, u)) if sensitive else (ca.SX(f.numel(), 0), ca.SX(f.numel(), 0))
-    function = ca.Function("stage", [t, x, u, p], [f, by_x, by_u, *(guard.value for guard in dynamics.guards)])
+    by_x, by_u = (
+        (ca.jacobian(f, x), ca.jacobian(f, u))
+        if sensitive
+        else (ca.SX(f.numel(), 0), ca.SX(f.numel(), 0))
+    )
+    function = ca.Function(
+        "stage", [t, x, u, p], [f, by_x, by_u, *(guard.value for guard in dynamics.guards)]
+    )
 
     def at(time: ca.SX, state: ca.SX, slope: ca.SX) -> _Stage:
         rate, along_x, along_u, *guards = function.call([time, state, u, p], True, False)
-        chained = ca.mtimes(along_x, slope) + ca.horzcat(ca.SX(x.numel(), x.numel()), along_u) if sensitive else slope
+        chained = (
+            ca.mtimes(along_x, slope) + ca.horzcat(ca.SX(x.numel(), x.numel()), along_u)
+            if sensitive
+            else slope
+        )
         return _Stage(rate, tuple(guards), chained)
 
     return at
@@ -144,7 +187,9 @@ def _stages(at: _Evaluation, slots: dict[str, Argument], h: ca.SX) -> list[_Stag
     stages = [at(t, x, _start(slots))]
     for part in (0.5, 0.5, 1.0):
         last = stages[-1]
-        stages.append(at(t + part * h, x + part * h * last.rate, _start(slots) + part * h * last.slope))
+        stages.append(
+            at(t + part * h, x + part * h * last.rate, _start(slots) + part * h * last.slope)
+        )
     return stages
 
 
@@ -168,7 +213,9 @@ def _guards(dynamics: Function, stages: Sequence[_Stage]) -> tuple[Guard, ...]:
     )
 
 
-def _longer(x: Argument, further: ca.SX, labels: tuple[str, ...], units: tuple[str, ...]) -> Argument:
+def _longer(
+    x: Argument, further: ca.SX, labels: tuple[str, ...], units: tuple[str, ...]
+) -> Argument:
     """The x slot with more behind it."""
     return Argument("x", ca.vertcat(x.symbols, further), (*x.labels, *labels), (*x.units, *units))
 
@@ -178,4 +225,6 @@ def _marked(mark: str, labels: Sequence[str]) -> tuple[str, ...]:
 
 
 def _seeds(mark: str, labels: Sequence[str]) -> ca.SX:
-    return ca.vertcat(*(ca.SX.sym(f"{mark}_{label}") for label in labels)) if labels else ca.SX(0, 1)
+    return (
+        ca.vertcat(*(ca.SX.sym(f"{mark}_{label}") for label in labels)) if labels else ca.SX(0, 1)
+    )

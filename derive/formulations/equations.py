@@ -4,39 +4,49 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from derive.choices.named import declared
+from derive.choices.resolution import Ranking, Survey, ranked_partitions, survey_of
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.charts import BETWEEN, charted, covered
-from derive.formulations.choices import Ranking, Workshop, ranked_partitions, workshop
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.derivatives import derivatives
 from derive.formulations.formulation import Formulation
 from derive.formulations.manifold import manifold
 from derive.formulations.methods import FORMULATIONS
-from derive.formulations.named_choices import declared
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.model.records import Choice
+from derive.numerics import refuses_numerically
 
 
+@refuses_numerically("the equations of motion")
 def equations(
-    system: System, choice: str | None = None, formulation: str = "quasi_velocities", charts: bool = False
+    system: System,
+    choice: str | None = None,
+    formulation: str = "quasi_velocities",
+    charts: bool = False,
 ) -> Equations:
-    """The functions of the generated module for a choice (the first declared one when not named) and a formulation.
+    """The functions of the generated module for a choice (the first declared one when not named)
+    and a formulation.
 
-    Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets further ones where no choice
-    is safe. Raises AssumptionError for an unknown name, where the formulation does not fit the system, and where the choice does
-    not fit the constraints.
+    Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets
+    further ones where no choice is safe. Raises AssumptionError for an unknown name, where the
+    formulation does not fit the system, and where the choice does not fit the constraints.
     """
-    asked, shop = named(formulation), workshop(system)
+    asked, survey = named(formulation), survey_of(system)
     wanted = [declared(system, name) for name in _names(choice)]
-    reason = asked.misfit(shop)
+    reason = asked.misfit(survey)
     if reason:
-        raise AssumptionError(f"{system.model.name}: formulation {asked.name} does not fit: {reason}")
-    found = [_of_choice(asked, shop, one) for one in (wanted if asked.chooses else wanted[:1])]
+        raise AssumptionError(
+            f"{system.model.name}: formulation {asked.name} does not fit: {reason}"
+        )
+    found = [_of_choice(asked, survey, one) for one in (wanted if asked.chooses else wanted[:1])]
     if len(found) > 1:
-        return charted(found, shop)
+        return charted(found, survey)
     if charts and choice is None:
-        return covered(found[0], shop, lambda name: _of_choice(asked, shop, declared(system, name)))
+        return covered(
+            found[0], survey, lambda name: _of_choice(asked, survey, declared(system, name))
+        )
     return found[0]
 
 
@@ -44,10 +54,14 @@ def _names(choice: str | None) -> list[str | None]:
     return [None] if choice is None else [name.strip() for name in choice.split(BETWEEN)]
 
 
-def _of_choice(asked: Formulation, shop: Workshop, choice: Choice) -> Equations:
-    found, system = asked.build(shop, choice), shop.system
+def _of_choice(asked: Formulation, survey: Survey, choice: Choice) -> Equations:
+    found, system = asked.build(survey, choice), survey.system
     moves = configuration(system) if is_plain(system) else ()
-    further = (*derivatives(found.arguments, found.functions), *manifold(found, shop.kept, shop.closing), *moves)
+    further = (
+        *derivatives(found.arguments, found.functions),
+        *manifold(found, survey.kept, survey.closing),
+        *moves,
+    )
     return replace(found, requests=(*found.requests, *further))
 
 
@@ -55,7 +69,10 @@ def named(formulation: str) -> Formulation:
     """The formulation of that name. Raises AssumptionError with the nearest one."""
     known = {f.name: f for f in FORMULATIONS}
     if formulation not in known:
-        raise AssumptionError(f"unknown formulation '{formulation}'", did_you_mean(formulation, known) or listed(known))
+        raise AssumptionError(
+            f"unknown formulation '{formulation}'",
+            did_you_mean(formulation, known) or listed(known),
+        )
     return known[formulation]
 
 
@@ -64,12 +81,14 @@ def source(formulation: str) -> str:
     return named(formulation).source
 
 
+@refuses_numerically("the formulations that fit")
 def misfits(system: System) -> dict[str, str]:
     """Why each formulation does not fit the system, "" for those that do."""
-    shop = workshop(system)
-    return {formulation.name: formulation.misfit(shop) for formulation in FORMULATIONS}
+    survey = survey_of(system)
+    return {formulation.name: formulation.misfit(survey) for formulation in FORMULATIONS}
 
 
+@refuses_numerically("the choices of quasi-velocities")
 def choices(system: System) -> tuple[Ranking, ...]:
     """What `auto` compared, best first, with the declared choices among them."""
-    return tuple(x.ranking for x in ranked_partitions(workshop(system)))
+    return tuple(x.ranking for x in ranked_partitions(survey_of(system)))

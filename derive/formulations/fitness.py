@@ -1,7 +1,9 @@
-"""Why a formulation does not fit a system, in words: each function gives the reason, or "" where there is none.
+"""Why a formulation does not fit a system, in words: each function gives the reason, or "" where
+there is none.
 
-Ranks are judged at the sampled states. A symmetric semidefinite M determines v̇ if and only if rank [M; A] = nv (Udwadia &
-Phohomsiri 2006), which is the same as SᵀM S being positive definite for every S whose columns span ker A.
+Ranks are judged at the sampled states. A symmetric semidefinite M determines v̇ if and only if rank
+[M; A] = nv (Udwadia & Phohomsiri 2006), which is the same as SᵀM S being positive definite for
+every S whose columns span ker A.
 """
 
 from __future__ import annotations
@@ -10,73 +12,92 @@ from collections.abc import Callable
 
 import numpy as np
 
+from derive.choices.pivots import sampled
+from derive.choices.resolution import Survey
 from derive.diagnostics import listed
-from derive.formulations.choices import Workshop
-from derive.formulations.pivots import sampled
 from derive.joints.rotations import is_zero
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
 
 NULL = 1e-10  # singular values below this part of the largest count as zero
-TAKES_PART = 0.1  # a velocity belongs to a null direction where its entry is at least this part of the largest
+# a velocity belongs to a null direction where its entry is at least this part of the largest
+TAKES_PART = 0.1
 
-Misfit = Callable[[Workshop], str]
+Misfit = Callable[[Survey], str]
 
 
 def first_of(*reasons: Misfit) -> Misfit:
     """The first reason that is one."""
-    return lambda shop: next((text for text in (reason(shop) for reason in reasons) if text), "")
+    return lambda survey: next(
+        (text for text in (reason(survey) for reason in reasons) if text), ""
+    )
 
 
-def unwritten(shop: Workshop) -> str:
+def unwritten(survey: Survey) -> str:
     """The mass matrix of a long chain is not written out."""
-    if shop.system.written:
+    if survey.system.written:
         return ""
-    return "the mass matrix of so long a chain is not written out: use quasi_velocities or recursive"
+    return (
+        "the mass matrix of so long a chain is not written out: use quasi_velocities or recursive"
+    )
 
 
-def singular(shop: Workshop) -> str:
+def singular(survey: Survey) -> str:
     """M has no inverse, but with the constraints v̇ is determined."""
-    if shop.system.definite:
+    if survey.system.definite:
         return ""
-    where = _null_velocities(shop, masses(shop))
-    return f"the mass matrix is singular at {where}: use udwadia_phohomsiri or quasi_velocities" if where else ""
+    where = _null_velocities(survey, masses(survey))
+    return (
+        f"the mass matrix is singular at {where}: use udwadia_phohomsiri or quasi_velocities"
+        if where
+        else ""
+    )
 
 
-def undetermined(shop: Workshop) -> str:
+def undetermined(survey: Survey) -> str:
     """rank [M; A] < nv: neither inertia nor a constraint determines some acceleration."""
-    if shop.system.definite:
+    if survey.system.definite:
         return ""
-    M = masses(shop)
-    where = _null_velocities(shop, [np.vstack([m, A]) for m, A in zip(M, shop.rows)] if shop.system.rows else M)
+    M = masses(survey)
+    where = _null_velocities(
+        survey, [np.vstack([m, A]) for m, A in zip(M, survey.rows)] if survey.system.rows else M
+    )
     if not where:
         return ""
-    return f"rank [M; A] is less than {shop.system.v.numel()}: nothing determines the acceleration of {where}; give it inertia"
+    return f"rank [M; A] is less than {survey.system.v.numel()}: nothing determines the acceleration of {where}; give it inertia"
 
 
-def constrained(shop: Workshop) -> str:
+def constrained(survey: Survey) -> str:
     """The recursion is over a tree."""
-    rows = shop.system.rows
+    rows = survey.system.rows
     if not rows:
         return ""
     names = listed(list(dict.fromkeys(row.name.split(".")[0] for row in rows)))
     return f"it is for trees without constraints, but here is {names}: use quasi_velocities"
 
 
-def not_of_links(shop: Workshop) -> str:
+def not_of_links(survey: Survey) -> str:
     """The recursion needs all inertia in bodies, or in rotors of single velocities."""
-    system = shop.system
+    system = survey.system
     carried = {j for link in system.links for j in link.columns}
     loose = [system.model.velocities[j].name for j in range(system.v.numel()) if j not in carried]
     if loose:
         return f"no joint carries {listed(loose)}: use quasi_velocities"
-    beside = any(i != j and not is_zero(x) for i, row in enumerate(scalars(system.M_extra)) for j, x in enumerate(row))
-    return "the kinetic energy couples joints beside their bodies: use quasi_velocities" if beside else ""
+    beside = any(
+        i != j and not is_zero(x)
+        for i, row in enumerate(scalars(system.M_extra))
+        for j, x in enumerate(row)
+    )
+    return (
+        "the kinetic energy couples joints beside their bodies: use quasi_velocities"
+        if beside
+        else ""
+    )
 
 
-def masses(shop: Workshop) -> list[np.ndarray]:
+def masses(survey: Survey) -> list[np.ndarray]:
     """M at the sampled states, scaled to a unit diagonal."""
-    return [_scaled(M) for M in sampled(shop, shop.system.M)]
+    return [_scaled(M) for M in sampled(survey, survey.system.M)]
 
 
 def _scaled(M: np.ndarray) -> np.ndarray:
@@ -85,13 +106,15 @@ def _scaled(M: np.ndarray) -> np.ndarray:
     return M / np.outer(size, size)
 
 
-def _null_velocities(shop: Workshop, matrices: list[np.ndarray]) -> str:
+def _null_velocities(survey: Survey, matrices: list[np.ndarray]) -> str:
     """Where the null directions are that most sampled states have; "" where most have none."""
     spaces = [_null_space(x) for x in matrices]
     if not spaces or np.median([space.shape[1] for space in spaces]) == 0:
         return ""
     weights = np.max([np.linalg.norm(space, axis=1) for space in spaces if space.shape[1]], axis=0)
-    return _places(shop.system, [j for j, x in enumerate(weights) if x > TAKES_PART * np.max(weights)])
+    return _places(
+        survey.system, [j for j, x in enumerate(weights) if x > TAKES_PART * np.max(weights)]
+    )
 
 
 def _null_space(matrix: np.ndarray) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""The functions of the generated module that do not depend on the formulation: what v, λ and ẋ are is handed in."""
+"""The functions of the generated module that do not depend on the formulation: what v, λ and ẋ are
+is handed in."""
 
 from __future__ import annotations
 
@@ -7,14 +8,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from derive.choices.records import Guard
+from derive.choices.redundancy import keeps
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
-from derive.formulations.records import Argument, Function, Guard, Iteration, Result
-from derive.formulations.redundancy import keeps
+from derive.formulations.records import Argument, Function, Iteration, Result
 from derive.joints.records import Vector
-from derive.mechanics.closing import Kinematics, nominal
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
+from derive.states.closing import Kinematics, nominal
 
 CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ, divided by …
 USUAL = 3  # … the size of its terms where that is more than so many powers of ten from one
@@ -53,7 +55,9 @@ def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
             (*(c.name for c in model.coordinates), *motion.names),
             (*(c.unit for c in model.coordinates), *motion.units),
         ),
-        Argument("u", system.u, tuple(i.name for i in model.inputs), tuple(i.unit for i in model.inputs)),
+        Argument(
+            "u", system.u, tuple(i.name for i in model.inputs), tuple(i.unit for i in model.inputs)
+        ),
         Argument("p", system.p, tuple(x.name for x in free), tuple(x.unit for x in free)),
     )
 
@@ -84,8 +88,12 @@ def _at(system: System, motion: Motion, expression: ca.SX) -> ca.SX:
 
 
 def _dynamics(system: System, motion: Motion) -> Function:
-    labels = [f"der({c.name})" for c in system.model.coordinates] + [f"der({name})" for name in motion.names]
-    units = [_per_second(c.unit) for c in system.model.coordinates] + [_per_second(u) for u in motion.units]
+    labels = [f"der({c.name})" for c in system.model.coordinates] + [
+        f"der({name})" for name in motion.names
+    ]
+    units = [_per_second(c.unit) for c in system.model.coordinates] + [
+        _per_second(u) for u in motion.units
+    ]
     value = ca.vertcat(motion.qdot, motion.wdot)
     result = Result("xdot", value, tuple(labels), tuple(units))
     about = "state derivative: q̇ = N v, " + (_BASE if motion.projects_velocity else _REDUCED)
@@ -104,24 +112,37 @@ def _per_second(unit: str) -> str:
 
 def _mass(system: System) -> Function:
     names = tuple(v.name for v in system.model.velocities)
-    return Function("mass", "mass matrix M(q) of the base velocities v, nv × nv", Result("M", ca.densify(system.M), names, ()))
+    return Function(
+        "mass",
+        "mass matrix M(q) of the generalized velocities v, nv × nv",
+        Result("M", ca.densify(system.M), names, ()),
+    )
 
 
 def _bias(system: System, motion: Motion) -> Function:
     names = tuple(v.name for v in system.model.velocities)
-    about = "bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"
-    return Function("bias", about, Result("h", _at(system, motion, system.h), names, ()), guards=_used(motion, system.h, system))
+    about = "bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"
+    return Function(
+        "bias",
+        about,
+        Result("h", _at(system, motion, system.h), names, ()),
+        guards=_used(motion, system.h, system),
+    )
 
 
 def _inverse_dynamics(system: System) -> Function:
-    """(q, v, v̇) → M v̇ + h − Q at u = 0: what actuators and constraints have to supply, by Newton–Euler alone."""
+    """(q, v, v̇) → M v̇ + h − Q at u = 0: what actuators and constraints have to supply, by
+    Newton–Euler alone."""
     model, nv = system.model, system.v.numel()
     vdot = ca.vertcat(*[ca.SX.sym(f"d_{v.name}") for v in model.velocities]) if nv else ca.SX(0, 1)
     names = tuple(v.name for v in model.velocities)
     labels = (*(c.name for c in model.coordinates), *names, *(f"der({name})" for name in names))
     units = (*(c.unit for c in model.coordinates), *(v.unit for v in model.velocities))
     taken = Argument(
-        "x", ca.vertcat(system.q, system.v, vdot), labels, (*units, *(_per_second(v.unit) for v in model.velocities))
+        "x",
+        ca.vertcat(system.q, system.v, vdot),
+        labels,
+        (*units, *(_per_second(v.unit) for v in model.velocities)),
     )
     idle = ca.substitute(system.Q, system.u, ca.SX.zeros(system.u.numel()))
     value = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot) + system.h_extra - idle
@@ -134,20 +155,39 @@ def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...
     return motion.guards if ca.depends_on(expression, system.v) else ()
 
 
+def positions(system: System) -> int:
+    """How many of the leading rows of `constraints` are about positions: φ, then the lengths of
+    quaternions."""
+    return system.phi.numel() + len(system.quaternions)
+
+
 def _constraints(system: System, motion: Motion) -> Function | None:
-    if not system.rows:
+    if not system.rows and not system.quaternions:
         return None
     velocity = ca.mtimes(system.A, system.v) - system.c
-    positions = [row.name for row in system.rows if row.position >= 0]
-    labels = (*(f"phi {name}" for name in positions), *(f"velocity {row.name}" for row in system.rows))
-    value = ca.vertcat(system.phi, _at(system, motion, velocity))
-    about = "constraint violation: φ(q, t), then A v − c row by row"
-    return Function("constraints", about, Result("violation", value, labels, ()), guards=_used(motion, velocity, system))
+    coordinates = system.model.coordinates
+    labels = (
+        *(f"phi {row.name}" for row in system.rows if row.position >= 0),
+        *(f"length {coordinates[i].owner}" for i in system.quaternions),
+        *(f"velocity {row.name}" for row in system.rows),
+    )
+    value = ca.vertcat(system.phi, _lengths(system), _at(system, motion, velocity))
+    about = "constraint violation: φ(q, t), " + (
+        "|q|² − 1 of each quaternion, then A v − c row by row"
+        if system.quaternions
+        else "then A v − c row by row"
+    )
+    return Function(
+        "constraints",
+        about,
+        Result("violation", value, labels, ()),
+        guards=_used(motion, velocity, system),
+    )
 
 
 def _project(system: System, motion: Motion) -> Function | None:
-    """One Newton step onto φ = 0, nearest in the metric of M (or of 1 where M is singular): δ = −M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ φ;
-    quaternions are brought to length one.
+    """One Newton step onto φ = 0, nearest in the metric of M (or of 1 where M is singular): δ =
+    −M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ φ; quaternions are brought to length one.
     """
     closing = list(motion.closing)
     if not closing and not system.quaternions and not (motion.projects_velocity and motion.kept):
@@ -156,20 +196,37 @@ def _project(system: System, motion: Motion) -> Function | None:
     sizes = _sizes(system) if closing else []
     positions = [system.rows[i].position for i in closing]
     turned = _turned(system, positions)
-    violation = [(system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k]) / turned for k in positions]
+    violation = [
+        (system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k]) / turned for k in positions
+    ]
     w = motion.w
     if motion.projects_velocity and motion.kept:
         w, rest = _velocity_step(system, motion)
         violation += rest
-    violation += [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
-    about = "nearest consistent state: q on φ = 0" + (", v on A v = c" if motion.projects_velocity else ", w kept")
+    violation += ca.vertsplit(_lengths(system)) if system.quaternions else []
+    about = "nearest consistent state: q on φ = 0" + (
+        ", v on A v = c" if motion.projects_velocity else ", w kept"
+    )
     labels = (*(c.name for c in system.model.coordinates), *motion.names)
     step = Result("x", ca.vertcat(_with_unit_quaternions(system, q), w), labels, ())
-    return Function("project", about, step, iteration=Iteration(CLOSED, MOST_STEPS), residual=_largest(violation))
+    return Function(
+        "project",
+        about,
+        step,
+        iteration=Iteration(CLOSED, MOST_STEPS),
+        residual=_largest(violation),
+    )
+
+
+def _lengths(system: System) -> ca.SX:
+    """|q|² − 1 of each quaternion."""
+    lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
+    return ca.vertcat(*lengths) if lengths else ca.SX(0, 1)
 
 
 def _turned(system: System, positions: list[int]) -> ca.SX:
-    """How much of φ is rounding where angles have turned many times: each power of ten costs a digit. 1 up to 1,000 rad."""
+    """How much of φ is rounding where angles have turned many times: each power of ten costs a
+    digit. 1 up to 1,000 rad."""
     angles = [system.q[i] for i, c in enumerate(system.model.coordinates) if c.unit == "rad"]
     closed = ca.vertcat(*[system.phi[k] for k in positions])
     involved = [angle for angle in angles if ca.depends_on(closed, angle)]
@@ -177,15 +234,19 @@ def _turned(system: System, positions: list[int]) -> ca.SX:
 
 
 def _sizes(system: System) -> list[float]:
-    """How large the terms of each φ are at the initial values, as powers of ten; 1 where that is not far from one.
+    """How large the terms of each φ are at the initial values, as powers of ten; 1 where that is
+    not far from one.
 
-    A length of a megametre squared cannot be closed to 1e-13, and one of a micrometre would be closed too early.
+    A length of a megametre squared cannot be closed to 1e-13, and one of a micrometre would be
+    closed too early.
     """
     q, p = nominal(system), np.array(system.parameters)
     J = np.abs(Kinematics(system).closing(np.zeros(1), q[None], p[None])[1][0])
     lengths = [abs(x) for c, x in zip(system.model.coordinates, q) if c.unit == "m"]
     longest = max(lengths, default=0.0) or 1.0
-    sizes = np.nan_to_num(J) @ [longest if v.unit == "m/s" else 1.0 for v in system.model.velocities]
+    sizes = np.nan_to_num(J) @ [
+        longest if v.unit == "m/s" else 1.0 for v in system.model.velocities
+    ]
     powers = np.round(np.log10(np.maximum(sizes, 1e-300)))
     return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
 
@@ -209,12 +270,15 @@ def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
     rows = list(motion.kept)
     violation = _at(system, motion, ca.mtimes(system.A[rows, :], system.v) - system.c[rows])
     entries = [violation[i] for i in range(len(rows))]
-    step = bordered_solution(metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries])
+    step = bordered_solution(
+        metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries]
+    )
     return motion.w + ca.mtimes(motion.B, ca.vertcat(*step.x)), entries
 
 
 def metric(system: System) -> ca.SX:
-    """M where it is positive definite for certain (no massless direction shows at the nominal values), else 1."""
+    """M where it is positive definite for certain (no massless direction shows at the nominal
+    values), else 1."""
     return system.M if system.definite and system.written else ca.SX.eye(system.v.numel())
 
 
@@ -228,32 +292,62 @@ def _largest(entries: list[ca.SX]) -> ca.SX:
 def _reactions(system: System, motion: Motion) -> Function | None:
     if not system.rows:
         return None
-    about = "multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row" + _of_repeated(system, motion)
+    about = (
+        "multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row"
+        + _of_repeated(system, motion)
+    )
     names = tuple(row.name for row in system.rows)
-    return Function("reactions", about, Result("lam", motion.lam, names, ()), guards=(*motion.guards, *motion.solving))
+    return Function(
+        "reactions",
+        about,
+        Result("lam", motion.lam, names, ()),
+        guards=(*motion.guards, *motion.solving),
+    )
 
 
 def _of_repeated(system: System, motion: Motion) -> str:
     if len(motion.kept) == len(system.rows):
         return ""
-    return "; where rows repeat others, not unique: " + ("the least ones" if keeps(system) else "zero for those that are dropped")
+    return "; where rows repeat others, not unique: " + (
+        "the least ones" if keeps(system) else "zero for those that are dropped"
+    )
 
 
 def _energy(system: System, motion: Motion) -> Function:
     value = ca.vertcat(_at(system, motion, system.T), system.V)
-    about = "kinetic and potential energy T, V"
-    return Function("energy", about, Result("energy", value, ("T", "V"), ("J", "J")), guards=_used(motion, system.T, system))
+    about, labels = "kinetic and potential energy T, V", ("T", "V")
+    if not system.homogeneous:
+        value = ca.vertcat(value, _at(system, motion, system.energy))
+        about, labels = f"{about}, and {_JACOBI}", (*labels, INTEGRAL)
+    return Function(
+        "energy",
+        about,
+        Result("energy", value, labels, ("J",) * len(labels)),
+        guards=_used(motion, system.T, system),
+    )
+
+
+INTEGRAL = "jacobi"  # label of Jacobi's integral, which `energy` gives where it is not T + V
+_JACOBI = "Jacobi's integral T2 - T0 + V"
 
 
 def _power(system: System, motion: Motion) -> Function:
-    """d(T + V)/dt = Q·v of the forces without potential + λᵀ c of constraints that move."""
+    """d(T₂ − T₀ + V)/dt = Q·v of the forces without potential + ∂(V − T)/∂t + λᵀ c of constraints
+    that move; T = T₂ + T₁ + T₀ by powers of the rates, most often T₂ alone."""
     power = _at(system, motion, system.power)
-    moving = [i for i in range(len(system.rows)) if not (system.c[i].is_constant() and float(system.c[i]) == 0)]
+    moving = [
+        i
+        for i in range(len(system.rows))
+        if not (system.c[i].is_constant() and float(system.c[i]) == 0)
+    ]
     for i in moving:
         power = power + motion.lam[i] * system.c[i]
     guards = (*motion.guards, *motion.solving) if moving else _used(motion, system.power, system)
     return Function(
-        "power", "power of forces without potential: d(T + V)/dt", Result("power", power, ("power",), ("W",)), guards=guards
+        "power",
+        f"power of forces without potential: d({'T' if system.homogeneous else 'T2 - T0'} + V)/dt",
+        Result("power", power, ("power",), ("W",)),
+        guards=guards,
     )
 
 
@@ -266,15 +360,26 @@ def _outputs(system: System, motion: Motion) -> Function | None:
         labels += [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
         units += [unit] * count
         values.append(_at(system, motion, value))
-    value, reactions = ca.vertcat(*values), system.symbols.reactions([row.name for row in system.rows])
+    value, reactions = (
+        ca.vertcat(*values),
+        system.symbols.reactions([row.name for row in system.rows]),
+    )
     solving = motion.solving if ca.depends_on(value, reactions) else ()
     result = Result("y", ca.substitute(value, reactions, motion.lam), tuple(labels), tuple(units))
     return Function("outputs", "the model's outputs", result, guards=(*motion.guards, *solving))
 
 
 def _velocity(system: System, motion: Motion) -> Function:
-    names, units = tuple(v.name for v in system.model.velocities), tuple(v.unit for v in system.model.velocities)
-    return Function("velocity", "base velocities v = S w + R c", Result("v", motion.v, names, units), guards=motion.guards)
+    names, units = (
+        tuple(v.name for v in system.model.velocities),
+        tuple(v.unit for v in system.model.velocities),
+    )
+    return Function(
+        "velocity",
+        "generalized velocities v = S w + R c",
+        Result("v", motion.v, names, units),
+        guards=motion.guards,
+    )
 
 
 def _state(system: System, motion: Motion) -> Function:

@@ -1,4 +1,5 @@
-"""Gauss's principle written out: of all v̇ with A v̇ = β the one nearest to a = M⁻¹ F in the metric of M."""
+"""Gauss's principle written out: of all v̇ with A v̇ = β the one nearest to a = M⁻¹ F in the metric
+of M."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from derive.mechanics.solve import ldl_solution, scalars
 
 @dataclass(frozen=True)
 class Constrained:
-    """v̇ and λ of M v̇ = F + Aᵀ λ, A v̇ = β; `free` is a = M⁻¹ F, `G` is A M⁻¹ Aᵀ with its pivots."""
+    """v̇ and λ of M v̇ = F + Aᵀ λ, A v̇ = β; `free` is a = M⁻¹ F, `G` is A M⁻¹ Aᵀ with its
+    pivots."""
 
     vdot: Vector
     lam: Vector
@@ -29,7 +31,10 @@ def constrained_motion(A: ca.SX, beta: Vector, inverse: Sequence[Vector]) -> Con
     """`inverse` holds M⁻¹ F, then M⁻¹ of every row of A."""
     free, response = inverse[0], inverse[1:]
     rows = rows_of(A)
-    G = [[dot(rows[max(i, j)], response[min(i, j)]) for j in range(len(rows))] for i in range(len(rows))]
+    G = [
+        [dot(rows[max(i, j)], response[min(i, j)]) for j in range(len(rows))]
+        for i in range(len(rows))
+    ]
     side = [b - dot(row, free) for b, row in zip(beta, rows)]
     found = ldl_solution(G, [side], range(len(rows)))
     lam = found.x[0]
@@ -38,12 +43,15 @@ def constrained_motion(A: ca.SX, beta: Vector, inverse: Sequence[Vector]) -> Con
 
 
 def inverse_applied(system: System, sides: Sequence[Vector]) -> list[Vector]:
-    """M⁻¹ of each side: L D Lᵀ from tip to base, or the recursion over the links where M is not written out."""
+    """M⁻¹ of each side: L D Lᵀ from tip to base, or the recursion over the links where M is not
+    written out."""
     n = system.v.numel()
     if system.written:
         return ldl_solution(scalars(system.M), sides, list(reversed(range(n)))).x
     rotors = [system.M_extra[j, j] if system.M_extra.has_nz(j, j) else 0.0 for j in range(n)]
-    return [tree_solution(system.links, system.inertias[-1], rotors, side).vdot for side in sides]  # regrouped: cheaper
+    return [
+        tree_solution(system.links, system.inertias[-1], rotors, side).vdot for side in sides
+    ]  # regrouped: cheaper
 
 
 def rows_of(A: ca.SX) -> Matrix:
@@ -53,9 +61,17 @@ def rows_of(A: ca.SX) -> Matrix:
 def named(found: Constrained, A: ca.SX, beta: Vector) -> tuple[Named, ...]:
     """What the derivation shows; A and β of the independent rows."""
     G = ca.vertcat(*[ca.horzcat(*row) for row in found.G]) if found.G else ca.SX(0, 0)
-    kept = Named("A_kept", "independent rows of A", A), Named("beta_kept", "β of these", _column(beta))
+    kept = (
+        Named("A_kept", "independent rows of A", A),
+        Named("beta_kept", "β of these", _column(beta)),
+    )
     forces = Named("lam_kept", "λ of these", _column(found.lam))
-    return Named("a", "accelerations without constraints", _column(found.free)), Named("G", "A M⁻¹ Aᵀ", G), *kept, forces
+    return (
+        Named("a", "accelerations without constraints", _column(found.free)),
+        Named("G", "A M⁻¹ Aᵀ", G),
+        *kept,
+        forces,
+    )
 
 
 def _column(x: Vector) -> ca.SX:

@@ -1,4 +1,5 @@
-"""What keeps a simulation on the constraints and on its branch, on request: the constraints with their Jacobians, and guards."""
+"""What keeps a simulation on the constraints and on its branch, on request: the constraints with
+their Jacobians, and guards."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ GUARDS = "what must not change its sign or vanish on the way: pivots, and how in
 
 
 def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> tuple[Request, ...]:
-    """Requests for what is there; `kept` and `closing` are the independent rows, of all and of the holonomic ones."""
+    """Requests for what is there; `kept` and `closing` are the independent rows, of all and of the
+    holonomic ones."""
     x = next(argument for argument in found.arguments if argument.name == "x")
     requests = []
     if closing or found.system.quaternions:
@@ -35,15 +37,19 @@ def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> t
 
 
 def keeps_velocities(found: Equations) -> bool:
-    """The state holds all base velocities although they are constrained, so that A v = c can drift."""
-    return bool(found.system.rows) and found.base_velocities
+    """The state holds all generalized velocities although they are constrained, so that A v = c can
+    drift."""
+    return bool(found.system.rows) and found.generalized_velocities
 
 
 def _closure(found: Equations, closing: Sequence[int]) -> Function:
     system = found.system
     lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
     psi = ca.vertcat(*[system.phi[system.rows[i].position] for i in closing], *lengths)
-    labels = (*(system.rows[i].name for i in closing), *(f"quaternion at {i}" for i in system.quaternions))
+    labels = (
+        *(system.rows[i].name for i in closing),
+        *(f"quaternion at {i}" for i in system.quaternions),
+    )
     return Function("closure", CLOSURE, Result("psi", _with_jacobian(psi, system.q), labels, ()))
 
 
@@ -51,20 +57,28 @@ def _slip(found: Equations, kept: Sequence[int], x: Argument) -> Function:
     system = found.system
     order = sorted(kept, key=lambda i: system.rows[i].position < 0)  # holonomic rows first
     w = x.symbols[system.q.numel() :]
-    violation = ca.substitute(ca.mtimes(system.A[order, :], system.v) - system.c[order], system.v, w)
+    violation = ca.substitute(
+        ca.mtimes(system.A[order, :], system.v) - system.c[order], system.v, w
+    )
     value = ca.densify(ca.horzcat(violation, system.A[order, :]))
-    return Function("slip", SLIP, Result("slip", value, tuple(system.rows[i].name for i in order), ()))
+    return Function(
+        "slip", SLIP, Result("slip", value, tuple(system.rows[i].name for i in order), ())
+    )
 
 
 def _pull(found: Equations, kept: Sequence[int]) -> Function:
     """Δ of A Δ = −φ, B Δ = 0 as the least of |A Δ|² + |B Δ|² with A Δ = −φ."""
     system = found.system
     A, B = system.A[list(kept), :], speed_rows(found)
-    side = [-system.phi[system.rows[i].position] if system.rows[i].position >= 0 else 0.0 for i in kept]
+    side = [
+        -system.phi[system.rows[i].position] if system.rows[i].position >= 0 else 0.0 for i in kept
+    ]
     weight = ca.mtimes(B.T, B) + ca.mtimes(A.T, A)
     delta = bordered_solution(weight, A, [0.0] * system.v.numel(), side)
     value = ca.substitute(system.qdot, system.v, ca.vertcat(*delta.x))
-    return Function("pull", PULL, Result("pull", value, tuple(c.name for c in system.model.coordinates), ()))
+    return Function(
+        "pull", PULL, Result("pull", value, tuple(c.name for c in system.model.coordinates), ())
+    )
 
 
 def speed_rows(found: Equations) -> ca.SX:
@@ -85,7 +99,9 @@ def _guards(found: Equations, kept: Sequence[int], dynamics: Function) -> Functi
     if keeps_velocities(found):
         values += [ca.SX(x) for x in _independence(scalars(ca.SX(found.system.A)[list(kept), :]))]
         names += [f"independence of {found.system.rows[i].name}" for i in kept]
-    return Function("guards", GUARDS, Result("guards", ca.densify(ca.vertcat(*values)), tuple(names), ()))
+    return Function(
+        "guards", GUARDS, Result("guards", ca.densify(ca.vertcat(*values)), tuple(names), ())
+    )
 
 
 def _independence(rows: list[Vector]) -> list[Scalar]:

@@ -1,4 +1,5 @@
-"""The bordered system [M Aᵀ; A 0], for accelerations with multipliers and for projections in the metric of M."""
+"""The bordered system [M Aᵀ; A 0], for accelerations with multipliers and for projections in the
+metric of M."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ class Bordered:
 
 
 def bordered_solution(M: ca.SX, A: ca.SX, top: Vector, bottom: Vector) -> Bordered:
-    """x, y of M x + Aᵀ y = top, A x = bottom, for M positive definite and A of full row rank, by one unrolled L D Lᵀ."""
+    """x, y of M x + Aᵀ y = top, A x = bottom, for M positive definite and A of full row rank, by
+    one unrolled L D Lᵀ."""
     nv, nc = M.size1(), A.size1()
     matrix = scalars(ca.blockcat([[M, A.T], [A, ca.SX(nc, nc)]]))
     found = ldl_solution(matrix, [[*top, *bottom]], [*reversed(range(nv)), *range(nv, nv + nc)])

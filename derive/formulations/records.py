@@ -1,6 +1,8 @@
-"""The Equations record: one formulation and one choice of quasi-velocities, as the functions of the generated module.
+"""The Equations record: one formulation and one choice of quasi-velocities, as the functions of the
+generated module.
 
-x = (q, w), v = S w + R c. Every function is f(t, x, u, p); arguments it does not use are absent from its expressions and code.
+x = (q, w), v = S w + R c. Every function is f(t, x, u, p); arguments it does not use are absent
+from its expressions and code.
 """
 
 from __future__ import annotations
@@ -10,12 +12,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from derive.choices.records import Guard
 from derive.mechanics.records import Named, System
 
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument slot of the generated functions: t (scalar), x, u or p, and its SX symbols in order."""
+    """An argument slot of the generated functions: t (scalar), x, u or p, and its SX symbols in
+    order."""
 
     name: str
     symbols: ca.SX
@@ -25,23 +29,11 @@ class Argument:
 
 @dataclass(frozen=True)
 class Iteration:
-    """The function is one Newton step: repeat with its result as the new x until the residual, a scalar, is ≤ tolerance."""
+    """The function is one Newton step: repeat with its result as the new x until the residual, a
+    scalar, is ≤ tolerance."""
 
     tolerance: float
     most: int
-
-
-@dataclass(frozen=True)
-class Guard:
-    """A pivot that must stay away from zero: |value| ≥ tolerance, else the function returns status SINGULAR.
-
-    `part` is what the tolerance is of the pivot's usual size; code of fewer digits raises it.
-    """
-
-    name: str
-    value: ca.SX
-    tolerance: float
-    part: float = 1e-9
 
 
 @dataclass(frozen=True)
@@ -55,9 +47,11 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Result:
-    """One result array of a function, row-major; `value` is dense r × c. Vectors are n × 1 and come out as (n,).
+    """One result array of a function, row-major; `value` is dense r × c. Vectors are n × 1 and come
+    out as (n,).
 
-    A `matrix` comes out as (r, c) even where it has one column. A vector with a `pattern` holds entries of a sparse matrix.
+    A `matrix` comes out as (r, c) even where it has one column. A vector with a `pattern` holds
+    entries of a sparse matrix.
     """
 
     name: str
@@ -70,9 +64,11 @@ class Result:
 
 @dataclass(frozen=True)
 class Function:
-    """`about` is one line for the header, docstring and manifest; `named` are intermediates that name sections of the code.
+    """`about` is one line for the header, docstring and manifest; `named` are intermediates that
+    name sections of the code.
 
-    `x` replaces the x slot of the arguments where the function takes something else there (`state` takes q and v).
+    `x` replaces the x slot of the arguments where the function takes something else there (`state`
+    takes q and v).
     """
 
     name: str
@@ -87,7 +83,8 @@ class Function:
 
 @dataclass(frozen=True)
 class Request:
-    """A function that is derived and emitted only when it is asked for by name (`--functions default,NAME`)."""
+    """A function that is derived and emitted only when it is asked for by name (`--functions
+    default,NAME`)."""
 
     name: str
     about: str
@@ -108,7 +105,16 @@ class Equations:
     parameters: tuple[float, ...]  # defaults, in the order of p
     assumptions: tuple[str, ...] = ()
     requests: tuple[Request, ...] = ()
-    base_velocities: bool = False  # x = (q, v): w are the base velocities, all of them
-    closing: tuple[int, ...] = ()  # the independent rows among the holonomic ones, which `project` closes
-    charts: tuple[Equations, ...] = ()  # further choices, charts 1, 2, … of the same motion; this one is chart 0
-    largest: tuple[float, ...] = ()  # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled states
+    generalized_velocities: bool = (
+        False  # x = (q, v): w are the generalized velocities, all of them
+    )
+    closing: tuple[
+        int, ...
+    ] = ()  # the independent rows among the holonomic ones, which `project` closes
+    charts: tuple[
+        Equations, ...
+    ] = ()  # further choices, charts 1, 2, … of the same motion; this one is chart 0
+    largest: tuple[
+        float, ...
+        # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled states
+    ] = ()

@@ -15,8 +15,8 @@ JOINTS = (REVOLUTE, PRISMATIC, SCREW, CYLINDRICAL, UNIVERSAL, BALL, PLANAR, FREE
 
 
 def joint_type(name: str, orientation: str = "", pitch: Scalar = 1.0) -> JointType:
-    """The table of a joint type; for a free joint with the Euler sequence `orientation` or "quaternion", for a screw with its
-    pitch. Raises KeyError for an unknown name.
+    """The table of a joint type; for a free joint with the Euler sequence `orientation` or
+    "quaternion", for a screw with its pitch. Raises KeyError for an unknown name.
     """
     if name == "free" and orientation:
         return FLOATING if orientation == "quaternion" else free_joint(orientation)

@@ -1,7 +1,9 @@
-"""Ball joint: any rotation about a point, as a unit quaternion (w, x, y, z); base velocity = ω in the child's frame.
+"""Ball joint: any rotation about a point, as a unit quaternion (w, x, y, z); generalized velocity =
+ω in the child's frame.
 
-q̇ = ½ q ∘ (0, ω). The rotation matrix divides by |q|², so that it is orthogonal for every quaternion but zero; the norm
-is a matter for `normalise` and `project`, never for the equations of motion.
+q̇ = ½ q ∘ (0, ω). The rotation matrix divides by |q|², so that it is orthogonal for every
+quaternion but zero; the norm is a matter for `normalise` and `project`, never for the equations of
+motion.
 """
 
 from collections.abc import Sequence
@@ -20,8 +22,22 @@ def quaternion_matrix(q: Sequence[Scalar]) -> Matrix:
     w, x, y, z = q
     s = 2.0 / dot(q, q)
     sx, sy, sz = s * x, s * y, s * z
-    wx, wy, wz, xx, xy, xz, yy, yz, zz = w * sx, w * sy, w * sz, x * sx, x * sy, x * sz, y * sy, y * sz, z * sz
-    return [[1.0 - (yy + zz), xy - wz, xz + wy], [xy + wz, 1.0 - (xx + zz), yz - wx], [xz - wy, yz + wx, 1.0 - (xx + yy)]]
+    wx, wy, wz, xx, xy, xz, yy, yz, zz = (
+        w * sx,
+        w * sy,
+        w * sz,
+        x * sx,
+        x * sy,
+        x * sz,
+        y * sy,
+        y * sz,
+        z * sz,
+    )
+    return [
+        [1.0 - (yy + zz), xy - wz, xz + wy],
+        [xy + wz, 1.0 - (xx + zz), yz - wx],
+        [xz - wy, yz + wx, 1.0 - (xx + yy)],
+    ]
 
 
 def quaternion_rotation(q: Sequence[Scalar]) -> Rotation:
@@ -32,7 +48,12 @@ def quaternion_rates(q: Sequence[Scalar], omega: Sequence[Scalar]) -> Vector:
     """½ q ∘ (0, ω)."""
     w, x, y, z = q
     a, b, c = (0.5 * e for e in omega)
-    return [-(x * a + y * b + z * c), w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
+    return [
+        -(x * a + y * b + z * c),
+        w * a + y * c - z * b,
+        w * b + z * a - x * c,
+        w * c + x * b - y * a,
+    ]
 
 
 BALL = JointType(

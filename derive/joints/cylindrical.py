@@ -1,4 +1,5 @@
-"""Cylindrical joint: turns about and slides along one axis; base velocities = the two rates."""
+"""Cylindrical joint: turns about and slides along one axis; generalized velocities = the two
+rates."""
 
 from derive.joints.records import JointType, Slot
 from derive.joints.turns import turn

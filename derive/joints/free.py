@@ -1,8 +1,9 @@
-"""Free joint: six degrees of freedom; base velocities = linear and angular velocity in the child's frame.
+"""Free joint: six degrees of freedom; generalized velocities = linear and angular velocity in the
+child's frame.
 
-Position first, then orientation as Euler angles of any sequence (intrinsic) or as a unit quaternion (FLOATING). Inverse of
-ω = Σ axisᵢ θ̇ᵢ in closed form: for a sequence i, j, k about different axes N is regular away from θ₂ = ±90°, for i, j, i away
-from θ₂ = 0.
+Position first, then orientation as Euler angles of any sequence (intrinsic) or as a unit quaternion
+(FLOATING). Inverse of ω = Σ axisᵢ θ̇ᵢ in closed form: for a sequence i, j, k about different axes N
+is regular away from θ₂ = ±90°, for i, j, i away from θ₂ = 0.
 """
 
 from collections.abc import Sequence
@@ -14,13 +15,16 @@ from derive.joints.turns import UNIT, euler_rotation
 
 
 def _angle_rates(sequence: str, angles: Sequence[Scalar], omega: Sequence[Scalar]) -> Vector:
-    """θ̇ from ω: θ̇₁ and θ̇₂ along the dual axes, taken in the frame before the last turn where they are single components."""
+    """θ̇ from ω: θ̇₁ and θ̇₂ along the dual axes, taken in the frame before the last turn where
+    they are single components."""
     from derive.joints.rotations import cross, dot, principal_rotation, rotated, transpose
 
     before = rotated(principal_rotation(sequence[2], angles[2]), omega)
     first = rotated(transpose(principal_rotation(sequence[1], angles[1])), UNIT[sequence[0]])
     second, third = UNIT[sequence[1]], UNIT[sequence[2]]
-    across = cross(second, third)  # first = a across + b third, and a vanishes at the singular attitude
+    across = cross(
+        second, third
+    )  # first = a across + b third, and a vanishes at the singular attitude
     theta1 = dot(across, before) / dot(across, first)
     return [theta1, dot(second, before), dot(third, before) - dot(third, first) * theta1]
 
@@ -38,13 +42,17 @@ def free_joint(sequence: str) -> JointType:
 
     return JointType(
         name="free",
-        about="six degrees of freedom; base velocities in the body's frame",
-        coordinates=tuple(Slot(s, "m") for s in "xyz") + tuple(Slot(f"angle{i}", "rad") for i in (1, 2, 3)),
-        velocities=tuple(Slot(f"v{s}", "m/s") for s in "xyz") + tuple(Slot(f"w{s}", "rad/s") for s in "xyz"),
+        about="six degrees of freedom; generalized velocities in the body's frame",
+        coordinates=tuple(Slot(s, "m") for s in "xyz")
+        + tuple(Slot(f"angle{i}", "rad") for i in (1, 2, 3)),
+        velocities=tuple(Slot(f"v{s}", "m/s") for s in "xyz")
+        + tuple(Slot(f"w{s}", "rad/s") for s in "xyz"),
         needs_axis=False,
         rotation=rotation,
         translation=lambda q, axis: list(q[:3]),
-        motion=lambda q, axis: [[0.0, 0.0, 0.0, *UNIT[s]] for s in "xyz"] + [[*UNIT[s], 0.0, 0.0, 0.0] for s in "xyz"],
+        motion=lambda q, axis: (
+            [[0.0, 0.0, 0.0, *UNIT[s]] for s in "xyz"] + [[*UNIT[s], 0.0, 0.0, 0.0] for s in "xyz"]
+        ),
         rates=rates,
     )
 
@@ -59,7 +67,7 @@ FREE = free_joint("zyx")
 
 FLOATING = replace(
     FREE,
-    about="six degrees of freedom with a unit quaternion (w, x, y, z); base velocities in the body's frame",
+    about="six degrees of freedom with a unit quaternion (w, x, y, z); generalized velocities in the body's frame",
     coordinates=(*FREE.coordinates[:3], *QUATERNION),
     rotation=lambda q, axis: quaternion_rotation(q[3:]),
     rates=_floating_rates,

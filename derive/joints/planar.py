@@ -1,6 +1,8 @@
-"""Planar joint: two translations and a turn; base velocities = linear and angular velocity in the child's frame.
+"""Planar joint: two translations and a turn; generalized velocities = linear and angular velocity
+in the child's frame.
 
-The plane is at right angles to the axis, spanned by e1 and e2 = axis × e1: (x, y) for axis z, (x, z) for −y, (y, z) for x.
+The plane is at right angles to the axis, spanned by e1 and e2 = axis × e1: (x, y) for axis z, (x,
+z) for −y, (y, z) for x.
 """
 
 from collections.abc import Sequence
@@ -39,7 +41,7 @@ def _component(x: Sequence[Scalar], unit: Sequence[Scalar]) -> Scalar:
 
 PLANAR = JointType(
     name="planar",
-    about="moves and turns in a plane; base velocities in the body's frame",
+    about="moves and turns in a plane; generalized velocities in the body's frame",
     coordinates=(Slot("x", "m"), Slot("y", "m"), Slot("angle", "rad")),
     velocities=(Slot("vx", "m/s"), Slot("vy", "m/s"), Slot("w", "rad/s")),
     needs_axis=False,

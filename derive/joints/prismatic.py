@@ -1,4 +1,4 @@
-"""Prismatic joint: slides along the axis; base velocity = the joint rate."""
+"""Prismatic joint: slides along the axis; generalized velocity = the joint rate."""
 
 from derive.joints.records import JointType, Slot
 

@@ -1,8 +1,8 @@
 """What a joint type is: a short table of names and functions.
 
-The child joint frame sits at `translation` with `rotation` in the parent joint frame; its relative twist (ω, v at the joint
-frame's origin), written in the child joint frame, is motion(q, axis) v. Functions take and return lists of SX scalars or
-floats, so that structural zeros stay zeros.
+The child joint frame sits at `translation` with `rotation` in the parent joint frame; its relative
+twist (ω, v at the joint frame's origin), written in the child joint frame, is motion(q, axis) v.
+Functions take and return lists of SX scalars or floats, so that structural zeros stay zeros.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ class Turn:
 
 @dataclass(frozen=True)
 class Still:
-    """A factor of a rotation: a matrix that is no single turn (a constant placement, a quaternion's matrix)."""
+    """A factor of a rotation: a matrix that is no single turn (a constant placement, a quaternion's
+    matrix)."""
 
     matrix: Matrix
 
@@ -36,7 +37,8 @@ Rotation = tuple[Turn | Still, ...]  # product from left to right
 
 @dataclass(frozen=True)
 class Slot:
-    """One coordinate or base velocity: suffix in names such as `base.vx` and its SI unit ("rad", "m", "rad/s", "m/s")."""
+    """One coordinate or generalized velocity: suffix in names such as `base.vx` and its SI unit
+    ("rad", "m", "rad/s", "m/s")."""
 
     suffix: str
     unit: str
@@ -46,10 +48,11 @@ class Slot:
 class JointType:
     """`motion` is a list of 6-vectors (angular first), one per velocity; `rates` is q̇ = N(q) v.
 
-    Velocities with suffix "" are the rate of the coordinate in the same place (base velocity `der(q)`).
-    `needs_axis` says whether a model must, in space, give an axis. `parts` names the simpler joints of a chain with massless
-    bodies between; the functions are then not used. `unit_from`: index of the first of four coordinates that are a unit
-    quaternion (w, x, y, z), −1 where there is none.
+    Velocities with suffix "" are the rate of the coordinate in the same place (generalized velocity
+    `der(q)`). `needs_axis` says whether a model must, in space, give an axis. `parts` names the
+    simpler joints of a chain with massless bodies between; the functions are then not used.
+    `unit_from`: index of the first of four coordinates that are a unit quaternion (w, x, y, z), −1
+    where there is none.
     """
 
     name: str
@@ -57,9 +60,13 @@ class JointType:
     coordinates: tuple[Slot, ...]
     velocities: tuple[Slot, ...]
     needs_axis: bool
-    rotation: Callable[[Sequence[Scalar], Sequence[Scalar]], Rotation]  # (q, axis) → parent joint frame ← child joint frame
+    rotation: Callable[
+        [Sequence[Scalar], Sequence[Scalar]], Rotation
+    ]  # (q, axis) → parent joint frame ← child joint frame
     translation: Callable[[Sequence[Scalar], Sequence[Scalar]], Vector]
     motion: Callable[[Sequence[Scalar], Sequence[Scalar]], list[Vector]]
-    rates: Callable[[Sequence[Scalar], Sequence[Scalar], Sequence[Scalar]], Vector]  # (q, v, axis) → q̇
+    rates: Callable[
+        [Sequence[Scalar], Sequence[Scalar], Sequence[Scalar]], Vector
+    ]  # (q, v, axis) → q̇
     parts: tuple[str, ...] = ()
     unit_from: int = -1

@@ -1,4 +1,4 @@
-"""Revolute joint: one turn about the axis; base velocity = the joint rate."""
+"""Revolute joint: one turn about the axis; generalized velocity = the joint rate."""
 
 from derive.joints.records import JointType, Slot
 from derive.joints.turns import turn

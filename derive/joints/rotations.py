@@ -1,4 +1,5 @@
-"""Rotations as lists of scalars, exact zeros and ones kept as floats so that nothing is ever multiplied by them."""
+"""Rotations as lists of scalars, exact zeros and ones kept as floats so that nothing is ever
+multiplied by them."""
 
 from __future__ import annotations
 
@@ -20,7 +21,13 @@ def axis_rotation(axis: Sequence[Scalar], angle: Scalar) -> Matrix:
             return principal_rotation(letter, angle)
     x, y, z = axis
     cross = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-    return [[(c if i == j else 0.0) + cross[i][j] * s + _versine(axis[i] * axis[j], c) for j in range(3)] for i in range(3)]
+    return [
+        [
+            (c if i == j else 0.0) + cross[i][j] * s + _versine(axis[i] * axis[j], c)
+            for j in range(3)
+        ]
+        for i in range(3)
+    ]
 
 
 def _versine(weight: Scalar, c: Scalar) -> Scalar:
@@ -40,11 +47,15 @@ def is_one(value: Scalar) -> bool:
 
 
 def inverse(rotation: Rotation) -> Rotation:
-    return tuple(Turn(f.axis, -f.angle) if isinstance(f, Turn) else Still(transpose(f.matrix)) for f in reversed(rotation))
+    return tuple(
+        Turn(f.axis, -f.angle) if isinstance(f, Turn) else Still(transpose(f.matrix))
+        for f in reversed(rotation)
+    )
 
 
 def merged(*rotations: Rotation) -> Rotation:
-    """The product, with neighbouring turns about one axis made one: along parallel axes angles add, no matrix is multiplied."""
+    """The product, with neighbouring turns about one axis made one: along parallel axes angles add,
+    no matrix is multiplied."""
     result: list[Turn | Still] = []
     for factor in (f for rotation in rotations for f in rotation):
         last = result[-1] if result else None
@@ -58,7 +69,9 @@ def merged(*rotations: Rotation) -> Rotation:
 def matrix(rotation: Rotation) -> Matrix:
     result = IDENTITY
     for factor in rotation:
-        turned = axis_rotation(factor.axis, factor.angle) if isinstance(factor, Turn) else factor.matrix
+        turned = (
+            axis_rotation(factor.axis, factor.angle) if isinstance(factor, Turn) else factor.matrix
+        )
         result = turned if result is IDENTITY else product(result, turned)
     return result
 
@@ -110,7 +123,11 @@ def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
 
 
 def cross(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
-    return [dot([a[1], a[2]], [b[2], -b[1]]), dot([a[2], a[0]], [b[0], -b[2]]), dot([a[0], a[1]], [b[1], -b[0]])]
+    return [
+        dot([a[1], a[2]], [b[2], -b[1]]),
+        dot([a[2], a[0]], [b[0], -b[2]]),
+        dot([a[0], a[1]], [b[1], -b[0]]),
+    ]
 
 
 def sum_of(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:

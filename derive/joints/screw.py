@@ -1,4 +1,5 @@
-"""Screw joint: turns about an axis and advances along it by `pitch` metres a turn; base velocity = the rate of the angle."""
+"""Screw joint: turns about an axis and advances along it by `pitch` metres a turn; generalized
+velocity = the rate of the angle."""
 
 from math import pi
 

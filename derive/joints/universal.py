@@ -1,4 +1,5 @@
-"""Universal joint: a turn about `axis` fixed in the parent, then one about `axis2` fixed in the child; two revolute joints."""
+"""Universal joint: a turn about `axis` fixed in the parent, then one about `axis2` fixed in the
+child; two revolute joints."""
 
 from dataclasses import replace
 

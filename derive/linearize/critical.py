@@ -1,7 +1,9 @@
-"""Critical values: where the kind of motion changes along one parameter, located as roots of smooth functions.
+"""Critical values: where the kind of motion changes along one parameter, located as roots of smooth
+functions.
 
-`zero`: a real eigenvalue passes zero (det A = 0). `hopf`: a pair passes the imaginary axis (Re λ = 0). `double`: two real
-eigenvalues meet and part as a pair ((λ₁ − λ₂)² = 0, which is smooth and as exact as A, though each λ is only good to √ε there).
+`zero`: a real eigenvalue passes zero (det A = 0). `hopf`: a pair passes the imaginary axis (Re λ =
+0). `double`: two real eigenvalues meet and part as a pair ((λ₁ − λ₂)² = 0, which is smooth and as
+exact as A, though each λ is only good to √ε there).
 """
 
 from __future__ import annotations
@@ -28,17 +30,25 @@ class Critical:
     eigenvalue: complex
 
 
-def critical_values(matrices: Spectra, values: np.ndarray, found: np.ndarray) -> tuple[Critical, ...]:
+def critical_values(
+    matrices: Spectra, values: np.ndarray, found: np.ndarray
+) -> tuple[Critical, ...]:
     """All changes between neighbouring `values`, whose eigenvalues are the rows of `found`."""
     kinds = [signature(row) for row in found]
     changes = [k for k in range(len(values) - 1) if kinds[k] != kinds[k + 1]]
-    return tuple(c for k in changes for c in _between(matrices, values[k], values[k + 1], kinds[k], kinds[k + 1], 0))
+    return tuple(
+        c
+        for k in changes
+        for c in _between(matrices, values[k], values[k + 1], kinds[k], kinds[k + 1], 0)
+    )
 
 
 Signature = tuple[int, int, int]
 
 
-def _between(matrices: Spectra, a: float, b: float, at_a: Signature, at_b: Signature, depth: int) -> Iterator[Critical]:
+def _between(
+    matrices: Spectra, a: float, b: float, at_a: Signature, at_b: Signature, depth: int
+) -> Iterator[Critical]:
     if at_a == at_b:
         return
     kind = _kind(at_a, at_b)
@@ -71,14 +81,17 @@ def _located(matrices: Spectra, kind: str, a: float, b: float) -> Critical:
 
 
 def _squared_gap(A: np.ndarray) -> float:
-    """(λ₁ − λ₂)² of the two nearest eigenvalues: positive where both are real, negative for a pair."""
+    """(λ₁ − λ₂)² of the two nearest eigenvalues: positive where both are real, negative for a
+    pair."""
     values = eigenvalues(A[np.newaxis])[0]
     i, j = _closest(values)
     return float(((values[i] - values[j]) ** 2).real)
 
 
 def _closest(values: np.ndarray) -> tuple[int, int]:
-    gaps = np.abs(values[:, np.newaxis] - values[np.newaxis, :]) + np.diag(np.full(len(values), np.inf))
+    gaps = np.abs(values[:, np.newaxis] - values[np.newaxis, :]) + np.diag(
+        np.full(len(values), np.inf)
+    )
     i, j = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
     return int(i), int(j)
 
@@ -104,11 +117,14 @@ def _changing(kind: str, values: np.ndarray) -> complex:
     if kind == "double":
         i, j = _closest(values)
         return complex((values[i] + values[j]).real / 2)
-    return complex(values[np.argmin(np.abs(values))].real) if kind == "zero" else _oscillating(values)
+    return (
+        complex(values[np.argmin(np.abs(values))].real) if kind == "zero" else _oscillating(values)
+    )
 
 
 def root(measure: Callable[[float], float], a: float, b: float) -> float:
-    """A zero of `measure` between a and b to the last digits, by false position (Illinois) with bisection when that is slow."""
+    """A zero of `measure` between a and b to the last digits, by false position (Illinois) with
+    bisection when that is slow."""
     fa, fb = measure(a), measure(b)
     if not fa * fb < 0:
         return a if abs(fa) <= abs(fb) else b

@@ -8,22 +8,31 @@ import numpy as np
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.minimal import evaluator, position_rows
-from derive.mechanics.sampling import states
+from derive.states.sampling import states
 
 SAMPLES = 5
 NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
 
 
 def cyclic_coordinates(equations: Equations) -> tuple[int, ...]:
-    """Indices in q, the largest such set, from the derivatives of φ, q̇ and ẇ at random admissible states.
+    """Indices in q, the largest such set, from the derivatives of φ, q̇ and ẇ at random admissible
+    states.
 
-    Derivatives rather than formulas: in good quasi-velocities a wheel's angle cancels, though it may be written in f.
+    Derivatives rather than formulas: in good quasi-velocities a wheel's angle cancels, though it
+    may be written in f.
     """
     slopes = _slopes(equations)
-    nq, fixed = equations.system.q.numel(), equations.system.phi.numel() + len(equations.system.quaternions)
+    nq, fixed = (
+        equations.system.q.numel(),
+        equations.system.phi.numel() + len(equations.system.quaternions),
+    )
     found = set(range(nq))
     while True:
-        rows = [i for i in range(slopes.shape[0]) if not (fixed <= i < fixed + nq and i - fixed in found)]
+        rows = [
+            i
+            for i in range(slopes.shape[0])
+            if not (fixed <= i < fixed + nq and i - fixed in found)
+        ]
         lost = {j for j in found if np.any(slopes[rows, j])}
         if not lost:
             return tuple(sorted(found))
@@ -34,7 +43,9 @@ def _slopes(equations: Equations) -> np.ndarray:
     """Which of (φ, q̇, ẇ) depend on which coordinate: flags."""
     system = equations.system
     _, x, *_ = (argument.symbols for argument in equations.arguments)
-    f = next(function.result.value for function in equations.functions if function.name == "dynamics")
+    f = next(
+        function.result.value for function in equations.functions if function.name == "dynamics"
+    )
     value = ca.vertcat(position_rows(system), f)
     B = ca.Function("B", [system.t, system.q, system.p], [ca.densify(_speed_rows(equations))])
     sampled = states(system, SAMPLES, seed=1)
@@ -50,13 +61,20 @@ def _speed_rows(equations: Equations) -> ca.SX:
 
 
 def confirmed(equations: Equations, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Indices of coordinates that are said to be cyclic. Raises AssumptionError where one is not."""
+    """Indices of coordinates that are said to be cyclic. Raises AssumptionError where one is
+    not."""
     known = [c.name for c in equations.system.model.coordinates]
     found = cyclic_coordinates(equations)
     for name in names:
         if name not in known:
-            raise AssumptionError(f"unknown coordinate '{name}'", did_you_mean(name, known) or f"known: {listed(known)}")
+            raise AssumptionError(
+                f"unknown coordinate '{name}'",
+                did_you_mean(name, known) or f"known: {listed(known)}",
+            )
         if known.index(name) not in found:
             cyclic = listed(known[i] for i in found) or "none"
-            raise AssumptionError(f"'{name}' is not cyclic: the equations depend on it", f"cyclic coordinates: {cyclic}")
+            raise AssumptionError(
+                f"'{name}' is not cyclic: the equations depend on it",
+                f"cyclic coordinates: {cyclic}",
+            )
     return tuple(known.index(name) for name in names)

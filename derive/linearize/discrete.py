@@ -1,4 +1,5 @@
-"""Discrete time: δx(t + h) = Φ δx + Γ δu by the sensitivities of Runge–Kutta steps, along any motion, u held over the step."""
+"""Discrete time: δx(t + h) = Φ δx + Γ δu by the sensitivities of Runge–Kutta steps, along any
+motion, u held over the step."""
 
 from __future__ import annotations
 
@@ -13,20 +14,25 @@ STEPS = 8  # of the fourth order within h
 class Discrete:
     """Φ (n × n) and Γ (n × nu) in the minimal states of a linear form; the graph is made once.
 
-    The state moves by `steps` classical Runge–Kutta steps of h/steps with the nonlinear equations, and the step is differentiated
-    exactly: near a steady motion Φ is e^{A h} to O(h⁵/steps⁴), along others it is what a controller that samples needs.
+    The state moves by `steps` classical Runge–Kutta steps of h/steps with the nonlinear equations,
+    and the step is differentiated exactly: near a steady motion Φ is e^{A h} to O(h⁵/steps⁴), along
+    others it is what a controller that samples needs.
     """
 
     def __init__(self, form: Linear, steps: int = STEPS) -> None:
         self.form = form
         equations = form.equations
         t, x, u, p = (argument.symbols for argument in equations.arguments)
-        f = next(function.result.value for function in equations.functions if function.name == "dynamics")
+        f = next(
+            function.result.value for function in equations.functions if function.name == "dynamics"
+        )
         one = _step(ca.Function("f", [t, x, u, p], [f]), *(s.numel() for s in (x, u, p)))
         self.flow = _flow(one, steps, *(s.numel() for s in (x, u, p)))
         self.T = ca.Function("T", [t, x, u, p], [ca.densify(form.T)])
 
-    def __call__(self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(
+        self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, h: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """(Φ, Γ) over the step of length h (s) from (t, x) with inputs u."""
         _, Fx, Fu = (m.full() for m in self.flow(t, x, u, p, h))
         rows = list(self.form.independent)

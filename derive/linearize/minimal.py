@@ -1,7 +1,9 @@
-"""The minimal linear equations: ẋ = f(t, x, u, p) differentiated along the directions that φ = 0 leaves.
+"""The minimal linear equations: ẋ = f(t, x, u, p) differentiated along the directions that φ = 0
+leaves.
 
-Source: Gonzalez, Aparicio, Garcia-Agundez Blanco et al. reduce the linearised multiplier equations; as f is explicit here, its
-derivative holds their geometric stiffness and the perturbed dependent velocities already.
+Source: Gonzalez, Aparicio, Garcia-Agundez Blanco et al. reduce the linearised multiplier equations;
+as f is explicit here, its derivative holds their geometric stiffness and the perturbed dependent
+velocities already.
 """
 
 from __future__ import annotations
@@ -11,27 +13,37 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import numpy as np
 
+from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
-from derive.formulations.records import Argument, Equations, Function, Guard, Request, Result
+from derive.formulations.records import Argument, Equations, Function, Request, Result
 from derive.joints.records import Vector
 from derive.linearize.records import Linear
-from derive.mechanics.initial import initial_state
 from derive.mechanics.records import System
 from derive.mechanics.solve import Block, lu_solution, scalars
+from derive.numerics import refuses_numerically
+from derive.states.initial import initial_state
 
 WEAK = 1e-9  # relative size of what is left of a row that repeats others
-SPARED = 1e-3  # coordinates whose rates are quasi-velocities become dependent only where others are this much weaker
-NEAR = 1e-6  # guard: smallest pivot of the dependent coordinates, relative to where they were chosen
+# coordinates whose rates are quasi-velocities become dependent only where others are this much
+# weaker
+SPARED = 1e-3
+NEAR = (
+    1e-6  # guard: smallest pivot of the dependent coordinates, relative to where they were chosen
+)
 
 
+@refuses_numerically("the linear equations")
 def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
-    """The linear equations with the dependent coordinates chosen at a configuration q on the constraints.
+    """The linear equations with the dependent coordinates chosen at a configuration q on the
+    constraints.
 
-    A (n × n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for quasi-velocities that are not
-    minimal (the augmented formulation).
+    A (n × n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for
+    quasi-velocities that are not minimal (the augmented formulation).
     """
     if equations.formulation != "quasi_velocities":
-        raise AssumptionError("only equations in quasi-velocities are minimal", "use the formulation quasi_velocities")
+        raise AssumptionError(
+            "only equations in quasi-velocities are minimal", "use the formulation quasi_velocities"
+        )
     _, x, u, _ = (argument.symbols for argument in equations.arguments)
     system, nq = equations.system, equations.system.q.numel()
     pivots = _pivots(equations, q, p)
@@ -72,10 +84,13 @@ def position_rows(system: System) -> ca.SX:
 
 
 def _pivots(equations: Equations, q: np.ndarray, p: np.ndarray) -> list[tuple[int, int]]:
-    """(row, column) of each independent position row, by elimination with the largest pivots at q."""
+    """(row, column) of each independent position row, by elimination with the largest pivots at
+    q."""
     system = equations.system
     rows = position_rows(system)
-    function = ca.Function("rows", [system.t, system.q, system.p], [ca.densify(ca.jacobian(rows, system.q))])
+    function = ca.Function(
+        "rows", [system.t, system.q, system.p], [ca.densify(ca.jacobian(rows, system.q))]
+    )
     J = np.asarray(function(0.0, q, p))
     weights = np.array([SPARED if spared else 1.0 for spared in _spared(equations)])
     rank = int(np.linalg.matrix_rank(J, tol=WEAK * np.max(np.abs(J)))) if J.size else 0
@@ -108,9 +123,14 @@ def _spared(equations: Equations) -> list[bool]:
 
 
 def _tangent(
-    equations: Equations, pivots: Sequence[tuple[int, int]], independent: Sequence[int], q: np.ndarray, p: np.ndarray
+    equations: Equations,
+    pivots: Sequence[tuple[int, int]],
+    independent: Sequence[int],
+    q: np.ndarray,
+    p: np.ndarray,
 ) -> tuple[ca.SX, tuple[Guard, ...]]:
-    """δx = T δ(states): δq_d = −φ_d⁻¹ φ_i δq_i by an unrolled elimination in the order of the pivots.
+    """δx = T δ(states): δq_d = −φ_d⁻¹ φ_i δq_i by an unrolled elimination in the order of the
+    pivots.
 
     The guards are relative to the pivots at (q, p), where they were chosen.
     """
@@ -130,9 +150,17 @@ def _tangent(
     for k, side in zip(free, found.x):
         for j, value in zip(columns, side):
             T[j, k] = value
-    chosen = ca.Function("pivots", [system.t, system.q, system.p], [ca.vertcat(*found.pivots)])(0.0, q, p).full().ravel()
+    chosen = (
+        ca.Function("pivots", [system.t, system.q, system.p], [ca.vertcat(*found.pivots)])(
+            0.0, q, p
+        )
+        .full()
+        .ravel()
+    )
     varying = [k for k, pivot in enumerate(found.pivots) if not ca.SX(pivot).is_constant()]
-    return T, tuple(_guard(x, columns[k], ca.SX(found.pivots[k]), NEAR * abs(float(chosen[k]))) for k in varying)
+    return T, tuple(
+        _guard(x, columns[k], ca.SX(found.pivots[k]), NEAR * abs(float(chosen[k]))) for k in varying
+    )
 
 
 def _guard(x: Argument, j: int, pivot: ca.SX, least: float) -> Guard:
@@ -153,14 +181,17 @@ ABOUT = "[A B; C D] of δẋ = A δx + B δu, δy = C δx + D δu in minimal sta
 
 
 def linearization(equations: Equations) -> Function:
-    """[A B; C D] as a function of the generated module; dependent coordinates are chosen at the initial configuration."""
+    """[A B; C D] as a function of the generated module; dependent coordinates are chosen at the
+    initial configuration."""
     initial = initial_state(equations.system)
     found = linear(equations, initial.q, np.array(equations.parameters))
     value = ca.densify(ca.blockcat([[found.A, found.B], [found.C, found.D]]))
     labels = (*(f"der({name})" for name in found.states), *found.outputs)
     about = f"{ABOUT}; states {', '.join(found.states)}"
     guards = _dynamics(equations).guards
-    return Function("linearization", about, Result("AB_CD", value, labels, ()), guards=(*guards, *found.guards))
+    return Function(
+        "linearization", about, Result("AB_CD", value, labels, ()), guards=(*guards, *found.guards)
+    )
 
 
 def _dynamics(equations: Equations) -> Function:
@@ -178,7 +209,11 @@ def evaluator(equations: Equations, value: ca.SX) -> Evaluator:
 
     def evaluated(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         many = len(x)
-        found = np.asarray(function(np.zeros((1, many)), x.T, u.T, p.T)) if value.numel() else np.zeros((shape[0], 0))
+        found = (
+            np.asarray(function(np.zeros((1, many)), x.T, u.T, p.T))
+            if value.numel()
+            else np.zeros((shape[0], 0))
+        )
         return found.reshape(shape[0], many, shape[1]).transpose(1, 0, 2)
 
     return evaluated

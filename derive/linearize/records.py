@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from derive.formulations.records import Equations, Guard
+from derive.choices.records import Guard
+from derive.formulations.records import Equations
 
 
 @dataclass(frozen=True)
 class Linear:
     """The equations linearised about any state on the constraints, over (t, x, u, p).
 
-    The states are the independent coordinates and all quasi-velocities, 2n − 2m_h − m_n of them: x's perturbation is T times
-    theirs. The dependent coordinates follow from φ_q δq = 0. As the states are entries of x, the equations hold along every
-    motion, not only along steady ones; what the constraints exert is in them, for ẋ = f(x) has no multipliers left.
+    The states are the independent coordinates and all quasi-velocities, 2n − 2m_h − m_n of them:
+    x's perturbation is T times theirs. The dependent coordinates follow from φ_q δq = 0. As the
+    states are entries of x, the equations hold along every motion, not only along steady ones; what
+    the constraints exert is in them, for ẋ = f(x) has no multipliers left.
     """
 
     equations: Equations
@@ -36,7 +38,8 @@ class Linear:
 
 @dataclass(frozen=True)
 class Steady:
-    """A steady motion: state and inputs, one row for each of N sets of values; `residual` is the worst of each row."""
+    """A steady motion: state and inputs, one row for each of N sets of values; `residual` is the
+    worst of each row."""
 
     x: np.ndarray  # N × nx
     u: np.ndarray  # N × nu

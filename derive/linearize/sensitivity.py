@@ -1,4 +1,5 @@
-"""How eigenvalues move with parameters: dλ = yᴴ dA x / yᴴ x, with the steady motion moving along."""
+"""How eigenvalues move with parameters: dλ = yᴴ dA x / yᴴ x, with the steady motion moving
+along."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ DEFECTIVE = 1e-7  # |yᴴ x| below which two eigenvalues are one and have no der
 
 @dataclass(frozen=True)
 class Mode:
-    """An eigenvalue (1/s) with its right vector over all minimal states, and dλ/d(name) for parameters and free names."""
+    """An eigenvalue (1/s) with its right vector over all minimal states, and dλ/d(name) for
+    parameters and free names."""
 
     eigenvalue: complex
     vector: np.ndarray
@@ -35,19 +37,25 @@ def modes(found: Study) -> tuple[Mode, ...]:
         x, y = _vectors(A, wanted)
         over = np.vdot(y, x)
         defective = abs(over) < DEFECTIVE
-        moved = {} if defective else {name: complex(np.vdot(y, slope @ x) / over) for name, slope in slopes.items()}
+        moved = (
+            {}
+            if defective
+            else {name: complex(np.vdot(y, slope @ x) / over) for name, slope in slopes.items()}
+        )
         result.append(Mode(complex(wanted), x / x[np.argmax(np.abs(x))], moved))
     return tuple(result)
 
 
 def _vectors(A: np.ndarray, eigenvalue: complex) -> tuple[np.ndarray, np.ndarray]:
-    """Right and left vector of length one: the null vectors of A − λ 1, which the defective zeros of A leave alone."""
+    """Right and left vector of length one: the null vectors of A − λ 1, which the defective zeros
+    of A leave alone."""
     left, _, right = np.linalg.svd(A - eigenvalue * np.eye(len(A)))
     return right[-1].conj(), left[:, -1]
 
 
 def _slopes(found: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
-    """dA/dθ along the family of steady motions, for every parameter and free name: ∂A/∂p + ∂A/∂(x, u) d(x, u)/dθ."""
+    """dA/dθ along the family of steady motions, for every parameter and free name: ∂A/∂p + ∂A/∂(x,
+    u) d(x, u)/dθ."""
     problem, form = found.problem, found.linear
     t, *rest = (a.symbols for a in found.equations.arguments)
     at = ca.vertcat(*rest)

@@ -1,8 +1,10 @@
-"""Eigenvalues without the zeros that say nothing: cyclic coordinates and families of steady motions taken out exactly.
+"""Eigenvalues without the zeros that say nothing: cyclic coordinates and families of steady motions
+taken out exactly.
 
-A steady motion that is one of a family (any speed will do) has directions r with A r = 0. In place of some coordinates j the
-state is counted along them; what is left, A − r r_j⁻¹ A_j without rows and columns j, has the other eigenvalues and keeps the
-names. Taking zeros out before the eigenvalues are computed matters: defective zeros come out as large as ε^(1/k), some unstable.
+A steady motion that is one of a family (any speed will do) has directions r with A r = 0. In place
+of some coordinates j the state is counted along them; what is left, A − r r_j⁻¹ A_j without rows
+and columns j, has the other eigenvalues and keeps the names. Taking zeros out before the
+eigenvalues are computed matters: defective zeros come out as large as ε^(1/k), some unstable.
 """
 
 from __future__ import annotations
@@ -14,16 +16,20 @@ import numpy as np
 AVOIDED = 1e-2  # weight of coordinates among what tells families apart
 VANISHES = 1e-9  # determinant below which they do not
 NULL = 1e-11  # relative singular value that counts as zero at motions chosen at random
-REAL = 1e-9  # relative imaginary part below which an eigenvalue counts as real, and real part below which it counts as marginal
+# relative imaginary part below which an eigenvalue counts as real, and real part below which it
+# counts as marginal
+REAL = 1e-9
 
 
 Stage = tuple[int, ...]  # coordinates in whose place families are counted
 
 
 def families(samples: np.ndarray, velocity: Sequence[bool]) -> tuple[Stage, ...]:
-    """Which coordinates to count along families, stage by stage (indices into what is left), from A at motions chosen at random.
+    """Which coordinates to count along families, stage by stage (indices into what is left), from A
+    at motions chosen at random.
 
-    `velocity` marks the states that are quasi-velocities: families of steady motions are told apart by those where possible.
+    `velocity` marks the states that are quasi-velocities: families of steady motions are told apart
+    by those where possible.
     """
     found: list[Stage] = []
     left, marks = samples, np.array(velocity, dtype=bool)
@@ -46,7 +52,8 @@ def _null_spaces(A: np.ndarray, count: int) -> np.ndarray:
 
 
 def _stage(spaces: np.ndarray, velocity: np.ndarray) -> Stage:
-    """The coordinates in which the null spaces are best told apart, by a pivoted Cholesky factor of their mean projector."""
+    """The coordinates in which the null spaces are best told apart, by a pivoted Cholesky factor of
+    their mean projector."""
     weights = np.where(velocity, 1.0, AVOIDED)
     left = np.mean(spaces @ spaces.transpose(0, 2, 1), axis=0) * np.outer(weights, weights)
     found = []
@@ -87,14 +94,20 @@ def deflated(A: np.ndarray, stages: Sequence[Stage]) -> np.ndarray:
 
 
 def eigenvalues(A: np.ndarray) -> np.ndarray:
-    """(N, k), each row by falling real part, of a pair the one with positive imaginary part first."""
+    """(N, k), each row by falling real part, of a pair the one with positive imaginary part
+    first."""
     found = np.asarray(np.linalg.eigvals(A), dtype=complex)
-    order = np.lexsort((-found.imag, -found.real.round(12)), axis=1) if found.shape[1] else np.zeros(found.shape, dtype=int)
+    order = (
+        np.lexsort((-found.imag, -found.real.round(12)), axis=1)
+        if found.shape[1]
+        else np.zeros(found.shape, dtype=int)
+    )
     return np.take_along_axis(found, order, axis=1)
 
 
 def signature(values: np.ndarray) -> tuple[int, int, int]:
-    """Of one spectrum: how many are real, how many of those unstable, how many unstable ones are not real."""
+    """Of one spectrum: how many are real, how many of those unstable, how many unstable ones are
+    not real."""
     real = np.abs(values.imag) <= REAL * (1e-300 + np.abs(values))
     unstable = is_unstable(values)
     return int(np.sum(real)), int(np.sum(real & unstable)), int(np.sum(~real & unstable))

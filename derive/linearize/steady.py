@@ -1,4 +1,5 @@
-"""Steady motions: all but the cyclic coordinates and all quasi-velocities constant, found by Newton with the exact Jacobian."""
+"""Steady motions: all but the cyclic coordinates and all quasi-velocities constant, found by Newton
+with the exact Jacobian."""
 
 from __future__ import annotations
 
@@ -14,10 +15,10 @@ from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
-from derive.mechanics.closing import Kinematics, closed, nominal, normalised
-from derive.mechanics.initial import initial_state
-from derive.mechanics.scales import scales
 from derive.model.records import Span, SteadyMotion
+from derive.states.closing import Kinematics, closed, nominal, normalised
+from derive.states.initial import initial_state
+from derive.states.scales import scales
 
 GUESS = "guess"
 STEPS = 40
@@ -31,7 +32,8 @@ FLAT = 1e-3  # the least slope that a row's residual is measured by
 
 @dataclass(frozen=True)
 class Problem:
-    """R(x, u, p, s) = 0 for the unknowns (x, u): rows by name, with s the free names of the motion and p the parameters."""
+    """R(x, u, p, s) = 0 for the unknowns (x, u): rows by name, with s the free names of the motion
+    and p the parameters."""
 
     equations: Equations
     motion: SteadyMotion
@@ -59,7 +61,8 @@ def rest(equations: Equations) -> SteadyMotion:
 
 
 def motion_of(equations: Equations, name: str | None) -> SteadyMotion:
-    """The file's steady motion of that name, its first one, or `guess`. Raises AssumptionError for an unknown name."""
+    """The file's steady motion of that name, its first one, or `guess`. Raises AssumptionError for
+    an unknown name."""
     known = {motion.name: motion for motion in equations.system.model.steady_motions}
     if name is None:
         return next(iter(known.values()), rest(equations))
@@ -68,7 +71,10 @@ def motion_of(equations: Equations, name: str | None) -> SteadyMotion:
     if name == GUESS:
         return rest(equations)
     offered = (*known, GUESS)
-    raise AssumptionError(f"unknown steady motion '{name}'", did_you_mean(name, offered) or f"known: {listed(offered)}")
+    raise AssumptionError(
+        f"unknown steady motion '{name}'",
+        did_you_mean(name, offered) or f"known: {listed(offered)}",
+    )
 
 
 def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -> Problem:
@@ -81,13 +87,20 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
             f"{system.model.name} depends on time and has no steady motion",
             "linearise along a motion: the generated function `linearization` takes t",
         )
-    s = ca.vertcat(*[ca.SX.sym(name) for name in motion.sweepable]) if motion.sweepable else ca.SX(0, 1)
+    s = (
+        ca.vertcat(*[ca.SX.sym(name) for name in motion.sweepable])
+        if motion.sweepable
+        else ca.SX(0, 1)
+    )
     still = [i for i in range(f.value.numel()) if i not in cyclic]
     wanted = _wanted(equations, motion, s)
     quantities = _quantities(equations)
     held = _column([quantities[name][0] - value for name, value in wanted.items()])
     positions = position_rows(system)
-    names = [row.name for row in sorted((r for r in system.rows if r.position >= 0), key=lambda r: r.position)]
+    names = [
+        row.name
+        for row in sorted((r for r in system.rows if r.position >= 0), key=lambda r: r.position)
+    ]
     names += [f"length of quaternion {k + 1}" for k in range(len(system.quaternions))]
     R = ca.densify(ca.vertcat(positions, f.value[still], held))
     y = ca.vertcat(x, u)
@@ -97,7 +110,11 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         equations=equations,
         motion=motion,
         rows=(*names, *(f.labels[i] for i in still), *wanted),
-        units=(*("" for _ in names), *(f.units[i] for i in still), *(quantities[name][1] for name in wanted)),
+        units=(
+            *("" for _ in names),
+            *(f.units[i] for i in still),
+            *(quantities[name][1] for name in wanted),
+        ),
         function=ca.Function("steady", known, [R, ca.densify(ca.jacobian(R, y))]),
         residual=ca.Function("residual", known, [R]),
         shifts=ca.Function("shifts", known, [ca.densify(ca.jacobian(R, ca.vertcat(p, s)))]),
@@ -105,7 +122,9 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         speeds=ca.Function("B", [system.t, system.q, system.p], [ca.densify(B)]),
         names=tuple(wanted),
         held=ca.Function("held", [p, s], [_column(list(wanted.values()))]),
-        scale=scales(system.model).all_of((*equations.arguments[1].units, *(i.unit for i in system.model.inputs))),
+        scale=scales(system.model).all_of(
+            (*equations.arguments[1].units, *(i.unit for i in system.model.inputs))
+        ),
     )
 
 
@@ -118,15 +137,22 @@ def _wanted(equations: Equations, motion: SteadyMotion, s: ca.SX) -> dict[str, c
     system = equations.system
     names = dict(system.symbols.names) | {name: s[k] for k, name in enumerate(motion.sweepable)}
     wanted = {i.name: ca.SX(0) for i in system.model.inputs if i.name not in motion.free}
-    return wanted | {name: ca.SX(value(e, names, system.symbols.rates, casadi_functions())) for name, e in motion.values}
+    return wanted | {
+        name: ca.SX(value(e, names, system.symbols.rates, casadi_functions()))
+        for name, e in motion.values
+    }
 
 
 def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
-    """Everything that can be held: coordinates, their rates, base velocities and inputs, over (x, u, p), with units."""
+    """Everything that can be held: coordinates, their rates, generalized velocities and inputs,
+    over (x, u, p), with units."""
     system, model = equations.system, equations.system.model
     results = {f.name: f.result.value for f in equations.functions}
     found = {c.name: (system.q[i], c.unit) for i, c in enumerate(model.coordinates)}
-    found |= {f"der({c.name})": (results["dynamics"][i], f"{c.unit or 1}/s") for i, c in enumerate(model.coordinates)}
+    found |= {
+        f"der({c.name})": (results["dynamics"][i], f"{c.unit or 1}/s")
+        for i, c in enumerate(model.coordinates)
+    }
     found |= {v.name: (results["velocity"][i], v.unit) for i, v in enumerate(model.velocities)}
     return found | {i.name: (system.u[k], i.unit) for k, i in enumerate(model.inputs)}
 
@@ -134,8 +160,8 @@ def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
 def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
     """(x, u) of the steady motion for one set of values, from the starts in turn.
 
-    Motions that creep are tried at rest: where velocities enter squared, Newton's method comes to rest slowly. Raises
-    AssumptionError.
+    Motions that creep are tried at rest: where velocities enter squared, Newton's method comes to
+    rest slowly. Raises AssumptionError.
     """
     problem: AssumptionError | None = None
     for y in starts(found, p, s):
@@ -160,8 +186,9 @@ def _at_rest(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.
 
 
 def starts(found: Problem, p: np.ndarray, s: np.ndarray) -> Iterator[np.ndarray]:
-    """(x, u) to begin with. A motion of the file has one: held and guessed values put in, the rest nearest to rest on the
-    constraints. `guess` begins at the initial values, then at rest there, then at rest a little beside them.
+    """(x, u) to begin with. A motion of the file has one: held and guessed values put in, the rest
+    nearest to rest on the constraints. `guess` begins at the initial values, then at rest there,
+    then at rest a little beside them.
     """
     system, motion = found.equations.system, found.motion
     if motion.name != GUESS or motion.values:
@@ -173,7 +200,10 @@ def starts(found: Problem, p: np.ndarray, s: np.ndarray) -> Iterator[np.ndarray]
     yield _state(found, {}, initial.q, initial.v, p)
     rng, rest = np.random.default_rng(0), np.zeros(system.v.numel())
     for spread in (0.0, *BESIDE):
-        q = normalised(system, initial.q + spread * found.scale[: len(initial.q)] * rng.uniform(-1, 1, len(initial.q)))
+        q = normalised(
+            system,
+            initial.q + spread * found.scale[: len(initial.q)] * rng.uniform(-1, 1, len(initial.q)),
+        )
         on = closed(found.kinematics, 0.0, q, p)
         if on is not None:
             yield _state(found, {}, on, rest, p)
@@ -184,9 +214,13 @@ def _number(found: Problem, formula: Expression, p: np.ndarray) -> float:
     return number(formula, names | dict(zip(found.equations.arguments[3].labels, p)))
 
 
-def _state(found: Problem, given: dict[str, float], q: np.ndarray, v: np.ndarray, p: np.ndarray) -> np.ndarray:
+def _state(
+    found: Problem, given: dict[str, float], q: np.ndarray, v: np.ndarray, p: np.ndarray
+) -> np.ndarray:
     w = found.speeds(0.0, q, p).full() @ v
-    return np.concatenate([q, w, [given.get(i.name, 0.0) for i in found.equations.system.model.inputs]])
+    return np.concatenate(
+        [q, w, [given.get(i.name, 0.0) for i in found.equations.system.model.inputs]]
+    )
 
 
 def _positions(found: Problem, given: dict[str, float], p: np.ndarray) -> np.ndarray:
@@ -200,7 +234,9 @@ def _positions(found: Problem, given: dict[str, float], p: np.ndarray) -> np.nda
     return q if on is None else on
 
 
-def _velocities(found: Problem, given: dict[str, float], q: np.ndarray, p: np.ndarray) -> np.ndarray:
+def _velocities(
+    found: Problem, given: dict[str, float], q: np.ndarray, p: np.ndarray
+) -> np.ndarray:
     """The smallest v with A v = c and the held rates."""
     system = found.equations.system
     A, c, N = found.kinematics.velocities(0.0, q, p)
@@ -208,11 +244,14 @@ def _velocities(found: Problem, given: dict[str, float], q: np.ndarray, p: np.nd
     rows |= {x.name: np.eye(A.shape[1])[j] for j, x in enumerate(system.model.velocities)}
     names = [name for name in given if name in rows]
     matrix = np.vstack([A, *[rows[name] for name in names]])
-    return np.linalg.lstsq(matrix, np.concatenate([c, [given[name] for name in names]]), rcond=RANK)[0]
+    return np.linalg.lstsq(
+        matrix, np.concatenate([c, [given[name] for name in names]]), rcond=RANK
+    )[0]
 
 
 def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(x, u) of the steady motion near y. Raises AssumptionError, with the residual, where there is none."""
+    """(x, u) of the steady motion near y. Raises AssumptionError, with the residual, where there is
+    none."""
     y, free = _with_inputs(found, y, p, s)
     D = found.scale
     rows = _sizes(found, _evaluated(found, y, p, s)[1])
@@ -230,13 +269,21 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
 
 
 def _sizes(found: Problem, J: np.ndarray) -> np.ndarray:
-    """One of each row in the model's own units; of a position row, which does not say its unit, what its slopes J say."""
+    """One of each row in the model's own units; of a position row, which does not say its unit,
+    what its slopes J say."""
     own = scales(found.equations.system.model)
     slopes = np.max(np.abs(J * found.scale), axis=1, initial=0.0)
-    return np.array([own.of(unit) if unit or own.plain or not slope else slope for unit, slope in zip(found.units, slopes)])
+    return np.array(
+        [
+            own.of(unit) if unit or own.plain or not slope else slope
+            for unit, slope in zip(found.units, slopes)
+        ]
+    )
 
 
-def _with_inputs(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _with_inputs(
+    found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """y with the inputs that are held at their values, and which entries are left to find."""
     y, free = y.copy(), np.ones(len(y))
     first = found.equations.arguments[1].symbols.numel()
@@ -247,7 +294,9 @@ def _with_inputs(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) ->
     return y, free
 
 
-def _evaluated(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _evaluated(
+    found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     nx = found.equations.arguments[1].symbols.numel()
     R, J = found.function(y[:nx], y[nx:], p, s)
     R, J = np.asarray(R).ravel(), np.asarray(J)
@@ -260,7 +309,13 @@ def _evaluated(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> t
 
 
 def _damped(
-    found: Problem, y: np.ndarray, step: np.ndarray, p: np.ndarray, s: np.ndarray, R: np.ndarray, rows: np.ndarray
+    found: Problem,
+    y: np.ndarray,
+    step: np.ndarray,
+    p: np.ndarray,
+    s: np.ndarray,
+    R: np.ndarray,
+    rows: np.ndarray,
 ) -> tuple[np.ndarray, bool]:
     """The step, halved while it makes things worse; done where it no longer moves anything."""
     nx = found.equations.arguments[1].symbols.numel()
@@ -310,7 +365,8 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionErr
 
 
 def family(found: Problem, p: np.ndarray, s: np.ndarray) -> Steady:
-    """The steady motions for rows of p and s: continued from row to row, with straight lines between where those will do."""
+    """The steady motions for rows of p and s: continued from row to row, with straight lines
+    between where those will do."""
     many, nx = len(p), found.equations.arguments[1].symbols.numel()
     y = np.zeros((many, nx + found.equations.system.u.numel()))
     y[0] = settled(found, p[0], s[0])
@@ -324,8 +380,17 @@ def _residuals(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> n
     return np.asarray(found.residual(y[:, :nx].T, y[:, nx:].T, p.T, s.T)).T
 
 
-def _between(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, first: int, last: int, guess: np.ndarray) -> None:
-    """Fill the rows after `first`: by the chord to `last` where every motion on it is steady, else row by row."""
+def _between(
+    found: Problem,
+    p: np.ndarray,
+    s: np.ndarray,
+    y: np.ndarray,
+    first: int,
+    last: int,
+    guess: np.ndarray,
+) -> None:
+    """Fill the rows after `first`: by the chord to `last` where every motion on it is steady, else
+    row by row."""
     if last <= first:
         return
     try:
@@ -335,7 +400,9 @@ def _between(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, first:
         inner = slice(first + 1, last)
         parts = _parts(np.hstack([p, s]), first, last)[:, np.newaxis]
         chord = y[first] + parts * (y[last] - y[first])
-        if np.max(np.abs(_residuals(found, chord, p[inner], s[inner])), initial=0.0) <= 1e-13 * (1 + np.max(np.abs(chord))):
+        if np.max(np.abs(_residuals(found, chord, p[inner], s[inner])), initial=0.0) <= 1e-13 * (
+            1 + np.max(np.abs(chord))
+        ):
             y[inner] = chord
             return
     except AssumptionError:
@@ -346,7 +413,9 @@ def _between(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, first:
         y[k] = _stepped(found, p, s, y, k, ahead)
 
 
-def _stepped(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, k: int, ahead: np.ndarray) -> np.ndarray:
+def _stepped(
+    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, k: int, ahead: np.ndarray
+) -> np.ndarray:
     """From the extrapolated guess, or else from the last motion."""
     try:
         return solved(found, p[k], s[k], ahead)

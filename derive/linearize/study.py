@@ -1,4 +1,5 @@
-"""A steady motion under study: the linear equations along it, without what is cyclic, for any values of what can be swept."""
+"""A steady motion under study: the linear equations along it, without what is cyclic, for any
+values of what can be swept."""
 
 from __future__ import annotations
 
@@ -16,6 +17,7 @@ from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families
 from derive.linearize.steady import Problem, family, problem, settled
 from derive.model.records import SteadyMotion
+from derive.numerics import refuses_numerically
 
 SAMPLES = 3
 Columns = Mapping[str, Sequence[float] | np.ndarray]  # values by name, one for each motion
@@ -23,7 +25,8 @@ Columns = Mapping[str, Sequence[float] | np.ndarray]  # values by name, one for 
 
 @dataclass(frozen=True)
 class Study:
-    """`at` gives sweepable names and parameters; `cyclic` and `kept` are indices into the linear form's states."""
+    """`at` gives sweepable names and parameters; `cyclic` and `kept` are indices into the linear
+    form's states."""
 
     linear: Linear
     problem: Problem
@@ -53,14 +56,22 @@ class Study:
 
     @property
     def spurious(self) -> int:
-        """States beyond 2n − 2 m_h − m_n, the numbers of constraints counted by the ranks of φ_q and A at the motion."""
+        """States beyond 2n − 2 m_h − m_n, the numbers of constraints counted by the ranks of φ_q
+        and A at the motion."""
         system, motions = self.equations.system, self.motions({})
-        rows = [evaluator(self.equations, M) for M in (ca.jacobian(position_rows(system), system.q), system.A)]
-        ranks = [int(np.linalg.matrix_rank(row(motions.x, motions.u, motions.p)[0], tol=1e-9)) for row in rows]
+        rows = [
+            evaluator(self.equations, M)
+            for M in (ca.jacobian(position_rows(system), system.q), system.A)
+        ]
+        ranks = [
+            int(np.linalg.matrix_rank(row(motions.x, motions.u, motions.p)[0], tol=1e-9))
+            for row in rows
+        ]
         return len(self.linear.states) - (system.q.numel() + system.v.numel() - sum(ranks))
 
     def values(self, sweep: Columns) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of p and s for columns of values by name; what is not named stays as it is in `at`."""
+        """Rows of p and s for columns of values by name; what is not named stays as it is in
+        `at`."""
         many = max((len(column) for column in sweep.values()), default=1)
         columns = {name: np.full(many, value) for name, value in self.at.items()}
         columns |= {name: np.asarray(column, dtype=float) for name, column in sweep.items()}
@@ -69,7 +80,8 @@ class Study:
         return np.array(p).reshape(len(p), many).T, np.array(s).reshape(len(s), many).T
 
     def motions(self, sweep: Columns) -> Steady:
-        """The steady motions, one for each row of values. Raises AssumptionError where there is none."""
+        """The steady motions, one for each row of values. Raises AssumptionError where there is
+        none."""
         return family(self.problem, *self.values(sweep))
 
     def full(self, motions: Steady) -> np.ndarray:
@@ -84,6 +96,7 @@ class Study:
         return self.matrices(self.motions(sweep))
 
 
+@refuses_numerically("the study of the linear equations")
 def study(
     equations: Equations,
     motion: SteadyMotion,
@@ -92,8 +105,8 @@ def study(
 ) -> Study:
     """The motion with `values` for its free names and for parameters.
 
-    `cyclic` names the coordinates to leave out, all that are cyclic when None. Raises AssumptionError where the motion is not
-    steady, a free name has no value, or a name is unknown.
+    `cyclic` names the coordinates to leave out, all that are cyclic when None. Raises
+    AssumptionError where the motion is not steady, a free name has no value, or a name is unknown.
     """
     given = _given(equations, motion, values or {})
     wanted = cyclic if cyclic is not None else motion.cyclic
@@ -107,21 +120,39 @@ def study(
     places = tuple(k for k, j in enumerate(form.independent) if j in left_out)
     kept = tuple(k for k in range(len(form.states)) if k not in places)
     at = list(kept)
-    first = Study(form, found, given, places, kept, (), evaluator(equations, form.A), evaluator(equations, form.A[at, at]))
+    first = Study(
+        form,
+        found,
+        given,
+        places,
+        kept,
+        (),
+        evaluator(equations, form.A),
+        evaluator(equations, form.A[at, at]),
+    )
     velocity = [form.independent[k] >= equations.system.q.numel() for k in kept]
     return replace(first, families=families(_samples(first), velocity))
 
 
-def _given(equations: Equations, motion: SteadyMotion, values: Mapping[str, float]) -> dict[str, float]:
-    """Parameters and free names; a free name that is not given has the middle of its range in the file."""
+def _given(
+    equations: Equations, motion: SteadyMotion, values: Mapping[str, float]
+) -> dict[str, float]:
+    """Parameters and free names; a free name that is not given has the middle of its range in the
+    file."""
     model = equations.system.model
     found: dict[str, float] = dict(zip(equations.arguments[3].labels, equations.parameters))
-    found |= {name: (first + last) / 2 for name, first, last, _ in motion.ranges if name in motion.sweepable}
+    found |= {
+        name: (first + last) / 2
+        for name, first, last, _ in motion.ranges
+        if name in motion.sweepable
+    }
     for name, value in values.items():
         if name not in found and name not in motion.sweepable:
             known = (*motion.sweepable, *found)
             near = did_you_mean(name, known) or f"known: {listed(known)}"
-            raise AssumptionError(f"'{name}' is neither a parameter of {model.name} nor free in '{motion.name}'", near)
+            raise AssumptionError(
+                f"'{name}' is neither a parameter of {model.name} nor free in '{motion.name}'", near
+            )
         found[name] = float(value)
     missing = [name for name in motion.sweepable if name not in found]
     if missing:
@@ -133,11 +164,14 @@ def _given(equations: Equations, motion: SteadyMotion, values: Mapping[str, floa
 
 
 def _samples(found: Study) -> np.ndarray:
-    """A at motions near by, at parameters chosen at random: what is singular at all of them is a family."""
+    """A at motions near by, at parameters chosen at random: what is singular at all of them is a
+    family."""
     rng = np.random.default_rng(0)
     stacks = []
     for spread in (1e-2, 1e-2, 1e-2, 1e-3, 1e-4):
-        changed = {name: value * (1 + spread * rng.uniform(-1, 1)) for name, value in found.at.items()}
+        changed = {
+            name: value * (1 + spread * rng.uniform(-1, 1)) for name, value in found.at.items()
+        }
         for name in found.problem.motion.sweepable:
             changed[name] += spread * rng.uniform(0.1, 1)
         try:

@@ -1,9 +1,11 @@
-"""The same linear equations with all coordinates and velocities: an independent check, and what it costs.
+"""The same linear equations with all coordinates and velocities: an independent check, and what it
+costs.
 
-The multiplier equations M v̇ + h = Q + Aᵀλ, A v̇ = β are differentiated as they stand, in (q, s) with s the base velocities, or the
-rates q̇ where those are the constant ones. Off the constraints φ̈ = 0 and d(A v − c)/dt = 0 hold, so that each holonomic row
-brings two zeros and each nonholonomic row one: 2 m_h + m_n spurious eigenvalues, in a nilpotent block. The rest is the minimal
-form.
+The multiplier equations M v̇ + h = Q + Aᵀλ, A v̇ = β are differentiated as they stand, in (q, s)
+with s the generalized velocities, or the rates q̇ where those are the constant ones. Off the
+constraints φ̈ = 0 and d(A v − c)/dt = 0 hold, so that each holonomic row brings two zeros and each
+nonholonomic row one: 2 m_h + m_n spurious eigenvalues, in a nilpotent block. The rest is the
+minimal form.
 """
 
 from __future__ import annotations
@@ -17,14 +19,15 @@ from derive.diagnostics import AssumptionError
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Linear, Steady
 from derive.mechanics.records import System
-from derive.mechanics.scales import scales
+from derive.states.scales import scales
 
 CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """What one of the model's own units is in SI, of q, v, s and w, of a second, and of power: nothing is judged by the metre."""
+    """What one of the model's own units is in SI, of q, v, s and w, of a second, and of power:
+    nothing is judged by the metre."""
 
     q: np.ndarray
     v: np.ndarray
@@ -44,9 +47,9 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Unreduced:
-    """`difference`: how far A on the constraints' tangent space is from the minimal form, relative to its largest entry;
-    `spurious`: dimension of the rest; `nilpotent`: norm of that block's square, relative to the square of that entry. Both with A
-    in the model's own units.
+    """`difference`: how far A on the constraints' tangent space is from the minimal form, relative
+    to its largest entry; `spurious`: dimension of the rest; `nilpotent`: norm of that block's
+    square, relative to the square of that entry. Both with A in the model's own units.
     """
 
     states: tuple[str, ...]
@@ -57,8 +60,9 @@ class Unreduced:
 
 
 def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduced:
-    """At the first motion; `cyclic` are indices into q that are left out. Raises AssumptionError where neither the base
-    velocities nor the rates q̇ are constant along the motion, or where the mass matrix of a long chain is not written out."""
+    """At the first motion; `cyclic` are indices into q that are left out. Raises AssumptionError
+    where neither the base velocities nor the rates q̇ are constant along the motion, or where the
+    mass matrix of a long chain is not written out."""
     system = form.equations.system
     if not system.written:
         raise AssumptionError("the mass matrix of so long a chain is not written out")
@@ -66,27 +70,42 @@ def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduc
     for L, names in _velocities(system):
         sizes = _sizes(form, names)
         rates = _rates(form, L, x, u, p) / sizes.s * sizes.time
-        if np.max(np.abs(rates), initial=0.0) > CONSTANT * (1 + float(np.max(np.abs(x / sizes.x), initial=0.0))):
+        if np.max(np.abs(rates), initial=0.0) > CONSTANT * (
+            1 + float(np.max(np.abs(x / sizes.x), initial=0.0))
+        ):
             continue
         own = sizes.x[list(form.independent)]
         A, T = _matrix(form, L, sizes, x, u, p), _tangent(form, L)(x, u, p)
         even, tangent = sizes.time * _by(A, sizes.state, sizes.state), _by(T, sizes.state, own)
-        ignorable = _ignorable(even, {j: tangent[:, k] for k, j in enumerate(form.independent) if j in cyclic})
+        ignorable = _ignorable(
+            even, {j: tangent[:, k] for k, j in enumerate(form.independent) if j in cyclic}
+        )
         rows = [i for i in range(len(A)) if i not in ignorable]
         columns = [k for k, j in enumerate(form.independent) if j not in ignorable]
-        minimal = ca.Function("A", [a.symbols for a in form.equations.arguments], [ca.densify(form.A)])(0.0, x, u, p).full()
+        minimal = ca.Function(
+            "A", [a.symbols for a in form.equations.arguments], [ca.densify(form.A)]
+        )(0.0, x, u, p).full()
         minimal = sizes.time * _by(minimal, own, own)
         coordinates = tuple(c.name for c in system.model.coordinates)
         states = tuple((*coordinates, *names)[i] for i in rows)
-        compared = _compared(states, even[np.ix_(rows, rows)], tangent[np.ix_(rows, columns)], minimal[np.ix_(columns, columns)])
+        compared = _compared(
+            states,
+            even[np.ix_(rows, rows)],
+            tangent[np.ix_(rows, columns)],
+            minimal[np.ix_(columns, columns)],
+        )
         return replace(compared, A=A[np.ix_(rows, rows)])
-    raise AssumptionError("neither the base velocities nor the rates of the coordinates are constant along this motion")
+    raise AssumptionError(
+        "neither the generalized velocities nor the rates of the coordinates are constant along this motion"
+    )
 
 
 def _sizes(form: Linear, names: tuple[str, ...]) -> Sizes:
     system = form.equations.system
     model, own, nq = system.model, scales(system.model), system.q.numel()
-    q, v = (own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities))
+    q, v = (
+        own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities)
+    )
     s = v if names == tuple(item.name for item in model.velocities) else q / own.time
     return Sizes(q, v, s, own.all_of(form.equations.arguments[1].units[nq:]), own.time, own.power)
 
@@ -97,8 +116,8 @@ def _by(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray
 
 
 def _ignorable(A: np.ndarray, cyclic: dict[int, np.ndarray]) -> set[int]:
-    """Those of the cyclic coordinates (with their columns of T) that are cyclic in these velocities too: rates in ground axes
-    know where they point."""
+    """Those of the cyclic coordinates (with their columns of T) that are cyclic in these velocities
+    too: rates in ground axes know where they point."""
     left = set(cyclic)
     while True:
         rows = [i for i in range(len(A)) if i not in left]
@@ -110,7 +129,7 @@ def _ignorable(A: np.ndarray, cyclic: dict[int, np.ndarray]) -> set[int]:
 
 
 def _velocities(system: System) -> list[tuple[ca.SX, tuple[str, ...]]]:
-    """s = L v: the base velocities, and the rates where they are as many."""
+    """s = L v: the generalized velocities, and the rates where they are as many."""
     model = system.model
     found = [(ca.SX.eye(system.v.numel()), tuple(v.name for v in model.velocities))]
     if system.q.numel() == system.v.numel():
@@ -137,12 +156,19 @@ def _tangent(form: Linear, L: ca.SX):
     symbols = [a.symbols for a in form.equations.arguments]
     s = ca.mtimes(_at(form, L), _at(form, form.equations.system.v))
     nq = form.equations.system.q.numel()
-    function = ca.Function("T", symbols, [ca.densify(ca.vertcat(form.T[:nq, :], ca.mtimes(ca.jacobian(s, symbols[1]), form.T)))])
+    function = ca.Function(
+        "T",
+        symbols,
+        [ca.densify(ca.vertcat(form.T[:nq, :], ca.mtimes(ca.jacobian(s, symbols[1]), form.T)))],
+    )
     return lambda x, u, p: function(0.0, x, u, p).full()
 
 
-def _matrix(form: Linear, L: ca.SX, sizes: Sizes, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """∂(q̇, ṡ)/∂(q, s) of the multiplier equations, by the implicit function theorem at the motion's own v̇ and λ."""
+def _matrix(
+    form: Linear, L: ca.SX, sizes: Sizes, x: np.ndarray, u: np.ndarray, p: np.ndarray
+) -> np.ndarray:
+    """∂(q̇, ṡ)/∂(q, s) of the multiplier equations, by the implicit function theorem at the
+    motion's own v̇ and λ."""
     system = form.equations.system
     nq, nv, nc = system.q.numel(), system.v.numel(), len(system.rows)
     vdot, lam = ca.SX.sym("vdot", nv), ca.SX.sym("lam", nc)
@@ -151,49 +177,83 @@ def _matrix(form: Linear, L: ca.SX, sizes: Sizes, x: np.ndarray, u: np.ndarray, 
     state, rest = ca.vertcat(system.q, system.v), ca.vertcat(vdot, lam)
     residual = ca.vertcat(balance, row)
     sdot = ca.mtimes(L, vdot) + ca.jtimes(ca.mtimes(L, system.v), system.q, system.qdot)
-    values = [residual, ca.jacobian(residual, rest), ca.jacobian(residual, state), ca.jacobian(sdot, state), L]
+    values = [
+        residual,
+        ca.jacobian(residual, rest),
+        ca.jacobian(residual, state),
+        ca.jacobian(sdot, state),
+        L,
+    ]
     values += [ca.jacobian(system.qdot, state), ca.jacobian(ca.mtimes(L, system.v), system.q)]
     function = ca.Function(
-        "kkt", [system.t, system.q, system.v, rest, system.u, system.p], [ca.densify(value) for value in values]
+        "kkt",
+        [system.t, system.q, system.v, rest, system.u, system.p],
+        [ca.densify(value) for value in values],
     )
-    velocity = ca.Function("v", [a.symbols for a in form.equations.arguments], [_at(form, system.v)])(0.0, x, u, p).full().ravel()
+    velocity = (
+        ca.Function("v", [a.symbols for a in form.equations.arguments], [_at(form, system.v)])(
+            0.0, x, u, p
+        )
+        .full()
+        .ravel()
+    )
     at = (0.0, x[:nq], velocity)
     residual0, K, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))
     solution = -_solved(K, residual0, sizes).ravel()
     _, K, slope, direct, Ln, rates, turn = (m.full() for m in function(*at, solution, u, p))
     accelerations = -_solved(K, slope, sizes)[:nv]
     G = np.vstack([rates, direct + Ln @ accelerations])  # over (δq, δv)
-    into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-np.linalg.solve(Ln, turn), np.linalg.inv(Ln)]])
+    into = np.block(
+        [[np.eye(nq), np.zeros((nq, nv))], [-np.linalg.solve(Ln, turn), np.linalg.inv(Ln)]]
+    )
     return G @ into
 
 
 def _solved(K: np.ndarray, right: np.ndarray, sizes: Sizes) -> np.ndarray:
-    """K⁻¹ right, the least one where rows of A repeat each other; K = [M −Aᵀ; A 0] in the model's own units with even rows."""
+    """K⁻¹ right, the least one where rows of A repeat each other; K = [M −Aᵀ; A 0] in the model's
+    own units with even rows."""
     nv = len(sizes.v)
     rows = np.max(np.abs(K[nv:, :nv]) * sizes.v, axis=1, initial=0.0)
     rows[rows == 0.0] = 1.0
     given = np.append(sizes.power / sizes.v, rows / sizes.time)
     sought = np.append(sizes.v / sizes.time, sizes.power / rows)
-    return sought[:, None] * np.linalg.lstsq(_by(K, given, sought), right / given[:, None], rcond=None)[0]
+    return (
+        sought[:, None]
+        * np.linalg.lstsq(_by(K, given, sought), right / given[:, None], rcond=None)[0]
+    )
 
 
-def _compared(states: tuple[str, ...], A: np.ndarray, T: np.ndarray, minimal: np.ndarray) -> Unreduced:
+def _compared(
+    states: tuple[str, ...], A: np.ndarray, T: np.ndarray, minimal: np.ndarray
+) -> Unreduced:
     """A T = T A_min, and what A does across the tangent space."""
-    difference = float(np.max(np.abs(A @ T - T @ minimal), initial=0.0) / (np.max(np.abs(A), initial=0.0) or 1.0))
+    difference = float(
+        np.max(np.abs(A @ T - T @ minimal), initial=0.0) / (np.max(np.abs(A), initial=0.0) or 1.0)
+    )
     Z = np.linalg.svd(T)[0][:, T.shape[1] :]
     block = Z.T @ A @ Z
     size = float(np.max(np.abs(A), initial=0.0)) or 1.0
-    return Unreduced(states, A, difference, block.shape[0], float(np.linalg.norm(block @ block)) / size**2)
+    return Unreduced(
+        states, A, difference, block.shape[0], float(np.linalg.norm(block @ block)) / size**2
+    )
 
 
 def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int, int]:
-    """(m_h, m_n): independent position rows at q, and how many more independent velocity rows there are."""
+    """(m_h, m_n): independent position rows at q, and how many more independent velocity rows there
+    are."""
     own, model = scales(system.model), system.model
-    sizes = (own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities))
+    sizes = (
+        own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities)
+    )
     values = (ca.jacobian(position_rows(system), system.q), system.A)
     ranks = []
     for value, columns in zip(values, sizes):
-        matrix = ca.Function("rows", [system.t, system.q, system.p], [ca.densify(value)])(0.0, q, p).full() * columns
+        matrix = (
+            ca.Function("rows", [system.t, system.q, system.p], [ca.densify(value)])(
+                0.0, q, p
+            ).full()
+            * columns
+        )
         largest = np.max(np.abs(matrix), axis=1, initial=0.0)
         even = matrix / np.where(largest > 0.0, largest, 1.0)[:, None]
         ranks.append(int(np.linalg.matrix_rank(even, tol=1e-9)) if matrix.size else 0)

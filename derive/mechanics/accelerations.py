@@ -1,11 +1,13 @@
-"""Accelerations of the links' origins, gravity included, from base to tip: what Newton–Euler needs where no row asks for rates.
+"""Accelerations of the links' origins, gravity included, from base to tip: what Newton–Euler needs
+where no row asks for rates.
 
-With U = [ω̇]× + [ω]× [ω]×, a = acceleration − g in the link's frame, joint point at a_J (parent) and b (link), relative
-twist (ω_J, v_J):
+With U = [ω̇]× + [ω]× [ω]×, a = acceleration − g in the link's frame, joint point at a_J (parent)
+and b (link), relative twist (ω_J, v_J):
     ω̇ = Rᵀ ω̇_p + Rᵀ ω_p × ω_J + H_ω v̇
     a = Rᵀ (a_p + U_p a_J) + 2 Rᵀ ω_p × v_J + ω_J × v_J + H_v v̇ − U b
     f = m a + U mc,   n = I ω̇ + ω × I ω + mc × a
-No linear velocity is needed. (Luh, Walker, Paul 1980; the matrix U after Craig and Khalil & Dombre.)
+No linear velocity is needed. (Luh, Walker, Paul 1980; the matrix U after Craig and Khalil &
+Dombre.)
 """
 
 from __future__ import annotations
@@ -13,7 +15,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from derive.joints.records import Matrix, Scalar, Vector
-from derive.joints.rotations import cross, difference, dot, is_zero, plus, rotated, sum_of, transpose
+from derive.joints.rotations import (
+    cross,
+    difference,
+    dot,
+    is_zero,
+    plus,
+    rotated,
+    sum_of,
+    transpose,
+)
 from derive.mechanics.records import Inertia, Link
 from derive.mechanics.tree import Wrench
 
@@ -21,14 +32,20 @@ State = tuple[Vector, Vector, Vector, Matrix]  # ω, ω̇, a, U
 
 
 def newton_euler(
-    links: Sequence[Link], inertias: Sequence[Inertia], v: Sequence[Scalar], vdot: Sequence[Scalar], gravity: Vector
+    links: Sequence[Link],
+    inertias: Sequence[Inertia],
+    v: Sequence[Scalar],
+    vdot: Sequence[Scalar],
+    gravity: Vector,
 ) -> list[Wrench]:
     """The wrench (n, f) at each link's origin that gives it its motion against gravity."""
     states: list[State] = []
     ground: State = ([0.0] * 3, [0.0] * 3, [-g for g in gravity], [[0.0] * 3 for _ in range(3)])
     for link in links:
         parent = states[link.parent] if link.parent >= 0 else ground
-        states.append(_child(link, parent, [v[j] for j in link.columns], [vdot[j] for j in link.columns]))
+        states.append(
+            _child(link, parent, [v[j] for j in link.columns], [vdot[j] for j in link.columns])
+        )
     return [_wrench(body, state) for body, state in zip(inertias, states)]
 
 
@@ -40,7 +57,10 @@ def _child(link: Link, parent: State, v: Vector, vdot: Vector) -> State:
     turn_rate, slide_rate = _combined(link, vdot)
     omega = sum_of(carried_omega, turn)
     alpha = sum_of(sum_of(carried_alpha, cross(carried_omega, turn)), turn_rate)
-    a = sum_of(sum_of(carried_a, cross(sum_of(sum_of(carried_omega, carried_omega), turn), slide)), slide_rate)
+    a = sum_of(
+        sum_of(carried_a, cross(sum_of(sum_of(carried_omega, carried_omega), turn), slide)),
+        slide_rate,
+    )
     U = _spin_matrix(omega, alpha)
     return omega, alpha, difference(a, rotated(U, link.b)), U
 
@@ -54,10 +74,19 @@ def _spin_matrix(omega: Vector, alpha: Vector) -> Matrix:
     """[ω̇]× + [ω]× [ω]×, from six products."""
     square = [dot([w], [w]) for w in omega]
     mixed = {(i, j): dot([omega[i]], [omega[j]]) for i in range(3) for j in range(i + 1, 3)}
-    sign = {(0, 1): -alpha[2], (1, 0): alpha[2], (0, 2): alpha[1], (2, 0): -alpha[1], (1, 2): -alpha[0], (2, 1): alpha[0]}
+    sign = {
+        (0, 1): -alpha[2],
+        (1, 0): alpha[2],
+        (0, 2): alpha[1],
+        (2, 0): -alpha[1],
+        (1, 2): -alpha[0],
+        (2, 1): alpha[0],
+    }
     return [
         [
-            -plus(square[(i + 1) % 3], square[(i + 2) % 3]) if i == j else plus(mixed[min(i, j), max(i, j)], sign[i, j])
+            -plus(square[(i + 1) % 3], square[(i + 2) % 3])
+            if i == j
+            else plus(mixed[min(i, j), max(i, j)], sign[i, j])
             for j in range(3)
         ]
         for i in range(3)

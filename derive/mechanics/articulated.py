@@ -1,8 +1,10 @@
-"""M v̇ = τ on a tree in O(n): M = U D Uᵀ link by link, never written out (Saha 1999, DeNOC; the articulated-body recursion).
+"""M v̇ = τ on a tree in O(n): M = U D Uᵀ link by link, never written out (Saha 1999, DeNOC; the
+articulated-body recursion).
 
 With M̂ᵢ the articulated inertia of link i at its joint point, pᵢ its motion axis:
     tip to base   ψ̂ᵢ = M̂ᵢ pᵢ,  m̂ᵢ = pᵢᵀ ψ̂ᵢ,  φ̂ᵢ = τᵢ − pᵢᵀ ηᵢ,
-                  M̂ of the carrier += Bᵀ (M̂ᵢ − ψ̂ᵢ ψ̂ᵢᵀ/m̂ᵢ) B,   η of the carrier += Bᵀ (ηᵢ + ψ̂ᵢ φ̂ᵢ/m̂ᵢ)
+                  M̂ of the carrier += Bᵀ (M̂ᵢ − ψ̂ᵢ ψ̂ᵢᵀ/m̂ᵢ) B,   η of the carrier += Bᵀ (ηᵢ + ψ̂ᵢ
+                  φ̂ᵢ/m̂ᵢ)
     base to tip   v̇ᵢ = (φ̂ᵢ − ψ̂ᵢᵀ μᵢ)/m̂ᵢ,   μ of the next = B (μᵢ + pᵢ v̇ᵢ)
 m̂ are the pivots D. A joint with several velocities is eliminated one velocity after the other.
 """
@@ -13,7 +15,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from derive.joints.records import Matrix, Rotation, Scalar, Vector
-from derive.joints.rotations import cross, difference, dot, is_zero, matrix, product, rotated, sum_of, transpose
+from derive.joints.rotations import (
+    cross,
+    difference,
+    dot,
+    is_zero,
+    matrix,
+    product,
+    rotated,
+    sum_of,
+    transpose,
+)
 from derive.mechanics.links import moved, symmetric, turned_tensor
 from derive.mechanics.records import Inertia, Link
 
@@ -40,13 +52,15 @@ class Elimination:
 
 @dataclass(frozen=True)
 class Factored:
-    """v̇, with the pivots m̂ by base velocity."""
+    """v̇, with the pivots m̂ by generalized velocity."""
 
     vdot: Vector
     pivots: dict[int, Scalar]
 
 
-def tree_solution(links: Sequence[Link], inertias: Sequence[Inertia], rotors: Vector, tau: Vector) -> Factored:
+def tree_solution(
+    links: Sequence[Link], inertias: Sequence[Inertia], rotors: Vector, tau: Vector
+) -> Factored:
     """v̇ of M v̇ = τ; `rotors` are added to the diagonal of M."""
     bodies = [_rigid(moved(body, (), [-x for x in link.b])) for link, body in zip(links, inertias)]
     wrenches: list[Vector] = [[0.0] * 6 for _ in links]
@@ -66,7 +80,9 @@ def tree_solution(links: Sequence[Link], inertias: Sequence[Inertia], rotors: Ve
 def _rigid(body: Inertia) -> Articulated:
     x, y, z = body.moment
     zero: Matrix = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-    return Articulated(body.tensor, zero, [[body.mass if i == j else 0.0 for j in range(3)] for i in range(3)])
+    return Articulated(
+        body.tensor, zero, [[body.mass if i == j else 0.0 for j in range(3)] for i in range(3)]
+    )
 
 
 def _applied(body: Articulated, twist: Vector) -> Vector:
@@ -75,7 +91,9 @@ def _applied(body: Articulated, twist: Vector) -> Vector:
     return n + [dot([*x, *y], [*alpha, *a]) for x, y in zip(transpose(body.C), body.K)]
 
 
-def _eliminated(body: Articulated, axis: Vector, column: int, rotor: Scalar, tau: Scalar, wrench: Vector) -> Elimination:
+def _eliminated(
+    body: Articulated, axis: Vector, column: int, rotor: Scalar, tau: Scalar, wrench: Vector
+) -> Elimination:
     psi = _applied(body, axis)
     return Elimination(column, axis, psi, dot(axis, psi) + rotor, tau - dot(axis, wrench))
 
@@ -96,14 +114,18 @@ def _without(body: Articulated, step: Elimination) -> Articulated:
 
 
 def _unit_index(step: Elimination) -> int:
-    """Where the axis is a unit vector of which m̂ is exactly the entry of M̂ (no rotor), that index, else −1."""
+    """Where the axis is a unit vector of which m̂ is exactly the entry of M̂ (no rotor), that
+    index, else −1."""
     places = [k for k, x in enumerate(step.axis) if not is_zero(x)]
     plain = len(places) == 1 and step.m is not None and step.psi[places[0]] is step.m
     return places[0] if plain else -1
 
 
-def _hand_down(links: Sequence[Link], bodies: list[Articulated], wrenches: list[Vector], i: int) -> None:
-    """Body and wrench to the carrier's joint point: turn, shift to the carrier's origin, then to its own joint point."""
+def _hand_down(
+    links: Sequence[Link], bodies: list[Articulated], wrenches: list[Vector], i: int
+) -> None:
+    """Body and wrench to the carrier's joint point: turn, shift to the carrier's origin, then to
+    its own joint point."""
     link, carrier = links[i], links[links[i].parent]
     arm = difference(link.a, carrier.b)
     seen = _shifted(_turned(bodies[i], link.rotation), arm)
@@ -113,7 +135,9 @@ def _hand_down(links: Sequence[Link], bodies: list[Articulated], wrenches: list[
 
 
 def _summed(a: Articulated, b: Articulated) -> Articulated:
-    return Articulated(*[[sum_of(x, y) for x, y in zip(p, q)] for p, q in ((a.J, b.J), (a.C, b.C), (a.K, b.K))])
+    return Articulated(
+        *[[sum_of(x, y) for x, y in zip(p, q)] for p, q in ((a.J, b.J), (a.C, b.C), (a.K, b.K))]
+    )
 
 
 def _turned(body: Articulated, rotation: Rotation) -> Articulated:
@@ -128,13 +152,18 @@ def _shifted(body: Articulated, arm: Vector) -> Articulated:
     """To a point −arm away: C' = C + [a]× K,  J' = J + [a]× Cᵀ − C' [a]×."""
     if all(is_zero(x) for x in arm):
         return body
-    C = [sum_of(x, y) for x, y in zip(body.C, transpose([cross(arm, column) for column in transpose(body.K)]))]
+    C = [
+        sum_of(x, y)
+        for x, y in zip(body.C, transpose([cross(arm, column) for column in transpose(body.K)]))
+    ]
     left = transpose([cross(arm, row) for row in body.C])  # [a]× Cᵀ
     right = [cross(row, arm) for row in C]  # C' [a]×
     return Articulated(symmetric(lambda i, j: body.J[i][j] + left[i][j] - right[i][j]), C, body.K)
 
 
-def _accelerations(links: Sequence[Link], steps: Sequence[Sequence[Elimination]], nv: int) -> Factored:
+def _accelerations(
+    links: Sequence[Link], steps: Sequence[Sequence[Elimination]], nv: int
+) -> Factored:
     vdot: Vector = [0.0] * nv
     pivots: dict[int, Scalar] = {}
     twists: list[Vector] = []

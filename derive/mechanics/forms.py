@@ -1,7 +1,9 @@
-"""Linear forms: Σ coefficient · key, sparse, over unresolved base velocities ("v", j), quasi-velocities ("w", k) and ONE.
+"""Linear forms: Σ coefficient · key, sparse, over unresolved generalized velocities ("v", j),
+quasi-velocities ("w", k) and ONE.
 
-A link's twist as six such forms is what the recursions carry from base to tip. Coefficients are SX scalars or floats; an
-exact zero is never stored, so structure survives and nothing is multiplied by it.
+A link's twist as six such forms is what the recursions carry from base to tip. Coefficients are SX
+scalars or floats; an exact zero is never stored, so structure survives and nothing is multiplied by
+it.
 """
 
 from __future__ import annotations

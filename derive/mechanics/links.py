@@ -1,4 +1,5 @@
-"""Model → links: joint by joint from base to tip, bodies on fixed joints merged into the body that carries them."""
+"""Model → links: joint by joint from base to tip, bodies on fixed joints merged into the body that
+carries them."""
 
 from __future__ import annotations
 
@@ -46,7 +47,9 @@ def links_and_places(model: Model, symbols: Symbols) -> tuple[tuple[Link, ...], 
     return tuple(links), places
 
 
-def _placed(model: Model, symbols: Symbols, joint: Joint, carrier: Place, links: list[Link]) -> Place:
+def _placed(
+    model: Model, symbols: Symbols, joint: Joint, carrier: Place, links: list[Link]
+) -> Place:
     """Append the joint's links and say where the child sits."""
     if not joint.velocities:
         return _welded(symbols, joint, carrier)
@@ -82,28 +85,55 @@ def _parts(model: Model, symbols: Symbols, joint: Joint) -> list[Part]:
     if not kind.parts:
         return [Part(kind, axis, q, columns)]
     axes = (axis, symbols.vector(joint.axis2) if joint.axis2 else axis)
-    return [Part(joint_type(n), e, [q[k]], (columns[k],)) for k, (n, e) in enumerate(zip(kind.parts, axes))]
+    return [
+        Part(joint_type(n), e, [q[k]], (columns[k],))
+        for k, (n, e) in enumerate(zip(kind.parts, axes))
+    ]
 
 
-def _link(name: str, parent: int, on_carrier: Rotation, start: Vector, part: Part, on_child: Rotation) -> Link:
-    """A massless link; its frame is the child's body frame or, where the axis is oblique there, one with z along the axis."""
+def _link(
+    name: str, parent: int, on_carrier: Rotation, start: Vector, part: Part, on_child: Rotation
+) -> Link:
+    """A massless link; its frame is the child's body frame or, where the axis is oblique there, one
+    with z along the axis."""
     if _is_oblique(part, on_child):
         upright = _aligning(part.axis)
         to_link = inverse(upright)  # link ← joint frame
-        rotation = merged(on_carrier, upright, part.kind.rotation(part.q, [0.0, 0.0, 1.0] if upright else part.axis))
+        rotation = merged(
+            on_carrier,
+            upright,
+            part.kind.rotation(part.q, [0.0, 0.0, 1.0] if upright else part.axis),
+        )
     else:
         to_link = on_child
         rotation = merged(on_carrier, part.kind.rotation(part.q, part.axis), inverse(on_child))
-    motion = tuple(_turned_twist(matrix(to_link), column) for column in part.kind.motion(part.q, part.axis))
+    motion = tuple(
+        _turned_twist(matrix(to_link), column) for column in part.kind.motion(part.q, part.axis)
+    )
     motion = tuple([_exact(x) for x in column] for column in motion)
     slide = part.kind.translation(part.q, part.axis)
     a = sum_of(start, rotated(matrix(on_carrier), slide))
-    return Link(name, parent, rotation, matrix(rotation), a, ORIGIN, motion, part.columns, _principal_turn(motion), NOTHING)
+    return Link(
+        name,
+        parent,
+        rotation,
+        matrix(rotation),
+        a,
+        ORIGIN,
+        motion,
+        part.columns,
+        _principal_turn(motion),
+        NOTHING,
+    )
 
 
 def _body_in_link(part: Part, on_child: Rotation) -> Rotation:
     """link ← body."""
-    return merged(inverse(_aligning(part.axis)), inverse(on_child)) if _is_oblique(part, on_child) else ()
+    return (
+        merged(inverse(_aligning(part.axis)), inverse(on_child))
+        if _is_oblique(part, on_child)
+        else ()
+    )
 
 
 def _is_oblique(part: Part, on_child: Rotation) -> bool:
@@ -164,7 +194,9 @@ def _welded(symbols: Symbols, joint: Joint, carrier: Place) -> Place:
 def _absorb(links: list[Link], place: Place, extra: Inertia) -> None:
     if place.link >= 0:  # a body without mass has exact zeros, and adding them changes nothing
         link = links[place.link]
-        links[place.link] = replace(link, inertia=summed(link.inertia, moved(extra, place.rotation, place.position)))
+        links[place.link] = replace(
+            link, inertia=summed(link.inertia, moved(extra, place.rotation, place.position))
+        )
 
 
 def inertia(symbols: Symbols, body: Body) -> Inertia:
@@ -185,7 +217,10 @@ def _added(a: Matrix, b: Matrix) -> Matrix:
 
 def _steiner(mass: Scalar, r: Vector) -> Matrix:
     square = dot(r, r)
-    return [[dot([mass], [(square if i == j else 0.0) - dot([r[i]], [r[j]])]) for j in range(3)] for i in range(3)]
+    return [
+        [dot([mass], [(square if i == j else 0.0) - dot([r[i]], [r[j]])]) for j in range(3)]
+        for i in range(3)
+    ]
 
 
 def summed(a: Inertia, b: Inertia) -> Inertia:
@@ -195,14 +230,17 @@ def summed(a: Inertia, b: Inertia) -> Inertia:
 def moved(i: Inertia, rotation: Rotation, r: Vector) -> Inertia:
     """The same inertia seen from a frame in which its own sits with `rotation` (frame ← own) at r.
 
-    m' = m,  (mc)' = R mc + m r,  I' = R I Rᵀ − [r]× [(mc)']× − [R mc]× [r]×; upper triangle only, then mirrored.
+    m' = m,  (mc)' = R mc + m r,  I' = R I Rᵀ − [r]× [(mc)']× − [R mc]× [r]×; upper triangle only,
+    then mirrored.
     """
     turned = rotated(matrix(rotation), i.moment)
     moment = sum_of(turned, _scaled(i.mass, r))
     tensor = i.tensor
     for factor in reversed(rotation):
         tensor = turned_tensor(tensor, factor)
-    return Inertia(i.mass, moment, symmetric(lambda a, b: minus(tensor[a][b], _shift(r, moment, turned, a, b))))
+    return Inertia(
+        i.mass, moment, symmetric(lambda a, b: minus(tensor[a][b], _shift(r, moment, turned, a, b)))
+    )
 
 
 def symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
@@ -246,11 +284,12 @@ def _spun_tensor(I: Matrix, turn: Turn) -> Matrix:
 
 
 def regrouped(links: Sequence[Link]) -> tuple[Inertia, ...]:
-    """Inertias with everything a joint cannot feel moved to the link that carries it; M and h stay the same.
+    """Inertias with everything a joint cannot feel moved to the link that carries it; M and h stay
+    the same.
 
-    Of a link that turns about z through the joint point: mass, mz and the part diag(Iyy, Iyy, 0) look the same from the
-    carrier at every angle. Of a link that slides: its tensor about the origin. What reaches the ground is dropped.
-    (Gautier & Khalil 1990, base inertial parameters.)
+    Of a link that turns about z through the joint point: mass, mz and the part diag(Iyy, Iyy, 0)
+    look the same from the carrier at every angle. Of a link that slides: its tensor about the
+    origin. What reaches the ground is dropped. (Gautier & Khalil 1990, base inertial parameters.)
     """
     result = [link.inertia for link in links]
     for i in reversed(range(len(links))):
@@ -268,7 +307,8 @@ def regrouped(links: Sequence[Link]) -> tuple[Inertia, ...]:
 
 
 def _unfelt(link: Link, own: Inertia) -> Inertia | None:
-    """The part, about the joint point, that moves with the carrier at every position of the joint."""
+    """The part, about the joint point, that moves with the carrier at every position of the
+    joint."""
     z = link.turns_about
     if z < 0:
         if any(not is_zero(x) for x in link.motion[0][:3]):
@@ -278,7 +318,9 @@ def _unfelt(link: Link, own: Inertia) -> Inertia | None:
     y = (z + 2) % 3
     across = at_joint.tensor[y][y]
     tensor = [[across if a == b and a != z else 0.0 for b in range(3)] for a in range(3)]
-    return Inertia(at_joint.mass, [x if k == z else 0.0 for k, x in enumerate(at_joint.moment)], tensor)
+    return Inertia(
+        at_joint.mass, [x if k == z else 0.0 for k, x in enumerate(at_joint.moment)], tensor
+    )
 
 
 def _negative(i: Inertia) -> Inertia:
@@ -290,7 +332,8 @@ def _at_zero(rotation: Rotation) -> Rotation:
 
 
 def _start(link: Link) -> Vector:
-    """The joint point in the carrier; a sliding link hands down a tensor alone, for which the place does not matter."""
+    """The joint point in the carrier; a sliding link hands down a tensor alone, for which the place
+    does not matter."""
     return link.a if link.turns_about >= 0 else [0.0, 0.0, 0.0]
 
 

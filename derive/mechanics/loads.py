@@ -1,4 +1,5 @@
-"""Applied forces: potentials of springs and the generalised forces of everything else, conjugate to the base velocities."""
+"""Applied forces: potentials of springs and the generalised forces of everything else, conjugate to
+the generalized velocities."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ def applied(scene: Scene) -> Applied:
 
 
 def along(scene: Scene, velocity: str, force: ca.SX) -> ca.SX:
-    """A force conjugate to one base velocity or, for a coordinate whose rate is none, to that rate: Nᵀ e f."""
+    """A force conjugate to one generalized velocity or, for a coordinate whose rate is none, to
+    that rate: Nᵀ e f."""
     for j, v in enumerate(scene.model.velocities):
         if v.name == velocity or (v.rate_of and velocity == f"der({v.rate_of})"):
             return _unit(scene.symbols.v.numel(), j, force)
@@ -78,7 +80,9 @@ def _load(scene: Scene, load: Load) -> Applied:
         case JointFriction():
             return _joint_friction(scene, load)
         case Armature():
-            return Applied(ca.SX(0), ca.SX.zeros(scene.symbols.v.numel()))  # an inertia, see `armatures`
+            return Applied(
+                ca.SX(0), ca.SX.zeros(scene.symbols.v.numel())
+            )  # an inertia, see `armatures`
         case GeneralisedForce():
             force = ca.SX(scene.symbols.scalar(load.expression))
             return _only(scene, along(scene, load.velocity, force))
@@ -92,16 +96,25 @@ def _joint_spring(scene: Scene, load: JointSpring) -> Applied:
     """½ k (q − rest)²."""
     s = scene.symbols
     stretch = s.names[load.coordinate] - s.scalar(load.rest)
-    return Applied(ca.SX(0.5 * s.scalar(load.stiffness) * stretch * stretch), ca.SX.zeros(s.v.numel()))
+    return Applied(
+        ca.SX(0.5 * s.scalar(load.stiffness) * stretch * stretch), ca.SX.zeros(s.v.numel())
+    )
 
 
 def _joint_damper(scene: Scene, load: JointDamper) -> Applied:
     """−d times the rate."""
-    return _only(scene, along(scene, load.velocity, -scene.symbols.scalar(load.coefficient) * _rate(scene, load.velocity)))
+    return _only(
+        scene,
+        along(
+            scene,
+            load.velocity,
+            -scene.symbols.scalar(load.coefficient) * _rate(scene, load.velocity),
+        ),
+    )
 
 
 def _rate(scene: Scene, velocity: str) -> ca.SX:
-    """A base velocity, or the rate of a coordinate, by name."""
+    """A generalized velocity, or the rate of a coordinate, by name."""
     rate = scene.symbols.rates.get(velocity.removeprefix("der(").removesuffix(")"))
     return scene.symbols.names[velocity] if rate is None else rate
 
@@ -109,14 +122,17 @@ def _rate(scene: Scene, velocity: str) -> ca.SX:
 def _joint_friction(scene: Scene, load: JointFriction) -> Applied:
     """−viscous v − coulomb tanh(v/smoothing): Coulomb friction made smooth."""
     s, rate = scene.symbols, _rate(scene, load.velocity)
-    force = -s.scalar(load.viscous) * rate - s.scalar(load.coulomb) * ca.tanh(rate / s.scalar(load.smoothing))
+    force = -s.scalar(load.viscous) * rate - s.scalar(load.coulomb) * ca.tanh(
+        rate / s.scalar(load.smoothing)
+    )
     return _only(scene, along(scene, load.velocity, ca.SX(force)))
 
 
 def _bushing(scene: Scene, load: Bushing) -> Applied:
     """A soft weld: ½ Σ kᵢ dᵢ² + ½ Σ κᵢ θᵢ² and the dampings, in the first body's joint frame.
 
-    d is the second origin's displacement, θ = ½ Σ aᵢ × bᵢ of the two frames' axes: the rotation vector while it is small.
+    d is the second origin's displacement, θ = ½ Σ aᵢ × bᵢ of the two frames' axes: the rotation
+    vector while it is small.
     """
     s = scene.symbols
     frames = [joint_frame(scene, body, at, ()) for body, at in zip(load.bodies, load.placements)]
@@ -133,7 +149,8 @@ def _bushing(scene: Scene, load: Bushing) -> Applied:
 
 
 def armatures(scene: Scene) -> ca.SX:
-    """Rotor inertias on the diagonal of M: the rotor turns with the joint's base velocity."""
+    """Rotor inertias on the diagonal of M: the rotor turns with the joint's generalized
+    velocity."""
     result = ca.SX(scene.symbols.v.numel(), scene.symbols.v.numel())
     names = [v.name for v in scene.model.velocities]
     for load in scene.model.loads:
@@ -179,7 +196,8 @@ def _in_ground(scene: Scene, body: str, frame: str, components: Vector) -> Vecto
 
 
 def _torque(scene: Scene, load: Torque) -> Applied:
-    """Conjugate to the body's angular velocity: Σ columns of Jω, found from the links' own recursion."""
+    """Conjugate to the body's angular velocity: Σ columns of Jω, found from the links' own
+    recursion."""
     s = scene.symbols
     place = scene.places[load.body]
     if place.link < 0:

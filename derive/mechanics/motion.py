@@ -1,6 +1,7 @@
 """Twists and their rates from base to tip, as linear forms.
 
-In a link's own frame, with ω_p, v_p of the parent, the joint point at a (parent) and b (link), relative twist (ω_J, v_J):
+In a link's own frame, with ω_p, v_p of the parent, the joint point at a (parent) and b (link),
+relative twist (ω_J, v_J):
     ω = Rᵀ ω_p + ω_J            u = Rᵀ (v_p + ω_p × a) + v_J            v = u − ω × b
 Rates of these components (not of the vectors):
     ω̇ = Rᵀ ω̇_p − ω_J × Rᵀ ω_p + H_ω v̇
@@ -84,7 +85,8 @@ def child_numbers(link: Link, parent: Numbers, joint_velocities: Vector) -> Numb
 
 
 def row_form(row: RowForm, twists: Mapping[int, Twist], joints: dict[int, Form]) -> Form:
-    """Σ direction · (v + ω × point) + moment · ω + Σ coefficients v, as one form (the row's value is not in it)."""
+    """Σ direction · (v + ω × point) + moment · ω + Σ coefficients v, as one form (the row's value
+    is not in it)."""
     parts = [(1.0, _term_form(term, twists[term.link])) for term in row.terms if term.link >= 0]
     parts += [(coefficient, joints[j]) for j, coefficient in row.coefficients]
     return total(parts)
@@ -99,7 +101,8 @@ def _term_form(term: TwistTerm, motion: Twist) -> Form:
 def row_products(row: RowForm, numbers: Sequence[Numbers]) -> Scalar:
     """What the turning of the directions and the moving of the points add to the row's rate.
 
-    A direction n fixed in the ground turns with ṅ = −ω × n in the link, so ṅ·x = n·(ω × x) for the point's velocity x.
+    A direction n fixed in the ground turns with ṅ = −ω × n in the link, so ṅ·x = n·(ω × x) for the
+    point's velocity x.
     """
     result: Scalar = 0.0
     for term in row.terms:
@@ -110,6 +113,8 @@ def row_products(row: RowForm, numbers: Sequence[Numbers]) -> Scalar:
         if term.fixed == "ground":
             result = result + dot(term.direction, cross(omega, at_point))
         else:
-            moving = dot(term.direction, cross(omega, term.point_rate)) + dot(term.moment_rate, omega)
+            moving = dot(term.direction, cross(omega, term.point_rate)) + dot(
+                term.moment_rate, omega
+            )
             result = result + dot(term.direction_rate, at_point) + moving
     return result

@@ -17,8 +17,11 @@ BODY_FUNCTIONS = ("position", "velocity", "angle")
 
 
 def outputs(scene: Scene) -> tuple[tuple[str, ca.SX, str], ...]:
-    """(name, value, unit) of each output; points have as many components as the model has dimensions."""
-    return tuple((output.name, _output(scene, output), output.unit) for output in scene.model.outputs)
+    """(name, value, unit) of each output; points have as many components as the model has
+    dimensions."""
+    return tuple(
+        (output.name, _output(scene, output), output.unit) for output in scene.model.outputs
+    )
 
 
 def _output(scene: Scene, output: Output) -> ca.SX:
@@ -31,7 +34,8 @@ def _output(scene: Scene, output: Output) -> ca.SX:
 
 
 def _reactions(scene: Scene, call: Call) -> ca.SX:
-    """The symbols of a closure's or constraint's multipliers; whoever knows λ puts it in their place."""
+    """The symbols of a closure's or constraint's multipliers; whoever knows λ puts it in their
+    place."""
     subject = call.arguments[0]
     assert isinstance(subject, Name)  # the loader saw to it
     rows = [row for row in row_names(scene.model) if row.partition(".")[0] == subject.name]
@@ -50,7 +54,8 @@ def _of_body(scene: Scene, call: Call) -> ca.SX:
 
 
 def _point(scene: Scene, call: Call) -> Numbers:
-    """The body point of a call, embedded in space by the loader; the body's origin when none is given."""
+    """The body point of a call, embedded in space by the loader; the body's origin when none is
+    given."""
     if len(call.arguments) < 2:
         return [0.0, 0.0, 0.0]
     entries = call.arguments[1]
@@ -59,7 +64,8 @@ def _point(scene: Scene, call: Call) -> Numbers:
 
 
 def _angle(scene: Scene, body: str) -> ca.SX:
-    """The angle of a planar body against the ground, counter-clockwise from the plane's first to its second axis."""
+    """The angle of a planar body against the ground, counter-clockwise from the plane's first to
+    its second axis."""
     place = scene.places[body]
     chain = merged(relative_rotation(scene.links, -1, place.link), place.rotation)
     turned = sum((f.angle for f in chain if isinstance(f, Turn)), ca.SX(0))

@@ -1,7 +1,8 @@
-"""The System record: the mechanics of a model as named CasADi terms, before any choice of quasi-velocities.
+"""The System record: the mechanics of a model as named CasADi terms, before any choice of
+quasi-velocities.
 
-q̇ = N(q) v,  M v̇ + h = Q + Aᵀ λ,  φ(q, t) = 0,  A v = c,  A v̇ = β.
-Symbols are plain SX columns, never functions of time. Parameters that were made constants are numbers already.
+q̇ = N(q) v,  M v̇ + h = Q + Aᵀ λ,  φ(q, t) = 0,  A v = c,  A v̇ = β. Symbols are plain SX columns,
+never functions of time. Parameters that were made constants are numbers already.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from derive.model.records import Model
 
 @dataclass(frozen=True)
 class Named:
-    """An intermediate worth reading: the textbook prints it, the generated code names its section after it."""
+    """An intermediate worth reading: the textbook prints it, the generated code names its section
+    after it."""
 
     name: str  # as in design section 7: "A", "M", "beta" …
     about: str
@@ -26,7 +28,8 @@ class Named:
 
 @dataclass(frozen=True)
 class Row:
-    """One scalar constraint. `position` is its index in φ, or −1 for a nonholonomic row; `unit` is that of A v."""
+    """One scalar constraint. `position` is its index in φ, or −1 for a nonholonomic row; `unit` is
+    that of A v."""
 
     name: str
     position: int
@@ -35,7 +38,8 @@ class Row:
 
 @dataclass(frozen=True)
 class Inertia:
-    """Of a link about its frame's origin, in its frame: mass, first moment m·c, and the 3 × 3 tensor about the origin."""
+    """Of a link about its frame's origin, in its frame: mass, first moment m·c, and the 3 × 3
+    tensor about the origin."""
 
     mass: Scalar
     moment: Vector
@@ -44,11 +48,13 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Link:
-    """A body, with everything fixed to it, as the recursions see it: in its own frame, twist taken at its origin.
+    """A body, with everything fixed to it, as the recursions see it: in its own frame, twist taken
+    at its origin.
 
-    `rotation`: parent ← link; `a`: the joint point in the parent's frame; `b`: the same point in the link's frame;
-    `motion`: per joint velocity the relative (ω, v) at the joint point in the link's frame; `columns`: their indices in v.
-    `turns_about`: 0, 1 or 2 where the joint is one turn about that axis of the link's frame, else −1.
+    `rotation`: parent ← link; `a`: the joint point in the parent's frame; `b`: the same point in
+    the link's frame; `motion`: per joint velocity the relative (ω, v) at the joint point in the
+    link's frame; `columns`: their indices in v. `turns_about`: 0, 1 or 2 where the joint is one
+    turn about that axis of the link's frame, else −1.
     """
 
     name: str
@@ -76,8 +82,9 @@ class Place:
 class TwistTerm:
     """direction · (v + ω × point) + moment · ω of a link, all in its frame.
 
-    `fixed` says what directions are fixed to while the row is differentiated: "body" (constant in the link's frame),
-    "ground" (they turn against the link), or "state" (the rates of direction, point and moment are given, in q and v).
+    `fixed` says what directions are fixed to while the row is differentiated: "body" (constant in
+    the link's frame), "ground" (they turn against the link), or "state" (the rates of direction,
+    point and moment are given, in q and v).
     """
 
     link: int
@@ -92,9 +99,11 @@ class TwistTerm:
 
 @dataclass(frozen=True)
 class RowForm:
-    """A velocity row as the elimination reads it: Σ twist terms + Σ coefficients[j] v_j = value, and its derivative.
+    """A velocity row as the elimination reads it: Σ twist terms + Σ coefficients[j] v_j = value,
+    and its derivative.
 
-    For the derivative, the v-part and the value contribute `rate` = d(value)/dt − d(coefficients)/dt v, in (t, q, v).
+    For the derivative, the v-part and the value contribute `rate` = d(value)/dt −
+    d(coefficients)/dt v, in (t, q, v).
     """
 
     name: str
@@ -106,7 +115,8 @@ class RowForm:
 
 @dataclass(frozen=True)
 class System:
-    """See the module's first lines; `blocks` are the constraint rows grouped, each in several equivalent ways of writing."""
+    """See the module's first lines; `blocks` are the constraint rows grouped, each in several
+    equivalent ways of writing."""
 
     model: Model
     symbols: Symbols
@@ -128,14 +138,21 @@ class System:
     beta: ca.SX
     T: ca.SX
     V: ca.SX
-    power: ca.SX  # of what is in Q and not −∂V/∂q, so that d(T + V)/dt = power + λᵀ c + explicit time
+    # what the motion balances: T + V or, where T = T₂ + T₁ + T₀ has terms linear in the rates or
+    # free of them, Jacobi's integral T₂ − T₀ + V
+    energy: ca.SX
+    homogeneous: bool  # T is T₂ alone, and energy = T + V
+    power: ca.SX  # of what is in Q and not −∂V/∂q, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
     outputs: tuple[tuple[str, ca.SX, str], ...]  # name, value, unit
     rows: tuple[Row, ...]
     links: tuple[Link, ...]
-    inertias: tuple[tuple[Inertia, ...], ...]  # equivalent sets: as given, and regrouped across the joints
+    inertias: tuple[
+        tuple[Inertia, ...], ...
+    ]  # equivalent sets: as given, and regrouped across the joints
     places: tuple[tuple[str, Place], ...]  # body name → where it is
     blocks: tuple[tuple[tuple[RowForm, ...], ...], ...]
-    written: bool  # M is written out; on long chains it is not, its entries grow with the square of the length
+    # M is written out; on long chains it is not, its entries grow with the square of the length
+    written: bool
     definite: bool  # M is positive definite at the nominal values
     quaternions: tuple[int, ...]  # where in q a unit quaternion (w, x, y, z) starts
     M_extra: ca.SX  # nv × nv, of the kinetic energy that is not in the links

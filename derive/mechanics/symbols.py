@@ -16,7 +16,8 @@ from derive.model.rows import row_names
 
 @dataclass(frozen=True)
 class Symbols:
-    """t, q, v, u, p as SX columns; `qd` stands for q̇ while formulas are read and is replaced by N v afterwards."""
+    """t, q, v, u, p as SX columns; `qd` stands for q̇ while formulas are read and is replaced by N
+    v afterwards."""
 
     t: ca.SX
     q: ca.SX
@@ -29,7 +30,8 @@ class Symbols:
     rates: dict[str, Scalar]
 
     def scalar(self, expression: Expression) -> Scalar:
-        """The formula over these symbols; a float where only numbers and constant parameters occur."""
+        """The formula over these symbols; a float where only numbers and constant parameters
+        occur."""
         result = value(expression, self.names, self.rates, casadi_functions())
         return float(result) if not isinstance(result, ca.SX) or result.is_constant() else result
 
@@ -44,7 +46,10 @@ class Symbols:
 
 def symbols(model: Model, constants: Collection[str]) -> Symbols:
     t, u = ca.SX.sym("t"), _column([i.name for i in model.inputs])
-    q, qd = _column([c.name for c in model.coordinates]), _column([f"d_{c.name}" for c in model.coordinates])
+    q, qd = (
+        _column([c.name for c in model.coordinates]),
+        _column([f"d_{c.name}" for c in model.coordinates]),
+    )
     v = _column([x.name for x in model.velocities])
     free = [x for x in model.parameters if x.name not in constants]
     p = _column([x.name for x in free])

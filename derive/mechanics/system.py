@@ -31,7 +31,6 @@ from derive.mechanics.motion import (
     with_products,
 )
 from derive.mechanics.outputs import outputs
-from derive.mechanics.reactions import with_nonideal
 from derive.mechanics.records import Inertia, Link, RowForm, System
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
@@ -52,10 +51,12 @@ MOST_ENTRIES = 2_500  # of M below the diagonal; beyond that only the O(n) recur
 FEW = 40  # with more links than this, equivalent sets of inertias are not compared
 
 
-def system(model: Model, constants: Collection[str] | str = ()) -> System:
-    """The mechanics of a model. `constants` names the parameters to bake in as numbers ("all" for every one).
+def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[System, ca.SX]:
+    """The mechanics of a model with its ideal constraints, and the nonideal forces C (nv), which
+    may use the reactions of the ideal problem.
 
-    Raises ModelError where the kinetic energy is not quadratic in the rates.
+    `constants` names the parameters to bake in as numbers ("all" for every one). Raises ModelError
+    where the kinetic energy is not quadratic in the rates.
     """
     every = tuple(x.name for x in model.parameters)
     baked = every if constants == "all" else tuple(name for name in every if name in constants)
@@ -65,7 +66,9 @@ def system(model: Model, constants: Collection[str] | str = ()) -> System:
     rotations = ground_rotations(links)
     positions = ground_positions(links, rotations)
     numbers = twists(links, _entries(s.v))
-    scene = Scene(model, s, qdot, links, places, rotations, positions, [list(n[0]) for n in numbers])
+    scene = Scene(
+        model, s, qdot, links, places, rotations, positions, [list(n[0]) for n in numbers]
+    )
     found = blocks(scene)
     loads, extra = applied(scene), _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
     g = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
@@ -73,8 +76,12 @@ def system(model: Model, constants: Collection[str] | str = ()) -> System:
 
 
 def _inertias(links: Sequence[Link]) -> tuple[tuple[Inertia, ...], ...]:
-    """As given and regrouped; for many links the regrouped ones alone, which are cheaper but for the smallest models."""
-    return (*([tuple(link.inertia for link in links)] if len(links) <= FEW else []), regrouped(links))
+    """As given and regrouped; for many links the regrouped ones alone, which are cheaper but for
+    the smallest models."""
+    return (
+        *([tuple(link.inertia for link in links)] if len(links) <= FEW else []),
+        regrouped(links),
+    )
 
 
 def _assembled(
@@ -85,20 +92,28 @@ def _assembled(
     loads: Applied,
     extra: Lagrangian,
     g: Vector,
-) -> System:
+) -> tuple[System, ca.SX]:
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
     inertias = _inertias(links)
     nonideal = _nonideal(scene, found)
-    written = sum(len(path(links, i)) for i in range(len(links))) <= MOST_ENTRIES or not nonideal.is_zero()
+    written = (
+        sum(len(path(links, i)) for i in range(len(links))) <= MOST_ENTRIES
+        or not nonideal.is_zero()
+    )
     M = _mass(links, inertias, nv) + extra.M if written else ca.SX(nv, nv)
     h = _newton_euler(links, inertias, _entries(s.v), [0.0] * nv, g) + extra.h
     A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
-    phi = ca.vertcat(*[x for block in found for x in block.phi]) if any(b.phi for b in found) else ca.SX(0, 1)
+    phi = (
+        ca.vertcat(*[x for block in found for x in block.phi])
+        if any(b.phi for b in found)
+        else ca.SX(0, 1)
+    )
     T = ca.SX(kinetic_energy(links, numbers)) + extra.T
     V = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g)) + extra.V + loads.energy
     N = ca.jacobian(scene.qdot, s.v)
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
-    power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1))
+    energy = T + V if extra.missing.is_zero() else T + V - extra.missing
+    power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
     result = System(
         model=model,
         symbols=s,
@@ -120,6 +135,8 @@ def _assembled(
         beta=beta,
         T=T,
         V=V,
+        energy=energy,
+        homogeneous=extra.missing.is_zero(),
         power=power,
         outputs=outputs(scene),
         rows=tuple(row for block in found for row in block.rows),
@@ -134,9 +151,9 @@ def _assembled(
         h_extra=extra.h,
         gravity=g,
         names=(),
-        assumptions=_assumptions(model, s, extra),
+        assumptions=model.notes,
     )
-    return result if nonideal.is_zero() else with_nonideal(result, nonideal)
+    return result, nonideal
 
 
 def _mass(links: Sequence[Link], sets: Sequence[Sequence[Inertia]], nv: int) -> ca.SX:
@@ -162,12 +179,13 @@ def _matrix(rows: Matrix, n: int, m: int) -> ca.SX:
 
 
 def _qdot(model: Model, s: Symbols) -> ca.SX:
-    """N v, joint by joint; a coordinate of the analytic form has its own rate as base velocity."""
+    """N v, joint by joint; a coordinate of the analytic form has its own rate as generalized
+    velocity."""
     rates: dict[str, Scalar] = {v.rate_of: s.names[v.name] for v in model.velocities if v.rate_of}
     for joint in model.joints:
         kind = joint_type(joint.type, joint.orientation, s.scalar(joint.pitch))
         if kind.parts:
-            continue  # all its base velocities are rates of coordinates
+            continue  # all its generalized velocities are rates of coordinates
         q = [s.names[name] for name in joint.coordinates]
         v = [s.names[name] for name in joint.velocities]
         rates |= dict(zip(joint.coordinates, kind.rates(q, v, s.vector(joint.axis))))
@@ -175,20 +193,29 @@ def _qdot(model: Model, s: Symbols) -> ca.SX:
 
 
 def _newton_euler(
-    links: Sequence[Link], sets: Sequence[Sequence[Inertia]], v: Sequence[Scalar], vdot: Sequence[Scalar], g: Vector
+    links: Sequence[Link],
+    sets: Sequence[Sequence[Inertia]],
+    v: Sequence[Scalar],
+    vdot: Sequence[Scalar],
+    g: Vector,
 ) -> ca.SX:
-    """The joint forces of a motion against gravity, from the cheapest of equivalent sets of inertias."""
-    found = [joint_forces(links, newton_euler(links, inertias, v, vdot, g), len(v)) for inertias in sets]
+    """The joint forces of a motion against gravity, from the cheapest of equivalent sets of
+    inertias."""
+    found = [
+        joint_forces(links, newton_euler(links, inertias, v, vdot, g), len(v)) for inertias in sets
+    ]
     return ca.vertcat(*cheapest(found)) if v else ca.SX(0, 1)
 
 
 def inertial_forces(system: System, vdot: ca.SX) -> ca.SX:
     """M v̇ + h of the links alone."""
-    return _newton_euler(system.links, system.inertias, _entries(system.v), _entries(vdot), system.gravity)
+    return _newton_euler(
+        system.links, system.inertias, _entries(system.v), _entries(vdot), system.gravity
+    )
 
 
 def _rows(scene: Scene, numbers: list[Numbers], rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """A, c and β = −(d A/dt) v + dc/dt from the rows, over the base velocities."""
+    """A, c and β = −(d A/dt) v + dc/dt from the rows, over the generalized velocities."""
     nv = scene.symbols.v.numel()
     needed = {i for row in rows for term in row.terms for i in path(scene.links, term.link)}
     speeds, rates = _twist_forms(scene, numbers, needed)
@@ -203,8 +230,11 @@ def _rows(scene: Scene, numbers: list[Numbers], rows: list[RowForm]) -> tuple[ca
     return A, c, beta
 
 
-def _twist_forms(scene: Scene, numbers: list[Numbers], needed: set[int]) -> tuple[dict[int, Twist], dict[int, Twist]]:
-    """Twists and their rates over the base velocities, for the links that some row speaks of and what carries them."""
+def _twist_forms(
+    scene: Scene, numbers: list[Numbers], needed: set[int]
+) -> tuple[dict[int, Twist], dict[int, Twist]]:
+    """Twists and their rates over the generalized velocities, for the links that some row speaks of
+    and what carries them."""
     speeds: dict[int, Twist] = {}
     rates: dict[int, Twist] = {}
     for i in sorted(needed):
@@ -227,25 +257,27 @@ def _nonideal(scene: Scene, found: list[Block]) -> ca.SX:
     return ca.mtimes(ca.jacobian(scene.qdot, scene.symbols.v).T, force)
 
 
-def _assumptions(model: Model, s: Symbols, extra: Lagrangian) -> tuple[str, ...]:
-    if model.kinetic is not None and not (extra.T - 0.5 * ca.bilin(extra.M, s.v, s.v)).is_zero() and ca.depends_on(extra.T, s.t):
-        return ("the kinetic energy depends on time: the energy balance leaves its explicit part out",)
-    return ()
-
-
 def _quaternions(model: Model) -> tuple[int, ...]:
     names = [c.name for c in model.coordinates]
     kinds = [(joint, joint_type(joint.type, joint.orientation)) for joint in model.joints]
-    return tuple(names.index(joint.coordinates[kind.unit_from]) for joint, kind in kinds if kind.unit_from >= 0)
+    return tuple(
+        names.index(joint.coordinates[kind.unit_from])
+        for joint, kind in kinds
+        if kind.unit_from >= 0
+    )
 
 
 def _is_definite(M: ca.SX, s: Symbols) -> bool:
-    """Whether M has a Cholesky factor at a few random configurations with the default parameters."""
+    """Whether M has a Cholesky factor at a few random configurations with the default
+    parameters."""
     if not M.size1():
         return True
     function = ca.Function("M", [s.t, s.q, s.p], [ca.densify(M)])
     rng, p = np.random.default_rng(0), s.defaults
-    least = [_smallest_ratio(np.asarray(function(0.0, rng.normal(size=s.q.numel()), p))) for _ in range(4)]
+    least = [
+        _smallest_ratio(np.asarray(function(0.0, rng.normal(size=s.q.numel()), p)))
+        for _ in range(4)
+    ]
     return min(least) > 1e-13
 
 

@@ -1,7 +1,9 @@
-"""Recursions over the tree of links: poses, Newton–Euler bias (tip to base), composite-body mass matrix, energies.
+"""Recursions over the tree of links: poses, Newton–Euler bias (tip to base), composite-body mass
+matrix, energies.
 
-Sources: Luh, Walker, Paul 1980 (recursive Newton–Euler); Walker, Orin 1982 (composite bodies); written in link frames with
-first moments, after Khalil, so that a link turning about a fixed axis costs one product.
+Sources: Luh, Walker, Paul 1980 (recursive Newton–Euler); Walker, Orin 1982 (composite bodies);
+written in link frames with first moments, after Khalil, so that a link turning about a fixed axis
+costs one product.
 """
 
 from __future__ import annotations
@@ -53,7 +55,8 @@ def _common(a: Sequence[int], b: Sequence[int]) -> list[int]:
 
 
 def ground_rotations(links: Sequence[Link]) -> list[Matrix]:
-    """Ground ← link for every link: one turn where all turns about it are parallel, else the product with its parent's."""
+    """Ground ← link for every link: one turn where all turns about it are parallel, else the
+    product with its parent's."""
     chains: list[Rotation | None] = []  # None where a product has been taken
     result: list[Matrix] = []
     for link in links:
@@ -70,13 +73,19 @@ def ground_positions(links: Sequence[Link], rotations: Sequence[Matrix]) -> list
     """Of the links' origins: r = r_p + R_p a − R b."""
     result: list[Vector] = []
     for link, R in zip(links, rotations):
-        carrier = (result[link.parent], rotations[link.parent]) if link.parent >= 0 else ([0.0, 0.0, 0.0], IDENTITY)
+        carrier = (
+            (result[link.parent], rotations[link.parent])
+            if link.parent >= 0
+            else ([0.0, 0.0, 0.0], IDENTITY)
+        )
         joint = sum_of(carrier[0], rotated(carrier[1], link.a))
         result.append(difference(joint, rotated(R, link.b)))
     return result
 
 
-def ground_point(place: Place, point: Vector, positions: Sequence[Vector], rotations: Sequence[Matrix]) -> Vector:
+def ground_point(
+    place: Place, point: Vector, positions: Sequence[Vector], rotations: Sequence[Matrix]
+) -> Vector:
     """A body point in the ground frame."""
     inside = link_point(place, point)
     if place.link < 0:
@@ -93,7 +102,7 @@ def link_direction(place: Place, direction: Vector) -> Vector:
 
 
 def twists(links: Sequence[Link], v: Sequence[Scalar]) -> list[Numbers]:
-    """(ω, v) of every link for the base velocities v."""
+    """(ω, v) of every link for the generalized velocities v."""
     result: list[Numbers] = []
     for link in links:
         parent = result[link.parent] if link.parent >= 0 else STILL
@@ -122,7 +131,8 @@ def inertia_force(body: Inertia, twist: Numbers, rate: Numbers, gravity: Vector)
 
 
 def handed_down(link: Link, wrench: Wrench) -> tuple[Wrench, Wrench]:
-    """A wrench at the link's origin: at the joint point in the link's frame, and at the parent's origin in the parent's frame."""
+    """A wrench at the link's origin: at the joint point in the link's frame, and at the parent's
+    origin in the parent's frame."""
     moment, force = wrench
     at_joint = (difference(moment, cross(link.b, force)), force)
     turned = rotated(link.R, at_joint[0]), rotated(link.R, force)
@@ -151,7 +161,9 @@ def composite_inertias(links: Sequence[Link], inertias: Sequence[Inertia]) -> li
         link = links[i]
         if link.parent >= 0:
             at_joint = moved(result[i], (), [-x for x in link.b])
-            result[link.parent] = summed(result[link.parent], moved(at_joint, link.rotation, link.a))
+            result[link.parent] = summed(
+                result[link.parent], moved(at_joint, link.rotation, link.a)
+            )
     return result
 
 
@@ -183,7 +195,9 @@ def kinetic_energy(links: Sequence[Link], numbers: Sequence[Numbers]) -> Scalar:
     return result
 
 
-def gravity_energy(links: Sequence[Link], positions: Sequence[Vector], rotations: Sequence[Matrix], g: Vector) -> Scalar:
+def gravity_energy(
+    links: Sequence[Link], positions: Sequence[Vector], rotations: Sequence[Matrix], g: Vector
+) -> Scalar:
     """−Σ g · (m r + R mc)."""
     result: Scalar = 0.0
     for link, r, R in zip(links, positions, rotations):

@@ -10,7 +10,9 @@ from derive.model.records import Model
 __all__ = ["KINDS", "Model", "load", "load_text", "schema"]
 
 if TYPE_CHECKING:
-    KINDS: tuple[tuple[str, str, str], ...]  # (category, name, about) of every joint, closure, constraint and load
+    KINDS: tuple[
+        tuple[str, str, str], ...
+    ]  # (category, name, about) of every joint, closure, constraint and load
 
 
 def __getattr__(name: str) -> Any:

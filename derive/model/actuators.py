@@ -1,4 +1,5 @@
-"""Where inputs and loads act: the base velocity that `joint:`, `coordinate:` or `velocity:` names."""
+"""Where inputs and loads act: the generalized velocity that `joint:`, `coordinate:` or `velocity:`
+names."""
 
 from __future__ import annotations
 
@@ -18,8 +19,10 @@ from derive.model.scope import INPUT, Symbol
 from derive.model.shape import Document, InputEntry
 
 
-def inputs(reader: Reader, document: Document, velocities: tuple[Velocity, ...]) -> tuple[Input, ...]:
-    """The actuators, each with the base velocity it drives."""
+def inputs(
+    reader: Reader, document: Document, velocities: tuple[Velocity, ...]
+) -> tuple[Input, ...]:
+    """The actuators, each with the generalized velocity it drives."""
     return tuple(_input(reader, key, entry, velocities) for key, entry in document.inputs.items())
 
 
@@ -35,13 +38,18 @@ def _input(reader: Reader, key: Key, entry: InputEntry, velocities: tuple[Veloci
     return Input(name, target.name if target else "", written, about, key.span, gear)
 
 
-def _gear(reader: Reader, key: Key, entry: InputEntry, target: Velocity | None) -> tuple[Expression, str]:
-    """Force at the joint per input, and the unit of the input; a drive from turning to sliding has a gear in 1/m."""
+def _gear(
+    reader: Reader, key: Key, entry: InputEntry, target: Velocity | None
+) -> tuple[Expression, str]:
+    """Force at the joint per input, and the unit of the input; a drive from turning to sliding has
+    a gear in 1/m."""
     if target is None:
         for name in ("gear", "rotor_inertia"):
             if (given := getattr(entry, name)) is not None and not _names_a_place(entry):
                 reader.report(
-                    given.span, f"'{name}' of the input '{key}', which drives no joint", "a joint, coordinate or velocity"
+                    given.span,
+                    f"'{name}' of the input '{key}', which drives no joint",
+                    "a joint, coordinate or velocity",
                 )
         return ONE, ""
     force = force_unit(target.unit)
@@ -49,9 +57,13 @@ def _gear(reader: Reader, key: Key, entry: InputEntry, target: Velocity | None) 
         return ONE, force
     gear = reader.formula(entry.gear, "a gear")
     if reader.value(gear, entry.gear) == 0.0:
-        reader.report(entry.gear.span, f"the gear of '{key}' is zero", "a number, positive or negative")
+        reader.report(
+            entry.gear.span, f"the gear of '{key}' is zero", "a number, positive or negative"
+        )
     dimension = _dimension(reader, gear, entry.gear)
-    return gear, force if dimension == NUMBER else pretty(quotient_of(dimension_of(force), dimension))
+    return gear, force if dimension == NUMBER else pretty(
+        quotient_of(dimension_of(force), dimension)
+    )
 
 
 def _names_a_place(entry: InputEntry) -> bool:
@@ -67,7 +79,8 @@ def _dimension(reader: Reader, formula: Expression, scalar: Scalar) -> Dimension
 
 
 def rotors(reader: Reader, document: Document, names: Names) -> list[Armature]:
-    """Inertias of the actuators' rotors as the joints feel them: rotor inertia times gear squared."""
+    """Inertias of the actuators' rotors as the joints feel them: rotor inertia times gear
+    squared."""
     found = []
     units = {velocity.name: velocity.unit for velocity in names.velocities}
     for entry, given in zip(document.inputs.values(), names.inputs):
@@ -79,7 +92,11 @@ def rotors(reader: Reader, document: Document, names: Names) -> list[Armature]:
         rotor = reader.formula(entry.rotor_inertia, "a rotor's inertia", unit=pretty(own))
         value = reader.value(rotor, entry.rotor_inertia)
         if value is not None and value < 0.0:
-            reader.report(entry.rotor_inertia.span, f"the rotor of '{given.name}' has the inertia {value:g}", "zero or more")
+            reader.report(
+                entry.rotor_inertia.span,
+                f"the rotor of '{given.name}' has the inertia {value:g}",
+                "zero or more",
+            )
         felt = algebra.times(rotor, given.gear, given.gear)
         found.append(Armature(f"{given.name}_rotor", given.velocity, felt, given.span))
     return found
@@ -95,45 +112,72 @@ def per_acceleration(velocity: str) -> str:
 def _checked_unit(reader: Reader, scalar: Scalar, wanted: str) -> str:
     given = reader.unit(scalar)
     if wanted and dimension_of(given) != dimension_of(wanted):
-        reader.report(scalar.span, f"an input in {given or 'plain numbers'} at a place that takes {wanted}", wanted)
+        reader.report(
+            scalar.span,
+            f"an input in {given or 'plain numbers'} at a place that takes {wanted}",
+            wanted,
+        )
     return given or wanted
 
 
 def velocity_of(
     reader: Reader, key: Key, entry: object, velocities: tuple[Velocity, ...], needed: bool = True
 ) -> Velocity | None:
-    """The base velocity that an entry's `joint:`, `coordinate:` or `velocity:` names; None where it names none or a wrong one."""
+    """The generalized velocity that an entry's `joint:`, `coordinate:` or `velocity:` names; None
+    where it names none or a wrong one."""
     ways = ("joint", "coordinate", "velocity")
     given = [(way, value) for way in ways if isinstance(value := getattr(entry, way, None), Scalar)]
     allowed = [way for way in ways if hasattr(entry, way)]
     if len(given) > 1 or (needed and not given):
-        problem = f"'{key}' acts in {len(given)} places" if given else f"'{key}' does not say where it acts"
+        problem = (
+            f"'{key}' acts in {len(given)} places"
+            if given
+            else f"'{key}' does not say where it acts"
+        )
         reader.report(key.span, problem, f"one of {', '.join(allowed)}")
     if len(given) != 1:
         return None
     way, scalar = given[0]
-    return {"joint": _of_joint, "coordinate": _of_coordinate, "velocity": _of_name}[way](reader, scalar, velocities)
+    return {"joint": _of_joint, "coordinate": _of_coordinate, "velocity": _of_name}[way](
+        reader, scalar, velocities
+    )
 
 
 def _of_joint(reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]) -> Velocity | None:
-    owned = [velocity for velocity in velocities if velocity.owner and velocity.owner == scalar.text]
+    owned = [
+        velocity for velocity in velocities if velocity.owner and velocity.owner == scalar.text
+    ]
     if len(owned) == 1:
         return owned[0]
     if owned:
         names = listed(velocity.name for velocity in owned)
-        reader.report(scalar.span, f"the joint '{scalar.text}' has {len(owned)} velocities", f"velocity: one of {names}")
+        reader.report(
+            scalar.span,
+            f"the joint '{scalar.text}' has {len(owned)} velocities",
+            f"velocity: one of {names}",
+        )
         return None
-    reader.word(scalar, dict.fromkeys(velocity.owner for velocity in velocities if velocity.owner), "moving joint")
+    reader.word(
+        scalar,
+        dict.fromkeys(velocity.owner for velocity in velocities if velocity.owner),
+        "moving joint",
+    )
     return None
 
 
-def _of_coordinate(reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]) -> Velocity | None:
+def _of_coordinate(
+    reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]
+) -> Velocity | None:
     for velocity in velocities:
         if velocity.rate_of and velocity.rate_of == scalar.text:
             return velocity
     if scalar.text in reader.scope.coordinates():
         names = listed(velocity.name for velocity in velocities)
-        reader.report(scalar.span, f"der({scalar.text}) is not a base velocity of its joint", f"velocity: one of {names}")
+        reader.report(
+            scalar.span,
+            f"der({scalar.text}) is not a generalized velocity of its joint",
+            f"velocity: one of {names}",
+        )
         return None
     reader.word(scalar, reader.scope.coordinates(), "coordinate")
     return None
@@ -145,5 +189,5 @@ def _of_name(reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]) -
     for velocity in velocities:
         if velocity.name == wanted:
             return velocity
-    reader.word(scalar, [velocity.name for velocity in velocities], "base velocity")
+    reader.word(scalar, [velocity.name for velocity in velocities], "generalized velocity")
     return None

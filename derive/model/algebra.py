@@ -1,4 +1,5 @@
-"""Vectors and matrices of formulas: rotations and shifts that may hold parameters, with numbers folded and zeros kept zero."""
+"""Vectors and matrices of formulas: rotations and shifts that may hold parameters, with numbers
+folded and zeros kept zero."""
 
 from __future__ import annotations
 

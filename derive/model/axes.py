@@ -1,4 +1,5 @@
-"""Axes of joints and closures: one or two directions in the joint's frame, and how far a screw advances along its own."""
+"""Axes of joints and closures: one or two directions in the joint's frame, and how far a screw
+advances along its own."""
 
 from __future__ import annotations
 
@@ -17,8 +18,11 @@ _RIGHT = 1e-6  # cosine of the angle between axes that count as being at right a
 _DIRECTIONS = "x, y, z or a list of numbers"
 
 
-def axis(reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str, needed: bool) -> Vector3:
-    """The joint's axis: a planar model's normal where it turns, what the file says where it slides."""
+def axis(
+    reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str, needed: bool
+) -> Vector3:
+    """The joint's axis: a planar model's normal where it turns, what the file says where it
+    slides."""
     space = reader.space
     turns = kind in ("revolute", "planar")
     if entry.axis is None:
@@ -41,18 +45,25 @@ def _turning_axis(reader: Reader, node: Scalar | Items, kind: str) -> Vector3:
     letter = "xyz"[reader.space.normal_index]
     wanted = f"-{letter}" if reader.space.plane == "xz" else letter
     if not isinstance(node, Scalar) or node.text != wanted:
-        reader.report(node.span, f"an axis of a {kind} joint in a planar model", f"no axis: it is {wanted}")
+        reader.report(
+            node.span, f"an axis of a {kind} joint in a planar model", f"no axis: it is {wanted}"
+        )
     return reader.space.normal
 
 
 def _check_plane(reader: Reader, node: Scalar | Items, given: Vector3) -> None:
     if numbers(given) not in ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)):
         wanted = "x, -y or z: the planes (y, z), (x, z) and (x, y)"
-        reader.report(node.span, "the axis of a planar joint", wanted, "turn the joint's frame with `rpy`")
+        reader.report(
+            node.span, "the axis of a planar joint", wanted, "turn the joint's frame with `rpy`"
+        )
 
 
-def axis2(reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str, first: Vector3) -> Vector3 | None:
-    """A universal joint's second axis: at right angles to the first, x, y and z in turn where the file does not say."""
+def axis2(
+    reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str, first: Vector3
+) -> Vector3 | None:
+    """A universal joint's second axis: at right angles to the first, x, y and z in turn where the
+    file does not say."""
     if kind != "universal":
         if entry.axis2 is not None:
             reader.report(entry.axis2.span, f"a second axis of a {kind} joint", "no axis2")
@@ -65,7 +76,11 @@ def axis2(reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str,
     along = sum(x * y for x, y in zip(a, given))
     if abs(along) > _RIGHT:
         how = "parallel" if abs(along) > 1.0 - _RIGHT else "not at right angles"
-        reader.report(entry.axis2.span, f"the second axis of '{key}' is {how} to the first", "a direction at right angles to it")
+        reader.report(
+            entry.axis2.span,
+            f"the second axis of '{key}' is {how} to the first",
+            "a direction at right angles to it",
+        )
         return None
     return _across(a, given)
 
@@ -81,20 +96,30 @@ def pitch(reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str)
     """Metres per turn of a screw."""
     if kind != "screw":
         if entry.pitch is not None:
-            reader.report(entry.pitch.span, f"the pitch of a {kind} joint", "no pitch: it belongs to a screw")
+            reader.report(
+                entry.pitch.span, f"the pitch of a {kind} joint", "no pitch: it belongs to a screw"
+            )
         return ZERO
     if entry.pitch is None:
-        reader.report(key.span, f"the screw '{key}' has no pitch", "pitch: the advance per turn, such as 5 mm")
+        reader.report(
+            key.span, f"the screw '{key}' has no pitch", "pitch: the advance per turn, such as 5 mm"
+        )
         return ZERO
     found = _per_turn(reader, entry.pitch)
     if reader.value(found, entry.pitch) == 0.0:
         wanted = "metres per turn, positive or negative"
-        reader.report(entry.pitch.span, f"the pitch of '{key}' is zero", wanted, "without pitch it is a revolute joint")
+        reader.report(
+            entry.pitch.span,
+            f"the pitch of '{key}' is zero",
+            wanted,
+            "without pitch it is a revolute joint",
+        )
     return found
 
 
 def _per_turn(reader: Reader, scalar: Scalar) -> Expression:
-    """The pitch in metres; a number in mm/rev or m/rad is per angle, and angles are plain numbers to the check of units."""
+    """The pitch in metres; a number in mm/rev or m/rad is per angle, and angles are plain numbers
+    to the check of units."""
     plain = quantity(scalar.text)
     if plain is not None and plain.unit == "m/rad":
         return Number(plain.value * _TURN, "m")

@@ -1,4 +1,5 @@
-"""Bodies: mass, centre of mass and inertia, in whatever frame they were measured, and whether such a body can exist."""
+"""Bodies: mass, centre of mass and inertia, in whatever frame they were measured, and whether such
+a body can exist."""
 
 from __future__ import annotations
 
@@ -42,7 +43,11 @@ def _moments(reader: Reader, node: Scalar | Items) -> Inertia:
     if reader.space.plane and len(entries) == 1:
         return _one_moment(reader, entries[0])
     if reader.space.plane or len(entries) not in (3, 6):
-        wanted = "one moment of inertia" if reader.space.plane else "one, three [xx, yy, zz] or six [xx, yy, zz, xy, xz, yz]"
+        wanted = (
+            "one moment of inertia"
+            if reader.space.plane
+            else "one, three [xx, yy, zz] or six [xx, yy, zz, xy, xz, yz]"
+        )
         reader.report(node.span, f"{len(entries)} moments of inertia", wanted)
         return POINT_MASS
     entries += [ZERO] * (6 - len(entries))
@@ -56,8 +61,11 @@ def _one_moment(reader: Reader, moment: Expression) -> Inertia:
     return (diagonal[0], diagonal[1], diagonal[2], ZERO, ZERO, ZERO)
 
 
-def _carried(reader: Reader, entry: InertiaEntry, given: Inertia, mass: Expression, com: Vector3) -> Inertia:
-    """A tensor taken in a turned frame, or about the body's origin, as one about the centre of mass in the body's axes."""
+def _carried(
+    reader: Reader, entry: InertiaEntry, given: Inertia, mass: Expression, com: Vector3
+) -> Inertia:
+    """A tensor taken in a turned frame, or about the body's origin, as one about the centre of mass
+    in the body's axes."""
     xx, yy, zz, xy, xz, yz = given
     tensor = rows([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     turned = None if entry.frame is None else rotation(reader, entry.frame)
@@ -79,10 +87,16 @@ def _six(reader: Reader, tensor: Rows) -> Inertia:
 
 
 def _in_units(moment: Expression) -> Expression:
-    return Number(moment.value, INERTIA_UNIT) if isinstance(moment, Number) and moment != ZERO else moment
+    return (
+        Number(moment.value, INERTIA_UNIT)
+        if isinstance(moment, Number) and moment != ZERO
+        else moment
+    )
 
 
-def _check_mass(reader: Reader, key: Key, entry: BodyEntry, mass: Expression, inertia: Inertia) -> None:
+def _check_mass(
+    reader: Reader, key: Key, entry: BodyEntry, mass: Expression, inertia: Inertia
+) -> None:
     given = reader.value(mass, entry.mass)
     if given is not None and given < 0.0:
         reader.report(entry.mass.span, f"the mass of '{key}' is {given:g} kg", "zero or more")
@@ -90,30 +104,43 @@ def _check_mass(reader: Reader, key: Key, entry: BodyEntry, mass: Expression, in
         return
     node = entry.inertia.tensor if isinstance(entry.inertia, InertiaEntry) else entry.inertia
     scalars = [node] if isinstance(node, Scalar) else list(node)
-    moments = [0.0 if moment == ZERO else reader.value(moment, scalars[0]) for moment in inertia if scalars]
+    moments = [
+        0.0 if moment == ZERO else reader.value(moment, scalars[0]) for moment in inertia if scalars
+    ]
     numbers = [moment for moment in moments if moment is not None]
     if len(numbers) == 6:
         _check_moments(reader, key, node.span, given, numbers, _SLACK * _largest(reader, scalars))
 
 
 def _largest(reader: Reader, scalars: list[Scalar]) -> float:
-    """Of the moments as they stand in the file: rounding in what they are moved to is small against it."""
-    values = [reader.value(reader.formula(scalar, "a moment of inertia"), scalar) for scalar in scalars]
+    """Of the moments as they stand in the file: rounding in what they are moved to is small against
+    it."""
+    values = [
+        reader.value(reader.formula(scalar, "a moment of inertia"), scalar) for scalar in scalars
+    ]
     return max((abs(value) for value in values if value is not None), default=0.0)
 
 
-def _check_moments(reader: Reader, key: Key, span: Span, mass: float | None, moments: list[float], slack: float) -> None:
+def _check_moments(
+    reader: Reader, key: Key, span: Span, mass: float | None, moments: list[float], slack: float
+) -> None:
     if mass == 0.0 and max(map(abs, moments)) > slack:
         reader.report(span, f"'{key}' has inertia but no mass", "inertia 0 for a body without mass")
     if min(moments[:3]) < -slack:
-        reader.report(span, f"a moment of inertia of '{key}' is {min(moments[:3]):g} kg*m^2", "zero or more")
+        reader.report(
+            span, f"a moment of inertia of '{key}' is {min(moments[:3]):g} kg*m^2", "zero or more"
+        )
     elif not reader.space.plane:
         low, middle, high = _principal(moments)
         if low < -slack:
-            reader.report(span, f"a principal moment of inertia of '{key}' is {low:g} kg*m^2", "zero or more")
+            reader.report(
+                span, f"a principal moment of inertia of '{key}' is {low:g} kg*m^2", "zero or more"
+            )
         elif low + middle < high - slack:
             problem = f"no body has the inertia of '{key}': {low:g} + {middle:g} < {high:g} kg*m^2"
-            reader.report(span, problem, "the largest principal moment at most the sum of the other two")
+            reader.report(
+                span, problem, "the largest principal moment at most the sum of the other two"
+            )
 
 
 def _principal(moments: list[float]) -> tuple[float, float, float]:

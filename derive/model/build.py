@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 from derive.expressions.tree import ZERO, Expression, Number
-from derive.model import actuators, bodies, definitions, frames, loads, mechanism, motions, published, steady, stress, ties
+from derive.model import (
+    actuators,
+    bodies,
+    definitions,
+    extremes,
+    frames,
+    loads,
+    mechanism,
+    motions,
+    published,
+    steady,
+    ties,
+)
 from derive.model.collisions import check_collisions
-from derive.model.document import Scalar, Source
+from derive.model.document import MOST_BODIES, Scalar, Source
 from derive.model.frames import Frame, Names
 from derive.model.massless import check_tips
 from derive.model.names import module_objection
@@ -16,7 +28,6 @@ from derive.model.shape import Document
 from derive.model.space import Space
 
 LONGEST_TEXT = 64 << 10
-MOST_BODIES = 3_000  # deriving and compiling them takes minutes already
 
 
 def built(document: Document, source: Source) -> Model:
@@ -37,31 +48,47 @@ def _check_head(reader: Reader, document: Document) -> None:
         reader.report(document.model.span, *found)
     if len(document.bodies) > MOST_BODIES:
         name = next(key for i, key in enumerate(document.bodies) if i == MOST_BODIES)
-        reader.report(name.span, f"the model has {len(document.bodies)} bodies", f"at most {MOST_BODIES}")
+        reader.report(
+            name.span, f"the model has {len(document.bodies)} bodies", f"at most {MOST_BODIES}"
+        )
         reader.finish()
     if document.description is not None and len(document.description.text) > LONGEST_TEXT:
-        reader.report(document.description.span, "a description of more than 64 KiB", "one or two sentences")
+        reader.report(
+            document.description.span, "a description of more than 64 KiB", "one or two sentences"
+        )
     if document.coordinates and document.kinetic is None:
         reader.report(
-            next(iter(document.coordinates)).span, "coordinates without a kinetic energy", "kinetic: a formula of their rates"
+            next(iter(document.coordinates)).span,
+            "coordinates without a kinetic energy",
+            "kinetic: a formula of their rates",
         )
 
 
 def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     parameters = definitions.parameters(reader, document)
-    found = [frame for key, entry in document.joints.items() if (frame := frames.frame(reader, key, entry))]
+    found = [
+        frame
+        for key, entry in document.joints.items()
+        if (frame := frames.frame(reader, key, entry))
+    ]
     coordinates, velocities = frames.analytic_coordinates(reader, document)
     if len(found) == len(document.joints):
         found = mechanism.ordered(reader, document, found)
     coordinates = tuple(c for frame in found for c in frame.coordinates) + coordinates
     velocities = tuple(v for frame in found for v in frame.velocities) + velocities
     if not coordinates and not reader.problems:
-        reader.report(document.model.span, "the model has nothing that moves", "bodies with joints, or coordinates with kinetic")
+        reader.report(
+            document.model.span,
+            "the model has nothing that moves",
+            "bodies with joints, or coordinates with kinetic",
+        )
     frames.enter(reader, coordinates, velocities)
     inputs = actuators.inputs(reader, document, velocities)
     check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))
     reader.finish()
-    return found, Names(parameters, coordinates, velocities, inputs, definitions.definitions(reader, document))
+    return found, Names(
+        parameters, coordinates, velocities, inputs, definitions.definitions(reader, document)
+    )
 
 
 def _model(reader: Reader, document: Document, joints: list[Frame], names: Names) -> Model:
@@ -79,19 +106,41 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         definitions=names.definitions,
         bodies=tuple(bodies.body(reader, key, entry) for key, entry in document.bodies.items()),
         joints=tuple(mechanism.joint(reader, frame) for frame in joints),
-        closures=tuple(mechanism.closure(reader, document, key, entry) for key, entry in document.closures.items()),
-        constraints=tuple(ties.constraint(reader, document, names, key, entry) for key, entry in document.constraints.items()),
+        closures=tuple(
+            mechanism.closure(reader, document, key, entry)
+            for key, entry in document.closures.items()
+        ),
+        constraints=tuple(
+            ties.constraint(reader, document, names, key, entry)
+            for key, entry in document.constraints.items()
+        ),
         loads=_loads(reader, document, joints, names),
         inputs=names.inputs,
-        outputs=tuple(motions.output(reader, document, names, key, scalar) for key, scalar in document.outputs.items()),
+        outputs=tuple(
+            motions.output(reader, document, names, key, scalar)
+            for key, scalar in document.outputs.items()
+        ),
         choices=motions.choices(reader, document),
         initial=motions.initial(reader, document, joints),
-        steady_motions=tuple(steady.steady_motion(reader, key, entry) for key, entry in document.steady_motion.items()),
+        steady_motions=tuple(
+            steady.steady_motion(reader, key, entry)
+            for key, entry in document.steady_motion.items()
+        ),
         kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),
-        published=tuple(published.published(reader, tuple(document.outputs), *item) for item in document.reference.items()),
-        stress=tuple(stress.stress(reader, key, entry) for key, entry in document.stress.items()),
+        published=tuple(
+            published.published(reader, tuple(document.outputs), *item)
+            for item in document.reference.items()
+        ),
+        extremes=tuple(
+            extremes.extremes(reader, key, entry) for key, entry in document.extremes.items()
+        ),
         redundant=document.redundant,
-        potential=_energy(reader, document.potential, "a potential energy", frozenset({PARAMETER, COORDINATE, TIME})),
+        potential=_energy(
+            reader,
+            document.potential,
+            "a potential energy",
+            frozenset({PARAMETER, COORDINATE, TIME}),
+        ),
     )
 
 
@@ -102,16 +151,27 @@ def _gravity(reader: Reader, document: Document) -> Vector3 | None:
     return None if nothing else vector
 
 
-def _loads(reader: Reader, document: Document, joints: list[Frame], names: Names) -> tuple[Load, ...]:
+def _loads(
+    reader: Reader, document: Document, joints: list[Frame], names: Names
+) -> tuple[Load, ...]:
     """Those of the joints first, then `loads:`, `forces:` and what the actuators bring along."""
-    found: list[Load | None] = [load for frame in joints for load in loads.in_joint(reader, names, frame)]
-    found += [loads.load(reader, document, names, key, entry) for key, entry in document.loads.items()]
-    found += [loads.generalised_force(reader, names, key, scalar) for key, scalar in document.forces.items()]
+    found: list[Load | None] = [
+        load for frame in joints for load in loads.in_joint(reader, names, frame)
+    ]
+    found += [
+        loads.load(reader, document, names, key, entry) for key, entry in document.loads.items()
+    ]
+    found += [
+        loads.generalised_force(reader, names, key, scalar)
+        for key, scalar in document.forces.items()
+    ]
     found += actuators.rotors(reader, document, names)
     return tuple(entry for entry in found if entry is not None)
 
 
-def _energy(reader: Reader, scalar: Scalar | None, where: str, allowed: frozenset[str]) -> Expression | None:
+def _energy(
+    reader: Reader, scalar: Scalar | None, where: str, allowed: frozenset[str]
+) -> Expression | None:
     if scalar is None:
         return None
     formula = reader.formula(scalar, where, allowed, unit="J")

@@ -22,8 +22,15 @@ _COEFFICIENTS = (
 def bushing(reader: Reader, document: Document, key: Key, entry: BushingEntry) -> Bushing:
     """Four sets of coefficients, each one number for all axes or a list of one for each."""
     if all(getattr(entry, name) is None for name, _, _ in _COEFFICIENTS):
-        reader.report(key.span, f"the bushing '{key}' is empty", "stiffness, torsion, damping or torsion_damping")
-    found = {name: _along_axes(reader, getattr(entry, name), where, unit) for name, where, unit in _COEFFICIENTS}
+        reader.report(
+            key.span,
+            f"the bushing '{key}' is empty",
+            "stiffness, torsion, damping or torsion_damping",
+        )
+    found = {
+        name: _along_axes(reader, getattr(entry, name), where, unit)
+        for name, where, unit in _COEFFICIENTS
+    }
     return Bushing(
         name=str(key),
         bodies=bodies(reader, document, key, entry.between),
@@ -40,11 +47,17 @@ def _along_axes(reader: Reader, node: Scalar | Items | None, where: str, unit: s
     size = (1 if turns else 2) if reader.space.plane else 3
     entries = list(node) if isinstance(node, Items) else [node]
     if len(entries) not in (1, size):
-        reader.report(node.span, f"{where} with {len(entries)} components", f"one number, or {size} in a list")
+        reader.report(
+            node.span, f"{where} with {len(entries)} components", f"one number, or {size} in a list"
+        )
         return ORIGIN
     entries = entries * size if len(entries) == 1 else entries
     formulas = [reader.formula(entry, where, unit=unit) for entry in entries]
-    return _about_normal(reader, formulas[0]) if turns and reader.space.plane else reader.space.embedded(formulas)
+    return (
+        _about_normal(reader, formulas[0])
+        if turns and reader.space.plane
+        else reader.space.embedded(formulas)
+    )
 
 
 def _about_normal(reader: Reader, formula: Expression) -> Vector3:

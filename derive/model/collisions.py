@@ -29,6 +29,14 @@ def _check_distinct(reader: Reader, places: list[tuple[str, str, Span]]) -> None
         mapped = identifier(name)
         if mapped in seen:
             other, first, place = seen[mapped]
-            same = f"the name of a {other}" if first == name else f"like the {other} '{first}' in generated code"
-            reader.report(span, f"the {kind} '{name}' is {same}, line {place.line}, column {place.column}", "another name")
+            same = (
+                f"the name of a {other}"
+                if first == name
+                else f"like the {other} '{first}' in generated code"
+            )
+            reader.report(
+                span,
+                f"the {kind} '{name}' is {same}, line {place.line}, column {place.column}",
+                "another name",
+            )
         seen.setdefault(mapped, (kind, name, span))

@@ -26,7 +26,13 @@ from derive.model.shape import (
     TorusEntry,
 )
 
-SHAPES = {"disk": "disk", "wheel": "disk", "knife_edge": "disk", "sphere": "sphere", "torus": "torus"}
+SHAPES = {
+    "disk": "disk",
+    "wheel": "disk",
+    "knife_edge": "disk",
+    "sphere": "sphere",
+    "torus": "torus",
+}
 
 
 def contact(reader: Reader, document: Document, key: Key, entry: object) -> Constraint:
@@ -46,13 +52,27 @@ def contact(reader: Reader, document: Document, key: Key, entry: object) -> Cons
 def _no_slip(reader: Reader, document: Document, key: Key, entry: NoSlipEntry) -> NoSlip:
     body = some_body(reader, document, entry.body, ground=False)
     point = reader.point(entry.at, "a point")
-    return NoSlip(str(key), body, point, reader.direction(entry.direction, "a direction", constant=False), key.span)
+    return NoSlip(
+        str(key),
+        body,
+        point,
+        reader.direction(entry.direction, "a direction", constant=False),
+        key.span,
+    )
 
 
 def _rolling(reader: Reader, document: Document, key: Key, entry: RollingEntry) -> Rolling:
     kind, shape = _shape(reader, key, entry.shape)
-    radius = ZERO if shape is None else _length(reader, shape.radius, "a radius", f"the radius of '{key}'")
-    tube = _length(reader, shape.tube, "a radius", f"the tube of '{key}'") if isinstance(shape, TorusEntry) else ZERO
+    radius = (
+        ZERO
+        if shape is None
+        else _length(reader, shape.radius, "a radius", f"the radius of '{key}'")
+    )
+    tube = (
+        _length(reader, shape.tube, "a radius", f"the tube of '{key}'")
+        if isinstance(shape, TorusEntry)
+        else ZERO
+    )
     return Rolling(
         name=str(key),
         body=some_body(reader, document, entry.body, ground=False),
@@ -67,10 +87,14 @@ def _rolling(reader: Reader, document: Document, key: Key, entry: RollingEntry) 
     )
 
 
-def _shape(reader: Reader, key: Key, entry: ShapeEntry) -> tuple[str, DiskEntry | SphereEntry | None]:
+def _shape(
+    reader: Reader, key: Key, entry: ShapeEntry
+) -> tuple[str, DiskEntry | SphereEntry | None]:
     given = [(name, getattr(entry, name)) for name in SHAPES if getattr(entry, name) is not None]
     if len(given) != 1:
-        reader.report(key.span, f"the shape of '{key}' is {len(given)} shapes", f"one of {listed(SHAPES)}")
+        reader.report(
+            key.span, f"the shape of '{key}' is {len(given)} shapes", f"one of {listed(SHAPES)}"
+        )
         return "disk", None
     kind, shape = given[0]
     if reader.space.plane and kind == "torus":
@@ -78,14 +102,18 @@ def _shape(reader: Reader, key: Key, entry: ShapeEntry) -> tuple[str, DiskEntry 
     return kind, shape
 
 
-def _rolling_axis(reader: Reader, key: Key, kind: str, shape: DiskEntry | SphereEntry | None) -> Vector3:
+def _rolling_axis(
+    reader: Reader, key: Key, kind: str, shape: DiskEntry | SphereEntry | None
+) -> Vector3:
     axis = shape.axis if isinstance(shape, DiskEntry) else None
     if axis is not None and reader.space.plane:
         reader.report(axis.span, f"an axis of the {kind} '{key}' in a planar model", "no axis")
     elif axis is not None:
         return reader.direction(axis, "an axis")
     elif isinstance(shape, DiskEntry) and not reader.space.plane:
-        reader.report(key.span, f"the {kind} of '{key}' has no axis", "axis: x, y, z or a list of numbers")
+        reader.report(
+            key.span, f"the {kind} of '{key}' has no axis", "axis: x, y, z or a list of numbers"
+        )
     return reader.space.normal
 
 
@@ -101,7 +129,13 @@ def _length(reader: Reader, scalar: Scalar, where: str, what: str) -> Expression
 def _distance(reader: Reader, document: Document, key: Key, entry: DistanceEntry) -> Distance:
     pair = bodies(reader, document, key, entry.between)
     points = (reader.point(entry.at[0], "a point"), reader.point(entry.at[1], "a point"))
-    return Distance(str(key), pair, points, _length(reader, entry.length, "a length", f"the length of '{key}'"), key.span)
+    return Distance(
+        str(key),
+        pair,
+        points,
+        _length(reader, entry.length, "a length", f"the length of '{key}'"),
+        key.span,
+    )
 
 
 def _on_surface(reader: Reader, document: Document, key: Key, entry: OnSurfaceEntry) -> OnSurface:
@@ -127,7 +161,8 @@ def _surface(reader: Reader, scalar: Scalar) -> Expression:
 
 @contextmanager
 def _local(reader: Reader, letters: str) -> Iterator[None]:
-    """While a surface is read its letters are a point's coordinates, and the model's own coordinates are out of sight."""
+    """While a surface is read its letters are a point's coordinates, and the model's own
+    coordinates are out of sight."""
     outside = reader.scope
     reader.scope = outside.only(frozenset({PARAMETER, TIME}))
     for letter in letters:

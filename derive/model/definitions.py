@@ -48,14 +48,24 @@ def _number(reader: Reader, scalar: Scalar) -> tuple[float, str, Inferred]:
     except FormulaError as error:
         reader.fault(scalar, error)
         return 1.0, "", UNKNOWN
-    return value, pretty(dimension) if isinstance(dimension, tuple) else "", UNKNOWN if dimension == BARE else dimension
+    return (
+        value,
+        pretty(dimension) if isinstance(dimension, tuple) else "",
+        UNKNOWN if dimension == BARE else dimension,
+    )
 
 
 def _no_names(parsed: Expression, text: str) -> None:
     for node in tree.walk(parsed):
         if isinstance(node, tree.Name | tree.Rate):
             hint = "a formula of parameters goes under `where:`"
-            raise FormulaError(f"'{node.name}' in the value of a parameter", text, node.at, "a number with its unit", hint)
+            raise FormulaError(
+                f"'{node.name}' in the value of a parameter",
+                text,
+                node.at,
+                "a number with its unit",
+                hint,
+            )
 
 
 def definitions(reader: Reader, document: Document) -> tuple[tuple[str, Expression], ...]:
@@ -63,7 +73,9 @@ def definitions(reader: Reader, document: Document) -> tuple[tuple[str, Expressi
     reader.scope.add("t", Symbol(frozenset({TIME}), TIME_DIMENSION))
     entries = {str(key): (key, scalar) for key, scalar in document.where.items()}
     names = {*reader.scope.symbols, *entries}
-    parsed = {reader.name(key): _parsed(scalar, names, entries) for key, scalar in document.where.items()}
+    parsed = {
+        reader.name(key): _parsed(scalar, names, entries) for key, scalar in document.where.items()
+    }
     order = _order(reader, parsed, entries)
     return tuple((name, _definition(reader, name, entries[name][1])) for name in order)
 
@@ -77,7 +89,9 @@ def _parsed(scalar: Scalar, names: set[str], entries: dict[str, tuple[Key, Scala
     return {node.name for node in nodes if isinstance(node, tree.Name) and node.name in entries}
 
 
-def _order(reader: Reader, uses: dict[str, set[str]], entries: dict[str, tuple[Key, Scalar]]) -> list[str]:
+def _order(
+    reader: Reader, uses: dict[str, set[str]], entries: dict[str, tuple[Key, Scalar]]
+) -> list[str]:
     try:
         return list(TopologicalSorter(uses).static_order())
     except CycleError as error:

@@ -1,7 +1,8 @@
 """YAML text → plain nodes with places: what stands in the file, before anything is made of it.
 
-Every scalar stays text (no YAML 1.1 surprises: `no`, `1e3` and `1:30` are what they look like). Built from the event stream,
-not with `compose`: the depth is bounded before a deep file can hurt; aliases, tags and duplicate keys are refused where they are.
+Every scalar stays text (no YAML 1.1 surprises: `no`, `1e3` and `1:30` are what they look like).
+Built from the event stream, not with `compose`: the depth is bounded before a deep file can hurt;
+aliases, tags and duplicate keys are refused where they are.
 """
 
 from __future__ import annotations
@@ -23,14 +24,18 @@ from derive.model.records import Span
 LARGEST = 4 << 20  # bytes
 HANDED = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 DEEPEST = 32  # levels
+MOST_BODIES = 3_000  # deriving and compiling them takes minutes already
 MOST_VALUES = 300_000  # the largest model that is allowed has about half of that
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
-_PLAIN_TAGS = {None, "!"} | {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "map", "seq")}
+_PLAIN_TAGS = {None, "!"} | {
+    f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "map", "seq")
+}
 
 
 def content(path: str | PathLike[str], most: int) -> bytes:
-    """At most `most` + 1 bytes of a file. ModelError where it cannot be read: a pipe that nobody writes to would be waited for.
+    """At most `most` + 1 bytes of a file. ModelError where it cannot be read: a pipe that nobody
+    writes to would be waited for.
 
     What the shell hands over as /dev/fd/N or /dev/stdin is open already, and may be a pipe.
     """
@@ -60,8 +65,13 @@ class Scalar:
     plain: bool
 
     def at(self, offset: int, length: int = 1) -> Span:
-        """The place of a character of the text; its beginning where the text was folded or escaped."""
-        return Span(self.span.line, self.span.column + offset, max(1, length)) if self.exact else self.span
+        """The place of a character of the text; its beginning where the text was folded or
+        escaped."""
+        return (
+            Span(self.span.line, self.span.column + offset, max(1, length))
+            if self.exact
+            else self.span
+        )
 
 
 class Key(str):
@@ -73,6 +83,9 @@ class Key(str):
         key = super().__new__(cls, text)
         key.span = span
         return key
+
+    def __getnewargs__(self) -> tuple[str, Span]:  # so that it can be copied and pickled
+        return str(self), self.span
 
 
 class Items(list[Any]):
@@ -105,9 +118,13 @@ class Source:
         self.text, self.file = text, file
         self.lines = _BREAK.split(text)
 
-    def diagnostic(self, span: Span, message: str, expected: str = "", hint: str = "") -> Diagnostic:
+    def diagnostic(
+        self, span: Span, message: str, expected: str = "", hint: str = ""
+    ) -> Diagnostic:
         line = self.lines[span.line - 1] if 0 < span.line <= len(self.lines) else ""
-        return Diagnostic(self.file, span.line, span.column, span.length, message, expected, hint, line)
+        return Diagnostic(
+            self.file, span.line, span.column, span.length, message, expected, hint, line
+        )
 
     def refuse(self, span: Span, message: str, expected: str = "", hint: str = "") -> NoReturn:
         raise ModelError(self.diagnostic(span, message, expected, hint))
@@ -121,20 +138,38 @@ class Source:
 def decoded(content: bytes, file: str) -> str:
     """The text of a file's bytes; ModelError where they are not UTF-8 or too many."""
     if len(content) > LARGEST:
-        raise ModelError(Diagnostic(file, message=f"the file has {len(content)} bytes", expected=f"at most {LARGEST} bytes"))
+        raise ModelError(
+            Diagnostic(
+                file,
+                message=f"the file has {len(content)} bytes",
+                expected=f"at most {LARGEST} bytes",
+            )
+        )
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         source = Source(content[: error.start].decode("utf-8-sig", "replace"), file)
-        source.refuse(source.place(len(source.text)), "the file is not UTF-8 text", "text saved as UTF-8")
+        source.refuse(
+            source.place(len(source.text)), "the file is not UTF-8 text", "text saved as UTF-8"
+        )
 
 
 def parsed(source: Source) -> Entries:
     """The mapping a model file holds."""
     if len(source.text) > LARGEST:
-        raise ModelError(Diagnostic(source.file, message="the text is too long", expected=f"at most {LARGEST} characters"))
+        raise ModelError(
+            Diagnostic(
+                source.file,
+                message="the text is too long",
+                expected=f"at most {LARGEST} characters",
+            )
+        )
     if bad := _CONTROL.search(source.text):
-        source.refuse(source.place(bad.start()), f"the control character {bad.group()!a} in the file", "printable text")
+        source.refuse(
+            source.place(bad.start()),
+            f"the control character {bad.group()!a} in the file",
+            "printable text",
+        )
     try:
         node = _Builder(source).document()
     except yaml.MarkedYAMLError as error:
@@ -145,7 +180,9 @@ def parsed(source: Source) -> Entries:
         source.refuse(Span(1, 1), "the file is empty", "a mapping that starts with `model: a_name`")
     if not isinstance(node, Entries):
         source.refuse(
-            _opening(node.span), f"{described(node)} at the top of the file", "a mapping that starts with `model: a_name`"
+            _opening(node.span),
+            f"{described(node)} at the top of the file",
+            "a mapping that starts with `model: a_name`",
         )
     return node
 
@@ -172,7 +209,11 @@ def _refuse_yaml(source: Source, error: yaml.MarkedYAMLError) -> NoReturn:
     since = ""
     if error.context and error.context_mark and error.context_mark.line + 1 != span.line:
         since = f" ({error.context} that starts on line {error.context_mark.line + 1})"
-    source.refuse(span, f"not valid YAML: {error.problem or error.context}{since}", _yaml_advice(error.problem or ""))
+    source.refuse(
+        span,
+        f"not valid YAML: {error.problem or error.context}{since}",
+        _yaml_advice(error.problem or ""),
+    )
 
 
 def _yaml_advice(problem: str) -> str:
@@ -196,7 +237,9 @@ class _Builder:
         node = None
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent) and node is not None:
-                self.source.refuse(_span(event), "a second document in the file", "one model per file")
+                self.source.refuse(
+                    _span(event), "a second document in the file", "one model per file"
+                )
             if isinstance(event, yaml.NodeEvent):
                 node = self.node(event, 0)
         return node
@@ -205,13 +248,21 @@ class _Builder:
         span = _span(event)
         self.count += 1
         if self.count > MOST_VALUES:
-            self.source.refuse(span, f"the file holds more than {MOST_VALUES} values", "a smaller model")
+            self.source.refuse(
+                span, f"the file holds more than {MOST_VALUES} values", "a smaller model"
+            )
         if isinstance(event, yaml.AliasEvent):
             self.source.refuse(
-                span, f"an alias '*{event.anchor}'", "the value itself: aliases are not part of the model language"
+                span,
+                f"an alias '*{event.anchor}'",
+                "the value itself: aliases are not part of the model language",
             )
         if event.tag not in _PLAIN_TAGS:
-            self.source.refuse(span, f"a tag '{event.tag}'", "a plain value: tags are not part of the model language")
+            self.source.refuse(
+                span,
+                f"a tag '{event.tag}'",
+                "a plain value: tags are not part of the model language",
+            )
         if depth > DEEPEST:
             self.source.refuse(span, "the file is nested too deeply", f"at most {DEEPEST} levels")
         if isinstance(event, yaml.ScalarEvent):
@@ -234,14 +285,18 @@ class _Builder:
             if key in places:
                 first = places[key]
                 self.source.refuse(
-                    key.span, f"'{key}' is given twice; first on line {first.line}, column {first.column}", "one of the two"
+                    key.span,
+                    f"'{key}' is given twice; first on line {first.line}, column {first.column}",
+                    "one of the two",
                 )
             places[key] = key.span
             entries[key] = self.node(next(self.events), depth + 1)
         return entries
 
     def key(self, event: Any) -> Key:
-        node = self.node(event, 0) if isinstance(event, yaml.ScalarEvent | yaml.AliasEvent) else None
+        node = (
+            self.node(event, 0) if isinstance(event, yaml.ScalarEvent | yaml.AliasEvent) else None
+        )
         if not isinstance(node, Scalar):
             self.source.refuse(_span(event), "a list or a mapping as a key", "a name")
         return Key(node.text, node.span)
@@ -249,14 +304,18 @@ class _Builder:
     def scalar(self, event: Any) -> Scalar:
         text, span = event.value, _span(event)
         if bad := _CONTROL.search(text):
-            self.source.refuse(span, f"the control character {bad.group()!a} in a text", "printable text")
+            self.source.refuse(
+                span, f"the control character {bad.group()!a} in a text", "printable text"
+            )
         plain = not event.style  # None or "", as the parser has it
         shift = 0 if plain else 1
         line = self.source.lines[span.line - 1] if span.line <= len(self.source.lines) else ""
         start = span.column - 1 + shift
         exact = line[start : start + len(text)] == text
         length = max(1, len(text)) if exact else span.length
-        return Scalar(text, Span(span.line, span.column + (shift if exact else 0), length), exact, plain)
+        return Scalar(
+            text, Span(span.line, span.column + (shift if exact else 0), length), exact, plain
+        )
 
 
 def _span(event: Any) -> Span:

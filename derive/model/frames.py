@@ -1,4 +1,4 @@
-"""The coordinates and base velocities of a model, and what else formulas may refer to."""
+"""The coordinates and generalized velocities of a model, and what else formulas may refer to."""
 
 from __future__ import annotations
 
@@ -54,7 +54,9 @@ def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
         return None
     if reader.space.plane and kind not in PLANAR_JOINTS:
         hint = "a planar joint moves freely in the plane" if kind == "free" else ""
-        reader.report(entry.type.span, f"a {kind} joint in a planar model", listed(PLANAR_JOINTS), hint)
+        reader.report(
+            entry.type.span, f"a {kind} joint in a planar model", listed(PLANAR_JOINTS), hint
+        )
         return None
     orientation = _orientation(reader, entry) if kind == "free" else ""
     table = joint_type(kind, orientation)
@@ -63,12 +65,13 @@ def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
 
 
 def _orientation(reader: Reader, entry: JointEntry) -> str:
-    """ "quaternion" or a sequence of Euler angles; zyx where the file does not say."""
+    """ "quaternion", also where the file does not say, or a sequence of Euler angles."""
     given = entry.orientation
     if given is None:
-        return "zyx"
+        return QUATERNION
     if isinstance(given, Scalar):
-        return reader.word(given, [QUATERNION], "orientation") or "zyx"
+        reader.word(given, [QUATERNION], "orientation")
+        return QUATERNION
     if given.quaternion is not None:
         for wrong in (given.euler, given.angles):
             if wrong is not None:
@@ -76,24 +79,39 @@ def _orientation(reader: Reader, entry: JointEntry) -> str:
         return QUATERNION
     if given.euler is None:
         span = given.angles.span if given.angles is not None else entry.type.span
-        reader.report(span, "an orientation without a sequence", "euler: a sequence such as zxy, or quaternion")
+        reader.report(
+            span,
+            "an orientation without a sequence",
+            "euler: a sequence such as zxy, or quaternion",
+        )
         return "zyx"
     return _sequence(reader, given.euler)
 
 
 def _sequence(reader: Reader, given: Scalar) -> str:
     sequence = given.text
-    if len(sequence) == 3 and set(sequence) <= set("xyz") and sequence[0] != sequence[1] != sequence[2]:
+    if (
+        len(sequence) == 3
+        and set(sequence) <= set("xyz")
+        and sequence[0] != sequence[1] != sequence[2]
+    ):
         return sequence
     reader.report(
-        given.span, f"'{sequence}' is not a sequence of Euler angles", "three of x, y, z, no two neighbours alike, such as zxy"
+        given.span,
+        f"'{sequence}' is not a sequence of Euler angles",
+        "three of x, y, z, no two neighbours alike, such as zxy",
     )
     return "zyx"
 
 
-def _coordinates(reader: Reader, key: Key, entry: JointEntry, table: JointType) -> tuple[Coordinate, ...]:
+def _coordinates(
+    reader: Reader, key: Key, entry: JointEntry, table: JointType
+) -> tuple[Coordinate, ...]:
     given = _given_names(reader, key, entry, table)
-    names = given or [Scalar(f"{key}_{slot.suffix}" if slot.suffix else key, key.span, False, True) for slot in table.coordinates]
+    names = given or [
+        Scalar(f"{key}_{slot.suffix}" if slot.suffix else key, key.span, False, True)
+        for slot in table.coordinates
+    ]
     return tuple(
         Coordinate(reader.name(name) if given else name.text, slot.unit, str(key), name.span)
         for name, slot in zip(names, table.coordinates)
@@ -101,9 +119,14 @@ def _coordinates(reader: Reader, key: Key, entry: JointEntry, table: JointType) 
 
 
 def _given_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) -> list[Scalar]:
-    """The names the file gives to the coordinates, in the order of the table; [] where it leaves them to us."""
+    """The names the file gives to the coordinates, in the order of the table; [] where it leaves
+    them to us."""
     free = table.name == "free"
-    for wrong in [] if free else [name for name in ("position", "orientation") if getattr(entry, name) is not None]:
+    for wrong in (
+        []
+        if free
+        else [name for name in ("position", "orientation") if getattr(entry, name) is not None]
+    ):
         reader.report(key.span, f"'{wrong}' of a {table.name} joint", "coordinate or coordinates")
     if entry.coordinate is not None:
         return _counted(reader, key, [entry.coordinate], table, entry.coordinate.span)
@@ -112,26 +135,42 @@ def _given_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) 
     return _free_names(reader, key, entry, table) if free else []
 
 
-def _counted(reader: Reader, key: Key, names: list[Scalar], table: JointType, span: Span) -> list[Scalar]:
+def _counted(
+    reader: Reader, key: Key, names: list[Scalar], table: JointType, span: Span
+) -> list[Scalar]:
     if len(names) == len(table.coordinates):
         return names
     slots = [slot.suffix or slot.unit for slot in table.coordinates]
     wanted = f"{len(slots)}: [{', '.join(slots)}]" if slots else "none"
-    reader.report(span, f"{len(names)} coordinate{'s' * (len(names) != 1)} of the {table.name} joint '{key}'", wanted)
+    angles = table.name == "free" and len(names) == 6
+    reader.report(
+        span,
+        f"{len(names)} coordinate{'s' * (len(names) != 1)} of the {table.name} joint '{key}'",
+        wanted,
+        "three angles take orientation: {euler: zyx}" if angles else "",
+    )
     return []
 
 
 def _free_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) -> list[Scalar]:
     """Position first, then the angles or the entries of the quaternion."""
     given = entry.orientation if isinstance(entry.orientation, OrientationEntry) else None
-    turned = None if given is None else given.quaternion if given.quaternion is not None else given.angles
+    turned = (
+        None
+        if given is None
+        else given.quaternion
+        if given.quaternion is not None
+        else given.angles
+    )
     suffixes = [slot.suffix for slot in table.coordinates]
     return _named(reader, key, entry.position, suffixes[:3], "position") + _named(
         reader, key, turned, suffixes[3:], "orientation"
     )
 
 
-def _named(reader: Reader, key: Key, names: Items | None, suffixes: list[str], what: str) -> list[Scalar]:
+def _named(
+    reader: Reader, key: Key, names: Items | None, suffixes: list[str], what: str
+) -> list[Scalar]:
     if names is not None and len(names) != len(suffixes):
         wanted = {3: "three names", 4: "four names: w, x, y, z"}[len(suffixes)]
         reader.report(names.span, f"{len(names)} names for the {what} of '{key}'", wanted)
@@ -140,7 +179,9 @@ def _named(reader: Reader, key: Key, names: Items | None, suffixes: list[str], w
     return [Scalar(f"{key}_{suffix}", key.span, False, True) for suffix in suffixes]
 
 
-def _velocities(key: Key, table: JointType, coordinates: tuple[Coordinate, ...]) -> tuple[Velocity, ...]:
+def _velocities(
+    key: Key, table: JointType, coordinates: tuple[Coordinate, ...]
+) -> tuple[Velocity, ...]:
     found = []
     for index, slot in enumerate(table.velocities):
         rate_of = "" if slot.suffix else coordinates[index].name
@@ -149,7 +190,9 @@ def _velocities(key: Key, table: JointType, coordinates: tuple[Coordinate, ...])
     return tuple(found)
 
 
-def analytic_coordinates(reader: Reader, document: Document) -> tuple[tuple[Coordinate, ...], tuple[Velocity, ...]]:
+def analytic_coordinates(
+    reader: Reader, document: Document
+) -> tuple[tuple[Coordinate, ...], tuple[Velocity, ...]]:
     """Coordinates of the analytic form and their rates."""
     coordinates, velocities = [], []
     for key, entry in document.coordinates.items():
@@ -160,11 +203,17 @@ def analytic_coordinates(reader: Reader, document: Document) -> tuple[tuple[Coor
     return tuple(coordinates), tuple(velocities)
 
 
-def enter(reader: Reader, coordinates: tuple[Coordinate, ...], velocities: tuple[Velocity, ...]) -> None:
-    """Put coordinates, rates and base velocities into the scope, with J.w and J.v for joints that have one rate."""
+def enter(
+    reader: Reader, coordinates: tuple[Coordinate, ...], velocities: tuple[Velocity, ...]
+) -> None:
+    """Put coordinates, rates and generalized velocities into the scope, with J.w and J.v for joints
+    that have one rate."""
     scope = reader.scope
     for coordinate in coordinates:
-        scope.add(coordinate.name, Symbol(frozenset({COORDINATE}), dimension_of(coordinate.unit), unit=coordinate.unit))
+        scope.add(
+            coordinate.name,
+            Symbol(frozenset({COORDINATE}), dimension_of(coordinate.unit), unit=coordinate.unit),
+        )
         rate = f"{coordinate.unit or '1'}/s"
         scope.add(f"der({coordinate.name})", _moving(rate))
     for velocity in velocities:

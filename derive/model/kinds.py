@@ -12,7 +12,11 @@ PLANAR_CLOSURES = ("revolute", "prismatic", "fixed")
 def known() -> tuple[tuple[str, str, str], ...]:
     """(category, name, about) in the order of the schema."""
     found = [("joint", joint.name, joint.about) for joint in JOINTS]
-    found += [("closure", joint.name, f"closes a loop: {joint.about}") for joint in JOINTS if joint.name in CLOSURES]
+    found += [
+        ("closure", joint.name, f"closes a loop: {joint.about}")
+        for joint in JOINTS
+        if joint.name in CLOSURES
+    ]
     for section, category in (("constraints", "constraint"), ("loads", "load")):
         found += [(category, name, about(entry)) for name, entry in kinds(section)]
     return tuple(found)

@@ -50,9 +50,17 @@ def load(reader: Reader, document: Document, names: Names, key: Key, entry: obje
     reader.name(key)
     match entry:
         case SpringEntry():
-            return _point_spring(reader, document, key, entry) if entry.between else _spring(reader, names, key, entry)
+            return (
+                _point_spring(reader, document, key, entry)
+                if entry.between
+                else _spring(reader, names, key, entry)
+            )
         case DamperEntry():
-            return _point_damper(reader, document, key, entry) if entry.between else _damper(reader, names, key, entry)
+            return (
+                _point_damper(reader, document, key, entry)
+                if entry.between
+                else _damper(reader, names, key, entry)
+            )
         case ForceEntry():
             return _force(reader, document, key, entry)
         case TorqueEntry():
@@ -66,7 +74,9 @@ def load(reader: Reader, document: Document, names: Names, key: Key, entry: obje
             return None if target is None else _friction(reader, key, str(key), entry, target)
         case ArmatureEntry():
             target = velocity_of(reader, key, entry, names.velocities)
-            return None if target is None else _armature(reader, key, str(key), entry.inertia, target)
+            return (
+                None if target is None else _armature(reader, key, str(key), entry.inertia, target)
+            )
     raise AssertionError(entry)
 
 
@@ -77,7 +87,9 @@ def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
     if not given:
         return []
     if len(frame.velocities) != 1:
-        velocity_of(reader, key, _At(joint=Scalar(str(key), key.span, True, True)), names.velocities)  # says what is wrong
+        velocity_of(
+            reader, key, _At(joint=Scalar(str(key), key.span, True, True)), names.velocities
+        )  # says what is wrong
         return []
     return [_in_joint(reader, frame, name) for name in given]
 
@@ -97,12 +109,18 @@ def _in_joint(reader: Reader, frame: Frame, kind: str) -> Load:
 IN_JOINT = ("spring", "damper", "friction", "armature")
 
 
-def generalised_force(reader: Reader, names: Names, key: Key, scalar: Scalar) -> GeneralisedForce | None:
+def generalised_force(
+    reader: Reader, names: Names, key: Key, scalar: Scalar
+) -> GeneralisedForce | None:
     """An entry of `forces:`, added to the force along one coordinate."""
-    target = velocity_of(reader, key, _At(coordinate=Scalar(str(key), key.span, True, True)), names.velocities)
+    target = velocity_of(
+        reader, key, _At(coordinate=Scalar(str(key), key.span, True, True)), names.velocities
+    )
     if target is None:
         return None
-    return GeneralisedForce(f"force_{key}", target.name, _conjugate(reader, scalar, target), key.span)
+    return GeneralisedForce(
+        f"force_{key}", target.name, _conjugate(reader, scalar, target), key.span
+    )
 
 
 @dataclass(frozen=True)
@@ -122,7 +140,9 @@ def _optional(reader: Reader, scalar: Scalar | None, where: str, unit: str) -> E
 def _spring(reader: Reader, names: Names, key: Key, entry: SpringEntry) -> JointSpring | None:
     _refuse(reader, key, entry, ("at", "length", "damping"), "between two points")
     if entry.coordinate is not None and entry.joint is None:
-        name = reader.word(entry.coordinate, [coordinate.name for coordinate in names.coordinates], "coordinate")
+        name = reader.word(
+            entry.coordinate, [coordinate.name for coordinate in names.coordinates], "coordinate"
+        )
     else:
         target = velocity_of(reader, key, entry, names.velocities)
         name = target.rate_of if target else None
@@ -130,10 +150,24 @@ def _spring(reader: Reader, names: Names, key: Key, entry: SpringEntry) -> Joint
     return None if found is None else _spring_at(reader, key, str(key), entry, found)
 
 
-def _spring_at(reader: Reader, key: Key, name: str, entry: SpringEntry | JointSpringEntry, coordinate: Coordinate) -> JointSpring:
+def _spring_at(
+    reader: Reader,
+    key: Key,
+    name: str,
+    entry: SpringEntry | JointSpringEntry,
+    coordinate: Coordinate,
+) -> JointSpring:
     unit = coordinate.unit
-    stiffness = reader.formula(entry.stiffness, "a stiffness", unit=_per(force_unit(f"{unit or '1'}/s"), unit))
-    return JointSpring(name, coordinate.name, stiffness, _optional(reader, entry.rest, "a rest position", unit), key.span)
+    stiffness = reader.formula(
+        entry.stiffness, "a stiffness", unit=_per(force_unit(f"{unit or '1'}/s"), unit)
+    )
+    return JointSpring(
+        name,
+        coordinate.name,
+        stiffness,
+        _optional(reader, entry.rest, "a rest position", unit),
+        key.span,
+    )
 
 
 def _damper(reader: Reader, names: Names, key: Key, entry: DamperEntry) -> JointDamper | None:
@@ -142,19 +176,33 @@ def _damper(reader: Reader, names: Names, key: Key, entry: DamperEntry) -> Joint
     return None if target is None else _damper_at(reader, key, str(key), entry.coefficient, target)
 
 
-def _damper_at(reader: Reader, key: Key, name: str, coefficient: Scalar, target: Velocity) -> JointDamper:
+def _damper_at(
+    reader: Reader, key: Key, name: str, coefficient: Scalar, target: Velocity
+) -> JointDamper:
     unit = _per(force_unit(target.unit), target.unit)
-    return JointDamper(name, target.name, reader.formula(coefficient, "a damping coefficient", unit=unit), key.span)
+    return JointDamper(
+        name, target.name, reader.formula(coefficient, "a damping coefficient", unit=unit), key.span
+    )
 
 
-def _friction(reader: Reader, key: Key, name: str, entry: LawOfFriction, target: Velocity) -> JointFriction:
+def _friction(
+    reader: Reader, key: Key, name: str, entry: LawOfFriction, target: Velocity
+) -> JointFriction:
     force = force_unit(target.unit)
     per_rate = _per(force, target.unit)
     if entry.viscous is None and entry.coulomb is None:
-        reader.report(key.span, f"the friction of '{key}' is empty", "viscous, or coulomb with smoothing")
-    viscous = _not_negative(reader, entry.viscous, f"the viscous friction of '{key}'", "viscous friction", per_rate)
-    coulomb = _not_negative(reader, entry.coulomb, f"the Coulomb friction of '{key}'", "Coulomb friction", force)
-    return JointFriction(name, target.name, viscous, coulomb, _smoothing(reader, key, entry, target), key.span)
+        reader.report(
+            key.span, f"the friction of '{key}' is empty", "viscous, or coulomb with smoothing"
+        )
+    viscous = _not_negative(
+        reader, entry.viscous, f"the viscous friction of '{key}'", "viscous friction", per_rate
+    )
+    coulomb = _not_negative(
+        reader, entry.coulomb, f"the Coulomb friction of '{key}'", "Coulomb friction", force
+    )
+    return JointFriction(
+        name, target.name, viscous, coulomb, _smoothing(reader, key, entry, target), key.span
+    )
 
 
 def _smoothing(reader: Reader, key: Key, entry: LawOfFriction, target: Velocity) -> Expression:
@@ -162,16 +210,22 @@ def _smoothing(reader: Reader, key: Key, entry: LawOfFriction, target: Velocity)
     if entry.smoothing is None:
         if entry.coulomb is not None:
             wanted = f"smoothing: a velocity in {target.unit}, at which tanh(v/smoothing) is three quarters"
-            reader.report(entry.coulomb.span, f"Coulomb friction of '{key}' without smoothing", wanted)
+            reader.report(
+                entry.coulomb.span, f"Coulomb friction of '{key}' without smoothing", wanted
+            )
         return ONE
     smoothing = reader.formula(entry.smoothing, "a velocity", unit=target.unit)
     value = reader.value(smoothing, entry.smoothing)
     if value is not None and value <= 0.0:
-        reader.report(entry.smoothing.span, f"the smoothing of '{key}' is {value:g}", "more than zero")
+        reader.report(
+            entry.smoothing.span, f"the smoothing of '{key}' is {value:g}", "more than zero"
+        )
     return smoothing
 
 
-def _not_negative(reader: Reader, scalar: Scalar | None, what: str, where: str, unit: str) -> Expression:
+def _not_negative(
+    reader: Reader, scalar: Scalar | None, what: str, where: str, unit: str
+) -> Expression:
     if scalar is None:
         return ZERO
     formula = reader.formula(scalar, where, unit=unit)
@@ -183,12 +237,24 @@ def _not_negative(reader: Reader, scalar: Scalar | None, what: str, where: str, 
 
 def _armature(reader: Reader, key: Key, name: str, inertia: Scalar, target: Velocity) -> Armature:
     unit = per_acceleration(target.unit)
-    return Armature(name, target.name, _not_negative(reader, inertia, f"the armature of '{key}'", "an inertia", unit), key.span)
+    return Armature(
+        name,
+        target.name,
+        _not_negative(reader, inertia, f"the armature of '{key}'", "an inertia", unit),
+        key.span,
+    )
 
 
 def _per(force: str, motion: str) -> str:
     """The unit of force per motion, in words people use: N/m, N*s/m, N*m/rad, N*m*s/rad."""
-    known = {"m": "N/m", "rad": "N*m/rad", "m/s": "N*s/m", "rad/s": "N*m*s/rad", "": "N*m", "1/s": "N*m*s"}
+    known = {
+        "m": "N/m",
+        "rad": "N*m/rad",
+        "m/s": "N*s/m",
+        "rad/s": "N*m*s/rad",
+        "": "N*m",
+        "1/s": "N*m*s",
+    }
     if motion in known:
         return known[motion]
     return pretty(quotient_of(parsed_unit(force).dimension, parsed_unit(motion).dimension))
@@ -201,19 +267,29 @@ def _refuse(reader: Reader, key: Key, entry: object, fields: tuple[str, ...], wh
         if value is not None:
             span = value.span if isinstance(value, Scalar | Items) else value[0].span
             reader.report(
-                span, f"'{name}' of '{key}' belongs to a load {where}", "between: [body, body] with at: [[…], […]], or a joint"
+                span,
+                f"'{name}' of '{key}' belongs to a load {where}",
+                "between: [body, body] with at: [[…], […]], or a joint",
             )
 
 
 def _two_points(
     reader: Reader, document: Document, key: Key, entry: SpringEntry | DamperEntry
 ) -> tuple[tuple[str, str], tuple[Vector3, Vector3]]:
-    names = ("joint", "coordinate", "rest") if isinstance(entry, SpringEntry) else ("joint", "coordinate", "velocity")
+    names = (
+        ("joint", "coordinate", "rest")
+        if isinstance(entry, SpringEntry)
+        else ("joint", "coordinate", "velocity")
+    )
     _refuse(reader, key, entry, names, "at a joint")
     assert entry.between is not None
     pair = bodies(reader, document, key, entry.between)
     if entry.at is None:
-        reader.report(key.span, f"'{key}' does not say which points it joins", "at: [[…], […]], a point of each body")
+        reader.report(
+            key.span,
+            f"'{key}' does not say which points it joins",
+            "at: [[…], […]], a point of each body",
+        )
         return pair, (reader.point(None, ""), reader.point(None, ""))
     return pair, (reader.point(entry.at[0], "a point"), reader.point(entry.at[1], "a point"))
 
@@ -239,20 +315,38 @@ def _frame(reader: Reader, scalar: Scalar | None) -> str:
 def _force(reader: Reader, document: Document, key: Key, entry: ForceEntry) -> Force:
     body = some_body(reader, document, entry.body, ground=False)
     components = reader.point(entry.components, "a force", "N", ANYTHING)
-    return Force(str(key), body, reader.point(entry.at, "a point"), components, _frame(reader, entry.frame), key.span)
+    return Force(
+        str(key),
+        body,
+        reader.point(entry.at, "a point"),
+        components,
+        _frame(reader, entry.frame),
+        key.span,
+    )
 
 
 def _torque(reader: Reader, document: Document, key: Key, entry: TorqueEntry) -> Torque:
     body = some_body(reader, document, entry.body, ground=False)
-    return Torque(str(key), body, _torque_components(reader, entry.components), _frame(reader, entry.frame), key.span)
+    return Torque(
+        str(key),
+        body,
+        _torque_components(reader, entry.components),
+        _frame(reader, entry.frame),
+        key.span,
+    )
 
 
 def _torque_components(reader: Reader, node: Scalar | Items) -> Vector3:
-    """One number about the normal in a planar model (its sign in the normal's sense), three components in space."""
+    """One number about the normal in a planar model (its sign in the normal's sense), three
+    components in space."""
     entries = [node] if isinstance(node, Scalar) else list(node)
     size = 1 if reader.space.plane else 3
     if len(entries) != size:
-        reader.report(node.span, f"a torque with {len(entries)} component{'s' * (len(entries) != 1)}", f"{size}")
+        reader.report(
+            node.span,
+            f"a torque with {len(entries)} component{'s' * (len(entries) != 1)}",
+            f"{size}",
+        )
         return reader.point(None, "")
     formulas = [reader.formula(entry, "a torque", ANYTHING, "N*m") for entry in entries]
     if size == 3:
@@ -270,4 +364,6 @@ def _law(reader: Reader, names: Names, key: Key, entry: ExpressionEntry) -> Gene
     target = velocity_of(reader, key, entry, names.velocities)
     if target is None:
         return None
-    return GeneralisedForce(str(key), target.name, _conjugate(reader, entry.expression, target), key.span)
+    return GeneralisedForce(
+        str(key), target.name, _conjugate(reader, entry.expression, target), key.span
+    )

@@ -1,4 +1,5 @@
-"""Massless tips: bodies at the end of a chain whose joint has nothing to accelerate, so that no mass matrix can be inverted."""
+"""Massless tips: bodies at the end of a chain whose joint has nothing to accelerate, so that no
+mass matrix can be inverted."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ from derive.model.records import (
 
 
 def check_tips(reader: Reader, model: Model) -> None:
-    """Report moving joints that carry no inertia at all, where no constraint speaks of what they carry either."""
+    """Report moving joints that carry no inertia at all, where no constraint speaks of what they
+    carry either."""
     felt = _felt(reader, model)
     below: set[str] = set()  # bodies that carry one which was reported
     for joint in reversed(model.joints):
@@ -41,12 +43,20 @@ def check_tips(reader: Reader, model: Model) -> None:
 
 def _report(reader: Reader, model: Model, joint: Joint) -> None:
     span = next(body.span for body in model.bodies if body.name == joint.child)
-    problem = f"nothing gives '{joint.child}' inertia: the joint '{joint.name}' has nothing to accelerate"
-    reader.report(span, problem, "a mass, an inertia, or an armature at the joint", "a fixed joint carries a mere frame")
+    problem = (
+        f"nothing gives '{joint.child}' inertia: the joint '{joint.name}' has nothing to accelerate"
+    )
+    reader.report(
+        span,
+        problem,
+        "a mass, an inertia, or an armature at the joint",
+        "a fixed joint carries a mere frame",
+    )
 
 
 def _felt(reader: Reader, model: Model) -> set[str]:
-    """Bodies with mass, those that constraints speak of, and those whose joints have an inertia or a constraint of their own."""
+    """Bodies with mass, those that constraints speak of, and those whose joints have an inertia or
+    a constraint of their own."""
     found = {body.name for body in model.bodies if not _is_massless(reader, body)}
     for tie in (*model.closures, *model.constraints):
         found |= set(_bodies(tie))
@@ -81,7 +91,8 @@ def _bodies(tie: Closure | Constraint) -> tuple[str, ...]:
 
 
 def _formulas(model: Model) -> Iterator[Expression]:
-    """What gives a coordinate an equation of its own: constraints by formula, and the kinetic energy."""
+    """What gives a coordinate an equation of its own: constraints by formula, and the kinetic
+    energy."""
     for tie in model.constraints:
         if isinstance(tie, Holonomic | Nonholonomic):
             yield tie.expression

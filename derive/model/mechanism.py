@@ -24,7 +24,12 @@ def ordered(reader: Reader, document: Document, frames: list[Frame]) -> list[Fra
         if child.text in by_child:
             other = by_child[child.text].name
             problem = f"'{child.text}' is already the child of the joint '{other}', line {other.span.line}"
-            reader.report(child.span, problem, "one joint per child", "a joint that closes a loop goes under `closures:`")
+            reader.report(
+                child.span,
+                problem,
+                "one joint per child",
+                "a joint that closes a loop goes under `closures:`",
+            )
         by_child.setdefault(child.text, frame)
     for key in document.bodies:
         reader.name(key)
@@ -42,7 +47,9 @@ def _check_ends(reader: Reader, document: Document, frame: Frame) -> None:
     else:
         reader.word(child, document.bodies, "body")
     if parent.text == child.text:
-        reader.report(child.span, f"the joint '{frame.name}' joins '{child.text}' to itself", "two bodies")
+        reader.report(
+            child.span, f"the joint '{frame.name}' joins '{child.text}' to itself", "two bodies"
+        )
 
 
 def _check_bodies(reader: Reader, document: Document, by_child: dict[str, Frame]) -> None:
@@ -50,11 +57,20 @@ def _check_bodies(reader: Reader, document: Document, by_child: dict[str, Frame]
     for key in document.bodies:
         if key not in by_child:
             hint = f"a {'planar' if reader.space.plane else 'free'} joint lets it move freely"
-            reader.report(key.span, f"no joint carries the body '{key}'", f"a joint with child: {key}", hint)
+            reader.report(
+                key.span, f"no joint carries the body '{key}'", f"a joint with child: {key}", hint
+            )
         elif ring := _ring(key, by_child, grounded):
             joints = ", ".join(f"'{by_child[name].name}'" for name in ring[:8])
-            problem = f"the body '{key}' is not connected to the ground: the joints {joints} go in a ring"
-            reader.report(key.span, problem, "a chain of joints from the ground", "one of them goes under `closures:`")
+            problem = (
+                f"the body '{key}' is not connected to the ground: the joints {joints} go in a ring"
+            )
+            reader.report(
+                key.span,
+                problem,
+                "a chain of joints from the ground",
+                "one of them goes under `closures:`",
+            )
 
 
 def _ring(name: str, by_child: dict[str, Frame], grounded: set[str]) -> list[str]:
@@ -65,7 +81,9 @@ def _ring(name: str, by_child: dict[str, Frame], grounded: set[str]) -> list[str
         name = by_child[name].entry.parent.text
     if name in seen:
         return seen[seen.index(name) :]
-    grounded |= set(seen)  # a name that nothing carries is reported for itself, not for those it carries
+    grounded |= set(
+        seen
+    )  # a name that nothing carries is reported for itself, not for those it carries
     return []
 
 
@@ -110,15 +128,25 @@ def _limits(reader: Reader, frame: Frame) -> tuple[Expression, Expression] | Non
         return None
     if len(frame.coordinates) != 1:
         count = len(frame.coordinates)
-        reader.report(given.span, f"limits of a joint with {count or 'no'} coordinates", "a joint with one coordinate")
+        reader.report(
+            given.span,
+            f"limits of a joint with {count or 'no'} coordinates",
+            "a joint with one coordinate",
+        )
         return None
     if len(given) != 2:
         reader.report(given.span, f"{len(given)} limits", "two: [lowest, highest]")
         return None
-    low, high = (reader.formula(limit, "a limit", unit=frame.coordinates[0].unit) for limit in given)
+    low, high = (
+        reader.formula(limit, "a limit", unit=frame.coordinates[0].unit) for limit in given
+    )
     values = [reader.value(limit, scalar) for limit, scalar in zip((low, high), given)]
     if None not in values and values[0] > values[1]:  # type: ignore[operator]
-        reader.report(given.span, f"the lowest limit {values[0]:g} is above the highest {values[1]:g}", "[lowest, highest]")
+        reader.report(
+            given.span,
+            f"the lowest limit {values[0]:g} is above the highest {values[1]:g}",
+            "[lowest, highest]",
+        )
     return low, high
 
 
@@ -128,7 +156,10 @@ def closure(reader: Reader, document: Document, key: Key, entry: ClosureEntry) -
 
     known = PLANAR_CLOSURES if reader.space.plane else CLOSURES
     kind = reader.word(entry.type, known, "type of closure")
-    pair, sides = bodies(reader, document, key, entry.between), placements(reader, key, entry.at, entry)
+    pair, sides = (
+        bodies(reader, document, key, entry.between),
+        placements(reader, key, entry.at, entry),
+    )
     if kind is None:
         return Closure(reader.name(key), "fixed", pair, sides, reader.space.normal, key.span)
     along = axis(reader, key, entry, kind, joint_type(kind).needs_axis)
@@ -159,5 +190,7 @@ def some_body(reader: Reader, document: Document, name: Scalar, ground: bool = T
     """The name of a body that exists."""
     known = [*document.bodies, GROUND] if ground else list(document.bodies)
     if name.text not in known:
-        reader.report(name.span, f"unknown body '{name.text}'", listed(known), did_you_mean(name.text, known))
+        reader.report(
+            name.span, f"unknown body '{name.text}'", listed(known), did_you_mean(name.text, known)
+        )
     return name.text

@@ -36,22 +36,32 @@ def _choice(reader: Reader, key: Key, entry: Scalar | Items | dict[Key, Scalar])
     if name not in CHOICE_KINDS:
         reader.name(key)
     if isinstance(entry, Scalar):
-        return Choice(name, reader.word(entry, CHOICE_KINDS, "kind of choice") or "auto", (), key.span)
+        return Choice(
+            name, reader.word(entry, CHOICE_KINDS, "kind of choice") or "auto", (), key.span
+        )
     rows = _named_rows(reader, entry) if isinstance(entry, dict) else _listed_rows(reader, entry)
     if not rows:
         reader.report(
-            key.span, f"the choice '{key}' has no rows", f"formulas linear in the velocities, or {listed(CHOICE_KINDS)}"
+            key.span,
+            f"the choice '{key}' has no rows",
+            f"formulas linear in the velocities, or {listed(CHOICE_KINDS)}",
         )
     return Choice(name, "rows", tuple((row, formula) for row, formula, _ in rows), key.span)
 
 
 def _named_rows(reader: Reader, entry: dict[Key, Scalar]) -> Rows:
     rows = [(reader.name(key), _row(reader, scalar), key.span) for key, scalar in entry.items()]
-    taken = {identifier(name): name for name, symbol in reader.scope.symbols.items() if symbol.kinds != {VELOCITY}}
+    taken = {
+        identifier(name): name
+        for name, symbol in reader.scope.symbols.items()
+        if symbol.kinds != {VELOCITY}
+    }
     for name, _, span in rows:
         if identifier(name) in taken:
             reader.report(
-                span, f"the quasi-velocity '{name}' has the name of {_kind(reader, taken[identifier(name)])}", "another name"
+                span,
+                f"the quasi-velocity '{name}' has the name of {_kind(reader, taken[identifier(name)])}",
+                "another name",
             )
     _check_twice(reader, rows)
     return rows
@@ -92,7 +102,9 @@ def _check_twice(reader: Reader, rows: Rows) -> None:
             continue  # reported where it was read
         same = [other for other, earlier, _ in rows[:index] if earlier == formula]
         if same:
-            reader.report(span, f"the row '{name}' is the same as the row '{same[0]}'", "independent rows")
+            reader.report(
+                span, f"the row '{name}' is the same as the row '{same[0]}'", "independent rows"
+            )
         elif any(identifier(other) == identifier(name) for other, _, _ in rows[:index]):
             reader.report(span, f"two rows are called '{name}'", "another name")
 
@@ -109,7 +121,7 @@ def _row(reader: Reader, scalar: Scalar) -> Expression:
         problem = "a quasi-velocity that is not linear in the velocities"
     else:
         problem = "a quasi-velocity with a part that holds no velocity"
-    reader.report(scalar.span, problem, "a formula linear in der(q) and the base velocities")
+    reader.report(scalar.span, problem, "a formula linear in der(q) and the generalized velocities")
     return formula
 
 
@@ -120,7 +132,9 @@ def initial(reader: Reader, document: Document, joints: list[Frame]) -> tuple[In
         if isinstance(entry, Scalar):
             _initial(reader, key, entry, True, found)
         elif key != "guess":
-            reader.report(key.span, f"a mapping under '{key}'", "a number, or a mapping under `guess`")
+            reader.report(
+                key.span, f"a mapping under '{key}'", "a number, or a mapping under `guess`"
+            )
         else:
             for inner, scalar in entry.items():
                 _initial(reader, inner, scalar, False, found)
@@ -128,7 +142,9 @@ def initial(reader: Reader, document: Document, joints: list[Frame]) -> tuple[In
     return tuple(found.values())
 
 
-def _initial(reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[str, InitialValue]) -> None:
+def _initial(
+    reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[str, InitialValue]
+) -> None:
     if key == "guess":
         reader.report(scalar.span, "text under 'guess'", "a mapping of names to numbers")
         return
@@ -139,7 +155,9 @@ def _initial(reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[s
         first = found[name].span
         both = "" if found[name].held == held else ": held and guessed"
         reader.report(
-            key.span, f"'{key}' is given twice{both}; first on line {first.line}, column {first.column}", "one of the two"
+            key.span,
+            f"'{key}' is given twice{both}; first on line {first.line}, column {first.column}",
+            "one of the two",
         )
         return
     value = reader.of_parameters(scalar, f"the initial {key}", unit=reader.scope.symbols[name].unit)
@@ -148,8 +166,8 @@ def _initial(reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[s
 
 
 def state_name(reader: Reader, key: Key, inputs: bool = False) -> str | None:
-    """The coordinate, rate or base velocity (or input) that a key such as `q1`, `der(q1)` or `base.vx` names, in its canonical
-    spelling."""
+    """The coordinate, rate or generalized velocity (or input) that a key such as `q1`, `der(q1)` or
+    `base.vx` names, in its canonical spelling."""
     scalar = Scalar(str(key), key.span, True, True)
     scope = reader.scope
     kinds: tuple[set[str], ...] = ({COORDINATE}, {VELOCITY}, *(({INPUT},) if inputs else ()))
@@ -157,13 +175,17 @@ def state_name(reader: Reader, key: Key, inputs: bool = False) -> str | None:
         node = expression(scalar.text)
         known = [name for name, symbol in scope.symbols.items() if symbol.kinds in kinds]
         if not isinstance(node, tree.Name | tree.Rate):
-            raise FormulaError(f"'{key}' is not a coordinate or velocity", str(key), 0, listed(known))
+            raise FormulaError(
+                f"'{key}' is not a coordinate or velocity", str(key), 0, listed(known)
+            )
         if isinstance(node, tree.Rate):
             return f"der({scope.resolved(node, ROW, '', str(key)).name})"  # type: ignore[union-attr]
         name = f"der({scope.aliases[node.name]})" if node.name in scope.aliases else node.name
         if name not in known:
             message = (
-                f"'{key}' is not a coordinate or velocity" if name in scope.symbols else f"unknown coordinate or velocity '{key}'"
+                f"'{key}' is not a coordinate or velocity"
+                if name in scope.symbols
+                else f"unknown coordinate or velocity '{key}'"
             )
             raise FormulaError(message, str(key), 0, listed(known), did_you_mean(name, known))
     except FormulaError as error:
@@ -176,7 +198,9 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
     """A formula, or position, velocity, angle or reaction of something."""
     reader.name(key)
     try:
-        parsed = expression(scalar.text, reader.scope.symbols, FUNCTIONS | OUTPUT_FUNCTIONS, vectors=True)
+        parsed = expression(
+            scalar.text, reader.scope.symbols, FUNCTIONS | OUTPUT_FUNCTIONS, vectors=True
+        )
         formula, unit = _output(reader, document, parsed, scalar.text)
     except FormulaError as error:
         reader.fault(scalar, error)
@@ -184,52 +208,91 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
     return Output(str(key), formula, scalar.text, _angle_unit(formula, names) or unit, key.span)
 
 
-def _output(reader: Reader, document: Document, parsed: Expression, text: str) -> tuple[Expression, str]:
+def _output(
+    reader: Reader, document: Document, parsed: Expression, text: str
+) -> tuple[Expression, str]:
     if isinstance(parsed, tree.Call) and parsed.function in OUTPUT_FUNCTIONS:
         return _geometric(reader, document, parsed, text)
     for node in tree.walk(parsed):
-        if isinstance(node, tree.Vector) or (isinstance(node, tree.Call) and node.function in OUTPUT_FUNCTIONS):
+        if isinstance(node, tree.Vector) or (
+            isinstance(node, tree.Call) and node.function in OUTPUT_FUNCTIONS
+        ):
             what = f"{node.function}()" if isinstance(node, tree.Call) else "a list"
             raise FormulaError(
-                f"{what} inside a formula", text, node.at, "position(…), velocity(…), angle(…) or reaction(…) alone"
+                f"{what} inside a formula",
+                text,
+                node.at,
+                "position(…), velocity(…), angle(…) or reaction(…) alone",
             )
     resolved = reader.scope.resolved(parsed, ANYTHING, "an output", text)
     dimension = infer(resolved, reader.scope.dimensions, text)
     return resolved, pretty(dimension) if isinstance(dimension, tuple) else ""
 
 
-def _geometric(reader: Reader, document: Document, call: tree.Call, text: str) -> tuple[Expression, str]:
+def _geometric(
+    reader: Reader, document: Document, call: tree.Call, text: str
+) -> tuple[Expression, str]:
     subject, *rest = call.arguments
-    known = [*document.closures, *document.constraints] if call.function == "reaction" else list(document.bodies)
+    known = (
+        [*document.closures, *document.constraints]
+        if call.function == "reaction"
+        else list(document.bodies)
+    )
     what = "closure or constraint" if call.function == "reaction" else "body"
     if not isinstance(subject, tree.Name) or subject.name not in known:
         name = subject.name if isinstance(subject, tree.Name) else text[subject.at :]
-        raise FormulaError(f"unknown {what} '{name}'", text, subject.at, listed(known), did_you_mean(name, known))
+        raise FormulaError(
+            f"unknown {what} '{name}'", text, subject.at, listed(known), did_you_mean(name, known)
+        )
     if call.function == "angle" and not reader.space.plane:
-        raise FormulaError("angle() of a body in space", text, call.at, "a coordinate: only planar bodies have one angle")
+        raise FormulaError(
+            "angle() of a body in space",
+            text,
+            call.at,
+            "a coordinate: only planar bodies have one angle",
+        )
     if call.function in ("angle", "reaction"):
         return call, "rad" if call.function == "angle" else ""
-    return _with_point(reader, call, subject, rest, text), "m" if call.function == "position" else "m/s"
+    return _with_point(
+        reader, call, subject, rest, text
+    ), "m" if call.function == "position" else "m/s"
 
 
-def _with_point(reader: Reader, call: tree.Call, subject: Expression, rest: list[Expression], text: str) -> Expression:
+def _with_point(
+    reader: Reader, call: tree.Call, subject: Expression, rest: list[Expression], text: str
+) -> Expression:
     """The call with its point in space; the body's origin when left out."""
     if not rest:
         return tree.Call(call.function, (subject, tree.Vector(ORIGIN, call.at)), call.at)
     point, size = rest[0], reader.space.size
     if not isinstance(point, tree.Vector) or len(point.entries) != size:
-        raise FormulaError("the second argument is not a point", text, point.at, f"[{', '.join(reader.space.letters)}]")
+        raise FormulaError(
+            "the second argument is not a point",
+            text,
+            point.at,
+            f"[{', '.join(reader.space.letters)}]",
+        )
     entries = []
     for entry in point.entries:
         resolved = reader.scope.resolved(entry, frozenset({PARAMETER}), "a point", text)
         reader.check_unit(resolved, "a point", "m", text, entry.at)
         entries.append(resolved)
-    return tree.Call(call.function, (subject, tree.Vector(reader.space.embedded(entries), point.at)), call.at)
+    return tree.Call(
+        call.function, (subject, tree.Vector(reader.space.embedded(entries), point.at)), call.at
+    )
 
 
 def _angle_unit(formula: Expression, names: Names) -> str:
-    """A coordinate or velocity on its own keeps its unit, for rad and rad/s are not seen in dimensions."""
+    """A coordinate or velocity on its own keeps its unit, for rad and rad/s are not seen in
+    dimensions."""
     if isinstance(formula, tree.Name | tree.Rate):
         wanted = f"der({formula.name})" if isinstance(formula, tree.Rate) else formula.name
-        return next((entry.unit for entry in (*names.coordinates, *names.velocities) if entry.name == wanted), "")
+        return next(
+            (
+                entry.unit
+                for entry in (*names.coordinates, *names.velocities)
+                if entry.name == wanted
+            ),
+            "",
+        )
     return ""

@@ -28,9 +28,13 @@ _CPP = _words(
     typename using virtual wchar_t xor xor_eq"""
 )
 # macros that gcc or the headers of generated code define
-_MACROS = _words("NULL EOF NAN INFINITY HUGE_VAL errno assert linux unix main offsetof signbit isnan isinf isfinite")
+_MACROS = _words(
+    "NULL EOF NAN INFINITY HUGE_VAL errno assert linux unix main offsetof signbit isnan isinf isfinite"
+)
 LANGUAGE = frozenset({"t", "pi", "der", "ground", "guess", *FUNCTIONS, *OUTPUT_FUNCTIONS})
-_MODULES = frozenset({"numpy", "hamel", "derive", "codegen", "casadi", "sympy"}) | sys.stdlib_module_names
+_MODULES = (
+    frozenset({"numpy", "hamel", "derive", "codegen", "casadi", "sympy"}) | sys.stdlib_module_names
+)
 
 
 def identifier(name: str) -> str:
@@ -46,23 +50,35 @@ def objection(name: str) -> tuple[str, str] | None:
             f"a letter, then letters, digits and underscores, at most {LONGEST}",
         )
     if "__" in name or name.endswith("_"):
-        return f"'{name}' is not a name", "no double and no trailing underscore: generated names use them"
+        return (
+            f"'{name}' is not a name",
+            "no double and no trailing underscore: generated names use them",
+        )
     if name in LANGUAGE:
         return f"'{name}' is a word of the model language", "another name"
     if keyword.iskeyword(name):
-        return f"'{name}' is a keyword of Python", "another name: it becomes a name in the generated module"
+        return (
+            f"'{name}' is a keyword of Python",
+            "another name: it becomes a name in the generated module",
+        )
     if name in _C or name in _CPP:
         return (
             f"'{name}' is a keyword of {'C' if name in _C else 'C++'}",
             "another name: it becomes a name in the generated module",
         )
     if name in _MACROS:
-        return f"'{name}' is defined by C headers", "another name: it becomes a name in the generated module"
+        return (
+            f"'{name}' is defined by C headers",
+            "another name: it becomes a name in the generated module",
+        )
     return None
 
 
 def module_objection(name: str) -> tuple[str, str] | None:
     """The same for the model's own name, which becomes the name of a Python module."""
     if name in _MODULES:
-        return f"'{name}' is the name of a Python module", "another name: the generated module carries it"
+        return (
+            f"'{name}' is the name of a Python module",
+            "another name: the generated module carries it",
+        )
     return objection(name)

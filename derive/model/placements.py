@@ -1,4 +1,5 @@
-"""Where joint frames sit in bodies: points, and turns given as an angle, as roll, pitch and yaw, about an axis or as a matrix."""
+"""Where joint frames sit in bodies: points, and turns given as an angle, as roll, pitch and yaw,
+about an axis or as a matrix."""
 
 from __future__ import annotations
 
@@ -15,12 +16,17 @@ from derive.model.shape import SideEntry, SidesEntry, TurnedEntry
 from derive.model.space import Rotation, snapped, turned_about
 
 TURNS = ("angle", "rpy", "axis_angle", "matrix")
-_ORTHOGONAL = 1e-6  # how far from a rotation the entries of a matrix may be: what six printed digits leave
+_ORTHOGONAL = (
+    1e-6  # how far from a rotation the entries of a matrix may be: what six printed digits leave
+)
 Place = Items | list[Any] | SidesEntry | None
 
 
-def placements(reader: Reader, key: Key, at: Place, entry: TurnedEntry | None = None) -> tuple[Placement, Placement]:
-    """The two sides of a joint, closure or bushing. Keys beside `at` turn the frame in the first body."""
+def placements(
+    reader: Reader, key: Key, at: Place, entry: TurnedEntry | None = None
+) -> tuple[Placement, Placement]:
+    """The two sides of a joint, closure or bushing. Keys beside `at` turn the frame in the first
+    body."""
     sides = _sides(at)
     first, second = (_placement(reader, side) for side in sides)
     beside = None if entry is None else rotation(reader, entry)
@@ -52,9 +58,13 @@ def rotation(reader: Reader, entry: TurnedEntry) -> Rotation | None:
         return None
     name = given[0]
     if len(given) > 1:
-        reader.report(getattr(entry, given[1]).span, f"'{given[1]}' beside '{name}'", "one of the two")
+        reader.report(
+            getattr(entry, given[1]).span, f"'{given[1]}' beside '{name}'", "one of the two"
+        )
     elif (name == "angle") != bool(reader.space.plane):
-        where, wanted = ("a planar model", "angle") if reader.space.plane else ("space", listed(TURNS[1:]))
+        where, wanted = (
+            ("a planar model", "angle") if reader.space.plane else ("space", listed(TURNS[1:]))
+        )
         reader.report(getattr(entry, name).span, f"'{name}' in {where}", wanted)
     else:
         found = _READERS[name](reader, getattr(entry, name))
@@ -79,7 +89,9 @@ def _rpy(reader: Reader, angles: Items) -> Rotation | None:
         reader.report(angles.span, f"{len(angles)} angles", "three: [roll, pitch, yaw]")
         return None
     roll, pitch, yaw = (_angle_of(reader, angle) for angle in angles)
-    about_x, about_y, about_z = (_about(axis, angle) for axis, angle in zip(algebra.IDENTITY, (roll, pitch, yaw)))
+    about_x, about_y, about_z = (
+        _about(axis, angle) for axis, angle in zip(algebra.IDENTITY, (roll, pitch, yaw))
+    )
     return snapped(algebra.product(about_z, algebra.product(about_y, about_x)))
 
 
@@ -90,7 +102,11 @@ def _about(axis: Vector3, angle: Expression) -> Rotation:
     s, c = Call("sin", (angle,)), Call("cos", (angle,))
     x, y, z = axis
     zero = algebra.constant(0.0)
-    skew = ((zero, algebra.negated(z), y), (z, zero, algebra.negated(x)), (algebra.negated(y), x, zero))
+    skew = (
+        (zero, algebra.negated(z), y),
+        (z, zero, algebra.negated(x)),
+        (algebra.negated(y), x, zero),
+    )
 
     def entry(i: int, j: int) -> Expression:
         along = algebra.times(axis[i], axis[j])
@@ -102,7 +118,11 @@ def _about(axis: Vector3, angle: Expression) -> Rotation:
 
 def _axis_angle(reader: Reader, pair: Items) -> Rotation | None:
     if len(pair) != 2 or not isinstance(pair[0], Scalar | Items) or not isinstance(pair[1], Scalar):
-        reader.report(pair.span, "this is not an axis and an angle", "[axis, angle], such as [z, 30 deg] or [[1, 1, 0], 30 deg]")
+        reader.report(
+            pair.span,
+            "this is not an axis and an angle",
+            "[axis, angle], such as [z, 30 deg] or [[1, 1, 0], 30 deg]",
+        )
         return None
     if not _only_scalars(reader, pair[0]):
         return None
@@ -110,7 +130,11 @@ def _axis_angle(reader: Reader, pair: Items) -> Rotation | None:
 
 
 def _only_scalars(reader: Reader, node: Scalar | Items) -> bool:
-    wrong = [entry for entry in node if not isinstance(entry, Scalar)] if isinstance(node, Items) else []
+    wrong = (
+        [entry for entry in node if not isinstance(entry, Scalar)]
+        if isinstance(node, Items)
+        else []
+    )
     if wrong:
         reader.report(wrong[0].span, "a list or a mapping here", "a number")
     return not wrong
@@ -119,12 +143,20 @@ def _only_scalars(reader: Reader, node: Scalar | Items) -> bool:
 def _matrix(reader: Reader, lines: Items) -> Rotation | None:
     if len(lines) != 3 or any(not isinstance(line, Items) or len(line) != 3 for line in lines):
         reader.report(
-            lines.span, "this is not a rotation matrix", "three rows of three numbers: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
+            lines.span,
+            "this is not a rotation matrix",
+            "three rows of three numbers: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
         )
         return None
     if not all(_only_scalars(reader, line) for line in lines):
         return None
-    entries = [[reader.value(reader.formula(x, "an entry of a matrix", frozenset(), unit=""), x) for x in line] for line in lines]
+    entries = [
+        [
+            reader.value(reader.formula(x, "an entry of a matrix", frozenset(), unit=""), x)
+            for x in line
+        ]
+        for line in lines
+    ]
     known = [[x for x in line if x is not None] for line in entries]
     return _orthogonal(reader, lines, known) if all(len(line) == 3 for line in known) else None
 
@@ -136,12 +168,21 @@ def _orthogonal(reader: Reader, lines: Items, entries: list[list[float]]) -> Rot
     u, _, v = np.linalg.svd(np.array(entries))
     nearest = u @ v
     if np.abs(nearest - entries).max() > _ORTHOGONAL or np.linalg.det(nearest) < 0.0:
-        reader.report(lines.span, "the matrix is not a rotation", "columns of length one at right angles, determinant 1")
+        reader.report(
+            lines.span,
+            "the matrix is not a rotation",
+            "columns of length one at right angles, determinant 1",
+        )
         return None
     return snapped(algebra.rows([[Number(float(x)) for x in line] for line in nearest]))
 
 
-_READERS: dict[str, Any] = {"angle": _angle, "rpy": _rpy, "axis_angle": _axis_angle, "matrix": _matrix}
+_READERS: dict[str, Any] = {
+    "angle": _angle,
+    "rpy": _rpy,
+    "axis_angle": _axis_angle,
+    "matrix": _matrix,
+}
 
 
 def numbers(vector: Vector3) -> tuple[float, float, float]:

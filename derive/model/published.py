@@ -1,4 +1,5 @@
-"""Published values: numbers from elsewhere that `verify` holds the model to, with their source and tolerance."""
+"""Published values: numbers from elsewhere that `verify` holds the model to, with their source and
+tolerance."""
 
 from __future__ import annotations
 
@@ -17,17 +18,32 @@ ENERGIES = ("T", "V")
 _OUTPUT = re.compile(r"([A-Za-z_]\w*)(\[\d+\])?")
 
 
-def published(reader: Reader, outputs: tuple[str, ...], key: Key, entry: ReferenceEntry) -> Published:
-    """One entry of `reference:`; values without a time are those of the consistent initial state."""
+def published(
+    reader: Reader, outputs: tuple[str, ...], key: Key, entry: ReferenceEntry
+) -> Published:
+    """One entry of `reference:`; values without a time are those of the consistent initial
+    state."""
     reader.name(key)
     time = _number(reader, entry.time, "the time of a reference", "s") if entry.time else 0.0
     if time is not None and time < 0 and entry.time:
-        reader.report(entry.time.span, f"a reference at {time:g} s", "a time that is not negative: motions start at 0")
+        reader.report(
+            entry.time.span,
+            f"a reference at {time:g} s",
+            "a time that is not negative: motions start at 0",
+        )
     tolerance = _number(reader, entry.tolerance, "the tolerance of a reference", "1")
     if tolerance is not None and not tolerance > 0:
-        reader.report(entry.tolerance.span, f"a tolerance of {tolerance:g}", "a positive number, relative to each value")
+        reader.report(
+            entry.tolerance.span,
+            f"a tolerance of {tolerance:g}",
+            "a positive number, relative to each value",
+        )
     if not (entry.values or entry.accelerations):
-        reader.report(key.span, f"reference '{key}' holds no value", "values: or accelerations: with names and numbers")
+        reader.report(
+            key.span,
+            f"reference '{key}' holds no value",
+            "values: or accelerations: with names and numbers",
+        )
     values = [_value(reader, outputs, name, scalar) for name, scalar in entry.values.items()]
     rates = [_acceleration(reader, name, scalar) for name, scalar in entry.accelerations.items()]
     found = tuple(pair for pair in (*values, *rates) if pair is not None)
@@ -39,7 +55,9 @@ def _number(reader: Reader, scalar: Scalar, where: str, unit: str) -> float | No
     return reader.value(formula, scalar)
 
 
-def _value(reader: Reader, outputs: tuple[str, ...], key: Key, scalar: Scalar) -> tuple[str, Expression] | None:
+def _value(
+    reader: Reader, outputs: tuple[str, ...], key: Key, scalar: Scalar
+) -> tuple[str, Expression] | None:
     """A coordinate, velocity, energy, output or entry of an output."""
     output = _OUTPUT.fullmatch(key)
     if key in ENERGIES and key not in reader.scope.symbols:
@@ -49,14 +67,21 @@ def _value(reader: Reader, outputs: tuple[str, ...], key: Key, scalar: Scalar) -
     name = state_name(reader, key)
     if name is None:
         return None
-    return name, reader.of_parameters(scalar, f"the published {name}", unit=reader.scope.symbols[name].unit)
+    return name, reader.of_parameters(
+        scalar, f"the published {name}", unit=reader.scope.symbols[name].unit
+    )
 
 
 def _acceleration(reader: Reader, key: Key, scalar: Scalar) -> tuple[str, Expression] | None:
-    """The rate of a base velocity."""
+    """The rate of a generalized velocity."""
     known = [name for name, symbol in reader.scope.symbols.items() if symbol.kinds == {VELOCITY}]
     name = str(key).replace(" ", "")
     if name not in known:
-        reader.report(key.span, f"unknown base velocity '{key}'", listed(known), did_you_mean(name, known))
+        reader.report(
+            key.span,
+            f"unknown generalized velocity '{key}'",
+            listed(known),
+            did_you_mean(name, known),
+        )
         return None
     return f"der({name})", reader.of_parameters(scalar, f"the published rate of {name}", unit=None)

@@ -16,7 +16,8 @@ Found = dict[str, InitialValue]
 
 
 def normalise(reader: Reader, joints: list[Frame], found: Found) -> None:
-    """Complete and normalise the quaternions of which `found` has an entry; without any they start as (1, 0, 0, 0)."""
+    """Complete and normalise the quaternions of which `found` has an entry; without any they start
+    as (1, 0, 0, 0)."""
     for frame in joints:
         first = frame.type.unit_from
         entries = frame.coordinates[first : first + 4] if first >= 0 else ()
@@ -28,7 +29,9 @@ def _normalise(reader: Reader, frame: Frame, entries: tuple[Coordinate, ...], fo
     given = [found[entry.name] for entry in entries if entry.name in found]
     if entries[0].name not in found:
         wanted = f"{entries[0].name} too: (1, 0, 0, 0) is no turn, (cos(a/2), sin(a/2), 0, 0) one by a about x"
-        reader.report(given[0].span, f"a quaternion without its first entry '{entries[0].name}'", wanted)
+        reader.report(
+            given[0].span, f"a quaternion without its first entry '{entries[0].name}'", wanted
+        )
         return
     for entry in entries:
         found.setdefault(entry.name, InitialValue(entry.name, ZERO, False, given[0].span))

@@ -1,6 +1,7 @@
 """Formulas, points and directions of a file → trees with resolved names and checked units.
 
-A Reader collects problems instead of stopping at the first: a bad formula is reported and read as zero, and `finish` raises.
+A Reader collects problems instead of stopping at the first: a bad formula is reported and read as
+zero, and `finish` raises.
 """
 
 from __future__ import annotations
@@ -11,13 +12,22 @@ from functools import cache
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.expressions import tree
-from derive.expressions.dimensions import Inferred, infer
+from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
 from derive.expressions.functions import FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
 from derive.expressions.tree import Expression, Number
-from derive.expressions.units import ENERGY, NUMBER, TIME, Dimension, named, pretty, product_of, quotient_of
+from derive.expressions.units import (
+    ENERGY,
+    NUMBER,
+    TIME,
+    Dimension,
+    named,
+    pretty,
+    product_of,
+    quotient_of,
+)
 from derive.model.document import Items, Key, Scalar, Source
 from derive.model.names import objection
 from derive.model.records import Span, Vector3
@@ -26,11 +36,14 @@ from derive.model.space import ORIGIN, Space, normalised
 
 ANY_UNIT = None
 ANGLE = "a plain number or an angle"
-UNREAD = tree.Name("?")  # stands for a formula that was reported; it has no value, so nothing more is said about it
+UNREAD = tree.Name(
+    "?"
+)  # stands for a formula that was reported; it has no value, so nothing more is said about it
 
 
 class Reader:
-    """`values`: defaults of the parameters and of what follows from them alone, for checks that need numbers."""
+    """`values`: defaults of the parameters and of what follows from them alone, for checks that
+    need numbers."""
 
     def __init__(self, source: Source, space: Space) -> None:
         self.source, self.space = source, space
@@ -47,7 +60,11 @@ class Reader:
     def finish(self) -> None:
         """Raise what was noted."""
         if self.problems:
-            raise ModelError(sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)))
+            raise ModelError(
+                sorted(
+                    dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)
+                )
+            )
 
     def fault(self, scalar: Scalar, error: FormulaError) -> None:
         """Note a formula's error at its place in the file."""
@@ -60,7 +77,12 @@ class Reader:
         if scalar.text in known:
             return scalar.text
         candidates = list(known)
-        self.report(scalar.span, f"unknown {what} '{scalar.text}'", listed(candidates), did_you_mean(scalar.text, candidates))
+        self.report(
+            scalar.span,
+            f"unknown {what} '{scalar.text}'",
+            listed(candidates),
+            did_you_mean(scalar.text, candidates),
+        )
         return None
 
     def name(self, key: Key | Scalar) -> str:
@@ -71,7 +93,8 @@ class Reader:
         return text
 
     def unit(self, scalar: Scalar) -> str:
-        """A unit on its own, in SI; the model's numbers are in SI, so only coherent units can be declared."""
+        """A unit on its own, in SI; the model's numbers are in SI, so only coherent units can be
+        declared."""
         try:
             given = unit(scalar.text)
         except FormulaError as error:
@@ -79,7 +102,10 @@ class Reader:
             return ""
         if given.factor != 1.0:
             self.report(
-                scalar.span, f"'{scalar.text}' is not an SI unit", given.si, f"the generated functions use SI: write {given.si}"
+                scalar.span,
+                f"'{scalar.text}' is not an SI unit",
+                given.si,
+                f"the generated functions use SI: write {given.si}",
             )
         return given.si
 
@@ -91,7 +117,8 @@ class Reader:
         unit: str | None = ANY_UNIT,
         functions: dict[str, Function] = FUNCTIONS,
     ) -> Expression:
-        """A scalar formula; `where` names the place ("a mass") for messages, `unit` is the SI unit it must have."""
+        """A scalar formula; `where` names the place ("a mass") for messages, `unit` is the SI unit
+        it must have."""
         try:
             return self._formula(scalar, where, allowed, unit, functions)
         except FormulaError as error:
@@ -99,46 +126,84 @@ class Reader:
             return UNREAD
 
     def _formula(
-        self, scalar: Scalar, where: str, allowed: frozenset[str], wanted: str | None, functions: dict[str, Function]
+        self,
+        scalar: Scalar,
+        where: str,
+        allowed: frozenset[str],
+        wanted: str | None,
+        functions: dict[str, Function],
     ) -> Expression:
         plain = quantity(scalar.text)
-        if plain is not None and plain.unit and wanted is not None:
+        bracketed = "(" in scalar.text  # 10 N/(m) may be a unit, or a force by the model's own m
+        if plain is not None and plain.unit and wanted is not None and not bracketed:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
         parsed = expression(text, names=self.scope.usable(allowed), functions=functions)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
+        if functions is FUNCTIONS:
+            self._check_value(resolved, text)
         return resolved
 
+    def _check_value(self, formula: Expression, text: str) -> None:
+        """FormulaError where a formula of parameters alone has no admissible value at their
+        defaults."""
+        leaves = (n for n in tree.walk(formula) if isinstance(n, tree.Name | tree.Rate))
+        if all(isinstance(n, tree.Name) and n.name in self.values for n in leaves):
+            number(formula, self.values, text)
+
     def _of_unit(self, plain: Number, text: str, where: str, wanted: str) -> Number:
-        """A number with a unit: where the unit is right its symbols are units, even if the model has parameters called m or s."""
+        """A number with a unit: where the unit is right its symbols are units, even if the model
+        has parameters called m or s."""
         if _fits(dimension_of(plain.unit), dimension_of(wanted)):
             return plain
         own = [word for word in re.findall(r"[A-Za-z_]\w*", text) if word in self.scope.symbols]
-        hint = f"'{own[-1]}' is read as a unit here; in (2 N)*{own[-1]} it is the model's own name" if own else ""
-        raise FormulaError(f"{where} in {plain.unit}", text, _first_place(text), _wanted(wanted), hint)
+        hint = (
+            f"'{own[-1]}' is read as a unit here; in (2 N)*{own[-1]} it is the model's own name"
+            if own
+            else ""
+        )
+        raise FormulaError(
+            f"{where} in {plain.unit}", text, _first_place(text), _wanted(wanted), hint
+        )
 
     def of_parameters(self, scalar: Scalar, where: str, unit: str | None) -> Expression:
-        """A formula of numbers and parameters alone: for values that are needed without the model around them."""
+        """A formula of numbers and parameters alone: for values that are needed without the model
+        around them."""
         formula = self.formula(scalar, where, unit=unit)
         for node in tree.walk(formula):
             if isinstance(node, tree.Name) and node.name in self.definitions:
                 self.report(
-                    scalar.at(node.at, len(node.name)), f"the definition '{node.name}' in {where}", "numbers and parameters"
+                    scalar.at(node.at, len(node.name)),
+                    f"the definition '{node.name}' in {where}",
+                    "numbers and parameters",
                 )
         return formula
 
-    def check_unit(self, resolved: Expression, where: str, wanted: str | None, text: str, at: int | None = None) -> Inferred:
+    def check_unit(
+        self, resolved: Expression, where: str, wanted: str | None, text: str, at: int | None = None
+    ) -> Inferred:
         """FormulaError where a resolved formula does not have the wanted unit, or mixes units."""
         found = infer(resolved, self.scope.dimensions, text)
         if wanted is not None and not _fits(found, dimension_of(wanted)):
-            given = named(found) if isinstance(found, tuple) else ""
-            raise FormulaError(f"{where} in {given}", text, _first_place(text) if at is None else at, _wanted(wanted))
+            assert isinstance(found, tuple)  # whatever else fits
+            missing = quotient_of(dimension_of(wanted), found)
+            raise FormulaError(
+                f"{where} in {named(found)}",
+                text,
+                _first_place(text) if at is None else at,
+                _wanted(wanted),
+                _advice(resolved, missing, text) if found == NUMBER else "",
+            )
         return found
 
     def value(self, formula: Expression, scalar: Scalar) -> float | None:
-        """The number a formula of parameters has with their defaults; None where it was reported or has none."""
-        if any((isinstance(n, tree.Name) and n.name not in self.values) or isinstance(n, tree.Rate) for n in tree.walk(formula)):
+        """The number a formula of parameters has with their defaults; None where it was reported or
+        has none."""
+        if any(
+            (isinstance(n, tree.Name) and n.name not in self.values) or isinstance(n, tree.Rate)
+            for n in tree.walk(formula)
+        ):
             return None
         try:
             return number(formula, self.values, scalar.text)
@@ -146,7 +211,13 @@ class Reader:
             self.fault(scalar, error)
             return None
 
-    def point(self, items: Items | None, where: str, unit: str | None = "m", allowed: frozenset[str] = CONSTANT) -> Vector3:
+    def point(
+        self,
+        items: Items | None,
+        where: str,
+        unit: str | None = "m",
+        allowed: frozenset[str] = CONSTANT,
+    ) -> Vector3:
         """Components on the model's axes → a vector in space; the origin when left out."""
         if items is None:
             return ORIGIN
@@ -158,12 +229,21 @@ class Reader:
         if len(items) == size:
             return True
         kind = f"a planar model, plane: {self.space.plane}" if self.space.plane else "space"
-        letters = ", ".join(self.space.letters[:size]) if size == self.space.size else ", ".join("…" * size)
-        self.report(items.span, f"{where} with {len(items)} component{'s' * (len(items) != 1)}", f"{size} in {kind}: [{letters}]")
+        letters = (
+            ", ".join(self.space.letters[:size])
+            if size == self.space.size
+            else ", ".join("…" * size)
+        )
+        self.report(
+            items.span,
+            f"{where} with {len(items)} component{'s' * (len(items) != 1)}",
+            f"{size} in {kind}: [{letters}]",
+        )
         return False
 
     def direction(self, node: Scalar | Items, where: str, constant: bool = True) -> Vector3:
-        """A direction as a letter, `-x`, or components; of length one where it is constant, which `constant` demands."""
+        """A direction as a letter, `-x`, or components; of length one where it is constant, which
+        `constant` demands."""
         if isinstance(node, Scalar):
             return self._letter(node, where)
         if not self.sized(node, self.space.size, where):
@@ -174,7 +254,10 @@ class Reader:
         if not all(is_constant(component) for component in given):
             if constant:
                 self.report(
-                    node.span, f"{where} that depends on parameters", "numbers", "turn the joint's frame with `angle` or `rpy`"
+                    node.span,
+                    f"{where} that depends on parameters",
+                    "numbers",
+                    "turn the joint's frame with `angle` or `rpy`",
                 )
             return given
         return self._normalised(given, node.span, where)
@@ -184,7 +267,9 @@ class Reader:
         known = [sign + letter for letter in self.space.letters for sign in ("", "-")]
         if text not in known:
             self.report(
-                scalar.span, f"{where} '{scalar.text}'", f"{', '.join(self.space.letters)}, with or without a minus, or a list"
+                scalar.span,
+                f"{where} '{scalar.text}'",
+                f"{', '.join(self.space.letters)}, with or without a minus, or a list",
             )
             return self.space.normal
         return self.space.along(text)
@@ -195,6 +280,14 @@ class Reader:
         if found is None:
             self.report(span, f"{where} of length zero", "a direction")
         return found or self.space.normal
+
+
+def _advice(formula: Expression, missing: Dimension, text: str) -> str:
+    """How a plain number becomes a quantity: by the unit of a factor, or by a factor of one."""
+    if hint := with_unit(formula, missing, text):
+        return hint
+    factor = isinstance(formula, tree.Call | tree.Name | tree.Product) and len(text) <= SHORT
+    return f"with a unit that is (1 {pretty(missing)})*{text.strip()}" if factor else ""
 
 
 @cache

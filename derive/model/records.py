@@ -1,8 +1,9 @@
 """The Model record: what a model file says, with names resolved, units in SI and source spans kept.
 
-Everything is embedded in space: a planar model stores points as (a, b) placed on its two axes, its rotation axis, and one
-moment of inertia; `plane` says so. Formulas stay expression trees (derive.expressions.tree); parameters stay parameters here.
-Placements say where a joint frame sits in a body: `position` in body coordinates, `rotation` body ← joint frame.
+Everything is embedded in space: a planar model stores points as (a, b) placed on its two axes, its
+rotation axis, and one moment of inertia; `plane` says so. Formulas stay expression trees
+(derive.expressions.tree); parameters stay parameters here. Placements say where a joint frame sits
+in a body: `position` in body coordinates, `rotation` body ← joint frame.
 """
 
 from __future__ import annotations
@@ -13,7 +14,12 @@ from derive.expressions.tree import ONE, ZERO, Expression
 
 Vector3 = tuple[Expression, Expression, Expression]
 GROUND = "ground"
-CHOICE_KINDS = ("auto", "orthonormal", "frozen", "mass_orthogonal")  # of quasi-velocities, besides rows
+CHOICE_KINDS = (
+    "auto",
+    "orthonormal",
+    "frozen",
+    "mass_orthogonal",
+)  # of quasi-velocities, besides rows
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,8 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """`owner` is the joint it belongs to, or "" for a coordinate of the analytic form; `about` is for readers."""
+    """`owner` is the joint it belongs to, or "" for a coordinate of the analytic form; `about` is
+    for readers."""
 
     name: str
     unit: str
@@ -46,7 +53,8 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Velocity:
-    """A base velocity: `der(q1)` where it is the rate of a coordinate (`rate_of`), else `joint.vx`, `joint.w` …"""
+    """A generalized velocity: `der(q1)` where it is the rate of a coordinate (`rate_of`), else
+    `joint.vx`, `joint.w` …"""
 
     name: str
     unit: str
@@ -63,7 +71,8 @@ class Placement:
 
 @dataclass(frozen=True)
 class Body:
-    """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz about the centre of mass)."""
+    """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz
+    about the centre of mass)."""
 
     name: str
     mass: Expression
@@ -74,10 +83,11 @@ class Body:
 
 @dataclass(frozen=True)
 class Joint:
-    """`orientation` is "" or, for a free joint, "quaternion" or an Euler sequence such as "zxy" (intrinsic).
+    """`orientation` is "" or, for a free joint, "quaternion" or an Euler sequence such as "zxy"
+    (intrinsic).
 
-    `pitch` (m per turn) is a screw's; `axis2` a universal joint's second axis, at right angles to `axis`; `limits` of the
-    first coordinate are for readers, no force comes of them.
+    `pitch` (m per turn) is a screw's; `axis2` a universal joint's second axis, at right angles to
+    `axis`; `limits` of the first coordinate are for readers, no force comes of them.
     """
 
     name: str
@@ -98,7 +108,8 @@ class Joint:
 
 @dataclass(frozen=True)
 class Closure:
-    """A joint that closes a loop; the first body is the joint's parent, `pitch` and `axis2` are as with joints."""
+    """A joint that closes a loop; the first body is the joint's parent, `pitch` and `axis2` are as
+    with joints."""
 
     name: str
     type: str
@@ -112,12 +123,14 @@ class Closure:
 
 @dataclass(frozen=True)
 class Holonomic:
-    """expression(q, t) = 0. `nonideal`: the constraint's own generalised force per coordinate, or () when ideal."""
+    """expression(q, t) = 0. `nonideal`: the constraint's own generalised force per coordinate, or
+    () when ideal. `follower`: of a coupling the coordinate that is said by the other, else ""."""
 
     name: str
     expression: Expression
     nonideal: tuple[Expression, ...]
     span: Span
+    follower: str = ""
 
 
 @dataclass(frozen=True)
@@ -132,7 +145,8 @@ class Nonholonomic:
 
 @dataclass(frozen=True)
 class NoSlip:
-    """The body's material point `point` does not move along `direction` (both in body coordinates)."""
+    """The body's material point `point` does not move along `direction` (both in body
+    coordinates)."""
 
     name: str
     body: str
@@ -143,10 +157,12 @@ class NoSlip:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A body rolls without slip on the plane through `origin`, normal to `normal` (ground frame; in the body's: centre, axis).
+    """A body rolls without slip on the plane through `origin`, normal to `normal` (ground frame; in
+    the body's: centre, axis).
 
-    `shape`: "disk" (thin: wheel, knife edge), "sphere" (its axis means nothing) or "torus", whose circle of `radius` about
-    the axis carries a tube of the smaller radius `tube`. In a planar model the plane is a line and the disk a circle.
+    `shape`: "disk" (thin: wheel, knife edge), "sphere" (its axis means nothing) or "torus", whose
+    circle of `radius` about the axis carries a tube of the smaller radius `tube`. In a planar model
+    the plane is a line and the disk a circle.
     """
 
     name: str
@@ -174,7 +190,8 @@ class Distance:
 
 @dataclass(frozen=True)
 class OnSurface:
-    """`surface` vanishes at the body's `point`; its names x, y, z are the point's coordinates in the frame of `frame_body`.
+    """`surface` vanishes at the body's `point`; its names x, y, z are the point's coordinates in
+    the frame of `frame_body`.
 
     The three names shadow whatever the model calls x, y or z.
     """
@@ -203,7 +220,7 @@ class JointSpring:
 
 @dataclass(frozen=True)
 class JointDamper:
-    """Generalised force −coefficient · rate on one coordinate's base velocity."""
+    """Generalised force −coefficient · rate on one coordinate's generalized velocity."""
 
     name: str
     velocity: str
@@ -213,7 +230,8 @@ class JointDamper:
 
 @dataclass(frozen=True)
 class PointSpring:
-    """Along the line between two points: tension stiffness (distance − length) + damping · d(distance)/dt."""
+    """Along the line between two points: tension stiffness (distance − length) + damping ·
+    d(distance)/dt."""
 
     name: str
     bodies: tuple[str, str]
@@ -226,7 +244,8 @@ class PointSpring:
 
 @dataclass(frozen=True)
 class Force:
-    """Force (N) on a body's point; components in the ground frame or, `frame` = "body", in the body's."""
+    """Force (N) on a body's point; components in the ground frame or, `frame` = "body", in the
+    body's."""
 
     name: str
     body: str
@@ -247,7 +266,8 @@ class Torque:
 
 @dataclass(frozen=True)
 class GeneralisedForce:
-    """Expression added to the force conjugate to one base velocity (a joint's force law, or `forces:` of the analytic form)."""
+    """Expression added to the force conjugate to one generalized velocity (a joint's force law, or
+    `forces:` of the analytic form)."""
 
     name: str
     velocity: str
@@ -257,10 +277,12 @@ class GeneralisedForce:
 
 @dataclass(frozen=True)
 class Bushing:
-    """Springs and dampers along and about the three axes of the first body's placed frame, towards the second body's.
+    """Springs and dampers along and about the three axes of the first body's placed frame, towards
+    the second body's.
 
-    Force on the second body −stiffness · displacement − damping · relative velocity, torque −torsion · rotation vector −
-    torsion_damping · relative angular velocity, all in the first frame; the first body gets the opposite.
+    Force on the second body −stiffness · displacement − damping · relative velocity, torque
+    −torsion · rotation vector − torsion_damping · relative angular velocity, all in the first
+    frame; the first body gets the opposite.
     """
 
     name: str
@@ -275,7 +297,7 @@ class Bushing:
 
 @dataclass(frozen=True)
 class JointFriction:
-    """Generalised force −viscous · v − coulomb · tanh(v/smoothing) on one base velocity."""
+    """Generalised force −viscous · v − coulomb · tanh(v/smoothing) on one generalized velocity."""
 
     name: str
     velocity: str
@@ -287,7 +309,8 @@ class JointFriction:
 
 @dataclass(frozen=True)
 class Armature:
-    """Inertia of a rotor as the joint feels it: `inertia` is added to the diagonal of M at one base velocity."""
+    """Inertia of a rotor as the joint feels it: `inertia` is added to the diagonal of M at one
+    generalized velocity."""
 
     name: str
     velocity: str
@@ -295,12 +318,23 @@ class Armature:
     span: Span
 
 
-Load = JointSpring | JointDamper | PointSpring | Force | Torque | GeneralisedForce | Bushing | JointFriction | Armature
+Load = (
+    JointSpring
+    | JointDamper
+    | PointSpring
+    | Force
+    | Torque
+    | GeneralisedForce
+    | Bushing
+    | JointFriction
+    | Armature
+)
 
 
 @dataclass(frozen=True)
 class Input:
-    """An actuator: adds gear · itself to the force conjugate to `velocity`; "" when it only occurs in expressions."""
+    """An actuator: adds gear · itself to the force conjugate to `velocity`; "" when it only occurs
+    in expressions."""
 
     name: str
     velocity: str
@@ -312,7 +346,8 @@ class Input:
 
 @dataclass(frozen=True)
 class Output:
-    """`expression` is a scalar, or a Call of position/velocity/angle/reaction with the body or constraint as a Name."""
+    """`expression` is a scalar, or a Call of position/velocity/angle/reaction with the body or
+    constraint as a Name."""
 
     name: str
     expression: Expression
@@ -323,7 +358,8 @@ class Output:
 
 @dataclass(frozen=True)
 class Choice:
-    """One choice of quasi-velocities. `kind` is "rows" (linear in the velocities), or a kind of its own without rows."""
+    """One choice of quasi-velocities. `kind` is "rows" (linear in the velocities), or a kind of its
+    own without rows."""
 
     name: str
     kind: str
@@ -333,7 +369,8 @@ class Choice:
 
 @dataclass(frozen=True)
 class InitialValue:
-    """A coordinate or base velocity at t = 0. `held` values are kept when the state is made consistent, guesses move."""
+    """A coordinate or generalized velocity at t = 0. `held` values are kept when the state is made
+    consistent, guesses move."""
 
     name: str
     value: Expression
@@ -343,10 +380,12 @@ class InitialValue:
 
 @dataclass(frozen=True)
 class SteadyMotion:
-    """What is held along a steady motion: coordinate, velocity or input name → expression of parameters and sweepable names.
+    """What is held along a steady motion: coordinate, velocity or input name → expression of
+    parameters and sweepable names.
 
-    Inputs that are not named are zero, `free` ones are found. `guesses` are where the search for the rest starts; `cyclic`
-    coordinates, where given, are the ones to leave out; `ranges`: sweepable name or parameter → first, last and how many values.
+    Inputs that are not named are zero, `free` ones are found. `guesses` are where the search for
+    the rest starts; `cyclic` coordinates, where given, are the ones to leave out; `ranges`:
+    sweepable name or parameter → first, last and how many values.
     """
 
     name: str
@@ -361,7 +400,8 @@ class SteadyMotion:
 
 @dataclass(frozen=True)
 class Published:
-    """Values quoted from elsewhere: `time` (s) after the initial state; name → value with a relative tolerance.
+    """Values quoted from elsewhere: `time` (s) after the initial state; name → value with a
+    relative tolerance.
 
     Names are those of coordinates, velocities, `der(velocity)`, outputs (`tip[0]`), T and V.
     """
@@ -375,11 +415,13 @@ class Published:
 
 
 @dataclass(frozen=True)
-class Stress:
-    """An extreme case: `values` set, then a motion of `time` seconds; `end` in closed form where there is one.
+class Extreme:
+    """An extreme case: `values` set, then a motion of `time` seconds; `end` in closed form where
+    there is one.
 
-    `tolerance` None: the error is only reported. `refused`: words of the message that is expected instead of a motion.
-    `spoiled`: no motion, but numbers that are none, infinite or next to nothing in every argument of every function.
+    `tolerance` None: the error is only reported. `refused`: words of the message that is expected
+    instead of a motion. `spoiled`: no motion, but numbers that are none, infinite or next to
+    nothing in every argument of every function.
     """
 
     name: str
@@ -388,7 +430,7 @@ class Stress:
     time: float
     spoiled: bool
     integrator: str
-    keeping: str
+    enforcement: str
     real: str
     choice: str
     rtol: float
@@ -423,6 +465,9 @@ class Model:
     kinetic: Expression | None
     potential: Expression | None
     published: tuple[Published, ...] = ()
-    stress: tuple[Stress, ...] = ()
+    extremes: tuple[Extreme, ...] = ()
+    notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
-    fixed: tuple[tuple[str, float], ...] = ()  # inputs and parameters of the file that are numbers here, in SI units
+    fixed: tuple[
+        tuple[str, float], ...
+    ] = ()  # inputs and parameters of the file that are numbers here, in SI units

@@ -1,4 +1,5 @@
-"""What the rows of a closure or constraint are called: the name alone where there is one, NAME.PART where there are several."""
+"""What the rows of a closure or constraint are called: the name alone where there is one, NAME.PART
+where there are several."""
 
 from __future__ import annotations
 

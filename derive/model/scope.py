@@ -12,7 +12,13 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
 
 # kinds of names, and sets of them for the places where formulas stand
-PARAMETER, COORDINATE, VELOCITY, INPUT, TIME = "a parameter", "a coordinate", "a velocity", "an input", "time"
+PARAMETER, COORDINATE, VELOCITY, INPUT, TIME = (
+    "a parameter",
+    "a coordinate",
+    "a velocity",
+    "an input",
+    "time",
+)
 REACTION = "a reaction"
 CONSTANT = frozenset({PARAMETER})
 POSITION = frozenset({PARAMETER, COORDINATE, TIME})
@@ -24,8 +30,8 @@ NONIDEAL = ANYTHING | {REACTION}
 
 @dataclass(frozen=True)
 class Symbol:
-    """`kinds` is what the name is, or, for a definition, what its formula uses; `because` names one culprit of each kind.
-    `unit` is for coordinates and velocities."""
+    """`kinds` is what the name is, or, for a definition, what its formula uses; `because` names one
+    culprit of each kind. `unit` is for coordinates and velocities."""
 
     kinds: frozenset[str]
     dimension: Inferred
@@ -36,7 +42,8 @@ class Symbol:
 
 @dataclass
 class Scope:
-    """`symbols` by name; the rate of a coordinate as "der(q)". `aliases`: J.w → the coordinate whose rate it is.
+    """`symbols` by name; the rate of a coordinate as "der(q)". `aliases`: J.w → the coordinate
+    whose rate it is.
 
     `dimensions` and `degrees` are the same table read by column, kept beside it for large models.
     """
@@ -57,7 +64,11 @@ class Scope:
 
     def put(self, name: str, symbol: Symbol) -> None:
         """Enter a name over another of the same spelling."""
-        self.symbols[name], self.dimensions[name], self.degrees[name] = symbol, symbol.dimension, symbol.degree
+        self.symbols[name], self.dimensions[name], self.degrees[name] = (
+            symbol,
+            symbol.dimension,
+            symbol.degree,
+        )
 
     def only(self, kinds: frozenset[str]) -> Scope:
         """The part of the scope that holds nothing but the given kinds."""
@@ -77,8 +88,11 @@ class Scope:
     def coordinates(self) -> list[str]:
         return [name for name, symbol in self.symbols.items() if symbol.kinds == {COORDINATE}]
 
-    def resolved(self, expression: Expression, allowed: frozenset[str], where: str, text: str) -> Expression:
-        """The formula with aliases replaced; FormulaError at a name that is unknown or out of place."""
+    def resolved(
+        self, expression: Expression, allowed: frozenset[str], where: str, text: str
+    ) -> Expression:
+        """The formula with aliases replaced; FormulaError at a name that is unknown or out of
+        place."""
         aliased = False
         for node in tree.walk(expression):
             if isinstance(node, tree.Name):
@@ -98,35 +112,76 @@ class Scope:
         if name not in self.symbols:
             self._check_rows(node, text)
             known = [known for known in self.names(allowed) if "(" not in known]
-            raise FormulaError(f"unknown name '{node.name}'", text, node.at, listed(known), did_you_mean(node.name, known))
+            raise FormulaError(
+                f"unknown name '{node.name}'",
+                text,
+                node.at,
+                listed(known),
+                did_you_mean(node.name, known),
+            )
         self._check_kind(node.name, self.symbols[name], node.at, allowed, where, text)
 
     def _check_rows(self, node: tree.Name, text: str) -> None:
         """A reaction of several rows, or of a row that is none of them."""
         whole = ".".join(node.name.split(".")[:2])
-        rows = [name for name in self.symbols if name.startswith(f"{whole}.") and self.symbols[name].kinds == {REACTION}]
+        rows = [
+            name
+            for name in self.symbols
+            if name.startswith(f"{whole}.") and self.symbols[name].kinds == {REACTION}
+        ]
         if node.name == whole and rows:
-            raise FormulaError(f"'{node.name}' is {len(rows)} reactions, one for each row", text, node.at, listed(rows))
+            raise FormulaError(
+                f"'{node.name}' is {len(rows)} reactions, one for each row",
+                text,
+                node.at,
+                listed(rows),
+            )
         if rows:
-            raise FormulaError(f"unknown row '{node.name}'", text, node.at, listed(rows), did_you_mean(node.name, rows))
+            raise FormulaError(
+                f"unknown row '{node.name}'",
+                text,
+                node.at,
+                listed(rows),
+                did_you_mean(node.name, rows),
+            )
 
     def _check_rate(self, node: tree.Rate, allowed: frozenset[str], where: str, text: str) -> None:
         known = self.coordinates()
         at = text.find(node.name, node.at + 3) if node.name in text[node.at + 3 :] else node.at
         if node.name in self.symbols and node.name not in known:
-            raise FormulaError(f"der() of '{node.name}', which is not a coordinate", text, at, listed(known))
+            raise FormulaError(
+                f"der() of '{node.name}', which is not a coordinate", text, at, listed(known)
+            )
         if node.name not in known:
-            raise FormulaError(f"unknown coordinate '{node.name}'", text, at, listed(known), did_you_mean(node.name, known))
-        self._check_kind(f"der({node.name})", self.symbols[f"der({node.name})"], node.at, allowed, where, text)
+            raise FormulaError(
+                f"unknown coordinate '{node.name}'",
+                text,
+                at,
+                listed(known),
+                did_you_mean(node.name, known),
+            )
+        self._check_kind(
+            f"der({node.name})", self.symbols[f"der({node.name})"], node.at, allowed, where, text
+        )
 
-    def _check_kind(self, name: str, symbol: Symbol, at: int, allowed: frozenset[str], where: str, text: str) -> None:
+    def _check_kind(
+        self, name: str, symbol: Symbol, at: int, allowed: frozenset[str], where: str, text: str
+    ) -> None:
         wrong = sorted(symbol.kinds - allowed)
         if not wrong:
             return
         culprit = dict(symbol.because).get(wrong[0], "")
-        what = f"'{name}' is {wrong[0]}" if not culprit else f"'{name}' uses '{culprit}', {wrong[0]},"
-        hint = "a formula with rates goes under `nonholonomic:`" if wrong[0] == VELOCITY and allowed == POSITION else ""
-        raise FormulaError(f"{what} and cannot stand in {where}", text, at, _allowed_words(allowed), hint)
+        what = (
+            f"'{name}' is {wrong[0]}" if not culprit else f"'{name}' uses '{culprit}', {wrong[0]},"
+        )
+        hint = (
+            "a formula with rates goes under `nonholonomic:`"
+            if wrong[0] == VELOCITY and allowed == POSITION
+            else ""
+        )
+        raise FormulaError(
+            f"{what} and cannot stand in {where}", text, at, _allowed_words(allowed), hint
+        )
 
 
 @dataclass(frozen=True)

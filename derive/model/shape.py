@@ -1,7 +1,8 @@
-"""The shape of a model file as pydantic classes: which keys there are and what kind of thing each holds.
+"""The shape of a model file as pydantic classes: which keys there are and what kind of thing each
+holds.
 
-Formulas stay text with a place here; names, units and mechanics are checked afterwards. The same classes give the JSON Schema
-that editors complete from.
+Formulas stay text with a place here; names, units and mechanics are checked afterwards. The same
+classes give the JSON Schema that editors complete from.
 """
 
 from __future__ import annotations
@@ -9,7 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError, core_schema
 
 from derive.model.document import Entries, Items, Key, Scalar
@@ -19,11 +29,15 @@ class _Formula:
     """A scalar of the file: a formula, a name or a text."""
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
         return core_schema.is_instance_schema(Scalar)
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         return {"type": ["string", "number"]}
 
 
@@ -31,11 +45,15 @@ class _Name:
     """A mapping's key."""
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
         return core_schema.is_instance_schema(Key)
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         return {"type": "string"}
 
 
@@ -43,12 +61,16 @@ class _Listed:
     """A list of scalars that remembers where it stands."""
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
         inner = core_schema.list_schema(core_schema.is_instance_schema(Scalar))
         return core_schema.no_info_wrap_validator_function(_with_place, inner)
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         return {"type": "array", "items": {"type": ["string", "number"]}}
 
 
@@ -56,11 +78,15 @@ class _Nested:
     """A list that may hold lists; what is in it is checked where it is read."""
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(_as_list)
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         return {"type": "array"}
 
 
@@ -81,7 +107,8 @@ Nested = Annotated[Items, _Nested]
 
 
 def _kind(**tags: Callable[[Any], bool]) -> Discriminator:
-    """A union told apart by the kind of node, not by trying one after the other: one message, and the right one."""
+    """A union told apart by the kind of node, not by trying one after the other: one message, and
+    the right one."""
 
     def tag(value: Any) -> str | None:
         return next((f"<{name}>" for name, fits in tags.items() if fits(value)), None)
@@ -121,19 +148,30 @@ PerCoordinate = Annotated[
 
 
 class Entry(BaseModel):
-    """A mapping with known keys. Unknown keys are reported before missing ones: the second is often the first misspelt."""
+    """A mapping with known keys. Unknown keys are reported before missing ones: the second is often
+    the first misspelt."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, frozen=True, defer_build=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        allow_inf_nan=False,
+        arbitrary_types_allowed=True,
+        frozen=True,
+        defer_build=True,
+    )
     ignored: ClassVar[tuple[str, ...]] = ()
 
     @model_validator(mode="before")
     @classmethod
     def known_keys(cls, value: Any) -> Any:
         if not isinstance(value, Entries):
-            raise PydanticCustomError("not_a_mapping", "not a mapping", {"keys": list(cls.model_fields)})
+            raise PydanticCustomError(
+                "not_a_mapping", "not a mapping", {"keys": list(cls.model_fields)}
+            )
         unknown = [key for key in value if key not in cls.model_fields]
         if unknown:
-            raise PydanticCustomError("unknown_key", "unknown key", {"unknown": unknown, "keys": list(cls.model_fields)})
+            raise PydanticCustomError(
+                "unknown_key", "unknown key", {"unknown": unknown, "keys": list(cls.model_fields)}
+            )
         return value
 
 
@@ -141,33 +179,53 @@ class ReferenceEntry(Entry):
     """Published values that `hamel verify` holds the model to."""
 
     source: Formula = Field(description="Where the numbers are from.")
-    time: Formula | None = Field(None, description="When, in seconds after the initial state (default: there).")
+    time: Formula | None = Field(
+        None, description="When, in seconds after the initial state (default: there)."
+    )
     tolerance: Formula = Field(description="Relative error that is allowed.")
-    values: dict[Name, Formula] = Field({}, description="Coordinates, velocities, outputs (tip[0]) and the energies T and V.")
-    accelerations: dict[Name, Formula] = Field({}, description="Rates of the base velocities, such as der(q1).")
+    values: dict[Name, Formula] = Field(
+        {}, description="Coordinates, velocities, outputs (tip[0]) and the energies T and V."
+    )
+    accelerations: dict[Name, Formula] = Field(
+        {}, description="Rates of the generalized velocities, such as der(q1)."
+    )
 
 
-class StressEntry(Entry):
-    """An extreme case of the model, which `hamel stress` simulates and judges."""
+class ExtremeEntry(Entry):
+    """An extreme case of the model, which `hamel extremes` simulates and judges."""
 
     about: Formula | None = Field(None, description="What is extreme about it.")
-    set: dict[Name, Formula] = Field({}, description="Initial values, parameters and inputs, as with `hamel simulate --set`.")
+    set: dict[Name, Formula] = Field(
+        {}, description="Initial values, parameters and inputs, as with `hamel simulate --set`."
+    )
     time: Formula | None = Field(None, description="The end of the motion, in seconds.")
     spoiled: Formula | None = Field(
         None,
         description="`all`, instead of a motion: NaN, ±Inf, the least denormal and 1e300 in every argument of every function.",
     )
     integrator: Formula | None = Field(None, description="How to step (default: dop853).")
-    keeping: Formula | None = Field(None, description="How to stay on the constraints (default: projection).")
-    choice: Formula | None = Field(None, description="The choice of quasi-velocities (default: the file's first).")
-    real: Formula | None = Field(None, description="What the code computes in: float64 or float32 (default: float64).")
-    rtol: Formula | None = Field(None, description="Relative tolerance of a step (default: 1e-11, in float32 1e-6).")
-    tolerance: Formula | None = Field(None, description="Relative error that is allowed; when left out it is only reported.")
+    enforcement: Formula | None = Field(
+        None, description="How to stay on the constraints (default: projection)."
+    )
+    choice: Formula | None = Field(
+        None, description="The choice of quasi-velocities (default: the file's first)."
+    )
+    real: Formula | None = Field(
+        None, description="What the code computes in: float64 or float32 (default: float64)."
+    )
+    rtol: Formula | None = Field(
+        None, description="Relative tolerance of a step (default: 1e-11, in float32 1e-6)."
+    )
+    tolerance: Formula | None = Field(
+        None, description="Relative error that is allowed; when left out it is only reported."
+    )
     end: dict[Name, Formula] = Field(
         {},
         description="Coordinates and velocities at the end, in closed form; when left out, many digits are computed.",
     )
-    refused: Formula | None = Field(None, description="For a case that must be refused: words of the message.")
+    refused: Formula | None = Field(
+        None, description="For a case that must be refused: words of the message."
+    )
 
 
 class ParameterEntry(Entry):
@@ -184,9 +242,13 @@ class TurnedEntry(Entry):
     """How a frame is turned; one of the keys."""
 
     angle: Formula | None = Field(None, description="Planar models: how far the frame is turned.")
-    rpy: Point | None = Field(None, description="In space: roll, pitch, yaw of the frame, as in URDF.")
+    rpy: Point | None = Field(
+        None, description="In space: roll, pitch, yaw of the frame, as in URDF."
+    )
     axis_angle: Nested | None = Field(None, description="In space: [axis, angle].")
-    matrix: Nested | None = Field(None, description="In space: the rotation matrix, three rows of numbers.")
+    matrix: Nested | None = Field(
+        None, description="In space: the rotation matrix, three rows of numbers."
+    )
 
 
 class SideEntry(TurnedEntry):
@@ -220,13 +282,21 @@ JointPlace = Annotated[
 class InertiaEntry(Entry):
     """An inertia tensor with the point and the frame it refers to."""
 
-    tensor: FormulaOrList = Field(description="One, three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz) entries.")
-    about: Formula | None = Field(None, description="com (when left out) or origin: the point the tensor is about.")
-    frame: TurnedEntry | None = Field(None, description="How the tensor's axes are turned in the body.")
+    tensor: FormulaOrList = Field(
+        description="One, three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz) entries."
+    )
+    about: Formula | None = Field(
+        None, description="com (when left out) or origin: the point the tensor is about."
+    )
+    frame: TurnedEntry | None = Field(
+        None, description="How the tensor's axes are turned in the body."
+    )
 
 
 Inertia = Annotated[
-    Annotated[Formula, Tag("<a formula>")] | Annotated[Point, Tag("<a list>")] | Annotated[InertiaEntry, Tag("<a mapping>")],
+    Annotated[Formula, Tag("<a formula>")]
+    | Annotated[Point, Tag("<a list>")]
+    | Annotated[InertiaEntry, Tag("<a mapping>")],
     _kind(**{"a formula": _is_scalar, "a list": _is_list, "a mapping": _is_mapping}),
 ]
 
@@ -235,7 +305,9 @@ class BodyEntry(Entry):
     """A rigid body."""
 
     mass: Formula = Field(description="Mass; 0 for a body without mass.")
-    com: Point | None = Field(None, description="Centre of mass in the body's frame; its origin when left out.")
+    com: Point | None = Field(
+        None, description="Centre of mass in the body's frame; its origin when left out."
+    )
     inertia: Inertia | None = Field(
         None,
         description="About the centre of mass: one moment in a planar model; in space one (a sphere), three (xx, yy, zz) or six "
@@ -271,7 +343,9 @@ class LawOfFriction(Entry):
 
     viscous: Formula | None = Field(None, description="Force or torque per velocity.")
     coulomb: Formula | None = Field(None, description="Force or torque of dry friction.")
-    smoothing: Formula | None = Field(None, description="Velocity at which dry friction is three quarters there.")
+    smoothing: Formula | None = Field(
+        None, description="Velocity at which dry friction is three quarters there."
+    )
 
 
 class JointEntry(TurnedEntry):
@@ -285,24 +359,38 @@ class JointEntry(TurnedEntry):
         description="Where the joint is: a point of the parent, one of the parent and one of the child, or a mapping with parent "
         "and child. Keys beside it turn the joint's frame in the parent.",
     )
-    axis: Direction | None = Field(None, description="Direction in the joint's frame: x, y, z or a list of numbers.")
-    axis2: Direction | None = Field(
-        None, description="Universal joint: the second axis, at right angles to the first, fixed in the child."
+    axis: Direction | None = Field(
+        None, description="Direction in the joint's frame: x, y, z or a list of numbers."
     )
-    pitch: Formula | None = Field(None, description="Screw: advance along the axis per turn, such as 5 mm.")
+    axis2: Direction | None = Field(
+        None,
+        description="Universal joint: the second axis, at right angles to the first, fixed in the child.",
+    )
+    pitch: Formula | None = Field(
+        None, description="Screw: advance along the axis per turn, such as 5 mm."
+    )
     coordinate: Formula | None = Field(
         None, description="Name of the joint's one coordinate; the joint's own name when left out."
     )
     coordinates: Point | None = Field(None, description="Names of the joint's coordinates.")
-    position: Point | None = Field(None, description="Free joint: names of the three position coordinates.")
-    orientation: Orientation | None = Field(
-        None, description="Free joint: quaternion, or a mapping with an Euler sequence and names of the angles."
+    position: Point | None = Field(
+        None, description="Free joint: names of the three position coordinates."
     )
-    limits: Point | None = Field(None, description="Lowest and highest value of the coordinate, for readers; no force.")
+    orientation: Orientation | None = Field(
+        None,
+        description="Free joint: quaternion (when left out), or a mapping with an Euler sequence and names of the angles.",
+    )
+    limits: Point | None = Field(
+        None, description="Lowest and highest value of the coordinate, for readers; no force."
+    )
     spring: JointSpringEntry | None = Field(None, description="A spring in the joint.")
-    damper: Formula | None = Field(None, description="Force or torque per velocity of a damper in the joint.")
+    damper: Formula | None = Field(
+        None, description="Force or torque per velocity of a damper in the joint."
+    )
     friction: LawOfFriction | None = Field(None, description="Friction in the joint.")
-    armature: Formula | None = Field(None, description="Inertia of what turns with the joint's motor, as the joint feels it.")
+    armature: Formula | None = Field(
+        None, description="Inertia of what turns with the joint's motor, as the joint feels it."
+    )
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
@@ -311,12 +399,17 @@ class ClosureEntry(TurnedEntry):
 
     type: Formula = Field(description="Kind of joint.")
     between: Point = Field(description="The two bodies.")
-    at: Sides = Field(description="Where the joint is in each of the two. Keys beside it turn its frame in the first body.")
+    at: Sides = Field(
+        description="Where the joint is in each of the two. Keys beside it turn its frame in the first body."
+    )
     axis: Direction | None = Field(None, description="Direction in the joint's frame.")
     axis2: Direction | None = Field(
-        None, description="Universal joint: the second axis, at right angles to the first, fixed in the second body."
+        None,
+        description="Universal joint: the second axis, at right angles to the first, fixed in the second body.",
     )
-    pitch: Formula | None = Field(None, description="Screw: advance along the axis per turn, such as 5 mm.")
+    pitch: Formula | None = Field(
+        None, description="Screw: advance along the axis per turn, such as 5 mm."
+    )
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
@@ -347,8 +440,12 @@ class NoSlipEntry(Entry):
 
     type: Formula
     body: Formula = Field(description="The body.")
-    at: Point | None = Field(None, description="The point, in the body's frame; its origin when left out.")
-    direction: Direction = Field(description="The direction in which it does not slip, in the body's frame.")
+    at: Point | None = Field(
+        None, description="The point, in the body's frame; its origin when left out."
+    )
+    direction: Direction = Field(
+        description="The direction in which it does not slip, in the body's frame."
+    )
     about: Formula | None = None
 
 
@@ -377,22 +474,29 @@ class ShapeEntry(Entry):
 
     disk: DiskEntry | None = Field(None, description="A thin disk.")
     wheel: DiskEntry | None = Field(None, description="The same as a disk.")
-    knife_edge: DiskEntry | None = Field(None, description="The same as a disk: a wheel with a sharp rim.")
+    knife_edge: DiskEntry | None = Field(
+        None, description="The same as a disk: a wheel with a sharp rim."
+    )
     sphere: SphereEntry | None = Field(None, description="A sphere.")
     torus: TorusEntry | None = Field(None, description="A torus.")
 
 
 class PlaneEntry(Entry):
-    normal: Direction = Field(description="Normal of the plane (in a planar model of the line), in the ground frame.")
+    normal: Direction = Field(
+        description="Normal of the plane (in a planar model of the line), in the ground frame."
+    )
     origin: Point | None = Field(None, description="A point of the plane, in the ground frame.")
 
 
 class RollingEntry(Entry):
-    """A disk, sphere or torus rolls without slip on a plane; a wheel on a line in a planar model."""
+    """A disk, sphere or torus rolls without slip on a plane; a wheel on a line in a planar
+    model."""
 
     type: Formula
     body: Formula = Field(description="The body.")
-    at: Point | None = Field(None, description="Centre of the shape, in the body's frame; its origin when left out.")
+    at: Point | None = Field(
+        None, description="Centre of the shape, in the body's frame; its origin when left out."
+    )
     shape: ShapeEntry = Field(description="What rolls.")
     plane: PlaneEntry = Field(description="What it rolls on.")
     about: Formula | None = None
@@ -409,29 +513,40 @@ class DistanceEntry(Entry):
 
 
 class OnSurfaceEntry(Entry):
-    """A point of a body stays on a surface (a curve in a planar model) given by a formula of x, y, z."""
+    """A point of a body stays on a surface (a curve in a planar model) given by a formula of x, y,
+    z."""
 
     type: Formula
     body: Formula = Field(description="The body.")
-    at: Point | None = Field(None, description="The point, in the body's frame; its origin when left out.")
-    surface: Formula = Field(description="Formula that is zero on the surface; x, y, z are coordinates in the frame of `of`.")
-    of: Formula | None = Field(None, description="The body the surface is fixed to; ground when left out.")
+    at: Point | None = Field(
+        None, description="The point, in the body's frame; its origin when left out."
+    )
+    surface: Formula = Field(
+        description="Formula that is zero on the surface; x, y, z are coordinates in the frame of `of`."
+    )
+    of: Formula | None = Field(
+        None, description="The body the surface is fixed to; ground when left out."
+    )
     about: Formula | None = None
 
 
 class CouplingEntry(Entry):
-    """Two coordinates move in proportion, first = ratio * second + offset: belt, rack and pinion, mimic joint."""
+    """Two coordinates move in proportion, first = ratio * second + offset: belt, rack and pinion,
+    mimic joint."""
 
     type: Formula
     joints: Point | None = Field(None, description="Two joints with one coordinate each.")
     coordinates: Point | None = Field(None, description="Two coordinates.")
     ratio: Formula = Field(description="Rate of the first per rate of the second.")
-    offset: Formula | None = Field(None, description="The first coordinate where the second is zero.")
+    offset: Formula | None = Field(
+        None, description="The first coordinate where the second is zero."
+    )
     about: Formula | None = None
 
 
 class GearEntry(CouplingEntry):
-    """Two turning joints in gear, first angle = ratio * second + offset; the ratio of external gears is negative."""
+    """Two turning joints in gear, first angle = ratio * second + offset; the ratio of external
+    gears is negative."""
 
 
 class PrescribedEntry(Entry):
@@ -479,22 +594,29 @@ class SpringEntry(Entry):
     type: Formula
     joint: Formula | None = Field(None, description="A joint with one coordinate.")
     coordinate: Formula | None = Field(None, description="A coordinate.")
-    rest: Formula | None = Field(None, description="Where the joint's spring is slack; 0 when left out.")
+    rest: Formula | None = Field(
+        None, description="Where the joint's spring is slack; 0 when left out."
+    )
     between: Point | None = Field(None, description="Two bodies.")
     at: Pair | None = Field(None, description="A point of each.")
     stiffness: Formula = Field(description="Stiffness.")
-    length: Formula | None = Field(None, description="Where the spring between points is slack; 0 when left out.")
-    damping: Formula | None = Field(None, description="Force per velocity of stretching, for a spring between points.")
+    length: Formula | None = Field(
+        None, description="Where the spring between points is slack; 0 when left out."
+    )
+    damping: Formula | None = Field(
+        None, description="Force per velocity of stretching, for a spring between points."
+    )
     about: Formula | None = None
 
 
 class DamperEntry(Entry):
-    """At a joint, a coordinate or a base velocity, or between two points: -coefficient times the velocity."""
+    """At a joint, a coordinate or a generalized velocity, or between two points: -coefficient times
+    the velocity."""
 
     type: Formula
     joint: Formula | None = Field(None, description="A joint with one coordinate.")
     coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A base velocity, such as base.w.")
+    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.w.")
     between: Point | None = Field(None, description="Two bodies.")
     at: Pair | None = Field(None, description="A point of each.")
     coefficient: Formula = Field(description="Force or torque per velocity.")
@@ -506,9 +628,15 @@ class ForceEntry(Entry):
 
     type: Formula
     body: Formula = Field(description="The body.")
-    at: Point | None = Field(None, description="The point, in the body's frame; its origin when left out.")
-    components: Point = Field(description="The force's components; formulas of inputs, coordinates, velocities and t.")
-    frame: Formula | None = Field(None, description="Frame of the components: ground (when left out) or body.")
+    at: Point | None = Field(
+        None, description="The point, in the body's frame; its origin when left out."
+    )
+    components: Point = Field(
+        description="The force's components; formulas of inputs, coordinates, velocities and t."
+    )
+    frame: Formula | None = Field(
+        None, description="Frame of the components: ground (when left out) or body."
+    )
     about: Formula | None = None
 
 
@@ -517,32 +645,47 @@ class TorqueEntry(Entry):
 
     type: Formula
     body: Formula = Field(description="The body.")
-    components: FormulaOrList = Field(description="The torque: one formula in a planar model, three in space.")
-    frame: Formula | None = Field(None, description="Frame of the components: ground (when left out) or body.")
+    components: FormulaOrList = Field(
+        description="The torque: one formula in a planar model, three in space."
+    )
+    frame: Formula | None = Field(
+        None, description="Frame of the components: ground (when left out) or body."
+    )
     about: Formula | None = None
 
 
 class ExpressionEntry(Entry):
-    """A formula added to the force of one joint, coordinate or base velocity."""
+    """A formula added to the force of one joint, coordinate or generalized velocity."""
 
     type: Formula
     joint: Formula | None = Field(None, description="A joint with one coordinate.")
     coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A base velocity, such as base.vx.")
+    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.vx.")
     expression: Formula = Field(description="The force or torque.")
     about: Formula | None = None
 
 
 class BushingEntry(Entry):
-    """A soft weld: springs and dampers along and about the three axes of a frame placed on two bodies."""
+    """A soft weld: springs and dampers along and about the three axes of a frame placed on two
+    bodies."""
 
     type: Formula
     between: Point = Field(description="Two bodies; the axes are the first one's.")
-    at: Sides | None = Field(None, description="Where the frame sits in each of the two; their origins when left out.")
-    stiffness: FormulaOrList | None = Field(None, description="Force per displacement, one number or one for each axis.")
-    torsion: FormulaOrList | None = Field(None, description="Torque per small angle, one number or one for each axis.")
-    damping: FormulaOrList | None = Field(None, description="Force per velocity, one number or one for each axis.")
-    torsion_damping: FormulaOrList | None = Field(None, description="Torque per rate, one number or one for each axis.")
+    at: Sides | None = Field(
+        None, description="Where the frame sits in each of the two; their origins when left out."
+    )
+    stiffness: FormulaOrList | None = Field(
+        None, description="Force per displacement, one number or one for each axis."
+    )
+    torsion: FormulaOrList | None = Field(
+        None, description="Torque per small angle, one number or one for each axis."
+    )
+    damping: FormulaOrList | None = Field(
+        None, description="Force per velocity, one number or one for each axis."
+    )
+    torsion_damping: FormulaOrList | None = Field(
+        None, description="Torque per rate, one number or one for each axis."
+    )
     about: Formula | None = None
 
 
@@ -552,7 +695,7 @@ class FrictionEntry(LawOfFriction):
     type: Formula
     joint: Formula | None = Field(None, description="A joint with one coordinate.")
     coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A base velocity, such as base.w.")
+    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.w.")
     about: Formula | None = None
 
 
@@ -562,7 +705,7 @@ class ArmatureEntry(Entry):
     type: Formula
     joint: Formula | None = Field(None, description="A joint with one coordinate.")
     coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A base velocity, such as base.w.")
+    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.w.")
     inertia: Formula = Field(description="Inertia of the rotor times the square of the gear ratio.")
     about: Formula | None = None
 
@@ -581,13 +724,18 @@ Load = Annotated[
 
 
 class InputEntry(Entry):
-    """An actuator at a joint, a coordinate or a base velocity; with none of these a name for formulas."""
+    """An actuator at a joint, a coordinate or a generalized velocity; with none of these a name for
+    formulas."""
 
     joint: Formula | None = Field(None, description="A joint with one coordinate.")
     coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A base velocity, such as base.vx.")
-    gear: Formula | None = Field(None, description="Force or torque at the joint per input; 1 when left out.")
-    rotor_inertia: Formula | None = Field(None, description="Of the actuator's rotor, which turns `gear` times as fast.")
+    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.vx.")
+    gear: Formula | None = Field(
+        None, description="Force or torque at the joint per input; 1 when left out."
+    )
+    rotor_inertia: Formula | None = Field(
+        None, description="Of the actuator's rotor, which turns `gear` times as fast."
+    )
     unit: Formula | None = Field(None, description="Unit of the input.")
     about: Formula | None = Field(None, description="What it is, for readers.")
 
@@ -604,7 +752,13 @@ Choice = Annotated[
     Annotated[Formula, Tag("<a kind>")]
     | Annotated[Point, Tag("<a list of formulas>")]
     | Annotated[dict[Name, Formula], Tag("<a mapping of names to formulas>")],
-    _kind(**{"a kind": _is_scalar, "a list of formulas": _is_list, "a mapping of names to formulas": _is_mapping}),
+    _kind(
+        **{
+            "a kind": _is_scalar,
+            "a list of formulas": _is_list,
+            "a mapping of names to formulas": _is_mapping,
+        }
+    ),
 ]
 Initial = Annotated[
     Annotated[Formula, Tag("<a number>")] | Annotated[dict[Name, Formula], Tag("<a mapping>")],
@@ -623,36 +777,50 @@ Held = Annotated[
 class Document(Entry):
     """A mechanical system: bodies, joints and closures, or coordinates and energies, or both."""
 
-    model: Formula = Field(description="Name of the model; the generated module and its functions carry it.")
+    model: Formula = Field(
+        description="Name of the model; the generated module and its functions carry it."
+    )
     description: Formula | None = Field(None, description="One or two sentences for readers.")
     plane: Literal["xy", "xz", "yz"] | None = Field(
         None, description="For planar models: the plane. Points have two components then."
     )
     gravity: Point | None = Field(None, description="Acceleration of gravity in the ground frame.")
     parameters: dict[Name, Parameter] = Field({}, description="Names for numbers, with units.")
-    coordinates: dict[Name, Coordinate] = Field({}, description="Coordinates of the analytic form, with units.")
+    coordinates: dict[Name, Coordinate] = Field(
+        {}, description="Coordinates of the analytic form, with units."
+    )
     where: dict[Name, Formula] = Field({}, description="Names for formulas used in several places.")
     bodies: dict[Name, BodyEntry] = Field({}, description="Rigid bodies.")
     joints: dict[Name, JointEntry] = Field({}, description="The tree of joints from the ground.")
     closures: dict[Name, ClosureEntry] = Field({}, description="Joints that close loops.")
-    constraints: dict[Name, Constraint] = Field({}, description="Holonomic and nonholonomic constraints.")
+    constraints: dict[Name, Constraint] = Field(
+        {}, description="Holonomic and nonholonomic constraints."
+    )
     redundant: Literal["drop", "keep"] = Field(
-        "drop", description="Constraint rows that repeat others: drop them, or keep all and give the least reactions."
+        "drop",
+        description="Constraint rows that repeat others: drop them, or keep all and give the least reactions.",
     )
     kinetic: Formula | None = Field(None, description="Kinetic energy of the analytic form.")
     potential: Formula | None = Field(None, description="Potential energy of the analytic form.")
-    forces: dict[Name, Formula] = Field({}, description="Generalised forces of the analytic form, per coordinate.")
-    loads: dict[Name, Load] = Field({}, description="Springs, dampers, forces, torques and force laws.")
+    forces: dict[Name, Formula] = Field(
+        {}, description="Generalised forces of the analytic form, per coordinate."
+    )
+    loads: dict[Name, Load] = Field(
+        {}, description="Springs, dampers, forces, torques and force laws."
+    )
     inputs: dict[Name, InputEntry] = Field({}, description="Actuators.")
     outputs: dict[Name, Formula] = Field(
-        {}, description="Formulas, position(body, point), velocity(body, point), angle(body), reaction(name)."
+        {},
+        description="Formulas, position(body, point), velocity(body, point), angle(body), reaction(name).",
     )
     quasi_velocities: dict[Name, Choice] = Field(
         {},
         description="Choices of quasi-velocities: a list or mapping of formulas linear in the velocities, or one of "
         "auto, orthonormal, frozen, mass_orthogonal.",
     )
-    initial: dict[Name, Initial] = Field({}, description="State at t = 0; values under `guess` may move to make it consistent.")
+    initial: dict[Name, Initial] = Field(
+        {}, description="State at t = 0; values under `guess` may move to make it consistent."
+    )
     steady_motion: dict[Name, dict[Name, Held]] = Field(
         {},
         description="What is held along a steady motion: coordinates, velocities and inputs (`free` for one to be found); "
@@ -660,21 +828,30 @@ class Document(Entry):
         "of parameters; `cyclic`: the coordinates to leave out.",
     )
 
-    reference: dict[Name, ReferenceEntry] = Field({}, description="Published values that `hamel verify` holds the model to.")
+    reference: dict[Name, ReferenceEntry] = Field(
+        {}, description="Published values that `hamel verify` holds the model to."
+    )
 
-    stress: dict[Name, StressEntry] = Field({}, description="Extreme cases and what is expected of each, for `hamel stress`.")
+    extremes: dict[Name, ExtremeEntry] = Field(
+        {}, description="Extreme cases and what is expected of each, for `hamel extremes`."
+    )
 
     @model_validator(mode="before")
     @classmethod
     def words(cls, value: Any) -> Any:
         if not isinstance(value, Entries):
             return value
-        words = {key: node.text for key, node in value.items() if key in ("plane", "redundant") and isinstance(node, Scalar)}
+        words = {
+            key: node.text
+            for key, node in value.items()
+            if key in ("plane", "redundant") and isinstance(node, Scalar)
+        }
         return Entries({**value, **words}, value.span) if words else value
 
 
 def kinds(section: str) -> Iterator[tuple[str, type[Entry]]]:
-    """The kinds of entry of `constraints` or `loads`: the word or key that tells each, and its class."""
+    """The kinds of entry of `constraints` or `loads`: the word or key that tells each, and its
+    class."""
     union = get_args(Constraint if section == "constraints" else Load)[0]
     for member in get_args(union):
         entry, tag = get_args(member)
@@ -690,9 +867,19 @@ def json_schema(joint_types: tuple[str, ...]) -> dict[str, Any]:
     """JSON Schema of a model file, for editors. Every joint but the free one can close a loop."""
     schema = Document.model_json_schema()
     definitions = schema["$defs"]
-    for owner, types in (("JointEntry", joint_types), ("ClosureEntry", [kind for kind in joint_types if kind != "free"])):
+    for owner, types in (
+        ("JointEntry", joint_types),
+        ("ClosureEntry", [kind for kind in joint_types if kind != "free"]),
+    ):
         definitions[owner]["properties"]["type"] |= {"type": "string", "enum": list(types)}
     for kind, entry in (*kinds("constraints"), *kinds("loads")):
         if "type" in entry.model_fields:
-            definitions[entry.__name__]["properties"]["type"] = {"const": kind, "description": "Kind of entry."}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "hamel model"}
+            definitions[entry.__name__]["properties"]["type"] = {
+                "const": kind,
+                "description": "Kind of entry.",
+            }
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "hamel model",
+    }

@@ -10,7 +10,12 @@ from derive.model.algebra import Rows, constant, rows
 from derive.model.records import Vector3
 
 _LETTERS = "xyz"
-_NORMALS = {"xy": (0.0, 0.0, 1.0), "xz": (0.0, -1.0, 0.0), "yz": (1.0, 0.0, 0.0), "": (0.0, 0.0, 1.0)}
+_NORMALS = {
+    "xy": (0.0, 0.0, 1.0),
+    "xz": (0.0, -1.0, 0.0),
+    "yz": (1.0, 0.0, 0.0),
+    "": (0.0, 0.0, 1.0),
+}
 ORIGIN: Vector3 = (ZERO, ZERO, ZERO)
 Rotation = Rows
 _ZERO = 1e-12
@@ -33,7 +38,8 @@ class Space:
 
     @property
     def normal(self) -> Vector3:
-        """The axis of a planar model, so that angles grow from its first to its second axis; z in space."""
+        """The axis of a planar model, so that angles grow from its first to its second axis; z in
+        space."""
         return constant_vector(_NORMALS[self.plane])
 
     @property
@@ -74,19 +80,31 @@ def turned_about(axis: tuple[float, float, float], angle: float) -> Rotation:
     x, y, z = axis
     skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
     return snapped(
-        rows([[constant(c * (i == j) + s * skew[i][j] + (1.0 - c) * axis[i] * axis[j]) for j in range(3)] for i in range(3)])
+        rows(
+            [
+                [
+                    constant(c * (i == j) + s * skew[i][j] + (1.0 - c) * axis[i] * axis[j])
+                    for j in range(3)
+                ]
+                for i in range(3)
+            ]
+        )
     )
 
 
 def snapped(rotation: Rotation) -> Rotation:
-    """Entries within 1e-12 of zero are zero, and a row that has one other entry has ±1: structure survives rounding."""
+    """Entries within 1e-12 of zero are zero, and a row that has one other entry has ±1: structure
+    survives rounding."""
     return rows([list(snapped_row(row)) for row in rotation])
 
 
 def snapped_row(row: Vector3) -> Vector3:
     entries = [ZERO if isinstance(x, Number) and abs(x.value) < _ZERO else x for x in row]
     if sum(x != ZERO for x in entries) == 1:
-        entries = [constant(math.copysign(1.0, x.value)) if isinstance(x, Number) and x != ZERO else x for x in entries]
+        entries = [
+            constant(math.copysign(1.0, x.value)) if isinstance(x, Number) and x != ZERO else x
+            for x in entries
+        ]
     a, b, c = entries
     return (a, b, c)
 

@@ -23,7 +23,8 @@ COUNT = 101  # values in a range that does not say how many
 
 
 def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMotion:
-    """What is held along a steady motion. Names the model does not know are free: they can be swept."""
+    """What is held along a steady motion. Names the model does not know are free: they can be
+    swept."""
     reader.name(key)
     sweepable: dict[str, None] = {}
     values: dict[str, Expression] = {}
@@ -35,7 +36,11 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMoti
         if name is None:
             continue
         if not isinstance(scalar, Scalar):
-            reader.report(state.span, f"'{state}' is a list or mapping", f"a formula, or one of {listed(RESERVED)}")
+            reader.report(
+                state.span,
+                f"'{state}' is a list or mapping",
+                f"a formula, or one of {listed(RESERVED)}",
+            )
         elif name in values or name in free:
             reader.report(state.span, f"'{state}' is given twice", "one of the two")
         elif scalar.text == "free":
@@ -96,7 +101,9 @@ def _guesses(
         elif not isinstance(scalar, Scalar):
             reader.report(state.span, f"a list for the guess of '{state}'", "a number")
         else:
-            found[name] = reader.of_parameters(scalar, f"the guess of {state}", unit=_unit(reader, name))
+            found[name] = reader.of_parameters(
+                scalar, f"the guess of {state}", unit=_unit(reader, name)
+            )
     return tuple(found.items())
 
 
@@ -108,18 +115,32 @@ def _cyclic(reader: Reader, part: Part) -> tuple[str, ...] | None:
         reader.report(key.span, "'cyclic' is not a list", "names of coordinates")
         return None
     known = reader.scope.coordinates()
-    return tuple(name for name in (reader.word(scalar, known, "coordinate") for scalar in value) if name)
+    return tuple(
+        name for name in (reader.word(scalar, known, "coordinate") for scalar in value) if name
+    )
 
 
-def _ranges(reader: Reader, part: Part, sweepable: tuple[str, ...]) -> tuple[tuple[str, float, float, int], ...]:
-    known = (*sweepable, *(name for name, symbol in reader.scope.symbols.items() if symbol.kinds == {PARAMETER}))
+def _ranges(
+    reader: Reader, part: Part, sweepable: tuple[str, ...]
+) -> tuple[tuple[str, float, float, int], ...]:
+    known = (
+        *sweepable,
+        *(name for name, symbol in reader.scope.symbols.items() if symbol.kinds == {PARAMETER}),
+    )
     found = []
     for name, items in _entries(reader, part, "ranges, such as speed: [0, 10]").items():
         if str(name) not in known:
             near = did_you_mean(str(name), known)
-            reader.report(name.span, f"'{name}' is neither free in this motion nor a parameter", listed(known), near)
+            reader.report(
+                name.span,
+                f"'{name}' is neither free in this motion nor a parameter",
+                listed(known),
+                near,
+            )
         elif not isinstance(items, Items) or len(items) not in (2, 3):
-            reader.report(name.span, f"the range of '{name}'", "[first, last] or [first, last, count]")
+            reader.report(
+                name.span, f"the range of '{name}'", "[first, last] or [first, last, count]"
+            )
         else:
             found += _range(reader, str(name), items)
     return tuple(found)
@@ -128,12 +149,20 @@ def _ranges(reader: Reader, part: Part, sweepable: tuple[str, ...]) -> tuple[tup
 def _range(reader: Reader, name: str, items: Items) -> list[tuple[str, float, float, int]]:
     unit = _unit(reader, name) if name in reader.scope.symbols else None
     ends = [reader.value(reader.formula(x, f"a range of {name}", unit=unit), x) for x in items[:2]]
-    count = reader.value(reader.formula(items[2], "a count", unit=""), items[2]) if len(items) == 3 else COUNT
+    count = (
+        reader.value(reader.formula(items[2], "a count", unit=""), items[2])
+        if len(items) == 3
+        else COUNT
+    )
     first, last = ends
     if first is None or last is None or count is None:
         return []
     if first == last or count < 2 or count != int(count):
-        reader.report(items.span, f"the range of '{name}'", "two different values, and a whole count of at least 2")
+        reader.report(
+            items.span,
+            f"the range of '{name}'",
+            "two different values, and a whole count of at least 2",
+        )
         return []
     return [(name, first, last, int(count))]
 
@@ -151,11 +180,17 @@ def _free_names(reader: Reader, scalar: Scalar) -> list[str]:
         nodes = list(tree.walk(expression(scalar.text, names=reader.scope.symbols)))
     except FormulaError:
         return []  # reported by `formula`
-    names = [node.name for node in nodes if isinstance(node, tree.Name) and node.name not in reader.scope.symbols]
+    names = [
+        node.name
+        for node in nodes
+        if isinstance(node, tree.Name) and node.name not in reader.scope.symbols
+    ]
     return [name for name in names if objection(name) is None]
 
 
-def _with_free_names(reader: Reader, scalar: Scalar, free: dict[str, None], unit: str | None) -> Expression:
+def _with_free_names(
+    reader: Reader, scalar: Scalar, free: dict[str, None], unit: str | None
+) -> Expression:
     added = [name for name in free if name not in reader.scope.symbols]
     for name in added:
         reader.scope.add(name, Symbol(frozenset({PARAMETER}), UNKNOWN))

@@ -1,13 +1,16 @@
-"""Nodes of the file → Document: pydantic checks the shape, and its findings become messages with a place."""
+"""Nodes of the file → Document: pydantic checks the shape, and its findings become messages with a
+place."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from pydantic import ValidationError
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import unit as unit_of
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source, described
 from derive.model.records import Span
 from derive.model.shape import Document
@@ -18,7 +21,9 @@ def structured(node: Entries, source: Source) -> Document:
     try:
         return Document.model_validate(node)
     except ValidationError as error:
-        problems = [found for details in error.errors() for found in _diagnostics(details, node, source)]
+        problems = [
+            found for details in error.errors() for found in _diagnostics(details, node, source)
+        ]
         raise ModelError(sorted(set(problems), key=lambda d: (d.line, d.column))) from None
 
 
@@ -32,18 +37,29 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
         missing = details["loc"][-1]
         yield source.diagnostic(span, f"{_owner(key)} has no '{missing}'", f"the key '{missing}'")
     elif kind == "literal_error":
-        what = f"unknown {key} '{found.text}'" if isinstance(found, Scalar) else _instead(key, found)
+        what = (
+            f"unknown {key} '{found.text}'" if isinstance(found, Scalar) else _instead(key, found)
+        )
         yield source.diagnostic(found.span, what, context["expected"].replace("'", ""))
     elif kind == "union_tag_invalid":
         yield _wrong_type(found, context, span, source)
     elif kind == "union_tag_not_found":
         yield _not_one_of(key, found, details, span, source)
     elif kind == "not_a_mapping":
-        yield source.diagnostic(found.span, _instead(key, found), f"a mapping with {listed(context['keys'])}")
+        unit = isinstance(found, Scalar) and details["loc"][0] == "inputs" and _is_unit(found.text)
+        hint = f"its unit alone is {{unit: {found.text}}}" if unit else ""
+        expected = f"a mapping with {listed(context['keys'])}"
+        yield source.diagnostic(found.span, _instead(key, found), expected, hint)
     elif kind == "not_a_list" and isinstance(details["loc"][-1], int):
-        yield source.diagnostic(found.span, f"{described(found)} in the list under '{key}'", "points in [ ], as in [[…], […]]")
+        yield source.diagnostic(
+            found.span,
+            f"{described(found)} in the list under '{key}'",
+            "points in [ ], as in [[…], […]]",
+        )
     else:
-        yield source.diagnostic(found.span, _instead(key, found), _EXPECTED.get(kind, str(details["msg"])))
+        yield source.diagnostic(
+            found.span, _instead(key, found), _EXPECTED.get(kind, str(details["msg"]))
+        )
 
 
 _EXPECTED: dict[str, str] = {
@@ -56,8 +72,17 @@ _EXPECTED: dict[str, str] = {
 }
 
 
+def _is_unit(text: str) -> bool:
+    try:
+        unit_of(text)
+    except FormulaError:
+        return False
+    return bool(text)
+
+
 def _walk(node: Node, loc: tuple[Any, ...]) -> tuple[Key | None, Any]:
-    """The key nearest to the place, and what stands there; steps that are tags of pydantic unions are passed over."""
+    """The key nearest to the place, and what stands there; steps that are tags of pydantic unions
+    are passed over."""
     key, found = None, node
     for step in loc:
         if isinstance(found, Entries) and step in found:
@@ -72,13 +97,47 @@ def _owner(key: Key | None) -> str:
 
 
 def _instead(key: Key | None, found: Node) -> str:
-    return f"{described(found)} under '{key}'" if key is not None else f"{described(found)} as the model"
+    return (
+        f"{described(found)} under '{key}'"
+        if key is not None
+        else f"{described(found)} as the model"
+    )
 
 
 def _unknown_keys(found: Any, context: dict[str, Any], source: Source) -> Iterator[Diagnostic]:
     for name in context["unknown"]:
         span = found.key(name).span
-        yield source.diagnostic(span, f"unknown key '{name}'", listed(context["keys"], 24), did_you_mean(name, context["keys"]))
+        yield source.diagnostic(
+            span,
+            f"unknown key '{name}'",
+            listed(context["keys"], 24),
+            _meant(name, context["keys"]),
+        )
+
+
+# what other tools and textbooks call a key of ours
+_OTHER_WORDS = {
+    "force": "components",
+    "torque": "components",
+    "moment": "components",
+    "vector": "components",
+    "value": "components",
+    "point": "at",
+    "position": "at",
+    "k": "stiffness",
+    "c": "coefficient",
+    "damping": "coefficient",
+    "bodies": "between",
+    "length": "rest",
+    "rest": "length",
+    "formula": "expression",
+    "law": "expression",
+}
+
+
+def _meant(name: str, keys: Collection[str]) -> str:
+    other = _OTHER_WORDS.get(name)
+    return f"did you mean '{other}'?" if other in keys else did_you_mean(name, keys)
 
 
 def _tags(context: dict[str, Any]) -> list[str]:
@@ -90,7 +149,9 @@ def _wrong_type(found: Any, context: dict[str, Any], span: Span, source: Source)
     word = found.get("type") if isinstance(found, Entries) else None
     if not isinstance(word, Scalar):
         return source.diagnostic(span, f"{described(found)} here", listed(known))
-    return source.diagnostic(word.span, f"unknown type '{word.text}'", listed(known), did_you_mean(word.text, known))
+    return source.diagnostic(
+        word.span, f"unknown type '{word.text}'", listed(known), did_you_mean(word.text, known)
+    )
 
 
 _SECTIONS = {
@@ -110,10 +171,16 @@ _PLACES = {
 }
 
 
-def _not_one_of(key: Key | None, found: Any, details: Any, span: Span, source: Source) -> Diagnostic:
+def _not_one_of(
+    key: Key | None, found: Any, details: Any, span: Span, source: Source
+) -> Diagnostic:
     section, last = details["loc"][0], details["loc"][-1]
     if isinstance(last, int):
-        return source.diagnostic(found.span, f"{described(found)} in the list under '{key}'", "points in [ ], as in [[…], […]]")
+        return source.diagnostic(
+            found.span,
+            f"{described(found)} in the list under '{key}'",
+            "points in [ ], as in [[…], […]]",
+        )
     if section in _SECTIONS and isinstance(found, Entries):
         return source.diagnostic(span, f"{_owner(key)} does not say what it is", _SECTIONS[section])
     expected = _PLACES.get(section) or _PLACES.get(last, "a formula or a list")

@@ -1,7 +1,9 @@
-"""The derivation to read: every formula on the page is converted from the CasADi term that is compiled.
+"""The derivation to read: every formula on the page is converted from the CasADi term that is
+compiled.
 
-`html` and `latex` write one page; `printed` gives its formulas as SymPy expressions, each beside the CasADi term it claims to
-equal, so that a test can evaluate both. `laws` gives its matrix equations as residuals that must vanish.
+`html` and `latex` write one page; `printed` gives its formulas as SymPy expressions, each beside
+the CasADi term it claims to equal, so that a test can evaluate both. `laws` gives its matrix
+equations as residuals that must vanish.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ def latex(equations: Equations) -> str:
 
 
 def printed(equations: Equations) -> tuple[Printed, ...]:
-    """Every displayed formula, in order: what is on the left, what is on the right, and the term that it must equal."""
+    """Every displayed formula, in order: what is on the left, what is on the right, and the term
+    that it must equal."""
     from derive.textbook.derivation import derivation
 
     return derivation(equations).printed

@@ -1,7 +1,8 @@
 """The author's desk: what has been defined so far, and how a term is put on the page.
 
-A term is printed whole where it is short, over named sub-terms where it is not, and not at all where even that would be
-unreadable. Later formulas are written over the entries' symbols, which is why they stay short.
+A term is printed whole where it is short, over named sub-terms where it is not, and not at all
+where even that would be unreadable. Later formulas are written over the entries' symbols, which is
+why they stay short.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ ROW = 66  # a wider matrix shows its widest entries by their symbols
 SYMBOL = 5  # the width of an entry's symbol, with the gap after it
 BROAD = 12  # more columns than this are not shown as a matrix
 MOST_ENTRIES = 4000  # a larger matrix is not read at all
-WORTH_NAMES = 30  # operations that all entries together must have before symbols of other terms are put in
+WORTH_NAMES = (
+    30  # operations that all entries together must have before symbols of other terms are put in
+)
 Rows = list[list[sympy.Expr]]
 
 
@@ -58,7 +61,8 @@ class Meaning:
 
 @dataclass(frozen=True, eq=False)
 class Extra:
-    """A symbol that stands for a term before it is read: formulas may be written over `sx`, whose value is `value`."""
+    """A symbol that stands for a term before it is read: formulas may be written over `sx`, whose
+    value is `value`."""
 
     sx: ca.SX
     symbol: sympy.Symbol
@@ -68,8 +72,9 @@ class Extra:
 
 @dataclass
 class Author:
-    """Collects sections; `entries` holds, for each printed matrix or vector, what later formulas write for its entries
-    (a symbol, or the entry itself where it is short); `exact` the entries of matrices as they were printed."""
+    """Collects sections; `entries` holds, for each printed matrix or vector, what later formulas
+    write for its entries (a symbol, or the entry itself where it is short); `exact` the entries of
+    matrices as they were printed."""
 
     equations: Equations
     extra: Sequence[Extra] = ()
@@ -89,7 +94,10 @@ class Author:
     def __post_init__(self) -> None:
         self.p = self._parameters()
         self.q = [self._symbol(c.name, names.symbol(c.name)) for c in self.system.model.coordinates]
-        self.v = [self._symbol(x.name, names.velocity(x.name, x.rate_of)) for x in self.system.model.velocities]
+        self.v = [
+            self._symbol(x.name, names.velocity(x.name, x.rate_of))
+            for x in self.system.model.velocities
+        ]
         self.w = self._quasi_velocities()
         self.u = [self._symbol(x.name, names.symbol(x.name)) for x in self.system.model.inputs]
         self.t = self._symbol("t", "t")
@@ -122,11 +130,12 @@ class Author:
 
     @property
     def free_velocities(self) -> bool:
-        """The quasi-velocities are the base velocities themselves (nothing is eliminated)."""
-        return self.equations.base_velocities
+        """The quasi-velocities are the generalized velocities themselves (nothing is
+        eliminated)."""
+        return self.equations.generalized_velocities
 
     def _quasi_velocities(self) -> list[sympy.Symbol]:
-        """Of w; a speed that is one base velocity shares its symbol."""
+        """Of w; a speed that is one generalized velocity shares its symbol."""
         if self.free_velocities:
             return list(self.v)
         return [self._speed(k, name) for k, name in enumerate(self.equations.w)]
@@ -134,7 +143,11 @@ class Author:
     def _speed(self, k: int, name: str) -> sympy.Symbol:
         row = self.named("B")[k, :]
         columns = row.sparsity().get_triplet()[1]
-        if len(columns) == 1 and row[0, columns[0]].is_constant() and float(row[0, columns[0]]) == 1.0:
+        if (
+            len(columns) == 1
+            and row[0, columns[0]].is_constant()
+            and float(row[0, columns[0]]) == 1.0
+        ):
             velocity = self.system.model.velocities[columns[0]]
             if name in (f"{velocity.rate_of}_dot", velocity.name.replace(".", "_")):
                 return self.v[columns[0]]
@@ -142,10 +155,23 @@ class Author:
 
     def _reader(self) -> Reader:
         s = self.system
-        columns = [s.t, s.q, s.v, s.u, s.p] if self.free_velocities else [s.t, s.q, s.v, self.w_symbols, s.u, s.p]
-        ours = [self.t, *self.q, *self.v, *([] if self.free_velocities else self.w), *self.u, *self.p]
+        columns = (
+            [s.t, s.q, s.v, s.u, s.p]
+            if self.free_velocities
+            else [s.t, s.q, s.v, self.w_symbols, s.u, s.p]
+        )
+        ours = [
+            self.t,
+            *self.q,
+            *self.v,
+            *([] if self.free_velocities else self.w),
+            *self.u,
+            *self.p,
+        ]
         symbols = ca.vertcat(*columns, *[x.sx for x in self.extra])
-        return Reader(symbols, [*ours, *[x.symbol for x in self.extra]], bool(s.constants) and not self.p)
+        return Reader(
+            symbols, [*ours, *[x.symbol for x in self.extra]], bool(s.constants) and not self.p
+        )
 
     @property
     def w_symbols(self) -> ca.SX:
@@ -153,7 +179,8 @@ class Author:
         return x[self.system.q.numel() :]
 
     def fresh(self, name: str, latex: str) -> sympy.Symbol:
-        """A symbol for a term of the page; its name is in brackets, so that no identifier of the model has it."""
+        """A symbol for a term of the page; its name is in brackets, so that no identifier of the
+        model has it."""
         symbol = sympy.Symbol(name if "[" in name else f"{name}[]")
         if symbol not in self.names:
             self._call(symbol, self._untaken(latex))
@@ -187,7 +214,11 @@ class Author:
     @cached_property
     def vdot(self) -> ca.SX:
         """v̇ = S ẇ + σ; of the augmented system v̇ = ẇ."""
-        return self.wdot if self.free_velocities else ca.mtimes(self.named("S"), self.wdot) + self.named("sigma")
+        return (
+            self.wdot
+            if self.free_velocities
+            else ca.mtimes(self.named("S"), self.wdot) + self.named("sigma")
+        )
 
     @cached_property
     def lam(self) -> ca.SX:
@@ -199,7 +230,11 @@ class Author:
         """Independent constraint rows: those that stand in Y, where they are not combined there."""
         if not self.has("Y"):
             return []
-        return _first_of_each(self.named("E")) if self.has("E") else _kept(self.named("A"), self.system.A)
+        return (
+            _first_of_each(self.named("E"))
+            if self.has("E")
+            else _kept(self.named("A"), self.system.A)
+        )
 
     def of_independent(self, column: ca.SX) -> ca.SX:
         """c or β of the rows of Y."""
@@ -221,14 +256,19 @@ class Author:
 
     def close(self) -> None:
         if self.blocks:
-            self.sections.append(Section(self.title, f"section-{len(self.sections) + 1}", tuple(self.blocks)))
+            self.sections.append(
+                Section(self.title, f"section-{len(self.sections) + 1}", tuple(self.blocks))
+            )
 
     def document(self, title: str, subtitle: str, version: str) -> Document:
         self.close()
-        return Document(title, subtitle, tuple(self.sections), tuple(self.printed), tuple(self.laws), version)
+        return Document(
+            title, subtitle, tuple(self.sections), tuple(self.printed), tuple(self.laws), version
+        )
 
     def runs(self, template: str, **given: str | Math) -> Runs:
-        """`$…$` in our own text is mathematics (see names.bold); `{name}` in it is the user's text, or Math."""
+        """`$…$` in our own text is mathematics (see names.bold); `{name}` in it is the user's text,
+        or Math."""
         result: list[Run] = []
         for i, part in enumerate(template.split("$")):
             result += [Math(names.bold(part))] if i % 2 else _filled(part, given)
@@ -263,15 +303,36 @@ class Author:
         """An equation that says how things are called; there is nothing to evaluate."""
         return self.display([Line(names.bold(left), (names.bold(right),))])
 
-    def record(self, name: str, latex: str, left: Sequence[sympy.Symbol | None], right: Rows, value: ca.SX) -> None:
-        self.printed.append(Printed(name, latex, tuple(left), sympy.ImmutableDenseMatrix(right), self._in_basic_symbols(value)))
+    def record(
+        self, name: str, latex: str, left: Sequence[sympy.Symbol | None], right: Rows, value: ca.SX
+    ) -> None:
+        self.printed.append(
+            Printed(
+                name,
+                latex,
+                tuple(left),
+                sympy.ImmutableDenseMatrix(right),
+                self._in_basic_symbols(value),
+            )
+        )
 
     def _in_basic_symbols(self, value: ca.SX) -> ca.SX:
         if not self.extra:
             return value
-        return ca.substitute(value, ca.vertcat(*[x.sx for x in self.extra]), ca.vertcat(*[x.value for x in self.extra]))
+        return ca.substitute(
+            value,
+            ca.vertcat(*[x.sx for x in self.extra]),
+            ca.vertcat(*[x.value for x in self.extra]),
+        )
 
-    def lines(self, name: str, symbols: Sequence[sympy.Symbol], found: Sequence[sympy.Expr], value: ca.SX, left: str = "") -> int:
+    def lines(
+        self,
+        name: str,
+        symbols: Sequence[sympy.Symbol],
+        found: Sequence[sympy.Expr],
+        value: ca.SX,
+        left: str = "",
+    ) -> int:
         """One line per entry, symbol = expression; `value` is the column of the same terms."""
         lines = [Line(left or self.names[s], self.typeset.lines(x)) for s, x in zip(symbols, found)]
         text = r" \\ ".join(f"{line.left} = {''.join(line.right)}" for line in lines)
@@ -281,10 +342,13 @@ class Author:
     def pieces(self, found: Sequence[Piece], value: ca.SX) -> None:
         if found:
             self.say("With the abbreviations")
-            self.lines("abbreviations", [x.symbol for x in found], [x.expression for x in found], value)
+            self.lines(
+                "abbreviations", [x.symbol for x in found], [x.expression for x in found], value
+            )
 
     def read(self, value: ca.SX, most: int = READABLE) -> list[sympy.Expr] | None:
-        """Entries row by row, whole or over abbreviations, which are then printed; None where neither can be read."""
+        """Entries row by row, whole or over abbreviations, which are then printed; None where
+        neither can be read."""
         bearable = self._whole(value, max(most, BEARABLE))
         if bearable is not None and all(operations(x) <= most for x in bearable):
             return bearable
@@ -304,7 +368,9 @@ class Author:
     def _piece(self, k: int) -> sympy.Symbol:
         return self.fresh(f"z[{k}]", f"z_{{{k}}}")
 
-    def scalar(self, name: str, latex: str, value: ca.SX, about: str, unit: str = "") -> sympy.Symbol | None:
+    def scalar(
+        self, name: str, latex: str, value: ca.SX, about: str, unit: str = ""
+    ) -> sympy.Symbol | None:
         """symbol = expression."""
         found = self.read(ca.SX(value))
         symbol = self.fresh(name, latex)
@@ -315,7 +381,9 @@ class Author:
         self.lines(name, [symbol], found, ca.SX(value))
         return symbol
 
-    def vector(self, name: str, stem: str, value: ca.SX, found: Sequence[sympy.Expr] | None = None) -> bool:
+    def vector(
+        self, name: str, stem: str, value: ca.SX, found: Sequence[sympy.Expr] | None = None
+    ) -> bool:
         """The entries that are not zero, one line each. False where they could not be printed."""
         found = self.read(value) if found is None else found
         if found is None:
@@ -325,14 +393,28 @@ class Author:
         shown = [i for i, x in enumerate(found) if x != 0]
         self.entries[name] = [[x if plain(x) else s] for s, x in zip(symbols, found)]
         if shown:
-            self.lines(name, [symbols[i] for i in shown], [found[i] for i in shown], ca.densify(value)[shown])
+            self.lines(
+                name,
+                [symbols[i] for i in shown],
+                [found[i] for i in shown],
+                ca.densify(value)[shown],
+            )
         return True
 
     def too_long(self, latex: str) -> None:
-        self.say("The entries of {term} are too long to be read here; the generated code has them.", term=Math(latex))
+        self.say(
+            "The entries of {term} are too long to be read here; the generated code has them.",
+            term=Math(latex),
+        )
 
     def matrix(
-        self, name: str, bold: str, stem: str, value: ca.SX, found: Sequence[sympy.Expr] | None = None, symmetric: bool = False
+        self,
+        name: str,
+        bold: str,
+        stem: str,
+        value: ca.SX,
+        found: Sequence[sympy.Expr] | None = None,
+        symmetric: bool = False,
     ) -> bool:
         """Wide entries line by line, then the matrix. False where it could not be printed."""
         bold = names.bold(bold)
@@ -343,11 +425,16 @@ class Author:
             return False
         n, m = value.shape
         rows = [list(found[i * m : (i + 1) * m]) for i in range(n)]
-        symbols = [[self.fresh(f"{name}[{i + 1},{j + 1}]", _entry(stem, i, j)) for j in range(m)] for i in range(n)]
+        symbols = [
+            [self.fresh(f"{name}[{i + 1},{j + 1}]", _entry(stem, i, j)) for j in range(m)]
+            for i in range(n)
+        ]
         if symmetric:
             symbols = [[symbols[min(i, j)][max(i, j)] for j in range(m)] for i in range(n)]
         shown = self._listed(name, rows, symbols, value, symmetric)
-        self.entries[name] = [[x if simple(x) else s for x, s in zip(*pair)] for pair in zip(rows, symbols)]
+        self.entries[name] = [
+            [x if simple(x) else s for x, s in zip(*pair)] for pair in zip(rows, symbols)
+        ]
         self.exact[name] = rows
         self.reader.name(value, [x for row in self.entries[name] for x in row])
         if n * m == 1:
@@ -360,7 +447,14 @@ class Author:
             self.display([Line(bold, (latex,))])
         return True
 
-    def _listed(self, name: str, rows: Rows, symbols: list[list[sympy.Symbol]], value: ca.SX, symmetric: bool) -> Rows:
+    def _listed(
+        self,
+        name: str,
+        rows: Rows,
+        symbols: list[list[sympy.Symbol]],
+        value: ca.SX,
+        symmetric: bool,
+    ) -> Rows:
         """Prints the entries that do not fit into the matrix; returns what the matrix shows."""
         wide = self._wide(rows)
         listed = [(i, j) for i, j in sorted(wide) if not symmetric or i <= j]
@@ -369,15 +463,26 @@ class Author:
             where = [(symbols[i][j], rows[i][j]) for i, j in listed]
             column = ca.vertcat(*[ca.densify(value)[i, j] for i, j in listed])
             self.lines(f"{name} entries", [s for s, _ in where], [x for _, x in where], column)
-        return [[symbols[i][j] if (i, j) in wide else x for j, x in enumerate(row)] for i, row in enumerate(rows)]
+        return [
+            [symbols[i][j] if (i, j) in wide else x for j, x in enumerate(row)]
+            for i, row in enumerate(rows)
+        ]
 
     def _wide(self, rows: Rows) -> set[tuple[int, int]]:
-        """Places of the entries that get a line of their own: too wide ones, then the widest until the matrix fits."""
-        cells = {(i, j): width(self.typeset.latex(x)) for i, row in enumerate(rows) for j, x in enumerate(row)}
+        """Places of the entries that get a line of their own: too wide ones, then the widest until
+        the matrix fits."""
+        cells = {
+            (i, j): width(self.typeset.latex(x))
+            for i, row in enumerate(rows)
+            for j, x in enumerate(row)
+        }
         most = CELL if len(rows[0]) > 1 else COLUMN
         listed = {place for place, w in cells.items() if w > most}
         for place in sorted(cells, key=lambda place: (-cells[place], place)):
-            across = sum(max(SYMBOL if (i, j) in listed else cells[i, j] for i in range(len(rows))) for j in range(len(rows[0])))
+            across = sum(
+                max(SYMBOL if (i, j) in listed else cells[i, j] for i in range(len(rows)))
+                for j in range(len(rows[0]))
+            )
             if across <= ROW or cells[place] <= SYMBOL:
                 break
             listed.add(place)
@@ -430,7 +535,13 @@ def _kept(ours: ca.SX, theirs: ca.SX) -> list[int]:
         return list(range(ours.size1()))
     found: list[int] = []
     for i in range(ours.size1()):
-        found.append(next(k for k in range(theirs.size1()) if k not in found and ca.is_equal(ours[i, :], theirs[k, :], 8)))
+        found.append(
+            next(
+                k
+                for k in range(theirs.size1())
+                if k not in found and ca.is_equal(ours[i, :], theirs[k, :], 8)
+            )
+        )
     return found
 
 

@@ -1,4 +1,5 @@
-"""Further choices that take over where this one is nearly singular: their speeds, their guards, and the way to each and back."""
+"""Further choices that take over where this one is nearly singular: their speeds, their guards, and
+the way to each and back."""
 
 from __future__ import annotations
 
@@ -29,10 +30,13 @@ def charts(a: Author) -> None:
 
 
 def _chart(a: Author, chart: Equations, k: int) -> None:
-    """B of chart k, its guards, and the way there and back, which is checked with the chart's own functions."""
+    """B of chart k, its guards, and the way there and back, which is checked with the chart's own
+    functions."""
     B = next(x.value for x in chart.named if x.name == "B")
     a.say(
-        f"Chart {k} is the choice “{{name}}”, with the quasi-velocities {{speeds}}:", name=chart.choice, speeds=", ".join(chart.w)
+        f"Chart {k} is the choice “{{name}}”, with the quasi-velocities {{speeds}}:",
+        name=chart.choice,
+        speeds=", ".join(chart.w),
     )
     a.matrix(f"B({k})", rf"!B^{{({k})}}", f"B^{{({k})}}", B)
     guards = _function(chart, "dynamics").guards
@@ -47,7 +51,10 @@ def _chart(a: Author, chart: Equations, k: int) -> None:
     a.law(f"to chart {k}", rf"!w^{{({k})}}", right, there - ca.mtimes(B, a.named("v")))
     moving = "" if a.system.c.is_zero() else rf" + !R^{{({k})}}!c"
     a.law(
-        f"back from chart {k}", r"!w", rf"!B\left(!S^{{({k})}}!w^{{({k})}}{moving}\right)", a.w_symbols - _back(a, chart, there)
+        f"back from chart {k}",
+        r"!w",
+        rf"!B\left(!S^{{({k})}}!w^{{({k})}}{moving}\right)",
+        a.w_symbols - _back(a, chart, there),
     )
     a.mean(rf"!w^{{({k})}},\; !B^{{({k})}}", f"quasi-velocities of chart {k}, and their rows")
     tied = "" if a.system.c.is_zero() else rf",\; !R^{{({k})}}"
@@ -87,6 +94,8 @@ def _margins(a: Author) -> None:
         for i, (guard, whole) in enumerate(zip(guards, chart.largest), 1):
             symbol = f"D_{{{i}}}" if k == 0 else f"D^{{({k})}}_{{{i}}}"
             largest = Math(power_of_ten(guard.tolerance * whole))
-            rows.append(((Text(f"{k}, {chart.choice}"),), (Math(symbol),), (Text(guard.name),), (largest,)))
+            rows.append(
+                ((Text(f"{k}, {chart.choice}"),), (Math(symbol),), (Text(guard.name),), (largest,))
+            )
     if rows:
         a.table(("chart", "guard", "of", "largest"), rows)

@@ -1,4 +1,5 @@
-"""The choice of quasi-velocities and the block inverse that turns it into v = S w + R c (Mirtaheri & Zohoor)."""
+"""The choice of quasi-velocities and the block inverse that turns it into v = S w + R c (Mirtaheri
+& Zohoor)."""
 
 from __future__ import annotations
 
@@ -10,9 +11,9 @@ import casadi as ca
 import numpy as np
 import sympy
 
-from derive.formulations.records import Guard
-from derive.mechanics.closing import Kinematics
-from derive.mechanics.sampling import states
+from derive.choices.records import Guard
+from derive.states.closing import Kinematics
+from derive.states.sampling import states
 from derive.textbook.author import Author
 from derive.textbook.compose import operations
 from derive.textbook.records import Math, Text
@@ -34,9 +35,9 @@ def choice(a: Author) -> None:
         return
     nv, nw = len(a.v), len(a.w)
     a.say(
-        f"Of the {_counted(nv, 'base velocity', 'base velocities')}, {_counted(nv - nw, 'is', 'are')} tied by constraints and "
+        f"Of the {_counted(nv, 'generalized velocity', 'generalized velocities')}, {_counted(nv - nw, 'is', 'are')} tied by constraints and "
         f"{_counted(nw, 'is', 'are')} free. The free motion is described by {_counted(nw, 'quasi-velocity', 'quasi-velocities')} "
-        "$!w=!B\\,!v$, combinations of the base velocities that need not be rates of anything "
+        "$!w=!B\\,!v$, combinations of the generalized velocities that need not be rates of anything "
         "(Kane's generalised speeds). The choice “{name}” was taken because {reason}.",
         name=equations.choice,
         reason=equations.reason,
@@ -59,11 +60,13 @@ def _counted(n: int, one: str, many: str) -> str:
 def _orthonormal(a: Author) -> bool:
     """B is Sᵀ by construction."""
     B, S = a.named("B"), a.named("S")
-    return a.has("Y") and not B.is_constant() and B.shape == S.T.shape and bool(ca.is_equal(B, S.T, 3))
+    return (
+        a.has("Y") and not B.is_constant() and B.shape == S.T.shape and bool(ca.is_equal(B, S.T, 3))
+    )
 
 
 def _rows(a: Author) -> None:
-    """The speeds over the base velocities."""
+    """The speeds over the generalized velocities."""
     B = a.named("B")
     if _orthonormal(a):
         a.say(
@@ -104,9 +107,13 @@ def _guards(a: Author) -> None:
     guards: Sequence[Guard] = dynamics.guards if dynamics else ()
     if not guards:
         if a.equations.pivots:
-            a.say("No pivot can vanish, so nothing has to be watched while the motion is integrated.")
+            a.say(
+                "No pivot can vanish, so nothing has to be watched while the motion is integrated."
+            )
         return
-    a.say("These quantities must stay away from zero; the generated code watches them and reports where they do not:")
+    a.say(
+        "These quantities must stay away from zero; the generated code watches them and reports where they do not:"
+    )
     for k, guard in enumerate(guards):
         watched(a, guard, f"D_{{{k + 1}}}")
 
@@ -198,7 +205,8 @@ def _listing(a: Author, columns: Sequence[int]) -> str:
 
 
 def _dependent(a: Author, A: ca.SX, B: ca.SX) -> list[int]:
-    """Columns with a regular A₁ at sampled states: those the speeds leave over, else the best conditioned ones."""
+    """Columns with a regular A₁ at sampled states: those the speeds leave over, else the best
+    conditioned ones."""
     nv, nc = A.size2(), A.size1()
     chosen = [a.v.index(s) for s in a.w if s in a.v]
     if len(chosen) == nv - nc:
@@ -206,7 +214,12 @@ def _dependent(a: Author, A: ca.SX, B: ca.SX) -> list[int]:
     sampled = _sampled(a)
     if comb(nv, nc) > MOST_SUBSETS:
         return _greedy(sampled, nc)
-    return list(max(combinations(range(nv), nc), key=lambda s: (round(_smallest(sampled, s), 3), [-j for j in s])))
+    return list(
+        max(
+            combinations(range(nv), nc),
+            key=lambda s: (round(_smallest(sampled, s), 3), [-j for j in s]),
+        )
+    )
 
 
 def _sampled(a: Author) -> list[np.ndarray]:
@@ -227,7 +240,14 @@ def _greedy(sampled: Sequence[np.ndarray], count: int) -> list[int]:
     rest, found = [A.copy() for A in sampled], []
     for _ in range(count):
         sizes = np.min([np.linalg.norm(A, axis=0) for A in rest], axis=0)
-        found.append(int(max((j for j in range(len(sizes)) if j not in found), key=lambda j: (round(float(sizes[j]), 6), -j))))
+        found.append(
+            int(
+                max(
+                    (j for j in range(len(sizes)) if j not in found),
+                    key=lambda j: (round(float(sizes[j]), 6), -j),
+                )
+            )
+        )
         units = [A[:, found[-1]] / max(float(np.linalg.norm(A[:, found[-1]])), 1e-12) for A in rest]
         rest = [A - np.outer(e, e @ A) for A, e in zip(rest, units)]
     return sorted(found)
@@ -257,13 +277,16 @@ def _velocities(a: Author) -> None:
     if a.has("E") and "E" not in a.entries:
         return
     c = a.entries_of_independent("c") if a.has("Y") else []
-    rows = [shorter(sum_of(a.exact["S"][j], a.w), sum_of(a.entries["S"][j], a.w)) for j in range(len(a.v))]
+    rows = [
+        shorter(sum_of(a.exact["S"][j], a.w), sum_of(a.entries["S"][j], a.w))
+        for j in range(len(a.v))
+    ]
     if any(c):
         rows = [x + sum_of(a.entries["R"][j], c) for j, x in enumerate(rows)]
     shown = [j for j, x in enumerate(rows) if x != a.v[j]]
     if shown:
         moving = "" if a.system.c.is_zero() else " + !R\\,!c"
-        a.say(f"So the base velocities are $!v=!S\\,!w{moving}$, that is")
+        a.say(f"So the generalized velocities are $!v=!S\\,!w{moving}$, that is")
         a.lines("v", [a.v[j] for j in shown], [rows[j] for j in shown], a.named("v")[shown])
 
 
@@ -289,12 +312,18 @@ def _rates(a: Author) -> None:
     a.say(
         "No inverse has to be differentiated for the accelerations: $!!v=!S\\,!!w+!\\sigma$, "
         "where $!\\sigma$ follows from $!A\\,!!v=!\\beta$ with the same inverse"
-        + (" (a vector of unit length turns at right angles to itself, so the basis adds nothing)" if _unit_vector(a) else "")
+        + (
+            " (a vector of unit length turns at right angles to itself, so the basis adds nothing)"
+            if _unit_vector(a)
+            else ""
+        )
         + (" and from the rates of the speed rows, $!\\gamma=-!!B\\,!v$," if turning else "")
     )
     tied = a.has("Y")
     parts = [r"!R\,!\beta"] * tied + [r"!S\,!\gamma"] * turning
-    total = ca.mtimes(a.named("S"), gamma) + (ca.mtimes(a.named("R"), a.of_independent(a.system.beta)) if tied else 0)
+    total = ca.mtimes(a.named("S"), gamma) + (
+        ca.mtimes(a.named("R"), a.of_independent(a.system.beta)) if tied else 0
+    )
     a.law("sigma by blocks", r"!\sigma", " + ".join(parts), sigma - total)
     _sigma(a, gamma if turning else None)
 
@@ -326,7 +355,12 @@ def _sigma(a: Author, gamma: ca.SX | None) -> None:
     needed = ["S", "beta", *(["R"] if a.has("Y") else []), *(["E"] if a.has("E") else [])]
     if all(x in a.entries for x in needed):
         a.say("that is")
-        a.vector("sigma", r"\sigma", sigma, [_sigma_entry(a, j, gamma is not None) for j in range(len(a.v))])
+        a.vector(
+            "sigma",
+            r"\sigma",
+            sigma,
+            [_sigma_entry(a, j, gamma is not None) for j in range(len(a.v))],
+        )
 
 
 def _sigma_entry(a: Author, j: int, turning: bool) -> sympy.Expr:

@@ -1,7 +1,9 @@
-"""Trees of simple joints as Saha reads them: the decoupled natural orthogonal complement and the pivots of U D Uᵀ.
+"""Trees of simple joints as Saha reads them: the decoupled natural orthogonal complement and the
+pivots of U D Uᵀ.
 
-Source: Saha, Dynamics of serial multibody systems using the decoupled natural orthogonal complement matrices, J. Appl. Mech. 66
-(1999). Twists are (ω, v) of the link's frame at its origin, written in that frame, so that no ground frame enters.
+Source: Saha, Dynamics of serial multibody systems using the decoupled natural orthogonal complement
+matrices, J. Appl. Mech. 66 (1999). Twists are (ω, v) of the link's frame at its origin, written in
+that frame, so that no ground frame enters.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ FEWEST, MOST = 2, 8  # links for which the factors are written out
 
 
 def complement(a: Author) -> None:
-    """N_l, N_d, M = Nᵀ 𝓜 N and its pivots, where the system is a tree of joints with one velocity each."""
+    """N_l, N_d, M = Nᵀ 𝓜 N and its pivots, where the system is a tree of joints with one velocity
+    each."""
     if not _fits(a.system):
         return
     a.section("Decoupled natural orthogonal complement")
@@ -31,7 +34,12 @@ def complement(a: Author) -> None:
 def _fits(system: System) -> bool:
     links = system.links
     simple = all(len(link.columns) == 1 for link in links)
-    return simple and FEWEST <= len(links) <= MOST and not system.rows and len(links) == system.v.numel()
+    return (
+        simple
+        and FEWEST <= len(links) <= MOST
+        and not system.rows
+        and len(links) == system.v.numel()
+    )
 
 
 class _Factors:
@@ -69,7 +77,9 @@ class _Factors:
     @property
     def N_l(self) -> ca.SX:
         n = len(self.links)
-        return ca.blockcat([[self.blocks.get((i, j), ca.SX(6, 6)) for j in range(n)] for i in range(n)])
+        return ca.blockcat(
+            [[self.blocks.get((i, j), ca.SX(6, 6)) for j in range(n)] for i in range(n)]
+        )
 
     @property
     def N_d(self) -> ca.SX:
@@ -84,7 +94,9 @@ class _Factors:
         found = ca.SX.eye(self.v.numel())
         for (j, i), block in self.blocks.items():
             if i != j:
-                found[self.columns[i], self.columns[j]] = ca.mtimes([self.p[i].T, block.T, self.psi[j]])
+                found[self.columns[i], self.columns[j]] = ca.mtimes(
+                    [self.p[i].T, block.T, self.psi[j]]
+                )
         return found
 
     @property
@@ -117,7 +129,9 @@ def _spatial(link: Link) -> ca.SX:
     """M_i: ½ tᵀ M_i t is the link's kinetic energy."""
     inertia = link.inertia
     coupling = _skew(inertia.moment)
-    return ca.blockcat([[_matrix(inertia.tensor), coupling], [coupling.T, inertia.mass * ca.SX.eye(3)]])
+    return ca.blockcat(
+        [[_matrix(inertia.tensor), coupling], [coupling.T, inertia.mass * ca.SX.eye(3)]]
+    )
 
 
 def _matrix(rows: Matrix) -> ca.SX:
@@ -133,11 +147,18 @@ def _skew(vector: Vector) -> ca.SX:
 def _twists(a: Author, f: _Factors) -> None:
     a.say(
         "The twists $!t_i=(!\\omega_i,!v_i)$ of all links, each at its link's origin and in its link's frame, follow from the "
-        "base velocities in two decoupled steps (Saha's natural orthogonal complement): the block diagonal $!N_d$ holds the "
+        "generalized velocities in two decoupled steps (Saha's natural orthogonal complement): the block diagonal $!N_d$ holds the "
         "motions $!p_i$ of the joints, and the block triangular $!N_l$ holds the matrices $!B_{ij}$ that carry a twist from "
         "link $j$ out to link $i$:"
     )
-    t = ca.vertcat(*(ca.SX(x) for pair in twists(f.links, [f.v[j] for j in range(f.v.numel())]) for part in pair for x in part))
+    t = ca.vertcat(
+        *(
+            ca.SX(x)
+            for pair in twists(f.links, [f.v[j] for j in range(f.v.numel())])
+            for part in pair
+            for x in part
+        )
+    )
     a.law("complement", r"!t", r"!N_l\,!N_d\,!v", t - ca.mtimes([f.N_l, f.N_d, f.v]))
     a.mean(r"!N_l,\; !N_d", "factors of the natural orthogonal complement: t = N_l N_d v")
     for i, link in enumerate(f.links):
@@ -151,12 +172,19 @@ def _twists(a: Author, f: _Factors) -> None:
 
 
 def _mass(a: Author, f: _Factors) -> None:
-    a.say("With the links' own mass matrices $!M_i$ on the diagonal of $!E$, the mass matrix of the tree is")
+    a.say(
+        "With the links' own mass matrices $!M_i$ on the diagonal of $!E$, the mass matrix of the tree is"
+    )
     whole = ca.diagcat(*f.M)
     N = ca.mtimes(f.N_l, f.N_d)
     rotors = a.system.M_extra
     more = r" + !M_r" if rotors.nnz() else ""
-    a.law("mass by complement", r"!M", r"!N_d^T\,!N_l^T\,!E\,!N_l\,!N_d" + more, a.system.M - ca.mtimes([N.T, whole, N]) - rotors)
+    a.law(
+        "mass by complement",
+        r"!M",
+        r"!N_d^T\,!N_l^T\,!E\,!N_l\,!N_d" + more,
+        a.system.M - ca.mtimes([N.T, whole, N]) - rotors,
+    )
     if more:
         a.say("where $!M_r$ is the inertia of rotors and added coordinates.")
 

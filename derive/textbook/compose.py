@@ -1,4 +1,5 @@
-"""Polynomials of the ring back to SymPy, common factors taken out greedily: what most terms share comes first."""
+"""Polynomials of the ring back to SymPy, common factors taken out greedily: what most terms share
+comes first."""
 
 from __future__ import annotations
 
@@ -8,7 +9,19 @@ from typing import Any
 
 import sympy
 
-from derive.textbook.ring import PLAIN, UNIT, Exact, Key, Monomial, Poly, Ring, TooBig, common_factor, over, parted
+from derive.textbook.ring import (
+    PLAIN,
+    UNIT,
+    Exact,
+    Key,
+    Monomial,
+    Poly,
+    Ring,
+    TooBig,
+    common_factor,
+    over,
+    parted,
+)
 
 Expr = Any  # SymPy's own annotations say Basic for what is always an Expr
 DIGITS = 15
@@ -26,7 +39,8 @@ def number(x: Exact, decimal: bool) -> Expr:
 
 
 class Composer:
-    """SymPy expressions for a ring's polynomials; `decimal` prefers 0.5 to 1/2 (parameters are numbers)."""
+    """SymPy expressions for a ring's polynomials; `decimal` prefers 0.5 to 1/2 (parameters are
+    numbers)."""
 
     def __init__(self, ring: Ring, decimal: bool) -> None:
         self.ring, self.decimal = ring, decimal
@@ -45,7 +59,9 @@ class Composer:
             rest = self.ring.product(rest, {UNIT: 1})  # multiplies out what was a divisor
         except TooBig:
             return plain
-        over = sympy.Mul(number(factor, self.decimal), *self._factors(monomial), self._polynomial(rest))
+        over = sympy.Mul(
+            number(factor, self.decimal), *self._factors(monomial), self._polynomial(rest)
+        )
         return min(plain, over, key=operations)
 
     def _polynomial(self, poly: Poly) -> Expr:
@@ -61,8 +77,12 @@ class Composer:
         return min(found, Composer(other, self.decimal).expression(turned), key=operations)
 
     def _has_products(self, poly: Poly) -> bool:
-        """Whether some term is a product of sines and cosines, which sums of angles could stand for."""
-        return any(sum(abs(e) for k, e in m if self.ring.atoms[k].kind in ("sin", "cos")) > 1 for m, _ in poly)
+        """Whether some term is a product of sines and cosines, which sums of angles could stand
+        for."""
+        return any(
+            sum(abs(e) for k, e in m if self.ring.atoms[k].kind in ("sin", "cos")) > 1
+            for m, _ in poly
+        )
 
     def expression(self, poly: Poly) -> Expr:
         if not poly:
@@ -128,7 +148,9 @@ def _shared(keys: list[Key]) -> Monomial:
     shared = dict(keys[0][0])
     for monomial, _ in keys[1:]:
         here = dict(monomial)
-        shared = {k: min(e, here[k], key=abs) for k, e in shared.items() if k in here and here[k] * e > 0}
+        shared = {
+            k: min(e, here[k], key=abs) for k, e in shared.items() if k in here and here[k] * e > 0
+        }
     return tuple(sorted(shared.items()))
 
 
@@ -145,14 +167,21 @@ def _divided(key: Key, monomial: Monomial, trig: tuple) -> Key:
 
 
 def _parts(key: Key) -> list[tuple]:
-    """What could be taken out of a term: each atom by the sign of its exponent, and its sine or cosine."""
+    """What could be taken out of a term: each atom by the sign of its exponent, and its sine or
+    cosine."""
     return [("atom", k, e > 0) for k, e in key[0]] + ([key[1]] if key[1] else [])
 
 
 def _square_of(poly: Poly) -> Poly | None:
     """a + b + … of a poly a² + 2ab + b² + …, of two to four symbols."""
-    squares = [(m[0][0], x) for (m, trig), x in poly.items() if not trig and len(m) == 1 and m[0][1] == 2]
-    if len(squares) not in (2, 3, 4) or len(poly) != len(squares) * (len(squares) + 1) // 2 or any(x != 1 for _, x in squares):
+    squares = [
+        (m[0][0], x) for (m, trig), x in poly.items() if not trig and len(m) == 1 and m[0][1] == 2
+    ]
+    if (
+        len(squares) not in (2, 3, 4)
+        or len(poly) != len(squares) * (len(squares) + 1) // 2
+        or any(x != 1 for _, x in squares)
+    ):
         return None
     first = min(squares)[0]
     root = {k: 1 if k == first or poly.get(_crossed(first, k), 0) > 0 else -1 for k, _ in squares}
@@ -167,9 +196,12 @@ def _crossed(a: int, b: int) -> Key:
 
 
 def _most_shared(poly: Poly) -> tuple | None:
-    """A sine or cosine counts double: what it multiplies then stands together, often as a square."""
+    """A sine or cosine counts double: what it multiplies then stands together, often as a
+    square."""
     counts = Counter(part for key in poly for part in _parts(key))
-    best = min(counts.items(), key=lambda item: (-_weight(*item), len(item[0]), item[0]), default=(None, 0))
+    best = min(
+        counts.items(), key=lambda item: (-_weight(*item), len(item[0]), item[0]), default=(None, 0)
+    )
     return best[0] if best[1] > 1 else None
 
 

@@ -1,4 +1,5 @@
-"""CasADi terms → SymPy expressions to be read: whole where they are short, else over sub-terms that get names."""
+"""CasADi terms → SymPy expressions to be read: whole where they are short, else over sub-terms that
+get names."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ class Piece:
 
 
 class Reader:
-    """Turns terms over fixed symbols into expressions. Terms that were named before are recognised by value."""
+    """Turns terms over fixed symbols into expressions. Terms that were named before are recognised
+    by value."""
 
     def __init__(self, symbols: ca.SX, names: Sequence[sympy.Symbol], decimal: bool) -> None:
         self.graph = Graph(symbols)
@@ -42,17 +44,21 @@ class Reader:
         self.pieces = 0
 
     def whole(self, value: ca.SX, most: int = READABLE) -> list[Expr] | None:
-        """Every entry over the basic symbols alone; None where one would have more than `most` operations."""
+        """Every entry over the basic symbols alone; None where one would have more than `most`
+        operations."""
         return self._within(self.graph.read(value), {}, most)
 
     def over_names(self, value: ca.SX, most: int = READABLE) -> list[Expr] | None:
-        """The same over everything that has a name already; None also where nothing in the term has one."""
+        """The same over everything that has a name already; None also where nothing in the term has
+        one."""
         roots = self.graph.read(value)
         met = any(k in self.known for k in self.graph.below(roots))
         return self._within(roots, self.known, most) if met else None
 
     def _within(self, roots: Sequence[int], names: dict[int, Expr], most: int) -> list[Expr] | None:
-        found = self._shortest(roots, names, most) if self._unrolled(roots, names) <= LARGEST else None
+        found = (
+            self._shortest(roots, names, most) if self._unrolled(roots, names) <= LARGEST else None
+        )
         return found if found is not None and all(operations(x) <= most for x in found) else None
 
     def _unrolled(self, roots: Sequence[int], names: dict[int, Expr]) -> int:
@@ -71,7 +77,8 @@ class Reader:
     def in_pieces(
         self, value: ca.SX, fresh: Callable[[int], sympy.Symbol], most: int = MOST_PIECES
     ) -> tuple[list[Piece], list[Expr]] | None:
-        """The entries over named sub-terms, old and new (their symbols from `fresh`); None where there would be too many."""
+        """The entries over named sub-terms, old and new (their symbols from `fresh`); None where
+        there would be too many."""
         roots = self.graph.read(value)
         order = self.graph.below(roots, frozenset(self.known))
         cuts = self._cuts(order) if len(order) <= MOST_NODES else None
@@ -98,7 +105,11 @@ class Reader:
                 built[k] = ca.SX(node.number)
             else:
                 operands = [built[i] for i in node.operands]
-                built[k] = ca.SX.unary(node.op, *operands) if len(operands) == 1 else ca.SX.binary(node.op, *operands)
+                built[k] = (
+                    ca.SX.unary(node.op, *operands)
+                    if len(operands) == 1
+                    else ca.SX.binary(node.op, *operands)
+                )
         return ca.vertcat(*[built[k] for k in nodes])
 
     def _cuts(self, order: Sequence[int]) -> list[int]:
@@ -128,19 +139,35 @@ class Reader:
             return plain
         return [min(pair, key=operations) for pair in zip(found, plain)]
 
-    def _shortest(self, roots: Sequence[int], names: dict[int, Expr], most: float = inf) -> list[Expr] | None:
-        """The shorter of product and Fourier form, entry by entry; None where neither stays within its budget."""
-        trigonometric = any(self.graph.nodes[k].op in (ca.OP_SIN, ca.OP_COS, ca.OP_TAN) for k in self.graph.below(roots))
+    def _shortest(
+        self, roots: Sequence[int], names: dict[int, Expr], most: float = inf
+    ) -> list[Expr] | None:
+        """The shorter of product and Fourier form, entry by entry; None where neither stays within
+        its budget."""
+        trigonometric = any(
+            self.graph.nodes[k].op in (ca.OP_SIN, ca.OP_COS, ca.OP_TAN)
+            for k in self.graph.below(roots)
+        )
         ways = (False, True) if trigonometric else (False,)
-        forms = [x for x in (self._formed(roots, names, fourier, most) for fourier in ways) if x is not None]
+        forms = [
+            x
+            for x in (self._formed(roots, names, fourier, most) for fourier in ways)
+            if x is not None
+        ]
         return [min(entries, key=operations) for entries in zip(*forms)] if forms else None
 
-    def _formed(self, roots: Sequence[int], names: dict[int, Expr], fourier: bool, most: float) -> list[Expr] | None:
+    def _formed(
+        self, roots: Sequence[int], names: dict[int, Expr], fourier: bool, most: float
+    ) -> list[Expr] | None:
         ring = Ring(fourier)
         values: dict[int, Poly] = {}
         try:
             for k in self.graph.below(roots, frozenset(names)):
-                values[k] = ring.symbol(names[k]) if k in names else self._poly(ring, self.graph.nodes[k], values)
+                values[k] = (
+                    ring.symbol(names[k])
+                    if k in names
+                    else self._poly(ring, self.graph.nodes[k], values)
+                )
             polys = [ring.pythagorean(values[k]) for k in roots]
         except (TooBig, OverflowError, ValueError, ZeroDivisionError):
             return None

@@ -16,7 +16,15 @@ from derive.textbook.interaction import interaction
 from derive.textbook.kinematics import components, constraints, coordinates, links
 from derive.textbook.linear import linearised
 from derive.textbook.methods import method, nonideal
-from derive.textbook.motion import bordered, energies, multipliers, outputs, power, projected, unprojected
+from derive.textbook.motion import (
+    bordered,
+    energies,
+    multipliers,
+    outputs,
+    power,
+    projected,
+    unprojected,
+)
 from derive.textbook.records import Document, Math, Text
 
 REFERENCES = (
@@ -64,8 +72,8 @@ def _title(equations: Equations) -> str:
 
 
 def _subtitle(equations: Equations) -> str:
-    if equations.base_velocities:
-        return f"base velocities, formulation {equations.formulation}"
+    if equations.generalized_velocities:
+        return f"generalized velocities, formulation {equations.formulation}"
     return f"explicit, without multipliers; quasi-velocities “{equations.choice}”"
 
 
@@ -78,7 +86,9 @@ def _version() -> str:
 
 def _symbols(a: Author) -> None:
     a.section("Symbols")
-    a.say("Bold letters are matrices and columns; the same letter with indices is an entry, its row before its column.")
+    a.say(
+        "Bold letters are matrices and columns; the same letter with indices is an entry, its row before its column."
+    )
     rows = [((Math(x.latex),), (Text(x.about),), (Text(names.unit(x.unit)),)) for x in a.meanings]
     a.table(("symbol", "meaning", "unit"), rows)
 

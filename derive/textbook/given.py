@@ -43,13 +43,25 @@ def given(a: Author) -> None:
     if model.parameters:
         _parameters(a)
     if model.bodies:
-        a.say("The bodies, with centres of mass in body coordinates and moments of inertia about them, are")
-        a.table(("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²"), [_body(a, x) for x in model.bodies])
+        a.say(
+            "The bodies, with centres of mass in body coordinates and moments of inertia about them, are"
+        )
+        a.table(
+            ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²"),
+            [_body(a, x) for x in model.bodies],
+        )
         a.say("They are connected by joints, parents first:")
-        a.table(("joint", "type", "from → to", "at, in each body / m", "coordinates"), [_joint(a, x) for x in model.joints])
+        a.table(
+            ("joint", "type", "from → to", "at, in each body / m", "coordinates"),
+            [_joint(a, x) for x in model.joints],
+        )
     if model.kinetic is not None:
         energies = a.formula(model.kinetic, "given T"), a.formula(model.potential or 0.0, "given V")
-        a.say("The kinetic and the potential energy are given as $T=$ {T} and $V=$ {V}.", T=energies[0], V=energies[1])
+        a.say(
+            "The kinetic and the potential energy are given as $T=$ {T} and $V=$ {V}.",
+            T=energies[0],
+            V=energies[1],
+        )
     _tied(a)
     _driven(a)
 
@@ -57,7 +69,11 @@ def given(a: Author) -> None:
 def _scene(a: Author) -> None:
     model = a.system.model
     if model.bodies:
-        where = f"moves in the {model.plane[0]}, {model.plane[1]} plane" if model.plane else "moves in space"
+        where = (
+            f"moves in the {model.plane[0]}, {model.plane[1]} plane"
+            if model.plane
+            else "moves in space"
+        )
         a.say(f"The mechanism {where}.")
     if model.gravity is not None:
         a.say("Gravity is $!g=$ {g} m/s².", g=_point(a, model.gravity, "gravity"))
@@ -73,27 +89,44 @@ def _point(a: Author, entries: Sequence[Expression], about: str) -> Math:
 def _parameters(a: Author) -> None:
     model = a.system.model
     constant = [x for x in model.parameters if x.name in a.system.constants]
-    a.say("The parameters and their values are" + (" (numbers in all formulas below)" if constant and not a.p else ""))
+    a.say(
+        "The parameters and their values are"
+        + (" (numbers in all formulas below)" if constant and not a.p else "")
+    )
     a.table(("symbol", "value", "unit", "meaning"), [_parameter(x) for x in model.parameters])
     for x, symbol in zip([x for x in model.parameters if x.name not in a.system.constants], a.p):
         a.mean(a.names[symbol], x.about or f"parameter {x.name}", x.unit)
 
 
 def _parameter(x: Parameter) -> tuple[Runs, ...]:
-    return (Math(names.symbol(x.name)),), (Text(f"{x.value:.15g}"),), (Text(names.unit(x.unit)),), (Text(x.about),)
+    return (
+        (Math(names.symbol(x.name)),),
+        (Text(f"{x.value:.15g}"),),
+        (Text(names.unit(x.unit)),),
+        (Text(x.about),),
+    )
 
 
 def _body(a: Author, x: Body) -> tuple[Runs, ...]:
     about = f"body {x.name}"
-    return (Text(x.name),), (a.formula(x.mass, about),), (_point(a, x.com, about),), (_inertia(a, x, about),)
+    return (
+        (Text(x.name),),
+        (a.formula(x.mass, about),),
+        (_point(a, x.com, about),),
+        (_inertia(a, x, about),),
+    )
 
 
 def _inertia(a: Author, x: Body, about: str) -> Math:
-    """One moment in the plane; in space the three principal ones, and the products where there are some."""
+    """One moment in the plane; in space the three principal ones, and the products where there are
+    some."""
     axis = {"xy": 2, "xz": 1, "yz": 0}.get(a.system.model.plane)
     if axis is not None:
         return a.formula(x.inertia[axis], about)
-    found = [f"I_{{{label}}}={a.formula(e, about).latex}" for label, e in zip(("xx", "yy", "zz", "xy", "xz", "yz"), x.inertia)]
+    found = [
+        f"I_{{{label}}}={a.formula(e, about).latex}"
+        for label, e in zip(("xx", "yy", "zz", "xy", "xz", "yz"), x.inertia)
+    ]
     shown = [f for k, f in enumerate(found) if k < 3 or not f.endswith("=0")]
     return Math(r",\; ".join(shown))
 
@@ -116,7 +149,12 @@ def _tied(a: Author) -> None:
     rows = []
     for x in model.closures:
         first, second = (_place(a, at) for at in x.placements)
-        about = (Text(f"a point of {x.bodies[0]} at "), first, Text(f" stays on a point of {x.bodies[1]} at "), second)
+        about = (
+            Text(f"a point of {x.bodies[0]} at "),
+            first,
+            Text(f" stays on a point of {x.bodies[1]} at "),
+            second,
+        )
         rows.append(((Text(x.name),), (Text(f"{x.type} closure"),), about))
     rows += [((Text(x.name),), (Text(_words(x)),), _constraint(a, x)) for x in model.constraints]
     if rows:
@@ -133,7 +171,12 @@ def _constraint(a: Author, x: Constraint) -> Runs:
     match x:
         case NoSlip():
             point, direction = _point(a, x.point, x.name), _point(a, x.direction, x.name)
-            return Text(f"the point of {x.body} at "), point, Text(" has no velocity along its direction "), direction
+            return (
+                Text(f"the point of {x.body} at "),
+                point,
+                Text(" has no velocity along its direction "),
+                direction,
+            )
         case Rolling():
             return _rolling(a, x)
         case Holonomic() | Nonholonomic():
@@ -141,20 +184,35 @@ def _constraint(a: Author, x: Constraint) -> Runs:
             return a.formula(x.expression, x.name), Math("=0"), *work
         case Distance():
             points = [_point(a, p, x.name) for p in x.points]
-            start, between = Text(f"the points of {x.bodies[0]} at "), Text(f" and of {x.bodies[1]} at ")
-            return start, points[0], between, points[1], Text(" stay apart by "), a.formula(x.length, x.name)
+            start, between = (
+                Text(f"the points of {x.bodies[0]} at "),
+                Text(f" and of {x.bodies[1]} at "),
+            )
+            return (
+                start,
+                points[0],
+                between,
+                points[1],
+                Text(" stay apart by "),
+                a.formula(x.length, x.name),
+            )
     return _listed(a, x)
 
 
 def _rolling(a: Author, x: Rolling) -> Runs:
-    radius, normal, axis = a.formula(x.radius, x.name), _point(a, x.normal, x.name), _point(a, x.axis, x.name)
+    radius, normal, axis = (
+        a.formula(x.radius, x.name),
+        _point(a, x.normal, x.name),
+        _point(a, x.axis, x.name),
+    )
     about = () if x.shape == "sphere" else (Text(" about its axis "), axis)
     start = Text(f"{x.body}, a {x.shape} of radius ")
     return start, radius, *about, Text(", rolls without slip on the plane normal to "), normal
 
 
 def _listed(a: Author, x: object) -> Runs:
-    """Any other declaration: its bodies and velocities by name, then every formula in it that is a quantity."""
+    """Any other declaration: its bodies and velocities by name, then every formula in it that is a
+    quantity."""
     result: list[Run] = []
     for field in fields(x):  # type: ignore[arg-type]
         value, label = getattr(x, field.name), field.name.replace("_", " ")
@@ -162,9 +220,15 @@ def _listed(a: Author, x: object) -> Runs:
             result += [Text(f"{', '.join((value,) if isinstance(value, str) else value)}; ")]
         elif isinstance(value, Expression) and field.name != "surface":
             result += [Text(f"{label} "), a.formula(value, label), Text("; ")]
-        elif isinstance(value, tuple) and len(value) == 3 and all(isinstance(e, Expression) for e in value):
+        elif (
+            isinstance(value, tuple)
+            and len(value) == 3
+            and all(isinstance(e, Expression) for e in value)
+        ):
             result += [Text(f"{label} "), _vector(a, value, label), Text("; ")]
-    return *result[:-1], Text(str(result[-1].text).rstrip("; ") if isinstance(result[-1], Text) else "")
+    return *result[:-1], Text(
+        str(result[-1].text).rstrip("; ") if isinstance(result[-1], Text) else ""
+    )
 
 
 def _vector(a: Author, entries: Sequence[Expression], about: str) -> Math:
@@ -196,7 +260,12 @@ def _load(a: Author, x: Load) -> Runs:
     match x:
         case JointSpring():
             stiffness, rest = a.formula(x.stiffness, x.name), a.formula(x.rest, x.name)
-            return Text(f"spring on {x.coordinate}: stiffness "), stiffness, Text(", at rest at "), rest
+            return (
+                Text(f"spring on {x.coordinate}: stiffness "),
+                stiffness,
+                Text(", at rest at "),
+                rest,
+            )
         case JointDamper():
             return Text(f"damper on {x.velocity}: coefficient "), a.formula(x.coefficient, x.name)
         case PointSpring():
@@ -205,9 +274,19 @@ def _load(a: Author, x: Load) -> Runs:
             return start, parts[0], Text(", length "), parts[1], Text(", damping "), parts[2]
         case Force():
             point, force = _point(a, x.point, x.name), _point(a, x.components, x.name)
-            return Text(f"force on {x.body} at "), point, Text(": "), force, Text(f" N in {_axes(x)}")
+            return (
+                Text(f"force on {x.body} at "),
+                point,
+                Text(": "),
+                force,
+                Text(f" N in {_axes(x)}"),
+            )
         case Torque():
-            return Text(f"torque on {x.body}: "), _vector(a, x.components, x.name), Text(f" N·m in {_axes(x)}")
+            return (
+                Text(f"torque on {x.body}: "),
+                _vector(a, x.components, x.name),
+                Text(f" N·m in {_axes(x)}"),
+            )
         case GeneralisedForce():
             return Text(f"generalised force along {x.velocity}: "), a.formula(x.expression, x.name)
     return Text(f"{_words(x)} of "), *_listed(a, x)

@@ -1,7 +1,7 @@
 """CasADi terms as one graph in which equal subexpressions are one node.
 
-SX builds the same expression twice as two nodes; reading every term into one table numbers them by value, so that a named
-term is recognised wherever it occurs again.
+SX builds the same expression twice as two nodes; reading every term into one table numbers them by
+value, so that a named term is recognised wherever it occurs again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ _COMMUTES = {ca.OP_ADD, ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX}
 
 @dataclass(frozen=True)
 class Node:
-    """`op` is a CasADi operation; OP_INPUT has the symbol's index in `number`, OP_CONST its value."""
+    """`op` is a CasADi operation; OP_INPUT has the symbol's index in `number`, OP_CONST its
+    value."""
 
     op: int
     operands: tuple[int, ...] = ()
@@ -26,7 +27,8 @@ class Node:
 
 @dataclass
 class Graph:
-    """Nodes over fixed symbols (one SX column); operands have smaller indices than what is made of them."""
+    """Nodes over fixed symbols (one SX column); operands have smaller indices than what is made of
+    them."""
 
     symbols: ca.SX
     nodes: list[Node] = field(default_factory=list)
@@ -45,7 +47,9 @@ class Graph:
             if op == ca.OP_OUTPUT:
                 found[function.instruction_output(k)[1]] = slots[inputs[0]]
             else:
-                slots[function.instruction_output(k)[0]] = self._number(function, k, op, inputs, slots, places)
+                slots[function.instruction_output(k)[0]] = self._number(
+                    function, k, op, inputs, slots, places
+                )
         return found
 
     @cached_property
@@ -54,7 +58,13 @@ class Graph:
         return {self.symbols[i].element_hash(): i for i in range(self.symbols.numel())}
 
     def _number(
-        self, function: ca.Function, k: int, op: int, inputs: Sequence[int], slots: dict[int, int], places: Sequence[int]
+        self,
+        function: ca.Function,
+        k: int,
+        op: int,
+        inputs: Sequence[int],
+        slots: dict[int, int],
+        places: Sequence[int],
     ) -> int:
         if op == ca.OP_CONST:
             return self._entered(Node(op, (), function.instruction_constant(k) + 0.0))

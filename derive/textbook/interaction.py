@@ -1,7 +1,9 @@
-"""Mobile manipulators: the equations of the platform and of the arm, each as if alone, and what couples them.
+"""Mobile manipulators: the equations of the platform and of the arm, each as if alone, and what
+couples them.
 
-Source: Yu, Chen, A general approach to the dynamics of nonholonomic mobile manipulator systems, J. Dyn. Sys. Meas. Control 124
-(2002): the equations of either part are used as they are; R, δM and δC are the interaction.
+Source: Yu, Chen, A general approach to the dynamics of nonholonomic mobile manipulator systems, J.
+Dyn. Sys. Meas. Control 124 (2002): the equations of either part are used as they are; R, δM and δC
+are the interaction.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ def interaction(a: Author) -> None:
     found = _parts(a.system)
     if found is None:
         return
-    v, arm = found  # indices of base velocities
+    v, arm = found  # indices of generalized velocities
     system = a.system
     loads = [i for i, link in enumerate(system.links) if _carried(system.links, link, arm)]
     platform = [NOTHING if i in loads else link.inertia for i, link in enumerate(system.links)]
@@ -43,7 +45,10 @@ def interaction(a: Author) -> None:
     lower = ca.mtimes(R, vdot[v]) + ca.mtimes(M_a, vdot[arm]) + h[arm] - Q[arm]
     forces = ca.mtimes(system.A[:, v].T, a.lam)
     a.law(
-        "platform", r"\left(!M_v + \delta!M\right)!!v_v + !R^T!!v_a + !h_v + \delta!h", r"!Q_v + !A_v^T!\lambda", upper - forces
+        "platform",
+        r"\left(!M_v + \delta!M\right)!!v_v + !R^T!!v_a + !h_v + \delta!h",
+        r"!Q_v + !A_v^T!\lambda",
+        upper - forces,
     )
     a.law("arm", r"!R\,!!v_v + !M_a\,!!v_a + !h_a", r"!Q_a", lower)
     a.matrix("M_v", r"!M_v", r"M^{v}", M_v, symmetric=True)
@@ -53,15 +58,27 @@ def interaction(a: Author) -> None:
     a.say("and, from velocities and gravity, the platform's bias alone and what the arm adds to it")
     a.vector("h_v", r"h^{v}", h_v)
     a.vector("dh", r"\delta h", dh)
-    a.mean(r"!R,\; \delta!M,\; \delta!h", "interaction of platform and arm: inertia coupling, added mass, added bias")
+    a.mean(
+        r"!R,\; \delta!M,\; \delta!h",
+        "interaction of platform and arm: inertia coupling, added mass, added bias",
+    )
 
 
 def _parts(system: System) -> tuple[list[int], list[int]] | None:
-    """Base velocities in the constraint rows, and the others; None where this is no platform with an arm on it."""
+    """Generalized velocities in the constraint rows, and the others; None where this is no platform
+    with an arm on it."""
     more = system.M_extra.nnz() or not ca.SX(system.h_extra).is_zero()
-    if more or not (system.rows and system.links and system.written) or any(row.position >= 0 for row in system.rows):
+    if (
+        more
+        or not (system.rows and system.links and system.written)
+        or any(row.position >= 0 for row in system.rows)
+    ):
         return None
-    held = {j for j in range(system.v.numel()) if system.A[:, j].nnz() and not ca.SX(system.A[:, j]).is_zero()}
+    held = {
+        j
+        for j in range(system.v.numel())
+        if system.A[:, j].nnz() and not ca.SX(system.A[:, j]).is_zero()
+    }
     arm = [j for j in range(system.v.numel()) if j not in held]
     inner = [link for link in system.links if set(link.columns) & held]
     hangs_right = all(not _carried(system.links, link, arm) for link in inner)
@@ -86,4 +103,6 @@ def _mass(system: System, inertias: Sequence[Inertia]) -> ca.SX:
 
 def _bias(system: System, inertias: Sequence[Inertia]) -> ca.SX:
     """h of the same tree with other inertias."""
-    return inertial_forces(replace(system, inertias=(tuple(inertias),)), ca.SX.zeros(system.v.numel()))
+    return inertial_forces(
+        replace(system, inertias=(tuple(inertias),)), ca.SX.zeros(system.v.numel())
+    )

@@ -1,4 +1,5 @@
-"""Coordinates, base velocities, twists of the links and the constraints: everything that has no mass in it."""
+"""Coordinates, generalized velocities, twists of the links and the constraints: everything that has
+no mass in it."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ MOST_LINKS = 12  # more links than this are not printed one by one
 
 @dataclass(frozen=True, eq=False)
 class Component(Extra):
-    """A component of a link's twist that is not zero, over the base velocities."""
+    """A component of a link's twist that is not zero, over the generalized velocities."""
 
     link: int
     place: int  # 0–2 of ω, 3–5 of v
@@ -66,22 +67,30 @@ def numbers_in_symbols(system: System, found: Sequence[Component]) -> list[Numbe
 def coordinates(a: Author) -> None:
     """q, v and q̇ = N v."""
     system, model = a.system, a.system.model
-    a.section("Coordinates and base velocities")
+    a.section("Coordinates and generalized velocities")
     a.say("The configuration is described by the coordinates $!q$:")
-    a.table(("symbol", "name", "unit", "belongs to"), [_row(a.names[s], c) for s, c in zip(a.q, model.coordinates)])
+    a.table(
+        ("symbol", "name", "unit", "belongs to"),
+        [_row(a.names[s], c) for s, c in zip(a.q, model.coordinates)],
+    )
     a.say(
-        "The motion is described by the base velocities $!v$, which are what joints add to the motion of the body "
+        "The motion is described by the generalized velocities $!v$, which are what joints add to the motion of the body "
         "that carries them; those of a planar or free joint are components in the axes of the moving body:"
     )
-    a.table(("symbol", "name", "unit", "belongs to"), [_row(a.names[s], x) for s, x in zip(a.v, model.velocities)])
+    a.table(
+        ("symbol", "name", "unit", "belongs to"),
+        [_row(a.names[s], x) for s, x in zip(a.v, model.velocities)],
+    )
     for s, c in (*zip(a.q, model.coordinates), *zip(a.v, model.velocities)):
-        kind = "coordinate" if s in a.q else "base velocity"
+        kind = "coordinate" if s in a.q else "generalized velocity"
         a.mean(a.names[s], f"{kind} {c.name}", c.unit)
-    a.mean(r"!q,\; !v", "coordinates, base velocities")
+    a.mean(r"!q,\; !v", "coordinates, generalized velocities")
     if _is_identity(system.N):
-        a.say("Every base velocity is the rate of one coordinate, so $!!q=!v$ and $!N=!1$.")
+        a.say("Every generalized velocity is the rate of one coordinate, so $!!q=!v$ and $!N=!1$.")
         return
-    a.say("The rates of the coordinates follow from the base velocities by $!!q=!N\\,!v$, with")
+    a.say(
+        "The rates of the coordinates follow from the generalized velocities by $!!q=!N\\,!v$, with"
+    )
     a.matrix("N", r"!N", "N", system.N)
     a.mean(r"!N", "q̇ = N v")
 
@@ -95,13 +104,16 @@ def _row(latex: str, x) -> tuple:
 
 
 def links(a: Author, found: Sequence[Component]) -> None:
-    """Angular and linear velocity of every link, at its origin and in its own axes, from those of the link before."""
+    """Angular and linear velocity of every link, at its origin and in its own axes, from those of
+    the link before."""
     system = a.system
     if not system.links:
         return
     a.section("Kinematics")
     if not found:
-        a.say(f"The {len(system.links)} links are too many to be listed; their twists follow from base to tip by recursion.")
+        a.say(
+            f"The {len(system.links)} links are too many to be listed; their twists follow from base to tip by recursion."
+        )
         return
     a.say(
         "Walking from base to tip, every link hands its motion on: the angular velocity of a link is that of its carrier "
@@ -112,11 +124,18 @@ def links(a: Author, found: Sequence[Component]) -> None:
         parent = known[link.parent] if link.parent >= 0 else STILL
         by_recursion = child_numbers(link, parent, [system.v[j] for j in link.columns])
         if not _link(a, [x for x in found if x.link == i], [*by_recursion[0], *by_recursion[1]]):
-            a.say("The twists of {name} and of what follows are too long to be read here.", name=link.name)
+            a.say(
+                "The twists of {name} and of what follows are too long to be read here.",
+                name=link.name,
+            )
             break
     if len(found) < 6 * len(system.links):
         a.say("Components that are not listed are zero.")
-    a.mean(r"\omega_{i},\; v_{i}", "angular velocity of link i and velocity of its origin, in its own axes", "rad/s, m/s")
+    a.mean(
+        r"\omega_{i},\; v_{i}",
+        "angular velocity of link i and velocity of its origin, in its own axes",
+        "rad/s, m/s",
+    )
 
 
 def _link(a: Author, mine: Sequence[Component], entries: Sequence[Scalar]) -> bool:
@@ -134,7 +153,7 @@ def constraints(a: Author) -> None:
     system = a.system
     a.section("Constraints")
     if not system.rows:
-        a.say("There are none: the base velocities are independent of each other.")
+        a.say("There are none: the generalized velocities are independent of each other.")
         return
     _positions(a)
     a.say("On the level of velocities the constraints are the rows of")

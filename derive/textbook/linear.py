@@ -1,4 +1,5 @@
-"""The linear equations along the file's first steady motion, as M_w δẇ = K δx + G δu and rows for the coordinates' rates."""
+"""The linear equations along the file's first steady motion, as M_w δẇ = K δx + G δu and rows for
+the coordinates' rates."""
 
 from __future__ import annotations
 
@@ -50,7 +51,11 @@ def _zeros(a: Author, found: Study) -> list[int]:
 def _introduction(a: Author, found: Study, zeros: list[int]) -> None:
     motion = a.system.model.steady_motions[0]
     symbols = [*a.q, *a.w]
-    vanishing = [a.names[symbols[i]] for i in zeros if i not in {found.linear.independent[k] for k in found.cyclic}]
+    vanishing = [
+        a.names[symbols[i]]
+        for i in zeros
+        if i not in {found.linear.independent[k] for k in found.cyclic}
+    ]
     text = ", ".join(vanishing) + (" = 0" if vanishing else "")
     a.say(
         "Along the steady motion “{name}” all quasi-velocities and all coordinates but the cyclic ones are constant"
@@ -92,7 +97,9 @@ def _forces(a: Author, form: Linear, zeros: list[int], found: Study) -> None:
     _matrix(a, "K at", r"!K", "K", slopes)
     if u.numel():
         _matrix(a, "G at", r"!G", "G", _at(a, ca.jacobian(f_w, u), zeros))
-    a.mean(r"!K,\; !G", "slopes of f_w over the minimal states and the inputs, along the steady motion")
+    a.mean(
+        r"!K,\; !G", "slopes of f_w over the minimal states and the inputs, along the steady motion"
+    )
 
 
 def _rates(a: Author, form: Linear, zeros: list[int], found: Study) -> None:

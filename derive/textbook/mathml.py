@@ -10,7 +10,9 @@ _UPRIGHT = re.compile(r'<mrow>((?:<mi mathvariant="normal">[^<]+</mi>|<mn>[^<]+<
 _BOLD = re.compile(r'<mi mathvariant="bold-italic">([^<]+)</mi>')
 _NAMES = "sin|cos|tan|sinh|cosh|tanh|ln|exp|arcsin|arccos|arctan|atan2|sign|min|max"
 _CALL = re.compile(rf"<m[io]>({_NAMES})</m[io]>(</?\w+>)?")
-_RAISED = re.compile(r"(<msup><mo [^>]*>[a-z]+</mo><mrow>(?:(?!</msup>).)*</mrow></msup>)(?!<mrow><mo stretchy)")
+_RAISED = re.compile(
+    r"(<msup><mo [^>]*>[a-z]+</mo><mrow>(?:(?!</msup>).)*</mrow></msup>)(?!<mrow><mo stretchy)"
+)
 _DIGIT = re.compile(r"\\mathbf\{(\d)\}")  # a digit loses its bold face in latex2mathml
 _BOLD_GREEK = 0x1D6C2 - 0x3B1  # α → bold α
 _BOLD_GREEK_CAPITAL = 0x1D6A8 - 0x391
@@ -22,14 +24,18 @@ def mathml(latex: str, display: bool = False) -> str:
     from latex2mathml.converter import convert
 
     text = convert(_DIGIT.sub(lambda m: chr(0x1D7CE + int(m[1])), latex))
-    text = _UPRIGHT.sub(lambda m: f"<mi>{_letters(m[1])}</mi>" if len(_letters(m[1])) > 1 else m[0], text)
+    text = _UPRIGHT.sub(
+        lambda m: f"<mi>{_letters(m[1])}</mi>" if len(_letters(m[1])) > 1 else m[0], text
+    )
     text = _BOLD.sub(lambda m: f"<mi>{_bold(unescape(m[1]))}</mi>", text)
-    text = text.replace("&#x003D5;", "&#x003C6;").replace("<mi>&#x1D5B3;</mi>", '<mi mathvariant="normal">T</mi>')
+    text = text.replace("&#x003D5;", "&#x003C6;").replace(
+        "<mi>&#x1D5B3;</mi>", '<mi mathvariant="normal">T</mi>'
+    )
     text = _CALL.sub(_called, text)
     text = text.replace("<mover>", '<mover accent="true">')
-    text = text.replace("<mo>&#x0005B;</mo><mtable>", '<mspace width="0.2em" /><mtable class="matrix">').replace(
-        "</mtable><mo>&#x0005D;</mo>", '</mtable><mspace width="0.2em" />'
-    )
+    text = text.replace(
+        "<mo>&#x0005B;</mo><mtable>", '<mspace width="0.2em" /><mtable class="matrix">'
+    ).replace("</mtable><mo>&#x0005D;</mo>", '</mtable><mspace width="0.2em" />')
     text = _RAISED.sub(r'\1<mspace width="0.167em" />', text)
     style = ' displaystyle="true"' if display else ""
     return re.sub(r"<math [^>]*>", f"<math{style}>", text, count=1)

@@ -1,4 +1,5 @@
-"""What a formulation itself says: its principal equations in matrices, each of them checked against what is compiled."""
+"""What a formulation itself says: its principal equations in matrices, each of them checked against
+what is compiled."""
 
 from __future__ import annotations
 
@@ -31,17 +32,30 @@ def nonideal(a: Author) -> None:
         "problem, in which no constraint does work of its own and the applied forces are $!Q^\\circ$:"
     )
     _ideal(a, named["C"], named["lam_ideal"])
-    a.say("They do not depend on what the constraints do, so $!Q=!Q^\\circ+!C(!\\lambda^\\circ)$ is explicit.")
-    a.mean(r"!\lambda^\circ,\; !Q^\circ,\; !C", "reactions and applied forces of the ideal problem, nonideal forces")
+    a.say(
+        "They do not depend on what the constraints do, so $!Q=!Q^\\circ+!C(!\\lambda^\\circ)$ is explicit."
+    )
+    a.mean(
+        r"!\lambda^\circ,\; !Q^\circ,\; !C",
+        "reactions and applied forces of the ideal problem, nonideal forces",
+    )
 
 
 def _ideal(a: Author, C: ca.SX, lam: ca.SX) -> None:
     s = a.system
     if not s.definite:
-        a.state(r"!M\,!!v^\circ + !h", r"!Q^\circ + !A^T!\lambda^\circ,\qquad !A\,!!v^\circ = !\beta")
+        a.state(
+            r"!M\,!!v^\circ + !h", r"!Q^\circ + !A^T!\lambda^\circ,\qquad !A\,!!v^\circ = !\beta"
+        )
         return
-    symbols = {i: x for i, row in enumerate(s.rows) if (x := s.symbols.names.get(f"reaction.{row.name}")) is not None}
-    force = s.Q - ca.substitute(C, ca.vertcat(*[ca.SX(x) for x in symbols.values()]), lam[list(symbols)])
+    symbols = {
+        i: x
+        for i, row in enumerate(s.rows)
+        if (x := s.symbols.names.get(f"reaction.{row.name}")) is not None
+    }
+    force = s.Q - ca.substitute(
+        C, ca.vertcat(*[ca.SX(x) for x in symbols.values()]), lam[list(symbols)]
+    )
     free = _solved(s.M, force - s.h + ca.mtimes(s.A.T, lam))
     left = r"!A\,!M^{-1}\left(!Q^\circ - !h + !A^T!\lambda^\circ\right)"
     a.law("ideal reactions", left, r"!\beta", ca.mtimes(s.A, free) - s.beta)
@@ -55,12 +69,14 @@ def _maggi(a: Author) -> None:
     s, S = a.system, a.named("S")
     a.section("Maggi's equations")
     a.say(
-        "Of the forces on the base velocities those along the constraint rows do no work on the motions $!S\\,!w$ that the "
+        "Of the forces on the generalized velocities those along the constraint rows do no work on the motions $!S\\,!w$ that the "
         "constraints allow. So, with the mass matrix, the bias and the forces as they are written above,"
     )
     motion = ca.mtimes(s.M, a.vdot) + s.h - s.Q
     a.law("Maggi", r"!S^T\left(!M\,!!v + !h - !Q\right)", r"!0", ca.mtimes(S.T, motion))
-    a.say("as many equations as there are degrees of freedom; the columns of $!S$ are Kane's partial velocities.")
+    a.say(
+        "as many equations as there are degrees of freedom; the columns of $!S$ are Kane's partial velocities."
+    )
 
 
 def _udwadia_kalaba(a: Author) -> None:
@@ -71,16 +87,22 @@ def _udwadia_kalaba(a: Author) -> None:
     a.mean(r"!a", "accelerations without constraints, M⁻¹ (Q − h)")
     if s.rows:
         _fundamental(a, s.M, free, r"!M")
-        a.say("which is Gauss's principle: of all accelerations that satisfy $!A\\,!!v=!\\beta$ this is the nearest to $!a$.")
+        a.say(
+            "which is Gauss's principle: of all accelerations that satisfy $!A\\,!!v=!\\beta$ this is the nearest to $!a$."
+        )
 
 
 def _fundamental(a: Author, M: ca.SX, free: ca.SX, mass: str) -> None:
     """v̇ = a + M⁻¹ Aᵀ λ with G λ = β − A a, over the rows that are kept."""
     A, beta, G = a.named("A_kept"), a.named("beta_kept"), a.named("G")
-    a.say("The constraints ask for $!\\beta$. What is missing is made up by forces along their rows,")
+    a.say(
+        "The constraints ask for $!\\beta$. What is missing is made up by forces along their rows,"
+    )
     a.law("G", r"!G", rf"!A\,{mass}^{{-1}}!A^T", G - ca.mtimes(A, _solved(M, A.T)))
     missing = beta - ca.mtimes(A, free)
-    a.law("missing", r"!G\,!\lambda", r"!\beta - !A\,!a", ca.mtimes(G, a.named("lam_kept")) - missing)
+    a.law(
+        "missing", r"!G\,!\lambda", r"!\beta - !A\,!a", ca.mtimes(G, a.named("lam_kept")) - missing
+    )
     a.mean(r"!G", f"resistance of the constraint rows, A {mass.replace('!', '')}⁻¹ Aᵀ")
     a.say("and the explicit equation of constrained motion is")
     forces = ca.mtimes(A.T, _solved(G, missing))
@@ -112,14 +134,29 @@ def _udwadia_phohomsiri(a: Author) -> None:
     else:
         a.law("stacked", r"!M\,!!v", r"!Q - !h", ca.mtimes(s.M, a.vdot) - force)
         return
-    a.say("The same acceleration follows from a mass matrix that is never singular there, with a number $W_i$ for every row:")
+    a.say(
+        "The same acceleration follows from a mass matrix that is never singular there, with a number $W_i$ for every row:"
+    )
     W = a.named("W")
     weighted = ca.mtimes(A.T, W)
     a.matrix("W", r"!W", "W", W)
     a.law("M_A", r"!M_A", r"!M + !A^T!W\,!A", a.named("M_A") - s.M - ca.mtimes(weighted, A))
-    a.law("F_A", r"!F_A", r"!Q - !h + !A^T!W\,!\beta", a.named("F_A") - force - ca.mtimes(weighted, beta))
-    a.law("free accelerations", r"!M_A\,!a", r"!F_A", ca.mtimes(a.named("M_A"), a.named("a")) - a.named("F_A"))
-    a.mean(r"!W,\; !M_A,\; !F_A", "weights of the rows, mass matrix and force with the constraints added")
+    a.law(
+        "F_A",
+        r"!F_A",
+        r"!Q - !h + !A^T!W\,!\beta",
+        a.named("F_A") - force - ca.mtimes(weighted, beta),
+    )
+    a.law(
+        "free accelerations",
+        r"!M_A\,!a",
+        r"!F_A",
+        ca.mtimes(a.named("M_A"), a.named("a")) - a.named("F_A"),
+    )
+    a.mean(
+        r"!W,\; !M_A,\; !F_A",
+        "weights of the rows, mass matrix and force with the constraints added",
+    )
     a.mean(r"!a", "accelerations that M_A and F_A give by themselves")
     _fundamental(a, a.named("M_A"), a.named("a"), r"!M_A")
 
@@ -136,7 +173,7 @@ def _recursive(a: Author) -> None:
         a.law("determinant", r"\det !M", r"\prod_i D_i", ca.det(ca.densify(s.M)) - _product(D))
     else:
         a.state(r"\det !M", r"\prod_i D_i")
-    a.say("with the pivots, in the order of the base velocities,")
+    a.say("with the pivots, in the order of the generalized velocities,")
     a.vector("D", "D", D)
     a.mean(r"D_i", "pivots of the recursion, M = U D Uᵀ")
 

@@ -33,7 +33,11 @@ def energies(a: Author, found: Sequence[Component]) -> None:
     if system.V.is_zero():
         a.say("There is no potential energy.")
     else:
-        a.say("and the potential energy of gravity and springs is" if system.links else "and the potential energy is")
+        a.say(
+            "and the potential energy of gravity and springs is"
+            if system.links
+            else "and the potential energy is"
+        )
         a.scalar("V", "V", system.V, "potential energy", "J")
 
 
@@ -58,18 +62,24 @@ def _kinetic(a: Author, numbers: Sequence[Numbers]) -> None:
 
 
 def unprojected(a: Author) -> None:
-    """M, h, Q: one equation for every base velocity."""
+    """M, h, Q: one equation for every generalized velocity."""
     system = a.system
     a.section("Equations of motion")
-    forces = ", with the multipliers $!\\lambda$ as forces along the constraint rows," if system.rows else ""
-    a.say(f"Collected for the base velocities, the equations of motion are{forces}")
+    forces = (
+        ", with the multipliers $!\\lambda$ as forces along the constraint rows,"
+        if system.rows
+        else ""
+    )
+    a.say(f"Collected for the generalized velocities, the equations of motion are{forces}")
     left = r"!M\,!!v + !h"
     right = r"!Q" + (r" + !A^T!\lambda" if system.rows else "")
     a.law("motion", left, right, _balance(a))
     origin = " (composite bodies, Walker and Orin)" if system.links else ""
     a.say(f"The mass matrix{origin} is symmetric, with $T=\\tfrac{{1}}{{2}}\\,!v^T!M\\,!v$:")
     a.matrix("M", r"!M", "M", system.M, symmetric=True)
-    origin = " (Newton and Euler's equations from tip to base with $!!v=!0$)" if system.links else ""
+    origin = (
+        " (Newton and Euler's equations from tip to base with $!!v=!0$)" if system.links else ""
+    )
     a.say(f"The bias $!h$ collects velocity products, gravity and potential forces{origin}:")
     _vector(a, "h", "h", system.h, r"!h")
     a.say("The applied forces are")
@@ -92,7 +102,9 @@ def _balance(a: Author) -> ca.SX:
 def bordered(a: Author) -> None:
     """The augmented system: Lagrange's equations of the first kind."""
     s = a.system
-    a.say("Together with the constraints they are one bordered system, solved for accelerations and multipliers at once:")
+    a.say(
+        "Together with the constraints they are one bordered system, solved for accelerations and multipliers at once:"
+    )
     if not s.rows:
         a.law("solved", r"!M\,!!v", r"!Q - !h", _balance(a))
         return
@@ -148,18 +160,29 @@ def _mass(a: Author) -> None:
     if max(operations(x) for row in found for x in row) > LONG_SUM:
         a.say("In two steps, with the momenta per quasi-velocity $!P=!M\\,!S$,")
         P = [[sum_of(row, column) for column in zip(*a.entries["S"])] for row in a.entries["M"]]
-        a.matrix("P", r"!P", "P", ca.mtimes(a.system.M, a.named("S")), [x for row in P for x in row])
+        a.matrix(
+            "P", r"!P", "P", ca.mtimes(a.system.M, a.named("S")), [x for row in P for x in row]
+        )
         a.mean(r"!P", "momenta per quasi-velocity, M S")
         found = [[sum_of(c, d) for d in zip(*a.entries["P"])] for c in zip(*a.entries["S"])]
     a.say("Written out over the entries above, the mass matrix is")
     n = len(found)
-    a.matrix("M_w", r"!M_w", "M^{w}", M_w, [found[min(i, j)][max(i, j)] for i in range(n) for j in range(n)], symmetric=True)
+    a.matrix(
+        "M_w",
+        r"!M_w",
+        "M^{w}",
+        M_w,
+        [found[min(i, j)][max(i, j)] for i in range(n) for j in range(n)],
+        symmetric=True,
+    )
 
 
 def _triple(S: Rows, M: Rows) -> Rows:
     """Sᵀ M S, its terms collected."""
     columns = list(zip(*S))
-    return [[sympy.expand(sum_of(x, [sum_of(row, y) for row in M])) for y in columns] for x in columns]
+    return [
+        [sympy.expand(sum_of(x, [sum_of(row, y) for row in M])) for y in columns] for x in columns
+    ]
 
 
 def _force(a: Author) -> None:
@@ -176,9 +199,14 @@ def _force(a: Author) -> None:
     Q, h, sigma = ([row[0] for row in a.entries[x]] for x in ("Q", "h", "sigma"))
     F = [x - y - sum_of(row, sigma) for x, y, row in zip(Q, h, a.entries["M"])]
     a.vector("F", "F", s.Q - s.h - ca.mtimes(s.M, a.named("sigma")), F)
-    a.mean(r"!F", "forces on the base velocities where ẇ = 0, Q − h − M σ")
+    a.mean(r"!F", "forces on the generalized velocities where ẇ = 0, Q − h − M σ")
     a.say("is")
-    a.vector("f_w", "f^{w}", f_w, [sum_of(c, [row[0] for row in a.entries["F"]]) for c in zip(*a.entries["S"])])
+    a.vector(
+        "f_w",
+        "f^{w}",
+        f_w,
+        [sum_of(c, [row[0] for row in a.entries["F"]]) for c in zip(*a.entries["S"])],
+    )
 
 
 def _solved(a: Author) -> None:
@@ -221,7 +249,13 @@ def _cramer(a: Author, M: Rows, f: list[sympy.Expr]) -> None:
     a.lines("determinant", [determinant], [M[0][0] * M[1][1] - M[0][1] ** 2], value)
     a.mean(r"\Delta_{w}", "determinant of the mass matrix of the quasi-velocities")
     a.say("the explicit equations of motion are")
-    _accelerations(a, [(M[1][1] * f[0] - M[0][1] * f[1]) / determinant, (M[0][0] * f[1] - M[0][1] * f[0]) / determinant])
+    _accelerations(
+        a,
+        [
+            (M[1][1] * f[0] - M[0][1] * f[1]) / determinant,
+            (M[0][0] * f[1] - M[0][1] * f[0]) / determinant,
+        ],
+    )
 
 
 def _accelerations(a: Author, found: list[sympy.Expr]) -> None:
@@ -240,23 +274,33 @@ def _decomposed(a: Author, M: Rows, f: list[sympy.Expr]) -> None:
     n = len(f)
     steps = _Steps(a)
     A, b = [list(row) for row in M], list(f)
-    values, sides = [[a.named("M_w")[i, j] for j in range(n)] for i in range(n)], [a.named("f_w")[i] for i in range(n)]
+    values, sides = (
+        [[a.named("M_w")[i, j] for j in range(n)] for i in range(n)],
+        [a.named("f_w")[i] for i in range(n)],
+    )
     factors: dict[tuple[int, int], sympy.Expr] = {}
     for k in reversed(range(n)):
         A[k][k] = steps.named(f"delta[{k + 1}]", rf"\delta_{{{k + 1}}}", A[k][k], values[k][k])
         b[k] = steps.named(f"eta[{k + 1}]", rf"\eta_{{{k + 1}}}", b[k], sides[k])
         for i in range(k):
             factor, exact = A[i][k] / A[k][k], values[i][k] / values[k][k]
-            factors[i, k] = steps.named(f"l[{i + 1},{k + 1}]", rf"\ell_{{{i + 1}{k + 1}}}", factor, exact)
+            factors[i, k] = steps.named(
+                f"l[{i + 1},{k + 1}]", rf"\ell_{{{i + 1}{k + 1}}}", factor, exact
+            )
             b[i], sides[i] = b[i] - factors[i, k] * b[k], sides[i] - exact * sides[k]
             for j in range(i, k):
                 A[i][j] = A[j][i] = A[i][j] - factors[i, k] * A[j][k]
                 values[i][j] = values[j][i] = values[i][j] - exact * values[j][k]
     steps.show()
-    a.mean(r"\delta_{k},\; \ell_{ik},\; \eta_{k}", "pivots, factors and right-hand sides of the elimination of M_w")
+    a.mean(
+        r"\delta_{k},\; \ell_{ik},\; \eta_{k}",
+        "pivots, factors and right-hand sides of the elimination of M_w",
+    )
     a.say("and the explicit equations of motion are, one after the other,")
     rates = [a.fresh(f"rate[{s.name}]", names.dotted(a.names[s])) for s in a.w]
-    _accelerations(a, [b[k] / A[k][k] - sum_of([factors[i, k] for i in range(k)], rates[:k]) for k in range(n)])
+    _accelerations(
+        a, [b[k] / A[k][k] - sum_of([factors[i, k] for i in range(k)], rates[:k]) for k in range(n)]
+    )
 
 
 class _Steps:
@@ -296,12 +340,21 @@ def multipliers(a: Author) -> None:
     )
     rho = ca.mtimes(system.M, a.vdot) + system.h - system.Q
     if a.has("E"):
-        a.law("lambda", r"!\lambda", r"!E^T!R^T!\rho", a.lam - ca.mtimes(a.named("E").T, ca.mtimes(a.named("R").T, rho)))
+        a.law(
+            "lambda",
+            r"!\lambda",
+            r"!E^T!R^T!\rho",
+            a.lam - ca.mtimes(a.named("E").T, ca.mtimes(a.named("R").T, rho)),
+        )
     else:
         a.law("lambda", r"!\lambda", r"!R^T!\rho", a.lam[a.kept] - ca.mtimes(a.named("R").T, rho))
-    a.table(("multiplier", "constraint row"), [_row(i, row.name) for i, row in enumerate(system.rows)])
+    a.table(
+        ("multiplier", "constraint row"), [_row(i, row.name) for i, row in enumerate(system.rows)]
+    )
     if a.has("E"):
-        a.say("Of rows that repeat each other these are, of all multipliers with the same $!A^T!\\lambda$, the least.")
+        a.say(
+            "Of rows that repeat each other these are, of all multipliers with the same $!A^T!\\lambda$, the least."
+        )
         return
     if len(a.kept) < len(system.rows):
         a.say("The multipliers of rows that repeat others are zero.")
@@ -324,8 +377,10 @@ def _recovered(a: Author, rho: ca.SX) -> None:
         a.lines("vdot", [rates[j] for j in own], [found[j] for j in own], a.vdot[own])
     vdot = [x if x in a.rates or found[j] != 0 else sympy.Integer(0) for j, x in enumerate(rates)]
     a.say("the forces that are missing are")
-    a.vector("rho", r"\rho", rho, [sum_of(row, vdot) + x - y for row, x, y in zip(a.entries["M"], h, Q)])
-    a.mean(r"!\rho", "forces of the constraints on the base velocities, M v̇ + h − Q")
+    a.vector(
+        "rho", r"\rho", rho, [sum_of(row, vdot) + x - y for row, x, y in zip(a.entries["M"], h, Q)]
+    )
+    a.mean(r"!\rho", "forces of the constraints on the generalized velocities, M v̇ + h − Q")
     a.say("and the multipliers are")
     column = [row[0] for row in a.entries["rho"]]
     symbols = [a.fresh(f"lam[{i + 1}]", rf"\lambda_{{{i + 1}}}") for i in a.kept]
@@ -339,28 +394,41 @@ def _rate(a: Author, j: int) -> sympy.Symbol:
 def power(a: Author) -> None:
     """d(T + V)/dt = P."""
     a.section("Energy and power")
-    found = a.function("power")
-    a.say("Along a motion the energy changes by the power of the forces that have no potential" + (
+    found, integral = a.function("power"), not a.system.homogeneous
+    if integral:
+        a.say(
+            "The kinetic energy has terms that are linear in the rates or free of them. What is in "
+            "balance is therefore Jacobi's integral, without the former and with the latter "
+            "reversed,"
+        )
+        a.scalar("H", "H", a.system.energy, "Jacobi's integral", "J")
+    a.say("Along a motion " + ("it" if integral else "the energy")
+        + " changes by the power of the forces that have no potential" + (
         ", and of constraints that move:" if not a.system.c.is_zero() else ":"))  # fmt: skip
     right = r"P" + ("" if a.system.c.is_zero() else r" + !\lambda^T!c")
     rate = _energy_rate(a)
     moving = ca.dot(a.lam, a.system.c) if a.system.rows else 0
-    if a.system.assumptions or found is None:
-        a.state(r"\frac{\mathrm{d}}{\mathrm{d}t}\left(T+V\right)", right)
+    left = r"\frac{\mathrm{d}}{\mathrm{d}t}" + ("H" if integral else r"\left(T+V\right)")
+    if found is None:
+        a.state(left, right)
     else:
-        a.law("power", r"\frac{\mathrm{d}}{\mathrm{d}t}\left(T+V\right)", right, rate - a.system.power - moving)
+        a.law("power", left, right, rate - a.system.power - moving)
     if a.system.power.is_zero():
-        a.say("Here $P=0$: the energy is conserved." if a.system.c.is_zero() else "Here $P=0$.")
+        conserved = "Jacobi's integral" if integral else "the energy"
+        still = a.system.c.is_zero()
+        a.say(f"Here $P=0$: {conserved} is conserved." if still else "Here $P=0$.")
         return
     a.say("with the power")
     a.scalar("P", "P", a.system.power, "power of the forces without potential", "W")
 
 
 def _energy_rate(a: Author) -> ca.SX:
-    """d(T + V)/dt with v̇ from the equations."""
+    """d(T + V)/dt, or that of Jacobi's integral, with v̇ from the equations."""
     s = a.system
-    total = s.T + s.V
-    return ca.jtimes(total, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qdot)) + ca.jtimes(total, s.v, a.vdot)
+    total = s.energy
+    return ca.jtimes(total, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qdot)) + ca.jtimes(
+        total, s.v, a.vdot
+    )
 
 
 def outputs(a: Author) -> None:
@@ -372,10 +440,16 @@ def outputs(a: Author) -> None:
         rows = [row.name for row in a.system.rows]
         if ca.depends_on(value, a.system.symbols.reactions(rows)):
             shown = [row for row in rows if ca.depends_on(value, a.system.symbols.reactions([row]))]
-            a.say("{name}: the multipliers $!\\lambda$ of {rows};", name=name, rows=", ".join(shown))
+            a.say(
+                "{name}: the multipliers $!\\lambda$ of {rows};", name=name, rows=", ".join(shown)
+            )
             continue
         count = value.numel()
-        labels = [names.symbol(name)] if count == 1 else [f"{names.upright(name)}_{{{k + 1}}}" for k in range(count)]
+        labels = (
+            [names.symbol(name)]
+            if count == 1
+            else [f"{names.upright(name)}_{{{k + 1}}}" for k in range(count)]
+        )
         symbols = [a.fresh(f"output {name}[{k + 1}]", latex) for k, latex in enumerate(labels)]
         found = a.read(value)
         if found is None:

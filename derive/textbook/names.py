@@ -45,7 +45,9 @@ GREEK = frozenset(
 _SPECIAL = re.compile(r"([_%$#&{}])")
 _INDEXED = re.compile(r"([A-Za-z]+?)_?(\d+)")
 # what the page itself calls t, T, V, P and the entries of its matrices and vectors
-_TAKEN = re.compile(r"(t|T|V|P)|(N|M|A|B|R|S|P|D|h|c|F|Q|z|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho|\\delta|\\eta)_\{\d+\}")
+_TAKEN = re.compile(
+    r"(t|T|V|P)|(N|M|A|B|R|S|P|D|h|c|F|Q|z|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho|\\delta|\\eta)_\{\d+\}"
+)
 
 
 def letter(word: str) -> str:
@@ -60,7 +62,8 @@ def upright(word: str) -> str:
 
 
 def symbol(name: str) -> str:
-    """LaTeX of a model's identifier: phi1 → φ₁, l_arm → l with index arm, th → upright th, q1_dot → q̇₁."""
+    """LaTeX of a model's identifier: phi1 → φ₁, l_arm → l with index arm, th → upright th, q1_dot →
+    q̇₁."""
     if name.endswith("_dot") and len(name) > 4:
         return dotted(symbol(name[:-4]))
     found = _parts(name)
@@ -94,7 +97,8 @@ def _stem(latex: str) -> tuple[str, str]:
 
 
 def velocity(name: str, rate_of: str) -> str:
-    """A base velocity: the rate of a coordinate, or `base.vx` → v_x with the joint above it."""
+    """A generalized velocity: the rate of a coordinate, or `base.vx` → v_x with the joint above
+    it."""
     if rate_of:
         return dotted(symbol(rate_of))
     owner, _, slot = name.rpartition(".")
@@ -109,9 +113,12 @@ def body(name: str) -> str:
 
 
 def bold(latex: str) -> str:
-    """Short hand of our own formulas: !v is a bold v, !!v its rate, ^T a transpose, !\\beta a bold β."""
+    """Short hand of our own formulas: !v is a bold v, !!v its rate, ^T a transpose, !\\beta a bold
+    β."""
     latex = re.sub(r"!(\\[a-zA-Z]+)", r"\\boldsymbol{\1}", latex).replace("^T", r"^{\mathsf{T}}")
-    return re.sub(r"!([A-Za-z01])", r"\\mathbf{\1}", re.sub(r"!!([A-Za-z])", r"\\dot{\\mathbf{\1}}", latex))
+    return re.sub(
+        r"!([A-Za-z01])", r"\\mathbf{\1}", re.sub(r"!!([A-Za-z])", r"\\dot{\\mathbf{\1}}", latex)
+    )
 
 
 def unit(text: str) -> str:

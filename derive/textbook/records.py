@@ -1,4 +1,5 @@
-"""The derivation as data: sections of paragraphs, tables and displayed formulas. Both writers print exactly this."""
+"""The derivation as data: sections of paragraphs, tables and displayed formulas. Both writers print
+exactly this."""
 
 from __future__ import annotations
 
@@ -30,8 +31,9 @@ Runs = tuple[Run, ...]
 class Printed:
     """One displayed formula, left = right.
 
-    `right` is a SymPy matrix; `left` has its entries' symbols row by row, None where the entry has no symbol of its own.
-    `value` is the CasADi term (same shape) that `right` must equal once the formulas before it have been evaluated.
+    `right` is a SymPy matrix; `left` has its entries' symbols row by row, None where the entry has
+    no symbol of its own. `value` is the CasADi term (same shape) that `right` must equal once the
+    formulas before it have been evaluated.
     """
 
     name: str

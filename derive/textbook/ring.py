@@ -1,8 +1,10 @@
-"""Sums of products with exact coefficients: what trigonometric terms of mechanics collapse in, at bounded cost.
+"""Sums of products with exact coefficients: what trigonometric terms of mechanics collapse in, at
+bounded cost.
 
-A term is coefficient · monomial of atoms · (1, cos a or sin a). In Fourier form products of sines and cosines become sines
-and cosines of sums, so sin² + cos² = 1 and the addition theorems are applied by adding equal terms; in product form they are
-atoms like any other. Everything that is not polynomial (roots, quotients, calls) is an atom that knows what it is made of.
+A term is coefficient · monomial of atoms · (1, cos a or sin a). In Fourier form products of sines
+and cosines become sines and cosines of sums, so sin² + cos² = 1 and the addition theorems are
+applied by adding equal terms; in product form they are atoms like any other. Everything that is not
+polynomial (roots, quotients, calls) is an atom that knows what it is made of.
 """
 
 from __future__ import annotations
@@ -15,10 +17,14 @@ from typing import Any
 Monomial = tuple[tuple[int, int], ...]  # (atom, exponent), sorted
 Trig = tuple  # () or ("c" | "s", ((atom, coefficient), …))
 Key = tuple[Monomial, Trig]
-Exact = int | Fraction  # a whole number where it can be: arithmetic with those is many times as fast
+Exact = (
+    int | Fraction
+)  # a whole number where it can be: arithmetic with those is many times as fast
 Poly = dict[Key, Exact]
 UNIT: Key = ((), ())
-PLAIN = frozenset((1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48))  # denominators that read better as fractions
+PLAIN = frozenset(
+    (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48)
+)  # denominators that read better as fractions
 
 
 class TooBig(Exception):
@@ -27,7 +33,8 @@ class TooBig(Exception):
 
 @dataclass(frozen=True)
 class Atom:
-    """`kind` is "symbol" (content: a SymPy symbol), "sum" (a Poly, met as a divisor), "root" (a Poly) or a function's name."""
+    """`kind` is "symbol" (content: a SymPy symbol), "sum" (a Poly, met as a divisor), "root" (a
+    Poly) or a function's name."""
 
     kind: str
     content: Any
@@ -46,7 +53,8 @@ def over(x: Exact, y: Exact) -> Exact:
 
 
 def rational(x: float) -> Exact:
-    """The number meant: 1/3 for 0.333…, 981/100 for 9.81; else the shortest decimal that reads back the same."""
+    """The number meant: 1/3 for 0.333…, 981/100 for 9.81; else the shortest decimal that reads back
+    the same."""
     if x.is_integer():
         return int(x)
     near = Fraction(x).limit_denominator(1_000_000)
@@ -129,14 +137,17 @@ class Ring:
                 extra = self.product(extra or {UNIT: 1}, self.power(content, whole))
                 rest += [(k, odd)] if odd else []
             elif kind == "abs" and e < 0 and self._covers(monomial, content[0]):
-                extra = self.product(extra or {UNIT: 1}, {(((k, e + 2),) if e != -2 else (), ()): 1})
+                extra = self.product(
+                    extra or {UNIT: 1}, {(((k, e + 2),) if e != -2 else (), ()): 1}
+                )
                 extra = self.product(extra, self.power(self.inverse(content[0]), 2))
             else:
                 rest.append((k, e))
         return tuple(rest), extra
 
     def _covers(self, monomial: Monomial, inside: Poly) -> bool:
-        """Whether the monomial holds the square of what stands in |…|, a single atom: x² / |x| is |x|."""
+        """Whether the monomial holds the square of what stands in |…|, a single atom: x² / |x| is
+        |x|."""
         ((inner, _),) = inside
         return len(inner) == 1 and dict(monomial).get(inner[0][0], 0) >= 2 * inner[0][1]
 
@@ -149,12 +160,15 @@ class Ring:
         return result
 
     def inverse(self, a: Poly) -> Poly:
-        """A single term turns over; a sum becomes an atom to the power −1, its common factor taken out."""
+        """A single term turns over; a sum becomes an atom to the power −1, its common factor taken
+        out."""
         if not a:
             raise TooBig  # a division by zero is not a formula
         factor, monomial, rest = parted(a)
         if (shorter := self.pythagorean(rest)) != rest:
-            return self.product({(tuple((k, -e) for k, e in monomial), ()): over(1, factor)}, self.inverse(shorter))
+            return self.product(
+                {(tuple((k, -e) for k, e in monomial), ()): over(1, factor)}, self.inverse(shorter)
+            )
         turned = tuple((k, -e) for k, e in monomial)
         if rest == {UNIT: 1}:
             return self.product({(turned, ()): over(1, factor)}, {UNIT: 1})
@@ -183,13 +197,22 @@ class Ring:
         while before is None or len(poly) < before:
             before = len(poly)
             for sine, cosine in self._pairs():
-                poly = min(poly, self._replaced(poly, sine, cosine), self._replaced(poly, cosine, sine), key=len)
+                poly = min(
+                    poly,
+                    self._replaced(poly, sine, cosine),
+                    self._replaced(poly, cosine, sine),
+                    key=len,
+                )
         return poly
 
     def _pairs(self) -> list[tuple[int, int]]:
         """Atoms sin x and cos x of the same x; there are none in Fourier form."""
         cosines = {name[1]: k for name, k in self.index.items() if name[0] == "cos"}
-        return [(k, cosines[name[1]]) for name, k in self.index.items() if name[0] == "sin" and name[1] in cosines]
+        return [
+            (k, cosines[name[1]])
+            for name, k in self.index.items()
+            if name[0] == "sin" and name[1] in cosines
+        ]
 
     def _replaced(self, poly: Poly, old: int, new: int) -> Poly:
         """Even powers of `old` written with `new`: x² = 1 − y²."""
@@ -200,12 +223,15 @@ class Ring:
             powers = dict(monomial)
             pairs, powers[old] = divmod(powers[old], 2)
             rest = tuple(sorted((k, e) for k, e in powers.items() if e))
-            for key, x in self.product({(rest, trig): poly[monomial, trig]}, self.power(square, pairs)).items():
+            for key, x in self.product(
+                {(rest, trig): poly[monomial, trig]}, self.power(square, pairs)
+            ).items():
                 self._accumulate(result, key, x)
         return result
 
     def in_fourier_form(self, poly: Poly, other: Ring) -> Poly:
-        """The same sum in the ring `other`. Raises TooBig where it holds more than symbols, sines and cosines."""
+        """The same sum in the ring `other`. Raises TooBig where it holds more than symbols, sines
+        and cosines."""
         result: Poly = {}
         for (monomial, _), x in poly.items():
             term: Poly = {UNIT: x}
@@ -251,7 +277,12 @@ class Ring:
         """((atom, coefficient), …) of a sum of symbols, () for anything else."""
         found = []
         for (monomial, trig), x in a.items():
-            if trig or len(monomial) != 1 or monomial[0][1] != 1 or self.atoms[monomial[0][0]].kind != "symbol":
+            if (
+                trig
+                or len(monomial) != 1
+                or monomial[0][1] != 1
+                or self.atoms[monomial[0][0]].kind != "symbol"
+            ):
                 return ()
             found.append((monomial[0][0], x))
         return _oriented(tuple(sorted(found)))[0]
@@ -308,22 +339,29 @@ def _odd(freq: tuple, x: Exact) -> list[tuple[Trig, Exact]]:
 
 
 def parted(a: Poly) -> tuple[Exact, Monomial, Poly]:
-    """factor · monomial · rest: what all terms have in common taken out, the first coefficient of the rest positive."""
+    """factor · monomial · rest: what all terms have in common taken out, the first coefficient of
+    the rest positive."""
     monomial = common_monomial(list(a))
     factor = common_factor([a[key] for key in sorted(a)])
     turned = tuple((k, -e) for k, e in monomial)
-    return factor, monomial, {(_merged(m, turned), trig): over(x, factor) for (m, trig), x in a.items()}
+    return (
+        factor,
+        monomial,
+        {(_merged(m, turned), trig): over(x, factor) for (m, trig), x in a.items()},
+    )
 
 
 def common_monomial(keys: list[Key]) -> Monomial:
-    """Every atom to its lowest power in any term: what is left are true polynomials without a common atom."""
+    """Every atom to its lowest power in any term: what is left are true polynomials without a
+    common atom."""
     powers = [dict(monomial) for monomial, _ in keys]
     lowest = {k: min(p.get(k, 0) for p in powers) for k in {k for p in powers for k in p}}
     return tuple(sorted((k, e) for k, e in lowest.items() if e))
 
 
 def common_factor(values: list[Exact]) -> Exact:
-    """The largest number that leaves small whole coefficients; 1 where the coefficients are no plain fractions."""
+    """The largest number that leaves small whole coefficients; 1 where the coefficients are no
+    plain fractions."""
     sign = -1 if values[0] < 0 else 1
     if len({abs(x) for x in values}) == 1:
         return values[0]
@@ -349,6 +387,10 @@ def _halved(a: Poly) -> Poly | None:
 
 
 def _square_root(x: Exact) -> Exact | None:
-    if x <= 0 or isqrt(x.numerator) ** 2 != x.numerator or isqrt(x.denominator) ** 2 != x.denominator:
+    if (
+        x <= 0
+        or isqrt(x.numerator) ** 2 != x.numerator
+        or isqrt(x.denominator) ** 2 != x.denominator
+    ):
         return None
     return over(isqrt(x.numerator), isqrt(x.denominator))

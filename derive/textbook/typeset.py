@@ -1,4 +1,5 @@
-"""SymPy expressions as LaTeX, in the order a person writes: number, parameters, positions, velocities, sums, functions."""
+"""SymPy expressions as LaTeX, in the order a person writes: number, parameters, positions,
+velocities, sums, functions."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ _COMMAND = re.compile(
 
 
 class Typesetter:
-    """`names` gives the LaTeX of every symbol, in the order in which symbols stand in a product or sum, parameters first."""
+    """`names` gives the LaTeX of every symbol, in the order in which symbols stand in a product or
+    sum, parameters first."""
 
     def __init__(self, names: Mapping[Expr, str], parameters: int = 0) -> None:
         self.names, self.parameters = names, parameters
@@ -46,7 +48,8 @@ class Typesetter:
         return self._sum(x) if x.is_Add else self._product(x)
 
     def lines(self, x: Expr, line: int = LINE) -> tuple[str, ...]:
-        """The formula in lines of about `line` visible characters, broken between the terms of sums."""
+        """The formula in lines of about `line` visible characters, broken between the terms of
+        sums."""
         pieces: list[str] = []
         for term in self._breakable(x, line):
             if pieces and width(pieces[-1]) + width(term) <= line:
@@ -59,7 +62,10 @@ class Typesetter:
         """Parts between which a line may end; they give the formula when put together."""
         if x.is_Add:
             parts = [self._breakable(term, line) for term in sorted(x.args, key=self._place_in_sum)]
-            return [*parts[0], *[piece for part in parts[1:] for piece in (_signed(part[0]), *part[1:])]]
+            return [
+                *parts[0],
+                *[piece for part in parts[1:] for piece in (_signed(part[0]), *part[1:])],
+            ]
         whole = self.latex(x)
         factor, inside = _bracket(x)
         if inside is None or width(whole) <= line:
@@ -104,7 +110,8 @@ class Typesetter:
         return f"{sign}\\frac{{{self._juxtaposed(over)}}}{{{self._juxtaposed(under)}}}"
 
     def _juxtaposed(self, factors: list[Expr]) -> str:
-        """Factors side by side with a thin space; a sum stands in brackets unless it stands alone."""
+        """Factors side by side with a thin space; a sum stands in brackets unless it stands
+        alone."""
         if not factors:
             return "1"
         if len(factors) == 1:
@@ -134,7 +141,12 @@ class Typesetter:
         if x.exp == sympy.Rational(1, 2):
             return rf"\sqrt{{{self.latex(x.base)}}}"
         exponent = self.latex(x.exp)
-        if x.base.is_Function and x.exp.is_Integer and x.exp > 0 and str(x.base.func) in ("sin", "cos", "tan"):
+        if (
+            x.base.is_Function
+            and x.exp.is_Integer
+            and x.exp > 0
+            and str(x.base.func) in ("sin", "cos", "tan")
+        ):
             return self._called(x.base, exponent)
         if x.base.is_Symbol:
             return f"{_raisable(self.names[x.base])}^{{{exponent}}}"
@@ -153,7 +165,9 @@ class Typesetter:
             return self._otherwise(x)
         raised = f"^{{{power}}}" if power else ""
         simple = len(x.args) == 1 and x.args[0].is_Symbol
-        return f"{CALLED[name]}{raised}" + (f" {arguments}" if simple else rf"\left({arguments}\right)")
+        return f"{CALLED[name]}{raised}" + (
+            f" {arguments}" if simple else rf"\left({arguments}\right)"
+        )
 
     def _otherwise(self, x: sympy.Basic) -> str:
         return sympy.latex(x, symbol_names=dict(self.names))
@@ -170,7 +184,8 @@ def _signed(term: str) -> str:
 
 
 def _bracket(x: Expr) -> tuple[Expr, Expr | None]:
-    """factor, sum of factor · sum, where the sum can stand last: no function before it would seem to take it in."""
+    """factor, sum of factor · sum, where the sum can stand last: no function before it would seem
+    to take it in."""
     sums = [f for f in x.args if f.is_Add] if x.is_Mul else []
     rest = sympy.Mul(*[f for f in x.args if not f.is_Add])
     clear = len(sums) == 1 and not any(f.has(sympy.Function) for f in _split(rest)[0])
@@ -178,7 +193,10 @@ def _bracket(x: Expr) -> tuple[Expr, Expr | None]:
 
 
 def _is_negative(x: Expr) -> bool:
-    return bool((x.is_Number and x.is_negative) or (x.is_Mul and x.args[0].is_Number and x.args[0].is_negative))
+    return bool(
+        (x.is_Number and x.is_negative)
+        or (x.is_Mul and x.args[0].is_Number and x.args[0].is_negative)
+    )
 
 
 def _split(x: Expr) -> tuple[list[Expr], list[Expr]]:

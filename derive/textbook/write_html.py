@@ -16,16 +16,25 @@ def page(document: Document) -> str:
     """MathML and CSS inside; no script, no network, the same bytes every time."""
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(files("derive.textbook").joinpath("page.html.j2").read_text("utf-8"))
-    return template.render(document=document, kind=lambda block: type(block).__name__, runs=_runs, rows=_rows)
+    environment = Environment(
+        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    template = environment.from_string(
+        files("derive.textbook").joinpath("page.html.j2").read_text("utf-8")
+    )
+    return template.render(
+        document=document, kind=lambda block: type(block).__name__, runs=_runs, rows=_rows
+    )
 
 
 def _runs(runs: Runs):
-    """Text escaped, mathematics as MathML; a line does not end between a formula and the sign after it."""
+    """Text escaped, mathematics as MathML; a line does not end between a formula and the sign after
+    it."""
     from markupsafe import Markup
 
-    shown = "".join(escape(run.text) if isinstance(run, Text) else mathml(run.latex) for run in runs)
+    shown = "".join(
+        escape(run.text) if isinstance(run, Text) else mathml(run.latex) for run in runs
+    )
     return Markup(_SIGN_AFTER.sub(r'<span class="kept">\1\2</span>', shown))
 
 
@@ -33,7 +42,9 @@ def _rows(display: Display):
     """Left side and right side of every line; a right side in pieces fills further lines."""
     from markupsafe import Markup
 
-    return [(Markup(left), Markup(right)) for line in display.lines for left, right in _pieces(line)]
+    return [
+        (Markup(left), Markup(right)) for line in display.lines for left, right in _pieces(line)
+    ]
 
 
 def _pieces(line: Line) -> list[tuple[str, str]]:

@@ -52,7 +52,18 @@ _SPECIAL = {
     "°": r"\ensuremath{^{\circ}}",
     "\u0307": "",  # a dot above that is no letter of its own
 }
-_DOTTED = {"q̇": "q", "v̇": "v", "ẇ": "w", "ẋ": "x", "Ḃ": "B", "Ȧ": "A", "ċ": "c", "Ṡ": "S", "ẏ": "y", "ż": "z"}
+_DOTTED = {
+    "q̇": "q",
+    "v̇": "v",
+    "ẇ": "w",
+    "ẋ": "x",
+    "Ḃ": "B",
+    "Ȧ": "A",
+    "ċ": "c",
+    "Ṡ": "S",
+    "ẏ": "y",
+    "ż": "z",
+}
 _GREEK = dict(
     zip(
         "αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΥΦΨΩ",
@@ -112,14 +123,22 @@ def article(document: Document) -> str:
         comment_start_string="<#",
         comment_end_string="#>",
     )
-    template = environment.from_string(files("derive.textbook").joinpath("article.tex.j2").read_text("utf-8"))
+    template = environment.from_string(
+        files("derive.textbook").joinpath("article.tex.j2").read_text("utf-8")
+    )
     return template.render(
-        document=document, kind=lambda x: type(x).__name__, escape=escape, runs=_runs, rows=_rows, columns=_columns
+        document=document,
+        kind=lambda x: type(x).__name__,
+        escape=escape,
+        runs=_runs,
+        rows=_rows,
+        columns=_columns,
     )
 
 
 def escape(text: str) -> str:
-    """Text that LaTeX prints as it is; letters it has no font for are printed as their code points."""
+    """Text that LaTeX prints as it is; letters it has no font for are printed as their code
+    points."""
     for pair, letter in _DOTTED.items():
         text = text.replace(pair, f"\ue000{letter}\ue001")
     return "".join(_escaped(c) for c in text)
@@ -160,11 +179,14 @@ def _fitted(latex: str, room: int) -> str:
     """Made narrower where it would not fit on the page."""
     if _columns_wide(latex) <= room:
         return latex
-    return rf"\resizebox{{{max(room, 20) / TEXT_WIDTH:.2f}\linewidth}}{{!}}{{$\displaystyle {latex}$}}"
+    return (
+        rf"\resizebox{{{max(room, 20) / TEXT_WIDTH:.2f}\linewidth}}{{!}}{{$\displaystyle {latex}$}}"
+    )
 
 
 def _columns_wide(latex: str) -> int:
-    """Of a matrix, its widest row counts with the gaps between columns; of anything else, all of it."""
+    """Of a matrix, its widest row counts with the gaps between columns; of anything else, all of
+    it."""
     if r"\begin{bmatrix}" not in latex:
         return width(latex)
     return max(width(row.replace("&", "xx")) for row in latex.split(r"\\"))
@@ -172,13 +194,22 @@ def _columns_wide(latex: str) -> int:
 
 def _columns(table: Table) -> str:
     """Short columns as wide as they are; long ones share what is left of the line."""
-    lengths = [max(len(title), *(_length(row[k]) for row in table.rows)) for k, title in enumerate(table.head)]
+    lengths = [
+        max(len(title), *(_length(row[k]) for row in table.rows))
+        for k, title in enumerate(table.head)
+    ]
     if sum(lengths) + 3 * len(lengths) <= TEXT_WIDTH:
         return "l" * len(lengths)
     long = [k for k, n in enumerate(lengths) if n > LONG_CELL] or [lengths.index(max(lengths))]
-    left = 0.97 - sum(lengths[k] + 3 for k in range(len(lengths)) if k not in long) / TEXT_WIDTH - 0.03 * len(long)
+    left = (
+        0.97
+        - sum(lengths[k] + 3 for k in range(len(lengths)) if k not in long) / TEXT_WIDTH
+        - 0.03 * len(long)
+    )
     shares = {k: max(left, 0.2) * lengths[k] / sum(lengths[i] for i in long) for k in long}
-    return "".join(rf"p{{{shares[k]:.2f}\linewidth}}" if k in shares else "l" for k in range(len(lengths)))
+    return "".join(
+        rf"p{{{shares[k]:.2f}\linewidth}}" if k in shares else "l" for k in range(len(lengths))
+    )
 
 
 def _length(runs: Runs) -> int:

@@ -19,7 +19,7 @@ defaults: NDArray[np.float64]
 status: tuple[str, ...]
 functions: tuple[str, ...]
 integrators: tuple[str, ...]
-keepings: tuple[str, ...]
+enforcements: tuple[str, ...]
 backend: Literal["extension", "ctypes", "numpy"]
 
 def threaded(function: Callable[..., NDArray[np.float64]], threads: int) -> Callable[..., NDArray[np.float64]]:
@@ -33,12 +33,12 @@ def dynamics(
 def mass(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """mass matrix M(q) of the base velocities v, nv × nv: shape (..., 3, 3)."""
+    """mass matrix M(q) of the generalized velocities v, nv × nv: shape (..., 3, 3)."""
 
 def bias(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: shape (..., 3)."""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: shape (..., 3)."""
 
 def inverse_dynamics(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
@@ -78,7 +78,7 @@ def outputs(
 def velocity(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """base velocities v = S w + R c: shape (..., 3)."""
+    """generalized velocities v = S w + R c: shape (..., 3)."""
 
 def state(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
@@ -117,7 +117,7 @@ def simulate(
     max_steps: int = 1_000_000,
     progress: Callable[[float], object] | None = None,
     integrator: Literal["dop853", ] | None = None,
-    keeping: Literal["projection", "none", ] | None = None,
+    enforcement: Literal["projection", "none", ] | None = None,
     step_size: float | None = None,
 ) -> Simulation:
     """The motion from state x at t_span[0] with constant inputs u, at the entries of t_span or at times."""

@@ -54,7 +54,7 @@ def _at(values):
 def _evaluate(name, t, x, u, p, out):
     given, lead = prepare(name, t, x, u, p)
     target = place(name, lead, out)
-    direct = out is None or (out.flags.c_contiguous and not any(np.may_share_memory(out, value) for value in given))
+    direct = out is None or (out.flags.carray and not any(np.may_share_memory(out, value) for value in given))
     result = target if direct else np.empty(target.shape)
     status = _single(name, given, result) if not lead else _many(name, given, lead, result)
     report(name, given[0], status)
@@ -102,12 +102,12 @@ def dynamics(t, x, u=None, p=None, out=None):
 
 
 def mass(t, x, u=None, p=None, out=None):
-    """mass matrix M(q) of the base velocities v, nv × nv"""
+    """mass matrix M(q) of the generalized velocities v, nv × nv"""
     return _evaluate("mass", t, x, u, p, out)
 
 
 def bias(t, x, u=None, p=None, out=None):
-    """bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
     return _evaluate("bias", t, x, u, p, out)
 
 
@@ -147,7 +147,7 @@ def outputs(t, x, u=None, p=None, out=None):
 
 
 def velocity(t, x, u=None, p=None, out=None):
-    """base velocities v = S w + R c"""
+    """generalized velocities v = S w + R c"""
     return _evaluate("velocity", t, x, u, p, out)
 
 

@@ -56,7 +56,7 @@ def _dynamics(t, x, u, p, out):
     cos_q1 = np.cos(q1)
     cos_q3 = np.cos(q3)
 
-    # S: base velocities per quasi-velocity, v = S w + R c
+    # S: generalized velocities per quasi-velocity, v = S w + R c
     z3 = 1.0 / l2
     z4 = l3 * z3 * cos_z2
     z5 = l1 * sin_q2
@@ -67,7 +67,7 @@ def _dynamics(t, x, u, p, out):
     z9 = z4 * S_3 - z8 * z3
     S_2 = z9 - 1.0
 
-    # v: base velocities
+    # v: generalized velocities
     v_2 = q1_dot * S_2
     v_3 = q1_dot * S_3
 
@@ -124,7 +124,7 @@ def _mass(t, x, u, p, out):
     # angles: their sines and cosines, all together
     cos_q2 = np.cos(q2)
 
-    # M: mass matrix M(q) of the base velocities v, nv × nv
+    # M: mass matrix M(q) of the generalized velocities v, nv × nv
     z1 = m2 * l2
     z2 = 0.5 * z1 * cos_q2
     z3 = l1 * (l1 * m2 + 0.3333333333333333 * m1 * l1 + z2)
@@ -169,7 +169,7 @@ def _bias(t, x, u, p, out):
     sin_z1 = np.sin(z1)
     cos_q3 = np.cos(q3)
 
-    # h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
+    # h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
     z2 = 1.0 + l1 * (cos_q2 - sin_q2 * cos_z1 / sin_z1) / l2
     z3 = q1_dot - q1_dot * z2
     z4 = m2 * l2
@@ -581,7 +581,7 @@ def _velocity(t, x, u, p, out):
     sin_q2 = np.sin(q2)
     sin_z1 = np.sin(z1)
 
-    # v: base velocities v = S w + R c
+    # v: generalized velocities v = S w + R c
     z2 = l3 * sin_z1
     z3 = l1 * sin_q2 / z2
     z4 = (cos_z1 * l3 * z3 - cos_q2 * l1) / l2 - 1.0
@@ -636,12 +636,12 @@ def dynamics(t, x, u=None, p=None, out=None):
 
 
 def mass(t, x, u=None, p=None, out=None):
-    """mass matrix M(q) of the base velocities v, nv × nv"""
+    """mass matrix M(q) of the generalized velocities v, nv × nv"""
     return _evaluate("mass", _mass, t, x, u, p, out)
 
 
 def bias(t, x, u=None, p=None, out=None):
-    """bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
     return _evaluate("bias", _bias, t, x, u, p, out)
 
 
@@ -681,7 +681,7 @@ def outputs(t, x, u=None, p=None, out=None):
 
 
 def velocity(t, x, u=None, p=None, out=None):
-    """base velocities v = S w + R c"""
+    """generalized velocities v = S w + R c"""
     return _evaluate("velocity", _velocity, t, x, u, p, out)
 
 

@@ -105,17 +105,6 @@ INLINE void four_bar_turns(double p, double q, double u, double v, double *restr
         four_bar_far(p, q, u, v, sines, cosines);
 }
 
-/* Zero when all values are finite: 0 * value is 0 for finite values and NaN for the others. */
-static inline double four_bar_stray(const double *values, int n)
-{
-    double even = 0.0, odd = 0.0;
-    int i;
-    for (i = 0; i + 1 < n; i += 2) {
-        even += 0.0 * values[i];
-        odd += 0.0 * values[i + 1];
-    }
-    return i < n ? even + odd + 0.0 * values[i] : even + odd;
-}
 
 /* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 93 operations */
 int four_bar_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)
@@ -147,7 +136,7 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
     four_bar_turns(q3, 0.0, 0.0, 0.0, sines_, cosines_);
     const double cos_q3 = cosines_[0];
 
-    /* S: base velocities per quasi-velocity, v = S w + R c */
+    /* S: generalized velocities per quasi-velocity, v = S w + R c */
     const double z3 = 1.0 / l2;
     const double z4 = l3 * z3 * cos_z2;
     const double z5 = l1 * sin_q2;
@@ -158,7 +147,7 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
     const double z9 = z4 * S_3 - z8 * z3;
     const double S_2 = z9 - 1.0;
 
-    /* v: base velocities */
+    /* v: generalized velocities */
     const double v_2 = q1_dot * S_2;
     const double v_3 = q1_dot * S_3;
 
@@ -206,7 +195,7 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
     return FOUR_BAR_OK;
 }
 
-/* mass matrix M(q) of the base velocities v, nv × nv: 18 operations */
+/* mass matrix M(q) of the generalized velocities v, nv × nv: 18 operations */
 int four_bar_mass(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q2 = x[1];
@@ -222,7 +211,7 @@ int four_bar_mass(double t, const double *x, const double *u, const double *p, d
     four_bar_turns(q2, 0.0, 0.0, 0.0, sines, cosines);
     const double cos_q2 = cosines[0];
 
-    /* M: mass matrix M(q) of the base velocities v, nv × nv */
+    /* M: mass matrix M(q) of the generalized velocities v, nv × nv */
     const double z1 = m2 * l2;
     const double z2 = 0.5 * z1 * cos_q2;
     const double z3 = l1 * (l1 * m2 + 0.3333333333333333 * m1 * l1 + z2);
@@ -248,7 +237,7 @@ int four_bar_mass(double t, const double *x, const double *u, const double *p, d
     return FOUR_BAR_OK;
 }
 
-/* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 42 operations */
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 42 operations */
 int four_bar_bias(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -274,7 +263,7 @@ int four_bar_bias(double t, const double *x, const double *u, const double *p, d
     const double sin_z1 = sines[2];
     const double cos_q3 = cosines[3];
 
-    /* h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
+    /* h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
     const double z2 = 1.0 + l1 * (cos_q2 - sin_q2 * cos_z1 / sin_z1) / l2;
     const double z3 = q1_dot - q1_dot * z2;
     const double z4 = m2 * l2;
@@ -736,7 +725,7 @@ int four_bar_outputs(double t, const double *x, const double *u, const double *p
     return FOUR_BAR_OK;
 }
 
-/* base velocities v = S w + R c: 17 operations */
+/* generalized velocities v = S w + R c: 17 operations */
 int four_bar_velocity(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -756,7 +745,7 @@ int four_bar_velocity(double t, const double *x, const double *u, const double *
     const double cos_z1 = cosines[1];
     const double sin_z1 = sines[1];
 
-    /* v: base velocities v = S w + R c */
+    /* v: generalized velocities v = S w + R c */
     const double z2 = l3 * sin_z1;
     const double z3 = l1 * sin_q2 / z2;
     const double z4 = (cos_z1 * l3 * z3 - cos_q2 * l1) / l2 - 1.0;
@@ -903,7 +892,7 @@ int four_bar_dynamics_precomputed(double t, const double *x, const double *u, co
     four_bar_turns(q3, 0.0, 0.0, 0.0, sines_, cosines_);
     const double cos_q3 = cosines_[0];
 
-    /* S: base velocities per quasi-velocity, v = S w + R c */
+    /* S: generalized velocities per quasi-velocity, v = S w + R c */
     const double z3 = cos_z2 * c5;
     const double z4 = l1 * sin_q2;
     const double z5 = l3 * sin_z2;
@@ -913,7 +902,7 @@ int four_bar_dynamics_precomputed(double t, const double *x, const double *u, co
     const double z8 = z3 * S_3 - z7 * c4;
     const double S_2 = z8 - 1.0;
 
-    /* v: base velocities */
+    /* v: generalized velocities */
     const double v_2 = q1_dot * S_2;
     const double v_3 = q1_dot * S_3;
 

@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "112948af33d154ca8971ed3ef6b62148"
+#define FOUR_BAR_PROGRAM "ece44b17eec578e7a2ba9b500eca021c"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1
@@ -80,11 +80,11 @@ typedef size_t (*four_bar_batch)(size_t rows, const double *t, ptrdiff_t t_strid
    93 operations; reads x, u, p. */
 int four_bar_dynamics(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
-/* mass matrix M(q) of the base velocities v, nv × nv: out[9], 3 x 3 row by row.
+/* mass matrix M(q) of the generalized velocities v, nv × nv: out[9], 3 x 3 row by row.
    18 operations; reads x, p. */
 int four_bar_mass(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
-/* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[3].
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[3].
    42 operations; reads x, p. */
 int four_bar_bias(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
@@ -117,7 +117,7 @@ int four_bar_power(double t, const double *x, const double *u, const double *p, 
    19 operations; reads x, p. */
 int four_bar_outputs(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
-/* base velocities v = S w + R c: out[3].
+/* generalized velocities v = S w + R c: out[3].
    17 operations; reads x, p. */
 int four_bar_velocity(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 

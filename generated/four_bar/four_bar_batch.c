@@ -154,7 +154,7 @@ PART four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x
         double cos_q3_sin, cos_q3;
         bad += four_bar_sincos(q3, &cos_q3_sin, &cos_q3);
 
-        /* S: base velocities per quasi-velocity, v = S w + R c */
+        /* S: generalized velocities per quasi-velocity, v = S w + R c */
         const double z3 = cos_z2 * c5;
         const double z4 = l1 * sin_q2;
         const double z5 = l3 * sin_z2;
@@ -164,7 +164,7 @@ PART four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x
         const double z8 = z3 * S_3 - z7 * c4;
         const double S_2 = z8 - 1.0;
 
-        /* v: base velocities */
+        /* v: generalized velocities */
         const double v_2 = q1_dot * S_2;
         const double v_3 = q1_dot * S_3;
 

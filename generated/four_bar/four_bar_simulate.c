@@ -234,10 +234,10 @@ static void remember(Run *r, double h, const double *values)
     }
 }
 
-/* What the keeping does with the state z after a step that met the tolerance. */
+/* What the enforcement does with the state z after a step that met the tolerance. */
 static int settled(Run *r, double t, double *z, double *k)
 {
-    if (r->s[FOUR_BAR_SIM_KEEPING] == FOUR_BAR_KEEPING_projection)
+    if (r->s[FOUR_BAR_SIM_ENFORCEMENT] == FOUR_BAR_ENFORCEMENT_projection)
         return projected(r, t, z, k);
     (void)r, (void)t, (void)z, (void)k;
     return FOUR_BAR_OK;
@@ -331,11 +331,11 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
     double c[FOUR_BAR_NC_DYNAMICS];
     Run run = {s, u, p, c, rtol, atol};
     double z[N], next[N], seen[FOUR_BAR_N_GUARDS];
-    const int method = (int)s[FOUR_BAR_SIM_INTEGRATOR], keeping = (int)s[FOUR_BAR_SIM_KEEPING];
+    const int method = (int)s[FOUR_BAR_SIM_INTEGRATOR], enforcement = (int)s[FOUR_BAR_SIM_ENFORCEMENT];
     const int fixed = s[FOUR_BAR_SIM_FIXED] > 0.0;
     int i, status, failed = 0;
     size_t done;
-    if (method < 0 || method >= METHODS || keeping < 0 || keeping >= FOUR_BAR_KEEPINGS || !(fixed || methods[method].adaptive))
+    if (method < 0 || method >= METHODS || enforcement < 0 || enforcement >= FOUR_BAR_ENFORCEMENTS || !(fixed || methods[method].adaptive))
         return FOUR_BAR_NO_METHOD;
     if ((status = four_bar_dynamics_precompute(p, c)) != FOUR_BAR_OK)
         return status;

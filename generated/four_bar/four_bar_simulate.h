@@ -15,7 +15,7 @@ extern "C" {
 enum {
     FOUR_BAR_STEP_TOO_SMALL = 4, /* the tolerance cannot be met, or the motion ends in a singular position */
     FOUR_BAR_MORE = 5,           /* the budget of steps is used up: call again to go on */
-    FOUR_BAR_NO_METHOD = 6,      /* no such integrator or keeping, or an integrator without step control and no fixed step */
+    FOUR_BAR_NO_METHOD = 6,      /* no such integrator or enforcement, or an integrator without step control and no fixed step */
     FOUR_BAR_SINGULAR_POSITION = 7 /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
 };
 
@@ -24,17 +24,17 @@ enum {
     FOUR_BAR_INTEGRATOR_dop853 = 0 /* explicit Runge-Kutta of order 8 with error estimates of orders 5 and 3 */
 };
 
-/* Keepings, ways to stay on the constraints: */
+/* Enforcements, ways to stay on the constraints: */
 enum {
-    FOUR_BAR_KEEPING_projection = 0,
-    FOUR_BAR_KEEPING_none = 1,
-    FOUR_BAR_KEEPINGS = 2
+    FOUR_BAR_ENFORCEMENT_projection = 0,
+    FOUR_BAR_ENFORCEMENT_none = 1,
+    FOUR_BAR_ENFORCEMENTS = 2
 };
 
 /* A simulation is an array of doubles. To start: zeros, then time and state, and what is not to be 0 of the first three. */
 enum {
     FOUR_BAR_SIM_INTEGRATOR = 0, /* which integrator, by number */
-    FOUR_BAR_SIM_KEEPING = 1, /* which keeping, by number */
+    FOUR_BAR_SIM_ENFORCEMENT = 1, /* which enforcement, by number */
     FOUR_BAR_SIM_FIXED = 2, /* the size of equal steps; 0 lets the tolerance decide */
     FOUR_BAR_SIM_T = 3, /* time */
     FOUR_BAR_SIM_DONE = 4, /* output times reached */

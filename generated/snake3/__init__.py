@@ -28,7 +28,7 @@ status = _shared.STATUS  # what the C functions return, by number
 functions = tuple(_shared.FUNCTIONS)
 threaded = _shared.threaded
 integrators = _simulate.INTEGRATORS
-keepings = _simulate.KEEPINGS
+enforcements = _simulate.ENFORCEMENTS
 
 try:
     from . import _snake3 as _binding
@@ -65,11 +65,11 @@ difference = _binding.difference
 
 def simulate(
     t_span, x, u=None, p=None, *, rtol=1e-9, atol=1e-11, times=None, max_steps=1_000_000, progress=None,
-    integrator=None, keeping=None, step_size=None,
+    integrator=None, enforcement=None, step_size=None,
 ):  # fmt: skip
     """The motion from state x at t_span[0] with constant inputs u (zero when omitted).
 
-    integrator is one of dop853; keeping, how to stay on the constraints, one of
+    integrator is one of dop853; enforcement, how to stay on the constraints, one of
     none (the first ones when omitted). Steps follow the tolerances rtol and atol, or are equal and
     at most step_size. Rows come out at the entries of t_span, or at `times` where given. progress is called with the time covered so far. Raises
     FloatingPointError where the motion cannot go on; the error's `partial` holds the rows up to there.
@@ -77,12 +77,12 @@ def simulate(
     u = [0.0] * nu if u is None else u
     advance = getattr(_binding, "advance", _simulate.advance)
     return _simulate.run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator,
-                         keeping, step_size)
+                         enforcement, step_size)
 
 
 __all__ = [
     "backend", "choice", "defaults", "formulation", "functions", "inputs", "name", "np_", "nu", "nx", "parameters", "states",
-    "status", "threaded", "units", "integrators", "keepings",
+    "status", "threaded", "units", "integrators", "enforcements",
     "dynamics",
     "mass",
     "bias",

@@ -52,7 +52,7 @@ def _dynamics(t, x, u, p, out):
     cos_phi2 = np.cos(phi2)
     sin_phi2 = np.sin(phi2)
 
-    # S: base velocities per quasi-velocity, v = S w + R c
+    # S: generalized velocities per quasi-velocity, v = S w + R c
     z1 = 1.0 / l
     z2 = sin_phi1 * z1
     z3 = 1.0 + cos_phi1
@@ -63,7 +63,7 @@ def _dynamics(t, x, u, p, out):
     z8 = z1 * (cos_phi2 * z6 + sin_phi2 * z7)
     S_5_2 = cos_phi1 + z8
 
-    # v: base velocities
+    # v: generalized velocities
     z9 = v * z2
     z10 = om * z3 + 2.0 * z9
     z11 = 2.0 * v
@@ -134,7 +134,7 @@ def _mass(t, x, u, p, out):
     cos_phi1 = np.cos(phi1)
     sin_phi2 = np.sin(phi2)
 
-    # M: mass matrix M(q) of the base velocities v, nv × nv
+    # M: mass matrix M(q) of the generalized velocities v, nv × nv
     z1 = 3.0 * m
     z2 = l / 2.0
     z3 = m * z2
@@ -207,7 +207,7 @@ def _bias(t, x, u, p, out):
     cos_phi2 = np.cos(phi2)
     sin_phi2 = np.sin(phi2)
 
-    # h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
+    # h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
     z1 = om * om
     z2 = l / 2.0
     z3 = 2.0 * m * z2
@@ -552,7 +552,7 @@ def _velocity(t, x, u, p, out):
     cos_phi2 = np.cos(phi2)
     sin_phi2 = np.sin(phi2)
 
-    # v: base velocities v = S w + R c
+    # v: generalized velocities v = S w + R c
     z1 = 1.0 / l
     z2 = sin_phi1 * z1
     z3 = 2.0 * v
@@ -691,12 +691,12 @@ def dynamics(t, x, u=None, p=None, out=None):
 
 
 def mass(t, x, u=None, p=None, out=None):
-    """mass matrix M(q) of the base velocities v, nv × nv"""
+    """mass matrix M(q) of the generalized velocities v, nv × nv"""
     return _evaluate("mass", _mass, t, x, u, p, out)
 
 
 def bias(t, x, u=None, p=None, out=None):
-    """bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
     return _evaluate("bias", _bias, t, x, u, p, out)
 
 
@@ -726,7 +726,7 @@ def power(t, x, u=None, p=None, out=None):
 
 
 def velocity(t, x, u=None, p=None, out=None):
-    """base velocities v = S w + R c"""
+    """generalized velocities v = S w + R c"""
     return _evaluate("velocity", _velocity, t, x, u, p, out)
 
 

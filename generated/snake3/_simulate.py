@@ -15,8 +15,8 @@ from . import _shared
 N = 8  # the state and the work
 INTEGRATORS = ("dop853", )
 STEPPED = ()  # without step control
-KEEPINGS = ("none", )
-INTEGRATOR, KEEPING, FIXED, T, DONE, STEPS, REJECTED, CALLS, POSITION, VELOCITY, PASSED, CHARTS, STEP, ERROR, X = range(15)
+ENFORCEMENTS = ("none", )
+INTEGRATOR, ENFORCEMENT, FIXED, T, DONE, STEPS, REJECTED, CALLS, POSITION, VELOCITY, PASSED, CHARTS, STEP, ERROR, X = range(15)
 SLOPE, GUARDS = X + N, X + 2 * N
 SIZE = GUARDS + 5
 TURNS = SIZE - 5
@@ -31,7 +31,7 @@ CAUSES = {
     STEP_TOO_SMALL: "the step became too small for the tolerance",
     MORE: "too many steps",
     SINGULAR_POSITION: "the motion came to a singular position, or ways across it disagree: its branch cannot be told",
-    NO_METHOD: "the integrator or the keeping needs compiled code",
+    NO_METHOD: "the integrator or the enforcement needs compiled code",
 }
 
 
@@ -40,7 +40,7 @@ class Simulation:
     """A motion: one row of x and one entry of work per time. `work` is that of all forces without potential since the start.
 
     position_violation and velocity_violation are the largest that a constraint showed after any step; crossings counts the singular
-    positions that were crossed, charts those that a keeping used.
+    positions that were crossed, charts those that an enforcement used.
     Whole turns of th, phi1, phi2 are counted apart while integrating, for nothing sees them and they take digits from the
     rest of the angle; `reduced` is x without them, which the violations are of.
     """
@@ -59,9 +59,9 @@ class Simulation:
     reduced: np.ndarray
 
 
-def run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator=None, keeping=None, step_size=None):
+def run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator=None, enforcement=None, step_size=None):
     """Integrate; see simulate() of the package."""
-    t = np.ascontiguousarray(t_span if times is None else times, dtype=float)
+    t = np.ascontiguousarray(_shared.real("simulate", "t_span" if times is None else "times", t_span if times is None else times))
     start = float(t_span[0])
     if t.ndim != 1 or not t.size or np.any(np.diff(t) < 0) or t[0] < start or not np.isfinite(t).all():
         raise ValueError("simulate() needs finite times that do not decrease")
@@ -69,14 +69,14 @@ def run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progres
         raise ValueError("simulate() needs tolerances above zero")
     if step_size is not None and not 0 < step_size < np.inf:
         raise ValueError("simulate() needs a step_size above zero")
-    method, kept = _named("integrator", integrator, INTEGRATORS), _named("keeping", keeping, KEEPINGS)
+    method, kept = _named("integrator", integrator, INTEGRATORS), _named("enforcement", enforcement, ENFORCEMENTS)
     if step_size is None and INTEGRATORS[method] in STEPPED:
         raise ValueError(f"simulate() needs a step_size for {INTEGRATORS[method]}, which has no step control")
     given, lead = _shared.prepare("dynamics", start, x, u, p)
     if lead:
         raise ValueError("simulate() takes one state, not a batch")
     state = np.zeros(SIZE)
-    state[INTEGRATOR], state[KEEPING], state[FIXED] = method, kept, step_size or 0.0
+    state[INTEGRATOR], state[ENFORCEMENT], state[FIXED] = method, kept, step_size or 0.0
     state[T], state[X : X + N - 1] = start, given[1]
     u, p = (np.ascontiguousarray(value) for value in given[2:])
     return _follow(advance, BUDGET[backend], state, t, u, p, rtol, atol, max_steps, progress)
@@ -194,7 +194,7 @@ def _step(r, t, h, y, own):
 
 
 def _settled(r, t, z, k):
-    """What the keeping does with the state after a step that met the tolerance."""
+    """What the enforcement does with the state after a step that met the tolerance."""
     return z, k
 
 
@@ -275,7 +275,7 @@ def _try(r, time, h):
 
 def advance(state, times, u, p, rtol, atol, budget, x, work, reduced):
     """snake3_simulate of the C code."""
-    if INTEGRATORS[int(state[INTEGRATOR])] not in TABLEAUX or KEEPINGS[int(state[KEEPING])] not in ("projection", "none"):
+    if INTEGRATORS[int(state[INTEGRATOR])] not in TABLEAUX or ENFORCEMENTS[int(state[ENFORCEMENT])] not in ("projection", "none"):
         return NO_METHOD
     with np.errstate(all="ignore"):
         try:

@@ -137,7 +137,7 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
     const double cos_phi2 = cosines[2];
     const double sin_phi2 = sines[2];
 
-    /* S: base velocities per quasi-velocity, v = S w + R c */
+    /* S: generalized velocities per quasi-velocity, v = S w + R c */
     const double z1 = 1.0 / l;
     const double z2 = sin_phi1 * z1;
     const double z3 = 1.0 + cos_phi1;
@@ -148,7 +148,7 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
     const double z8 = z1 * (cos_phi2 * z6 + sin_phi2 * z7);
     const double S_5_2 = cos_phi1 + z8;
 
-    /* v: base velocities */
+    /* v: generalized velocities */
     const double z9 = v * z2;
     const double z10 = om * z3 + 2.0 * z9;
     const double z11 = 2.0 * v;
@@ -208,7 +208,7 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
     return SNAKE3_OK;
 }
 
-/* mass matrix M(q) of the base velocities v, nv × nv: 46 operations */
+/* mass matrix M(q) of the generalized velocities v, nv × nv: 46 operations */
 int snake3_mass(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -225,7 +225,7 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     const double cos_phi2 = cosines[1];
     const double sin_phi2 = sines[1];
 
-    /* M: mass matrix M(q) of the base velocities v, nv × nv */
+    /* M: mass matrix M(q) of the generalized velocities v, nv × nv */
     const double z1 = 3.0 * m;
     const double z2 = l / 2.0;
     const double z3 = m * z2;
@@ -287,7 +287,7 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     return SNAKE3_OK;
 }
 
-/* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 77 operations */
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 77 operations */
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -305,7 +305,7 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     const double cos_phi2 = cosines[1];
     const double sin_phi2 = sines[1];
 
-    /* h: bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
+    /* h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
     const double z1 = om * om;
     const double z2 = l / 2.0;
     const double z3 = 2.0 * m * z2;
@@ -673,7 +673,7 @@ int snake3_power(double t, const double *x, const double *u, const double *p, do
     return SNAKE3_OK;
 }
 
-/* base velocities v = S w + R c: 23 operations */
+/* generalized velocities v = S w + R c: 23 operations */
 int snake3_velocity(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -690,7 +690,7 @@ int snake3_velocity(double t, const double *x, const double *u, const double *p,
     const double cos_phi2 = cosines[1];
     const double sin_phi2 = sines[1];
 
-    /* v: base velocities v = S w + R c */
+    /* v: generalized velocities v = S w + R c */
     const double z1 = 1.0 / l;
     const double z2 = sin_phi1 * z1;
     const double z3 = 2.0 * v;
@@ -909,7 +909,7 @@ int snake3_dynamics_precomputed(double t, const double *x, const double *u, cons
     const double cos_phi2 = cosines[2];
     const double sin_phi2 = sines[2];
 
-    /* S: base velocities per quasi-velocity, v = S w + R c */
+    /* S: generalized velocities per quasi-velocity, v = S w + R c */
     const double z1 = sin_phi1 * c2;
     const double z2 = 1.0 + cos_phi1;
     const double z3 = c2 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2);
@@ -919,7 +919,7 @@ int snake3_dynamics_precomputed(double t, const double *x, const double *u, cons
     const double z7 = c2 * (cos_phi2 * z5 + sin_phi2 * z6);
     const double S_5_2 = cos_phi1 + z7;
 
-    /* v: base velocities */
+    /* v: generalized velocities */
     const double z8 = v * z1;
     const double z9 = om * z2 + 2.0 * z8;
     const double z10 = 2.0 * v;

@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "8061148df8e8ba468c1aa0d8901a5da9"
+#define SNAKE3_PROGRAM "8c6f7241471da8d4b8e242045a692ec6"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2
@@ -80,11 +80,11 @@ typedef size_t (*snake3_batch)(size_t rows, const double *t, ptrdiff_t t_stride,
    132 operations; reads x, u, p. */
 int snake3_dynamics(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
-/* mass matrix M(q) of the base velocities v, nv × nv: out[25], 5 x 5 row by row.
+/* mass matrix M(q) of the generalized velocities v, nv × nv: out[25], 5 x 5 row by row.
    46 operations; reads x, p. */
 int snake3_mass(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
-/* bias h(q, v) of the base velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[5].
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[5].
    77 operations; reads x, p. */
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
@@ -109,7 +109,7 @@ int snake3_energy(double t, const double *x, const double *u, const double *p, d
    26 operations; reads x, u, p. */
 int snake3_power(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
-/* base velocities v = S w + R c: out[5].
+/* generalized velocities v = S w + R c: out[5].
    23 operations; reads x, p. */
 int snake3_velocity(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 

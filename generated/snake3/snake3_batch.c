@@ -143,7 +143,7 @@ PART snake3_dynamics_lanes(const double *restrict t_, const double *restrict x, 
         double sin_phi2, cos_phi2;
         bad += snake3_sincos(phi2, &sin_phi2, &cos_phi2);
 
-        /* S: base velocities per quasi-velocity, v = S w + R c */
+        /* S: generalized velocities per quasi-velocity, v = S w + R c */
         const double z1 = sin_phi1 * c2;
         const double z2 = 1.0 + cos_phi1;
         const double z3 = c2 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2);
@@ -153,7 +153,7 @@ PART snake3_dynamics_lanes(const double *restrict t_, const double *restrict x, 
         const double z7 = c2 * (cos_phi2 * z5 + sin_phi2 * z6);
         const double S_5_2 = cos_phi1 + z7;
 
-        /* v: base velocities */
+        /* v: generalized velocities */
         const double z8 = v * z1;
         const double z9 = om * z2 + 2.0 * z8;
         const double z10 = 2.0 * v;

@@ -179,7 +179,7 @@ static const struct {
 enum { METHODS = sizeof methods / sizeof methods[0] };
 
 
-/* What the keeping does with the state z after a step that met the tolerance. */
+/* What the enforcement does with the state z after a step that met the tolerance. */
 static int settled(Run *r, double t, double *z, double *k)
 {
     (void)r, (void)t, (void)z, (void)k;
@@ -236,11 +236,11 @@ int snake3_simulate(double *simulation, size_t n, const double *times, const dou
     double c[SNAKE3_NC_DYNAMICS];
     Run run = {s, u, p, c, rtol, atol};
     double z[N], next[N];
-    const int method = (int)s[SNAKE3_SIM_INTEGRATOR], keeping = (int)s[SNAKE3_SIM_KEEPING];
+    const int method = (int)s[SNAKE3_SIM_INTEGRATOR], enforcement = (int)s[SNAKE3_SIM_ENFORCEMENT];
     const int fixed = s[SNAKE3_SIM_FIXED] > 0.0;
     int i, status, failed = 0;
     size_t done;
-    if (method < 0 || method >= METHODS || keeping < 0 || keeping >= SNAKE3_KEEPINGS || !(fixed || methods[method].adaptive))
+    if (method < 0 || method >= METHODS || enforcement < 0 || enforcement >= SNAKE3_ENFORCEMENTS || !(fixed || methods[method].adaptive))
         return SNAKE3_NO_METHOD;
     if ((status = snake3_dynamics_precompute(p, c)) != SNAKE3_OK)
         return status;

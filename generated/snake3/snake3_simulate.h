@@ -15,7 +15,7 @@ extern "C" {
 enum {
     SNAKE3_STEP_TOO_SMALL = 4, /* the tolerance cannot be met, or the motion ends in a singular position */
     SNAKE3_MORE = 5,           /* the budget of steps is used up: call again to go on */
-    SNAKE3_NO_METHOD = 6,      /* no such integrator or keeping, or an integrator without step control and no fixed step */
+    SNAKE3_NO_METHOD = 6,      /* no such integrator or enforcement, or an integrator without step control and no fixed step */
     SNAKE3_SINGULAR_POSITION = 7 /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
 };
 
@@ -24,16 +24,16 @@ enum {
     SNAKE3_INTEGRATOR_dop853 = 0 /* explicit Runge-Kutta of order 8 with error estimates of orders 5 and 3 */
 };
 
-/* Keepings, ways to stay on the constraints: */
+/* Enforcements, ways to stay on the constraints: */
 enum {
-    SNAKE3_KEEPING_none = 0,
-    SNAKE3_KEEPINGS = 1
+    SNAKE3_ENFORCEMENT_none = 0,
+    SNAKE3_ENFORCEMENTS = 1
 };
 
 /* A simulation is an array of doubles. To start: zeros, then time and state, and what is not to be 0 of the first three. */
 enum {
     SNAKE3_SIM_INTEGRATOR = 0, /* which integrator, by number */
-    SNAKE3_SIM_KEEPING = 1, /* which keeping, by number */
+    SNAKE3_SIM_ENFORCEMENT = 1, /* which enforcement, by number */
     SNAKE3_SIM_FIXED = 2, /* the size of equal steps; 0 lets the tolerance decide */
     SNAKE3_SIM_T = 3, /* time */
     SNAKE3_SIM_DONE = 4, /* output times reached */

@@ -1,1 +1,2 @@
-"""What `hamel linearize` needs beside the derivation: ranges from the command line, rows for the record, and the page."""
+"""What `hamel linearize` needs beside the derivation: ranges from the command line, rows for the
+record, and the page."""

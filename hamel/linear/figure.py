@@ -1,4 +1,5 @@
-"""The mechanism as lines: joints, centres of mass and round bodies, moved along a mode and drawn as SVG that plays by itself."""
+"""The mechanism as lines: joints, centres of mass and round bodies, moved along a mode and drawn as
+SVG that plays by itself."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ AZIMUTH, ELEVATION = math.radians(-35), math.radians(18)
 
 
 def lines(system: System) -> list[ca.SX]:
-    """Polylines over (q, p), 3 × k each: from joint to joints and centre of mass on every link, and round what rolls."""
+    """Polylines over (q, p), 3 × k each: from joint to joints and centre of mass on every link, and
+    round what rolls."""
     rotations = ground_rotations(system.links)
     positions = ground_positions(system.links, rotations)
     found = []
@@ -46,7 +48,9 @@ def _points(position: Vector, rotation: Matrix, points: list[Vector]) -> ca.SX:
     return ca.horzcat(*[origin + ca.mtimes(R, ca.vertcat(*point)) for point in points])
 
 
-def _ring(system: System, constraint: Rolling, positions: list[Vector], rotations: list[Matrix]) -> ca.SX:
+def _ring(
+    system: System, constraint: Rolling, positions: list[Vector], rotations: list[Matrix]
+) -> ca.SX:
     """The circle of a wheel with two of its spokes, or a great circle of a sphere."""
     s, place = system.symbols, dict(system.places)[constraint.body]
     centre = link_point(place, s.vector(constraint.centre))
@@ -60,7 +64,9 @@ def _ring(system: System, constraint: Rolling, positions: list[Vector], rotation
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     second, radius = np.cross(axis, first), s.scalar(constraint.radius)
-    turns = [math.cos(a) * first + math.sin(a) * second for a in np.linspace(0, 2 * math.pi, AROUND)]
+    turns = [
+        math.cos(a) * first + math.sin(a) * second for a in np.linspace(0, 2 * math.pi, AROUND)
+    ]
     rim = [[c + radius * float(d) for c, d in zip(centre, turn)] for turn in turns]
     return _points(positions[place.link], rotations[place.link], [*rim, centre])
 
@@ -69,9 +75,13 @@ def projection(system: System) -> np.ndarray:
     """2 × 3: right and up on the page."""
     plane = system.model.plane
     if plane:
-        return np.array([[1.0 if "xyz"[k] == letter else 0.0 for k in range(3)] for letter in plane])
+        return np.array(
+            [[1.0 if "xyz"[k] == letter else 0.0 for k in range(3)] for letter in plane]
+        )
     g = np.array([float(x) if not isinstance(x, ca.SX) else math.nan for x in system.gravity])
-    values = dict(zip((x.name for x in system.model.parameters), (x.value for x in system.model.parameters)))
+    values = dict(
+        zip((x.name for x in system.model.parameters), (x.value for x in system.model.parameters))
+    )
     if np.any(np.isnan(g)):
         symbols = [system.p]
         g = (
@@ -90,14 +100,17 @@ def projection(system: System) -> np.ndarray:
 
 
 def moving(study: Study, mode: Mode) -> str:
-    """An SVG element that repeats the mode: an oscillation over one period, a growth or decay over two time constants."""
+    """An SVG element that repeats the mode: an oscillation over one period, a growth or decay over
+    two time constants."""
     system, motions = study.equations.system, study.motions({})
     drawn = lines(system)
     if not drawn:
         return ""
     nq, p = system.q.numel(), motions.p[0]
     function = ca.Function("lines", [system.q, system.p], drawn)
-    T = ca.Function("T", [a.symbols for a in study.equations.arguments], [ca.densify(study.linear.T)])
+    T = ca.Function(
+        "T", [a.symbols for a in study.equations.arguments], [ca.densify(study.linear.T)]
+    )
     change = (T(0.0, motions.x[0], motions.u[0], p).full() @ mode.vector)[:nq]
     change = np.where([k in _carried_along(study) for k in range(nq)], 0.0, change)
     view = projection(system)
@@ -109,12 +122,15 @@ def moving(study: Study, mode: Mode) -> str:
     size = float(np.ptp(np.hstack(rest), axis=1).max()) or 1.0
     reach = _reach(seen, rest, motions.x[0, :nq], change)
     factors = _factors(mode.eigenvalue)
-    frames = [seen(motions.x[0, :nq] + (change * f).real * SWING * size / (reach or 1.0)) for f in factors]
+    frames = [
+        seen(motions.x[0, :nq] + (change * f).real * SWING * size / (reach or 1.0)) for f in factors
+    ]
     return _svg(rest, frames, _seconds(mode.eigenvalue))
 
 
 def _carried_along(study: Study) -> set[int]:
-    """Cyclic coordinates are left where they are: what a mode does to place and heading would hide the rest."""
+    """Cyclic coordinates are left where they are: what a mode does to place and heading would hide
+    the rest."""
     return {study.linear.independent[k] for k in study.cyclic}
 
 
@@ -139,14 +155,19 @@ def _factors(eigenvalue: complex) -> list[complex]:
 
 def _seconds(eigenvalue: complex) -> float:
     """Real time where an eye can follow it."""
-    time = 2 * math.pi / abs(eigenvalue.imag) if eigenvalue.imag else 2 / (abs(eigenvalue.real) or 1.0)
+    time = (
+        2 * math.pi / abs(eigenvalue.imag) if eigenvalue.imag else 2 / (abs(eigenvalue.real) or 1.0)
+    )
     return min(max(time, 1.0), 6.0)
 
 
 def _svg(rest: list[np.ndarray], frames: list[list[np.ndarray]], seconds: float) -> str:
     everything = np.hstack([x for frame in (rest, *frames) for x in frame])
     low, high = everything.min(axis=1), everything.max(axis=1)
-    scale = min((WIDTH - 2 * MARGIN) / max(high[0] - low[0], 1e-12), (HEIGHT - 2 * MARGIN) / max(high[1] - low[1], 1e-12))
+    scale = min(
+        (WIDTH - 2 * MARGIN) / max(high[0] - low[0], 1e-12),
+        (HEIGHT - 2 * MARGIN) / max(high[1] - low[1], 1e-12),
+    )
     offset = np.array([WIDTH, HEIGHT]) / 2 - scale * (low + high) / 2
 
     def text(points: np.ndarray) -> str:
@@ -158,7 +179,9 @@ def _svg(rest: list[np.ndarray], frames: list[list[np.ndarray]], seconds: float)
         values = ";".join(text(frame[i]) for frame in frames)
         play = f'<animate attributeName="points" dur="{seconds:.2f}s" repeatCount="indefinite" values="{values}"/>'
         colour = COLOURS[i % len(COLOURS)]
-        parts.append(f'<polyline fill="none" stroke="{colour}" stroke-width="2" points="{text(still)}">{play}</polyline>')
+        parts.append(
+            f'<polyline fill="none" stroke="{colour}" stroke-width="2" points="{text(still)}">{play}</polyline>'
+        )
     size = f'viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" width="{WIDTH:.0f}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" class="mode">'
     return "\n".join([head, *parts, "</svg>"])

@@ -32,7 +32,8 @@ class Section:
 
 
 def page(study: Study, made: Sweep, ranges: Sequence[Range], record: Linearized) -> str:
-    """HTML of the motion, the equations, eigenvalues over the range, stability over pairs of names, modes and sensitivities."""
+    """HTML of the motion, the equations, eigenvalues over the range, stability over pairs of names,
+    modes and sensitivities."""
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
@@ -46,11 +47,17 @@ def page(study: Study, made: Sweep, ranges: Sequence[Range], record: Linearized)
         ("Modes", _modes(study, found)),
         ("What the eigenvalues depend on", _sensitivities(found)),
     ]
-    environment = Environment(undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(files("hamel.linear").joinpath("page.html.j2").read_text("utf-8"))
+    environment = Environment(
+        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    template = environment.from_string(
+        files("hamel.linear").joinpath("page.html.j2").read_text("utf-8")
+    )
     sections = [Section(title, Markup(body)) for title, body in parts if body]
     title = f"{record.model}: linear equations and stability"
-    return template.render(title=title, subtitle=f"along the steady motion “{record.motion}”", sections=sections)
+    return template.render(
+        title=title, subtitle=f"along the steady motion “{record.motion}”", sections=sections
+    )
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -61,10 +68,18 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _motion(record: Linearized) -> str:
-    rows = [(escape(name), f"{value:.10g}") for name, value in record.steady.items() if abs(value) > 1e-12]
+    rows = [
+        (escape(name), f"{value:.10g}")
+        for name, value in record.steady.items()
+        if abs(value) > 1e-12
+    ]
     free = ", ".join(f"{escape(name)} = {value:.6g}" for name, value in record.values.items())
     rest = "<p>All other coordinates, quasi-velocities and inputs are zero.</p>"
-    return (_table(("constant", "value in SI units"), rows) if rows else "") + rest + f'<p class="soft">{free}</p>'
+    return (
+        (_table(("constant", "value in SI units"), rows) if rows else "")
+        + rest
+        + f'<p class="soft">{free}</p>'
+    )
 
 
 def _number(x: float) -> str:
@@ -88,9 +103,15 @@ def _column(names: Sequence[str]) -> str:
 def _equations(study: Study, record: Linearized) -> str:
     """Without the cyclic coordinates, where no entry refers to them."""
     kept = list(study.kept)
-    A, B = np.array(record.A)[np.ix_(kept, kept)], np.array(record.B).reshape(len(record.states), -1)[kept]
+    A, B = (
+        np.array(record.A)[np.ix_(kept, kept)],
+        np.array(record.B).reshape(len(record.states), -1)[kept],
+    )
     scale = np.max(np.abs(A), initial=0.0)
-    A, B = np.where(np.abs(A) < 1e-13 * scale, 0.0, A), np.where(np.abs(B) < 1e-13 * np.max(np.abs(B), initial=0.0), 0.0, B)
+    A, B = (
+        np.where(np.abs(A) < 1e-13 * scale, 0.0, A),
+        np.where(np.abs(B) < 1e-13 * np.max(np.abs(B), initial=0.0), 0.0, B),
+    )
     names = [record.states[k] for k in kept]
     right = rf"{_matrix(A)} {_column(names)}"
     if record.inputs:
@@ -101,14 +122,18 @@ def _equations(study: Study, record: Linearized) -> str:
 
 def _zeros(study: Study, record: Linearized) -> str:
     system, motions = study.equations.system, study.motions({})
-    holonomic, nonholonomic = constraint_counts(system, motions.x[0, : system.q.numel()], motions.p[0])
+    holonomic, nonholonomic = constraint_counts(
+        system, motions.x[0, : system.q.numel()], motions.p[0]
+    )
     n = system.v.numel()
     text = (
         f"With n = {n} velocities, m<sub>h</sub> = {holonomic} holonomic and m<sub>n</sub> = {nonholonomic} nonholonomic "
         f"constraints there are {len(record.states)} minimal states: {escape(', '.join(record.states))}. "
     )
     if record.cyclic:
-        text += f"Cyclic coordinates, on which nothing depends: {escape(', '.join(record.cyclic))}. "
+        text += (
+            f"Cyclic coordinates, on which nothing depends: {escape(', '.join(record.cyclic))}. "
+        )
     if record.families:
         text += f"The motion is one of a family with {record.families} free value{'s' * (record.families > 1)}, a zero for each. "
     text += f"The {len(record.reduced)} eigenvalues below belong to {escape(', '.join(record.reduced))}."
@@ -139,12 +164,21 @@ def _along(made: Sweep, record: Linearized) -> list[tuple[str, str]]:
     if len(made.names) != 1:
         return []
     name = escape(made.names[0])
-    rows = [(KINDS[c.kind], f"{c.value:.15g}", _complex(complex(*c.eigenvalue))) for c in record.critical]
+    rows = [
+        (KINDS[c.kind], f"{c.value:.15g}", _complex(complex(*c.eigenvalue)))
+        for c in record.critical
+    ]
     table = (
-        _table(("what happens", f"at {made.names[0]}", "eigenvalue (1/s)"), rows) if rows else "<p>No change in the range.</p>"
+        _table(("what happens", f"at {made.names[0]}", "eigenvalue (1/s)"), rows)
+        if rows
+        else "<p>No change in the range.</p>"
     )
     ranges = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in record.stable)
-    stable = f"No mode grows for {name} from {ranges}." if ranges else f"At every value of {name} looked at some mode grows."
+    stable = (
+        f"No mode grows for {name} from {ranges}."
+        if ranges
+        else f"At every value of {name} looked at some mode grows."
+    )
     return [
         (f"Eigenvalues over {made.names[0]}", plots.over_range(made)),
         ("Critical values", f"{table}<p>{stable}</p>"),
@@ -153,14 +187,18 @@ def _along(made: Sweep, record: Linearized) -> list[tuple[str, str]]:
 
 
 def _maps(study: Study, made: Sweep, ranges: Sequence[Range]) -> list[tuple[str, str]]:
-    """Over the two names that were swept, or over the swept one and each other range of the file."""
+    """Over the two names that were swept, or over the swept one and each other range of the
+    file."""
     if len(made.names) == 2:
         return [("Stability", plots.stability_map(made))]
     if len(ranges) != 1:
         return []
     first = _coarse(ranges[0])
     others = [_coarse(r) for r in own_ranges(study.problem.motion) if r.name != first.name]
-    return [(f"Stability over {first.name} and {r.name}", plots.stability_map(swept(study, (r, first)))) for r in others]
+    return [
+        (f"Stability over {first.name} and {r.name}", plots.stability_map(swept(study, (r, first))))
+        for r in others
+    ]
 
 
 def _coarse(r: Range) -> Range:
@@ -172,7 +210,10 @@ def _complex(x: complex) -> str:
 
 
 def _modes(study: Study, found: Sequence[Mode]) -> str:
-    figures = [f"<figure>{moving(study, mode)}<figcaption>{_caption(study, mode)}</figcaption></figure>" for mode in found]
+    figures = [
+        f"<figure>{moving(study, mode)}<figcaption>{_caption(study, mode)}</figcaption></figure>"
+        for mode in found
+    ]
     return f'<div class="modes">{"".join(figures)}</div>' if figures else ""
 
 
@@ -186,7 +227,10 @@ def _sensitivities(found: Sequence[Mode]) -> str:
     names = list(dict.fromkeys(name for mode in found for name in _strongest(mode)))
     if not names:
         return ""
-    rows = [(escape(name), *(_complex_or_none(mode.sensitivity.get(name)) for mode in found)) for name in names]
+    rows = [
+        (escape(name), *(_complex_or_none(mode.sensitivity.get(name)) for mode in found))
+        for name in names
+    ]
     return _table(("dλ/d", *(_complex(mode.eigenvalue) for mode in found)), rows)
 
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hamel.draw import Curve, Panel, draw
+from hamel.draw.axis import Axis, linear
 from hamel.linear.sweep import Sweep
-from hamel.plot import Curve, Panel, draw
-from hamel.plot.axis import Axis, linear
 
 STYLE = (
     "text{font:12px system-ui,sans-serif;fill:#333}.title{font-size:14px;font-weight:600}"
@@ -41,9 +41,19 @@ def over_range(sweep: Sweep) -> str:
     """Real and imaginary parts over the swept name."""
     tracked = branches(sweep.spectra)
     labels = [f"λ{k + 1}" for k in range(tracked.shape[1])]
-    real = Panel("real parts (1/s)", tuple(Curve(n, c.real.tolist()) for n, c in zip(labels, tracked.T)))
-    imaginary = Panel("imaginary parts (rad/s)", tuple(Curve(n, c.imag.tolist()) for n, c in zip(labels, tracked.T)))
-    return draw(f"eigenvalues over {sweep.names[0]}", sweep.names[0], sweep.values[:, 0].tolist(), [real, imaginary])
+    real = Panel(
+        "real parts (1/s)", tuple(Curve(n, c.real.tolist()) for n, c in zip(labels, tracked.T))
+    )
+    imaginary = Panel(
+        "imaginary parts (rad/s)",
+        tuple(Curve(n, c.imag.tolist()) for n, c in zip(labels, tracked.T)),
+    )
+    return draw(
+        f"eigenvalues over {sweep.names[0]}",
+        sweep.names[0],
+        sweep.values[:, 0].tolist(),
+        [real, imaginary],
+    )
 
 
 def root_locus(sweep: Sweep) -> str:
@@ -57,7 +67,9 @@ def root_locus(sweep: Sweep) -> str:
         for z, s in zip(points, shade)
     ]
     axis = (
-        [f'<line class="axis" x1="{_x(along, 0):.1f}" x2="{_x(along, 0):.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>']
+        [
+            f'<line class="axis" x1="{_x(along, 0):.1f}" x2="{_x(along, 0):.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>'
+        ]
         if along.low < 0 < along.high
         else []
     )
@@ -66,7 +78,8 @@ def root_locus(sweep: Sweep) -> str:
 
 
 def stability_map(sweep: Sweep) -> str:
-    """The largest real part over two names: blue where all decays, from white to red where something grows."""
+    """The largest real part over two names: blue where all decays, from white to red where
+    something grows."""
     growth = np.max(sweep.spectra.real, axis=1)
     columns = [np.unique(sweep.values[:, k]) for k in (0, 1)]
     along, up = (linear(c.tolist(), tight=True) for c in (columns[1], columns[0]))
@@ -77,9 +90,18 @@ def stability_map(sweep: Sweep) -> str:
         i, j = np.searchsorted(columns[0], outer), np.searchsorted(columns[1], inner)
         colour = _warm(value / most) if bad else "#4a90c4"
         x, y = LEFT + j * wide, HEIGHT - BOTTOM - (i + 1) * high
-        cells.append(f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide + 0.3:.1f}" height="{high + 0.3:.1f}" fill="{colour}"/>')
+        cells.append(
+            f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide + 0.3:.1f}" height="{high + 0.3:.1f}" fill="{colour}"/>'
+        )
     share = f"{np.mean(~sweep.unstable):.0%} of the map without a growing mode"
-    return _framed(f"{sweep.names[0]} and {sweep.names[1]}: {share}", sweep.names[1], sweep.names[0], along, up, cells)
+    return _framed(
+        f"{sweep.names[0]} and {sweep.names[1]}: {share}",
+        sweep.names[1],
+        sweep.names[0],
+        along,
+        up,
+        cells,
+    )
 
 
 def _x(axis: Axis, value: float) -> float:
@@ -91,21 +113,29 @@ def _y(axis: Axis, value: float) -> float:
 
 
 def _mixed(part: float) -> str:
-    return "#" + "".join(f"{round(a + (b - a) * part):02x}" for a, b in zip((170, 205, 235), (0, 40, 90)))
+    return "#" + "".join(
+        f"{round(a + (b - a) * part):02x}" for a, b in zip((170, 205, 235), (0, 40, 90))
+    )
 
 
 def _warm(part: float) -> str:
     part = min(max(part, 0.0), 1.0) ** 0.5
-    return "#" + "".join(f"{round(a + (b - a) * part):02x}" for a, b in zip((255, 245, 235), (190, 40, 20)))
+    return "#" + "".join(
+        f"{round(a + (b - a) * part):02x}" for a, b in zip((255, 245, 235), (190, 40, 20))
+    )
 
 
-def _framed(title: str, below: str, beside: str, along: Axis, up: Axis, inside: Sequence[str]) -> str:
+def _framed(
+    title: str, below: str, beside: str, along: Axis, up: Axis, inside: Sequence[str]
+) -> str:
     from html import escape
 
     parts = [f'<text x="{LEFT}" y="18" class="title">{escape(title)}</text>']
     for at, label in along.ticks:
         x = LEFT + at * (WIDTH - LEFT - 20)
-        parts.append(f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 16}" text-anchor="middle">{label}</text>')
+        parts.append(
+            f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 16}" text-anchor="middle">{label}</text>'
+        )
     for at, label in up.ticks:
         y = HEIGHT - BOTTOM - at * (HEIGHT - TOP - BOTTOM)
         parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{label}</text>')
@@ -115,4 +145,6 @@ def _framed(title: str, below: str, beside: str, along: Axis, up: Axis, inside: 
     side = f'<text transform="{turned}" text-anchor="middle">{escape(beside)}</text>'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" width="{WIDTH:.0f}" role="img">'
     paper = '<rect width="100%" height="100%" fill="#fff"/>'
-    return "\n".join([head, f"<style>{STYLE}</style>", paper, *parts, *inside, frame, names, side, "</svg>"])
+    return "\n".join(
+        [head, f"<style>{STYLE}</style>", paper, *parts, *inside, frame, names, side, "</svg>"]
+    )

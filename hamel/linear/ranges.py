@@ -1,4 +1,5 @@
-"""`--sweep speed=0:10:11` and `--set speed=5`: values of a motion's free names and of parameters, with units where known."""
+"""`--sweep speed=0:10:11` and `--set speed=5`: values of a motion's free names and of parameters,
+with units where known."""
 
 from __future__ import annotations
 
@@ -33,7 +34,10 @@ def value(model: Model, motion: SteadyMotion, name: str, given: float | str) -> 
     if name not in motion.sweepable:
         known = (*motion.sweepable, *(parameter.name for parameter in model.parameters))
         near = did_you_mean(name, known) or f"known: {listed(known)}"
-        raise ModelError(f"'{name}' is neither free in the steady motion '{motion.name}' nor a parameter of {model.name}", near)
+        raise ModelError(
+            f"'{name}' is neither free in the steady motion '{motion.name}' nor a parameter of {model.name}",
+            near,
+        )
     if isinstance(given, str):
         return parsed(name, given, _unit(model, motion, name), {})
     if not math.isfinite(given):
@@ -47,7 +51,9 @@ def _unit(model: Model, motion: SteadyMotion, name: str) -> str | None:
     return next((known.get(held) for held, formula in motion.values if formula == Name(name)), None)
 
 
-def values(model: Model, motion: SteadyMotion, given: Mapping[str, float | str]) -> dict[str, float]:
+def values(
+    model: Model, motion: SteadyMotion, given: Mapping[str, float | str]
+) -> dict[str, float]:
     return {name: value(model, motion, name, text) for name, text in given.items()}
 
 
@@ -60,19 +66,28 @@ def ranges(model: Model, motion: SteadyMotion, given: Mapping[str, str]) -> tupl
 
 def own_ranges(motion: SteadyMotion) -> list[Range]:
     """The ranges that the file gives for a steady motion."""
-    return [Range(name, np.linspace(first, last, count)) for name, first, last, count in motion.ranges]
+    return [
+        Range(name, np.linspace(first, last, count)) for name, first, last, count in motion.ranges
+    ]
 
 
 def _range(model: Model, motion: SteadyMotion, name: str, text: str) -> Range:
     parts = text.split(":")
     if len(parts) not in (2, 3):
-        raise ModelError(f"the sweep of {name} is '{text}'", "give first:last or first:last:count, such as 0:10:101")
+        raise ModelError(
+            f"the sweep of {name} is '{text}'",
+            "give first:last or first:last:count, such as 0:10:101",
+        )
     first, last = (value(model, motion, name, part.strip()) for part in parts[:2])
-    return Range(name, np.linspace(first, last, _count(name, parts[2]) if len(parts) == 3 else COUNT))
+    return Range(
+        name, np.linspace(first, last, _count(name, parts[2]) if len(parts) == 3 else COUNT)
+    )
 
 
 def _count(name: str, text: str) -> int:
     count = int(text) if text.strip().isdecimal() else 0
     if not 1 <= count <= MOST:
-        raise ModelError(f"the sweep of {name} has '{text}' values", f"a whole count from 1 to {MOST}")
+        raise ModelError(
+            f"the sweep of {name} has '{text}' values", f"a whole count from 1 to {MOST}"
+        )
     return count

@@ -1,4 +1,5 @@
-"""A study along one range or over two: rows of eigenvalues, critical values, and where the motion is stable."""
+"""A study along one range or over two: rows of eigenvalues, critical values, and where the motion
+is stable."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ class Sweep:
 
     @property
     def stable(self) -> tuple[tuple[float, float], ...]:
-        """Along a single range: intervals in which every eigenvalue is to the left of the imaginary axis (or on it)."""
+        """Along a single range: intervals in which every eigenvalue is to the left of the imaginary
+        axis (or on it)."""
         if len(self.names) != 1:
             return ()
         flags, found, values = ~self.unstable, [], self.values[:, 0]
@@ -60,8 +62,12 @@ def swept(study: Study, ranges: Sequence[Range]) -> Sweep:
         return _line(study, ranges[0])
     outer, inner = ranges
     many = len(inner.values)
-    stacks = [study.along({outer.name: np.full(many, x), inner.name: inner.values}) for x in outer.values]
-    values = np.column_stack([np.repeat(outer.values, many), np.tile(inner.values, len(outer.values))])
+    stacks = [
+        study.along({outer.name: np.full(many, x), inner.name: inner.values}) for x in outer.values
+    ]
+    values = np.column_stack(
+        [np.repeat(outer.values, many), np.tile(inner.values, len(outer.values))]
+    )
     return Sweep((outer.name, inner.name), values, eigenvalues(np.concatenate(stacks)), ())
 
 
@@ -70,4 +76,9 @@ def _line(study: Study, along: Range) -> Sweep:
         return study.along({along.name: values})
 
     spectra = eigenvalues(matrices(along.values))
-    return Sweep((along.name,), along.values[:, np.newaxis], spectra, critical_values(matrices, along.values, spectra))
+    return Sweep(
+        (along.name,),
+        along.values[:, np.newaxis],
+        spectra,
+        critical_values(matrices, along.values, spectra),
+    )

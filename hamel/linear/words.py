@@ -30,9 +30,14 @@ def course(eigenvalue: complex) -> str:
 
 
 def shape(study: Study, mode: Mode) -> str:
-    """The amplitudes of the coordinates that matter, relative to the largest of the same unit, and how far they lag."""
+    """The amplitudes of the coordinates that matter, relative to the largest of the same unit, and
+    how far they lag."""
     form, left_out = study.linear, set(study.cyclic)
-    places = [k for k, j in enumerate(form.independent) if k not in left_out and j < study.equations.system.q.numel()]
+    places = [
+        k
+        for k, j in enumerate(form.independent)
+        if k not in left_out and j < study.equations.system.q.numel()
+    ]
     if not any(abs(mode.vector[k]) for k in places):
         places = [k for k in range(len(form.states)) if k not in left_out]
     parts = [_group(form.states, mode.vector, group) for group in _by_unit(form.units, places)]
@@ -40,7 +45,9 @@ def shape(study: Study, mode: Mode) -> str:
 
 
 def _by_unit(units: Sequence[str], places: Sequence[int]) -> list[list[int]]:
-    return [[k for k in places if units[k] == unit] for unit in dict.fromkeys(units[k] for k in places)]
+    return [
+        [k for k in places if units[k] == unit] for unit in dict.fromkeys(units[k] for k in places)
+    ]
 
 
 def _group(names: Sequence[str], vector: np.ndarray, group: Sequence[int]) -> str:
@@ -48,7 +55,11 @@ def _group(names: Sequence[str], vector: np.ndarray, group: Sequence[int]) -> st
     if abs(vector[first]) == 0:
         return ""
     others = sorted((k for k in group if k != first), key=lambda k: -abs(vector[k]))
-    parts = [_relative(names[k], vector[k] / vector[first]) for k in others if abs(vector[k]) > SEEN * abs(vector[first])]
+    parts = [
+        _relative(names[k], vector[k] / vector[first])
+        for k in others
+        if abs(vector[k]) > SEEN * abs(vector[first])
+    ]
     return ", ".join([f"{names[first]} 1", *parts])
 
 

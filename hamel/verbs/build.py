@@ -1,4 +1,5 @@
-"""build: a module that was built before from the same things, or a new one: derived, compiled and quickly verified."""
+"""build: a module that was built before from the same things, or a new one: derived, compiled and
+quickly verified."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from derive.diagnostics import listed
 from hamel import kept
 from hamel.built import Built
 from hamel.pipeline import Constants, Fixed
@@ -57,16 +59,27 @@ def run(
 def show(record: Built, console: Console) -> None:
     from hamel.show import durations, operations
 
-    how = "verified when it was built from the same, copied to" if record.kept else "built and verified"
-    notes = ["" if record.real == "float64" else record.real, "" if record.compiled else "NumPy only, not compiled"]
+    how = (
+        "verified when it was built from the same, copied to"
+        if record.kept
+        else "built and verified"
+    )
+    notes = [
+        "" if record.real == "float64" else record.real,
+        "" if record.compiled else "NumPy only, not compiled",
+    ]
     note = ", ".join(filter(None, notes))
     console.print(f"{record.model}: {how} {record.folder}{note and f' ({note})'}")
-    console.print(f"  choice      {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}")
+    console.print(
+        f"  choice      {record.choice} ({listed(record.quasi_velocities)}): {record.reason}"
+    )
     console.print(f"  operations  {operations(record.operations)}")
     if record.size:
         console.print(f"  library     {record.size / 1000:,.0f} kB")
     if record.tuned:
-        console.print(f"  tuned       {', '.join(f'{name} {ns:.1f} ns' for name, ns in record.tuned.items())}")
+        console.print(
+            f"  tuned       {', '.join(f'{name} {ns:.1f} ns' for name, ns in record.tuned.items())}"
+        )
     console.print(f"  time        {durations(record.seconds)}")
 
 

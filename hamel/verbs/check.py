@@ -1,4 +1,5 @@
-"""check: read a model, form its mechanics, make its initial state consistent, try its choices; nothing is generated."""
+"""check: read a model, form its mechanics, make its initial state consistent, try its choices;
+nothing is generated."""
 
 from __future__ import annotations
 
@@ -9,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from derive.mechanics.initial import initial_state
-from hamel.importing import load
+from derive.robots import load
+from derive.states.initial import initial_state
 from hamel.pipeline import mechanics_of, usable_choices
 from hamel.records import Checked
 
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
 
     from derive.mechanics.records import System
 
-RANK = 1e-9  # singular values below this fraction of the largest are zero: constraints of exact models are far from it
+# singular values below this fraction of the largest are zero: constraints of exact models are far
+# from it
+RANK = 1e-9
 
 
 def run(path: str | PathLike[str]) -> Checked:
@@ -60,7 +63,7 @@ def _rank(mechanics: System, q: Any) -> int:
 
 
 def show(record: Checked, console: Console) -> None:
-    from hamel.importing.robot import counted
+    from derive.robots.robot import counted
     from hamel.show import refusals
 
     velocities = counted(len(record.velocities), "velocity", "velocities")
@@ -71,4 +74,6 @@ def show(record: Checked, console: Console) -> None:
         console.print(f"  {assumption}")
     refusals(record.refused, console)
     for name, by in record.moved.items():
-        console.print(f"  initial {name} = {by['given']:.6g} cannot be kept, {by['used']:.6g} is used")
+        console.print(
+            f"  initial {name} = {by['given']:.6g} cannot be kept, {by['used']:.6g} is used"
+        )

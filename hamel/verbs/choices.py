@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from derive.diagnostics import ModelError
+from derive.choices.assessment import Assessed, comparison, conditions_along
+from derive.diagnostics import ModelError, listed
 from derive.formulations import equations
-from derive.formulations.assessment import Assessed, comparison, conditions_along
-from derive.mechanics.sampling import states
-from hamel.importing import load
+from derive.robots import load
+from derive.states.sampling import states
+from hamel.draw import Curve, Panel, draw
 from hamel.pipeline import mechanics_of, temporary_module
-from hamel.plot import Curve, Panel, draw
 from hamel.records import Choices, Ranking
 from hamel.staging import write_text
 
@@ -35,7 +35,9 @@ def run(path: str | PathLike[str], time: bool, plot: Path | None, until: float) 
     model = load(path)
     mechanics = mechanics_of(model)
     found = comparison(mechanics)
-    ranked = tuple(_ranking(x, measured(mechanics, x.ranking.name) if time else None) for x in found.assessed)
+    ranked = tuple(
+        _ranking(x, measured(mechanics, x.ranking.name) if time else None) for x in found.assessed
+    )
     if plot is not None:
         _draw(path, mechanics, [x.name for x in ranked][:DRAWN], plot, until)
     return Choices(model.name, model.choices[0].name, ranked, found.refused, plot)
@@ -43,7 +45,11 @@ def run(path: str | PathLike[str], time: bool, plot: Path | None, until: float) 
 
 def _ranking(x: Assessed, ns: float | None) -> Ranking:
     own = {"least_pivot": x.least_pivot, "violation": x.violation, "ns": ns}
-    shared = {field.name: getattr(x.ranking, field.name) for field in fields(Ranking) if field.name not in own}
+    shared = {
+        field.name: getattr(x.ranking, field.name)
+        for field in fields(Ranking)
+        if field.name not in own
+    }
     return Ranking(**shared, **own)
 
 
@@ -65,35 +71,64 @@ def _seconds(call) -> float:
     return clock.perf_counter() - start
 
 
-def _draw(path: str | PathLike[str], mechanics: System, names: list[str], plot: Path, until: float) -> None:
+def _draw(
+    path: str | PathLike[str], mechanics: System, names: list[str], plot: Path, until: float
+) -> None:
     """cond [A; B] along the motion of the file's first choice."""
     import hamel
 
     motion = hamel.simulate(path, time=until).motion
     t = np.asarray(motion["t"])
     q = np.array([motion[c.name] for c in mechanics.model.coordinates]).T
-    curves = tuple(Curve(name, values.tolist()) for name, values in conditions_along(mechanics, names, t, q).items())
+    curves = tuple(
+        Curve(name, values.tolist())
+        for name, values in conditions_along(mechanics, names, t, q).items()
+    )
     write_text(
         plot,
-        draw(f"{mechanics.model.name}: choices of quasi-velocities", "t (s)", t.tolist(), [Panel("cond [A; B]", curves, True)]),
+        draw(
+            f"{mechanics.model.name}: choices of quasi-velocities",
+            "t (s)",
+            t.tolist(),
+            [Panel("cond [A; B]", curves, True)],
+        ),
     )
 
 
 def show(record: Choices, console: Console) -> None:
-    from hamel.show import refusals, table
+    from hamel.show import refusals, shortened, table
 
     timed = any(r.ns is not None for r in record.choices)
     rows = [
         (
-            *(r.name, ", ".join(r.rows), f"{r.condition:.3g}", f"{r.worst:.3g}", f"{r.least_pivot:.2g}", f"{r.violation:.1e}"),
+            *(
+                shortened(r.name),
+                listed(r.rows),
+                f"{r.condition:.3g}",
+                f"{r.worst:.3g}",
+                f"{r.least_pivot:.2g}",
+                f"{r.violation:.1e}",
+            ),
             *(str(r.operations), *([f"{r.ns:.0f}" if r.ns else "–"] if timed else []), r.verdict),
         )
         for r in record.choices
     ]
-    head = ("choice", "speeds", "condition", "worst", "pivot", "violation", "operations", *(["ns"] if timed else []), "verdict")
+    head = (
+        "choice",
+        "speeds",
+        "condition",
+        "worst",
+        "pivot",
+        "violation",
+        "operations",
+        *(["ns"] if timed else []),
+        "verdict",
+    )
     table(console, head, rows, right=range(2, len(head) - 1))
     for pivot in record.choices[0].pivots if record.choices else ():
-        console.print(f"{record.choices[0].name}: {pivot}")
+        console.print(f"{shortened(record.choices[0].name)}: {pivot}")
     refusals(record.refused, console)
-    console.print("violation: |φ| after a Runge–Kutta step that moves by 0.1, or the roundoff of A v − c where there is no φ")
+    console.print(
+        "violation: |φ| after a Runge–Kutta step that moves by 0.1, or the roundoff of A v − c where there is no φ"
+    )
     console.print(f"{record.model}: '{record.default}' is built when no choice is given")

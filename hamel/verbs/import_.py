@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError
-from hamel.importing import imported
-from hamel.importing.robot import counted
+from derive.robots import imported
+from derive.robots.robot import counted
 from hamel.records import Imported
 from hamel.staging import write_text
 
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Imported:
     file = Path(out) if out else None
     if file and file.exists() and Path(path).exists() and file.samefile(path):
-        raise ModelError(f"{path} would be overwritten by its own model", "give another file with -o")
+        raise ModelError(
+            f"{path} would be overwritten by its own model", "give another file with -o"
+        )
     found = imported(path, floating)
     if file:
         write_text(file, found.text)
@@ -30,7 +32,7 @@ def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Im
         bodies=len(found.model.bodies),
         joints=found.joints,
         velocities=len(found.model.velocities),
-        changed=found.changed,
+        changed=(*found.changed, *found.assumed),
         left_out=found.left_out,
         text=found.text,
     )

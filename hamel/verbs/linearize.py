@@ -1,4 +1,5 @@
-"""linearize: the linear equations along a steady motion in minimal states, their eigenvalues over a range, and the page."""
+"""linearize: the linear equations along a steady motion in minimal states, their eigenvalues over a
+range, and the page."""
 
 from __future__ import annotations
 
@@ -31,6 +32,8 @@ from hamel.staging import write_text
 if TYPE_CHECKING:
     from rich.console import Console
 
+PAGE = "linearization.html"
+
 
 def run(
     path: str | PathLike[str],
@@ -49,7 +52,11 @@ def run(
     model, motion = equations.system.model, motion_of(equations, at)
     wanted = ranges(model, motion, sweep)
     with clock("linearize"):
-        middles = {r.name: float(r.values[0] + r.values[-1]) / 2 for r in wanted if r.name in motion.sweepable}
+        middles = {
+            r.name: float(r.values[0] + r.values[-1]) / 2
+            for r in wanted
+            if r.name in motion.sweepable
+        }
         found = study(equations, motion, middles | values(model, motion, given), cyclic)
     with clock("sweep"):
         made = swept(found, wanted)
@@ -60,16 +67,20 @@ def run(
         record = replace(record, step=step, **_sampled(found, step))
     if out is None:
         return record
+    place = Path(out) if Path(out).suffix.lower() == ".html" else Path(out) / PAGE
     with clock("page"):
-        write_text(Path(out), page(found, made, wanted, record))
-    return replace(record, page=Path(out))
+        write_text(place, page(found, made, wanted, record))
+    return replace(record, page=place)
 
 
 def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
     form, equations = found.linear, found.equations
     motions = found.motions({})
     states, inputs = equations.arguments[1].labels, equations.arguments[2].labels
-    numbers = {name: evaluator(equations, getattr(form, name))(motions.x, motions.u, motions.p)[0].tolist() for name in "ABCD"}
+    numbers = {
+        name: evaluator(equations, getattr(form, name))(motions.x, motions.u, motions.p)[0].tolist()
+        for name in "ABCD"
+    }
     return Linearized(
         model=equations.system.model.name,
         file=equations.system.model.file,
@@ -86,7 +97,10 @@ def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
         reduced=found.reduced,
         swept=made.names,
         rows=tuple(_rows(found, made)),
-        critical=tuple(CriticalValue(c.kind, made.names[0], c.value, _pair(c.eigenvalue)) for c in made.critical),
+        critical=tuple(
+            CriticalValue(c.kind, made.names[0], c.value, _pair(c.eigenvalue))
+            for c in made.critical
+        ),
         stable=made.stable,
         modes=tuple(_mode(found, mode) for mode in modes(found)),
         unreduced=_unreduced(found, motions),
@@ -105,7 +119,9 @@ def _mode(found: Study, mode: Mode) -> ModeOf:
 
 def _unreduced(found: Study, motions: Steady) -> UnreducedForm | None:
     try:
-        other = unreduced(found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic))
+        other = unreduced(
+            found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic)
+        )
     except AssumptionError:
         return None
     return UnreducedForm(other.states, other.A.tolist(), other.difference, other.spurious)
@@ -119,10 +135,15 @@ def _sampled(found: Study, step: float) -> dict[str, Any]:
 
 
 def _rows(found: Study, made: Sweep) -> list[dict[str, Any]]:
-    """Per motion: swept values, eigenvalues, and how many of the states are spurious (more than the minimal number)."""
+    """Per motion: swept values, eigenvalues, and how many of the states are spurious (more than the
+    minimal number)."""
     spurious = found.spurious
     return [
-        {**dict(zip(made.names, row.tolist())), "eigenvalues": [_pair(x) for x in spectrum], "spurious": spurious}
+        {
+            **dict(zip(made.names, row.tolist())),
+            "eigenvalues": [_pair(x) for x in spectrum],
+            "spurious": spurious,
+        }
         for row, spectrum in zip(made.values, made.spectra)
     ]
 
@@ -134,24 +155,37 @@ def _pair(x: complex | np.complexfloating) -> list[float]:
 def show(record: Linearized, console: Console) -> None:
     from hamel.show import durations, table
 
-    at = ", ".join(f"{name} {value:.6g}" for name, value in record.steady.items() if abs(value) > SEEN)
+    at = ", ".join(
+        f"{name} {value:.6g}" for name, value in record.steady.items() if abs(value) > SEEN
+    )
     console.print(f"{record.model}, steady motion '{record.motion}': {at or 'at rest'}")
     console.print(f"  {len(record.states)} minimal states: {', '.join(record.states)}")
     zeros = [f"{len(record.cyclic)} cyclic ({', '.join(record.cyclic)})"] if record.cyclic else []
     zeros += [f"{record.families} along families of steady motions"] if record.families else []
     if zeros:
         console.print(f"  zero eigenvalues taken out: {'; '.join(zeros)}")
-    rows = [(*(f"{row[name]:.6g}" for name in record.swept), "  ".join(map(_shown, row["eigenvalues"]))) for row in record.rows]
+    rows = [
+        (*(f"{row[name]:.6g}" for name in record.swept), "  ".join(map(_shown, row["eigenvalues"])))
+        for row in record.rows
+    ]
     every = max(1, len(rows) // MOST_ROWS)
-    table(console, (*record.swept, "eigenvalues (1/s)"), rows[::every], right=range(len(record.swept)))
+    table(
+        console, (*record.swept, "eigenvalues (1/s)"), rows[::every], right=range(len(record.swept))
+    )
     if record.swept:
-        console.print(f"at {', '.join(f'{name} = {record.values[name]:.6g}' for name in record.swept)}:")
+        console.print(
+            f"at {', '.join(f'{name} = {record.values[name]:.6g}' for name in record.swept)}:"
+        )
     for mode in record.modes:
         console.print(f"{_shown(mode.eigenvalue)}: {mode.course}; {mode.shape}")
     for c in record.critical:
-        console.print(f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_shown(c.eigenvalue)}")
+        console.print(
+            f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_shown(c.eigenvalue)}"
+        )
     for first, last in record.stable:
-        console.print(f"no unstable eigenvalue for {record.swept[0]} from {first:.15g} to {last:.15g}")
+        console.print(
+            f"no unstable eigenvalue for {record.swept[0]} from {first:.15g} to {last:.15g}"
+        )
     if record.swept and not record.stable and len(record.swept) == 1:
         console.print(f"no stable value of {record.swept[0]} in the range")
     console.print(f"  time  {durations(record.seconds)}")

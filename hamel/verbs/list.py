@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from codegen.integrators import INTEGRATORS
 from codegen.targets import TARGETS
+from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS, equations
-from derive.keepings import KEEPINGS
 from derive.linearize.minimal import with_linearization
 from derive.model import KINDS, load_text
-from hamel.importing import load
+from derive.robots import load
 from hamel.pipeline import mechanics_of
 from hamel.records import Known, Listed
-from hamel.references import REFERENCES
+from hamel.simulate.libraries import REFERENCES
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -47,7 +47,7 @@ def _known() -> dict[str, tuple[Known, ...]]:
     return {
         **{kind: tuple(names) for kind, names in kinds.items()},
         "formulations": _abouts(FORMULATIONS),
-        "keepings": _abouts(KEEPINGS),
+        "enforcements": _abouts(ENFORCEMENTS),
         "integrators": (*_abouts(INTEGRATORS), *_abouts(REFERENCES)),
         "targets": _abouts(TARGETS),
         **{kind: tuple(names) for kind, names in _functions(load_text(_EVERYTHING)).items()},
@@ -61,13 +61,21 @@ def _abouts(registry: Iterable[Any]) -> tuple[Known, ...]:
 def _named(path: str | PathLike[str]) -> dict[str, tuple[Known, ...]]:
     model = load(path)
     kinds = {
-        "parameters": (Known(p.name, _line(f"{p.value:.6g} {p.unit}", p.about)) for p in model.parameters),
+        "parameters": (
+            Known(p.name, _line(f"{p.value:.6g} {p.unit}", p.about)) for p in model.parameters
+        ),
         "bodies": (Known(body.name, "body") for body in model.bodies),
-        "joints": (Known(j.name, f"{j.type}, {j.parent} to {j.child}: {', '.join(j.coordinates)}") for j in model.joints),
+        "joints": (
+            Known(j.name, f"{j.type}, {j.parent} to {j.child}: {', '.join(j.coordinates)}")
+            for j in model.joints
+        ),
         "closures": (Known(c.name, f"{c.type}, {' and '.join(c.bodies)}") for c in model.closures),
         "constraints": (Known(c.name, _kind(c)) for c in model.constraints),
         "loads": (Known(load.name, _kind(load)) for load in model.loads),
-        "inputs": (Known(i.name, _line(f"{i.velocity or 'used in formulas'}, {i.unit}", i.about)) for i in model.inputs),
+        "inputs": (
+            Known(i.name, _line(f"{i.velocity or 'used in formulas'}, {i.unit}", i.about))
+            for i in model.inputs
+        ),
         "outputs": (Known(o.name, _line(o.text, o.unit)) for o in model.outputs),
         "coordinates": (Known(c.name, c.unit) for c in model.coordinates),
         "velocities": (Known(v.name, v.unit) for v in model.velocities),
@@ -94,7 +102,8 @@ def _choices(model: Model) -> Iterator[Known]:
 
 
 def _functions(model: Model) -> dict[str, Iterable[Known]]:
-    """The functions of the generated module, by the model's first choice, and those that are emitted when asked for by name."""
+    """The functions of the generated module, by the model's first choice, and those that are
+    emitted when asked for by name."""
     found = with_linearization(equations(mechanics_of(model)))
     return {
         "functions": (Known(f.name, f.about) for f in found.functions if f.result.value.numel()),

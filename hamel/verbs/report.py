@@ -1,4 +1,5 @@
-"""report: which method reaches which error at which cost, for one model or several, as a page, a table and JSON."""
+"""report: which method reaches which error at which cost, for one model or several, as a page, a
+table and JSON."""
 
 from __future__ import annotations
 
@@ -14,19 +15,19 @@ import hamel
 from codegen.compiler import INSTALL, find_compiler
 from codegen.integrators import INTEGRATORS
 from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
+from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS
-from derive.keepings import KEEPINGS
-from derive.model.records import Stress
-from hamel.importing import Floating, load
+from derive.model.records import Extreme
+from derive.robots import RobotFile, load
 from hamel.pipeline import mechanics_of
-from hamel.records import Reported, StressRow, as_json
-from hamel.report import page
-from hamel.report.crew import Crew
-from hamel.report.plan import Asked
-from hamel.report.study import Case, Study, studied
+from hamel.records import ExtremeRow, Reported, as_json
 from hamel.settings import settings, units
 from hamel.staging import write_text
-from hamel.stress import files, judged
+from hamel.study import page
+from hamel.study.crew import Crew
+from hamel.study.extremes import files, judged
+from hamel.study.plan import Asked
+from hamel.study.study import Case, Study, studied
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,13 +41,16 @@ def run(
     time: float,
     values: Mapping[str, float | str],
     asked: Asked,
-    stress: Sequence[str | PathLike[str]],
+    extremes: Sequence[str | PathLike[str]],
     progress: Callable[[float], None] | None,
 ) -> Reported:
-    _check((*paths, *stress), time, asked)
+    _check((*paths, *extremes), time, asked)
     cases = _cases(paths, time, values)
     studies = []
-    with Crew(os.cpu_count() or 1) as crew, tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
+    with (
+        Crew(os.cpu_count() or 1) as crew,
+        tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder,
+    ):
         for number, case in enumerate(cases):
 
             def advance(done: float, of: float, number: int = number) -> None:
@@ -54,38 +58,55 @@ def run(
                     progress((number + done / of) / len(cases))
 
             studies.append(studied(case, asked, crew, Path(folder) / f"model{number}", advance))
-    return _written(studies, _stressed(stress), Path(out))
+    return _written(studies, _extremes(extremes), Path(out))
 
 
 def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Asked) -> None:
-    floating = next((path for path in paths if isinstance(path, Floating)), None)
+    floating = next((path for path in paths if isinstance(path, RobotFile)), None)
     if floating is not None:
-        raise ModelError(f"a report is about files as they are: {floating}", "the model that `hamel import --floating` writes")
+        raise ModelError(
+            f"a report is about files as they are: {floating}",
+            "the model that `hamel import --floating` writes",
+        )
     if not paths:
         raise ModelError("no model is named", "hamel report models/four_bar.yaml")
-    for name, value in (("time", time), ("budget", asked.budget), *(("rtol", rtol) for rtol in asked.tolerances)):
+    for name, value in (
+        ("time", time),
+        ("budget", asked.budget),
+        *(("rtol", rtol) for rtol in asked.tolerances),
+    ):
         if not 0 < value < float("inf"):
             raise ModelError(f"{name} is {value}, which is not a positive number")
     _known("formulation", asked.formulations, [formulation.name for formulation in FORMULATIONS])
-    _known("keeping", asked.keepings, [keeping.name for keeping in KEEPINGS])
+    _known("enforcement", asked.enforcements, [enforcement.name for enforcement in ENFORCEMENTS])
     _known("integrator", asked.integrators, [*(method.name for method in INTEGRATORS), LIBRARIES])
     if find_compiler() is None:
-        raise ToolchainError("no C compiler found, and run times without one say nothing", hint=INSTALL)
+        raise ToolchainError(
+            "no C compiler found, and run times without one say nothing", hint=INSTALL
+        )
 
 
 def _known(kind: str, names: Collection[str], known: Sequence[str]) -> None:
     for name in names:
         if name not in known:
-            raise ModelError(f"unknown {kind} '{name}'; {did_you_mean(name, known) or listed(known)}")
+            raise ModelError(
+                f"unknown {kind} '{name}'; {did_you_mean(name, known) or listed(known)}"
+            )
 
 
-def _cases(paths: Sequence[str | PathLike[str]], time: float, values: Mapping[str, float | str]) -> list[Case]:
+def _cases(
+    paths: Sequence[str | PathLike[str]], time: float, values: Mapping[str, float | str]
+) -> list[Case]:
     """A setting goes to every model that has the name; one that no model has is refused."""
     models = [load(path) for path in paths]
     cases, used = [], set()
     for path, model in zip(paths, models):
         known = units(model)
-        own = {name: value for name, value in values.items() if "".join(name.split()) in known or len(paths) == 1}
+        own = {
+            name: value
+            for name, value in values.items()
+            if "".join(name.split()) in known or len(paths) == 1
+        }
         settings(model, own)
         used |= own.keys()
         mechanics_of(model)  # what is wrong with a model is said before anything is run
@@ -96,12 +117,12 @@ def _cases(paths: Sequence[str | PathLike[str]], time: float, values: Mapping[st
     return cases
 
 
-def _stressed(paths: Sequence[str | PathLike[str]]) -> tuple[StressRow, ...]:
+def _extremes(paths: Sequence[str | PathLike[str]]) -> tuple[ExtremeRow, ...]:
     """All cases; one that nothing can judge is a row that did not pass, and hides no other."""
-    rows: list[StressRow] = []
+    rows: list[ExtremeRow] = []
     for file in files(paths):
         model = load(file)
-        for case in model.stress:
+        for case in model.extremes:
             try:
                 rows.append(judged(file, model, case))
             except ModelError as error:
@@ -109,20 +130,33 @@ def _stressed(paths: Sequence[str | PathLike[str]]) -> tuple[StressRow, ...]:
     return tuple(rows)
 
 
-def _unjudged(model: str, case: Stress, why: str) -> StressRow:
+def _unjudged(model: str, case: Extreme, why: str) -> ExtremeRow:
     expected = "refused" if case.refused else "survived"
-    told = (model, case.name, case.about, "", "not judged", None, case.tolerance, why, expected, False, "")
-    return StressRow(*told, 0, 0.0, 0.0, 0.0, 0.0)
+    told = (
+        model,
+        case.name,
+        case.about,
+        "",
+        "not judged",
+        None,
+        case.tolerance,
+        why,
+        expected,
+        False,
+        "",
+    )
+    return ExtremeRow(*told, 0, 0.0, 0.0, 0.0, 0.0)
 
 
-def _written(studies: Sequence[Study], stress: tuple[StressRow, ...], out: Path) -> Reported:
+def _written(studies: Sequence[Study], extremes: tuple[ExtremeRow, ...], out: Path) -> Reported:
     rows = tuple(row for study in studies for row in study.rows)
     record = Reported(
         model=", ".join(study.model for study in studies),
-        passed=all(row.passed for row in stress) and not any(study.reference.contradicted for study in studies),
+        passed=all(row.passed for row in extremes)
+        and not any(study.reference.contradicted for study in studies),
         rows=rows,
         models=tuple(page.summary(study) for study in studies),
-        stress=stress,
+        extremes=extremes,
         html=out / "report.html",
         csv=out / "report.csv",
         json=out / "report.json",
@@ -130,8 +164,10 @@ def _written(studies: Sequence[Study], stress: tuple[StressRow, ...], out: Path)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ToolchainError(f"cannot write {out}: {error.strerror or error}", hint="choose another folder with -o") from error
-    write_text(record.html, page.page(studies, stress, hamel.__version__))
+        raise ToolchainError(
+            f"cannot write {out}: {error.strerror or error}", hint="choose another folder with -o"
+        ) from error
+    write_text(record.html, page.page(studies, extremes, hamel.__version__))
     write_text(record.csv, page.as_csv(rows))
     write_text(record.json, json.dumps(as_json(record), allow_nan=False, ensure_ascii=False) + "\n")
     return record
@@ -142,8 +178,8 @@ def show(record: Reported, console: Console) -> None:
         console.print(f"{model['model']}, {model['time']:g} s:")
         for line in model["advice"]:
             console.print(f"  {line}")
-    if record.stress:
-        console.print(page.outcomes(record.stress))
+    if record.extremes:
+        console.print(page.outcomes(record.extremes))
     runs = (
         f"{len(record.rows)} runs, {sum(row['status'] == 'ok' for row in record.rows)} of them to the end; "
         if record.rows

@@ -1,4 +1,5 @@
-"""simulate: integrate the compiled module from the consistent initial state and say how far the motion can be trusted."""
+"""simulate: integrate the compiled module from the consistent initial state and say how far the
+motion can be trusted."""
 
 from __future__ import annotations
 
@@ -14,20 +15,21 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS, Integrator
 from codegen.reals import FLOAT64, Real, real_of
+from derive.choices.redundancy import lost
+from derive.choices.resolution import survey_of
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
+from derive.enforcement import ENFORCEMENTS, Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations
 from derive.formulations.charts import charted, together
-from derive.formulations.choices import workshop
-from derive.formulations.redundancy import lost
-from derive.keepings import KEEPINGS, Keeping, Options, kept_equations, usual_rate
-from derive.mechanics.initial import Initial, initial_state
-from hamel import charts, motion
-from hamel.importing import load
+from derive.robots import load
+from derive.states.initial import Initial, initial_state
+from hamel import charts
 from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Simulated
-from hamel.references import REFERENCES
 from hamel.settings import settings
-from hamel.solutions import state_of as _state
+from hamel.simulate import motion
+from hamel.simulate.exact import state_of as _state
+from hamel.simulate.libraries import REFERENCES
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -41,11 +43,12 @@ MOST_ROWS = 10_000_000
 
 @dataclass(frozen=True)
 class Method:
-    """A point of the product: formulation and choice, keeping (the usual one when None), integrator; and how it steps."""
+    """A point of the product: formulation and choice, enforcement (the usual one when None),
+    integrator; and how it steps."""
 
     formulation: str
     choice: str | None
-    keeping: str | None
+    enforcement: str | None
     integrator: str
     step_size: float | None
     rtol: float
@@ -75,105 +78,157 @@ def run(
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
     initial = initial_state(mechanics, given.initial, p)
     plain = equations(mechanics, method.choice, method.formulation)
-    keeping = _keeping(method, plain)
-    _check_options(method, keeping)
+    enforcement = _enforcement(method, plain)
+    _check_options(method, enforcement)
     x = _state(plain, initial, p)
     _check_numbers(real, mechanics, x, u, p)
-    alpha = usual_rate(plain, 0.0, x, u, p, time) if keeping.level == "rates" and method.alpha is None else method.alpha
+    alpha = (
+        usual_rate(plain, 0.0, x, u, p, time)
+        if enforcement.level == "rates" and method.alpha is None
+        else method.alpha
+    )
     options = Options(alpha, method.conserve, tuple(u), tuple(p))
-    chosen = kept_equations(mechanics, method.choice, method.formulation, keeping, options)
-    stepping = motion.Stepping(method.integrator, keeping.name, method.step_size, *tolerances)
+    chosen = kept_equations(mechanics, method.choice, method.formulation, enforcement, options)
+    stepping = motion.Stepping(method.integrator, enforcement.name, method.step_size, *tolerances)
 
     def moved(by: Equations) -> motion.Motion:
-        with temporary_module(by, (method.integrator,) if _own(method) else (), (keeping.name,), real=real.name) as module:
+        with temporary_module(
+            by, (method.integrator,) if _own(method) else (), (enforcement.name,), real=real.name
+        ) as module:
             start, chart = charts.start(module, initial.q, initial.v, u, p) if by.charts else (x, 0)
             return motion.integrated(module, by, times, start, u, p, stepping, progress, chart)
 
     try:
         found = moved(chosen)
     except AssumptionError as error:
-        others = _others(mechanics, chosen, keeping, options) if _own(method) else []
+        others = _others(mechanics, chosen, enforcement, options) if _own(method) else []
         if not others:
             raise _explained(error, mechanics, initial, p) from None
         try:
-            found = moved(charted([chosen, *others], workshop(mechanics)))
+            found = moved(charted([chosen, *others], survey_of(mechanics)))
         except AssumptionError:
             raise _explained(error, mechanics, initial, p) from None
     for write in files:
         write(found)
-    return _record(chosen, replace(method, keeping=keeping.name, alpha=alpha), initial, found, out, plot)
+    return _record(
+        chosen,
+        replace(method, enforcement=enforcement.name, alpha=alpha),
+        initial,
+        found,
+        out,
+        plot,
+    )
 
 
-def _explained(error: AssumptionError, mechanics: System, initial: Initial, p: np.ndarray) -> AssumptionError:
-    """The error, or what is behind it: constraint rows that depend on each other at the start and with these parameters."""
+def _explained(
+    error: AssumptionError, mechanics: System, initial: Initial, p: np.ndarray
+) -> AssumptionError:
+    """The error, or what is behind it: constraint rows that depend on each other at the start and
+    with these parameters."""
     if not mechanics.rows:
         return error
-    shop = workshop(mechanics)
-    A = shop.solver.velocities(0.0, initial.q, p)[0]
-    text = lost(mechanics, A, shop.kept) if np.isfinite(A).all() else ""
+    survey = survey_of(mechanics)
+    A = survey.solver.velocities(0.0, initial.q, p)[0]
+    text = lost(mechanics, A, survey.kept) if np.isfinite(A).all() else ""
     if not text:
         return error
     message = f"{mechanics.model.name}: at the start, with these parameters, {text}: {error.diagnostics[0].message}"
-    return AssumptionError(message, "another start, or these values in the file: what repeats is found and dropped there")
+    return AssumptionError(
+        message,
+        "another start, or these values in the file: what repeats is found and dropped there",
+    )
 
 
-def _others(mechanics: System, chosen: Equations, keeping: Keeping, options: Options) -> list[Equations]:
+def _others(
+    mechanics: System, chosen: Equations, enforcement: Enforcement, options: Options
+) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
-    if not mechanics.rows or chosen.base_velocities or chosen.charts or keeping.level not in ("none", "steps"):
+    if (
+        not mechanics.rows
+        or chosen.generalized_velocities
+        or chosen.charts
+        or enforcement.level not in ("none", "steps")
+    ):
         return []
     found = []
-    for name in dict.fromkeys((*(choice.name for choice in mechanics.model.choices), "orthonormal")):
+    for name in dict.fromkeys(
+        (*(choice.name for choice in mechanics.model.choices), "orthonormal")
+    ):
         if name != chosen.choice:
             with contextlib.suppress(AssumptionError):
-                found.append(kept_equations(mechanics, name, chosen.formulation, keeping, options))
+                found.append(
+                    kept_equations(mechanics, name, chosen.formulation, enforcement, options)
+                )
     return found
 
 
-def _keeping(method: Method, plain: Equations) -> Keeping:
-    """The keeping asked for; projection where there is anything to project on when none is."""
-    known = {keeping.name: keeping for keeping in KEEPINGS}
-    if method.keeping is not None and method.keeping not in known:
-        raise ModelError(f"unknown keeping '{method.keeping}'; {did_you_mean(method.keeping, known) or listed(known)}")
+def _enforcement(method: Method, plain: Equations) -> Enforcement:
+    """The enforcement asked for; projection where there is anything to project on when none is."""
+    known = {enforcement.name: enforcement for enforcement in ENFORCEMENTS}
+    if method.enforcement is not None and method.enforcement not in known:
+        raise ModelError(
+            f"unknown enforcement '{method.enforcement}'; {did_you_mean(method.enforcement, known) or listed(known)}"
+        )
     own = _own(method)
-    fitting = (keeping for keeping in KEEPINGS if keeping.level not in ("steps", "stages") or own is not None)
-    usual = next(keeping for keeping in fitting if not keeping.refusal(plain, Options()))
-    keeping = known[method.keeping] if method.keeping else usual
+    fitting = (
+        enforcement
+        for enforcement in ENFORCEMENTS
+        if enforcement.level not in ("steps", "stages") or own is not None
+    )
+    usual = next(
+        enforcement for enforcement in fitting if not enforcement.refusal(plain, Options())
+    )
+    enforcement = known[method.enforcement] if method.enforcement else usual
     if own is None:
-        _check_reference(method, keeping, plain)
-    elif own.exact and keeping.level == "stages":
+        _check_reference(method, enforcement, plain)
+    elif own.exact and enforcement.level == "stages":
         why = "it needs the exact Jacobian of what is integrated, and solving coordinates at every stage changes that"
-        raise AssumptionError(f"{method.integrator} does not fit keeping '{keeping.name}': {why}; use projection")
-    return keeping
+        raise AssumptionError(
+            f"{method.integrator} does not fit enforcement '{enforcement.name}': {why}; use projection"
+        )
+    return enforcement
 
 
-def _check_options(method: Method, keeping: Keeping) -> None:
-    """Refuse what this keeping would not look at."""
-    rates = [each.name for each in KEEPINGS if each.level == "rates"]
+def _check_options(method: Method, enforcement: Enforcement) -> None:
+    """Refuse what this enforcement would not look at."""
+    rates = [each.name for each in ENFORCEMENTS if each.level == "rates"]
     if method.alpha is not None:
         _positive("alpha", method.alpha)
-    if method.alpha is not None and keeping.name not in rates:
-        raise ModelError(f"keeping '{keeping.name}' has no rate alpha; {listed(rates)} have one")
-    holding = [each.name for each in KEEPINGS if each.conserves]
-    if method.conserve and keeping.name not in holding:
-        raise ModelError(f"keeping '{keeping.name}' conserves no momenta; {listed(holding)} do")
+    if method.alpha is not None and enforcement.name not in rates:
+        raise ModelError(
+            f"enforcement '{enforcement.name}' has no rate alpha; {listed(rates)} have one"
+        )
+    holding = [each.name for each in ENFORCEMENTS if each.conserves]
+    if method.conserve and enforcement.name not in holding:
+        raise ModelError(
+            f"enforcement '{enforcement.name}' conserves no momenta; {listed(holding)} do"
+        )
 
 
 def _own(method: Method) -> Integrator | None:
     """The integrator as it is in generated code; None for one of another library."""
-    return next((integrator for integrator in INTEGRATORS if integrator.name == method.integrator), None)
+    return next(
+        (integrator for integrator in INTEGRATORS if integrator.name == method.integrator), None
+    )
 
 
-def _check_reference(method: Method, keeping: Keeping, plain: Equations) -> None:
-    if keeping.level in ("steps", "stages"):
+def _check_reference(method: Method, enforcement: Enforcement, plain: Equations) -> None:
+    if enforcement.level in ("steps", "stages"):
         why = "a library's loop has no place for it; none, baumgarte and feedback act on the equations"
-        raise AssumptionError(f"{method.integrator} does not fit keeping '{keeping.name}': {why}")
+        raise AssumptionError(
+            f"{method.integrator} does not fit enforcement '{enforcement.name}': {why}"
+        )
     if plain.charts:
         why = "a library's loop does not change them on the way"
-        raise AssumptionError(f"{method.integrator} does not fit the charts {together(plain)}: {why}; name one choice")
-    reason = next(reference for reference in REFERENCES if reference.name == method.integrator).refusal(plain)
-    if reason or (method.integrator == "idas" and keeping.name != "none"):
         raise AssumptionError(
-            f"{method.integrator} does not fit: {reason or 'it holds the constraints itself, without a keeping'}"
+            f"{method.integrator} does not fit the charts {together(plain)}: {why}; name one choice"
+        )
+    reason = next(
+        reference for reference in REFERENCES if reference.name == method.integrator
+    ).refusal(plain)
+    if reason or (method.integrator == "idas" and enforcement.name != "none"):
+        raise AssumptionError(
+            f"{method.integrator} does not fit: {reason or 'it holds the constraints itself, without an enforcement'}"
         )
 
 
@@ -181,7 +236,9 @@ def _check(method: Method) -> None:
     """Refuse what cannot be, before anything is computed."""
     names = [*(x.name for x in INTEGRATORS), *(x.name for x in REFERENCES)]
     if method.integrator not in names:
-        raise ModelError(f"unknown integrator '{method.integrator}'; {did_you_mean(method.integrator, names) or listed(names)}")
+        raise ModelError(
+            f"unknown integrator '{method.integrator}'; {did_you_mean(method.integrator, names) or listed(names)}"
+        )
     own = _own(method)
     if own is None and method.real != FLOAT64.name:
         raise ModelError(
@@ -196,7 +253,8 @@ def _check(method: Method) -> None:
 
 
 def _times(time: float, step: float | None, step_size: float | None) -> np.ndarray:
-    """0, step, 2 step … and the last time itself. Rows do not shorten equal steps unless asked for."""
+    """0, step, 2 step … and the last time itself. Rows do not shorten equal steps unless asked
+    for."""
     _positive("time", time)
     usual = time / ROWS if step_size is None else math.ceil(time / ROWS / step_size) * step_size
     step = usual if step is None else step
@@ -244,7 +302,7 @@ def _record(
         model=chosen.system.model.name,
         formulation=chosen.formulation,
         choice=together(chosen),
-        keeping=method.keeping or "",
+        enforcement=method.enforcement or "",
         integrator=method.integrator,
         alpha=method.alpha,
         time=float(found.t[-1]),
@@ -271,20 +329,30 @@ def show(record: Simulated, console: Console) -> None:
     from hamel.show import number
 
     for name, by in record.moved.items():
-        console.print(f"initial {name} = {by['given']:.6g} contradicts the constraints, {by['used']:.6g} is used")
+        console.print(
+            f"initial {name} = {by['given']:.6g} contradicts the constraints, {by['used']:.6g} is used"
+        )
     steps = f"{record.steps} steps, {record.rejected} rejected, {record.seconds:.2g} s of computing"
     console.print(f"{record.model}, choice {record.choice}: {record.time:g} s in {steps}")
-    console.print(f"  {record.formulation}, keeping {record.keeping}, {record.integrator}")
+    console.print(f"  {record.formulation}, enforcement {record.enforcement}, {record.integrator}")
     console.print(f"  largest |φ|         {number(record.position_violation)}")
     console.print(f"  largest |A v − c|   {number(record.velocity_violation)}")
     console.print(f"  largest |A v̇ − β|   {number(record.acceleration_violation)}")
-    console.print(f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged")
+    console.print(
+        f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged"
+        + (", as Jacobi's integral T₂ − T₀ + V" if "jacobi" in record.motion else "")
+    )
     if record.crossings:
-        console.print(f"  crossed {record.crossings} singular positions; two ways across each agree within the tolerance")
+        console.print(
+            f"  crossed {record.crossings} singular positions; two ways across each agree within the tolerance"
+        )
     if record.charts:
         console.print(f"  charts used         {record.charts}")
     for switch in record.switches:
-        console.print(f"  at {switch.time:.6g} s choice {switch.left} came near a singular position; {switch.entered} took over")
+        console.print(
+            f"  between {switch.time:.6g} s and {switch.before:.6g} s choice {switch.left} "
+            f"came near a singular position; {switch.entered} took over"
+        )
     for place in (record.file, record.plot):
         if place:
             console.print(f"  wrote {place}")

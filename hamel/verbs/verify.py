@@ -1,4 +1,5 @@
-"""verify: compare the compiled module of each choice with an independent derivation, at random admissible states."""
+"""verify: compare the compiled module of each choice with an independent derivation, at random
+admissible states."""
 
 from __future__ import annotations
 
@@ -10,11 +11,11 @@ from typing import TYPE_CHECKING
 from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.formulations.charts import together
-from hamel.importing import load
+from derive.robots import load
 from hamel.pipeline import Constants, mechanics_of, temporary_module, usable_choices
 from hamel.records import CheckLine, Mutations, Verified
 from hamel.verify import verification
-from hamel.verify.mutation import mutations
+from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
 
 if TYPE_CHECKING:
@@ -37,14 +38,21 @@ def run(
             raise ModelError(f"{name} is {value}, which is less than {least}")
     model = load(path)
     mechanics = mechanics_of(model, constants)
-    asked = {together(e): e for e in ([] if choice is None else [equations(mechanics, choice, formulation)])}
+    asked = {
+        together(e): e
+        for e in ([] if choice is None else [equations(mechanics, choice, formulation)])
+    }
     usable, refused = usable_choices(mechanics, formulation)
-    built = equations(mechanics, choice, formulation, charts=True)  # what `build` makes of the same options
+    built = equations(
+        mechanics, choice, formulation, charts=True
+    )  # what `build` makes of the same options
     wanted = asked or (usable | {together(built): built} if built.charts else usable)
     checks = [check for name in wanted for check in _checks(name, usable | wanted, states, seed)]
     checks += _published(next(iter(wanted.values())))
     planted = mutations(model, next(iter(wanted.values())), seed) if mutate else None
-    passed = all(check.passed for check in checks) and (planted is None or planted.caught == planted.planted)
+    passed = all(check.passed for check in checks) and (
+        planted is None or planted.caught == planted.planted
+    )
     return Verified(model.name, passed, tuple(checks), refused, states, seed, planted)
 
 
@@ -52,8 +60,13 @@ def _checks(name: str, candidates: dict[str, Equations], states: int, seed: int)
     chosen = candidates[name]
     others = tuple(other for key, other in candidates.items() if key != name)
     with temporary_module(chosen) as module:
-        found = verification(chosen.system.model, chosen, module, states=states, seed=seed, others=others)
-    return [CheckLine(f"{name}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed)) for c in found.checks]
+        found = verification(
+            chosen.system.model, chosen, module, states=states, seed=seed, others=others
+        )
+    return [
+        CheckLine(f"{name}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed))
+        for c in found.checks
+    ]
 
 
 def _published(chosen: Equations) -> list[CheckLine]:
@@ -63,7 +76,10 @@ def _published(chosen: Equations) -> list[CheckLine]:
     chosen = replace(chosen, charts=())
     with temporary_module(chosen, (INTEGRATOR,)) as module:
         found = published_checks(chosen, module)
-    return [CheckLine(f"{chosen.choice}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed)) for c in found]
+    return [
+        CheckLine(f"{chosen.choice}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed))
+        for c in found
+    ]
 
 
 def show(record: Verified, console: Console) -> None:
@@ -80,7 +96,9 @@ def show(record: Verified, console: Console) -> None:
     table(console, ("check", *choices, "tolerance"), rows, right=range(1, len(choices) + 2))
     refusals(record.refused, console)
     good = sum(check.passed for check in record.checks)
-    console.print(f"{record.model}: {good} of {len(record.checks)} checks passed at {record.states} random states per choice")
+    console.print(
+        f"{record.model}: {good} of {len(record.checks)} checks passed at {record.states} random states per choice"
+    )
     if record.mutations is not None:
         _show_mutations(record.mutations, console)
 
@@ -91,13 +109,18 @@ def _show_mutations(found: Mutations, console: Console) -> None:
 
     seen = Counter(name for mutation in found.list for name in mutation.caught_by)
     table(
-        console, ("check", "planted errors it saw"), [(name, str(count)) for name, count in seen.most_common()], right=range(1, 2)
+        console,
+        ("check", "planted errors it saw"),
+        [(name, str(count)) for name, count in seen.most_common()],
+        right=range(1, 2),
     )
     for mutation in found.list:
         if not mutation.caught_by:
             console.print(f"  NOT SEEN  {mutation.where}, {mutation.what}")
     left = f"; {found.equivalent} more changes altered no number" if found.equivalent else ""
-    console.print(f"planted errors, choice {found.choice}: {found.caught} of {found.planted} caught{left}")
+    console.print(
+        f"planted errors, choice {found.choice}: {found.caught} of {found.planted} caught{left}"
+    )
 
 
 def _cell(check: CheckLine | None) -> str:

@@ -1,6 +1,7 @@
-"""Verification: an independent numeric reference, and the ladder of checks that compares everything else with it."""
+"""Verification: an independent numeric reference, and the suite of checks that compares everything
+else with it."""
 
-from hamel.verify.ladder import quick_verification, verification
-from hamel.verify.records import Check, Verification
+from hamel.verify.records import CheckResult, Verification
+from hamel.verify.suite import quick_verification, verification
 
-__all__ = ["Check", "Verification", "quick_verification", "verification"]
+__all__ = ["CheckResult", "Verification", "quick_verification", "verification"]

@@ -1,4 +1,5 @@
-"""The values a model file quotes from elsewhere (`reference:`), against the motion of the module."""
+"""The values a model file quotes from elsewhere (`reference:`), against the motion of the
+module."""
 
 from __future__ import annotations
 
@@ -8,22 +9,24 @@ import numpy as np
 
 from derive.expressions.evaluate import number
 from derive.formulations.records import Equations
-from derive.mechanics.initial import initial_state
 from derive.model.records import Published
-from hamel.verify.evidence import Graph, graph
-from hamel.verify.records import Check
-from hamel.verify.vectors import Array
+from derive.states.initial import initial_state
+from hamel.verify.checks.evidence import Graph, graph
+from hamel.verify.records import CheckResult
+from hamel.verify.reference.vectors import Array
 
 INTEGRATOR = "dop853"  # what the module must have been made with
-# A passage through a singular position is only made where two ways across agree, and at the tightest tolerances rounding keeps
-# them apart: then the next one counts, for it is the quoted value that judges.
+# A passage through a singular position is only made where two ways across agree, and at the
+# tightest tolerances rounding keeps them apart: then the next one counts, for it is the quoted
+# value that judges.
 RTOLS = (1e-13, 1e-12, 1e-11, 1e-10, 3e-10, 1e-9)
 SMALL = 1e-3  # a value counts as at least this part of the largest of its entry
 MOST_STEPS = 10_000_000
 
 
-def published_checks(equations: Equations, module: ModuleType) -> tuple[Check, ...]:
-    """One check per entry of `reference:`, from the consistent initial state with inputs at zero."""
+def published_checks(equations: Equations, module: ModuleType) -> tuple[CheckResult, ...]:
+    """One check per entry of `reference:`, from the consistent initial state with inputs at
+    zero."""
     wanted = equations.system.model.published
     if not wanted:
         return ()
@@ -32,7 +35,8 @@ def published_checks(equations: Equations, module: ModuleType) -> tuple[Check, .
 
 
 def _found(seen: Graph, module: ModuleType, entry: Published) -> dict[str, float]:
-    """By the tightest tolerance at which the motion comes to the entry's time; nothing where none does."""
+    """By the tightest tolerance at which the motion comes to the entry's time; nothing where none
+    does."""
     for rtol in RTOLS:
         try:
             return _values(seen, entry, _state(seen, module, entry.time, rtol))
@@ -49,7 +53,9 @@ def _state(seen: Graph, module: ModuleType, time: float, rtol: float) -> Array:
     if time == 0.0:
         return np.array(x)
     times = np.array([0.0, time])
-    found = module.simulate(times, x, u, p, integrator=INTEGRATOR, rtol=rtol, atol=rtol / 100, max_steps=MOST_STEPS)
+    found = module.simulate(
+        times, x, u, p, integrator=INTEGRATOR, rtol=rtol, atol=rtol / 100, max_steps=MOST_STEPS
+    )
     return np.array(found.x[-1])
 
 
@@ -69,11 +75,16 @@ def _values(seen: Graph, entry: Published, x: Array) -> dict[str, float]:
     return {name: float(value) for name, value in found.items()}
 
 
-def _check(entry: Published, found: dict[str, float]) -> Check:
+def _check(entry: Published, found: dict[str, float]) -> CheckResult:
     parameters: dict[str, float] = {}
     wanted = {name: number(value, parameters) for name, value in entry.values}
     least = SMALL * max(map(abs, wanted.values()), default=0.0)
-    errors = [abs(found.get(name, np.inf) - value) / max(abs(value), least, 1e-300) for name, value in wanted.items()]
+    errors = [
+        abs(found.get(name, np.inf) - value) / max(abs(value), least, 1e-300)
+        for name, value in wanted.items()
+    ]
     error = float(np.max(errors, initial=0.0)) if not np.isnan(errors).any() else np.inf
     about = f"published: {entry.source}"
-    return Check(f"reference {entry.name}", error, entry.tolerance, error <= entry.tolerance, about)
+    return CheckResult(
+        f"reference {entry.name}", error, entry.tolerance, error <= entry.tolerance, about
+    )

@@ -7,8 +7,9 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Check:
-    """One rung at all states: `value` is the worst relative error met, `about` says against what and why the tolerance."""
+class CheckResult:
+    """One check at all states: `value` is the worst relative error met, `about` says against what
+    and why the tolerance."""
 
     name: str
     value: float
@@ -21,22 +22,25 @@ class Check:
 class Verification:
     """All checks of one choice of quasi-velocities at `states` random admissible states.
 
-    `rank` is that of A there, `region` the least and the largest value of whatever varied.
+    `rank` is that of A there, `region` the least and the largest value of whatever varied, `varied`
+    the parameters among them.
     """
 
     model: str
     choice: str
     passed: bool
-    checks: tuple[Check, ...]
+    checks: tuple[CheckResult, ...]
     states: int
     seed: int
     rank: int = 0
     region: tuple[tuple[str, float, float], ...] = ()
+    varied: tuple[str, ...] = ()
 
     @property
-    def failed(self) -> tuple[Check, ...]:
+    def failed(self) -> tuple[CheckResult, ...]:
         return tuple(check for check in self.checks if not check.passed)
 
     def as_json(self) -> dict[str, Any]:
-        """{"model", "choice", "passed", "checks": [{"name", "value", "tolerance", "passed", "about"}], "states", "seed"}."""
+        """{"model", "choice", "passed", "checks": [{"name", "value", "tolerance", "passed",
+        "about"}], "states", "seed"}."""
         return asdict(self)

@@ -1,7 +1,8 @@
-"""The result of a verification as it is kept beside the module: `verification.json`, and its summary for the manifest.
+"""The result of a verification as it is kept beside the module: `verification.json`, and its
+summary for the manifest.
 
-Errors are told as the power of ten by which they stay below the tolerance, three at most: roundoff differs between machines,
-and the bytes of a generated folder do not.
+Errors are told as the power of ten by which they stay below the tolerance, three at most: roundoff
+differs between machines, and the bytes of a generated folder do not.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ import math
 from typing import Any
 
 from derive.formulations.records import Equations
-from hamel.verify.checks import RUNGS
-from hamel.verify.records import Check, Verification
+from hamel.verify.checks import CHECKS
+from hamel.verify.records import CheckResult, Verification
 
 DECADES = 3
-ROUNDING = frozenset(rung.name for rung in RUNGS if rung.rounding)
-ROUNDOFF = 1e-12  # a tolerance below is a multiple of roundoff: it is met or not, and by how much is the machine's affair
+ROUNDING = frozenset(check.name for check in CHECKS if check.rounding)
+# a tolerance below is a multiple of roundoff: it is met or not, and by how much is the machine's
+# affair
+ROUNDOFF = 1e-12
 
 
 def stored(found: Verification, equations: Equations) -> str:
@@ -39,10 +42,15 @@ def stored(found: Verification, equations: Equations) -> str:
         for check, margin in zip(found.checks, margins)
     ]
     about = "margin: the worst error is below tolerance / 10^margin (3 stands for 3 or more); region: of the sampled states"
-    return json.dumps({"about": about, "summary": summary, "checks": checks}, indent=1, ensure_ascii=False) + "\n"
+    return (
+        json.dumps(
+            {"about": about, "summary": summary, "checks": checks}, indent=1, ensure_ascii=False
+        )
+        + "\n"
+    )
 
 
-def _margin(check: Check) -> int | None:
+def _margin(check: CheckResult) -> int | None:
     """Whole powers of ten between the error and its tolerance."""
     if check.tolerance < ROUNDOFF or check.name in ROUNDING:
         return None
@@ -57,4 +65,8 @@ def _two_digits(value: float) -> float:
 
 def _guards(equations: Equations) -> dict[str, Any]:
     """Function → its guards: below |tolerance| it returns the status `singular`."""
-    return {f.name: {guard.name: _two_digits(guard.tolerance) for guard in f.guards} for f in equations.functions if f.guards}
+    return {
+        f.name: {guard.name: _two_digits(guard.tolerance) for guard in f.guards}
+        for f in equations.functions
+        if f.guards
+    }

@@ -1,32 +1,35 @@
-"""The traditional reference: the augmented system with multipliers, in the base velocities.
+"""The traditional reference: the augmented system with multipliers, in the generalized velocities.
 
     [ M  −Aᵀ ] [ v̇ ]   [ Q − h ]
     [ A   0  ] [ λ ] = [ β     ]
-solved by one unrolled L D Lᵀ of the quasi-definite matrix [M Aᵀ; A 0] (unknowns v̇, −λ), tip to base, multipliers last.
+solved by one unrolled L D Lᵀ of the quasi-definite matrix [M Aᵀ; A 0] (unknowns v̇, −λ), tip to
+base, multipliers last.
 """
 
 from __future__ import annotations
 
-from derive.formulations.assembly import entries, in_base_velocities
-from derive.formulations.choices import Workshop
+from derive.choices.pivots import quadratic_guards
+from derive.choices.resolution import Survey
+from derive.formulations.assembly import entries, in_generalized_velocities
 from derive.formulations.fitness import first_of, singular, undetermined, unwritten
 from derive.formulations.formulation import Formulation
 from derive.formulations.multipliers import bordered_solution
-from derive.formulations.pivots import quadratic_guards
 from derive.formulations.records import Equations
 from derive.model.records import Choice
 
 
-def _equations(shop: Workshop, choice: Choice) -> Equations:
-    system, rows = shop.system, shop.independent_rows
+def _equations(survey: Survey, choice: Choice) -> Equations:
+    system, rows = survey.system, survey.independent_rows
     found = bordered_solution(system.M, rows.A, entries(system.Q - system.h), entries(rows.beta))
-    guards = quadratic_guards(shop, rows.names, found.pivots)
-    return in_base_velocities(shop, FORMULATION.name, found.x, [-y for y in found.y], guards, ())
+    guards = quadratic_guards(survey, rows.names, found.pivots)
+    return in_generalized_velocities(
+        survey, FORMULATION.name, found.x, [-y for y in found.y], guards, ()
+    )
 
 
 FORMULATION = Formulation(
     name="augmented",
-    about="base velocities and multipliers from one bordered system, the traditional reference; state x = (q, v)",
+    about="generalized velocities and multipliers from one bordered system, the traditional reference; state x = (q, v)",
     source="Lagrange: Mécanique analytique, equations of the first kind",
     chooses=False,
     misfit=first_of(unwritten, undetermined, singular),

@@ -1,6 +1,8 @@
-"""Maggi's equations with Kane's generalised speeds, the classical way: everything written out, then projected.
+"""Maggi's equations with Kane's generalised speeds, the classical way: everything written out, then
+projected.
 
-The whole matrix Y = [A; B] is inverted by Gauss elimination, Y⁻¹ = [R S], so that v = S w + R c, and
+The whole matrix Y = [A; B] is inverted by Gauss elimination, Y⁻¹ = [R S], so that v = S w + R c,
+and
     Sᵀ (M v̇ + h − Q) = 0,  v̇ = S ẇ + σ,  σ = R β − S Ḃ v
 is solved for ẇ on the written mass matrix, without any recursion over the bodies.
 """
@@ -11,46 +13,52 @@ from dataclasses import replace
 
 import casadi as ca
 
+from derive.choices.explicit import Explicit
+from derive.choices.named import carried_through
+from derive.choices.pivots import Solved, block_guards, solved
+from derive.choices.reduction import Reduction
+from derive.choices.resolution import Survey
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
 from derive.formulations.assembly import column, entries, reduced
-from derive.formulations.choices import Workshop
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
-from derive.formulations.named_choices import carried_through
-from derive.formulations.pivots import Solved, block_guards, solved
-from derive.formulations.quasi_velocities import Explicit
 from derive.formulations.records import Equations
-from derive.formulations.reduction import Reduction
 from derive.joints.records import Vector
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice
 
 
-def _equations(shop: Workshop, choice: Choice) -> Equations:
-    found = carried_through(shop, choice)
-    R, reduction = _inverted(shop, found.reduction)
-    explicit = _projected(shop, reduction)
-    system = shop.system
-    missing = ca.mtimes(system.M, explicit.vdot) + ca.substitute(system.h - system.Q, system.v, reduction.v)
-    lam = shop.independent_rows.spread(entries(ca.mtimes(R.T, missing)))
-    return reduced(shop, FORMULATION.name, choice.name, found.reason, reduction, explicit, lam)
+def _equations(survey: Survey, choice: Choice) -> Equations:
+    found = carried_through(survey, choice)
+    R, reduction = _inverted(survey, found.reduction)
+    explicit = _projected(survey, reduction)
+    system = survey.system
+    missing = ca.mtimes(system.M, explicit.vdot) + ca.substitute(
+        system.h - system.Q, system.v, reduction.v
+    )
+    lam = survey.independent_rows.spread(entries(ca.mtimes(R.T, missing)))
+    return reduced(survey, FORMULATION.name, choice.name, found.reason, reduction, explicit, lam)
 
 
-def _inverted(shop: Workshop, given: Reduction) -> tuple[ca.SX, Reduction]:
+def _inverted(survey: Survey, given: Reduction) -> tuple[ca.SX, Reduction]:
     """R, and the reduction by Y⁻¹ = [R S] as a whole."""
-    system, rows, n = shop.system, shop.independent_rows, shop.system.v.numel()
+    system, rows, n = survey.system, survey.independent_rows, survey.system.v.numel()
     Y = ca.vertcat(rows.A, given.B)
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(n)] for k in range(n)]
     try:
-        found = solved(shop, Y, sides)
+        found = solved(survey, Y, sides)
     except ZeroDivisionError:
-        name = shop.system.model.name
-        raise AssumptionError(f"{name}: [A; B] is singular at the sampled states, so Maggi's S does not exist") from None
+        name = survey.system.model.name
+        raise AssumptionError(
+            f"{name}: [A; B] is singular at the sampled states, so Maggi's S does not exist"
+        ) from None
     inverse = _matrix(found.columns, n)
-    R, S = inverse[:, : shop.rank], inverse[:, shop.rank :]
+    R, S = inverse[:, : survey.rank], inverse[:, survey.rank :]
     v = ca.mtimes(S, given.w) + ca.mtimes(R, rows.c)
-    turning = ca.jtimes(ca.mtimes(given.B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot))
+    turning = ca.jtimes(
+        ca.mtimes(given.B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot)
+    )
     sigma = ca.mtimes(R, rows.beta) - ca.mtimes(S, turning)
     names = [*rows.names, *given.names]
     return R, replace(
@@ -60,7 +68,7 @@ def _inverted(shop: Workshop, given: Reduction) -> tuple[ca.SX, Reduction]:
         sigma=ca.substitute(sigma, system.v, v),
         walked=None,
         guards=block_guards(found, names),
-        pivots=_in_words(shop, found, names),
+        pivots=_in_words(survey, found, names),
         constant_pivots=all(block.grade < 2 for block in found.blocks),
     )
 
@@ -75,10 +83,10 @@ def _matrix(columns: list[Vector], n: int) -> ca.SX:
     return ca.sparsify(result)
 
 
-def _in_words(shop: Workshop, found: Solved, names: list[str]) -> tuple[str, ...]:
+def _in_words(survey: Survey, found: Solved, names: list[str]) -> tuple[str, ...]:
     """The pivots of the elimination of Y, row by row."""
     kinds = ("a number", "cannot vanish", "varies")
-    velocities = [v.name for v in shop.system.model.velocities]
+    velocities = [v.name for v in survey.system.model.velocities]
     return tuple(
         f"{' and '.join(names[i] for i in block.rows)} for {' and '.join(velocities[j] for j in block.columns)} "
         f"(pivot: {kinds[block.grade]})"
@@ -86,10 +94,12 @@ def _in_words(shop: Workshop, found: Solved, names: list[str]) -> tuple[str, ...
     )
 
 
-def _projected(shop: Workshop, reduction: Reduction) -> Explicit:
+def _projected(survey: Survey, reduction: Reduction) -> Explicit:
     """(Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) with M, h and Q as they are written."""
-    system, S = shop.system, reduction.S
-    force = ca.substitute(system.Q - system.h, system.v, reduction.v) - ca.mtimes(system.M, reduction.sigma)
+    system, S = survey.system, reduction.S
+    force = ca.substitute(system.Q - system.h, system.v, reduction.v) - ca.mtimes(
+        system.M, reduction.sigma
+    )
     f_w = ca.mtimes(S.T, force)
     M_w = ca.mtimes(S.T, ca.mtimes(system.M, S))
     n = len(reduction.names)
@@ -97,7 +107,9 @@ def _projected(shop: Workshop, reduction: Reduction) -> Explicit:
     qdot = ca.substitute(system.qdot, system.v, reduction.v)
     vdot = ca.mtimes(S, wdot) + reduction.sigma
     count = operations(qdot, wdot)
-    return Explicit(qdot, wdot, vdot, M_w, f_w, count, "mass matrix and forces as written, then projected")
+    return Explicit(
+        qdot, wdot, vdot, M_w, f_w, count, "mass matrix and forces as written, then projected"
+    )
 
 
 FORMULATION = Formulation(

@@ -1,27 +1,28 @@
-"""Explicit equations in quasi-velocities: [A; B] inverted block by block, walking from base to tip."""
+"""Explicit equations in quasi-velocities: [A; B] inverted block by block, walking from base to
+tip."""
 
 from __future__ import annotations
 
 import casadi as ca
 
+from derive.choices.named import carried_through
+from derive.choices.pivots import solved
+from derive.choices.reduction import Reduction
+from derive.choices.resolution import Survey
 from derive.formulations.assembly import entries, reduced
-from derive.formulations.choices import Workshop
 from derive.formulations.fitness import undetermined
 from derive.formulations.formulation import Formulation
-from derive.formulations.named_choices import carried_through
-from derive.formulations.pivots import solved
 from derive.formulations.records import Equations
-from derive.formulations.reduction import Reduction
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
 from derive.model.records import Choice
 
 
-def _equations(shop: Workshop, choice: Choice) -> Equations:
-    system, found = shop.system, carried_through(shop, choice)
+def _equations(survey: Survey, choice: Choice) -> Equations:
+    system, found = survey.system, carried_through(survey, choice)
     reduction, result = found.reduction, found.explicit
-    lam = _multipliers(shop, reduction, _missing(system, reduction, result.vdot))
-    return reduced(shop, FORMULATION.name, choice.name, found.reason, reduction, result, lam)
+    lam = _multipliers(survey, reduction, _missing(system, reduction, result.vdot))
+    return reduced(survey, FORMULATION.name, choice.name, found.reason, reduction, result, lam)
 
 
 def _missing(system: System, reduction: Reduction, vdot: ca.SX) -> ca.SX:
@@ -32,12 +33,14 @@ def _missing(system: System, reduction: Reduction, vdot: ca.SX) -> ca.SX:
     return ca.substitute(forces - system.Q, system.v, reduction.v)
 
 
-def _multipliers(shop: Workshop, reduction: Reduction, missing: ca.SX) -> ca.SX:
+def _multipliers(survey: Survey, reduction: Reduction, missing: ca.SX) -> ca.SX:
     """λ from Yᵀ [λ; 0] = M v̇ + h − Q, Y = [A; B]."""
-    rows = shop.independent_rows
-    if not shop.rank:
+    rows = survey.independent_rows
+    if not survey.rank:
         return rows.spread([])
-    return rows.spread(solved(shop, ca.vertcat(rows.A, reduction.B).T, [entries(missing)]).columns[0])
+    return rows.spread(
+        solved(survey, ca.vertcat(rows.A, reduction.B).T, [entries(missing)]).columns[0]
+    )
 
 
 FORMULATION = Formulation(

@@ -1,10 +1,11 @@
-"""Forward dynamics of a tree in O(n): M = U D Uᵀ link by link and never written out, in the base velocities."""
+"""Forward dynamics of a tree in O(n): M = U D Uᵀ link by link and never written out, in the
+generalized velocities."""
 
 from __future__ import annotations
 
+from derive.choices.resolution import Survey
 from derive.expressions.counting import cheapest
-from derive.formulations.assembly import column, entries, in_base_velocities
-from derive.formulations.choices import Workshop
+from derive.formulations.assembly import column, entries, in_generalized_velocities
 from derive.formulations.fitness import constrained, first_of, not_of_links, singular
 from derive.formulations.formulation import Formulation
 from derive.formulations.records import Equations
@@ -14,13 +15,27 @@ from derive.mechanics.records import Named
 from derive.model.records import Choice
 
 
-def _equations(shop: Workshop, choice: Choice) -> Equations:
-    system, n = shop.system, shop.system.v.numel()
-    rotors: list[Scalar] = [system.M_extra[j, j] if system.M_extra.has_nz(j, j) else 0.0 for j in range(n)]
+def _equations(survey: Survey, choice: Choice) -> Equations:
+    system, n = survey.system, survey.system.v.numel()
+    rotors: list[Scalar] = [
+        system.M_extra[j, j] if system.M_extra.has_nz(j, j) else 0.0 for j in range(n)
+    ]
     force = entries(system.Q - system.h)
-    found = cheapest([_solved(tree_solution(system.links, inertias, rotors, force), n) for inertias in system.inertias])
+    found = cheapest(
+        [
+            _solved(tree_solution(system.links, inertias, rotors, force), n)
+            for inertias in system.inertias
+        ]
+    )
     vdot, pivots = found[:n], found[n:]
-    return in_base_velocities(shop, FORMULATION.name, vdot, [], (), (Named("D", "pivots of M = U D Uᵀ", column(pivots)),))
+    return in_generalized_velocities(
+        survey,
+        FORMULATION.name,
+        vdot,
+        [],
+        (),
+        (Named("D", "pivots of M = U D Uᵀ", column(pivots)),),
+    )
 
 
 def _solved(found, n: int) -> list[Scalar]:

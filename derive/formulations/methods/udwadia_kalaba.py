@@ -1,34 +1,38 @@
-"""Udwadia and Kalaba's explicit equation of constrained motion, for M > 0, in the base velocities.
+"""Udwadia and Kalaba's explicit equation of constrained motion, for M > 0, in the generalized
+velocities.
 
 With a = M⁻¹ (Q − h), the acceleration without constraints, and independent rows of A,
     v̇ = a + M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ (β − A a),    λ = (A M⁻¹ Aᵀ)⁻¹ (β − A a),
-which is a + M^−½ (A M^−½)⁺ (β − A a): rows that repeat others change neither. A nonideal constraint with force C enters as
-a + M⁻¹ C, of which the second term keeps what lies along ker A alone: M^−½ (1 − B⁺B) M^−½ C with B = A M^−½.
+which is a + M^−½ (A M^−½)⁺ (β − A a): rows that repeat others change neither. A nonideal constraint
+with force C enters as a + M⁻¹ C, of which the second term keeps what lies along ker A alone: M^−½
+(1 − B⁺B) M^−½ C with B = A M^−½.
 """
 
 from __future__ import annotations
 
-from derive.formulations.assembly import entries, in_base_velocities
-from derive.formulations.choices import Workshop
+from derive.choices.pivots import quadratic_guards
+from derive.choices.resolution import Survey
+from derive.formulations.assembly import entries, in_generalized_velocities
 from derive.formulations.fitness import first_of, not_of_links, singular, undetermined
 from derive.formulations.formulation import Formulation
 from derive.formulations.gauss import constrained_motion, inverse_applied, named, rows_of
-from derive.formulations.pivots import quadratic_guards
 from derive.formulations.records import Equations
 from derive.model.records import Choice
 
 
-def _equations(shop: Workshop, choice: Choice) -> Equations:
-    system, rows = shop.system, shop.independent_rows
+def _equations(survey: Survey, choice: Choice) -> Equations:
+    system, rows = survey.system, survey.independent_rows
     A, force, beta = rows.A, entries(system.Q - system.h), entries(rows.beta)
     found = constrained_motion(A, beta, inverse_applied(system, [force, *rows_of(A)]))
-    guards = quadratic_guards(shop, rows.names, found.pivots)
-    return in_base_velocities(shop, FORMULATION.name, found.vdot, found.lam, guards, named(found, A, beta))
+    guards = quadratic_guards(survey, rows.names, found.pivots)
+    return in_generalized_velocities(
+        survey, FORMULATION.name, found.vdot, found.lam, guards, named(found, A, beta)
+    )
 
 
-def _unwritten_and_not_of_links(shop: Workshop) -> str:
+def _unwritten_and_not_of_links(survey: Survey) -> str:
     """Where M is not written out its inverse is applied by the recursion over the links."""
-    return "" if shop.system.written else not_of_links(shop)
+    return "" if survey.system.written else not_of_links(survey)
 
 
 FORMULATION = Formulation(

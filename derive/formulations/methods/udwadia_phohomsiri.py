@@ -1,11 +1,15 @@
-"""Udwadia and Phohomsiri's equation of motion for mass matrices that may be singular, in the base velocities.
+"""Udwadia and Phohomsiri's equation of motion for mass matrices that may be singular, in the
+generalized velocities.
 
-    v̇ = [ (1 − A⁺A) M ]⁺ [ F ]       F = Q − h with a nonideal constraint's force C in it; rank [M; A] = nv
+    v̇ = [ (1 − A⁺A) M ]⁺ [ F ]       F = Q − h with a nonideal constraint's force C in it; rank [M;
+    A] = nv
         [      A      ]  [ β ],
-The regular square system with the same v̇ (Udwadia, Schutte 2010): A v̇ = β is added to the equations with weights W,
+The regular square system with the same v̇ (Udwadia, Schutte 2010): A v̇ = β is added to the
+equations with weights W,
     M_A = M + Aᵀ W A,   F_A = F + Aᵀ W β,
-M_A is positive definite exactly where rank [M; A] = nv, and v̇ = a + M_A⁻¹ Aᵀ (A M_A⁻¹ Aᵀ)⁻¹ (β − A a) with a = M_A⁻¹ F_A.
-The added terms cancel where A v̇ = β, so λ is that of M v̇ = F + Aᵀ λ, and v̇ depends on no weight.
+M_A is positive definite exactly where rank [M; A] = nv, and v̇ = a + M_A⁻¹ Aᵀ (A M_A⁻¹ Aᵀ)⁻¹ (β − A
+a) with a = M_A⁻¹ F_A. The added terms cancel where A v̇ = β, so λ is that of M v̇ = F + Aᵀ λ, and
+v̇ depends on no weight.
 """
 
 from __future__ import annotations
@@ -13,36 +17,44 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from derive.formulations.assembly import column, entries, in_base_velocities
-from derive.formulations.choices import Workshop
+from derive.choices.pivots import quadratic_guards, sampled
+from derive.choices.resolution import Survey
+from derive.formulations.assembly import column, entries, in_generalized_velocities
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
 from derive.formulations.gauss import constrained_motion, named, rows_of
-from derive.formulations.pivots import quadratic_guards, sampled
 from derive.formulations.records import Equations
 from derive.mechanics.records import Named
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice
 
 
-def _equations(shop: Workshop, choice: Choice) -> Equations:
-    system, rows = shop.system, shop.independent_rows
+def _equations(survey: Survey, choice: Choice) -> Equations:
+    system, rows = survey.system, survey.independent_rows
     A, beta = rows.A, rows.beta
-    W = ca.diag(ca.SX(ca.DM(_weights(shop)))) if shop.rank else ca.SX(0, 0)
+    W = ca.diag(ca.SX(ca.DM(_weights(survey)))) if survey.rank else ca.SX(0, 0)
     weighted = ca.mtimes(A.T, W)
     M_A = system.M + ca.mtimes(weighted, A)
     F_A = entries(system.Q - system.h + ca.mtimes(weighted, beta))
     order = list(reversed(range(system.v.numel())))
-    found = constrained_motion(A, entries(beta), ldl_solution(scalars(M_A), [F_A, *rows_of(A)], order).x)
-    guards = quadratic_guards(shop, rows.names, found.pivots)
+    found = constrained_motion(
+        A, entries(beta), ldl_solution(scalars(M_A), [F_A, *rows_of(A)], order).x
+    )
+    guards = quadratic_guards(survey, rows.names, found.pivots)
     masses = Named("M_A", "M + Aᵀ W A", M_A), Named("F_A", "Q − h + Aᵀ W β", column(F_A))
     shown = (*masses, Named("W", "weights of the rows", W), *named(found, A, entries(beta)))
-    return in_base_velocities(shop, FORMULATION.name, found.vdot, found.lam, guards, shown)
+    return in_generalized_velocities(survey, FORMULATION.name, found.vdot, found.lam, guards, shown)
 
 
-def _weights(shop: Workshop) -> list[float]:
-    """W, one number per row: about the mass that the row feels, 1/Σ (Aᵢⱼ²/Mⱼⱼ), so that units do not matter."""
-    found = [_felt(M, A) for M, A in zip(sampled(shop, shop.system.M), sampled(shop, shop.independent_rows.A))]
+def _weights(survey: Survey) -> list[float]:
+    """W, one number per row: about the mass that the row feels, 1/Σ (Aᵢⱼ²/Mⱼⱼ), so that units do
+    not matter."""
+    found = [
+        _felt(M, A)
+        for M, A in zip(
+            sampled(survey, survey.system.M), sampled(survey, survey.independent_rows.A)
+        )
+    ]
     return [float(f"{x:.2g}") for x in np.median(found, axis=0)]
 
 
@@ -52,7 +64,9 @@ def _felt(M: np.ndarray, A: np.ndarray) -> np.ndarray:
     mobility = np.sum(A[:, heavy] ** 2 / diagonal[heavy], axis=1)
     typical = float(np.median(diagonal[heavy])) if heavy.any() else 1.0
     lengths = np.maximum(np.sum(A**2, axis=1), 1e-300)
-    return np.where(mobility > 1e-9 * lengths / typical, 1.0 / np.maximum(mobility, 1e-300), typical / lengths)
+    return np.where(
+        mobility > 1e-9 * lengths / typical, 1.0 / np.maximum(mobility, 1e-300), typical / lengths
+    )
 
 
 FORMULATION = Formulation(

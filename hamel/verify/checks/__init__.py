@@ -1,4 +1,5 @@
-"""The rungs of the ladder, by subject; each is one function of the evidence and one line in RUNGS."""
+"""The checks of the suite, by subject; each is one function of the evidence and one line in
+CHECKS."""
 
 from hamel.verify.checks import (
     agreement,
@@ -15,22 +16,25 @@ from hamel.verify.checks import (
     strange,
     udwadia,
 )
-from hamel.verify.checks.rung import Rung
+from hamel.verify.checks.check import Check
 
-RUNGS: tuple[Rung, ...] = (
-    *agreement.RUNGS,
-    *udwadia.RUNGS,
-    *algebra.RUNGS,
-    *identities.RUNGS,
-    *inverse.RUNGS,
-    *configuration.RUNGS,
-    *linear.RUNGS,
-    *code.RUNGS,
-    *charts.RUNGS,
-    *strange.RUNGS,
-    *motion.RUNGS,
-    *momenta.RUNGS,
-    *engines.RUNGS,
+CHECKS: tuple[Check, ...] = (
+    *agreement.CHECKS,
+    *udwadia.CHECKS,
+    *algebra.CHECKS,
+    *identities.CHECKS,
+    *inverse.CHECKS,
+    *configuration.CHECKS,
+    *linear.CHECKS,
+    *code.CHECKS,
+    *charts.CHECKS,
+    *strange.CHECKS,
+    *motion.CHECKS,
+    *momenta.CHECKS,
+    *engines.CHECKS,
 )
-QUICK = (*agreement.RUNGS, *linear.RUNGS)  # every term against the reference, and what was derived from ẋ on request
-LOADED = (*code.RUNGS[:1], *charts.RUNGS)  # the loaded module against the graph
+QUICK = (
+    *agreement.CHECKS,
+    *linear.CHECKS,
+)  # every term against the reference, and what was derived from ẋ on request
+LOADED = (*code.CHECKS[:1], *charts.CHECKS)  # the loaded module against the graph

@@ -1,4 +1,5 @@
-"""Modules of several charts: the same state in another chart, there and back, without a change of v."""
+"""Modules of several charts: the same state in another chart, there and back, without a change of
+v."""
 
 from __future__ import annotations
 
@@ -8,21 +9,28 @@ from itertools import permutations
 import numpy as np
 
 from hamel.charts import in_chart
+from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import NEARLY
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import worst
-from hamel.verify.evidence import Evidence, Graph, Sample, graph
-from hamel.verify.saddle import row_condition
-from hamel.verify.vectors import Array
+from hamel.verify.checks.compare import worst
+from hamel.verify.checks.evidence import Evidence, Graph, Sample, graph
+from hamel.verify.reference.saddle import row_condition
+from hamel.verify.reference.vectors import Array
 
 
 def transformation(e: Evidence) -> float | None:
-    """For every ordered pair of charts: x_b = (q, B_b v), v of x_b is that of the reference, and back is where it was."""
+    """For every ordered pair of charts: x_b = (q, B_b v), v of x_b is that of the reference, and
+    back is where it was."""
     equations = e.graph.equations
     if e.module is None or not equations.charts:
         return None
     charts = [e.graph, *(graph(chart) for chart in equations.charts)]
-    return worst([error for a, b in permutations(range(len(charts)), 2) for error in _errors(e, charts, a, b)])
+    return worst(
+        [
+            error
+            for a, b in permutations(range(len(charts)), 2)
+            for error in _errors(e, charts, a, b)
+        ]
+    )
 
 
 def _errors(e: Evidence, charts: list[Graph], a: int, b: int) -> Iterator[float]:
@@ -36,7 +44,10 @@ def _errors(e: Evidence, charts: list[Graph], a: int, b: int) -> Iterator[float]
 
 def _regular(e: Evidence, chart: Graph, states: tuple[Array, ...]) -> Array:
     """Where the guards of v let a state pass, in the precision of the module."""
-    return chart.margins("velocity", [(s.t, x, s.u, s.p) for s, x in zip(e.samples, states)], e.real) > NEARLY
+    return (
+        chart.margins("velocity", [(s.t, x, s.u, s.p) for s, x in zip(e.samples, states)], e.real)
+        > NEARLY
+    )
 
 
 def _conditions(e: Evidence, chart: Graph) -> list[float]:
@@ -57,4 +68,12 @@ def _gap(e: Evidence, s: Sample, x: Array, y: Array, a: int, b: int) -> Array:
     return np.concatenate([(got - wanted) / (1.0 + worst(wanted)) for got, wanted in pairs])
 
 
-RUNGS = (Rung("transform", 1e-13, "from chart to chart and back, and v with it; per cond [A; B]", transformation, True),)
+CHECKS = (
+    Check(
+        "transform",
+        1e-13,
+        "from chart to chart and back, and v with it; per cond [A; B]",
+        transformation,
+        True,
+    ),
+)

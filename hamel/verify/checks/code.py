@@ -15,16 +15,19 @@ import numpy as np
 from codegen import compiler
 from codegen.loader import load
 from hamel.charts import in_chart
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import sizes, worst
-from hamel.verify.evidence import Evidence, Row
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Check
+from hamel.verify.checks.compare import sizes, worst
+from hamel.verify.checks.evidence import Evidence, Row
+from hamel.verify.reference.vectors import Array
 
 Call = Callable[..., Array]
 PLAIN = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC")
-EXACT = 1e-13  # relative tolerance of generated code in double; as many units of rounding in another precision
+# relative tolerance of generated code in double; as many units of rounding in another precision
+EXACT = 1e-13
 NEARLY = 1.001  # a guard may refuse up to so many times its tolerance, for it is rounded too
-MANY = 8.0  # multiples of the running error bound of one order of operations within which every other order stays
+# multiples of the running error bound of one order of operations within which every other order
+# stays
+MANY = 8.0
 
 
 def compiled(e: Evidence) -> float | None:
@@ -53,14 +56,19 @@ def _backend(e: Evidence, name: str) -> float | None:
 
 
 def plain_code(e: Evidence) -> float | None:
-    """Every function of the same C without optimisation and without contraction: a compiler's liberties change roundoff only."""
+    """Every function of the same C without optimisation and without contraction: a compiler's
+    liberties change roundoff only."""
     command = compiler.find_compiler()
     source = Path(getattr(e.module, "__file__", None) or "").parent
     if e.module is None or command is None or not (source / "manifest.json").is_file():
         return None
     with tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder:
         place = Path(folder) / source.name
-        shutil.copytree(source, place, ignore=shutil.ignore_patterns("*.so", "*.dylib", "*.dll", "*.pyd", "__pycache__"))
+        shutil.copytree(
+            source,
+            place,
+            ignore=shutil.ignore_patterns("*.so", "*.dylib", "*.dll", "*.pyd", "__pycache__"),
+        )
         _compiled_plainly(place, command)
         with warnings.catch_warnings():  # the extension module is not there
             warnings.simplefilter("ignore", RuntimeWarning)
@@ -80,7 +88,9 @@ def batches(e: Evidence) -> float | None:
     dynamics = in_chart(e.module, "dynamics", e.chart)
     if dynamics is None:
         return None
-    rows = [np.array(column) for column in zip(*((s.t, x, s.u, s.p) for s, x in zip(e.samples, e.x)))]
+    rows = [
+        np.array(column) for column in zip(*((s.t, x, s.u, s.p) for s, x in zip(e.samples, e.x)))
+    ]
     return _error(e, "dynamics", dynamics(*rows))
 
 
@@ -91,7 +101,11 @@ def _against_graph(e: Evidence, module: ModuleType) -> float:
 
 def _function(e: Evidence, name: str, call: Call) -> float:
     rows = e.rows_of(name)
-    return _error(e, name, np.array([_called(call, wanted, row) for row, wanted in zip(rows, e.expected[name][0])]))
+    return _error(
+        e,
+        name,
+        np.array([_called(call, wanted, row) for row, wanted in zip(rows, e.expected[name][0])]),
+    )
 
 
 def _called(call: Call, like: Array, row: Row) -> Array:
@@ -121,13 +135,23 @@ def _error(e: Evidence, name: str, got: Array) -> float:
 def _rightly_refused(e: Evidence, name: str, got: Array) -> Array:
     """Which states have no result and come too close to a guard."""
     missing = np.asarray(np.isnan(got).all(axis=1))
-    return missing & (e.graph.margins(name, e.rows_of(name), e.real) < NEARLY) if missing.any() else missing
+    return (
+        missing & (e.graph.margins(name, e.rows_of(name), e.real) < NEARLY)
+        if missing.any()
+        else missing
+    )
 
 
-RUNGS = (
-    Rung("module = graph", EXACT, "every function of the loaded module", compiled, True),
-    Rung("ctypes = graph", EXACT, "every function through the ctypes fallback", ctypes_code, True),
-    Rung("NumPy = graph", EXACT, "every function of the NumPy text", numpy_code, True),
-    Rung("-O0 = graph", EXACT, "every function of the same C without optimisation and contraction", plain_code, True),
-    Rung("batch = one by one", EXACT, "the batch call of the module", batches, True),
+CHECKS = (
+    Check("module = graph", EXACT, "every function of the loaded module", compiled, True),
+    Check("ctypes = graph", EXACT, "every function through the ctypes fallback", ctypes_code, True),
+    Check("NumPy = graph", EXACT, "every function of the NumPy text", numpy_code, True),
+    Check(
+        "-O0 = graph",
+        EXACT,
+        "every function of the same C without optimisation and contraction",
+        plain_code,
+        True,
+    ),
+    Check("batch = one by one", EXACT, "the batch call of the module", batches, True),
 )

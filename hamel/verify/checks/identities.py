@@ -1,30 +1,36 @@
-"""Identities along the motion: derivatives by differences of the quantities themselves, energy balance, and projection."""
+"""Identities along the motion: derivatives by differences of the quantities themselves, energy
+balance, and projection."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from derive.mechanics.closing import normalised
+from derive.states.closing import normalised
 from hamel.verify.checks.agreement import violated
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import deviation, slope, worst
-from hamel.verify.evidence import Evidence, Sample, Terms
-from hamel.verify.reference import energies, mass, state_of
-from hamel.verify.saddle import condition_of, saddle, solved
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Check
+from hamel.verify.checks.compare import Sums, deviation, slope, worst
+from hamel.verify.checks.evidence import Evidence, Sample, Terms
+from hamel.verify.limits import SOLVED
+from hamel.verify.reference.outcome import energies, mass, state_of
+from hamel.verify.reference.saddle import condition_of, saddle, solved
+from hamel.verify.reference.vectors import Array
 
-DIFFERENCES = 1e-8  # tolerance of what is differentiated by differences; what two step sizes disagree by counts as no error
-ROUNDING = 1e-15  # of a quantity, in its differences: two step sizes may by chance agree on it
+# tolerance of what is differentiated by differences; what two step sizes disagree by counts as no
+# error
+DIFFERENCES = 1e-8
+TWO_STEPS = 1e-15  # of a quantity, in its differences: two step sizes may by chance agree on it
 
 
 def step(e: Evidence, s: Sample, vdot: Array) -> float:
-    """A time in which the state changes by about 1e-3: differences of fourth order then err by about 1e-12."""
+    """A time in which the state changes by about 1e-3: differences of fourth order then err by
+    about 1e-12."""
     rates, change = worst(s.outcome.qdot / e.units.qdot), worst(vdot / e.units.vdot)
     return 1e-3 * e.units.time / max(1.0, rates, change**0.5)
 
 
 def energy_rate(e: Evidence) -> float:
-    """d(T + V)/dt of the reference's energies along (q̇, v̇) against power + λᵀ c, relative to the powers at work."""
+    """d(T₂ − T₀ + V)/dt of the reference's energies along (q̇, v̇) against power + λᵀ c, relative to
+    the powers at work."""
     names = ("power",) if e.graph.has("power") else ()
     ours = [t.power + s.outcome.lam @ s.outcome.kinematics.c for s, t in zip(e.samples, e.terms)]
     claims = [ours, *([float(y[0]) for y in e.results(name)] for name in names)]
@@ -33,16 +39,21 @@ def energy_rate(e: Evidence) -> float:
 
 def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float, ...]) -> float:
     def energy(time: float) -> Array:
-        return np.array(sum(energies(e.reference, state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full))))
+        there = state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full)
+        return np.array(energies(e.reference, there).total)
 
     o = s.outcome
     span = step(e, s, vdot)
     if span == 0.0:  # v̇ is infinite
         return np.inf
     gain, doubt = slope(energy, span)
-    doubt = doubt + ROUNDING * (abs(t.T) + abs(t.V)) / span
-    flows = np.abs(o.force) @ np.abs(s.v) + np.abs(o.constraint_force) @ np.abs(s.v) + np.abs(s.v) @ np.abs(t.M @ vdot)
-    return worst((gain - o.explicit - np.array(claims)) / (1e-6 * e.units.power + flows + doubt / DIFFERENCES))
+    doubt = doubt + TWO_STEPS * (abs(t.T) + o.summed.V) / span
+    flows = (
+        np.abs(o.force) @ np.abs(s.v)
+        + np.abs(o.constraint_force) @ np.abs(s.v)
+        + np.abs(s.v) @ np.abs(t.M @ vdot)
+    )
+    return worst((gain - np.array(claims)) / (1e-6 * e.units.power + flows + doubt / DIFFERENCES))
 
 
 def _moved(s: Sample, vdot: Array, time: float) -> tuple[Array, Array]:
@@ -63,11 +74,14 @@ def _drift(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
         return there.A @ v - there.c
 
     drift, doubt = slope(violation, step(e, s, vdot))
-    return worst(drift / (e.units.beta + np.abs(t.beta) + np.abs(t.A) @ np.abs(vdot) + doubt / DIFFERENCES))
+    return worst(
+        drift / (e.units.beta + np.abs(t.beta) + np.abs(t.A) @ np.abs(vdot) + doubt / DIFFERENCES)
+    )
 
 
 def beta_rate(e: Evidence) -> float | None:
-    """d(A v − c)/dt at held v equals −β: β is the derivative of the rows and not only what the motion needs."""
+    """d(A v − c)/dt at held v equals −β: β is the derivative of the rows and not only what the
+    motion needs."""
     if not len(e.terms[0].A):
         return None
     return worst([_beta(e, s, t) for s, t in zip(e.samples, e.terms)])
@@ -98,9 +112,15 @@ def _gap_rate(e: Evidence, s: Sample, v: Array) -> float:
     def gap(time: float) -> Array:
         return e.terms_at(s.t + time, s.q + time * here.qdot, v, s.u, s.p).phi
 
-    rate, doubt = (x[order] for x in slope(gap, 1e-3 * e.units.time / max(1.0, worst(here.qdot / e.units.qdot))))
+    rate, doubt = (
+        x[order]
+        for x in slope(gap, 1e-3 * e.units.time / max(1.0, worst(here.qdot / e.units.qdot)))
+    )
     wanted = (here.A @ v - here.c)[holonomic]
-    return worst((rate - wanted) / (e.units.rows[holonomic] + np.abs(here.A[holonomic]) @ np.abs(v) + doubt / DIFFERENCES))
+    return worst(
+        (rate - wanted)
+        / (e.units.rows[holonomic] + np.abs(here.A[holonomic]) @ np.abs(v) + doubt / DIFFERENCES)
+    )
 
 
 def projection(e: Evidence) -> float | None:
@@ -108,12 +128,19 @@ def projection(e: Evidence) -> float | None:
     if not e.graph.has("project"):
         return None
     rng = np.random.default_rng(2)
-    return worst([_projected(e, s, x + 1e-3 * e.units.x * rng.uniform(-1, 1, len(x))) for s, x in zip(e.samples, e.x)])
+    return worst(
+        [
+            _projected(e, s, x + 1e-3 * e.units.x * rng.uniform(-1, 1, len(x)))
+            for s, x in zip(e.samples, e.x)
+        ]
+    )
 
 
 def _projected(e: Evidence, s: Sample, x: Array) -> float:
     x = e.graph.iterated("project", s.t, x, s.u, s.p)
-    there = state_of(e.reference, s.t, x[: len(s.q)], e.graph("velocity", s.t, x, s.u, s.p), s.u, s.full)
+    there = state_of(
+        e.reference, s.t, x[: len(s.q)], e.graph("velocity", s.t, x, s.u, s.p), s.u, s.full
+    )
     lengths = [np.linalg.norm(x[i : i + 4]) - 1.0 for i in e.system.quaternions]
     return max(worst(lengths), violated(e, e.kinematics(there), there.q, there.v))
 
@@ -123,11 +150,13 @@ def projected_already(e: Evidence) -> float | None:
     if not e.graph.has("project"):
         return None
     there = [e.graph.iterated("project", s.t, x, s.u, s.p) for s, x in zip(e.samples, e.x)]
-    return deviation(there, e.x, e.conditions, unit=e.units.x)
+    sums = Sums(SOLVED, [1.0 + worst(x / e.units.x) for x in e.x])
+    return deviation(there, e.x, e.conditions, unit=e.units.x, sums=sums)
 
 
 def newton_step(e: Evidence) -> float | None:
-    """One step of `project` is q − N δ with unit quaternions, δ = W Aᵀ (A W Aᵀ)⁻¹ φ of least length in the metric W⁻¹.
+    """One step of `project` is q − N δ with unit quaternions, δ = W Aᵀ (A W Aᵀ)⁻¹ φ of least length
+    in the metric W⁻¹.
 
     The metric is M, or 1 where M is singular.
     """
@@ -138,26 +167,64 @@ def newton_step(e: Evidence) -> float | None:
 
 def _newton(e: Evidence, by_mass: bool) -> float:
     got, wanted, conditions = [], [], []
-    closing = list(e.graph.equations.closing)  # of redundant rows those that are closed: off the constraints the others disagree
+    closing = list(
+        e.graph.equations.closing
+    )  # of redundant rows those that are closed: off the constraints the others disagree
     phi = [e.system.rows[i].position for i in closing]
     for s, x in zip(e.samples, e.astray):
         there = state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full)
         k = e.kinematics(there)
-        metric, unit = (mass(e.reference, there, k), e.units.M) if by_mass else (np.eye(len(s.v)), 1.0)
+        metric, unit = (
+            (mass(e.reference, there, k), e.units.M) if by_mass else (np.eye(len(s.v)), 1.0)
+        )
         matrix = saddle(metric, k.A[closing])
         step, _ = solved(matrix, np.concatenate([np.zeros(len(s.v)), -k.phi[phi]]), redundant=False)
         got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
         wanted.append(normalised(e.system, x[: len(s.q)] + k.N @ step[: len(s.v)]) - x[: len(s.q)])
         conditions.append(condition_of(saddle(metric / unit, k.A[closing] / e.units.A[closing])))
-    return deviation(got, wanted, np.maximum(conditions, e.conditions), unit=e.units.q)
+    sums = Sums(SOLVED, [1.0 + worst(x[: len(e.units.q)] / e.units.q) for x in e.astray])
+    relax = np.maximum(conditions, e.conditions)
+    return deviation(got, wanted, relax, unit=e.units.q, sums=sums)
 
 
-RUNGS = (
-    Rung("d(T + V)/dt", DIFFERENCES, "power balance with the reference's energies; differences of fourth order", energy_rate),
-    Rung("d(A v − c)/dt = 0", DIFFERENCES, "along the motion; differences of fourth order", rows_rate),
-    Rung("β = −Ȧ v + ċ", DIFFERENCES, "rows differentiated at held v; differences of fourth order", beta_rate),
-    Rung("φ̇ = A v − c", DIFFERENCES, "positions differentiated along any velocity; differences of fourth order", positions_rate),
-    Rung("project, one step", 1e-10, "Newton step of least length in the metric of M (or 1), per condition number", newton_step),
-    Rung("project, nothing to do", 1e-10, "an admissible state stays where it is, per condition number", projected_already),
-    Rung("project", 1e-10, "φ = 0 and A v = c after a disturbance of 1e-3, by the reference's rows", projection),
+CHECKS = (
+    Check(
+        "d(T₂ − T₀ + V)/dt",
+        DIFFERENCES,
+        "power balance with the reference's energies; differences of fourth order",
+        energy_rate,
+    ),
+    Check(
+        "d(A v − c)/dt = 0", DIFFERENCES, "along the motion; differences of fourth order", rows_rate
+    ),
+    Check(
+        "β = −Ȧ v + ċ",
+        DIFFERENCES,
+        "rows differentiated at held v; differences of fourth order",
+        beta_rate,
+    ),
+    Check(
+        "φ̇ = A v − c",
+        DIFFERENCES,
+        "positions differentiated along any velocity; differences of fourth order",
+        positions_rate,
+    ),
+    Check(
+        "project, one step",
+        SOLVED,
+        "Newton step of least length in the metric of M (or 1), per condition number",
+        newton_step,
+    ),
+    Check(
+        "project, nothing to do",
+        SOLVED,
+        "an admissible state stays where it is, per condition number",
+        projected_already,
+    ),
+    Check(
+        "project",
+        SOLVED,
+        "φ = 0 and A v = c after a disturbance of 1e-3, by the reference's rows",
+        projection,
+    ),
 )

@@ -1,7 +1,9 @@
-"""The linear equations [A B; C D] in minimal states: against differences along the constraints, and against the unreduced ones.
+"""The linear equations [A B; C D] in minimal states: against differences along the constraints, and
+against the unreduced ones.
 
-The equations hold along every motion, so they are looked at wherever the states are. Tangents of the constraint surface are the
-reference's, and the functions that are differentiated are held to the reference by the other rungs.
+The equations hold along every motion, so they are looked at wherever the states are. Tangents of
+the constraint surface are the reference's, and the functions that are differentiated are held to
+the reference by the other checks.
 """
 
 from __future__ import annotations
@@ -19,38 +21,57 @@ from derive.linearize.minimal import linearization
 from derive.linearize.records import Linear
 from derive.linearize.steady import motion_of
 from derive.linearize.unreduced import constraint_counts, unreduced
-from derive.mechanics.initial import initial_state
+from derive.states.initial import initial_state
+from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import NEARLY
+from hamel.verify.checks.compare import slope, worst
+from hamel.verify.checks.evidence import Evidence, Row, Sample
 from hamel.verify.checks.motion import best_conditioned
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import FLOOR, slope, worst
-from hamel.verify.evidence import Evidence, Row, Sample
-from hamel.verify.vectors import Array
+from hamel.verify.limits import FLOOR
+from hamel.verify.reference.vectors import Array
 
 NAME = "linearization"
-JACOBIANS = {"jacobian_t": 0, "jacobian": 1, "jacobian_u": 2, "jacobian_p": 3}  # of ẋ by which argument
+JACOBIANS = {
+    "jacobian_t": 0,
+    "jacobian": 1,
+    "jacobian_u": 2,
+    "jacobian_p": 3,
+}  # of ẋ by which argument
 MOST = 80  # states of a model that is linearised without being asked
 SEEN = 5  # of the sampled states
 STEP = 1e-3  # in the model's own units
-DIFFERENCES = 1e-7  # tolerance of what is differentiated by differences; ten times what two step sizes disagree by is no error
+# tolerance of what is differentiated by differences; ten times what two step sizes disagree by is
+# no error
+DIFFERENCES = 1e-7
 NEXT_TO_NOTHING = 1e-3
-FAR = 1e3  # in the model's own units: a steady motion there says nothing, for rounding is all that is left of a length
+# in the model's own units: a steady motion there says nothing, for rounding is all that is left of
+# a length
+FAR = 1e3
 FREE = 1.0  # what a free name of a steady motion is, where nothing says what
 
 
 def with_linearization(equations: Equations) -> Equations:
-    """The equations with `linearization` among the functions, where they are minimal and not too many."""
+    """The equations with `linearization` among the functions, where they are minimal and not too
+    many."""
     known = {function.name for function in equations.functions}
-    if NAME in known or equations.formulation != "quasi_velocities" or equations.arguments[1].symbols.numel() > MOST:
+    if (
+        NAME in known
+        or equations.formulation != "quasi_velocities"
+        or equations.arguments[1].symbols.numel() > MOST
+    ):
         return equations
     try:
         return replace(equations, functions=(*equations.functions, linearization(equations)))
-    except (AssumptionError, ModelError):  # no initial configuration to choose the dependent coordinates at
+    except (
+        AssumptionError,
+        ModelError,
+    ):  # no initial configuration to choose the dependent coordinates at
         return equations
 
 
 def along_constraints(e: Evidence) -> float | None:
-    """Each column of [A B; C D] against differences of (ẋ, y) along the tangent that moves one state, or one input."""
+    """Each column of [A B; C D] against differences of (ẋ, y) along the tangent that moves one
+    state, or one input."""
     if not e.graph.has(NAME):
         return None
     errors = [error for k in _regular(e, NAME) for error in _columns(e, k)]
@@ -67,24 +88,37 @@ def _columns(e: Evidence, k: int) -> Iterator[float]:
     function, s, x = _function(e), e.samples[k], e.x[k]
     argument = e.graph.equations.arguments[1]
     independent = [argument.labels.index(name) for name in _states(function, argument.labels)]
-    directions = [(_tangent(e, s, independent, j), np.zeros_like(s.u), e.units.x[j]) for j in independent]
-    directions += [(np.zeros_like(x), row, unit) for row, unit in zip(np.eye(len(s.u)), _input_units(e))]
+    directions = [
+        (_tangent(e, s, independent, j), np.zeros_like(s.u), e.units.x[j]) for j in independent
+    ]
+    directions += [
+        (np.zeros_like(x), row, unit) for row, unit in zip(np.eye(len(s.u)), _input_units(e))
+    ]
     found = np.array(e.graph.functions[NAME](s.t, x, s.u, s.p))
     rows = np.concatenate([e.units.x[independent] / e.units.time, _output_units(e)])
 
     def values(dx: Array, du: Array) -> Array:
         xdot = e.graph("dynamics", s.t, x + dx, s.u + du, s.p)[independent]
-        return np.append(xdot, e.graph("outputs", s.t, x + dx, s.u + du, s.p) if e.graph.has("outputs") else [])
+        return np.append(
+            xdot, e.graph("outputs", s.t, x + dx, s.u + du, s.p) if e.graph.has("outputs") else []
+        )
 
     here = values(np.zeros_like(x), np.zeros_like(s.u))
     for column, (dx, du, unit) in zip(found.T, directions):
-        wanted, doubt = slope(lambda h, dx=dx, du=du, unit=unit: values(h * unit * dx, h * unit * du), STEP)
+        wanted, doubt = slope(
+            lambda h, dx=dx, du=du, unit=unit: values(h * unit * dx, h * unit * du), STEP
+        )
         yield _error(column * unit / rows, wanted / rows, doubt / rows, here / rows)
 
 
 def _error(got: Array, wanted: Array, doubt: Array, here: Array) -> float:
-    """Against the size of the column or, where that is next to nothing, of what is differentiated: `here`."""
-    size = np.abs(wanted) + FLOOR * np.max(np.abs(wanted), initial=0.0) + NEXT_TO_NOTHING * (1.0 + np.abs(here))
+    """Against the size of the column or, where that is next to nothing, of what is differentiated:
+    `here`."""
+    size = (
+        np.abs(wanted)
+        + FLOOR * np.max(np.abs(wanted), initial=0.0)
+        + NEXT_TO_NOTHING * (1.0 + np.abs(here))
+    )
     return worst((got - wanted) / (size + 10.0 * doubt / DIFFERENCES))
 
 
@@ -109,7 +143,8 @@ def _output_units(e: Evidence) -> Array:
 
 
 def _tangent(e: Evidence, s: Sample, independent: list[int], j: int) -> Array:
-    """δx that moves the independent state j by one and no other, on the constraints by the reference: δq = N δv, A_h δv = 0."""
+    """δx that moves the independent state j by one and no other, on the constraints by the
+    reference: δq = N δv, A_h δv = 0."""
     nq, k = len(s.q), s.outcome.kinematics
     result = np.zeros(nq + len(e.units.w))
     if j >= nq:
@@ -135,7 +170,12 @@ def _jacobian(e: Evidence, name: str, k: int) -> float:
     s, x = e.samples[k], e.x[k]
     place = [np.array([s.t]), x, s.u, s.p]
     slot = JACOBIANS[name]
-    units = (np.array([e.units.time]), e.units.x, _input_units(e), np.where(s.p == 0.0, 1.0, np.abs(s.p)))[slot]
+    units = (
+        np.array([e.units.time]),
+        e.units.x,
+        _input_units(e),
+        np.where(s.p == 0.0, 1.0, np.abs(s.p)),
+    )[slot]
     found = e.graph(name, s.t, x, s.u, s.p).reshape(len(x), -1)
     rows = e.units.x / e.units.time
 
@@ -161,18 +201,27 @@ def unreduced_form(e: Evidence) -> float | None:
     motion = motion_of(equations, None)
     given = {name for name, *_ in motion.ranges}
     try:
-        found = study(equations, motion, {name: FREE for name in motion.sweepable if name not in given})
+        found = study(
+            equations, motion, {name: FREE for name in motion.sweepable if name not in given}
+        )
         along = found.motions({})
         place = (0.0, along.x[0], along.u[0], along.p[0])
-        if e.graph.margins(NAME, [place], e.real)[0] <= NEARLY or worst(along.x[0] / e.units.x) > FAR:
+        if (
+            e.graph.margins(NAME, [place], e.real)[0] <= NEARLY
+            or worst(along.x[0] / e.units.x) > FAR
+        ):
             return None
-        form = _with_numbers(linear(equations, initial_state(e.system).q, np.array(equations.parameters)), e, place)
+        form = _with_numbers(
+            linear(equations, initial_state(e.system).q, np.array(equations.parameters)), e, place
+        )
         cyclic = {found.linear.independent[k] for k in found.cyclic}
         other = unreduced(form, along, tuple(j for j in form.independent if j in cyclic))
     except AssumptionError:  # no steady motion, or one where no velocity is constant
         return None
     m_h, m_n = constraint_counts(e.system, place[1][: e.system.q.numel()], place[3])
-    return max(other.difference, float(abs(other.spurious - 2 * m_h - m_n - len(e.system.quaternions))))
+    return max(
+        other.difference, float(abs(other.spurious - 2 * m_h - m_n - len(e.system.quaternions)))
+    )
 
 
 def _with_numbers(form: Linear, e: Evidence, place: Row) -> Linear:
@@ -181,10 +230,20 @@ def _with_numbers(form: Linear, e: Evidence, place: Row) -> Linear:
     return replace(form, A=ca.SX(ca.DM(np.array(e.graph.functions[NAME](*place))[:n, :n])))
 
 
-RUNGS = (
-    Rung(
-        "linearization", DIFFERENCES, "differences of (ẋ, y) along the reference's tangents, of fourth order", along_constraints
+CHECKS = (
+    Check(
+        "linearization",
+        DIFFERENCES,
+        "differences of (ẋ, y) along the reference's tangents, of fourth order",
+        along_constraints,
     ),
-    Rung("linearization, unreduced", 1e-7, "the multiplier equations linearised, 2 m_h + m_n more zeros", unreduced_form),
-    Rung("Jacobians", DIFFERENCES, "differences of ẋ by t, x, u and p, of fourth order", along_axes),
+    Check(
+        "linearization, unreduced",
+        1e-7,
+        "the multiplier equations linearised, 2 m_h + m_n more zeros",
+        unreduced_form,
+    ),
+    Check(
+        "Jacobians", DIFFERENCES, "differences of ẋ by t, x, u and p, of fourth order", along_axes
+    ),
 )

@@ -1,8 +1,9 @@
-"""Short motions of the module's own integrator, from some of the states, against the reference integrated on its own.
+"""Short motions of the module's own integrator, from some of the states, against the reference
+integrated on its own.
 
-The reference's v̇ is carried on by extrapolated midpoint steps (Gragg, Bulirsch, Stoer; Hairer, Nørsett, Wanner, Solving
-Ordinary Differential Equations I, §II.9) in q and v, without any constraint kept; the module has its equations in w, its
-integrator and its projection.
+The reference's v̇ is carried on by extrapolated midpoint steps (Gragg, Bulirsch, Stoer; Hairer,
+Nørsett, Wanner, Solving Ordinary Differential Equations I, §II.9) in q and v, without any
+constraint kept; the module has its equations in w, its integrator and its projection.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS
 from codegen.reals import FLOAT64
-from derive.mechanics.closing import normalised
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import sizes, worst
-from hamel.verify.evidence import Evidence, Sample
-from hamel.verify.reference import energies, evaluate, state_of
-from hamel.verify.vectors import Array
+from derive.states.closing import normalised
+from hamel.verify.checks.check import Check
+from hamel.verify.checks.compare import sizes, worst
+from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.reference.outcome import energies, evaluate, state_of
+from hamel.verify.reference.vectors import Array
 
 SHARE = 0.5
 NUDGE = 1e-3  # in the model's own units
@@ -40,7 +41,8 @@ RTOL = 1e-12
 
 
 def simulated(e: Evidence) -> float | None:
-    """q and v at the end. Not where rows are redundant: off the constraints, where the reference drifts, they are not."""
+    """q and v at the end. Not where rows are redundant: off the constraints, where the reference
+    drifts, they are not."""
     return None if e.redundant else worst_of(e, _missed)
 
 
@@ -66,9 +68,11 @@ def order(e: Evidence) -> float | None:
 
 
 def _slopes(e: Evidence) -> Iterator[list[float]]:
-    """Per smooth motion log₂ of how much smaller an error half the step leaves, where both can be told from roundoff.
+    """Per smooth motion log₂ of how much smaller an error half the step leaves, where both can be
+    told from roundoff.
 
-    Where forces have kinks no method shows its order: smooth is what one extrapolated step of the reference gets nearly right.
+    Where forces have kinks no method shows its order: smooth is what one extrapolated step of the
+    reference gets nearly right.
     """
     for k, times in product(best_conditioned(e)[:MOTIONS], LONGER):
         s = e.samples[k]
@@ -86,13 +90,8 @@ def _slopes(e: Evidence) -> Iterator[list[float]]:
 
 
 def work(e: Evidence) -> float | None:
-    """What the module counts as work is what T + V gained, by the reference's energies."""
-    return None if _explicit(e) else worst_of(e, _unbalanced)
-
-
-def _explicit(e: Evidence) -> bool:
-    """Energies that change by themselves: no force does it."""
-    return any(s.outcome.explicit for s in e.samples)
+    """What the module counts as work is what T₂ − T₀ + V gained, by the reference's energies."""
+    return worst_of(e, _unbalanced)
 
 
 def _unbalanced(e: Evidence, k: int) -> float:
@@ -100,13 +99,17 @@ def _unbalanced(e: Evidence, k: int) -> float:
     span = time_scale(e, s)
     run = _run(e, s, e.x[k], span)
     q, v = np.split(_end(e, s, run, s.t + span), [len(s.q)])
-    T, V = energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full))
-    size = e.units.energy + abs(T) + s.outcome.T + abs(V - s.outcome.V) + abs(run.work[-1])
-    return float(abs(T + V - s.outcome.T - s.outcome.V - run.work[-1]) / size)
+    end, start = (
+        energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full)),
+        s.outcome,
+    )
+    size = e.units.energy + abs(end.T) + abs(start.T) + abs(end.V - start.V) + abs(run.work[-1])
+    return float(abs(end.total - start.energy - run.work[-1]) / size)
 
 
 def backwards(e: Evidence) -> float | None:
-    """There, velocities turned round, and back: where v̇ is even in v by the reference, and nothing depends on time."""
+    """There, velocities turned round, and back: where v̇ is even in v by the reference, and nothing
+    depends on time."""
     return worst_of(e, _not_back) if simulates(e) and _reversible(e) else None
 
 
@@ -116,7 +119,11 @@ def _reversible(e: Evidence) -> bool:
 
 def _even(e: Evidence, s: Sample, t: float) -> bool:
     turned = evaluate(e.reference, state_of(e.reference, t, s.q, -s.v, s.u, s.full))
-    apart = worst((turned.vdot - s.outcome.vdot) / sizes(s.outcome.vdot[None] / e.units.vdot)[0] / e.units.vdot)
+    apart = worst(
+        (turned.vdot - s.outcome.vdot)
+        / sizes(s.outcome.vdot[None] / e.units.vdot)[0]
+        / e.units.vdot
+    )
     return apart < 1e-9 and not turned.kinematics.c.any()
 
 
@@ -130,7 +137,8 @@ def _not_back(e: Evidence, k: int) -> float:
 
 
 def worst_of(e: Evidence, error: Callable[[Evidence, int], float]) -> float | None:
-    """Over the motions that neither end at a singular position of the choice nor have a kink that the reference stumbles over."""
+    """Over the motions that neither end at a singular position of the choice nor have a kink that
+    the reference stumbles over."""
     if not simulates(e):
         return None
     found: list[float] = []
@@ -152,18 +160,30 @@ def best_conditioned(e: Evidence) -> list[int]:
 
 
 def time_scale(e: Evidence, s: Sample) -> float:
-    """A share of the time in which the state changes by one, or a disturbance of it decays or swings."""
+    """A share of the time in which the state changes by one, or a disturbance of it decays or
+    swings."""
     unit = e.units
     signs = NUDGE * np.where(np.arange(len(s.v)) % 2, -1.0, 1.0)
-    stiffness = worst(_changed(e, s, s.q + s.outcome.kinematics.N @ (signs * unit.v) * unit.time, s.v)) / NUDGE
+    stiffness = (
+        worst(_changed(e, s, s.q + s.outcome.kinematics.N @ (signs * unit.v) * unit.time, s.v))
+        / NUDGE
+    )
     damping = worst(_changed(e, s, s.q, s.v + signs * unit.v)) / NUDGE
-    rates = (1.0, worst(s.outcome.qdot / unit.qdot), worst(s.outcome.vdot / unit.vdot) ** 0.5, stiffness**0.5, damping)
+    rates = (
+        1.0,
+        worst(s.outcome.qdot / unit.qdot),
+        worst(s.outcome.vdot / unit.vdot) ** 0.5,
+        stiffness**0.5,
+        damping,
+    )
     return SHARE * unit.time / max(rates)
 
 
 def _changed(e: Evidence, s: Sample, q: Array, v: Array) -> Array:
     """By how much v̇ is another there."""
-    there = evaluate(e.reference, state_of(e.reference, s.t, normalised(e.system, q), v, s.u, s.full))
+    there = evaluate(
+        e.reference, state_of(e.reference, s.t, normalised(e.system, q), v, s.u, s.full)
+    )
     return (there.vdot - s.outcome.vdot) / e.units.vdot
 
 
@@ -171,7 +191,9 @@ def _run(e: Evidence, s: Sample, x: Array, span: float, step_size: float | None 
     assert e.module is not None
     chart = {"chart": e.chart} if e.chart else {}
     atol = RTOL * float(e.units.x.min(initial=1.0))
-    return e.module.simulate([s.t, s.t + span], x, s.u, s.p, rtol=RTOL, atol=atol, step_size=step_size, **chart)
+    return e.module.simulate(
+        [s.t, s.t + span], x, s.u, s.p, rtol=RTOL, atol=atol, step_size=step_size, **chart
+    )
 
 
 def end_of(e: Evidence, s: Sample, x: Array, span: float) -> Array:
@@ -180,9 +202,12 @@ def end_of(e: Evidence, s: Sample, x: Array, span: float) -> Array:
 
 
 def _end(e: Evidence, s: Sample, run: Any, t: float) -> Array:
-    """(q, v) where a motion ends; modules of several charts give v themselves, for x may be in any of them."""
+    """(q, v) where a motion ends; modules of several charts give v themselves, for x may be in any
+    of them."""
     x, v = run.x[-1], getattr(run, "v", None)
-    return np.concatenate([x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p) if v is None else v[-1]])
+    return np.concatenate(
+        [x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p) if v is None else v[-1]]
+    )
 
 
 def _apart(e: Evidence, got: Array, wanted: Array) -> float:
@@ -199,8 +224,11 @@ def _start(s: Sample) -> Array:
     return np.concatenate([s.q, s.v])
 
 
-def _carried(e: Evidence, s: Sample, t: float, y: Array, h: float, depth: int, before: float) -> Array:
-    """y after h, in as many steps as it takes; where half the step is hardly surer (`before`) there is a kink, or no rank."""
+def _carried(
+    e: Evidence, s: Sample, t: float, y: Array, h: float, depth: int, before: float
+) -> Array:
+    """y after h, in as many steps as it takes; where half the step is hardly surer (`before`) there
+    is a kink, or no rank."""
     end, doubtful = _step(e, s, t, y, h)
     doubt = _apart(e, doubtful, end)
     if depth == 0 and not doubt <= UNSURE:
@@ -226,8 +254,11 @@ def _rates(e: Evidence, s: Sample, t: float, y: Array) -> Array:
     return np.concatenate([outcome.qdot, outcome.vdot])
 
 
-def _extrapolated(rate: Callable[[float, Array], Array], t: float, y: Array, h: float) -> tuple[Array, Array]:
-    """y after h, and what it would be without the last extrapolation: midpoint steps, by Aitken and Neville in their squares."""
+def _extrapolated(
+    rate: Callable[[float, Array], Array], t: float, y: Array, h: float
+) -> tuple[Array, Array]:
+    """y after h, and what it would be without the last extrapolation: midpoint steps, by Aitken and
+    Neville in their squares."""
     first, table = rate(t, y), []
     for n in SUBSTEPS:
         before, now = y, y + h / n * first
@@ -240,9 +271,24 @@ def _extrapolated(rate: Callable[[float, Array], Array], t: float, y: Array, h: 
     return table[-1][-1], table[-1][-2]
 
 
-RUNGS = (
-    Rung("simulate", 1e-8, "short motions against the reference integrated on its own, per condition number/1000", simulated),
-    Rung("order of the integrator", 0.35, "what the slope of the error of halved steps lacks, as a part of the order", order),
-    Rung("work = Δ(T + V)", 1e-8, "along short motions, by the reference's energies", work),
-    Rung("there and back", 1e-8, "velocities turned round and run again, where the reference says that this can be", backwards),
+CHECKS = (
+    Check(
+        "simulate",
+        1e-8,
+        "short motions against the reference integrated on its own, per condition number/1000",
+        simulated,
+    ),
+    Check(
+        "order of the integrator",
+        0.35,
+        "what the slope of the error of halved steps lacks, as a part of the order",
+        order,
+    ),
+    Check("work = Δ(T₂ − T₀ + V)", 1e-8, "along short motions, by the reference's energies", work),
+    Check(
+        "there and back",
+        1e-8,
+        "velocities turned round and run again, where the reference says that this can be",
+        backwards,
+    ),
 )

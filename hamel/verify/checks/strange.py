@@ -1,4 +1,5 @@
-"""NaN, ±Inf, denormals and huge numbers in any argument: the graph's own result or a refusal, and never another number."""
+"""NaN, ±Inf, denormals and huge numbers in any argument: the graph's own result or a refusal, and
+never another number."""
 
 from __future__ import annotations
 
@@ -12,19 +13,27 @@ import numpy as np
 
 from derive.formulations.records import Function
 from hamel.charts import in_chart
-from hamel.verify.checks.rung import Rung
-from hamel.verify.evidence import Evidence, Row
-from hamel.verify.vectors import Array
+from hamel.verify.checks.check import Check
+from hamel.verify.checks.evidence import Evidence, Row
+from hamel.verify.reference.vectors import Array
 
 STRANGE = {"nan": np.nan, "inf": np.inf, "-inf": -np.inf, "denormal": 5e-324, "huge": 1e300}
-FINITE = ("denormal", "huge")  # where squares or quotients overflow, the order of operations decides: the result is not compared
+FINITE = (
+    "denormal",
+    "huge",
+    # where squares or quotients overflow, the order of operations decides: the result is not compared
+)
 CLOSE = 1e-9
 RIGHT, REFUSED = "right", "refused"
 
 
 def wrong_answers(e: Evidence) -> float | None:
     """How many there are at the first state, in the loaded module and in its NumPy text."""
-    return None if e.module is None else float(sum(1 for backend in backends(e.module) for _ in found(e, backend)))
+    return (
+        None
+        if e.module is None
+        else float(sum(1 for backend in backends(e.module) for _ in found(e, backend)))
+    )
 
 
 def backends(module: ModuleType) -> Iterator[ModuleType]:
@@ -47,7 +56,9 @@ def tried(e: Evidence, backend: ModuleType) -> Iterator[str]:
                 yield from _of_function(e, function, call, e.rows_of(function.name)[0])
 
 
-def _of_function(e: Evidence, function: Function, call: Callable[..., Array], place: Row) -> Iterator[str]:
+def _of_function(
+    e: Evidence, function: Function, call: Callable[..., Array], place: Row
+) -> Iterator[str]:
     unit = e.units.of(function)
     for about, strange in spoiled(place):
         try:
@@ -65,12 +76,14 @@ def _of_function(e: Evidence, function: Function, call: Callable[..., Array], pl
 
 
 def _wanted(e: Evidence, name: str, place: Row, strange: tuple) -> Array:
-    """The graph's result; where that is none, though it does not depend on the argument (m in m/m), what it is elsewhere."""
+    """The graph's result; where that is none, though it does not depend on the argument (m in m/m),
+    what it is elsewhere."""
     wanted = np.ravel(e.graph(name, *strange))
     if np.isfinite(wanted).all():
         return wanted
     another: tuple[Any, ...] = tuple(
-        np.where(np.isfinite(new), new, 2.0 * np.asarray(old) + 1.0) for old, new in zip(place, strange)
+        np.where(np.isfinite(new), new, 2.0 * np.asarray(old) + 1.0)
+        for old, new in zip(place, strange)
     )
     here, there = np.ravel(e.graph(name, *place)), np.ravel(e.graph(name, *another))
     indifferent = ~np.isfinite(wanted) & (np.abs(there - here) <= CLOSE * np.abs(here))
@@ -78,7 +91,10 @@ def _wanted(e: Evidence, name: str, place: Row, strange: tuple) -> Array:
 
 
 def _close(got: Array, wanted: Array, error: float) -> bool:
-    return bool(np.isfinite(wanted).all() and np.allclose(got, wanted, rtol=error, atol=error * np.abs(wanted).max(initial=1.0)))
+    return bool(
+        np.isfinite(wanted).all()
+        and np.allclose(got, wanted, rtol=error, atol=error * np.abs(wanted).max(initial=1.0))
+    )
 
 
 def spoiled(place: Row) -> Iterator[tuple[str, tuple]]:
@@ -88,11 +104,17 @@ def spoiled(place: Row) -> Iterator[tuple[str, tuple]]:
             for i in range(np.size(argument)):
                 changed = np.array(argument, dtype=float)
                 changed.reshape(-1)[i] = value
-                yield f"argument {k}[{i}] {about}", (*place[:k], changed if changed.ndim else float(changed), *place[k + 1 :])
+                yield (
+                    f"argument {k}[{i}] {about}",
+                    (*place[:k], changed if changed.ndim else float(changed), *place[k + 1 :]),
+                )
 
 
-RUNGS = (
-    Rung(
-        "no number from none", 0.0, "NaN, ±Inf, denormals, 1e300 in each argument: the graph's result or a refusal", wrong_answers
+CHECKS = (
+    Check(
+        "no number from none",
+        0.0,
+        "NaN, ±Inf, denormals, 1e300 in each argument: the graph's result or a refusal",
+        wrong_answers,
     ),
 )

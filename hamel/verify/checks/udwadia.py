@@ -1,18 +1,20 @@
-"""The system's own terms solved as Udwadia and Kalaba, and Udwadia and Phohomsiri, do: by pseudo-inverses, without multipliers.
+"""The system's own terms solved as Udwadia and Kalaba, and Udwadia and Phohomsiri, do: by
+pseudo-inverses, without multipliers.
 
-Sources: F. E. Udwadia, R. E. Kalaba, Proc. R. Soc. A 439 (1992) 407–410; F. E. Udwadia, P. Phohomsiri, Proc. R. Soc. A 462 (2006)
-2097–2117.
+Sources: F. E. Udwadia, R. E. Kalaba, Proc. R. Soc. A 439 (1992) 407–410; F. E. Udwadia, P.
+Phohomsiri, Proc. R. Soc. A 462 (2006) 2097–2117.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from hamel.verify.checks.rung import Rung
-from hamel.verify.compare import deviation
-from hamel.verify.evidence import Evidence, Terms
-from hamel.verify.saddle import RANK, condition_of
-from hamel.verify.vectors import Array
+from hamel.verify.checks.agreement import acceleration_error
+from hamel.verify.checks.check import Check
+from hamel.verify.checks.evidence import Evidence, Terms
+from hamel.verify.limits import SOLVED
+from hamel.verify.reference.saddle import RANK, condition_of
+from hamel.verify.reference.vectors import Array
 
 REGULAR = 1e12  # condition of a mass matrix that has an inverse
 
@@ -20,13 +22,15 @@ REGULAR = 1e12  # condition of a mass matrix that has an inverse
 def udwadia_kalaba(e: Evidence) -> float | None:
     """v̇ against a + M^{-½} (A M^{-½})⁺ (β − A a), a = M⁻¹ (Q − h), where M has an inverse."""
     growth = [condition_of(t.M) for t in e.terms]
-    if max(growth) > REGULAR or any(np.linalg.matrix_rank(_scaled(t)[1]) < len(t.M) for t in e.terms):
+    if max(growth) > REGULAR or any(
+        np.linalg.matrix_rank(_scaled(t)[1]) < len(t.M) for t in e.terms
+    ):
         return None
     try:
         wanted = [D * _udwadia_kalaba(*rest) for D, *rest in map(_scaled, e.terms)]
     except np.linalg.LinAlgError:  # M is not positive
         return np.inf
-    return deviation(e.vdot, wanted, np.maximum(growth, e.conditions), e.small, e.units.vdot)
+    return acceleration_error(e, wanted, np.maximum(growth, e.conditions))
 
 
 def _udwadia_kalaba(M: Array, force: Array, A: Array, beta: Array) -> Array:
@@ -38,7 +42,7 @@ def _udwadia_kalaba(M: Array, force: Array, A: Array, beta: Array) -> Array:
 def udwadia_phohomsiri(e: Evidence) -> float:
     """v̇ against [(1 − A⁺A) M; A]⁺ [(1 − A⁺A) (Q − h); β], which needs no inverse of M."""
     wanted = [D * _udwadia_phohomsiri(*rest) for D, *rest in map(_scaled, e.terms)]
-    return deviation(e.vdot, wanted, e.conditions, e.small, e.units.vdot)
+    return acceleration_error(e, wanted, e.conditions)
 
 
 def _udwadia_phohomsiri(M: Array, force: Array, A: Array, beta: Array) -> Array:
@@ -47,7 +51,8 @@ def _udwadia_phohomsiri(M: Array, force: Array, A: Array, beta: Array) -> Array:
 
 
 def _scaled(t: Terms) -> tuple[Array, Array, Array, Array, Array]:
-    """D, D M D with ones on its diagonal, D (Q − h), and A D, β with rows of length one; v̇ is D times what solves these."""
+    """D, D M D with ones on its diagonal, D (Q − h), and A D, β with rows of length one; v̇ is D
+    times what solves these."""
     size = np.diag(t.M)
     D = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
     A = t.A * D
@@ -59,9 +64,17 @@ def _pseudo_inverse(matrix: Array) -> Array:
     return np.linalg.pinv(matrix, rcond=RANK)
 
 
-RUNGS = (
-    Rung(
-        "v̇ Udwadia–Kalaba", 1e-10, "the same terms by a pseudo-inverse, per condition number, that of M or of all", udwadia_kalaba
+CHECKS = (
+    Check(
+        "v̇ Udwadia–Kalaba",
+        SOLVED,
+        "the same terms by a pseudo-inverse, per condition number, that of M or of all",
+        udwadia_kalaba,
     ),
-    Rung("v̇ Udwadia–Phohomsiri", 1e-10, "the same without an inverse of M, per condition number", udwadia_phohomsiri),
+    Check(
+        "v̇ Udwadia–Phohomsiri",
+        SOLVED,
+        "the same without an inverse of M, per condition number",
+        udwadia_phohomsiri,
+    ),
 )

@@ -1,0 +1,493 @@
+"""Choosing quasi-velocities is choosing how to eliminate: Y v = [c; w] solved from base to tip.
+
+Every link's twist is carried as a linear form over w and the generalized velocities that are not
+known yet; a constraint or speed row is solved for one of those as soon as all it speaks of has been
+reached. The rates v̇ follow by the same walk with the same pivots, so no inverse is ever
+differentiated. (Velocity transformation: Jerkovsky 1978; Kane & Levinson 1985; the pivot sequence
+is the block inversion of Mirtaheri & Zohoor, carried out one row at a time.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import casadi as ca
+import numpy as np
+
+from derive.joints.records import Scalar
+from derive.joints.rotations import is_zero
+from derive.mechanics.forms import ONE, Form, Key, constant, total, value
+from derive.mechanics.motion import (
+    REST,
+    STILL,
+    Numbers,
+    Twist,
+    child_numbers,
+    joint_part,
+    parent_part,
+    row_form,
+    row_products,
+    shifted,
+    twist,
+    velocity_products,
+    with_products,
+)
+from derive.mechanics.records import Link, RowForm, System
+from derive.mechanics.solve import (
+    COFACTORS,
+    SAFE,
+    VANISHES,
+    Block,
+    best_block,
+    reflected_solution,
+    small_inverse,
+    steady,
+)
+from derive.mechanics.tree import path
+from derive.states.sampling import States
+
+SHORT = 3  # a twist component with at most so many terms is cheaper from its form than by recursion
+
+
+class Dependent(Exception):
+    """A speed row says nothing new: `speed` depends on the constraint rows before it."""
+
+    def __init__(self, speed: str) -> None:
+        super().__init__(speed)
+        self.speed = speed
+
+
+class Undetermined(Exception):
+    """A velocity is left over: a row had no pivot at the sampled states although the rank of A
+    counts on it."""
+
+    def __init__(self, velocity: str) -> None:
+        super().__init__(velocity)
+        self.velocity = velocity
+
+
+@dataclass(frozen=True)
+class Step:
+    """`rows` are solved for `keys` together; `pivot` is the determinant, `block` says how it
+    behaves over the samples."""
+
+    rows: tuple[int, ...]
+    keys: tuple[Key, ...]
+    pivot: Scalar
+    block: Block
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """v = S w + (values at w = 0), v̇ = S ẇ + σ, and the same for every link's twist."""
+
+    speeds: tuple[Form, ...]  # of each generalized velocity, over ("w", k) and ONE
+    v: list[Scalar]
+    sigma: list[Scalar]
+    twists: list[Twist]
+    numbers: list[Numbers]
+    rates: list[Numbers]  # of the links' twists at ẇ = 0
+    steps: tuple[Step, ...]
+    row_names: tuple[str, ...]
+    sizes: tuple[float, ...]
+
+
+@dataclass
+class _Walk:
+    """One walk over the tree, on velocities or on their rates."""
+
+    system: System
+    rows: Sequence[RowForm]
+    sides: Sequence[Form]  # what each row equals
+    known: dict[int, Form]  # generalized velocities given outright
+    twists: list[Twist] = field(default_factory=list)
+    joints: dict[int, Form] = field(default_factory=dict)
+    solved: dict[Key, Form] = field(default_factory=dict)
+    residuals: dict[int, Form] = field(default_factory=dict)  # of rows that wait
+
+    def resolved(self, form: Form) -> Form:
+        """The form with solved keys replaced, as often as needed."""
+        while any(key in self.solved for key in form):
+            parts = [
+                (c, self.solved[k]) if k in self.solved else (c, {k: 1.0}) for k, c in form.items()
+            ]
+            form = total(parts)
+        return form
+
+    def resolved_twist(self, i: int) -> Twist:
+        if i < 0:
+            return REST
+        omega, velocity = self.twists[i]
+        self.twists[i] = ([self.resolved(f) for f in omega], [self.resolved(f) for f in velocity])
+        return self.twists[i]
+
+    def enter(self, link: Link, before: Twist) -> None:
+        """The next link, its joint velocities known outright or unknown."""
+        axis = link.turns_about
+        if axis >= 0 and link.columns[0] not in self.known:
+            self._enter_turning(link, before, axis)
+            return
+        for j in link.columns:
+            self.joints[j] = self.known.get(j, {("v", j): 1.0})
+        self.twists.append(
+            twist(link, before, joint_part(link, [self.joints[j] for j in link.columns]))
+        )
+
+    def _enter_turning(self, link: Link, before: Twist, axis: int) -> None:
+        """The unknown is the link's own spin about the joint, not the joint's rate: it then stands
+        alone in the twist."""
+        j, sign = link.columns[0], link.motion[0][axis]
+        spin: Form = {("v", j): 1.0}
+        self.joints[j] = total([(1.0 / sign, spin), (-1.0 / sign, before[0][axis])])
+        omega = [spin if i == axis else form for i, form in enumerate(before[0])]
+        self.twists.append((omega, shifted(link, omega, before[1])))
+
+    def residual(self, index: int, extra: Scalar = 0.0) -> Form:
+        """Row minus its side, with everything solved so far put in."""
+        row = self.rows[index]
+        form = row_form(
+            row, {term.link: self.resolved_twist(term.link) for term in row.terms}, self.joints
+        )
+        return self.resolved(
+            total([(1.0, form), (-1.0, self.sides[index]), (1.0, constant(extra))])
+        )
+
+    def current(self, index: int) -> Form:
+        """The residual, worked out again only where something it speaks of has been solved
+        since."""
+        known = self.residuals.get(index)
+        if known is None or any(key in self.solved for key in known):
+            self.residuals[index] = known = self.residual(index)
+        return known
+
+    def solve(self, residuals: Sequence[Form], keys: Sequence[Key]) -> Scalar:
+        """Put each key as a form of the others: keys = −(block)⁻¹ rest. Returns the block's
+        determinant."""
+        if len(keys) > COFACTORS:
+            return self._solve_by_reflections(residuals, keys)
+        inverse, determinant = small_inverse(
+            [[form.get(key, 0.0) for key in keys] for form in residuals]
+        )
+        rests = [{k: c for k, c in form.items() if k not in keys} for form in residuals]
+        for key, row in zip(keys, inverse):
+            self.solved[key] = total((-weight, rest) for weight, rest in zip(row, rests))
+        return determinant
+
+    def _solve_by_reflections(self, residuals: Sequence[Form], keys: Sequence[Key]) -> Scalar:
+        others = sorted({key for form in residuals for key in form if key not in keys})
+        block = [[form.get(key, 0.0) for key in keys] for form in residuals]
+        sides = [[form.get(key, 0.0) for key in others] for form in residuals]
+        solution, determinant = reflected_solution(block, sides)
+        for key, row in zip(keys, solution):
+            self.solved[key] = {
+                other: -x for other, x in zip(others, row) if not is_zero(x)
+            }
+        return determinant
+
+
+def elimination(
+    system: System,
+    rows: Sequence[RowForm],
+    speeds: Sequence[RowForm],
+    w: ca.SX,
+    sampled: States,
+    sizes: Sequence[float],
+) -> Elimination:
+    """Solve constraint `rows` and speed rows (whose values are w) for all generalized velocities;
+    `sizes` are the rows' magnitudes, against which a coefficient counts as zero.
+
+    Raises Dependent where a speed depends on the constraints and on the speeds before it.
+    """
+    everything = [*rows, *speeds]
+    outright = {s.coefficients[0][0]: k for k, s in enumerate(speeds) if _single(s)}
+    sides = [constant(row.value) for row in rows] + [{("w", k): 1.0} for k in range(len(speeds))]
+    waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
+    known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
+    walk = _Walk(system, everything, sides, known)
+    plan = _velocities(walk, waiting, len(rows), _Judge(system, sampled, sizes))
+    values = {("w", k): w[k] for k in range(len(speeds))}
+    forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
+    unknown = {key[1] for form in forms for key in form if key[0] == "v"}
+    if unknown:
+        raise Undetermined(system.model.velocities[min(unknown)].name)
+    v = [value(form, values) for form in forms]
+    twists = [walk.resolved_twist(i) for i in range(len(system.links))]
+    numbers = _numbers(system.links, twists, v, values)
+    rates = _rates(system, walk, plan, numbers, v)
+    sigma = [rates.resolved(rates.joints[j]).get(ONE, 0.0) for j in range(system.v.numel())]
+    bias = [rates.resolved_twist(i) for i in range(len(system.links))]
+    names = tuple(row.name for row in everything)
+    done = tuple(step for stage in plan for step in stage)
+    return Elimination(
+        tuple(forms),
+        v,
+        sigma,
+        twists,
+        numbers,
+        [_at_rest(x) for x in bias],
+        done,
+        names,
+        tuple(sizes),
+    )
+
+
+def _single(row: RowForm) -> bool:
+    """A speed that is a number times one generalized velocity."""
+    return (
+        len(row.coefficients) == 1
+        and not row.terms
+        and isinstance(_number(row.coefficients[0][1]), float)
+    )
+
+
+def _number(x: Scalar) -> Scalar:
+    return float(x) if not isinstance(x, ca.SX) or x.is_constant() else x
+
+
+def _velocities(
+    walk: _Walk, waiting: list[int], constraints: int, judge: _Judge
+) -> list[list[Step]]:
+    """The walk over velocities; the pivots it finds, link by link, are the plan of the second
+    walk."""
+    plan = [_stage(walk, waiting, -1, constraints, judge)]
+    for i, link in enumerate(walk.system.links):
+        walk.enter(link, parent_part(link, walk.resolved_twist(link.parent)))
+        plan.append(_stage(walk, waiting, i, constraints, judge))
+    return plan
+
+
+def _stage(
+    walk: _Walk, waiting: list[int], reached: int, constraints: int, judge: _Judge
+) -> list[Step]:
+    """Solve every row that is ready once link `reached` is there, best pivot first."""
+    if reached < 0:
+        _enter_free_velocities(walk)
+    steps: list[Step] = []
+    while ready := [i for i in waiting if _is_ready(walk, walk.rows[i], reached)]:
+        residuals = {i: walk.current(i) for i in ready}
+        best = judge.best(residuals)
+        if best is None:
+            for i in ready:
+                _idle(walk, i, residuals[i], constraints, judge)
+                waiting.remove(i)
+            return steps
+        rows, keys, block = best
+        if (
+            block.grade == 2
+            and block.quality < SAFE
+            and _others_may_help(walk, waiting, ready, residuals)
+        ):
+            return steps
+        steps.append(Step(rows, keys, walk.solve([residuals[i] for i in rows], keys), block))
+        for i in rows:
+            waiting.remove(i)
+    return steps
+
+
+def _others_may_help(
+    walk: _Walk, waiting: list[int], ready: list[int], residuals: dict[int, Form]
+) -> bool:
+    """Whether a row that is not ready yet will speak of the same unknowns: then a pivot that comes
+    near zero can wait for it."""
+    unknown = {key[1] for form in residuals.values() for key in form if key[0] == "v"}
+    return any(unknown & _speaks_of(walk.system, walk.rows[i]) for i in waiting if i not in ready)
+
+
+def _speaks_of(system: System, row: RowForm) -> set[int]:
+    carried = {
+        j
+        for term in row.terms
+        for i in path(system.links, term.link)
+        for j in system.links[i].columns
+    }
+    return carried | {j for j, _ in row.coefficients}
+
+
+def _enter_free_velocities(walk: _Walk) -> None:
+    """Velocities that belong to no link: coordinates of the analytic form."""
+    carried = {j for link in walk.system.links for j in link.columns}
+    for j in range(walk.system.v.numel()):
+        if j not in carried:
+            walk.joints[j] = walk.known.get(j, {("v", j): 1.0})
+
+
+def _is_ready(walk: _Walk, row: RowForm, reached: int) -> bool:
+    return all(t.link <= reached for t in row.terms) and all(
+        j in walk.joints for j, _ in row.coefficients
+    )
+
+
+def _idle(walk: _Walk, index: int, residual: Form, constraints: int, judge: _Judge) -> None:
+    """A row without a pivot: it repeats earlier rows, or it contradicts the choice of speeds."""
+    if index >= constraints:
+        raise Dependent(walk.rows[index].name)
+    involved = [
+        key
+        for key in residual
+        if key[0] == "w" and judge.size(residual[key]) > VANISHES * judge.sizes[index]
+    ]
+    if involved:
+        raise Dependent(walk.rows[constraints + involved[0][1]].name)
+
+
+def _rates(
+    system: System, first: _Walk, plan: list[list[Step]], numbers: list[Numbers], v: list[Scalar]
+) -> _Walk:
+    """The second walk: rates at ẇ = 0, with the velocity products beside the same forms and the
+    same pivots."""
+    symbols, sides = ca.vertcat(*v), []
+    for row in first.rows:
+        rate = (
+            row.rate
+            if not isinstance(row.rate, ca.SX)
+            else ca.substitute(row.rate, system.v, symbols)
+        )
+        sides.append(constant(rate))
+    walk = _Walk(system, first.rows, sides, {j: {} for j in first.known})
+    here = [_in_numbers(row, system, symbols) for row in first.rows]
+    _enter_free_velocities(walk)
+    _follow(walk, plan[0], here, numbers)
+    for i, link in enumerate(system.links):
+        parent = numbers[link.parent] if link.parent >= 0 else STILL
+        products = velocity_products(link, parent, [v[j] for j in link.columns])
+        walk.enter(
+            link, with_products(parent_part(link, walk.resolved_twist(link.parent)), products)
+        )
+        _follow(walk, plan[i + 1], here, numbers)
+    return walk
+
+
+def _in_numbers(row: RowForm, system: System, v: ca.SX) -> RowForm:
+    """The row with the generalized velocities inside its rates replaced by their values."""
+    terms = tuple(
+        replace(
+            term,
+            direction_rate=_substituted(term.direction_rate, system, v),
+            point_rate=_substituted(term.point_rate, system, v),
+            moment_rate=_substituted(term.moment_rate, system, v),
+        )
+        if term.fixed == "state"
+        else term
+        for term in row.terms
+    )
+    return replace(row, terms=terms)
+
+
+def _substituted(vector: list[Scalar], system: System, v: ca.SX) -> list[Scalar]:
+    return [ca.substitute(x, system.v, v) if isinstance(x, ca.SX) else x for x in vector]
+
+
+def _follow(
+    walk: _Walk, steps: Sequence[Step], rows: Sequence[RowForm], numbers: list[Numbers]
+) -> None:
+    for step in steps:
+        walk.solve([walk.residual(i, row_products(rows[i], numbers)) for i in step.rows], step.keys)
+
+
+def _at_rest(x: Twist) -> Numbers:
+    return [f.get(ONE, 0.0) for f in x[0]], [f.get(ONE, 0.0) for f in x[1]]
+
+
+def _numbers(
+    links: Sequence[Link], twists: list[Twist], v: list[Scalar], values: dict[Key, Scalar]
+) -> list[Numbers]:
+    """Every link's twist as numbers: from its form where that is short, else by the recursion."""
+    result: list[Numbers] = []
+    for link, forms in zip(links, twists):
+        parent = result[link.parent] if link.parent >= 0 else STILL
+        by_recursion = child_numbers(link, parent, [v[j] for j in link.columns])
+        result.append(
+            (_chosen(forms[0], by_recursion[0], values), _chosen(forms[1], by_recursion[1], values))
+        )
+    return result
+
+
+def _chosen(
+    forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, Scalar]
+) -> list[Scalar]:
+    return [value(form, values) if len(form) <= SHORT else x for form, x in zip(forms, numbers)]
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A row's form with the coefficients of its unknowns at the samples."""
+
+    form: Form
+    keys: tuple[Key, ...]
+    values: np.ndarray  # (samples, keys)
+    numbers: np.ndarray  # which are numbers
+
+
+class _Judge:
+    """Coefficients at sampled consistent states."""
+
+    def __init__(self, system: System, sampled: States, sizes: Sequence[float]) -> None:
+        self.sizes = sizes
+        self.symbols = [system.t, system.q, system.p]
+        self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
+        self.count = len(sampled.t)
+        self.seen: dict[int, _Seen] = {}
+
+    def values(self, entries: Sequence[Scalar]) -> np.ndarray:
+        """(samples, entries)."""
+        if not entries:
+            return np.zeros((self.count, 0))
+        column = ca.vertcat(*[ca.SX(x) for x in entries])
+        function = ca.Function("x", self.symbols, [column])
+        return np.asarray(function(*self.samples)).reshape(len(entries), -1).T
+
+    def _seen(self, row: int, form: Form) -> _Seen:
+        """The unknowns' coefficients in a row; a form that was looked at before is remembered."""
+        known = self.seen.get(row)
+        if known is None or known.form is not form:
+            keys = tuple(key for key, x in form.items() if key[0] == "v" and not is_zero(x))
+            entries = [form[key] for key in keys]
+            numbers = np.array(
+                [not isinstance(x, ca.SX) or x.is_constant() for x in entries], dtype=bool
+            )
+            self.seen[row] = known = _Seen(form, keys, self.values(entries), numbers)
+        return known
+
+    def size(self, x: Scalar) -> float:
+        """Largest |x| over the samples."""
+        return float(np.max(np.abs(self.values([x]))))
+
+    def best(
+        self, residuals: dict[int, Form]
+    ) -> tuple[tuple[int, ...], tuple[Key, ...], Block] | None:
+        """The best pivot among the rows and their unknowns."""
+        rows = list(residuals)
+        keys = sorted({key for form in residuals.values() for key in form if key[0] == "v"})
+        if not keys:
+            return None
+        values = np.zeros((self.count, len(rows), len(keys)))
+        stored, numbers = (
+            np.zeros((len(rows), len(keys)), dtype=bool),
+            np.ones((len(rows), len(keys)), dtype=bool),
+        )
+        place = {key: j for j, key in enumerate(keys)}
+        for r, i in enumerate(rows):
+            seen = self._seen(i, residuals[i])
+            columns = [place[key] for key in seen.keys]
+            values[:, r, columns], stored[r, columns], numbers[r, columns] = (
+                seen.values,
+                True,
+                seen.numbers,
+            )
+        scaled = values / np.array([self.sizes[i] for i in rows])[None, :, None]
+        block = best_block(scaled, stored, numbers)
+        if block is None:
+            return None
+        block = steady(scaled, numbers, block)
+        return tuple(rows[i] for i in block.rows), tuple(keys[j] for j in block.columns), block
+
+
+def transformation(found: Elimination, nw: int) -> ca.SX:
+    """S as an nv × nw matrix, zeros not stored."""
+    result = ca.SX(len(found.speeds), nw)
+    for j, form in enumerate(found.speeds):
+        for key, coefficient in form.items():
+            if key[0] == "w":
+                result[j, key[1]] = coefficient
+    return result

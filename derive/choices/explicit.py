@@ -1,0 +1,247 @@
+"""Equations of motion in quasi-velocities, without multipliers (Mirtaheri & Zohoor; Maggi; Kane).
+
+With v = S w + v₀ and v̇ = S ẇ + σ, projecting M v̇ + h = Q + Aᵀ λ on the columns of S (A S = 0)
+leaves
+    (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ).
+Both sides can be gathered link by link, from the links' twists as forms in w (Kane's partial
+velocities), or joint by joint (composite bodies, Newton–Euler from tip to base, then Sᵀ). Which is
+cheaper depends on the model: both are counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product as combinations
+
+import casadi as ca
+
+from derive.choices.elimination import Elimination
+from derive.choices.reduction import Reduction
+from derive.expressions.counting import alternatives
+from derive.joints.records import Matrix, Scalar, Vector
+from derive.joints.rotations import dot, is_zero, minus, plus
+from derive.mechanics.accelerations import newton_euler
+from derive.mechanics.articulated import tree_solution
+from derive.mechanics.forms import Form
+from derive.mechanics.motion import Numbers
+from derive.mechanics.records import Inertia, Named, System
+from derive.mechanics.solve import ldl_solution, scalars
+from derive.mechanics.tree import (
+    Wrench,
+    gravities,
+    ground_rotations,
+    inertia_force,
+    joint_forces,
+    momentum,
+)
+
+MANY = 12  # with more quasi-velocities than this, not every combination is solved
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """q̇, ẇ and v̇ over (t, q, w, u, p), with the reduced mass matrix and force they come from."""
+
+    qdot: ca.SX
+    wdot: ca.SX
+    vdot: ca.SX
+    mass: ca.SX
+    force: ca.SX
+    operations: int
+    gathered: str
+
+    def named(self, reduction: Reduction) -> tuple[Named, ...]:
+        """What the generated code names its sections after."""
+        return (
+            Named("S", "generalized velocities per quasi-velocity, v = S w + R c", reduction.S),
+            Named("v", "generalized velocities", reduction.v),
+            Named("sigma", "v̇ where ẇ = 0", reduction.sigma),
+            Named("M_w", "mass matrix of the quasi-velocities, Sᵀ M S", self.mass),
+            Named("f_w", "right-hand side, Sᵀ (Q − h − M σ)", self.force),
+        )
+
+
+def explicit(system: System, reduction: Reduction) -> Explicit:
+    """The explicit equations, gathered in the way that needs the fewest operations."""
+    found = _articulated(system, reduction)
+    if not found or system.written:
+        found += _by_matrices(system, reduction)
+    qdot = ca.substitute(system.qdot, system.v, reduction.v)
+    counts = alternatives([ca.vertcat(qdot, x.wdot) for x in found])
+    best = found[counts.index(min(counts))]
+    vdot = ca.mtimes(reduction.S, best.wdot) + reduction.sigma
+    mass = system.M if best.mass is None else _sparse(best.mass)
+    return Explicit(qdot, best.wdot, vdot, mass, _column(best.force), min(counts), best.gathered)
+
+
+@dataclass(frozen=True)
+class _Gathered:
+    """One way to ẇ."""
+
+    gathered: str
+    mass: Matrix | None  # None: the system's own
+    force: Vector
+    wdot: ca.SX
+
+
+def _by_matrices(system: System, reduction: Reduction) -> list[_Gathered]:
+    """ẇ by an unrolled L D Lᵀ, tip to base, from every pair of a mass matrix and a force; where
+    solving is long, from the pair that is made with the fewest operations."""
+    pairs = list(
+        combinations(_masses(system, reduction).items(), _forces(system, reduction).items())
+    )
+    if len(reduction.names) > MANY:
+        sides = [
+            ca.vertcat(reduction.v, *[_column(row) for row in mass], _column(force))
+            for (_, mass), (_, force) in pairs
+        ]
+        counts = alternatives(sides)
+        pairs = [pairs[counts.index(min(counts))]]
+    return [
+        _Gathered(
+            f"{a}, {b}",
+            mass,
+            force,
+            _column(ldl_solution(mass, [force], list(reversed(range(len(force))))).x[0]),
+        )
+        for (a, mass), (b, force) in pairs
+    ]
+
+
+def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
+    """ẇ by the O(n) recursion, where the generalized velocities of a tree are the quasi-velocities
+    and T is the bodies' alone."""
+    rotors = _diagonal(system.M_extra)
+    if system.rows or not system.links or rotors is None or not _is_identity(reduction.S):
+        return []
+    found = []
+    for label, inertias in _inertias(system):
+        force = _forces_on_tree(system, reduction, inertias)
+        wdot = _column(tree_solution(system.links, inertias, rotors, force).vdot)
+        found.append(_Gathered(f"articulated bodies{label}", None, force, wdot))
+    return found
+
+
+def _diagonal(M: ca.SX) -> Vector | None:
+    """The diagonal, or None where something stands beside it."""
+    rows = scalars(M)
+    beside = any(not is_zero(x) for i, row in enumerate(rows) for j, x in enumerate(row) if i != j)
+    return None if beside else [row[i] for i, row in enumerate(rows)]
+
+
+def _forces_on_tree(system: System, reduction: Reduction, inertias: tuple[Inertia, ...]) -> Vector:
+    """Q − h by Newton–Euler with v̇ = 0."""
+    v = _entries(reduction.v)
+    wrenches = newton_euler(system.links, inertias, v, [0.0] * len(v), system.gravity)
+    return _by_joints(
+        system, reduction, _at(system, reduction, system.Q - system.h_extra), wrenches
+    )
+
+
+def _column(entries: Vector) -> ca.SX:
+    return ca.vertcat(*entries) if entries else ca.SX(0, 1)
+
+
+def _sparse(rows: Matrix) -> ca.SX:
+    return ca.vertcat(*[ca.horzcat(*row) for row in rows]) if rows else ca.SX(0, 0)
+
+
+def _masses(system: System, reduction: Reduction) -> dict[str, Matrix]:
+    """Sᵀ M S, by joints and, where the walk gave twists as forms, by links."""
+    result: dict[str, Matrix] = {}
+    if system.written:
+        result["mass matrix by joints"] = scalars(_symmetric_product(reduction.S, system.M))
+    if reduction.walked is not None and system.links and system.rows:
+        for label, inertias in _inertias(system):
+            result[f"mass matrix by links{label}"] = _mass_by_links(system, reduction, inertias)
+    return result
+
+
+def _inertias(system: System) -> list[tuple[str, tuple[Inertia, ...]]]:
+    return list(zip(("", " (regrouped inertias)")[-len(system.inertias) :], system.inertias))
+
+
+def _symmetric_product(S: ca.SX, M: ca.SX) -> ca.SX:
+    return M if _is_identity(S) else ca.mtimes(S.T, ca.mtimes(M, S))
+
+
+def _is_identity(S: ca.SX) -> bool:
+    return S.is_square() and bool((S - ca.SX.eye(S.size1())).is_zero())
+
+
+def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
+    """Sᵀ (Q − h − M σ), likewise: with accelerations recomputed from v and σ, or with the rates the
+    rows needed anyway."""
+    Q = _at(system, reduction, system.Q - system.h_extra) - ca.mtimes(
+        system.M_extra, reduction.sigma
+    )
+    applied = ca.mtimes(reduction.S.T, Q)
+    result: dict[str, Vector] = {}
+    v, sigma = _entries(reduction.v), _entries(reduction.sigma)
+    for label, inertias in _inertias(system):
+        wrenches = newton_euler(system.links, inertias, v, sigma, system.gravity)
+        result[f"forces by joints{label}"] = _by_joints(system, reduction, Q, wrenches)
+        if reduction.walked is None or not system.rows:
+            continue
+        wrenches = _wrenches(system, reduction.walked, inertias)
+        result[f"forces by joints from rates{label}"] = _by_joints(system, reduction, Q, wrenches)
+        by_links = _force_by_links(reduction, wrenches)
+        result[f"forces by links{label}"] = [
+            minus(applied[k], by_links[k]) for k in range(len(by_links))
+        ]
+    return result
+
+
+def _entries(column: ca.SX) -> Vector:
+    return [column[i] for i in range(column.numel())]
+
+
+def _by_joints(system: System, reduction: Reduction, Q: ca.SX, wrenches: list[Wrench]) -> Vector:
+    inertial = _column(joint_forces(system.links, wrenches, system.v.numel()))
+    return _entries(ca.mtimes(reduction.S.T, Q - inertial))
+
+
+def _at(system: System, reduction: Reduction, expression: ca.SX) -> ca.SX:
+    return ca.substitute(expression, system.v, reduction.v)
+
+
+def _wrenches(system: System, walked: Elimination, inertias: tuple[Inertia, ...]) -> list[Wrench]:
+    down = gravities(system.links, ground_rotations(system.links), system.gravity)
+    return [inertia_force(*args) for args in zip(inertias, walked.numbers, walked.rates, down)]
+
+
+def _columns(reduction: Reduction, i: int) -> list[Numbers]:
+    """Link i's partial velocities: its twist per unit of each quasi-velocity."""
+    assert reduction.walked is not None
+    omega, velocity = reduction.walked.twists[i]
+    return [
+        (_coefficients(omega, k), _coefficients(velocity, k)) for k in range(len(reduction.names))
+    ]
+
+
+def _coefficients(forms: list[Form], k: int) -> Vector:
+    return [form.get(("w", k), 0.0) for form in forms]
+
+
+def _mass_by_links(system: System, reduction: Reduction, inertias: tuple[Inertia, ...]) -> Matrix:
+    nw = len(reduction.names)
+    extra = scalars(_symmetric_product(reduction.S, system.M_extra))
+    for i, body in enumerate(inertias):
+        columns = _columns(reduction, i)
+        for a in range(nw):
+            n, f = momentum(body, columns[a])
+            for b in range(a + 1):
+                extra[a][b] = plus(extra[a][b], _power(columns[b], (n, f)))
+    return [[extra[max(a, b)][min(a, b)] for b in range(nw)] for a in range(nw)]
+
+
+def _force_by_links(reduction: Reduction, wrenches: list[Wrench]) -> Vector:
+    result: Vector = [0.0] * len(reduction.names)
+    for i, wrench in enumerate(wrenches):
+        for k, column in enumerate(_columns(reduction, i)):
+            result[k] = plus(result[k], _power(column, wrench))
+    return result
+
+
+def _power(twist: Numbers, wrench: Wrench) -> Scalar:
+    return plus(dot(twist[0], wrench[0]), dot(twist[1], wrench[1]))

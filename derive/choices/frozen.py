@@ -1,0 +1,67 @@
+"""Choice c: B = N₀ᵀ, an orthonormal basis of ker A at a base point, held constant: Ḃ = 0 (Haug's
+tangent space coordinates).
+
+The base point is the model's initial state. w are the velocities along the directions that were
+tangent there; the choice is good near the base point and ends where the tangent space has turned by
+a right angle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from derive.choices.elimination import Dependent, Undetermined
+from derive.choices.resolution import RANK, Resolved, Survey, carried_out
+from derive.diagnostics import AssumptionError
+from derive.mechanics.records import RowForm
+from derive.model.records import Choice
+from derive.states.initial import initial_state
+
+DIGITS = 12  # of the numbers in B: any numbers near N₀ will do, these are the same on every machine
+
+
+def frozen(survey: Survey, choice: Choice) -> Resolved:
+    """Raises AssumptionError where A has not its full rank at the initial state, or the basis is of
+    no use elsewhere."""
+    rows = [
+        RowForm(f"w{k + 1}", (), tuple((j, float(x)) for j, x in enumerate(direction) if x != 0.0))
+        for k, direction in enumerate(tangent(survey))
+    ]
+    try:
+        return carried_out(
+            survey,
+            choice.name,
+            "frozen",
+            rows,
+            "constant rows, tangent to the constraints at the initial state",
+        )
+    except (Dependent, Undetermined):
+        text = "the directions that are tangent at the initial state determine the motion at no sampled state"
+        raise AssumptionError(
+            f"{survey.system.model.name}: choice '{choice.name}': {text}", "another initial state"
+        ) from None
+
+
+def tangent(survey: Survey) -> np.ndarray:
+    """Orthonormal rows, nw × nv: the columns of the projector on ker A at the base point, longest
+    remainder first."""
+    system = survey.system
+    q = initial_state(system).q
+    A = survey.solver.velocities(0.0, q, np.array(system.parameters))[0][list(survey.kept)]
+    if len(A) and np.linalg.matrix_rank(
+        A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-300), tol=RANK
+    ) < len(A):
+        raise AssumptionError(
+            f"{system.model.name}: the constraints lose rank at the initial state: it is no base point"
+        )
+    projector = (
+        np.eye(system.v.numel()) - np.linalg.pinv(A) @ A if len(A) else np.eye(system.v.numel())
+    )
+    rows: list[np.ndarray] = []
+    for _ in range(survey.freedom):
+        lengths = np.round(np.linalg.norm(projector, axis=0), 6)
+        row = projector[:, int(np.argmax(lengths))]
+        row = row / np.linalg.norm(row)
+        projector = projector - np.outer(row, row @ projector)
+        rows.append(row)
+    return np.round(np.array(rows).reshape(len(rows), system.v.numel()), DIGITS)

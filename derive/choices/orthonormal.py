@@ -1,0 +1,148 @@
+"""Choice b: B = Nᵀ with N(q) an orthonormal basis of ker A(q), so that [A; B] is as well
+conditioned as A allows.
+
+One degree of freedom: N is the generalised cross product of the rows of A, divided by its length;
+smooth wherever A has full rank. More: the columns of a constant frame E, projected on ker A and
+orthonormalised by Gram–Schmidt; smooth away from where the projection of E loses rank, which a
+guard watches. v̇ at ẇ = 0 is the derivative of N w + A⁺ c along the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from derive.choices.records import Guard
+from derive.choices.reduction import SINGULAR, Reduction, symbols_for
+from derive.choices.redundancy import Independent
+from derive.joints.records import Scalar, Vector
+from derive.joints.rotations import dot, is_zero
+from derive.mechanics.records import System
+from derive.mechanics.solve import scalars
+from derive.states.closing import Kinematics
+from derive.states.sampling import States
+
+MINORS = 3  # with more rows than this the cross product costs more than Gram–Schmidt
+
+
+def orthonormal(
+    system: System, rows: Independent, kept: Sequence[int], sampled: States
+) -> Reduction:
+    """The reduction with B = Nᵀ; `rows` are independent and stand for all, `kept` are such rows of
+    A."""
+    A = scalars(rows.A) if kept else []
+    nv, nc = system.v.numel(), len(kept)
+    if nv == nc:
+        N, lengths = [], []
+    elif nv - nc == 1 and nc <= MINORS:
+        N, lengths = _cross_product(A)
+    else:
+        N, lengths = _gram_schmidt(A, _frame(system, kept, sampled))
+    return _reduction(system, kept, A, rows.c, N, lengths)
+
+
+def _reduction(
+    system: System,
+    kept: Sequence[int],
+    A: list[Vector],
+    c: ca.SX,
+    N: list[Vector],
+    lengths: list[Scalar],
+) -> Reduction:
+    names = tuple(f"w{k + 1}" for k in range(len(N)))
+    w = symbols_for(names)
+    S = _columns(N, system.v.numel())
+    v = ca.mtimes(S, w) + _particular(A, [c[i] for i in range(len(kept))])
+    qdot = ca.substitute(system.qdot, system.v, v)
+    sigma = ca.jtimes(v, ca.vertcat(system.t, system.q), ca.vertcat(1, qdot))
+    return Reduction(
+        names=names,
+        w=w,
+        B=S.T,
+        S=S,
+        v=v,
+        sigma=sigma,
+        walked=None,
+        guards=tuple(
+            Guard(f"length of basis vector {k + 1}", ca.SX(x), SINGULAR)
+            for k, x in enumerate(lengths)
+        ),
+        pivots=tuple(f"basis vector {k + 1} is divided by its length" for k in range(len(lengths))),
+        kept=tuple(kept),
+        constant_pivots=False,
+    )
+
+
+def _columns(N: Sequence[Vector], nv: int) -> ca.SX:
+    S = ca.SX(nv, len(N))
+    for k, column in enumerate(N):
+        for j, x in enumerate(column):
+            if not is_zero(x):
+                S[j, k] = x
+    return S
+
+
+def _cross_product(A: list[Vector]) -> tuple[list[Vector], list[Scalar]]:
+    n = len(A) + 1
+    minors = [
+        (-1.0) ** j * _determinant([[row[k] for k in range(n) if k != j] for row in A])
+        for j in range(n)
+    ]
+    length = ca.sqrt(dot(minors, minors))
+    return [[x / length for x in minors]], [length]
+
+
+def _determinant(rows: list[Vector]) -> Scalar:
+    if not rows:
+        return 1.0
+    return dot(
+        [(-1.0) ** j * x for j, x in enumerate(rows[0])],
+        [
+            0.0 if is_zero(x) else _determinant([row[:j] + row[j + 1 :] for row in rows[1:]])
+            for j, x in enumerate(rows[0])
+        ],
+    )
+
+
+def _gram_schmidt(A: list[Vector], frame: np.ndarray) -> tuple[list[Vector], list[Scalar]]:
+    """Orthonormal rows from A, then the frame's columns made orthogonal to them and to each
+    other."""
+    done: list[Vector] = []
+    lengths: list[Scalar] = []
+    for row in [*A, *([float(x) for x in column] for column in frame.T)]:
+        rest = _without(row, done)
+        length = ca.sqrt(dot(rest, rest))
+        lengths.append(length)
+        done.append([0.0 if is_zero(x) else x / length for x in rest])
+    return done[len(A) :], lengths[len(A) :]
+
+
+def _without(row: Vector, units: Sequence[Vector]) -> Vector:
+    for unit in units:
+        along = dot(unit, row)
+        if not is_zero(along):
+            row = [x if is_zero(e) else x - along * e for x, e in zip(row, unit)]
+    return row
+
+
+def _particular(A: list[Vector], c: list[ca.SX]) -> ca.SX:
+    """A⁺ c; exact zeros where the constraints do not move."""
+    if not A or all(x.is_zero() for x in c):
+        return ca.SX.zeros(len(A[0])) if A else ca.SX(0)
+    rows = ca.vertcat(*[ca.horzcat(*row) for row in A])
+    return ca.mtimes(rows.T, ca.solve(ca.mtimes(rows, rows.T), ca.vertcat(*c)))
+
+
+def _frame(system: System, kept: Sequence[int], sampled: States) -> np.ndarray:
+    """Constant nv × nw frame: the null space at the sampled state that suits all sampled states
+    best."""
+    rows = Kinematics(system).rows(sampled.t, sampled.q, sampled.p)[0][:, list(kept)]
+    spaces = [
+        np.linalg.svd(A)[2][len(kept) :].T if len(kept) else np.eye(system.v.numel()) for A in rows
+    ]
+    worst = [
+        min(np.linalg.svd(other.T @ space)[1].min() for other in spaces) for space in spaces[:20]
+    ]
+    return np.round(spaces[int(np.argmax(worst))], 3)

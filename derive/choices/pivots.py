@@ -1,0 +1,82 @@
+"""Linear systems whose pivots are chosen once, at sampled states, and watched by guards
+afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from derive.choices.records import Guard
+from derive.choices.reduction import SINGULAR
+from derive.choices.resolution import Survey
+from derive.joints.records import Scalar, Vector
+from derive.mechanics.solve import Block, lu_solution, pivot_order, scalars
+
+# the guard of a pivot that is quadratic in the rows of A: they may come within 1e-6 of each other
+SQUARED = 1e-12
+
+
+@dataclass(frozen=True)
+class Solved:
+    """One column per right-hand side, with the pivot blocks and their determinants."""
+
+    columns: list[Vector]
+    blocks: list[Block]
+    determinants: Vector
+
+
+def solved(survey: Survey, matrix: ca.SX, sides: Sequence[Vector]) -> Solved:
+    """`matrix`(t, q, p) x = each side, by Gauss elimination with pivots that stay farthest from
+    zero over the sampled states."""
+    blocks = pivot_blocks(survey, matrix)
+    found = lu_solution(scalars(matrix), sides, blocks)
+    return Solved(found.x, blocks, found.pivots)
+
+
+def pivot_blocks(survey: Survey, matrix: ca.SX) -> list[Block]:
+    """Raises ZeroDivisionError where the matrix is singular at every sampled state."""
+    values = sampled(survey, matrix)
+    rows = scalars(matrix)
+    structure = np.array([[not isinstance(x, float) or x != 0 for x in row] for row in rows])
+    constant = np.array([[isinstance(x, float) for x in row] for row in rows])
+    return pivot_order(values, structure, constant)
+
+
+def block_guards(found: Solved, names: Sequence[str]) -> tuple[Guard, ...]:
+    """Of the pivots that vary; `names` are those of the matrix' rows."""
+    return tuple(
+        Guard(
+            f"pivot of {', '.join(names[i] for i in block.rows)}",
+            ca.SX(x),
+            SINGULAR * block.largest,
+        )
+        for block, x in zip(found.blocks, found.determinants)
+        if block.grade == 2
+    )
+
+
+def quadratic_guards(
+    survey: Survey, names: Sequence[str], pivots: Sequence[Scalar]
+) -> tuple[Guard, ...]:
+    """Of the pivots of A M⁻¹ Aᵀ or A Aᵀ: they vanish where A loses rank."""
+    symbolic = [
+        (name, x) for name, x in zip(names, pivots) if isinstance(x, ca.SX) and not x.is_constant()
+    ]
+    sizes = (
+        np.max(np.abs(sampled(survey, ca.vertcat(*[x for _, x in symbolic]))), axis=0).ravel()
+        if symbolic
+        else ()
+    )
+    return tuple(
+        Guard(f"pivot of {name}", x, SQUARED * float(size), SQUARED)
+        for (name, x), size in zip(symbolic, sizes)
+    )
+
+
+def sampled(survey: Survey, matrix: ca.SX) -> np.ndarray:
+    """A function of (t, q, p) at the sampled states, states × rows × columns."""
+    s = survey.sampled
+    return survey.solver.values(matrix, s.t, s.q, s.p)

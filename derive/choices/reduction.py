@@ -1,0 +1,111 @@
+"""A choice of quasi-velocities carried through: v = S w + v₀, v̇ = S ẇ + σ, with B v = w, pivots
+and guards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import prod
+
+import casadi as ca
+
+from derive.choices.elimination import Elimination, Step, elimination, transformation
+from derive.choices.records import Guard
+from derive.mechanics.records import RowForm, System
+from derive.states.sampling import States
+
+SINGULAR = 1e-9  # guard: smallest |pivot| relative to the largest over the sampled states
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """`walked` is the elimination where there was one; without it the links' twists follow from v
+    alone."""
+
+    names: tuple[str, ...]
+    w: ca.SX
+    B: ca.SX
+    S: ca.SX
+    v: ca.SX
+    sigma: ca.SX
+    walked: Elimination | None
+    guards: tuple[Guard, ...]
+    pivots: tuple[str, ...]
+    kept: tuple[int, ...]  # indices of the constraint rows that are independent
+    constant_pivots: bool
+
+
+def by_elimination(
+    system: System,
+    names: tuple[str, ...],
+    speeds: Sequence[RowForm],
+    rows: Sequence[RowForm],
+    sampled: States,
+    kept: tuple[int, ...],
+    sizes: Sequence[float],
+) -> Reduction:
+    """The reduction for speed rows and constraint rows in one way of writing them; `kept` rows of A
+    are independent."""
+    w = symbols_for(names)
+    found = elimination(system, rows, speeds, w, sampled, sizes)
+    return Reduction(
+        names=names,
+        w=w,
+        B=_matrix(speeds, system.v.numel()),
+        S=transformation(found, len(names)),
+        v=ca.vertcat(*found.v) if found.v else ca.SX(0, 1),
+        sigma=ca.vertcat(*found.sigma) if found.sigma else ca.SX(0, 1),
+        walked=found,
+        guards=tuple(_guard(found, step) for step in found.steps if step.block.grade == 2),
+        pivots=tuple(_in_words(system, found, step) for step in found.steps),
+        kept=kept,
+        constant_pivots=all(step.block.grade < 2 for step in found.steps),
+    )
+
+
+def unreduced(system: System, names: tuple[str, ...]) -> Reduction:
+    """The generalized velocities of a system without constraints are the quasi-velocities: v =
+    w."""
+    nv, w = system.v.numel(), symbols_for(names)
+    one = ca.SX.eye(nv)
+    return Reduction(names, w, one, one, w, ca.SX(nv, 1), None, (), (), (), True)
+
+
+def symbols_for(names: Sequence[str]) -> ca.SX:
+    return ca.vertcat(*[ca.SX.sym(name) for name in names]) if names else ca.SX(0, 1)
+
+
+def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
+    B = ca.SX(len(speeds), nv)
+    for k, speed in enumerate(speeds):
+        for j, coefficient in speed.coefficients:
+            B[k, j] = coefficient
+    return B
+
+
+def _guard(found: Elimination, step: Step) -> Guard:
+    names = ", ".join(found.row_names[i] for i in step.rows)
+    return Guard(
+        f"pivot of {names}",
+        ca.SX(step.pivot),
+        SINGULAR * step.block.largest * prod(found.sizes[i] for i in step.rows),
+    )
+
+
+def _in_words(system: System, found: Elimination, step: Step) -> str:
+    rows = " and ".join(found.row_names[i] for i in step.rows)
+    unknowns = " and ".join(_unknown(system, key[1]) for key in step.keys)
+    block = step.block
+    kind = (
+        "a number",
+        "cannot vanish",
+        f"varies, {block.least:.2g} … {block.largest:.2g} over the sampled states",
+    )[block.grade]
+    return f"{rows} {'give' if len(step.rows) > 1 else 'gives'} {unknowns} (pivot: {kind})"
+
+
+def _unknown(system: System, j: int) -> str:
+    link = next((x for x in system.links if j in x.columns), None)
+    if link is not None and link.turns_about >= 0:
+        return f"the angular velocity of {link.name}"
+    return system.model.velocities[j].name

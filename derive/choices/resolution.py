@@ -1,0 +1,615 @@
+"""Which quasi-velocities: the user's rows, an orthonormal basis, or the best partition of the
+generalized velocities.
+
+`auto` ranks candidates by three criteria, in this order: pivots that are numbers or parameters
+alone (they can never vanish), the conditioning of [A; B] over sampled consistent states, and the
+operations of ẋ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from itertools import product as cartesian
+from math import comb
+
+import casadi as ca
+import numpy as np
+
+from derive.choices.elimination import Dependent, Undetermined
+from derive.choices.explicit import Explicit, explicit
+from derive.choices.orthonormal import orthonormal
+from derive.choices.reduction import Reduction, by_elimination, unreduced
+from derive.choices.redundancy import (
+    Group,
+    Independent,
+    combined,
+    groups,
+    keeps,
+    selected,
+    sentences,
+)
+from derive.diagnostics import NAMES, AssumptionError, Diagnostic, ModelError, listed
+from derive.expressions.counting import alternatives
+from derive.joints.rotations import is_one
+from derive.mechanics.constraints import velocity_row
+from derive.mechanics.records import RowForm, System
+from derive.model.records import Choice, Holonomic, Span, Velocity
+from derive.states.closing import Kinematics
+from derive.states.initial import initial_state
+from derive.states.sampling import States, states
+
+REGULAR = (
+    1e-3  # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
+)
+SAMPLES = 40
+ENTRIES, FEWEST = (
+    2_000,
+    10,
+)  # of large systems fewer states are looked at: about so many velocities, at least so many states
+MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
+MOST_WAYS = 16
+FINALISTS = 5
+RANK = 1e-9
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """One candidate: how it was judged. `condition` is the median, `worst` the largest cond [A; B]
+    over the sampled states."""
+
+    name: str
+    kind: str
+    rows: tuple[str, ...]
+    constant_pivots: bool
+    condition: float
+    worst: float
+    operations: int
+    pivots: tuple[str, ...]
+    verdict: str
+    followers: int = 0  # speeds that a coupling gives by another coordinate
+    driven: int = 0  # speeds that an input acts on
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A choice carried through to its explicit equations, with the reason it was taken."""
+
+    ranking: Ranking
+    reduction: Reduction
+    explicit: Explicit
+    reason: str
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The system with what every choice needs to know of it: sampled states and the rank of A."""
+
+    system: System
+
+    @cached_property
+    def solver(self) -> Kinematics:
+        return Kinematics(self.system)
+
+    @cached_property
+    def sampled(self) -> States:
+        nv = max(1, self.system.v.numel())
+        return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+
+    def sampled_for(self, B: ca.SX) -> States:
+        """The sampled states, and the initial one where [A; B] is regular there.
+
+        It is no random state: a pivot that is zero just there must not be taken where another is
+        not.
+        """
+        start = self.initial
+        if start is None or not len(self.sampled.t):
+            return self.sampled
+        A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
+        Y = np.concatenate(
+            [_scaled(A), _scaled(self.solver.values(B, start.t, start.q, start.p))], axis=1
+        )[0]
+        if np.linalg.svd(Y, compute_uv=False)[-1] < REGULAR:
+            return self.sampled
+        pairs = (
+            (getattr(self.sampled, name), getattr(start, name))
+            for name in ("t", "q", "v", "u", "p")
+        )
+        return States(*(np.concatenate(pair) for pair in pairs))
+
+    @cached_property
+    def initial(self) -> States | None:
+        """The consistent initial state of the model, where there is one."""
+        try:
+            start = initial_state(self.system)
+        except ModelError:
+            return None
+        u, p = np.zeros((1, self.system.u.numel())), np.array([self.system.parameters], dtype=float)
+        return States(np.zeros(1), start.q[None, :], start.v[None, :], u, p.reshape(1, -1))
+
+    @cached_property
+    def plain_rows(self) -> np.ndarray:
+        """A at the sampled states, k × nc × nv."""
+        s = self.sampled
+        return self.solver.rows(s.t, s.q, s.p)[0]
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """The same, each row divided by its largest length over them."""
+        return _scaled(self.plain_rows)
+
+    @cached_property
+    def sizes(self) -> list[float]:
+        """The largest length of each row of A over the sampled states."""
+        return _lengths(self.plain_rows)
+
+    @property
+    def rank(self) -> int:
+        """The rank of A at the sampled states."""
+        return len(self.kept)
+
+    @cached_property
+    def kept(self) -> tuple[int, ...]:
+        """Independent constraint rows, first come first kept."""
+        return self.independent(range(len(self.system.rows)))
+
+    @cached_property
+    def closing(self) -> tuple[int, ...]:
+        """Independent rows among the holonomic ones alone: φ = 0 needs them even where a
+        nonholonomic row repeats their rate."""
+        return self.independent([i for i, row in enumerate(self.system.rows) if row.position >= 0])
+
+    def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
+        """Of the given rows those that add rank, judged at most of the sampled states."""
+        rest, kept = self.rows.copy(), []
+        for i in rows:
+            lengths = np.linalg.norm(rest[:, i], axis=1)
+            if np.sum(lengths > RANK) <= len(rest) / 2:
+                continue
+            kept.append(i)
+            unit = rest[:, i] / np.where(lengths > RANK, lengths, 1.0)[:, None]
+            for _ in range(2):  # once more, for what roundoff left along it
+                rest = rest - (rest @ unit[:, :, None]) * unit[:, None, :]
+        return tuple(kept)
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Rows that depend on each other at the sampled states."""
+        return groups(self.rows, self.kept)
+
+    @cached_property
+    def repetitions(self) -> tuple[str, ...]:
+        """One sentence for every closure or constraint with rows that repeat others."""
+        return sentences(self.system, self.groups)
+
+    @cached_property
+    def independent_rows(self) -> Independent:
+        """What stands for all rows, by the policy of the model: the kept ones, or all with those of
+        a group combined."""
+        if self.combines:
+            return combined(self.system, self.kept, self.groups)
+        return selected(self.system, self.kept)
+
+    @cached_property
+    def forms(self) -> list[list[RowForm]]:
+        """The rows to eliminate, in every way of writing them."""
+        if not self.combines:
+            return [
+                [row for block, way in zip(self.system.blocks, ways) for row in block[way]]
+                for ways in _ways(self.system)
+            ]
+        rows = [row for block in self.system.blocks for row in block[0]]
+        combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
+        return [
+            [row for i, row in enumerate(rows) if i not in self.grouped]
+            + [self.independent_rows.form(k) for k in combined]
+        ]
+
+    @cached_property
+    def form_sizes(self) -> list[float]:
+        """Their magnitudes over the sampled states."""
+        if not self.combines:
+            return self.sizes
+        combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
+        s, A = self.sampled, self.independent_rows.A
+        found = _lengths(self.solver.values(A[combined, :], s.t, s.q, s.p)) if combined else []
+        return [size for i, size in enumerate(self.sizes) if i not in self.grouped] + found
+
+    @cached_property
+    def combines(self) -> bool:
+        """Whether some rows repeat others and all are to be kept."""
+        return keeps(self.system) and any(group.kept for group in self.groups)
+
+    @cached_property
+    def grouped(self) -> set[int]:
+        """The rows that depend on others."""
+        return {i for group in self.groups for i in (*group.kept, *group.others)}
+
+    @cached_property
+    def followers(self) -> frozenset[str]:
+        """Names of the speeds that a coupling gives by another coordinate, as a mimic joint."""
+        model = self.system.model
+        named = {c.follower for c in model.constraints if isinstance(c, Holonomic) and c.follower}
+        return self._speeds(lambda velocity: velocity.rate_of in named)
+
+    @cached_property
+    def driven(self) -> frozenset[str]:
+        """Names of the speeds that an input acts on."""
+        named = {given.velocity for given in self.system.model.inputs}
+        return self._speeds(lambda velocity: velocity.name in named)
+
+    def _speeds(self, wanted: Callable[[Velocity], bool]) -> frozenset[str]:
+        velocities = enumerate(self.system.model.velocities)
+        return frozenset(speed_name(self.system, j) for j, v in velocities if wanted(v))
+
+    @property
+    def freedom(self) -> int:
+        return self.system.v.numel() - self.rank
+
+
+def _scaled(matrices: np.ndarray) -> np.ndarray:
+    return matrices / np.array(_lengths(matrices))[:, None]
+
+
+def _lengths(matrices: np.ndarray) -> list[float]:
+    """The largest length of each row over the matrices; 1 for a row of zeros."""
+    lengths = np.max(np.linalg.norm(matrices, axis=2), axis=0)
+    return [float(x) if x > 0 else 1.0 for x in lengths]
+
+
+def survey_of(system: System) -> Survey:
+    """Raises AssumptionError where no consistent state can be found to look at."""
+    found = Survey(system)
+    if not len(found.sampled.t):
+        message = "no configuration near the initial values satisfies the constraints"
+        if not system.rows:
+            message = "at no configuration near the initial values are masses and rates of the coordinates finite"
+        raise AssumptionError(Diagnostic(file=system.model.file, message=message))
+    return found
+
+
+def resolved(survey: Survey, choice: Choice) -> Resolved:
+    """The choice of the given declaration, carried through. Raises AssumptionError where it is no
+    choice."""
+    match choice.kind:
+        case "orthonormal":
+            return _orthonormal(survey, choice)
+        case "auto":
+            return _best(survey, choice)
+        case _:
+            return _declared(survey, choice)
+
+
+def _declared(survey: Survey, choice: Choice) -> Resolved:
+    rows = speed_rows(survey.system, choice)
+    if len(rows) != survey.freedom:
+        raise _refused(
+            survey.system,
+            choice,
+            f"choice '{choice.name}' has {_counted(len(rows), 'speed')}, "
+            f"but the system has {_counted(survey.freedom, 'degree')} of freedom",
+            f"{survey.freedom} independent rows",
+        )
+    try:
+        return carried_out(
+            survey,
+            choice.name,
+            "rows",
+            rows,
+            "the model declares it" if choice.span.line else "it was asked for by name",
+        )
+    except Dependent as problem:
+        raise _refused(
+            survey.system,
+            choice,
+            f"choice '{choice.name}': the speed '{problem.speed}' depends on the constraints and the other speeds "
+            f"at every sampled state ({_culprits(survey, rows)})",
+            "speeds that, with the constraint rows, determine all velocities; `auto` finds such a set",
+        ) from None
+    except Undetermined as problem:
+        message = f"choice '{choice.name}': the sampled states are too near singular positions to find a pivot for '{problem.velocity}'"
+        raise _refused(
+            survey.system,
+            choice,
+            message,
+            "initial values away from singular positions, or another choice",
+        ) from None
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def _culprits(survey: Survey, rows: Sequence[RowForm]) -> str:
+    """The constraints that take part in the dependency: the left null vector of [A; B] at a sampled
+    state."""
+    Y = np.vstack(
+        [survey.rows[0], _scaled(_numeric_rows(survey, _matrix(rows, survey.system.v.numel())))[0]]
+    )
+    weights = np.abs(np.linalg.svd(Y)[0][:, -1])
+    names = [row.name for row in survey.system.rows] + [row.name for row in rows]
+    return "with " + ", ".join(n for n, x in zip(names, weights) if x > 1e-6)
+
+
+def _numeric_rows(survey: Survey, B: ca.SX) -> np.ndarray:
+    """The speed rows at the sampled states."""
+    if B.is_constant():
+        return np.tile(ca.DM(B).full(), (len(survey.sampled.t), 1, 1))
+    s = survey.sampled
+    return survey.solver.values(B, s.t, s.q, s.p)
+
+
+def _matrix(rows: Sequence[RowForm], nv: int) -> ca.SX:
+    B = ca.SX(len(rows), nv)
+    for k, row in enumerate(rows):
+        for j, coefficient in row.coefficients:
+            B[k, j] = coefficient
+    return B
+
+
+def speed_rows(system: System, choice: Choice) -> list[RowForm]:
+    """The declared speeds as rows over the generalized velocities; the loader has seen to it that
+    they are linear and homogeneous."""
+    result = []
+    for name, expression in choice.rows:
+        velocity = ca.substitute(
+            ca.SX(system.symbols.scalar(expression)), system.symbols.qd, system.qdot
+        )
+        coefficients, _, rate = velocity_row(system.symbols, system.qdot, velocity)
+        result.append(RowForm(name, (), coefficients, 0.0, rate))
+    return result
+
+
+def carried_out(
+    survey: Survey, name: str, kind: str, rows: Sequence[RowForm], reason: str
+) -> Resolved:
+    """The elimination in every way of writing the constraint blocks; among those with the safest
+    pivots the one that gives v and v̇ with the fewest operations wins, for what follows hardly
+    differs."""
+    names = tuple(row.name for row in rows)
+    if not survey.system.rows and _are_the_base(rows):
+        reduction = unreduced(survey.system, names)
+        equations = explicit(survey.system, reduction)
+        ranking = Ranking(
+            name, kind, names, True, 1.0, 1.0, equations.operations, (), equations.gathered
+        )
+        return Resolved(ranking, reduction, equations, reason)
+    B = _matrix(rows, survey.system.v.numel())
+    sizes, sampled = (
+        [*survey.form_sizes, *_lengths(_numeric_rows(survey, B))],
+        survey.sampled_for(B),
+    )
+    found = [
+        by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
+        for forms in survey.forms
+    ]
+    counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
+    best = min(
+        range(len(found)),
+        key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]),
+    )
+    reduction, equations = found[best], explicit(survey.system, found[best])
+    ranking = judged(survey, name, kind, names, reduction, equations)
+    return Resolved(ranking, reduction, equations, reason)
+
+
+def _are_the_base(rows: Sequence[RowForm]) -> bool:
+    """Whether the speeds are the generalized velocities themselves, in order."""
+    singles = [row.coefficients[0] for row in rows if len(row.coefficients) == 1]
+    return len(singles) == len(rows) and all(
+        j == k and is_one(x) for k, (j, x) in enumerate(singles)
+    )
+
+
+def _ways(system: System) -> list[tuple[int, ...]]:
+    """Index of the way of writing per block: all combinations while they are few, else the same way
+    for all blocks."""
+    counts = [len(block) for block in system.blocks]
+    if np.prod(counts, dtype=float) <= MOST_WAYS:
+        return list(cartesian(*[range(n) for n in counts]))
+    return [tuple(min(k, n - 1) for n in counts) for k in range(max(counts))]
+
+
+def judged(
+    survey: Survey,
+    name: str,
+    kind: str,
+    rows: tuple[str, ...],
+    reduction: Reduction,
+    equations: Explicit,
+) -> Ranking:
+    conditions = _conditions(survey, _numeric_rows(survey, reduction.B))
+    count, pivots = equations.operations, reduction.pivots
+    return Ranking(
+        name,
+        kind,
+        rows,
+        reduction.constant_pivots,
+        *conditions,
+        count,
+        pivots,
+        equations.gathered,
+        len(survey.followers & set(rows)),
+        len(survey.driven & set(rows)),
+    )
+
+
+def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
+    """Median and largest condition number of [A; B], rows scaled to length one."""
+    nv = survey.system.v.numel()
+    values = np.linalg.svd(np.concatenate([survey.rows, _scaled(B)], axis=1), compute_uv=False)
+    if not values.size or values.shape[1] < nv:
+        return (1.0, 1.0) if not nv else (np.inf, np.inf)
+    found = values[:, 0] / np.maximum(values[:, nv - 1], 1e-300)
+    return float(np.median(found)), float(np.max(found))
+
+
+def _orthonormal(survey: Survey, choice: Choice) -> Resolved:
+    reduction = orthonormal(survey.system, survey.independent_rows, survey.kept, survey.sampled)
+    equations = explicit(survey.system, reduction)
+    ranking = judged(survey, choice.name, "orthonormal", reduction.names, reduction, equations)
+    return Resolved(
+        ranking,
+        reduction,
+        equations,
+        "the model declares it: [A; B] is as well conditioned as A allows",
+    )
+
+
+def _best(survey: Survey, choice: Choice) -> Resolved:
+    """The winner of the ranking, with the reason in words."""
+    ranked = ranked_partitions(survey)
+    if not ranked:
+        message = "no set of generalized velocities is independent of the constraints at the sampled states"
+        raise _refused(
+            survey.system,
+            choice,
+            message,
+            "a well-posed constraint set, or the choice `orthonormal`",
+        )
+    best = ranked[0]
+    return Resolved(
+        best.ranking,
+        best.reduction,
+        best.explicit,
+        _in_words(best.ranking, [x.ranking for x in ranked[1:]]),
+    )
+
+
+def ranked_partitions(survey: Survey) -> list[Resolved]:
+    """Sets of generalized velocities (and the user's own rows) that determine the rest, best
+    first."""
+    finalists = sorted(_candidates(survey), key=lambda x: x[0])[:FINALISTS]
+    carried = [_try(survey, name, rows) for _, name, rows in finalists]
+    carried += [
+        _try(survey, c.name, tuple(speed_rows(survey.system, c)))
+        for c in survey.system.model.choices
+        if _fits(survey, c)
+    ]
+    unique = {x.ranking.rows: x for x in reversed([y for y in carried if y is not None])}
+    return sorted(unique.values(), key=lambda x: score(x.ranking))
+
+
+def _fits(survey: Survey, choice: Choice) -> bool:
+    return choice.kind == "rows" and len(choice.rows) == survey.freedom
+
+
+def _try(survey: Survey, name: str, rows: tuple[RowForm, ...]) -> Resolved | None:
+    try:
+        return carried_out(survey, name, "rows", rows, "")
+    except (Dependent, Undetermined):
+        return None
+
+
+def score(ranking: Ranking) -> tuple:
+    """Least is best. A follower is no choice while its leader is one; of what is alike in all else
+    an actuated speed comes first."""
+    safety = (ranking.followers, not ranking.constant_pivots)
+    return safety, round(np.log10(ranking.worst) / 1.5), ranking.operations, -ranking.driven
+
+
+def _candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]]:
+    """Partitions with the worst condition number each: all of them while they are few, else the
+    pivoted one."""
+    nv, nw = survey.system.v.numel(), survey.freedom
+    subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(survey)
+    result = []
+    for subset in subsets:
+        rows = tuple(RowForm(speed_name(survey.system, j), (), ((j, 1.0),)) for j in subset)
+        worst = (
+            _conditions(survey, np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1)))[1]
+            if survey.system.rows
+            else 1.0
+        )
+        names = {row.name for row in rows}
+        # followers last, then by condition; of equals the actuated ones, then the first of the tree
+        order = (
+            len(names & survey.followers),
+            round(np.log10(worst), 1),
+            -len(names & survey.driven),
+            subset[0] if subset else 0,
+        )
+        result.append((order, " ".join(row.name for row in rows), rows))
+    return result
+
+
+def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
+    """Greedy: columns of the sampled A with the largest smallest remainder become dependent, the
+    others stay free.
+
+    Two preferences: with all columns equal, and with the first velocities of the tree kept free.
+    """
+    nv = survey.system.v.numel()
+    return list(
+        dict.fromkeys(
+            _greedy(survey, 1.0 + slope * np.arange(nv) / nv) for slope in (0.0, 1.0, 10.0)
+        )
+    )
+
+
+def _greedy(survey: Survey, weight: np.ndarray) -> tuple[int, ...]:
+    matrices = survey.rows[:, list(survey.kept)]
+    free = list(range(survey.system.v.numel()))
+    followers = {j for j in free if speed_name(survey.system, j) in survey.followers}
+    for _ in range(survey.rank):
+        sizes = np.min(np.linalg.norm(matrices, axis=1), axis=0) * weight
+        following = {k for k in followers if sizes[k] > REGULAR}  # dependent first
+        j = max(free, key=lambda k: (k in following, round(float(sizes[k]), 6), k))
+        free.remove(j)
+        matrices = _deflated(matrices, j)
+    return tuple(free)
+
+
+def _deflated(A: np.ndarray, j: int) -> np.ndarray:
+    """Column j taken out of all columns."""
+    length = np.linalg.norm(A[:, :, j], axis=1)
+    unit = A[:, :, j] / np.where(length > 0, length, 1.0)[:, None]
+    return A - unit[:, :, None] * (unit[:, None, :] @ A)
+
+
+def speed_name(system: System, j: int) -> str:
+    velocity = system.model.velocities[j]
+    return f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
+
+
+def _in_words(best: Ranking, others: Sequence[Ranking]) -> str:
+    speeds = listed(best.rows, NAMES)
+    if not best.rows:
+        return "the constraints leave nothing to choose"
+    text = f"w = ({speeds}): " + _qualities(best)
+    if others:
+        text += f"; next was {_against(best, others[0])}: {_qualities(others[0])}"
+    return text
+
+
+def _against(best: Ranking, other: Ranking) -> str:
+    """The other's speeds; of many only those that differ."""
+    if len(other.rows) <= NAMES:
+        return f"({', '.join(other.rows)})"
+    enters, leaves = set(other.rows) - set(best.rows), set(best.rows) - set(other.rows)
+    entering = listed((row for row in other.rows if row in enters), NAMES)
+    leaving = listed((row for row in best.rows if row in leaves), NAMES)
+    return f"({entering}) in place of ({leaving})"
+
+
+def _qualities(ranking: Ranking) -> str:
+    safe = (
+        "no pivot can vanish"
+        if ranking.constant_pivots
+        else "a pivot varies with the configuration"
+    )
+    return f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states, about {ranking.operations} operations"
+
+
+def _refused(system: System, choice: Choice, message: str, expected: str) -> AssumptionError:
+    return AssumptionError(_at(system, choice.span, message, expected))
+
+
+def _at(system: System, span: Span, message: str, expected: str) -> Diagnostic:
+    lines = system.model.text.splitlines()
+    source = lines[span.line - 1] if 0 < span.line <= len(lines) else ""
+    return Diagnostic(
+        system.model.file, span.line, span.column, span.length, message, expected, "", source
+    )

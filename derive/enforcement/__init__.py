@@ -1,0 +1,49 @@
+"""Enforcements: how a simulation stays on the constraints. To add one: a file with a Enforcement,
+and its line here."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from derive.diagnostics import AssumptionError
+from derive.enforcement.baumgarte import BAUMGARTE
+from derive.enforcement.charts import PARTITIONING, SELECTIVE, TANGENT
+from derive.enforcement.feedback import FEEDBACK
+from derive.enforcement.invariants import INVARIANTS, INVARIANTS_EUCLIDEAN
+from derive.enforcement.none import NONE
+from derive.enforcement.projection import PROJECTION
+from derive.enforcement.rate import usual_rate
+from derive.enforcement.records import Enforcement, Options
+from derive.formulations import equations
+from derive.formulations.records import Equations
+from derive.mechanics.records import System
+
+ENFORCEMENTS: tuple[Enforcement, ...] = (
+    PROJECTION,
+    NONE,
+    BAUMGARTE,
+    FEEDBACK,
+    INVARIANTS,
+    INVARIANTS_EUCLIDEAN,
+    PARTITIONING,
+    SELECTIVE,
+    TANGENT,
+)
+
+
+def kept_equations(
+    system: System, choice: str | None, formulation: str, enforcement: Enforcement, options: Options
+) -> Equations:
+    """The equations that a simulation with this enforcement integrates. Raises AssumptionError
+    where it does not fit them."""
+    found = equations(enforcement.system(system, options), choice, formulation)
+    reason = enforcement.refusal(found, options)
+    if reason:
+        raise AssumptionError(
+            f"{system.model.name}, {formulation}: enforcement '{enforcement.name}' does not fit: {reason}"
+        )
+    charts = tuple(enforcement.equations(chart, options) for chart in found.charts)
+    return replace(enforcement.equations(found, options), charts=charts)
+
+
+__all__ = ["ENFORCEMENTS", "Enforcement", "Options", "kept_equations", "usual_rate"]

@@ -1,0 +1,53 @@
+"""Feedback on the constraint quasi-velocities: q̇ = N (v + R (−α φ)) instead of N v, so that φ̇ =
+−α φ; w is as it was.
+
+v = S w + R c, B R = 0: only the velocities across the constraints change, and only in q̇.
+Nonholonomic rows stay met.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+
+from derive.enforcement.records import Enforcement, Options
+from derive.formulations.derivatives import derivatives
+from derive.formulations.manifold import keeps_velocities
+from derive.formulations.records import Equations
+
+
+def _refusal(found: Equations, options: Options) -> str:
+    if not any(row.position >= 0 for row in found.system.rows):
+        return "there are no position constraints that could drift"
+    if keeps_velocities(found):
+        return "the velocities drift too in this formulation; use baumgarte"
+    return ""
+
+
+def _fed_back(found: Equations, options: Options) -> Equations:
+    pull = next(request for request in found.requests if request.name == "pull").make()
+    shift = (options.alpha or 0.0) * pull.result.value
+    dynamics = next(function for function in found.functions if function.name == "dynamics")
+    value = dynamics.result.value + ca.vertcat(shift, ca.SX.zeros(len(found.w)))
+    fed = replace(
+        dynamics,
+        about=f"{dynamics.about}; q̇ pulls φ to zero",
+        result=replace(dynamics.result, value=value),
+    )
+    functions = tuple(fed if function is dynamics else function for function in found.functions)
+    own = {request.name for request in derivatives(found.arguments, functions)}
+    others = tuple(request for request in found.requests if request.name not in own)
+    return replace(
+        found, functions=functions, requests=(*others, *derivatives(found.arguments, functions))
+    )
+
+
+FEEDBACK = Enforcement(
+    name="feedback",
+    about="the constraint quasi-velocities are fed back, so that violations of positions decay at the rate alpha",
+    source="quasi-velocities u_c = c − α φ after Mirtaheri & Zohoor; W. Blajer, MSD 9, 2003, on the projective criterion",
+    level="rates",
+    refusal=_refusal,
+    equations=_fed_back,
+)

@@ -1,0 +1,153 @@
+"""Projection on constraints and invariants (jet spaces): after every step the nearest state with φ
+= 0, A v = c and the energy and momenta of the start, x ← x − D K⁻¹ g with K = G W⁻¹ Gᵀ, D = W⁻¹ Gᵀ
+and G the derivative of all g.
+
+Near means in W = diag(M, ∂²T/∂w²) (positions and velocities, in units of 1 s), or W = 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from derive.choices.resolution import survey_of
+from derive.enforcement.records import Enforcement, Options
+from derive.formulations.manifold import keeps_velocities
+from derive.formulations.records import Equations, Function, Request, Result
+from derive.mechanics.solve import ldl_solution, scalars
+
+CONSERVED = 1e-8  # largest rate of an invariant, relative to the rates of its parts
+ABOUT = "constraints and invariants for the projection on them: [g, G W⁻¹ Gᵀ, W⁻¹ Gᵀ] row by row"
+
+
+def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
+    """Energy, always where it is conserved, and the momenta asked for, over the state. Unknown
+    names raise KeyError."""
+    system = found.system
+    functions = {function.name: function for function in found.functions}
+    v = functions["velocity"].result.value
+    w = next(argument for argument in found.arguments if argument.name == "x").symbols[
+        system.q.numel() :
+    ]
+    energy = functions["energy"].result.value
+    momenta = ca.substitute(ca.jacobian(system.T, system.v).T, system.v, v)
+    names = {velocity.name: j for j, velocity in enumerate(system.model.velocities)}
+    # a sum that constraints which move leave constant, too, where the motion in w does not show time
+    known = {"energy": energy[0] + energy[1] if system.homogeneous else energy[2]}
+    if _relative_rate(found, known["energy"], options) > CONSERVED:
+        known["energy"] = ca.dot(ca.gradient(energy[0], w), w) - energy[0] + energy[1]
+    known |= {f"{name}": momenta[j] for name, j in names.items()}
+    known |= {
+        c.name: momenta[names[f"der({c.name})"]]
+        for c in system.model.coordinates
+        if f"der({c.name})" in names
+    }
+    asked = [(name, known[name]) for name in options.conserve or ("energy",)]
+    also = (
+        "energy" not in options.conserve
+        and _relative_rate(found, known["energy"], options) <= CONSERVED
+    )
+    return [("energy", known["energy"]), *asked] if options.conserve and also else asked
+
+
+def _refusal(found: Equations, options: Options) -> str:
+    try:
+        held = _invariants(found, options)
+    except KeyError as missing:
+        return f"{missing} is no invariant that could be held: energy, or a coordinate or generalized velocity with its momentum"
+    for name, value in held:
+        rate = _relative_rate(found, value, options)
+        if rate > CONSERVED:
+            what = "energy" if name == "energy" else f"the momentum of {name}"
+            return f"{what} is not conserved: at random admissible states it changes at {rate:.2g} of the rate of its parts"
+    return ""
+
+
+def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
+    """max |dH/dt| over the sampled states, relative to the sum of the sizes of its terms."""
+    slots = {argument.name: argument.symbols for argument in found.arguments}
+    xdot = next(
+        function for function in found.functions if function.name == "dynamics"
+    ).result.value
+    gradient = ca.jacobian(value, slots["x"])
+    terms = ca.vertcat(gradient.T * xdot, ca.jacobian(value, slots["t"]))
+    function = ca.Function("rate", [slots[name] for name in "txup"], [ca.densify(terms)])
+    state = next(function for function in found.functions if function.name == "state")
+    assert state.x is not None
+    to_x = ca.Function(
+        "x", [slots["t"], state.x.symbols, slots["p"]], [ca.densify(state.result.value)]
+    )
+    s = survey_of(found.system).sampled
+    u = np.array(options.inputs) if options.inputs else np.zeros(found.system.u.numel())
+    rates = []
+    for t, q, v, p in zip(s.t, s.q, s.v, s.p):
+        x = to_x(t, np.concatenate([q, v]), options.parameters or p)
+        entries = np.asarray(function(t, x, u, options.parameters or p)).ravel()
+        if np.isfinite(entries).all() and np.any(entries):
+            rates.append(abs(entries.sum()) / np.abs(entries).sum())
+    return max(rates, default=0.0)
+
+
+def _with_manifold(euclidean: bool, found: Equations, options: Options) -> Equations:
+    request = Request(
+        "manifold", ABOUT, lambda: _manifold(found, _invariants(found, options), euclidean)
+    )
+    return replace(found, requests=(*found.requests, request))
+
+
+def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) -> Function:
+    system = found.system
+    x = next(argument for argument in found.arguments if argument.name == "x").symbols
+    nq = system.q.numel()
+    w = x[nq:]
+    made = {request.name: request for request in found.requests}
+    closure = made["closure"].make().result if "closure" in made else None
+    slip = made["slip"].make().result if "slip" in made and keeps_velocities(found) else None
+    parts = [result.value[:, 0] for result in (closure, slip) if result is not None] + [
+        value for _, value in held
+    ]
+    g = ca.vertcat(*parts)
+    G = ca.horzcat(ca.mtimes(ca.jacobian(g, system.q), system.N), ca.jacobian(g, w))
+    W = _metric(found, w, euclidean)
+    solved = ldl_solution(scalars(W), scalars(G), list(reversed(range(W.size1()))))
+    toward = ca.horzcat(*[ca.vertcat(*column) for column in solved.x]).T  # rows of G W⁻¹
+    nv = system.v.numel()
+    steps = ca.horzcat(ca.mtimes(toward[:, :nv], system.N.T), toward[:, nv:])
+    value = ca.densify(ca.horzcat(g, ca.mtimes(toward, G.T), steps))
+    labels = tuple(
+        label for result in (closure, slip) if result is not None for label in result.labels
+    )
+    return Function(
+        "manifold", ABOUT, Result("manifold", value, (*labels, *(name for name, _ in held)), ())
+    )
+
+
+def _metric(found: Equations, w: ca.SX, euclidean: bool) -> ca.SX:
+    system = found.system
+    nv, nw = system.v.numel(), w.numel()
+    if euclidean or not (system.definite and system.written):
+        return ca.SX.eye(nv + nw)
+    T = next(function for function in found.functions if function.name == "energy").result.value[0]
+    return ca.diagcat(system.M, ca.hessian(T, w)[0])
+
+
+def _enforcement(name: str, near: str, euclidean: bool) -> Enforcement:
+    return Enforcement(
+        name=name,
+        about=f"after every step the nearest state, {near}, on the constraints and with the start's energy and chosen momenta",
+        source="J. Tuomela, T. Arponen, V. Normi: On the simulation of multibody systems with holonomic constraints (jet spaces)",
+        level="steps",
+        refusal=_refusal,
+        needs=lambda found: (
+            "manifold",
+            *(function.name for function in found.functions if function.name == "project"),
+        ),
+        equations=lambda found, options: _with_manifold(euclidean, found, options),
+        conserves=True,
+    )
+
+
+INVARIANTS = _enforcement("invariants", "in the metric of M", False)
+INVARIANTS_EUCLIDEAN = _enforcement("invariants_euclidean", "by plain distance", True)

@@ -1,0 +1,247 @@
+"""XML text → elements with places, read safely: no document type (and so no entities), bounded
+size, depth and count.
+
+expat is driven directly because the ready-made trees keep no places; the tree is walked and built
+without recursion.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
+
+from derive.diagnostics import Diagnostic, ModelError
+from derive.model.document import MOST_BODIES, content
+
+LARGEST = 64 << 20  # bytes
+DEEPEST = 10_000  # levels; a chain of bodies is one level per body in MJCF
+MOST = 500_000  # elements; the largest robot that is allowed has a tenth of that
+ROOTS = ("robot", "mujoco", "mujocoinclude")  # what a robot, or a part of one, starts with
+_DECLARATION = re.compile(rb"""\s*<\?xml[^>]*\bencoding\s*=\s*["']([^"']*)["']""")
+_ATTRIBUTE = re.compile(rb"""\s+([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
+_UTF8 = frozenset({"utf-8", "utf8", "us-ascii", "ascii"})
+
+
+@dataclass(frozen=True)
+class File:
+    """The text of an XML file, and messages that point into it."""
+
+    name: str
+    content: bytes  # UTF-8
+    folder: Path
+
+    def line(self, number: int) -> str:
+        lines = self.content.splitlines()
+        return lines[number - 1].decode("utf-8", "replace") if 0 < number <= len(lines) else ""
+
+    def diagnostic(
+        self, at: int, length: int, message: str, expected: str = "", hint: str = ""
+    ) -> Diagnostic:
+        """A message about the `length` bytes from offset `at`."""
+        start = self.content.rfind(b"\n", 0, at) + 1
+        stop = self.content.find(b"\n", at)
+        text = (
+            self.content[start : stop if stop >= 0 else len(self.content)]
+            .decode("utf-8", "replace")
+            .rstrip("\r")
+        )
+        column = len(self.content[start:at].decode("utf-8", "replace")) + 1
+        return Diagnostic(
+            self.name,
+            self.content.count(b"\n", 0, at) + 1,
+            column,
+            length,
+            message,
+            expected,
+            hint,
+            text,
+        )
+
+
+@dataclass
+class Budget:
+    """What may still be read of a robot, over all the files that it includes."""
+
+    bytes: int = LARGEST
+    elements: int = MOST
+    bodies: int = MOST_BODIES
+
+
+@dataclass(eq=False)
+class Element:
+    """An element with its attributes as text. `at` is the offset of its `<`."""
+
+    tag: str
+    attributes: dict[str, str]
+    file: File
+    at: int
+    children: list[Element] = field(default_factory=list)
+    text: str = ""
+
+    def get(self, name: str, otherwise: str = "") -> str:
+        return self.attributes.get(name, otherwise)
+
+    def all(self, *tags: str) -> list[Element]:
+        """The children of these kinds, in the order of the file."""
+        return [child for child in self.children if child.tag in tags]
+
+    def first(self, tag: str) -> Element | None:
+        return next((child for child in self.children if child.tag == tag), None)
+
+    def walk(self) -> Iterator[Element]:
+        """The element and all below it, in the order of the file."""
+        waiting: list[Element] = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting.extend(reversed(element.children))
+
+    def diagnostic(
+        self, message: str, expected: str = "", hint: str = "", attribute: str = ""
+    ) -> Diagnostic:
+        """A message about the element, or about one of its attributes."""
+        at, length = self._place(attribute)
+        return self.file.diagnostic(at, length, message, expected, hint)
+
+    def refuse(
+        self, message: str, expected: str = "", hint: str = "", attribute: str = ""
+    ) -> NoReturn:
+        raise ModelError(self.diagnostic(message, expected, hint, attribute))
+
+    def _place(self, attribute: str) -> tuple[int, int]:
+        """Offset and length of the attribute's value; of the tag where there is none."""
+        position = self.at + 1 + len(self.tag.encode())
+        while attribute and (found := _ATTRIBUTE.match(self.file.content, position)):
+            if found[1].decode("utf-8", "replace") == attribute:
+                return found.start(2) + 1, max(1, len(found[2].decode("utf-8", "replace")) - 2)
+            position = found.end()
+        return self.at, len(self.tag) + 1
+
+
+def read(path: str | PathLike[str]) -> File:
+    """The content of a file; ModelError where it cannot be had as UTF-8 text."""
+    name = str(path)
+    found = content(path, LARGEST)
+    if len(found) > LARGEST:
+        raise ModelError(
+            Diagnostic(
+                name, message="the file is too large", expected=f"at most {LARGEST >> 20} MiB"
+            )
+        )
+    return as_file(found, name, Path(path).parent)
+
+
+def as_file(content: bytes, name: str, folder: Path) -> File:
+    """Content in memory as a File; ModelError where it is not UTF-8."""
+    file = File(name, content.removeprefix(b"\xef\xbb\xbf"), folder)
+    try:
+        file.content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        problem = "the file is not UTF-8 text"
+        raise ModelError(
+            _unquoted(file.diagnostic(error.start, 1, problem, "text saved as UTF-8"))
+        ) from None
+    declared = _DECLARATION.match(file.content)
+    if (
+        declared
+        and declared[1].decode("utf-8", "replace").lower() not in _UTF8
+        and not file.content.isascii()
+    ):
+        problem = f"the file says that it is {declared[1].decode()!r} text"
+        raise ModelError(
+            file.diagnostic(declared.start(1), len(declared[1]), problem, "text saved as UTF-8")
+        )
+    return file
+
+
+def parsed(file: File, budget: Budget | None = None) -> Element:
+    """The root element of a file; what it needs is taken from the budget before it is built."""
+    if not file.content.strip():
+        raise ModelError(
+            Diagnostic(file.name, message="the file is empty", expected="a URDF or MJCF robot")
+        )
+    builder = _Builder(file, budget or Budget())
+    try:
+        builder.parser.Parse(file.content, True)
+    except expat.ExpatError as error:
+        _refuse_syntax(file, error, quote=builder.is_robot)
+    assert builder.root is not None  # expat refuses a text without elements
+    return builder.root
+
+
+def _refuse_syntax(file: File, error: expat.ExpatError, quote: bool) -> NoReturn:
+    """`quote`: whether the message may show the line; not of a file that is no robot."""
+    problem = expat.errors.messages[error.code]
+    start = sum(len(line) for line in file.content.splitlines(keepends=True)[: error.lineno - 1])
+    at = min(start + error.offset, len(file.content))
+    if not file.content.lstrip().startswith(b"<"):
+        expected = "a URDF or MJCF robot, which starts with `<`"
+        raise ModelError(_unquoted(file.diagnostic(at, 1, "the file is not XML", expected)))
+    problem_there = file.diagnostic(at, 1, f"not valid XML: {problem}")
+    raise ModelError(problem_there if quote else _unquoted(problem_there))
+
+
+def _unquoted(problem: Diagnostic) -> Diagnostic:
+    """Without the line of the file: a file that is no robot is nobody's to show."""
+    return replace(problem, source_line="")
+
+
+class _Builder:
+    """Elements from expat's calls."""
+
+    def __init__(self, file: File, budget: Budget) -> None:
+        self.file, self.budget = file, budget
+        self.root: Element | None = None
+        self.open: list[Element] = []
+        self.parser = expat.ParserCreate("utf-8")
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.CharacterDataHandler = self.characters
+        self.parser.StartDoctypeDeclHandler = self.document_type
+        self.parser.EntityDeclHandler = self.document_type
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, attributes, self.file, self.parser.CurrentByteIndex)
+        self.budget.elements -= 1
+        self.budget.bodies -= tag == "body"
+        if len(self.open) >= DEEPEST:
+            element.refuse("the file is nested too deeply", f"at most {DEEPEST} levels")
+        if self.budget.elements < 0:
+            element.refuse(
+                "the file has too many elements", f"at most {MOST}, included files counted"
+            )
+        if self.budget.bodies < 0:
+            element.refuse(
+                f"the robot has more than {MOST_BODIES} bodies",
+                f"at most {MOST_BODIES}, included files counted",
+            )
+        if self.open:
+            self.open[-1].children.append(element)
+        else:
+            self.root = element
+        self.open.append(element)
+
+    @property
+    def is_robot(self) -> bool:
+        return self.root is not None and self.root.tag in ROOTS
+
+    def end(self, tag: str) -> None:
+        self.open.pop()
+
+    def characters(self, text: str) -> None:
+        if self.open and not text.isspace():
+            self.open[-1].text += text
+
+    def document_type(self, *declaration: object) -> None:
+        problem = "a document type, which can declare entities"
+        raise ModelError(
+            self.file.diagnostic(
+                self.parser.CurrentByteIndex, 1, problem, "a file without <!DOCTYPE>"
+            )
+        )

@@ -1,0 +1,91 @@
+"""MJCF → Robot: bodies, joints, inertias, equalities and motors of MuJoCo's format; contacts are
+left out, and that is said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from derive.diagnostics import did_you_mean
+from derive.robots.markup import Budget, Element
+from derive.robots.mjcf.actuators import actuators, tendons
+from derive.robots.mjcf.bodies import Scene, walk
+from derive.robots.mjcf.settings import included, settings
+from derive.robots.mjcf.ties import equalities
+from derive.robots.robot import Reading, Robot, counted, dry_friction
+
+READ = ("compiler", "option", "default", "worldbody", "equality", "tendon", "actuator")
+NOT_NEEDED = ("asset", "contact", "custom", "keyframe", "sensor", "size", "statistic", "visual")
+REFUSED = {"deformable": "deformable bodies", "extension": "plugins"}
+
+
+def robot(
+    root: Element, name: str, floating: bool, budget: Budget, folders: Sequence[str] = ()
+) -> Robot:
+    """The robot of a <mujoco> element; ModelError with everything wrong with it. `folders`: where
+    included files may be, beside the model's own."""
+    included(root, budget, folders)
+    reading = Reading()
+    _check_sections(reading, root)
+    found = settings(reading, root)
+    reading.finish()
+    result = Robot(root.get("model") or name, "MJCF", root, found.gravity)
+    scene = Scene(result, found)
+    for world in root.all("worldbody"):
+        walk(reading, world, scene, floating)
+    if not result.bodies and not reading.problems:
+        root.refuse("the file has no bodies", "<body> inside <worldbody>")
+    known = tendons(reading, root, scene)
+    equalities(reading, root, known, scene)
+    actuators(reading, root, known, scene)
+    reading.finish()
+    _notes(reading, root, scene)
+    return result
+
+
+def _check_sections(reading: Reading, root: Element) -> None:
+    for section in root.children:
+        if section.tag in REFUSED:
+            reading.report(
+                section,
+                f"<{section.tag}>: {REFUSED[section.tag]}",
+                "rigid bodies, joints and motors",
+            )
+        elif section.tag not in (*READ, *NOT_NEEDED):
+            known = [*READ, *NOT_NEEDED]
+            reading.report(
+                section,
+                f"unknown section <{section.tag}>",
+                ", ".join(READ),
+                did_you_mean(section.tag, known),
+            )
+
+
+def _notes(reading: Reading, root: Element, scene: Scene) -> None:
+    result = scene.robot
+    if scene.geoms:
+        result.left_out.append(f"contacts between {counted(scene.geoms, 'geom')}")
+    massless = sum(1 for body in result.bodies if not body.mass)
+    if massless:
+        result.changed.append(
+            f"{counted(massless, 'body', 'bodies')} without mass, such as between several joints of one"
+        )
+    if reading.renamed:
+        result.changed.append(
+            f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside"
+        )
+    ignored = sorted({section.tag for section in root.children} & set(NOT_NEEDED))
+    if ignored:
+        result.changed.append(f"not read: {', '.join(f'<{tag}>' for tag in ignored)}")
+    if any(joint.limits for joint in result.joints):
+        result.assumed.append(
+            "limits are there to read: nothing in the equations stops a joint at them"
+        )
+    fluid = [
+        name
+        for option in root.all("option")
+        for name in ("density", "viscosity", "wind")
+        if name in option.attributes
+    ]
+    if fluid:
+        result.left_out.append(f"forces of the medium around the bodies ({', '.join(fluid)})")
+    dry_friction(result)

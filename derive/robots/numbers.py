@@ -1,0 +1,70 @@
+"""Numbers in attributes, checked where they stand."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+from derive.expressions.limits import BELOW, too_large, too_small
+from derive.robots.markup import Element
+from derive.robots.robot import Reading
+from derive.robots.rotations import Vector
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
+
+
+def listing(
+    reading: Reading, element: Element, attribute: str, count: int | None = None
+) -> list[float] | None:
+    """The finite numbers of an attribute, exactly `count` of them if given; None after reporting,
+    or where there is none."""
+    if attribute not in element.attributes:
+        return None
+    words = element.get(attribute).split()
+    values = [_number(word) for word in words]
+    bad = next((word for word, value in zip(words, values) if too_large(value)), None)
+    if bad is not None:
+        reading.report(
+            element,
+            f"'{bad}' in '{attribute}' of <{element.tag}>",
+            f"finite numbers, {BELOW}",
+            attribute=attribute,
+        )
+        return None
+    if count is not None and len(values) != count:
+        problem = (
+            f"{len(values)} number{'s' * (len(values) != 1)} in '{attribute}' of <{element.tag}>"
+        )
+        reading.report(element, problem, str(count), attribute=attribute)
+        return None
+    return values
+
+
+def _number(word: str) -> float:
+    """NaN for what is no number. What is too small for a model is rounding of an exporter's zero."""
+    value = float(word) if _NUMBER.match(word) else math.nan
+    return 0.0 if too_small(value) else value
+
+
+def scalar(reading: Reading, element: Element, attribute: str, otherwise: float = 0.0) -> float:
+    found = listing(reading, element, attribute, 1)
+    return found[0] if found else otherwise
+
+
+def vector(
+    reading: Reading,
+    element: Element | None,
+    attribute: str,
+    otherwise: Sequence[float] = (0.0, 0.0, 0.0),
+) -> Vector:
+    found = listing(reading, element, attribute, 3) if element else None
+    x, y, z = found or otherwise
+    return (x, y, z)
+
+
+def written(number: float) -> str:
+    """A number that reads back as the same one, without a needless point."""
+    if number == int(number) and abs(number) < 1e15:
+        return str(int(number))
+    return repr(number)

@@ -1,0 +1,181 @@
+"""What the readers make and the writer takes: a robot with names that are legal, SI units, and the
+place of everything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.robots.markup import Element
+from derive.robots.naming import PLAIN, SUFFIXES, Names
+from derive.robots.rotations import IDENTITY, ORIGIN, Matrix, Vector, from_rpy
+
+GROUND = "ground"
+ONE_RATE = ("revolute", "prismatic")
+SMOOTHING = 0.01  # rad/s or m/s: where tanh in place of the sign is three quarters there
+BASE_RATES = {
+    "ball": ("wx", "wy", "wz"),
+    "free": ("vx", "vy", "vz", "wx", "wy", "wz"),
+    "planar": ("vx", "vy", "w"),
+}
+
+
+@dataclass
+class Body:
+    """Inertia about the centre of mass in the body's frame (xx, yy, zz, xy, xz, yz); no mass at all
+    where `mass` is 0."""
+
+    name: str
+    place: Element
+    mass: float = 0.0
+    com: Vector = ORIGIN
+    inertia: tuple[float, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Joint:
+    """`rpy` is used where a file gives roll, pitch and yaw, else `rotation`: parent ← joint frame;
+    `rotation_child`: the same for the child. `spring`: stiffness and rest. `coulomb`: of dry
+    friction."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    place: Element
+    at: Vector = ORIGIN
+    at_child: Vector = ORIGIN
+    rpy: Vector | None = None
+    rotation: Matrix = IDENTITY
+    rotation_child: Matrix = IDENTITY
+    axis: Vector | None = None
+    limits: tuple[float, float] | None = None
+    spring: tuple[float, float] | None = None
+    damper: float = 0.0
+    coulomb: float = 0.0
+    armature: float = 0.0
+    notes: list[str] = field(default_factory=list)
+
+    def turn(self) -> Matrix:
+        """Parent ← joint frame."""
+        return self.rotation if self.rpy is None else from_rpy(self.rpy)
+
+    def rates(self) -> tuple[str, ...]:
+        """Its generalized velocities, as loads and inputs name them."""
+        if self.type in ONE_RATE:
+            return (f"der({self.name})",)
+        return tuple(f"{self.name}.{rate}" for rate in BASE_RATES.get(self.type, ()))
+
+
+@dataclass
+class Closure:
+    name: str
+    type: str
+    between: tuple[str, str]
+    at: tuple[Vector, Vector]
+    place: Element
+    rotation: Matrix = IDENTITY
+
+
+@dataclass
+class Entry:
+    """A line of the model that needs no more than its text: a load, a constraint, an input, an
+    initial value."""
+
+    name: str
+    text: str
+    place: Element
+    note: str = ""
+
+
+@dataclass
+class Robot:
+    """`changed`, `assumed` and `left_out` are sentences for the head of the file. What is assumed
+    differs from the robot as its maker may mean it (friction smoothed, limits without force); what
+    is left out acts on the robot and not on the model."""
+
+    name: str
+    kind: str
+    root: Element
+    gravity: Vector = (0.0, 0.0, -9.81)
+    bodies: list[Body] = field(default_factory=list)
+    joints: list[Joint] = field(default_factory=list)
+    closures: list[Closure] = field(default_factory=list)
+    constraints: list[Entry] = field(default_factory=list)
+    loads: list[Entry] = field(default_factory=list)
+    inputs: list[Entry] = field(default_factory=list)
+    initial: list[Entry] = field(default_factory=list)
+    changed: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+
+class Reading:
+    """A file being read: names, and problems that are collected so that all can be told at once."""
+
+    def __init__(self) -> None:
+        self.problems: list[Diagnostic] = []
+        self.symbols, self.bodies = Names(), Names()
+        self.renamed = 0
+
+    def report(
+        self,
+        element: Element,
+        message: str,
+        expected: str = "",
+        hint: str = "",
+        attribute: str = "",
+    ) -> None:
+        """Note a problem and go on."""
+        self.problems.append(element.diagnostic(message, expected, hint, attribute))
+
+    def finish(self) -> None:
+        """Raise what was noted."""
+        if self.problems:
+            raise ModelError(
+                sorted(
+                    dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)
+                )
+            )
+
+    def unknown(self, element: Element, attribute: str, what: str, known: list[str]) -> None:
+        """Note a name that nothing has."""
+        name = element.get(attribute)
+        self.report(
+            element, f"unknown {what} '{name}'", listed(known), did_you_mean(name, known), attribute
+        )
+
+    def body_name(self, original: str, notes: list[str]) -> str:
+        return self._noted(self.bodies(original, "body"), original, notes)
+
+    def joint_name(self, original: str, kind: str, notes: list[str]) -> str:
+        suffixes = () if kind == "fixed" else PLAIN if kind in ONE_RATE else SUFFIXES
+        return self._noted(self.symbols(original, "joint", suffixes), original, notes)
+
+    def input_name(self, wanted: str, original: str, notes: list[str]) -> str:
+        return self._noted(self.symbols(wanted, "input"), original, notes)
+
+    def _noted(self, name: str, original: str, notes: list[str]) -> str:
+        if name != original and original:
+            self.renamed += 1
+            notes.append(f"was {quoted(original)}")
+        return name
+
+
+def quoted(text: str) -> str:
+    """A name of the file as a comment can show it, on one line."""
+    return repr(text if len(text) <= 80 else text[:79] + "…").replace("\\x", "\\u00")
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """ "1 joint", "3 joints"."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def dry_friction(robot: Robot) -> None:
+    """Say how Coulomb friction is read."""
+    rubbing = sum(1 for joint in robot.joints if joint.coulomb)
+    if rubbing:
+        how = f"as coulomb*tanh(v/{SMOOTHING:g}), which creeps where dry friction sticks"
+        robot.assumed.append(f"Coulomb friction of {counted(rubbing, 'joint')} is read {how}")

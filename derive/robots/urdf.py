@@ -1,0 +1,503 @@
+"""URDF → Robot. The tree is checked first; then every link becomes a body and every joint a joint
+of the same frames.
+
+In URDF a joint's frame is its child's frame, so origins carry over as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from derive.diagnostics import listed
+from derive.robots.markup import Element
+from derive.robots.numbers import listing, scalar, vector, written
+from derive.robots.robot import (
+    GROUND,
+    ONE_RATE,
+    Body,
+    Entry,
+    Joint,
+    Reading,
+    Robot,
+    counted,
+    dry_friction,
+    quoted,
+)
+from derive.robots.rotations import (
+    IDENTITY,
+    Matrix,
+    Vector,
+    about,
+    cross,
+    from_quaternion,
+    from_rpy,
+    product,
+    turned_tensor,
+    unit,
+    unrounded,
+)
+
+TYPES = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "fixed": "fixed",
+    "planar": "planar",
+    "floating": "free",
+}
+PLANES = (
+    (1.0, 0.0, 0.0),
+    (0.0, -1.0, 0.0),
+    (0.0, 0.0, 1.0),
+)  # normals that a planar joint can have as they are
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+@dataclass
+class Tree:
+    """The links and joints of a file by their own names."""
+
+    links: dict[str, Element] = field(default_factory=dict)
+    joints: dict[str, Element] = field(default_factory=dict)
+    bodies: dict[str, Body] = field(default_factory=dict)
+    made: dict[str, Joint] = field(default_factory=dict)
+
+
+def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robot:
+    """The robot of a <robot> element; ModelError with everything wrong with it. `exact`: roll,
+    pitch and yaw are taken to the last digit, else as the angles that they are roundings of."""
+    _refuse_macros(root)
+    reading, tree = Reading(), Tree()
+    result = Robot(root.get("name") or name, "URDF", root)
+    _old_quaternions(root, result)
+    if not exact:
+        _unrounded(root, result)
+    _collect(reading, root, tree)
+    base = _root(reading, tree)
+    reading.finish()
+    _bodies(reading, tree, result)
+    _joints(reading, tree, result, base, floating)
+    reading.finish()
+    if all(joint.type == "fixed" for joint in result.joints):
+        hint = "--floating gives the root link a free joint"
+        root.refuse(
+            "nothing moves: every joint is fixed, and the root link is fixed to the ground",
+            "a joint that moves",
+            hint,
+        )
+    _mimics(reading, tree, result)
+    reading.finish()
+    _check_massless(reading, result, {entry.place for entry in result.constraints})
+    _inputs(reading, tree, result)
+    reading.finish()
+    _notes(reading, root, result)
+    return result
+
+
+def _refuse_macros(root: Element) -> None:
+    for element in root.walk():
+        if element.tag.startswith("xacro:"):
+            element.refuse(
+                "a xacro macro", "a URDF file", "expand it first: xacro FILE.xacro > robot.urdf"
+            )
+
+
+def _old_quaternions(root: Element, result: Robot) -> None:
+    """Before version 1.1 of the format quat_xyzw is no attribute of an origin, and parsers pass
+    over it."""
+    origins = [
+        element
+        for element in root.walk()
+        if element.tag == "origin" and "quat_xyzw" in element.attributes
+    ]
+    if origins and root.get("version", "1.0") in ("1", "1.0"):
+        for origin in origins:
+            del origin.attributes["quat_xyzw"]
+        result.changed.append(
+            f'quat_xyzw of {counted(len(origins), "origin")} is not read: it takes <robot version="1.1">'
+        )
+
+
+def _unrounded(root: Element, result: Robot) -> None:
+    """Roll, pitch and yaw such as 1.5708 in the place of a right angle: only exact right angles
+    give the structural zeros that make equations short."""
+    changed: dict[str, int] = {}
+    for origin in root.walk():
+        if origin.tag != "origin" or "rpy" not in origin.attributes:
+            continue
+        words = origin.get("rpy").split()
+        meant = [unrounded(word) for word in words]
+        for word, angle in zip(words, meant):
+            if angle is not None:
+                changed[word] = round(math.degrees(angle))
+        if any(angle is not None for angle in meant):
+            exact = [word if angle is None else repr(angle) for word, angle in zip(words, meant)]
+            origin.attributes["rpy"] = " ".join(exact)
+    if changed:
+        pairs = [f"{word} as {degrees} deg" for word, degrees in changed.items()]
+        result.assumed.append(
+            f"rounded angles are read as what they round: {listed(pairs)}; --exact keeps them"
+        )
+
+
+def _turned(reading: Reading, origin: Element | None) -> tuple[Vector | None, Matrix]:
+    """Roll, pitch and yaw with their rotation; None for them where a quaternion gives it."""
+    rpy = vector(reading, origin, "rpy")
+    quaternion = listing(reading, origin, "quat_xyzw", 4) if origin is not None else None
+    if origin is None or quaternion is None:
+        return rpy, from_rpy(rpy)
+    if "rpy" in origin.attributes:
+        reading.report(
+            origin, "an origin with rpy and quat_xyzw", "one of the two", attribute="quat_xyzw"
+        )
+    x, y, z, w = quaternion
+    found = from_quaternion((w, x, y, z))
+    if found is None:
+        reading.report(origin, "a quaternion of length zero", "a rotation", attribute="quat_xyzw")
+    return None, found or IDENTITY
+
+
+def _collect(reading: Reading, root: Element, tree: Tree) -> None:
+    for tag, table in (("link", tree.links), ("joint", tree.joints)):
+        for element in root.all(tag):
+            name = element.get("name")
+            if not name.strip():
+                reading.report(element, f"a {tag} without a name", f'<{tag} name="…">')
+            elif name in table:
+                reading.report(
+                    element, f"a second {tag} '{name}'", "names that differ", attribute="name"
+                )
+            table.setdefault(name, element)
+    if not tree.links:
+        root.refuse("the robot has no links", '<link name="…">')
+
+
+def _end(reading: Reading, tree: Tree, joint: Element, tag: str) -> str:
+    """The parent or child link of a joint; "" after reporting that there is none."""
+    end = joint.first(tag)
+    if end is None or not end.get("link"):
+        reading.report(
+            end or joint, f"the joint '{joint.get('name')}' has no {tag}", f'<{tag} link="…"/>'
+        )
+        return ""
+    if end.get("link") not in tree.links:
+        reading.unknown(end, "link", "link", list(tree.links))
+        return ""
+    return end.get("link")
+
+
+def _root(reading: Reading, tree: Tree) -> str:
+    """The one link that no joint carries; reports what is not a tree."""
+    above: dict[str, Element] = {}
+    parents: dict[str, str] = {}
+    for joint in tree.joints.values():
+        parent, child = _end(reading, tree, joint, "parent"), _end(reading, tree, joint, "child")
+        if child in above:
+            other = above[child].get("name")
+            problem = (
+                f"a kinematic loop: the link '{child}' is already the child of the joint '{other}'"
+            )
+            hint = "import the tree without this joint, then close the loop under `closures:` of the model"
+            reading.report(
+                joint.first("child") or joint, problem, "one joint per child link", hint, "link"
+            )
+        elif child:
+            above[child], parents[child] = joint, parent
+    reading.finish()
+    return _only_root(reading, tree, parents)
+
+
+def _only_root(reading: Reading, tree: Tree, parents: dict[str, str]) -> str:
+    roots = [name for name in tree.links if name not in parents]
+    for extra in roots[1:]:
+        problem = f"the link '{extra}' is not connected to '{roots[0]}': no joint carries it"
+        reading.report(
+            tree.links[extra],
+            problem,
+            "one root link; every other is the child of a joint",
+            attribute="name",
+        )
+    for circle in _circles(tree, parents):
+        problem = f"a kinematic loop without a beginning: {' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
+        reading.report(tree.links[circle[0]], problem, "a tree of links", attribute="name")
+    return roots[0] if roots else ""
+
+
+def _circles(tree: Tree, parents: dict[str, str]) -> list[list[str]]:
+    """Links that carry each other in a circle, from parent to child."""
+    done: set[str] = set()
+    found = []
+    for name in tree.links:
+        chain: list[str] = []
+        while name in parents and name not in done:
+            done.add(name)
+            chain.append(name)
+            name = parents[name]
+        if name in chain:
+            found.append(chain[chain.index(name) :][::-1])
+    return found
+
+
+def _bodies(reading: Reading, tree: Tree, result: Robot) -> None:
+    for name, link in tree.links.items():
+        body = Body("", link)
+        body.name = reading.body_name(name, body.notes)
+        if (inertial := link.first("inertial")) is not None:
+            _inertial(reading, name, inertial, body)
+        tree.bodies[name] = body
+        result.bodies.append(body)
+
+
+def _inertial(reading: Reading, name: str, inertial: Element, body: Body) -> None:
+    mass, inertia, origin = (inertial.first(tag) for tag in ("mass", "inertia", "origin"))
+    if mass is None or "value" not in mass.attributes:
+        reading.report(
+            mass or inertial, f"the inertial of '{name}' has no mass", '<mass value="…"/>'
+        )
+        return
+    if inertia is None:
+        reading.report(
+            inertial,
+            f"the inertial of '{name}' has no inertia",
+            "<inertia …/>, with zeros for a point mass",
+        )
+        return
+    body.mass = scalar(reading, mass, "value")
+    if body.mass < 0.0:
+        problem = f"the mass of '{name}' is {body.mass:g} kg"
+        reading.report(mass, problem, "zero or more", attribute="value")
+    body.com = vector(reading, origin, "xyz")
+    moments = [scalar(reading, inertia, moment) for moment in MOMENTS]
+    body.inertia = turned_tensor(_turned(reading, origin)[1], moments) if any(moments) else ()
+
+
+def _joints(reading: Reading, tree: Tree, result: Robot, base: str, floating: bool) -> None:
+    root = tree.links[base]
+    kind = "free" if floating else "fixed"
+    # the names of the file come first: the base joint is the one that gives way
+    for name, element in tree.joints.items():
+        if (made := _joint(reading, tree, element)) is not None:
+            tree.made[name] = made
+    result.joints.append(
+        Joint(reading.joint_name("base", kind, []), kind, GROUND, tree.bodies[base].name, root)
+    )
+    result.joints += tree.made.values()
+    if not floating:
+        result.changed.append(
+            f"the root link {quoted(base)} is fixed to the ground; --floating frees it"
+        )
+
+
+def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:
+    given = element.get("type")
+    if given not in TYPES:
+        problem = f"the joint '{element.get('name')}' has {f'the type {quoted(given)}' if given else 'no type'}"
+        reading.report(element, problem, ", ".join(TYPES), attribute="type")
+        return None
+    ends = (element.first("parent"), element.first("child"))
+    parent, child = (tree.bodies[end.get("link")].name for end in ends if end is not None)
+    joint = Joint("", TYPES[given], parent, child, element)
+    joint.name = reading.joint_name(element.get("name"), joint.type, joint.notes)
+    origin = element.first("origin")
+    joint.at = vector(reading, origin, "xyz")
+    joint.rpy, joint.rotation = _turned(reading, origin)
+    if joint.type not in ("fixed", "free"):
+        joint.axis = _axis(reading, element)
+    if joint.type == "planar":
+        _planar(joint)
+    if joint.type in ONE_RATE:
+        _limits(reading, element, joint)
+        _dynamics(reading, element, joint)
+    return joint
+
+
+def _axis(reading: Reading, element: Element) -> Vector:
+    axis = element.first("axis")
+    given = vector(reading, axis, "xyz", (1.0, 0.0, 0.0))
+    found = unit(given)
+    if axis is not None and found is None:
+        reading.report(
+            axis,
+            f"the axis of the joint '{element.get('name')}' has length zero",
+            "a direction",
+            attribute="xyz",
+        )
+    return found or (1.0, 0.0, 0.0)
+
+
+def _limits(reading: Reading, element: Element, joint: Joint) -> None:
+    """The range as limits, effort and speed in words."""
+    limit = element.first("limit")
+    if limit is None:
+        return
+    if element.get("type") != "continuous" and {"lower", "upper"} & limit.attributes.keys():
+        joint.limits = (scalar(reading, limit, "lower"), scalar(reading, limit, "upper"))
+    unit_of, force = ("rad", "N*m") if joint.type == "revolute" else ("m", "N")
+    said = [
+        f"{written(scalar(reading, limit, attribute))} {suffix}"
+        for attribute, suffix in (("effort", force), ("velocity", f"{unit_of}/s"))
+        if attribute in limit.attributes
+    ]
+    joint.notes += [f"at most {', '.join(said)}"] if said else []
+
+
+def _dynamics(reading: Reading, element: Element, joint: Joint) -> None:
+    dynamics = element.first("dynamics")
+    if dynamics is not None:
+        joint.damper, joint.coulomb = (
+            scalar(reading, dynamics, "damping"),
+            scalar(reading, dynamics, "friction"),
+        )
+
+
+def _planar(joint: Joint) -> None:
+    """A plane whose normal is not x, -y or z: the joint's frame is turned in both bodies."""
+    if joint.axis not in PLANES and joint.axis is not None:
+        turn = _onto(joint.axis)
+        joint.rotation, joint.rotation_child = product(joint.turn(), turn), turn
+        joint.rpy, joint.axis = None, (0.0, 0.0, 1.0)
+
+
+def _onto(axis: Vector) -> Matrix:
+    """A rotation that takes z to the axis."""
+    across = cross((0.0, 0.0, 1.0), axis)
+    return about(unit(across) or (1.0, 0.0, 0.0), math.atan2(math.hypot(*across), axis[2]))
+
+
+def _mimics(reading: Reading, tree: Tree, result: Robot) -> None:
+    """q = multiplier · q_master + offset as a constraint, for every joint with a <mimic>."""
+    masters: dict[str, str] = {}
+    for name, element in tree.joints.items():
+        mimic = element.first("mimic")
+        if mimic is None or name not in tree.made:
+            continue
+        if tree.made[name].type == "fixed":
+            tree.made[name].notes.append("its mimic is left out: it is fixed")
+        elif "joint" not in mimic.attributes:
+            reading.report(mimic, f"the mimic of '{name}' names no joint", '<mimic joint="…"/>')
+        elif mimic.get("joint") not in tree.joints:
+            reading.unknown(mimic, "joint", "joint", list(tree.joints))
+        else:
+            masters[name] = mimic.get("joint")
+    for circle in _mimic_circles(masters):
+        problem = f"joints that mimic each other in a circle: {' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
+        reading.report(
+            tree.joints[circle[0]].first("mimic") or tree.joints[circle[0]],
+            problem,
+            "a joint that moves by itself",
+        )
+    for name, master in masters.items():
+        _couple(reading, tree, result, name, master)
+
+
+def _mimic_circles(masters: dict[str, str]) -> list[list[str]]:
+    done: set[str] = set()
+    found = []
+    for name in masters:
+        chain: list[str] = []
+        while name in masters and name not in done:
+            done.add(name)
+            chain.append(name)
+            name = masters[name]
+        if name in chain:
+            found.append(chain[chain.index(name) :])
+    return found
+
+
+def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str) -> None:
+    joint, other = tree.made[name], tree.made.get(master)
+    mimic = joint.place.first("mimic")
+    assert mimic is not None
+    for end in (joint, other):
+        if end is not None and end.type not in (*ONE_RATE, "fixed"):
+            reading.report(
+                mimic, f"a mimic of the {end.type} joint '{end.name}'", "joints with one coordinate"
+            )
+            return
+    multiplier, offset = scalar(reading, mimic, "multiplier", 1.0), scalar(reading, mimic, "offset")
+    terms = [f"ratio: {written(multiplier)}"] + ([f"offset: {written(offset)}"] if offset else [])
+    text = f"{{type: coupling, joints: [{joint.name}, {other.name if other else ''}], {', '.join(terms)}}}"
+    if (
+        other is None or other.type == "fixed" or multiplier == 0.0
+    ):  # nothing to follow: it stays at the offset
+        text = f"{{holonomic: {joint.name} - ({written(offset)})}}"
+    result.constraints.append(Entry(reading.symbols(f"mimic_{joint.name}", "mimic"), text, mimic))
+
+
+def _check_massless(reading: Reading, result: Robot, mimics: set[Element]) -> None:
+    """Joints that mimic each other move together; report those of which none carries any mass.
+
+    A single joint without mass behind it is for the model language to report; a coupled one passes
+    there.
+    """
+    heavy = _carrying_mass(result)
+    coupled = [joint for joint in result.joints if joint.place.first("mimic") in mimics]
+    leaders = {joint.name: joint for joint in result.joints if joint.type in ONE_RATE}
+    by_file = {joint.place.get("name"): joint for joint in leaders.values()}
+    groups: dict[str, list[Joint]] = {}
+    for joint in coupled:
+        leader = joint
+        while (
+            (mimic := leader.place.first("mimic")) in mimics
+            and mimic is not None
+            and mimic.get("joint") in by_file
+        ):
+            leader = by_file[mimic.get("joint")]
+        groups.setdefault(leader.name, [leaders[leader.name]]).append(joint)
+    for group in groups.values():
+        if not any(joint.child in heavy for joint in group):
+            names = ", ".join(quoted(joint.place.get("name")) for joint in group[:3])
+            problem = f"the joints {names}{' …' if len(group) > 3 else ''} move together and carry nothing that has mass"
+            reading.report(
+                group[0].place, problem, "links with mass, or fixed joints", attribute="name"
+            )
+
+
+def _carrying_mass(result: Robot) -> set[str]:
+    """Bodies that have mass or carry one that has."""
+    above = {joint.child: joint.parent for joint in result.joints}
+    found: set[str] = set()
+    for body in result.bodies:
+        name = body.name if body.mass or any(body.inertia) else GROUND
+        while name != GROUND and name not in found:
+            found.add(name)
+            name = above[name]
+    return found
+
+
+def _inputs(reading: Reading, tree: Tree, result: Robot) -> None:
+    """An input at every joint that moves by itself, named after it."""
+    following = {entry.place for entry in result.constraints}
+    for joint in tree.made.values():
+        if joint.type in ONE_RATE and joint.place.first("mimic") not in following:
+            name = reading.symbols(f"tau_{joint.name}", "input")
+            result.inputs.append(Entry(name, f"{{joint: {joint.name}}}", joint.place))
+
+
+def _notes(reading: Reading, root: Element, result: Robot) -> None:
+    """What a reader of the model should know about how it was made."""
+    massless = sum(1 for body in result.bodies if not body.mass)
+    if massless:
+        result.changed.append(
+            f"{counted(massless, 'link')} without mass: kept, as bodies without mass"
+        )
+    if reading.renamed:
+        result.changed.append(
+            f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside"
+        )
+    meshes = sum(1 for element in root.walk() if element.tag == "mesh")
+    if any(link.first("visual") or link.first("collision") for link in root.all("link")):
+        files = counted(meshes, "mesh file")
+        result.changed.append(
+            f"geometry is not read ({files}, there or not): the equations do not need it"
+        )
+    ignored = sorted({child.tag for child in root.children} - {"link", "joint", "material"})
+    if ignored:
+        tags = ", ".join(f"<{tag}>" for tag in ignored)
+        result.assumed.append(f"not read: {tags}; inputs are forces and torques at the joints")
+    if any(joint.first("limit") for joint in root.all("joint")):
+        result.assumed.append(
+            "limits are there to read: nothing in the equations stops a joint at them"
+        )
+    dry_friction(result)

@@ -1,0 +1,147 @@
+"""φ(q, t) = 0 met by Gauss–Newton: for one configuration with some coordinates held, and for many
+at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from derive.expressions.evaluate import number
+from derive.mechanics.records import System
+
+CLOSED = 1e-12
+NEWTON = 30  # iterations after which a start counts as hopeless
+LEAP = 0.7  # rad: the largest step taken at once
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """φ, A, c and N of a system, evaluated by CasADi; what is compiled is kept."""
+
+    system: System
+
+    def positions(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """φ and its Jacobian in q."""
+        phi, jacobian = self._positions(t, q, p)
+        return phi.full().ravel(), jacobian.full()
+
+    def velocities(
+        self, t: float, q: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A (nc × nv), c, N (nq × nv)."""
+        A, c, N = self._velocities(t, q, p)
+        return A.full(), c.full().ravel(), N.full()
+
+    def rows(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A (k, nc, nv) and c (k, nc) at k states."""
+        A, c, _ = self._many(self._velocities, t, q, p)
+        return A, c[:, :, 0]
+
+    def closing(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """φ (k, m) and its derivative J N along the generalized velocities (k, m, nv) at k
+        states."""
+        phi, J = self._many(self._closing, t, q, p)
+        return phi[:, :, 0], J
+
+    def rates(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray | None:
+        """N at k states; None where it is one everywhere."""
+        return None if self._plain else self._many(self._rates, t, q, p)[0]
+
+    def values(self, matrix: ca.SX, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """A matrix over (t, q, p) at k states."""
+        return self._many(self._function("values", matrix), t, q, p)[0]
+
+    def carried(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """q + N · along with unit quaternions, at k states."""
+        N = self.rates(t, q, p)
+        moved = q + (along if N is None else (N @ along[:, :, None])[:, :, 0])
+        return normalised(self.system, moved) if self.system.quaternions else moved
+
+    def _many(
+        self, function: ca.Function, t: np.ndarray, q: np.ndarray, p: np.ndarray
+    ) -> list[np.ndarray]:
+        """The results of a function at k states, k × rows × columns each."""
+        k = len(t)
+        found = function.call([t.reshape(1, k), q.T, p.T])
+        return [_unpacked(x, function.sparsity_out(i), k) for i, x in enumerate(found)]
+
+    def _function(self, name: str, *results: ca.SX) -> ca.Function:
+        s = self.system
+        return ca.Function(name, [s.t, s.q, s.p], list(results))
+
+    @cached_property
+    def _plain(self) -> bool:
+        """Whether q̇ = v."""
+        N = self.system.N
+        return N.is_square() and bool((N - ca.SX.eye(N.size1())).is_zero())
+
+    @cached_property
+    def _positions(self) -> ca.Function:
+        return self._function("positions", self.system.phi, self._jacobian)
+
+    @cached_property
+    def _velocities(self) -> ca.Function:
+        return self._function("velocities", self.system.A, self.system.c, self.system.N)
+
+    @cached_property
+    def _closing(self) -> ca.Function:
+        along = self._jacobian if self._plain else ca.mtimes(self._jacobian, self.system.N)
+        return self._function("closing", self.system.phi, along)
+
+    @cached_property
+    def _rates(self) -> ca.Function:
+        return self._function("rates", self.system.N)
+
+    @cached_property
+    def _jacobian(self) -> ca.SX:
+        return ca.jacobian(self.system.phi, self.system.q)
+
+
+def _unpacked(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:
+    """k matrices of one pattern that stand side by side."""
+    result = np.zeros((k, pattern.size1(), pattern.size2()))
+    rows, columns = pattern.get_triplet()
+    if rows and k:
+        result[:, rows, columns] = np.array(found.nonzeros()).reshape(k, len(rows))
+    return result
+
+
+def nominal(system: System) -> np.ndarray:
+    """The coordinates the model file starts from, guesses included, zero where nothing is said."""
+    names = {x.name: x.value for x in system.model.parameters} | {"t": 0.0}
+    given = {x.name: number(x.value, names) for x in system.model.initial}
+    return normalised(system, np.array([given.get(c.name, 0.0) for c in system.model.coordinates]))
+
+
+def normalised(system: System, q: np.ndarray) -> np.ndarray:
+    """q, one or many in rows, with its quaternions divided by their length; a zero one becomes (1,
+    0, 0, 0)."""
+    result = q.copy()
+    for i in system.quaternions:
+        part = q[..., i : i + 4]
+        length = np.linalg.norm(part, axis=-1, keepdims=True)
+        result[..., i : i + 4] = np.where(
+            length > 0, part / np.where(length > 0, length, 1.0), (1.0, 0.0, 0.0, 0.0)
+        )
+    return result
+
+
+def closed(
+    solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, free: np.ndarray | None = None
+) -> np.ndarray | None:
+    """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that
+    fails."""
+    weights = np.ones(len(q)) if free is None else free.astype(float)
+    for _ in range(NEWTON):
+        phi, J = solver.positions(t, q, p)
+        if not (np.all(np.isfinite(phi)) and np.all(np.isfinite(J))):
+            return None
+        scale = 1.0 + float(np.max(np.abs(q), initial=0.0))
+        if np.max(np.abs(phi), initial=0.0) <= CLOSED * scale:
+            return q
+        step = -weights * np.linalg.lstsq(J * weights, phi, rcond=1e-10)[0]
+        q = q + step * min(1.0, LEAP * scale / (1e-300 + float(np.max(np.abs(step), initial=0.0))))
+    return None

@@ -1,0 +1,201 @@
+"""The initial state of a model file made consistent: first q on φ = 0, then v on A v = c; and how
+far each was moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from derive.diagnostics import Diagnostic, ModelError
+from derive.expressions.evaluate import number
+from derive.mechanics.records import System
+from derive.model.records import Span
+from derive.numerics import refuses_numerically
+from derive.states.closing import Kinematics, closed, nominal, normalised
+from derive.states.scales import scaled, scales
+
+AGREES = 1e-9  # relative residual up to which held velocities count as kept
+
+
+@dataclass(frozen=True)
+class Initial:
+    """`moved`: held names that had to move, with (given, used)."""
+
+    q: np.ndarray
+    v: np.ndarray
+    moved: tuple[tuple[str, float, float], ...]
+
+
+@refuses_numerically("the initial state")
+def initial_state(
+    system: System, changes: Mapping[str, float] | None = None, p: np.ndarray | None = None
+) -> Initial:
+    """Held values are kept, guesses and unnamed ones move; where that has no solution everything
+    may move, and is reported.
+
+    `changes` overrides values by name and holds them. Raises ModelError where no consistent state
+    is found.
+    """
+    parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
+    told, held = _given(system, changes or {}, parameters)
+    own = _own(system)
+    given = {name: x / own.one_of(name) for name, x in told.items()}
+    q, v, N = _consistent(system, own, given, held, parameters)
+    coordinates, velocities = (
+        [x.name for x in items] for items in (system.model.coordinates, system.model.velocities)
+    )
+    used = dict(zip(coordinates, q)) | dict(zip(velocities, v))
+    used |= {f"der({name})": rate for name, rate in zip(coordinates, N @ v)}
+    moved = [
+        n for n in given if n in held and abs(used[n] - given[n]) > AGREES * (1 + abs(given[n]))
+    ]
+    found = tuple((n, told[n], float(used[n] * own.one_of(n))) for n in moved)
+    sizes = [np.array([own.one_of(name) for name in names]) for names in (coordinates, velocities)]
+    return Initial(q * sizes[0], v * sizes[1], found)
+
+
+@dataclass(frozen=True)
+class Own:
+    """The system in the model's own units, in which it is closed, and one of each coordinate,
+    velocity and rate in SI by name."""
+
+    system: System
+    units: dict[str, float]
+    parameters: np.ndarray  # one of each of p
+
+    def one_of(self, name: str) -> float:
+        return self.units.get(name, 1.0)
+
+
+def _own(system: System) -> Own:
+    own, model = scales(system.model), system.model
+    units = {x.name: own.of(x.unit) for x in (*model.coordinates, *model.velocities)}
+    units |= {f"der({c.name})": own.of(c.unit) / own.time for c in model.coordinates}
+    parameters = own.all_of(x.unit for x in model.parameters if x.name not in system.constants)
+    return Own(system if own.plain else scaled(system, own), units, parameters)
+
+
+def _consistent(
+    system: System, own: Own, given: dict[str, float], held: set[str], p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, v and N in the model's own units."""
+    solver, here = Kinematics(own.system), p / own.parameters
+    q = _closed(own.system, solver, _start(own.system, given), held, here)
+    if q is None:
+        raise _off(
+            system, p, _start(system, {name: x * own.one_of(name) for name, x in given.items()})
+        )
+    v = _velocities(own.system, solver, given, held, q, here)
+    return q, v, solver.velocities(0.0, q, here)[2]
+
+
+def _given(
+    system: System, changes: Mapping[str, float], p: np.ndarray
+) -> tuple[dict[str, float], set[str]]:
+    names = {x.name: x.value for x in system.model.parameters} | {"t": 0.0}
+    names |= dict(
+        zip(
+            [x.name for x in system.model.parameters if x.name not in system.constants],
+            map(float, p),
+        )
+    )
+    given = {x.name: number(x.value, names) for x in system.model.initial} | dict(changes)
+    return given, {x.name for x in system.model.initial if x.held} | set(changes)
+
+
+def _start(system: System, given: dict[str, float]) -> np.ndarray:
+    start = nominal(system)
+    for i, c in enumerate(system.model.coordinates):
+        start[i] = given.get(c.name, start[i])
+    return normalised(system, start)
+
+
+def _closed(
+    system: System, solver: Kinematics, start: np.ndarray, held: set[str], p: np.ndarray
+) -> np.ndarray | None:
+    """Guesses move, else everything may."""
+    free = np.array([c.name not in held for c in system.model.coordinates])
+    for choice in (free, np.ones(len(start), dtype=bool)):
+        q = closed(solver, 0.0, start, p, choice)
+        if q is not None:
+            return normalised(system, q)
+    return None
+
+
+def _off(system: System, p: np.ndarray, start: np.ndarray) -> ModelError:
+    phi = Kinematics(system).positions(0.0, start, p)[0]
+    worst = int(np.argmax(np.abs(phi)))
+    row = next(row.name for row in system.rows if row.position == worst)
+    return _problem(
+        system,
+        f"no configuration near the initial values satisfies the constraints ({row} is off by {phi[worst]:.3g})",
+    )
+
+
+def _velocities(
+    system: System,
+    solver: Kinematics,
+    given: dict[str, float],
+    held: set[str],
+    q: np.ndarray,
+    p: np.ndarray,
+) -> np.ndarray:
+    """v nearest the guesses with A v = c and the held rates; where they contradict each other A v =
+    c wins."""
+    A, c, N = solver.velocities(0.0, q, p)
+    for what, values in (
+        ("the constraints' rates", (A, c)),
+        ("the rates of the coordinates", (N,)),
+    ):
+        if not all(np.isfinite(value).all() for value in values):
+            raise _problem(system, f"{what} are not finite at the initial position")
+    rows, values = _held_rows(system, given, held, N)
+    guess = np.array([given.get(x.name, 0.0) for x in system.model.velocities])
+    wanted = guess + _least(
+        np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess
+    )
+    v = wanted + _least(A, c - A @ wanted)
+    residual = float(np.max(np.abs(A @ v - c), initial=0.0))
+    if residual > AGREES * (1 + float(np.max(np.abs(v), initial=0.0))):
+        raise _problem(
+            system,
+            f"no velocities satisfy the constraints at the initial position (residual {residual:.3g})",
+        )
+    return v
+
+
+def _least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.linalg.lstsq(A, b, rcond=1e-10)[0] if len(b) else np.zeros(A.shape[1])
+
+
+def _held_rows(
+    system: System, given: dict[str, float], held: set[str], N: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    rows = {f"der({c.name})": N[i] for i, c in enumerate(system.model.coordinates)}
+    rows |= {
+        x.name: np.eye(len(system.model.velocities))[j]
+        for j, x in enumerate(system.model.velocities)
+    }
+    names = [name for name in given if name in held and name in rows]
+    matrix = np.array([rows[name] for name in names]).reshape(len(names), N.shape[1])
+    return matrix, np.array([given[name] for name in names])
+
+
+def _problem(system: System, message: str) -> ModelError:
+    model = system.model
+    span = model.initial[0].span if model.initial else Span(0, 0)
+    lines = model.text.splitlines()
+    source = lines[span.line - 1] if 0 < span.line <= len(lines) else ""
+    return ModelError(
+        Diagnostic(
+            file=model.file,
+            line=span.line,
+            column=span.column,
+            length=span.length,
+            message=message,
+            expected="initial values that can be met; free some of them by moving them under `guess:`",
+            source_line=source,
+        )
+    )

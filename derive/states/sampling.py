@@ -1,0 +1,431 @@
+"""Random admissible states: φ(q, t) = 0, A v = c, at random t, u, p, on the branch the model starts
+from.
+
+Where coordinates are tied together, many walkers leave the initial configuration at once, each its
+own way: steps along the kernel of the rows, every one brought back onto φ = 0 by Gauss–Newton. They
+turn round before positions where A loses rank, so that they neither change branch nor stop where a
+branch meets another (a parallelogram laid flat). Rows that repeat others do so at every consistent
+configuration: the rank is read at closed ones, by the gap between singular values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from derive.diagnostics import AssumptionError
+from derive.mechanics.records import System
+from derive.numerics import refuses_numerically
+from derive.states.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, nominal, normalised
+from derive.states.scales import scaled, scales
+
+STEPS = 9  # of a walk
+FAR = 1.0  # rad or width: a step that moves a coordinate by more ran into a singular position
+LOOSE = 0.02  # rad or width: what a step may be off φ = 0 before its last correction
+GAP = 1e-12  # eigenvalues of A Aᵀ below this part of the largest belong to rows that repeat others
+NEAR = (
+    0.1  # a smallest singular value below this part of its usual size is near a singular position
+)
+PROBES = 6  # configurations looked at to learn the rank
+STARTS = 40  # random starts where the nominal one cannot be closed
+CONTRADICTION = 1e-6  # what A v = c may be off by, in rows of length one, relative to 1 + |v|
+SPARE = 4  # walkers more than states asked for, and a fifth of these
+
+
+@dataclass(frozen=True)
+class States:
+    """Arrays with one row per state."""
+
+    t: np.ndarray  # (k,)
+    q: np.ndarray  # (k, nq)
+    v: np.ndarray
+    u: np.ndarray
+    p: np.ndarray
+
+
+@refuses_numerically("random admissible states")
+def states(
+    system: System,
+    count: int,
+    seed: int = 0,
+    spread: float = 1.0,
+    parameters: float = 0.0,
+    solver: Kinematics | None = None,
+) -> States:
+    """`count` admissible states around the model's initial values; fewer where the constraints
+    cannot be met.
+
+    Angles vary by up to spread·π, lengths by spread·(½ + |value|/2) of the model's own unit of
+    length, and rates are of the order of its own; parameters vary by the relative amount
+    `parameters`, as far as the mechanism can be closed with them and keeps its rank. States near
+    which A loses rank are left out.
+    """
+    own = scales(system.model)
+    if own.plain:
+        return _states(system, count, seed, spread, parameters, solver)
+    found = _states(scaled(system, own), count, seed, spread, parameters, None)
+    model = system.model
+    units = (
+        model.coordinates,
+        model.velocities,
+        model.inputs,
+        [x for x in model.parameters if x.name not in system.constants],
+    )
+    columns = zip((found.q, found.v, found.u, found.p), units)
+    return States(
+        own.time * found.t,
+        *(values * own.all_of(x.unit for x in items) for values, items in columns),
+    )
+
+
+def _states(
+    system: System,
+    count: int,
+    seed: int,
+    spread: float,
+    parameters: float,
+    solver: Kinematics | None,
+) -> States:
+    """In the units of the system."""
+    rng, solver = np.random.default_rng(seed), solver or Kinematics(system)
+    many = count + count // 5 + SPARE
+    t, p = _times(system, rng, many), _parameters(system, rng, many, parameters)
+    q = _scattered(system, rng, many, spread)
+    if system.phi.numel():
+        found = _walked(solver, rng, t, p, spread)
+        if found is None:
+            return _nothing(system)
+        t, q, p = found
+    v, regular = _velocities(solver, rng, t, q, p)
+    u = rng.normal(size=(len(t), system.u.numel()))
+    regular &= _steady(solver, t, q, p)
+    if not system.definite:
+        regular &= _determined(solver, t, q, p)
+    return States(*[x[regular][:count] for x in (t, q, v, u, p)])
+
+
+def _nothing(system: System) -> States:
+    return States(
+        np.zeros(0), *[np.zeros((0, x.numel())) for x in (system.q, system.v, system.u, system.p)]
+    )
+
+
+def _times(system: System, rng: np.random.Generator, many: int) -> np.ndarray:
+    everything = (system.phi, system.c, ca.vec(system.A), system.h, system.Q, system.V, system.qdot)
+    moving = ca.depends_on(ca.vertcat(*everything), system.t)
+    return rng.uniform(0.0, 2.0, many) if moving else np.zeros(many)
+
+
+def _parameters(system: System, rng: np.random.Generator, many: int, vary: float) -> np.ndarray:
+    """The first are the file's own."""
+    usual = np.array(system.parameters, dtype=float)
+    varied = usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
+    varied[:1] = usual
+    return varied
+
+
+def _scattered(system: System, rng: np.random.Generator, many: int, spread: float) -> np.ndarray:
+    centre = nominal(system)
+    width = np.array(
+        [np.pi if c.unit == "rad" else _length(x) for c, x in zip(system.model.coordinates, centre)]
+    )
+    return normalised(system, centre + spread * width * rng.uniform(-1, 1, (many, len(centre))))
+
+
+def _length(value: float) -> float:
+    return 0.5 + abs(value) / 2
+
+
+@dataclass(frozen=True)
+class View:
+    """φ and its derivative along v at many configurations, rows divided by their usual lengths,
+    columns times the widths."""
+
+    phi: np.ndarray  # (k, m)
+    J: np.ndarray  # (k, m, nv)
+
+    @property
+    def off(self) -> np.ndarray:
+        """How far each configuration is from closed; infinite where φ is not a number."""
+        size = np.max(np.abs(self.phi), axis=1, initial=0.0)
+        return np.where(np.isfinite(size), size, np.inf)
+
+    def solved(self, right: np.ndarray, rank: int) -> np.ndarray:
+        """J⁺ right, with the `rank` strongest directions."""
+        if rank == self.J.shape[1]:
+            along = self.inverse @ right[:, :, None]
+        else:
+            squares, U = self.parts
+            U, squares = U[:, :, -rank:], squares[:, -rank:, None]
+            weights = np.where(squares > 1e-14 * squares[:, -1:], 1.0, 0.0) / np.maximum(
+                squares, 1e-300
+            )
+            along = U @ (weights * (U.transpose(0, 2, 1) @ right[:, :, None]))
+        return (self.J.transpose(0, 2, 1) @ along)[:, :, 0]
+
+    def strength(self, rank: int) -> np.ndarray:
+        """(Σ 1/σ²)^−½ of the `rank` largest singular values: near zero where the least of them
+        is."""
+        if rank == self.J.shape[1]:
+            return 1 / np.sqrt(np.maximum(np.trace(self.inverse, axis1=1, axis2=2), 1e-300))
+        return 1 / np.sqrt(np.sum(1 / np.maximum(self.parts[0][:, -rank:], 1e-300), axis=1))
+
+    @property
+    def ranks(self) -> np.ndarray:
+        m = self.J.shape[1]
+        if np.all(self.strength(m) ** 2 > GAP * np.trace(self.gram, axis1=1, axis2=2)):
+            return np.full(len(self.J), m)
+        squares = self.parts[0]
+        return np.sum(squares > GAP * squares[:, -1:], axis=1)
+
+    @cached_property
+    def gram(self) -> np.ndarray:
+        return self.J @ self.J.transpose(0, 2, 1)
+
+    @cached_property
+    def inverse(self) -> np.ndarray:
+        """(J Jᵀ)⁻¹, kept finite where rows depend on each other."""
+        m = self.J.shape[1]
+        small = 1e-14 * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + 1e-300
+        return np.linalg.inv(self.gram + small * np.eye(m))
+
+    @cached_property
+    def parts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues of J Jᵀ, ascending, and eigenvectors."""
+        return np.linalg.eigh(self.gram)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What all walkers share; `width` is what one unit of a walk means to each generalized
+    velocity."""
+
+    solver: Kinematics
+    width: np.ndarray  # (nv,)
+    lengths: np.ndarray  # (m,)
+    rank: int = 1
+    floor: float = 0.0  # strength below which a walker turns round
+
+    def view(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
+        phi, J = self.solver.closing(t, q, p)
+        J = np.ascontiguousarray(np.nan_to_num(J) * self.width / self.lengths[:, None])
+        return View(phi / self.lengths, J)
+
+    def moved(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """q + N · along, no coordinate by more than a leap."""
+        most = np.max(np.abs(along), axis=1, initial=1e-300)[:, None]
+        return self.solver.carried(t, q, p, along * np.minimum(1.0, LEAP / most) * self.width)
+
+    def corrected(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, View]:
+        """One Gauss–Newton step, and the view it was taken from."""
+        view = self.view(t, q, p)
+        step = view.solved(np.where(np.isfinite(view.phi), view.phi, 0.0), self.rank)
+        return self.moved(t, q, p, -step), view
+
+    def closed(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """q on φ = 0, and which of them got there: one more step is taken once all are, for the
+        rank to be clear."""
+        done = np.zeros(len(t), dtype=bool)
+        for _ in range(NEWTON):
+            moved, view = self.corrected(t, q, p)
+            arrived = view.off <= CLOSED * (1.0 + np.max(np.abs(q), axis=1, initial=0.0))
+            q = np.where(np.isfinite(view.off)[:, None], moved, q)
+            if np.all(done := arrived):
+                break
+        return q, done
+
+    def step(
+        self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, View]:
+        """The next configuration along a tangent, whether it can be trusted, and a view from next
+        to it."""
+        there, _ = self.corrected(t, self.moved(t, q, p, along), p)
+        there, view = self.corrected(t, there, p)
+        moved = np.max(np.abs(there - q), axis=1, initial=0.0)
+        return (
+            there,
+            (view.off <= LOOSE) & (moved <= FAR * max(1.0, float(np.max(self.width)))),
+            view,
+        )
+
+    def tangent(self, view: View, wish: np.ndarray) -> np.ndarray:
+        """The wish without what the rows forbid, its largest entry one; zero where nothing is
+        left."""
+        left = wish - view.solved((view.J @ wish[:, :, None])[:, :, 0], self.rank)
+        size = np.max(np.abs(left), axis=1, initial=0.0)[:, None]
+        return np.where(size > 1e-8, left / np.maximum(size, 1e-300), 0.0)
+
+
+def _walked(
+    solver: Kinematics, rng: np.random.Generator, t: np.ndarray, p: np.ndarray, spread: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Closed configurations, each at the end of a walk; None where there is nowhere to start
+    from."""
+    usual = np.array(solver.system.parameters, dtype=float)
+    start = _start(solver, rng, usual)
+    if start is None:
+        return None
+    walk = _learnt(solver, rng, start, usual)
+    q, p = _with_parameters(walk, start, usual, p)
+    time, q = _on_foot(walk, rng, t, q, p, spread)
+    q, done = walk.closed(time, q, p)
+    return time[done], q[done], p[done]
+
+
+def _start(solver: Kinematics, rng: np.random.Generator, p: np.ndarray) -> np.ndarray | None:
+    """The initial configuration: guesses move, else everything may; else the nearest of some random
+    starts that closes."""
+    system = solver.system
+    held = {x.name for x in system.model.initial if x.held}
+    free = np.array([c.name not in held for c in system.model.coordinates])
+    centre = nominal(system)
+    for choice in (free, np.ones(len(centre), dtype=bool)):
+        found = closed(solver, 0.0, centre, p, choice)
+        if found is not None:
+            return normalised(system, found)
+    starts = [closed(solver, 0.0, q, p) for q in _scattered(system, rng, STARTS, 1.0)]
+    closest = sorted(
+        (q for q in starts if q is not None), key=lambda q: float(np.max(np.abs(q - centre)))
+    )
+    return normalised(system, closest[0]) if closest else None
+
+
+def _learnt(solver: Kinematics, rng: np.random.Generator, start: np.ndarray, p: np.ndarray) -> Walk:
+    """The rank and the usual strength of the rows, from short steps away from the start: it may be
+    singular itself."""
+    system = solver.system
+    many = np.tile(p, (PROBES, 1))
+    t, around = np.zeros(PROBES), _scattered(system, rng, PROBES, 1.0)
+    largest = max(
+        [_length(x) for c, x in zip(system.model.coordinates, start) if c.unit != "rad"],
+        default=1.0,
+    )
+    width = [1.0 if x.unit == "rad/s" else 2 * largest / np.pi for x in system.model.velocities]
+    sizes = np.nan_to_num(solver.closing(t, around, many)[1]) * width
+    lengths = np.max(np.linalg.norm(sizes, axis=2), axis=0)
+    walk = Walk(solver, np.array(width), np.where(lengths > 0, lengths, 1.0))
+    home = np.tile(start, (PROBES, 1))
+    rank = max(1, int(np.max(walk.view(t, home, many).ranks)))
+    for trial in range(rank, min(len(lengths), len(width)) + 1):
+        walk = Walk(solver, walk.width, walk.lengths, trial)
+        wish = 0.1 * walk.tangent(walk.view(t, home, many), rng.normal(size=(PROBES, len(width))))
+        q, done = walk.closed(t, walk.moved(t, home, many, wish), many)
+        seen = walk.view(t[done], q[done], many[done])
+        if 2 * np.sum(done) >= PROBES and np.max(seen.ranks) <= trial:
+            strength = float(np.median(seen.strength(trial)))
+            return Walk(solver, walk.width, walk.lengths, trial, NEAR * strength)
+    return Walk(solver, walk.width, walk.lengths, rank)
+
+
+def _with_parameters(
+    walk: Walk, start: np.ndarray, usual: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The start closed with other parameters; where that fails, or is another mechanism by its
+    rank, the usual ones stay."""
+    home = np.tile(start, (len(p), 1))
+    if np.array_equal(p, np.tile(usual, (len(p), 1))):
+        return home, p
+    q, done = walk.closed(np.zeros(len(p)), home, p)
+    same = done & (walk.view(np.zeros(len(p)), q, p).ranks <= walk.rank)
+    if 2 * np.sum(same) < len(p):
+        same[:] = False
+    return np.where(same[:, None], q, home), np.where(same[:, None], p, usual)
+
+
+def _on_foot(
+    walk: Walk,
+    rng: np.random.Generator,
+    until: np.ndarray,
+    q: np.ndarray,
+    p: np.ndarray,
+    spread: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Every walker takes its steps; one that goes astray halves them, one that nears a singular
+    position turns round."""
+    k, nv = len(q), len(walk.width)
+    t = np.zeros(k)
+    length = spread * np.pi * rng.uniform(0.15, 1.0, (k, 1)) / STEPS
+    pace, heading = np.ones((k, 1)), rng.normal(size=(k, nv))
+    view = walk.view(t, q, p)
+    for _ in range(STEPS):
+        heading = walk.tangent(view, heading)
+        later = t + pace[:, 0] * until / STEPS
+        there, trusted, seen = walk.step(later, q, p, pace * length * heading)
+        nearer = (seen.strength(walk.rank) < walk.floor) & (
+            seen.strength(walk.rank) < view.strength(walk.rank)
+        )
+        good = trusted & ~nearer
+        q, t = np.where(good[:, None], there, q), np.where(good, later, t)
+        view = View(
+            np.where(good[:, None], seen.phi, view.phi),
+            np.where(good[:, None, None], seen.J, view.J),
+        )
+        pace = np.where(trusted[:, None], pace, pace / 2)
+        heading = np.where(good[:, None], heading, -heading) + 0.3 * rng.normal(size=(k, nv))
+    return t, q
+
+
+def _velocities(
+    solver: Kinematics, rng: np.random.Generator, t: np.ndarray, q: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Random v on A v = c, and which states are regular: A has the rank it has elsewhere, and does
+    not all but lose it."""
+    v = rng.normal(size=(len(t), solver.system.v.numel()))
+    if not solver.system.rows or not v.size:
+        return v, np.ones(len(t), dtype=bool)
+    A, c = solver.rows(t, q, p)
+    lengths = np.max(np.linalg.norm(A, axis=2), axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    A, c = A / lengths[:, None], c / lengths
+    view = View(c, np.ascontiguousarray(A))
+    rank = int(np.max(view.ranks))
+    if rank == 0:
+        return v, np.ones(len(t), dtype=bool)
+    for _ in range(2):
+        v = v - view.solved((A @ v[:, :, None])[:, :, 0] - c, rank)
+    strength = view.strength(rank)
+    regular = strength > NEAR / 5 * float(np.median(strength))
+    _refuse_contradictions(solver.system, ((A @ v[:, :, None])[:, :, 0] - c)[regular], v[regular])
+    return v, regular
+
+
+def _refuse_contradictions(system: System, left: np.ndarray, v: np.ndarray) -> None:
+    """Raises AssumptionError where A v = c has no solution at most states: left sides that depend,
+    right ones that do not."""
+    if not len(left):
+        return
+    off = np.median(np.abs(left) / (1.0 + np.max(np.abs(v), axis=1, initial=0.0))[:, None], axis=0)
+    if np.max(off, initial=0.0) > CONTRADICTION:
+        names = " and ".join(
+            row.name for row, size in zip(system.rows, off) if size > CONTRADICTION
+        )
+        raise AssumptionError(
+            f"no velocities satisfy all constraints, whatever the position: {names} cannot be met together",
+            hint="take one of them out, or give them the same right-hand side",
+        )
+
+
+def _steady(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Which states are not near a position where q̇ = N v runs away, as Euler angles do in gimbal
+    lock."""
+    rates = solver.rates(t, q, p)
+    if rates is None or not rates.size:
+        return np.ones(len(t), dtype=bool)
+    size = np.max(np.abs(rates), axis=(1, 2))
+    return np.isfinite(size) & (size <= float(np.median(size)) / NEAR)
+
+
+def _determined(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Which states are not near one where massless directions come free of the rows: [M; A] all but
+    loses rank there."""
+    M = solver.values(solver.system.M, t, q, p)
+    both = np.concatenate([M, solver.rows(t, q, p)[0]], axis=1)
+    finite = np.all(np.isfinite(both), axis=(1, 2))
+    both = np.where(finite[:, None, None], both, 0.0)
+    sizes = np.max(np.linalg.norm(both, axis=2), axis=0)
+    values = np.linalg.svd(both / np.where(sizes > 0, sizes, 1.0)[:, None], compute_uv=False)
+    least = values[:, -1] if values.size else np.ones(len(t))
+    return finite & (least >= NEAR * float(np.median(least[finite] if finite.any() else least)))

@@ -1,0 +1,8 @@
+"""Line plots as SVG text of our own: no plotting library at run time, the same bytes for the same
+numbers."""
+
+from hamel.draw.axis import Axis, linear, logarithmic
+from hamel.draw.chart import Series, chart
+from hamel.draw.svg import Curve, Panel, draw
+
+__all__ = ["Axis", "Curve", "Panel", "Series", "chart", "draw", "linear", "logarithmic"]

@@ -1,7 +1,0 @@
-"""Line plots as SVG text of our own: no plotting library at run time, the same bytes for the same numbers."""
-
-from hamel.plot.axis import Axis, linear, logarithmic
-from hamel.plot.chart import Series, chart
-from hamel.plot.svg import Curve, Panel, draw
-
-__all__ = ["Axis", "Curve", "Panel", "Series", "chart", "draw", "linear", "logarithmic"]

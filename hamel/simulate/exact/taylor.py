@@ -1,0 +1,98 @@
+"""ẋ = f(t, x) by Taylor series of high order in fixed-point numbers: as many digits as asked
+for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import log2
+
+import casadi as ca
+
+from hamel.simulate.exact.series import Fixed, Graph, NotAnalytic, Series
+
+MOST_STEPS = 20_000
+FIRST = Fraction(1, 2**10)  # s, of the first step; it grows eightfold where that is short
+GROWTH, SMALLEST = 8.0, 2.0**-200
+FINE = 256  # steps are whole parts of powers of two
+
+
+@dataclass(frozen=True)
+class Problem:
+    """ẋ = dynamics(t, x, u, p) from x at t = 0."""
+
+    dynamics: ca.Function
+    x: tuple[Fraction, ...]
+    u: tuple[Fraction, ...]
+    p: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True)
+class Run:
+    """x at each time as exact fractions."""
+
+    x: tuple[tuple[Fraction, ...], ...]
+    steps: int
+
+
+def integrated(problem: Problem, times: Sequence[float], digits: int, order: int, bits: int) -> Run:
+    """x at rising `times`; the last terms of every step are below 10⁻ᵈⁱᵍⁱᵗˢ. Raises NotAnalytic
+    where that cannot be."""
+    fixed = Fixed(bits)
+    state, now, step = [fixed.of(value) for value in problem.x], Fraction(0), FIRST
+    found, steps = [], 0
+    for time in map(Fraction, times):
+        while now < time:
+            steps += 1
+            if steps > MOST_STEPS:
+                raise NotAnalytic(f"a motion of more than {MOST_STEPS} steps")
+            series = _terms(problem, fixed, now, step, state, order)
+            share = _share(fixed, series, digits)
+            if share < SMALLEST:
+                raise NotAnalytic("a motion that comes to a singular position")
+            taken = min(_rounded(min(share, 1.0)) * step, time - now)
+            state = [_value(fixed, x, taken / step) for x in series]
+            now, step = now + taken, _rounded(min(share, GROWTH)) * step
+        found.append(tuple(map(fixed.fraction, state)))
+    return Run(tuple(found), steps)
+
+
+def _terms(
+    problem: Problem, fixed: Fixed, now: Fraction, step: Fraction, state: Sequence[int], order: int
+) -> list[list[int]]:
+    """The series of x over one step."""
+    t, x = Series([fixed.of(now), fixed.of(step)]), [Series([value]) for value in state]
+    constants = [
+        [Series([fixed.of(value)], True) for value in values] for values in (problem.u, problem.p)
+    ]
+    graph = Graph(problem.dynamics, fixed, [[t], x, *constants])
+    rates, length = graph.outputs[0], fixed.of(step)
+    for k in range(order):
+        graph.grow(k)
+        for entry, rate in zip(x, rates):
+            entry.terms.append((length * rate[k] >> fixed.bits) // (k + 1))
+    return [entry.terms for entry in x]
+
+
+def _share(fixed: Fixed, series: Sequence[Sequence[int]], digits: int) -> float:
+    """The part of the step (or more than it) at which the last two terms come down to 10⁻ᵈⁱᵍⁱᵗˢ."""
+    order, wanted = len(series[0]) - 1, fixed.bits - digits * log2(10)
+    excess = [
+        (max(abs(x[k]) for x in series).bit_length() - wanted) / k for k in (order - 1, order)
+    ]
+    return 2.0 ** -min(max(*excess, -200.0), 900.0)
+
+
+def _rounded(share: float) -> Fraction:
+    """A little less, with few bits, so that times stay short numbers."""
+    scale = 2.0 ** round(log2(share))
+    return Fraction(int(share / scale * FINE) or 1, FINE) * Fraction(scale)
+
+
+def _value(fixed: Fixed, terms: Sequence[int], share: Fraction) -> int:
+    """The polynomial at a part of the step."""
+    s, result = fixed.of(share), 0
+    for term in reversed(terms):
+        result = (result * s >> fixed.bits) + term
+    return result

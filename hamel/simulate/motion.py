@@ -1,0 +1,315 @@
+"""A motion as arrays: integrated by the generated module, judged by its constraints and energies,
+written and drawn."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from codegen.integrators import INTEGRATORS, Tableau
+from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.charts import together
+from derive.formulations.functions import positions
+from hamel import charts
+from hamel.draw import Curve, Panel, draw
+from hamel.progress import paced
+from hamel.records import Switch
+from hamel.simulate.libraries import REFERENCES, Problem
+from hamel.staging import staged_file, write_text
+
+if TYPE_CHECKING:
+    from derive.formulations.records import Equations
+
+FINEST = 1e-10  # rtol; rounding grows near singular positions
+MOST_STEPS = 10**9  # enough for a night; Ctrl-C ends it any time
+Writer = Callable[["Motion"], None]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One row per output time in every array; `work` is that of all forces without potential since
+    the first row."""
+
+    title: str
+    t: np.ndarray
+    q: dict[str, np.ndarray]
+    w: dict[str, np.ndarray]
+    v: dict[str, np.ndarray]
+    outputs: dict[str, np.ndarray]
+    units: dict[str, str]
+    T: np.ndarray
+    V: np.ndarray
+    work: np.ndarray
+    phi: (
+        np.ndarray
+    )  # max |φ| per row, as it was integrated: angles that go round without their whole turns
+    slip: np.ndarray  # max |A v − c| per row, likewise
+    steps: int
+    rejected: int
+    calls: int
+    position_violation: float  # the largest after any step, not only at the rows
+    velocity_violation: float
+    crossings: int
+    seconds: float
+    charts: int = 0
+    acceleration_violation: float = 0.0
+    switches: tuple[Switch, ...] = ()
+    # Jacobi's integral T₂ − T₀ + V, which is in balance where T is not quadratic in the rates
+    jacobi: np.ndarray | None = None
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Everything by name, as it is written."""
+        integral = {} if self.jacobi is None else {"jacobi": self.jacobi}
+        energies = {"T": self.T, "V": self.V, **integral, "work": self.work}
+        violations = {"position_violation": self.phi, "velocity_violation": self.slip}
+        return {"t": self.t, **self.q, **self.w, **self.v, **self.outputs, **energies, **violations}
+
+    @property
+    def balance(self) -> np.ndarray:
+        """Energy − (energy at 0) − work, relative to the largest energy exchanged (V counts from
+        wherever it likes)."""
+        total = self.T + self.V if self.jacobi is None else self.jacobi
+        scale = max(np.max(np.abs(self.T)), np.ptp(self.V), np.max(np.abs(self.work)))
+        return (total - total[0] - self.work) / scale if scale > 0 else np.zeros_like(total)
+
+    @property
+    def energy_balance(self) -> float:
+        return float(np.max(np.abs(self.balance)))
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """How the module is to integrate: steps by the tolerances without a step size."""
+
+    integrator: str
+    enforcement: str
+    step_size: float | None
+    rtol: float
+    atol: float
+
+
+def integrated(
+    module: ModuleType,
+    equations: Equations,
+    times: np.ndarray,
+    x: np.ndarray,
+    u: np.ndarray,
+    p: np.ndarray,
+    by: Stepping,
+    progress: Callable[[float], None] | None,
+    chart: int = 0,
+) -> Motion:
+    """The motion from x, in the coordinates of `chart`, at times[0] with constant inputs u."""
+    start = time.perf_counter()
+    library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
+    try:
+        if library is not None:
+            found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
+        else:
+            several = {"chart": chart} if equations.charts else {}
+            watch = paced(progress, float(times[-1] - times[0]), _haste(by))
+            found = module.simulate(
+                times, x, u, p, max_steps=MOST_STEPS, progress=watch, **asdict(by), **several
+            )
+    except FloatingPointError as error:
+        hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
+        if "singular position" in str(error) and by.step_size is None and by.rtol < FINEST:
+            hint += f"; across a singular position an rtol of {FINEST:g} is about the finest that can be checked"
+        raise AssumptionError(str(error), hint) from None
+    found = replace(
+        found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float)
+    )
+    return judged(module, equations, found, u, p, time.perf_counter() - start)
+
+
+def _haste(by: Stepping) -> str:
+    """What to do about a motion that takes very long."""
+    if by.step_size is not None:
+        return f"steps of {by.step_size:g} s are many"
+    explicit = next(integrator for integrator in INTEGRATORS if integrator.name == by.integrator)
+    if isinstance(explicit, Tableau):
+        return (
+            "where fast motions have died out the system is stiff, which --integrator radau is for"
+        )
+    return "a looser rtol takes longer steps"
+
+
+def judged(
+    module: ModuleType,
+    equations: Equations,
+    found: Any,
+    u: np.ndarray,
+    p: np.ndarray,
+    seconds: float,
+) -> Motion:
+    """What the module's own functions say about every row, in the chart it was made in."""
+    t, x = found.t, found.x
+    reduced = replace(found, x=getattr(found, "reduced", x).astype(float))
+    results = {function.name: function.result for function in equations.functions}
+    nq = equations.system.q.numel()
+
+    parts = charts.pieces(module, reduced, nq, u, p)
+
+    def named(name: str) -> dict[str, np.ndarray]:
+        made = charts.at_rows(module, name, found, nq, u, p)
+        return dict(zip(results[name].labels, made.T)) if made.shape[1] else {}
+
+    energies = charts.at_rows(module, "energy", found, nq, u, p)
+    violation = np.abs(charts.at_rows(module, "constraints", reduced, nq, u, p))
+    closed = positions(equations.system)
+    labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
+    return Motion(
+        title=f"{equations.system.model.name}, choice {together(equations)}",
+        t=t,
+        q=dict(zip(labels[:nq], x[:, :nq].T)),
+        w=dict(zip(labels[nq:], x[:, nq:].T)),
+        v=named("velocity"),
+        outputs=named("outputs"),
+        units=_units(equations),
+        T=energies[:, 0],
+        V=energies[:, 1],
+        jacobi=energies[:, 2] if energies.shape[1] > 2 else None,
+        work=found.work,
+        phi=np.max(violation[:, :closed], axis=1, initial=0.0),
+        slip=np.max(violation[:, closed:], axis=1, initial=0.0),
+        steps=found.steps,
+        rejected=found.rejected,
+        calls=found.calls,
+        position_violation=found.position_violation,
+        velocity_violation=found.velocity_violation,
+        crossings=found.crossings,
+        seconds=seconds,
+        charts=found.charts,
+        acceleration_violation=max(
+            _acceleration_violation(equations, module, *part, u, p) for part in parts
+        ),
+        switches=charts.switches(equations, found),
+    )
+
+
+def balanced(energies: np.ndarray) -> np.ndarray:
+    """What the power changes, of rows of the function `energy`: Jacobi's integral where it is
+    there, else T + V."""
+    return energies[:, 2] if energies.shape[1] > 2 else energies[:, 0] + energies[:, 1]
+
+
+def _acceleration_violation(
+    first: Equations,
+    module: ModuleType,
+    chart: int,
+    places: np.ndarray,
+    part: Any,
+    u: np.ndarray,
+    p: np.ndarray,
+) -> float:
+    """max |A v̇ − β| over the rows of one chart, v̇ the derivative of v(t, x) along the compiled
+    ẋ."""
+    equations, system, t, x = (first, *first.charts)[chart], first.system, part.t, part.x
+    if not system.rows:
+        return 0.0
+    slots = {argument.name: argument.symbols for argument in equations.arguments}
+    v = next(
+        function for function in equations.functions if function.name == "velocity"
+    ).result.value
+    xdot = ca.SX.sym("xdot", slots["x"].numel())
+    vdot = ca.jtimes(v, slots["x"], xdot) + ca.jacobian(v, slots["t"])
+    beta = ca.substitute(system.beta, system.v, v)
+    residual = ca.Function(
+        "residual", [slots["t"], slots["x"], slots["p"], xdot], [ca.mtimes(system.A, vdot) - beta]
+    )
+    dynamics = charts.in_chart(module, "dynamics", chart)
+    assert dynamics is not None  # it was integrated
+    rates = dynamics(t, x, u, p).astype(float)
+    return float(
+        np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, np.tile(p, (len(t), 1)).T, rates.T))))
+    )
+
+
+def _units(equations: Equations) -> dict[str, str]:
+    x = next(argument for argument in equations.arguments if argument.name == "x")
+    results = [
+        function.result
+        for function in equations.functions
+        if function.name in ("velocity", "outputs")
+    ]
+    return {
+        name: unit for source in (x, *results) for name, unit in zip(source.labels, source.units)
+    }
+
+
+def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
+    """What will write the motion; a suffix that nothing writes is refused before anything is
+    computed."""
+    kinds = [(out, _WRITERS, "-o"), (plot, {".svg": write_svg}, "--plot")]
+    return [_writer(Path(place), known, option) for place, known, option in kinds if place]
+
+
+def _writer(place: Path, known: dict[str, Callable[[Motion, Path], None]], option: str) -> Writer:
+    write = known.get(place.suffix.lower())
+    if write is None:
+        raise ModelError(f"{option} {place}: the file must end in {' or '.join(known)}")
+    return lambda motion: write(motion, place)
+
+
+def write_csv(motion: Motion, place: Path) -> None:
+    """A line of names, then a line per row; numbers round-trip."""
+    columns = motion.columns()
+    rows = zip(*(column.tolist() for column in columns.values()))
+    with staged_file(place) as made, made.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(columns) + "\n")
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def write_npz(motion: Motion, place: Path) -> None:
+    """One array per name."""
+    with staged_file(place) as made, made.open("wb") as file:
+        np.savez(file, **motion.columns())  # type: ignore[arg-type]
+
+
+def write_svg(motion: Motion, place: Path) -> None:
+    """Coordinates, quasi-velocities, outputs, energies and violations over time."""
+    groups = [
+        ("coordinates", motion.q),
+        ("quasi-velocities", motion.w),
+        ("outputs", motion.outputs),
+    ]
+    panels = [panel for about, curves in groups for panel in _by_unit(about, curves, motion.units)]
+    energies = {"T": motion.T, "V": motion.V, "work": motion.work}
+    if motion.jacobi is not None:
+        energies["T₂ − T₀ + V"] = motion.jacobi
+    panels.append(_panel("energy (J)", energies))
+    errors = {"|φ|": motion.phi, "|A v − c|": motion.slip, "energy, rel.": np.abs(motion.balance)}
+    panels.append(
+        _panel(
+            "violation and energy error",
+            {name: e for name, e in errors.items() if np.any(e > 0)},
+            log=True,
+        )
+    )
+    write_text(place, draw(motion.title, "t (s)", motion.t.tolist(), panels))
+
+
+def _by_unit(about: str, curves: dict[str, np.ndarray], units: dict[str, str]) -> list[Panel]:
+    """One panel per unit: metres and radians share no axis."""
+    found = dict.fromkeys(units.get(name, "") for name in curves)
+    return [
+        _panel(
+            f"{about} ({unit or '1'})",
+            {n: c for n, c in curves.items() if units.get(n, "") == unit},
+        )
+        for unit in found
+    ]
+
+
+def _panel(about: str, curves: dict[str, np.ndarray], log: bool = False) -> Panel:
+    return Panel(about, tuple(Curve(name, values.tolist()) for name, values in curves.items()), log)
+
+
+_WRITERS: dict[str, Callable[[Motion, Path], None]] = {".csv": write_csv, ".npz": write_npz}

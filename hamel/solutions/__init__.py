@@ -1,5 +1,0 @@
-"""Solutions to hold simulations against: many digits, with a bound on the error."""
-
-from hamel.solutions.solution import Problem, Solution, solution, state_of, written
-
-__all__ = ["Problem", "Solution", "solution", "state_of", "written"]

@@ -1,0 +1,267 @@
+"""Extreme cases: each is simulated as a user would, and its end is judged by a closed form or by a
+solution of many digits.
+
+The judge knows nothing of the run but its end: a case that drifts off, changes branch or loses its
+digits is wrong however well its constraints and its energy look.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from codegen.integrators import INTEGRATORS
+from derive.diagnostics import AssumptionError, HamelError, ModelError
+from derive.expressions.evaluate import number
+from derive.formulations import equations
+from derive.formulations.charts import together
+from derive.model.extremes import REAL
+from derive.model.records import Extreme, Model
+from derive.robots import load
+from derive.states.initial import initial_state
+from hamel.pipeline import mechanics_of, temporary_module
+from hamel.records import ExtremeRow, Simulated
+from hamel.settings import settings
+from hamel.simulate.exact import Problem, solution, state_of
+from hamel.simulate.exact.series import NotAnalytic
+from hamel.verbs.simulate import Method
+from hamel.verbs.simulate import run as simulated
+from hamel.verify.checks import strange
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
+
+DIGITS = 15  # of a solution that judges
+AGREES = 1e-6  # of its accelerations at the end with the independent derivation
+LEAST = 1e-16
+STIFF = {method.name for method in INTEGRATORS if method.adaptive and method.needs}
+MOST_STEPS = 3.0  # times those of SciPy's Radau
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Where a case has to end, by name, and who says so."""
+
+    values: dict[str, float]
+    by: str
+
+
+def files(paths: Iterable[str | PathLike[str]]) -> Iterator[Path]:
+    """Model files as they are, folders as the model files in them. Raises ModelError where there is
+    none."""
+    for path in map(Path, paths):
+        found = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
+        if not found:
+            raise ModelError(f"{path} holds no model file")
+        yield from found
+
+
+def extremes_table(
+    paths: Iterable[str | PathLike[str]],
+    case: str | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[ExtremeRow, ...]:
+    """Every case of the files (or the ones called `case`), run and judged."""
+    rows = []
+    for path in files(paths):
+        model = load(path)
+        for entry in model.extremes:
+            if case in (None, entry.name):
+                if progress is not None:
+                    progress(f"{model.name}: {entry.name}")
+                rows.append(judged(path, model, entry))
+    return tuple(rows)
+
+
+def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
+    """One case. An error of the model's file is no refusal and is raised."""
+    if entry.spoiled:
+        return _spoiled(model, entry)
+    try:
+        found = _run(path, entry)
+    except HamelError as error:
+        if not entry.refused and isinstance(error, ModelError):
+            raise
+        return _refused(model, entry, error.diagnostics[0].message)
+    wanted = _wanted(model, entry)
+    error = _error(model, found, wanted.values)
+    good = error <= (np.inf if entry.tolerance is None else entry.tolerance)
+    fewest, scipy = _steps(path, model, entry, wanted.values) if good else (None, None)
+    return ExtremeRow(
+        model=model.name,
+        case=entry.name,
+        about=entry.about,
+        method=f"{found.choice}, {found.enforcement}, {found.integrator}{_precision(entry)}",
+        outcome="survived" if good else "wrong",
+        error=error,
+        tolerance=entry.tolerance,
+        status="",
+        expected="refused" if entry.refused else "survived",
+        passed=good
+        and not entry.refused
+        and not (fewest and scipy and fewest > MOST_STEPS * scipy),
+        judged_by=wanted.by,
+        steps=found.steps,
+        seconds=found.seconds,
+        moved=max((abs(by["used"] - by["given"]) for by in found.moved.values()), default=0.0),
+        constraints=max(found.position_violation, found.velocity_violation),
+        energy=found.energy_balance,
+        fewest=fewest,
+        scipy=scipy,
+    )
+
+
+def _run(path: Path, entry: Extreme) -> Simulated:
+    named = (entry.choice or None, entry.enforcement or None)
+    method = Method(
+        "quasi_velocities", *named, entry.integrator, None, entry.rtol, None, real=entry.real
+    )
+    return simulated(path, method, entry.time, entry.time, dict(entry.values), None, None, None)
+
+
+def _steps(
+    path: Path, model: Model, entry: Extreme, wanted: dict[str, float]
+) -> tuple[int | None, int | None]:
+    """Of a stiff case: how many steps the tolerance takes, and how many with SciPy's Radau."""
+    if entry.integrator not in STIFF or entry.tolerance is None:
+        return None, None
+    ours, scipy = (
+        _fewest(path, model, replace(entry, integrator=name), wanted)
+        for name in (entry.integrator, "scipy_radau")
+    )
+    return ours, scipy
+
+
+def _fewest(path: Path, model: Model, entry: Extreme, wanted: dict[str, float]) -> int | None:
+    for rtol in (10.0**-k for k in range(2, 13)):
+        with suppress(HamelError), np.errstate(all="ignore"):
+            found = _run(path, replace(entry, rtol=rtol))
+            if _error(model, found, wanted) <= (entry.tolerance or 0.0):
+                return found.steps
+    return None
+
+
+def _spoiled(model: Model, entry: Extreme) -> ExtremeRow:
+    """Every argument of every function, in C and in NumPy, made strange: the graph's own result or
+    a refusal."""
+    chosen = equations(mechanics_of(model), entry.choice or None)
+    with temporary_module(chosen, real=entry.real) as module:
+        seen = evidence(reference(model), chosen, module, 1)
+        said = Counter(
+            each for backend in strange.backends(module) for each in strange.tried(seen, backend)
+        )
+    right, refused = said.pop(strange.RIGHT, 0), said.pop(strange.REFUSED, 0)
+    wrong, good = said.total(), right > 0 and not said
+    return ExtremeRow(
+        model=model.name,
+        case=entry.name,
+        about=entry.about,
+        method=f"{together(chosen)}{_precision(entry)}",
+        outcome="survived" if good else "wrong",
+        error=None,
+        tolerance=None,
+        status="; ".join(
+            (
+                f"{right + refused + wrong} calls: {right} right, {refused} refused, {wrong} wrong",
+                *[*said][:1],
+            )
+        ),
+        expected="survived",
+        passed=good,
+        judged_by="CasADi's graph",
+        steps=0,
+        seconds=0.0,
+        moved=0.0,
+        constraints=0.0,
+        energy=0.0,
+    )
+
+
+def _refused(model: Model, entry: Extreme, status: str) -> ExtremeRow:
+    method = f"{entry.choice or 'default'}, {entry.integrator}{_precision(entry)}"
+    right = bool(entry.refused) and entry.refused in status
+    expected = "refused" if entry.refused else "survived"
+    judge = "what the file expects"
+    names = (
+        model.name,
+        entry.name,
+        entry.about,
+        method,
+        "refused",
+        None,
+        entry.tolerance,
+        status,
+        expected,
+        right,
+        judge,
+    )
+    return ExtremeRow(*names, 0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _precision(entry: Extreme) -> str:
+    return "" if entry.real == REAL else f", {entry.real}"
+
+
+def _wanted(model: Model, entry: Extreme) -> Ended:
+    """The closed form of the file, else a solution of many digits."""
+    system = mechanics_of(model)
+    given = settings(model, dict(entry.values))
+    if entry.end:
+        return Ended(
+            {name: number(value, given.parameters) for name, value in entry.end}, "closed form"
+        )
+    p, u = tuple(given.parameters.values()), tuple(given.inputs.values())
+    start, problem = initial_state(system, given.initial, np.array(p)), ""
+    for choice in dict.fromkeys((entry.choice or None, *(choice.name for choice in model.choices))):
+        try:
+            plain = equations(system, choice)
+            x = tuple(map(float, state_of(plain, start, np.array(p))))
+            found = solution(Problem(plain, x, u, p, tuple(given.initial)), [entry.time], DIGITS)
+        except (AssumptionError, NotAnalytic) as error:
+            problem = str(error)
+            continue
+        if found.agreement <= AGREES:
+            return Ended(
+                {name: float(value) for name, value in found.at(0).items()},
+                f"{found.steps} Taylor steps",
+            )
+        problem = f"accelerations differ by {found.agreement:.0e} from the independent derivation"
+    raise ModelError(
+        f"{model.name}, case {entry.name}: nothing to judge it by: {problem}; give it an end: in closed form"
+    )
+
+
+def _error(model: Model, found: Simulated, wanted: dict[str, float]) -> float:
+    """The largest difference, in radians for angles, else relative to the largest value of the same
+    unit at the end."""
+    units = {item.name: item.unit for item in (*model.coordinates, *model.velocities)}
+    scales = {"rad": 1.0}
+    for name, value in wanted.items():
+        scales[units[name]] = max(scales.get(units[name], 0.0), abs(value))
+    pairs = _turned(model, found, wanted)
+    errors = [
+        abs(found.final[name] - value) / (scales[units[name]] or 1.0) for name, value in pairs
+    ]
+    return (
+        max(float(np.max(errors, initial=0.0)), LEAST)
+        if np.isfinite(errors).all()
+        else float("inf")
+    )
+
+
+def _turned(
+    model: Model, found: Simulated, wanted: dict[str, float]
+) -> Sequence[tuple[str, float]]:
+    """A quaternion and its negative are the same."""
+    signs = dict.fromkeys(wanted, 1.0)
+    for name in wanted:
+        if name.endswith("_qw"):
+            four = [part for part in (f"{name[:-1]}{axis}" for axis in "wxyz") if part in wanted]
+            sign = np.sign(sum(found.final[part] * wanted[part] for part in four)) or 1.0
+            signs |= dict.fromkeys(four, float(sign))
+    return [(name, signs[name] * value) for name, value in wanted.items()]

@@ -1,0 +1,156 @@
+"""What to use for a model, and why, in sentences that follow from the rows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from hamel.study.front import (
+    LEVELS,
+    NOISE,
+    Row,
+    accuracy,
+    cheapest,
+    families,
+    good,
+    is_library,
+    is_traditional,
+    method,
+)
+from hamel.study.judging import Reference
+from hamel.study.running import TOO_LONG
+
+WORTH = 1e-8  # the error the advice is about, where it is reached
+MOST_BROKEN = 6
+
+
+def advice(rows: Sequence[Row], reference: Reference) -> list[str]:
+    """Sentences: the method to take, what the others cost, what holds the constraints, what broke,
+    what to believe."""
+    own = [row for row in rows if not is_library(row)]
+    level = next(
+        (x for x in (WORTH, *reversed(LEVELS), 1e-2) if x <= 1e-2 and cheapest(own, x)), None
+    )
+    if reference.doubt:
+        lines = [f"No error can be given: {reference.doubt}. {_remedy(reference)}".strip()]
+    elif level is None:
+        lines = ["No run reached a usable error; the reasons are in the table of what broke."]
+    else:
+        lines = [*_recommended(own, level), *_others(rows, level), *_held(own, level)]
+    return [*lines, *broken(own)]
+
+
+def _remedy(reference: Reference) -> str:
+    if reference.end is not None:
+        return "Do not use this report before the cause is known."
+    if reference.bound is not None:
+        return "A shorter time (--time) helps where the motion is chaotic."
+    return "Another initial state (--set) or a shorter time (--time) may help."
+
+
+def _recommended(own: Sequence[Row], level: float) -> list[str]:
+    best, loose = cheapest(own, level), cheapest(own, 1e-4)
+    assert best is not None
+    lines = [
+        f"Use {method(best)}: it reaches an error of {level:.0e} in {_ms(best)} ms at {accuracy(best)}."
+    ]
+    if loose is not None and method(loose) != method(best):
+        lines.append(f"For an error of 1e-04 {method(loose)} does with {_ms(loose)} ms.")
+    return lines
+
+
+def _others(rows: Sequence[Row], level: float) -> list[str]:
+    own = [row for row in rows if not is_library(row)]
+    best = cheapest(own, level)
+    groups = {
+        "the quasi-velocity equations": [r for r in own if not is_traditional(r)],
+        "the traditional equations": [r for r in own if is_traditional(r)],
+        "the best library solver": [r for r in rows if is_library(r)],
+    }
+    parts = []
+    for name, group in groups.items():
+        other = cheapest(group, level)
+        if best is None or other is best or not group:
+            continue
+        if other is None:
+            parts.append(f"{name} did not reach that error")
+        else:
+            parts.append(f"{name} {_slower(other['ms'] / best['ms'])} ({method(other)})")
+    text = "; ".join(parts)
+    return [f"{text[0].upper()}{text[1:]}."] if parts else []
+
+
+def _slower(ratio: float) -> str:
+    """Times that differ by less than noise are the same; the advice takes the run that drifts less
+    of them."""
+    if ratio < NOISE:
+        return "took as long, for all one can tell"
+    return f"took {ratio:,.0f} times as long" if ratio >= 100 else f"took {ratio:.3g} times as long"
+
+
+def _held(own: Sequence[Row], level: float) -> list[str]:
+    best = cheapest(own, level)
+    assert best is not None
+    if best["phi"] is None or not any(row["phi"] or row["velocity"] for row in good(own)):
+        return []
+    sizes = {
+        name: best[key]
+        for name, key in (("positions", "phi"), ("velocities", "velocity"))
+        if any(r[key] for r in good(own))
+    }
+    lines = [
+        f"It holds {' and '.join(f'{name} within {size:.1e}' for name, size in sizes.items())}."
+    ]
+    same = [
+        r
+        for r in good(own)
+        if all(r[n] == best[n] for n in ("formulation", "choice", "integrator", "rtol", "step"))
+    ]
+    drifting = next(
+        (r for r in same if r["enforcement"] == "none" and r["enforcement"] != best["enforcement"]),
+        None,
+    )
+    if drifting is not None:
+        lines.append(
+            f"With no enforcement at all positions drift by {drifting['phi']:.1e} (error {drifting['error']:.1e})."
+        )
+    return lines
+
+
+def broken(own: Sequence[Row]) -> list[str]:
+    """Methods that stop, give wrong results or take too long, with how often and why."""
+    lines = []
+    for (formulation, choice, cause), rows in _causes(own).items():
+        same = [row for row in own if row["formulation"] == formulation and row["choice"] == choice]
+        kept = dict.fromkeys(row["enforcement"] for row in rows)
+        total = sum(row["enforcement"] in kept for row in same)
+        where = f"{formulation} ({choice})" if choice else formulation
+        where += f", {' and '.join(kept)}" if total < len(same) else ""
+        lines.append((len(rows), f"{where}: {len(rows)} of {total} runs: {cause}."))
+    lines.sort(key=lambda line: -line[0])
+    more = (
+        [f"{len(lines) - MOST_BROKEN} more kinds of failures are in the tables."]
+        if len(lines) > MOST_BROKEN
+        else []
+    )
+    return [line for _, line in lines[:MOST_BROKEN]] + more
+
+
+def _causes(own: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:
+    failed = [
+        {**row, "cause": _cause(row["status"])}
+        for row in own
+        if row["status"] not in ("ok", TOO_LONG, "too coarse")
+    ]
+    return families(failed, "formulation", "choice", "cause")
+
+
+def _cause(status: str) -> str:
+    """Without the time and the numbers, which differ from run to run."""
+    if status == "wrong":
+        return "wrong: an error above 0.1 where others with the same tolerance are right"
+    return re.sub(r" \(at .*\)$", "", status)
+
+
+def _ms(row: Row) -> str:
+    return f"{row['ms']:.3g}"

@@ -1,0 +1,55 @@
+"""extremes: run the extreme cases of model files and say which survived, which were refused, and
+whether any came out wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from derive.diagnostics import ModelError
+from hamel.records import Extremes
+from hamel.study.extremes import extremes_table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def run(
+    paths: Sequence[str | PathLike[str]],
+    case: str | None,
+    progress: Callable[[str], None] | None = None,
+) -> Extremes:
+    rows = extremes_table(paths, case, progress)
+    if not rows:
+        asked = f"no case '{case}' in" if case else "no `extremes:` cases in"
+        raise ModelError(f"{asked} {', '.join(map(str, paths))}")
+    counts = {
+        outcome: sum(row.outcome == outcome for row in rows)
+        for outcome in ("survived", "refused", "wrong")
+    }
+    return Extremes(all(row.passed for row in rows), rows, **counts)
+
+
+def show(record: Extremes, console: Console) -> None:
+    from hamel.show import number, table
+
+    rows = []
+    for row in record.rows:
+        told = row.status if row.error is None else f"error {number(row.error)}"
+        told += (
+            f"; {row.fewest} steps, SciPy's Radau {row.scipy}" if row.fewest and row.scipy else ""
+        )
+        mark = "" if row.passed else f"  NOT EXPECTED ({row.expected})"
+        rows.append(
+            (f"{row.model}: {row.case}", row.method, row.outcome + mark, told, row.judged_by)
+        )
+    table(console, ("case", "method", "outcome", "", "judged by"), rows)
+    console.print(
+        f"{len(record.rows)} cases: {record.survived} survived, {record.refused} refused, {record.wrong} wrong"
+    )
+    for row in record.rows:
+        if row.moved > 0:
+            console.print(
+                f"  {row.model}, {row.case}: initial values moved by up to {number(row.moved)}"
+            )

@@ -1,0 +1,492 @@
+"""What the checks look at: at each random admissible state the reference, the system's terms and
+the equations' functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import ModuleType
+
+import casadi as ca
+import numpy as np
+
+from codegen.reals import FLOAT64, Real, real_of
+from derive.formulations.records import Equations, Function
+from derive.mechanics.records import System
+from derive.mechanics.system import inertial_forces
+from derive.states import sampling
+from hamel.verify.checks.compare import Sums, worst
+from hamel.verify.checks.roundoff import bound
+from hamel.verify.checks.units import Units, units
+from hamel.verify.limits import ROUNDING, SMALL
+from hamel.verify.reference.outcome import (
+    Kinematics,
+    Outcome,
+    Reference,
+    evaluate,
+    kinematics,
+    state_of,
+)
+from hamel.verify.reference.saddle import condition_of, rank_of, row_condition, saddle
+from hamel.verify.reference.states import State
+from hamel.verify.reference.vectors import Array
+
+# Parameters that are arguments vary by this part of their value; where that is no machine, for its
+# mass matrix has a negative eigenvalue, by less, and at last not at all.
+VARIED = (0.2, 0.02, 0.0)
+STEPS = ("step", "step_sensitivity")  # x, then the length of the step
+SHORT = 1e-3  # of the model's own time
+FAR = 0.1  # off the constraints, in the model's own units
+TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power")
+VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
+MATRICES = ("N", "M", "A")
+NUMBERS = ("T", "V", "energy", "power")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One state with the reference's outcome; `p` are the system's own parameters, `full` all of
+    the model's."""
+
+    t: float
+    q: Array
+    v: Array
+    u: Array
+    p: Array
+    full: Array
+    state: State
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The System's terms as arrays at one state; names as in derive.mechanics.records."""
+
+    qdot: Array
+    N: Array
+    M: Array
+    h: Array
+    Q: Array
+    phi: Array
+    A: Array
+    c: Array
+    beta: Array
+    T: float
+    V: float
+    energy: float
+    power: float
+
+
+Row = tuple[float, Array, Array, Array]  # t, x, u, p
+TermsAt = Callable[[float, Array, Array, Array, Array], Terms]
+
+
+def terms(system: System) -> TermsAt:
+    """(t, q, v, u, p) → Terms, evaluated by CasADi. An M that is not written out is what
+    Newton–Euler multiplies v̇ by."""
+    columns = [ca.densify(ca.SX(getattr(system, name))) for name in TERMS]
+    function = ca.Function("terms", [system.t, system.q, system.v, system.u, system.p], columns)
+    vdot = ca.SX.sym("vdot", system.v.numel())
+    inertial = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
+    forces = ca.Function("forces", [system.t, system.q, system.v, system.p, vdot], [inertial])
+
+    def mass(t: float, q: Array, p: Array) -> Array:
+        still = np.zeros(system.v.numel())
+        return np.array(forces(t, q, still, p, np.eye(len(still))) - forces(t, q, still, p, still))
+
+    def at(t: float, q: Array, v: Array, u: Array, p: Array) -> Terms:
+        found = {name: np.array(x) for name, x in zip(TERMS, function(t, q, v, u, p))}
+        if not system.written:
+            found["M"] = mass(t, q, p)
+        flat = {name: found[name].ravel() for name in VECTORS}
+        single = {name: float(found[name][0, 0]) for name in NUMBERS}
+        return Terms(**{name: found[name] for name in MATRICES}, **flat, **single)
+
+    return at
+
+
+def samples(system: System, reference: Reference, count: int, seed: int) -> tuple[Sample, ...]:
+    """Random admissible states of derive.states.sampling, each evaluated by the reference.
+
+    The first has the file's own parameters. They are varied one by one, and the reference says
+    whether what comes of it is a machine; at their own values nothing is left out.
+    """
+    drawn: list[Sample] = []
+    for share in VARIED:
+        some = _drawn(system, reference, count, seed, share)
+        drawn += [s for s in some if share == 0.0 or s.outcome.admissible]
+        if len(drawn) >= len(some):
+            return tuple(drawn[: max(len(some), 1)])
+    return tuple(drawn[:count])
+
+
+def _drawn(
+    system: System, reference: Reference, count: int, seed: int, share: float
+) -> list[Sample]:
+    found = sampling.states(system, count, seed, parameters=share)
+    rows = zip(found.t, found.q, found.v, found.u, found.p)
+    return [_sample(system, reference, *row) for row in rows]
+
+
+def varied(samples: Sequence[Sample], system: System) -> tuple[str, ...]:
+    """The parameters that differ between the samples."""
+    free = [x.name for x in system.model.parameters if x.name not in system.constants]
+    columns = zip(free, zip(*(s.p for s in samples)))
+    return tuple(name for name, column in columns if len(set(column)) > 1)
+
+
+def _sample(
+    system: System, reference: Reference, t: float, q: Array, v: Array, u: Array, p: Array
+) -> Sample:
+    full = all_parameters(system, p)
+    state = state_of(reference, float(t), q, v, u, full)
+    return Sample(float(t), q, v, u, p, full, state, evaluate(reference, state))
+
+
+def all_parameters(system: System, p: Array) -> Array:
+    """The model's parameters in order: those of p where the system takes them, defaults for the
+    rest."""
+    rest = iter(p)
+    return np.array(
+        [x.value if x.name in system.constants else next(rest) for x in system.model.parameters],
+        dtype=float,
+    )
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The functions of one choice as CasADi evaluates them, and v with its rate along ẋ."""
+
+    equations: Equations
+    functions: Mapping[str, ca.Function]
+    named: Mapping[str, ca.Function]  # S, R, Y, B … as functions of (t, x, u, p)
+    residuals: Mapping[str, ca.Function]  # of the functions that are iterated
+    rate: ca.Function  # (t, x, u, p, ẋ) → v̇
+
+    def __call__(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
+        """The result of a function at one state, as the generated module shapes it."""
+        return shaped(np.array(self.functions[name](t, x, u, p)))
+
+    def iterated(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
+        """The result of a function that is one Newton step, repeated as the generated module
+        repeats it."""
+        function = next(function for function in self.equations.functions if function.name == name)
+        if function.iteration is None:
+            return self(name, t, x, u, p)
+        for _ in range(function.iteration.most):
+            x, residual = self(name, t, x, u, p), float(self.residuals[name](t, x, u, p))
+            if residual <= function.iteration.tolerance:
+                break
+        return x
+
+    def roundoff(self, name: str, rows: Sequence[Row], real: Real) -> Array:
+        """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries,
+        in units of double."""
+        function = next(function for function in self.equations.functions if function.name == name)
+        arguments = slots_of(self.equations, function)
+        states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
+        return bound(arguments, ca.densify(function.result.value), states, real)
+
+    def margins(self, name: str, rows: Sequence[Row], real: Real) -> Array:
+        """How far the function's guards are from refusing each (t, x, u, p): below one they do."""
+        function = next(function for function in self.equations.functions if function.name == name)
+        ratios = [
+            guard.value / (guard.tolerance * real.wider(guard.part)) for guard in function.guards
+        ]
+        at = ca.Function("margins", slots_of(self.equations, function), [ca.vertcat(*ratios)])
+        return np.array([np.min(np.abs(np.array(at(*row))), initial=np.inf) for row in rows])
+
+    def acceleration(self, t: float, x: Array, u: Array, p: Array) -> Array:
+        """v̇ as the derivative of v(t, x) along ẋ."""
+        return np.array(self.rate(t, x, u, p, self.functions["dynamics"](t, x, u, p))).ravel()
+
+    def has(self, name: str) -> bool:
+        return name in self.functions
+
+
+def shaped(value: Array) -> Array:
+    """n × 1 as (n,)."""
+    return value[:, 0] if value.shape[1] == 1 else value
+
+
+def graph(equations: Equations) -> Graph:
+    """Compile nothing: CasADi's virtual machine runs the graph itself."""
+    arguments = slots_of(equations)
+    results = {f.name: ca.densify(f.result.value) for f in equations.functions}
+    functions = {
+        f.name: ca.Function(f.name, slots_of(equations, f), [results[f.name]])
+        for f in equations.functions
+    }
+    named = {
+        item.name: ca.Function(item.name, arguments, [ca.densify(item.value)])
+        for item in equations.named
+    }
+    stops = {
+        f.name: ca.Function(f.name, slots_of(equations, f), [f.residual])
+        for f in equations.functions
+        if f.residual is not None
+    }
+    return Graph(equations, functions, named, stops, _rate(arguments, results["velocity"]))
+
+
+def _rate(arguments: list[ca.SX], velocity: ca.SX) -> ca.Function:
+    t, x, _, _ = arguments
+    xdot = ca.SX.sym("xdot", x.numel())
+    along = ca.jtimes(velocity, ca.vertcat(t, x), ca.vertcat(1, xdot))
+    return ca.Function("rate", [*arguments, xdot], [ca.densify(along)])
+
+
+def slots_of(equations: Equations, function: Function | None = None) -> list[ca.SX]:
+    """t, x, u, p as columns, empty ones for what the model has not; x as the function wants it."""
+    slots = {argument.name: argument.symbols for argument in equations.arguments}
+    columns = [slots.get(name, ca.SX(0, 1)) for name in ("t", "x", "u", "p")]
+    if function is not None and function.x is not None:
+        columns[1] = function.x.symbols
+    return columns
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Everything about one choice at all states. Arrays are computed when a check first asks for
+    them."""
+
+    system: System
+    reference: Reference
+    samples: tuple[Sample, ...]
+    terms_at: TermsAt
+    graph: Graph
+    others: tuple[Graph, ...]
+    module: ModuleType | None
+    chart: int = 0  # of the module, that the graph is of
+
+    def loaded(self, module: ModuleType) -> Evidence:
+        """With the module; what was computed before is kept where it computes in the same
+        precision."""
+        made = replace(self, module=module)
+        if made.real is self.real:
+            vars(made).update(
+                {name: value for name, value in vars(self).items() if name != "module"}
+            )
+        return made
+
+    @cached_property
+    def real(self) -> Real:
+        """What the module computes in."""
+        return FLOAT64 if self.module is None else real_of(self.module.defaults.dtype.name)
+
+    def rows_of(self, name: str) -> list[Row]:
+        """(t, x, u, p) of a function at every state, as the module's precision rounds them."""
+        near = self.real.nearest
+        return [
+            (float(near(s.t)), near(x), near(s.u), near(s.p))
+            for s, x in zip(self.samples, self.arguments_of(name))
+        ]
+
+    @cached_property
+    def units(self) -> Units:
+        """One of each quantity."""
+        w = [x[len(s.q) :] for s, x in zip(self.samples, self.x)]
+        return units(self.system, [s.outcome.kinematics.A for s in self.samples], w)
+
+    @cached_property
+    def terms(self) -> tuple[Terms, ...]:
+        return tuple(self.terms_at(s.t, s.q, s.v, s.u, s.p) for s in self.samples)
+
+    @cached_property
+    def x(self) -> tuple[Array, ...]:
+        """The states (q, w) of this choice."""
+        return self.states_of(self.graph)
+
+    @cached_property
+    def vdot(self) -> tuple[Array, ...]:
+        """v̇ as the choice's ẋ has it: the derivative of v(t, x) along ẋ."""
+        return self.accelerations_of(self.graph)
+
+    @cached_property
+    def conditions(self) -> list[float]:
+        return self.conditions_of(self.graph)
+
+    def conditions_of(self, graph: Graph) -> list[float]:
+        """Condition of the augmented system times that of the choice's own Y = [A; B]: how much
+        roundoff may grow."""
+        own = self.named("Y", graph) or [np.eye(1)] * len(self.samples)
+        return [
+            self._condition(s.outcome) * max(1.0, row_condition(Y * self._columns(Y)))
+            for s, Y in zip(self.samples, own)
+        ]
+
+    def _condition(self, o: Outcome) -> float:
+        """Of [M Aᵀ; A 0] in the model's own units."""
+        return condition_of(saddle(o.M / self.units.M, o.kinematics.A / self.units.A))
+
+    def _columns(self, Y: Array) -> Array | float:
+        return self.units.v if Y.shape[1] == len(self.units.v) else 1.0
+
+    @cached_property
+    def disturbed(self) -> tuple[State, ...]:
+        """The states with q moved off the constraints by up to 0.1, the same way every time."""
+        rng = np.random.default_rng(0)
+        moved = [s.q + FAR * self.units.q * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
+        return tuple(
+            state_of(self.reference, s.t, q, s.v, s.u, s.full) for s, q in zip(self.samples, moved)
+        )
+
+    @cached_property
+    def astray(self) -> tuple[Array, ...]:
+        """x moved by up to a tenth: of terms that vanish on the constraints some are of third order
+        in the way off them."""
+        rng = np.random.default_rng(2)
+        return tuple(x + FAR * self.units.x * rng.uniform(-1, 1, len(x)) for x in self.x)
+
+    @cached_property
+    def velocities(self) -> tuple[Array, ...]:
+        """v as the choice has it at its own states."""
+        return self.results("velocity")
+
+    @cached_property
+    def own(self) -> tuple[State, ...]:
+        """The states at the choice's own v: what the choice says of them is not excused by how well
+        x tells v."""
+        rows = zip(self.samples, self.velocities)
+        return tuple(state_of(self.reference, s.t, s.q, v, s.u, s.full) for s, v in rows)
+
+    @cached_property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """The reference at these."""
+        return tuple(evaluate(self.reference, state) for state in self.own)
+
+    def kinematics(self, state: State) -> Kinematics:
+        """The reference's kinematics at another state."""
+        return kinematics(self.reference, state)
+
+    @cached_property
+    def ranks(self) -> list[int]:
+        """The rank of the system's own A at every state."""
+        return [rank_of(t.A) for t in self.terms]
+
+    @cached_property
+    def small(self) -> float:
+        """Accelerations below this, in the model's own units, are left over where gravity cancels:
+        1e-4 of it."""
+        gravity, own = self.reference.model.gravity, self.units.own
+        size = [float(np.linalg.norm(s.state.vector(gravity))) for s in self.samples[:1] if gravity]
+        return max(SMALL, *(1e-4 * g * own.time**2 / own.length for g in size), 0.0)
+
+    @cached_property
+    def speeds(self) -> Array:
+        """Σ |v| of each state in the model's own units."""
+        return np.array([np.abs(s.v / self.units.v).sum() for s in self.samples])
+
+    @cached_property
+    def forces(self) -> Array:
+        """Per state the largest of the forces that h and Q are sums of, velocity products too, in
+        the model's own units."""
+        own = [worst(s.outcome.summed.force / self.units.force) for s in self.samples]
+        inertia = [worst(s.outcome.M / self.units.M) for s in self.samples]
+        return np.array(own) + np.array(inertia) * self.speeds**2
+
+    def of_speeds(self, tolerance: float) -> Sums:
+        """Sums of velocities; those of the samples are of the order of one before the constraints
+        leave what they leave."""
+        return Sums(tolerance, 1.0 + self.speeds)
+
+    def of_forces(self, tolerance: float) -> Sums:
+        return Sums(tolerance, self.forces)
+
+    def of_accelerations(self, tolerance: float) -> Sums:
+        """Velocity products, and forces on the largest inertia."""
+        inertia = np.array([worst(s.outcome.M / self.units.M) for s in self.samples])
+        given = np.where(inertia > 0.0, self.forces / np.where(inertia > 0.0, inertia, 1.0), 0.0)
+        return Sums(tolerance, self.speeds**2 + given)
+
+    def of_rows(self, tolerance: float) -> Sums:
+        """|A| |v|² over all columns: where a loop turns as a whole, its rows are zero in what turns
+        it, and the products of β cancel."""
+        size = [worst(s.outcome.kinematics.A / self.units.A) for s in self.samples]
+        return Sums(tolerance, np.array(size) * self.speeds**2)
+
+    def of_energies(self, tolerance: float) -> Sums:
+        """T and the parts of V."""
+        size = [abs(s.outcome.T) + s.outcome.summed.V for s in self.samples]
+        return Sums(tolerance, np.array(size) / self.units.energy)
+
+    def of_powers(self, tolerance: float) -> Sums:
+        return Sums(tolerance, self.forces * self.speeds)
+
+    def of_masses(self, tolerance: float) -> list[Array]:
+        """Per state √(sᵢ sⱼ), s the sizes that the diagonal of M is a sum of, as floors of what its
+        entries are compared with."""
+        roots = [np.sqrt(s.outcome.summed.M / np.diag(self.units.M)) for s in self.samples]
+        return [ROUNDING / tolerance * np.outer(root, root) for root in roots]
+
+    @property
+    def redundant(self) -> bool:
+        return any(s.outcome.rank < len(s.outcome.lam) for s in self.samples)
+
+    def states_of(self, graph: Graph) -> tuple[Array, ...]:
+        return tuple(
+            graph("state", s.t, np.concatenate([s.q, s.v]), s.u, s.p) for s in self.samples
+        )
+
+    def accelerations_of(self, graph: Graph) -> tuple[Array, ...]:
+        rows = zip(self.samples, self.states_of(graph))
+        return tuple(graph.acceleration(s.t, x, s.u, s.p) for s, x in rows)
+
+    def arguments_of(self, name: str) -> tuple[Array, ...]:
+        """The x that a function takes: the state (q, w), unless it is one of those that take
+        something else."""
+        if name in ("state", "qdot"):
+            return tuple(np.concatenate([s.q, s.v]) for s in self.samples)
+        if name == "integrate":
+            return tuple(np.concatenate([s.q, s.v * self.units.time]) for s in self.samples)
+        if name == "inverse_dynamics":
+            rng = np.random.default_rng(4)  # any v̇ will do, and none should come out as zero
+            any_other = (
+                s.outcome.vdot + self.units.vdot * rng.normal(size=len(s.v)) for s in self.samples
+            )
+            return tuple(
+                np.concatenate([s.q, s.v, vdot]) for s, vdot in zip(self.samples, any_other)
+            )
+        if name == "difference":
+            others = (*self.samples[1:], *self.samples[:1])
+            return tuple(np.concatenate([s.q, other.q]) for s, other in zip(self.samples, others))
+        if name == "normalise":
+            return tuple(1.1 * s.q for s in self.samples)
+        if name in STEPS:
+            return tuple(np.append(x, SHORT * self.units.time) for x in self.x)
+        return self._with_seeds(name)
+
+    def _with_seeds(self, name: str) -> tuple[Array, ...]:
+        """The state, and behind it random directions where the function takes some."""
+        taken = next((f.x for f in self.graph.equations.functions if f.name == name), None)
+        if taken is None:
+            return self.x
+        rng = np.random.default_rng(5)
+        return tuple(np.append(x, rng.normal(size=taken.symbols.numel() - len(x))) for x in self.x)
+
+    def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:
+        """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of
+        that name."""
+        graph = graph or self.graph
+        if name not in graph.named:
+            return None
+        rows = zip(self.samples, self.states_of(graph))
+        return [np.array(graph.named[name](s.t, x, s.u, s.p)) for s, x in rows]
+
+    @cached_property
+    def expected(self) -> dict[str, tuple[Array, Array]]:
+        """For every function the graph's results and the roundoff in them, states × entries."""
+        return {
+            function.name: self._expected(function.name)
+            for function in self.graph.equations.functions
+        }
+
+    def _expected(self, name: str) -> tuple[Array, Array]:
+        rows = self.rows_of(name)
+        values = [np.ravel(self.graph.iterated(name, *row)) for row in rows]
+        return np.array(values), self.graph.roundoff(name, rows, self.real)
+
+    def results(self, name: str) -> tuple[Array, ...]:
+        """A function of this choice at every state."""
+        return tuple(self.graph(name, s.t, x, s.u, s.p) for s, x in zip(self.samples, self.x))

@@ -1,0 +1,221 @@
+"""The analytic half of a model by SymPy: Lagrange's equations and the derivatives of constraint
+expressions.
+
+Symbols: t, q, r (= q̇), v, u, p. Joints turn rates into generalized velocities: q̇ = N v, q̈ = N v̇
++ Ṅ v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+
+from derive.expressions import tree
+from derive.model.records import Holonomic, Model, Nonholonomic, OnSurface
+from hamel.verify.reference.formulas import NUMERIC, evaluated, lookup
+from hamel.verify.reference.jets import Jet, direction, dot, point
+from hamel.verify.reference.layout import Layout, Rows
+from hamel.verify.reference.loads import Lagrange
+from hamel.verify.reference.rows import ConstraintRow, RowsOf, embedded
+from hamel.verify.reference.states import State
+from hamel.verify.reference.vectors import Array
+
+SYMBOLIC: dict[str, Callable[..., Any]] = {
+    **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
+    "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Plain real symbols per group, and the table that formulas are read with."""
+
+    t: sympy.Symbol
+    q: tuple[sympy.Symbol, ...]
+    r: tuple[sympy.Symbol, ...]
+    v: tuple[sympy.Symbol, ...]
+    u: tuple[sympy.Symbol, ...]
+    p: tuple[sympy.Symbol, ...]
+    names: dict[str, Any]
+    rates: dict[str, Any]
+
+    def read(self, expression: tree.Expression) -> Any:
+        return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), SYMBOLIC))
+
+    def along(self, expression: Any) -> Any:
+        """Σ ∂e/∂q q̇ + ∂e/∂t: the time derivative less its part in the accelerations."""
+        return sum(
+            (sympy.diff(expression, x) * r for x, r in zip(self.q, self.r)),
+            sympy.diff(expression, self.t),
+        )
+
+    def function(self, entries: list[Any]) -> Callable[[State], Array]:
+        """The entries at a state, as one flat array (SymPy's code with shared subexpressions)."""
+        arguments = [self.t, self.q, self.r, self.v, self.u, self.p]
+        at = sympy.lambdify(
+            arguments, [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True
+        )
+        return lambda s: np.array(at(s.t, s.q, s.rates, s.v, s.u, s.p), dtype=float)
+
+
+def symbols(model: Model) -> Symbols:
+    """Symbols for every name of the model; definitions are put in, each in terms of the earlier
+    ones."""
+
+    def column(letter: str, count: int) -> tuple[sympy.Symbol, ...]:
+        return tuple(sympy.Symbol(f"{letter}{i}", real=True) for i in range(count))
+
+    q, r, v = (
+        column("q", len(model.coordinates)),
+        column("r", len(model.coordinates)),
+        column("v", len(model.velocities)),
+    )
+    u, p, t = (
+        column("u", len(model.inputs)),
+        column("p", len(model.parameters)),
+        sympy.Symbol("t", real=True),
+    )
+    groups = (
+        (model.coordinates, q),
+        (model.velocities, v),
+        (model.inputs, u),
+        (model.parameters, p),
+    )
+    names = {"t": t, "pi": sympy.pi} | {
+        item.name: x for items, xs in groups for item, x in zip(items, xs)
+    }
+    result = Symbols(t, q, r, v, u, p, names, {c.name: x for c, x in zip(model.coordinates, r)})
+    for name, expression in model.definitions:
+        names[name] = result.read(expression)
+    return result
+
+
+def rows(item: Holonomic | Nonholonomic | OnSurface, s: Symbols, place: Layout) -> RowsOf:
+    """The row of a constraint given as a formula."""
+    match item:
+        case Holonomic():
+            return embedded(holonomic_row(item.expression, s), place)
+        case Nonholonomic():
+            return embedded(nonholonomic_row(item.expression, s), place)
+        case OnSurface():
+            return surface_row(item, s, place)
+
+
+def holonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], ConstraintRow]:
+    """φ(q, t): φ_q N v̇ = −(φ_q q̇)_q q̇ − 2 φ_qt q̇ − φ_tt − φ_q Ṅ v, c = −φ_t."""
+    phi = s.read(expression)
+    rate = s.along(phi)
+    n = len(s.q)
+    at = s.function([*(sympy.diff(phi, x) for x in s.q), phi, sympy.diff(phi, s.t), s.along(rate)])
+
+    def row(state: State) -> ConstraintRow:
+        values = at(state)
+        gradient, (value, explicit, curvature) = values[:n], values[n:]
+        return ConstraintRow(
+            gradient @ state.N, -curvature - gradient @ state.drift, -explicit, value
+        )
+
+    return row
+
+
+def nonholonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], ConstraintRow]:
+    """e = a(q, t) q̇ + e_v v + b: (a N + e_v) v̇ = −e_q q̇ − e_t − a Ṅ v, c = −b."""
+    e = s.read(expression)
+    still = e.subs(dict.fromkeys((*s.r, *s.v), 0))
+    n = len(s.q)
+    at = s.function([*(sympy.diff(e, x) for x in (*s.r, *s.v)), still, s.along(e)])
+
+    def row(state: State) -> ConstraintRow:
+        values = at(state)
+        a, direct, (b, drift) = values[:n], values[n:-2], values[-2:]
+        return ConstraintRow(a @ state.N + direct, -drift - a @ state.drift, -b, None)
+
+    return row
+
+
+def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
+    """φ(X, q, t) with X the point in the carrier's frame: φ_X Ẍ + φ_q q̈ = −(terms of second order
+    in Ẋ, q̇ and t)."""
+    X, R = sympy.symbols("X:3", real=True), sympy.symbols("R:3", real=True)
+    phi = sympy.sympify(
+        evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), SYMBOLIC)
+    )
+
+    def along(expression: Any) -> Any:
+        return s.along(expression) + sum(sympy.diff(expression, x) * r for x, r in zip(X, R))
+
+    gradient = [sympy.diff(phi, x) for x in (*X, *s.q)]
+    entries = [*gradient, phi, sympy.diff(phi, s.t), along(along(phi))]
+    at = sympy.lambdify(
+        [X, R, s.t, s.q, s.r, s.p],
+        [sympy.sympify(entry) for entry in entries],
+        modules="numpy",
+        cse=True,
+    )
+
+    def rows(state: State) -> Rows:
+        inside = _inside(item, place, state)
+        value, rate = ([float(getattr(x, name)) for x in inside] for name in ("value", "rate"))
+        found = np.array(at(value, rate, state.t, state.q, state.rates, state.p), dtype=float)
+        over_point, over_q, (height, explicit, curvature) = found[:3], found[3:-3], found[-3:]
+        coefficients = over_point @ np.array([x.over for x in inside])
+        coefficients[: place.nv] += over_q @ state.N
+        rest = over_point @ np.array([x.rest for x in inside]) + over_q @ state.drift + curvature
+        return Rows(
+            coefficients[None, :], np.array([-rest]), np.array([-explicit]), np.array([height])
+        )
+
+    return rows
+
+
+def _inside(item: OnSurface, place: Layout, state: State) -> list[Jet]:
+    """The point's coordinates in the frame of the body that carries the surface."""
+    here = point(place, state, item.body, state.vector(item.point))
+    gap = here - point(place, state, item.frame_body, np.zeros(3))
+    return [dot(direction(place, state, item.frame_body, axis), gap) for axis in np.eye(3)]
+
+
+def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
+    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·).
+
+    d(T + V − G)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t with G = 2 T − q̇·∂T/∂q̇, which vanishes for an
+    ordinary quadratic T.
+    """
+    n = len(s.q)
+    at = s.function(_entries(model, s))
+
+    def evaluate(state: State) -> Lagrange:
+        mass, force, (T, V, power, odd) = np.split(at(state), np.cumsum([n * n, n]))
+        mass, N = mass.reshape(n, n), state.N
+        return Lagrange(
+            N.T @ mass @ N,
+            N.T @ (force - mass @ state.drift),
+            T,
+            V,
+            power,
+            odd,
+        )
+
+    return evaluate
+
+
+def _entries(model: Model, s: Symbols) -> list[Any]:
+    """mass (nq²), force (nq), T, V, ∂V/∂t − ∂T/∂t and G."""
+    T = s.read(model.kinetic) if model.kinetic is not None else sympy.Integer(0)
+    V = s.read(model.potential) if model.potential is not None else sympy.Integer(0)
+    momenta = [sympy.diff(T, r) for r in s.r]
+    mass = [sympy.diff(momentum, r) for momentum in momenta for r in s.r]
+    force = [sympy.diff(T - V, x) - s.along(momentum) for x, momentum in zip(s.q, momenta)]
+    G = 2 * T - sum(momentum * r for momentum, r in zip(momenta, s.r))
+    return [
+        *mass,
+        *force,
+        T,
+        V,
+        sympy.diff(V, s.t) - sympy.diff(T, s.t),
+        G,
+    ]

@@ -1,0 +1,137 @@
+"""Joints that close loops, as rows in maximal coordinates.
+
+Two joint frames, one placed on each body, have origins p and axes a, b; the joint's axis is the
+third axis of both. φ and its order are the project's convention, for λ to mean the same: points
+first, p₂ − p₁ along the ground's axes (revolute, ball, universal, fixed) or along axes of the first
+frame (the sliding joints); then bⱼ · aᵢ of axes that stay at right angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from derive.model.records import GROUND, Closure
+from hamel.verify.reference.jets import Jet, direction, dot, joint_frame, stays
+from hamel.verify.reference.layout import Layout, Rows, stacked
+from hamel.verify.reference.states import State, placed
+from hamel.verify.reference.vectors import UNIT, Array, cross
+
+NORMAL = {"xy": UNIT["z"], "xz": -UNIT["y"], "yz": UNIT["x"], "": UNIT["z"]}
+PARALLEL = (
+    (0, 2),
+    (1, 2),
+)  # aᵢ ⊥ bⱼ: the second axis of rotation is at right angles to the first frame's other two axes
+NO_TURN = ((0, 2), (1, 2), (1, 0))
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closure at one state: the two joint frames as jets."""
+
+    closure: Closure
+    plane: str
+    place: Layout
+    state: State
+    origins: tuple[Jet, Jet]
+    axes: tuple[tuple[Jet, ...], tuple[Jet, ...]]
+
+    @property
+    def gap(self) -> Jet:
+        return self.origins[1] - self.origins[0]
+
+
+def closure_rows(closure: Closure, plane: str, place: Layout, state: State) -> Rows:
+    """The rows of one closure; NotImplementedError for a type the reference does not know."""
+    if closure.type not in _ROWS:
+        raise NotImplementedError(f"the reference has no closure of type {closure.type!r}")
+    turned = triad(state.vector(closure.axis), plane)
+    pairs = zip(closure.bodies, closure.placements)
+    first, second = (joint_frame(place, state, body, at, turned) for body, at in pairs)
+    return _ROWS[closure.type](
+        Loop(closure, plane, place, state, (first[0], second[0]), (first[1], second[1]))
+    )
+
+
+def triad(axis: Array, plane: str = "") -> Array:
+    """Columns x, axis × x, axis; in a plane x lies in the plane across the axis, in space across
+    the axis' least component."""
+    unit = axis if axis.any() else NORMAL[plane]
+    x = cross(NORMAL[plane], unit)
+    if not plane or not x.any():
+        x = cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, cross(unit, x), unit])
+
+
+def _meeting(loop: Loop) -> list[Jet]:
+    """p₂ − p₁ along the ground's axes: λ is the force on the second body."""
+    return [_component(loop.gap, UNIT[letter]) for letter in loop.plane or "xyz"]
+
+
+def _component(x: Jet, along: Array) -> Jet:
+    return Jet(along @ x.value, along @ x.rate, along @ x.over, along @ x.rest)
+
+
+def _across(loop: Loop, axes: Sequence[int]) -> list[Jet]:
+    """aᵢ · (p₂ − p₁)."""
+    return [dot(loop.axes[0][i], loop.gap) for i in axes]
+
+
+def _square(loop: Loop, pairs: Sequence[tuple[int, int]]) -> list[Jet]:
+    """bⱼ · aᵢ."""
+    return [dot(loop.axes[0][i], loop.axes[1][j]) for i, j in pairs]
+
+
+def _positions(*phi: Callable[[Loop], list[Jet]]) -> Callable[[Loop], Rows]:
+    return lambda loop: stays([x for part in phi for x in part(loop)], loop.place.size)
+
+
+def _cross_angle(loop: Loop) -> list[Jet]:
+    """A universal joint's two axes, one fixed in each body, are at right angles."""
+    axes = (loop.closure.axis, loop.closure.axis2 or loop.closure.axis)
+    arms = [
+        direction(loop.place, loop.state, body, placed(loop.state, at)[1] @ loop.state.vector(axis))
+        for body, at, axis in zip(loop.closure.bodies, loop.closure.placements, axes)
+    ]
+    return [dot(*arms)]
+
+
+def _advance(loop: Loop) -> Rows:
+    """d(a · (p₂ − p₁))/dt − pitch/2π a · (ω₂ − ω₁) = 0: velocities only, the turn has no
+    single-valued angle."""
+    axis, slide = loop.axes[0][2], dot(loop.axes[0][2], loop.gap)
+    per_radian = loop.state.value(loop.closure.pitch) / (2.0 * np.pi)
+    spin = np.zeros(loop.place.size)
+    for body, sign in zip(loop.closure.bodies, (-1.0, 1.0)):
+        if body != GROUND:
+            spin[loop.place.twist(body)][:3] += sign * axis.value
+    first, second = (loop.state.frames[body].omega for body in loop.closure.bodies)
+    gamma = -slide.rest + per_radian * axis.rate @ (second - first)
+    return Rows(
+        (slide.over - per_radian * spin)[None, :], np.array([gamma]), np.zeros(1), np.zeros(0)
+    )
+
+
+_cylindrical = _positions(lambda loop: _across(loop, (0, 1)), lambda loop: _square(loop, PARALLEL))
+
+
+def _screw(loop: Loop) -> Rows:
+    return stacked([_cylindrical(loop), _advance(loop)], loop.place.size)
+
+
+_ROWS: dict[str, Callable[[Loop], Rows]] = {
+    "revolute": _positions(_meeting, lambda loop: _square(loop, () if loop.plane else PARALLEL)),
+    "ball": _positions(_meeting),
+    "universal": _positions(_meeting, _cross_angle),
+    "fixed": _positions(_meeting, lambda loop: _square(loop, ((0, 1),) if loop.plane else NO_TURN)),
+    "prismatic": _positions(
+        lambda loop: _across(loop, (0,) if loop.plane else (0, 1)),
+        lambda loop: _square(loop, ((0, 2),) if loop.plane else NO_TURN),
+    ),
+    "cylindrical": _cylindrical,
+    "planar": _positions(lambda loop: _across(loop, (2,)), lambda loop: _square(loop, PARALLEL)),
+    "screw": _screw,
+}

@@ -1,0 +1,266 @@
+"""Applied forces in maximal coordinates z = (v, twist of each body), their potential energy and
+their power."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from derive.model.records import (
+    GROUND,
+    Armature,
+    Body,
+    Bushing,
+    Force,
+    GeneralisedForce,
+    JointDamper,
+    JointFriction,
+    JointSpring,
+    Load,
+    Model,
+    PointSpring,
+    Torque,
+)
+from hamel.verify.reference.jets import Jet, dot, joint_frame, product
+from hamel.verify.reference.layout import Layout
+from hamel.verify.reference.rows import nonideal_force
+from hamel.verify.reference.states import State, inertia_tensor
+from hamel.verify.reference.vectors import Array, cross, skew
+
+
+@dataclass(frozen=True)
+class Applied:
+    """Forces along z (nz): `weight` and `springs` follow from V (J), `other` do not; power = other
+    · z (W). `summed` (J): the sizes of what V is a sum of, which may cancel."""
+
+    weight: Array
+    springs: Array
+    other: Array
+    V: float
+    summed: float
+
+    @property
+    def total(self) -> Array:
+        return self.weight + self.springs + self.other
+
+
+def _only(place: Layout, V: float = 0.0, summed: float | None = None, **forces: Array) -> Applied:
+    """The forces named, zeros for the rest."""
+    zero = np.zeros(place.size)
+    named = {"weight": zero, "springs": zero, "other": zero} | forces
+    return Applied(**named, V=V, summed=abs(V) if summed is None else summed)
+
+
+@dataclass(frozen=True)
+class Lagrange:
+    """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
+
+    `power` is ∂(V − T)/∂t at held q and q̇; `odd` = T₁ + 2 T₀ (J) is what Jacobi's integral
+    q̇·∂T/∂q̇ − T + V is less than T + V.
+    """
+
+    inertia: Array
+    force: Array
+    T: float
+    V: float
+    power: float
+    odd: float
+
+
+def applied(model: Model, place: Layout, state: State, nonideal: bool = True) -> Applied:
+    """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces, summed."""
+    gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
+    parts = [
+        _weight(gravity, body, place, state)
+        for body in model.bodies
+        if body.name not in _at_rest(model)
+    ]
+    parts += [_load(load, model, place, state) for load in model.loads]
+    parts.append(_drive(model, place, state, nonideal))
+    weight, springs, other = (
+        np.sum([getattr(part, name) for part in parts], axis=0)
+        for name in ("weight", "springs", "other")
+    )
+    V, summed = sum(part.V for part in parts), sum(part.summed for part in parts)
+    return Applied(weight, springs, other, V, summed)
+
+
+def _at_rest(model: Model) -> set[str]:
+    """The ground and what is fixed to it: their weight does no work, V leaves out the constant."""
+    result = {GROUND}
+    for joint in model.joints:
+        if joint.type == "fixed" and joint.parent in result:
+            result.add(joint.child)
+    return result
+
+
+def _weight(gravity: Array, body: Body, place: Layout, state: State) -> Applied:
+    """Force m g at the centre of mass; V = −m g · r."""
+    frame, weight = state.frames[body.name], state.value(body.mass) * gravity
+    arm = frame.point(state.vector(body.com))
+    force = np.zeros(place.size)
+    force[place.twist(body.name)] = _wrench(arm, weight)
+    summed = float(np.abs(weight).sum() * (np.abs(frame.origin).sum() + np.abs(arm).sum()))
+    return _only(place, -float(weight @ (frame.origin + arm)), summed, weight=force)
+
+
+def _wrench(arm: Array, force: Array) -> Array:
+    """(moment about the origin, force) of a force at `arm`."""
+    return np.concatenate([cross(arm, force), force])
+
+
+def _drive(model: Model, place: Layout, state: State, nonideal: bool) -> Applied:
+    """Inputs on the velocity they are conjugate to, and nonideal constraint forces."""
+    other = np.zeros(place.size)
+    if nonideal:
+        other[: place.nv] = nonideal_force(model, state)
+    for item, value in zip(model.inputs, state.u):
+        if item.velocity:
+            other[: place.nv] += (
+                state.value(item.gear) * value * _conjugate(model, state, item.velocity)
+            )
+    return _only(place, other=other)
+
+
+def _conjugate(model: Model, state: State, velocity: str) -> Array:
+    """g with g · v the velocity that a force is conjugate to: a generalized velocity, or the rate
+    der(q) of any coordinate."""
+    for j, item in enumerate(model.velocities):
+        if item.name == velocity or (item.rate_of and velocity == f"der({item.rate_of})"):
+            return np.eye(len(model.velocities))[j]
+    coordinates = [f"der({coordinate.name})" for coordinate in model.coordinates]
+    return state.N[coordinates.index(velocity)]
+
+
+def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
+    match load:
+        case JointSpring():
+            return _joint_spring(load, model, place, state)
+        case JointDamper():
+            direction = _conjugate(model, state, load.velocity)
+            return _along(place, -state.value(load.coefficient) * (direction @ state.v) * direction)
+        case JointFriction():
+            return _friction(load, model, place, state)
+        case Armature():
+            return _only(place)  # an inertia
+        case Bushing():
+            return _bushing(load, place, state)
+        case GeneralisedForce():
+            return _along(
+                place, state.value(load.expression) * _conjugate(model, state, load.velocity)
+            )
+        case PointSpring():
+            return _point_spring(load, place, state)
+        case Force():
+            arm = state.frames[load.body].point(state.vector(load.point))
+            return _on_body(place, load.body, _wrench(arm, _components(load, state)))
+        case Torque():
+            return _on_body(
+                place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
+            )
+    raise NotImplementedError(f"the reference does not know loads of type {type(load).__name__}")
+
+
+def _along(place: Layout, force: Array) -> Applied:
+    return _only(place, other=np.concatenate([force, np.zeros(place.size - place.nv)]))
+
+
+def _on_body(place: Layout, body: str, wrench: Array) -> Applied:
+    other = np.zeros(place.size)
+    if body != GROUND:
+        other[place.twist(body)] = wrench
+    return _only(place, other=other)
+
+
+def _components(load: Force | Torque, state: State) -> Array:
+    components = state.vector(load.components)
+    return state.frames[load.body].rotation @ components if load.frame == "body" else components
+
+
+def _joint_spring(spring: JointSpring, model: Model, place: Layout, state: State) -> Applied:
+    """V = ½ k (q − rest)², force −k (q − rest) along the coordinate, Nᵀ of it along v."""
+    index = [coordinate.name for coordinate in model.coordinates].index(spring.coordinate)
+    stiffness, stretch = state.value(spring.stiffness), state.q[index] - state.value(spring.rest)
+    force = np.zeros(place.size)
+    force[: place.nv] = -stiffness * stretch * state.N[index]
+    return _only(place, 0.5 * stiffness * stretch**2, springs=force)
+
+
+def _friction(friction: JointFriction, model: Model, place: Layout, state: State) -> Applied:
+    """−viscous r − coulomb tanh(r/smoothing) along the velocity r."""
+    direction = _conjugate(model, state, friction.velocity)
+    rate = direction @ state.v
+    viscous, coulomb, smoothing = state.vector(
+        (friction.viscous, friction.coulomb, friction.smoothing)
+    )
+    return _along(place, -(viscous * rate + coulomb * np.tanh(rate / smoothing)) * direction)
+
+
+def _bushing(bushing: Bushing, place: Layout, state: State) -> Applied:
+    """V = ½ Σ k x² over the deflections x; forces −(k x + damping ẋ) ∂ẋ/∂z.
+
+    Deflections: p₂ − p₁ and θ = ½ Σ aᵢ × bᵢ, along the axes aᵢ of the first joint frame.
+    """
+    frames = [
+        joint_frame(place, state, body, at, np.eye(3))
+        for body, at in zip(bushing.bodies, bushing.placements)
+    ]
+    (start, a), (end, b) = frames
+    swung = [product(x, y).scaled(0.5) for x, y in zip(a, b)]
+    shifts, turns = (
+        [dot(x, end - start) for x in a],
+        [dot(x, swung[0] + swung[1] + swung[2]) for x in a],
+    )
+    stiffness = state.vector((*bushing.stiffness, *bushing.torsion))
+    damping = state.vector((*bushing.damping, *bushing.torsion_damping))
+    return _elastic(place, [*shifts, *turns], stiffness, damping)
+
+
+def _elastic(place: Layout, deflections: list[Jet], stiffness: Array, damping: Array) -> Applied:
+    over = np.array([x.over for x in deflections])
+    value, rate = (np.array([getattr(x, name) for x in deflections]) for name in ("value", "rate"))
+    springs, other = -(stiffness * value) @ over, -(damping * rate) @ over
+    return _only(place, float(0.5 * stiffness @ value**2), springs=springs, other=other)
+
+
+def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
+    """Tension k (d − length) + damping ḋ along the line between the points; V = ½ k (d −
+    length)²."""
+    frames = [state.frames[body] for body in spring.bodies]
+    arms = [frame.point(state.vector(point)) for frame, point in zip(frames, spring.points)]
+    line = frames[1].origin + arms[1] - frames[0].origin - arms[0]
+    distance = np.linalg.norm(line)
+    unit = line / distance
+    rate = unit @ (frames[1].speed(arms[1]) - frames[0].speed(arms[0]))
+    stiffness, stretch = state.value(spring.stiffness), distance - state.value(spring.length)
+    pull, drag = np.zeros(place.size), np.zeros(place.size)
+    for body, sign, arm in zip(spring.bodies, (1.0, -1.0), arms):
+        if body != GROUND:
+            pull[place.twist(body)] += sign * stiffness * stretch * _wrench(arm, unit)
+            drag[place.twist(body)] += (
+                sign * state.value(spring.damping) * rate * _wrench(arm, unit)
+            )
+    return _only(place, float(0.5 * stiffness * stretch**2), springs=pull, other=drag)
+
+
+def body_inertia(body: Body, state: State) -> tuple[Array, Array]:
+    """Newton–Euler of one body about its origin, ground axes: 6 × 6 inertia, and the
+    velocity-dependent wrench 6.
+
+    J α + m c × a and m (a + α × c), with ω × J ω and m ω × (ω × c).
+    """
+    frame, mass = state.frames[body.name], state.value(body.mass)
+    c = frame.point(state.vector(body.com))
+    about_com = frame.rotation @ inertia_tensor(state, body) @ frame.rotation.T
+    about_origin = about_com + mass * ((c @ c) * np.eye(3) - np.outer(c, c))
+    inertia = np.empty((6, 6))
+    inertia[:3, :3], inertia[:3, 3:] = about_origin, mass * skew(c)
+    inertia[3:, :3], inertia[3:, 3:] = -mass * skew(c), mass * np.eye(3)
+    gyroscopic = np.concatenate(
+        [
+            cross(frame.omega, about_origin @ frame.omega),
+            mass * cross(frame.omega, cross(frame.omega, c)),
+        ]
+    )
+    return inertia, gyroscopic

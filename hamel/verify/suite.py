@@ -1,0 +1,171 @@
+"""`verification`: the whole suite for one choice of quasi-velocities, on one page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from types import ModuleType
+
+import numpy as np
+
+from derive.formulations.charts import together
+from derive.formulations.records import Equations
+from derive.model.records import Model
+from hamel.verify.checks import CHECKS, LOADED, QUICK
+from hamel.verify.checks.check import Check
+from hamel.verify.checks.evidence import Evidence, Sample, graph, samples, terms, varied
+from hamel.verify.checks.linear import with_linearization
+from hamel.verify.records import CheckResult, Verification
+from hamel.verify.reference.outcome import Reference, reference
+from hamel.verify.reference.vectors import Array
+
+NOTHING = 1e-9  # in the model's own units
+ENOUGH = 0.5  # at least this part of the states asked for must be found
+
+
+def verification(
+    model: Model,
+    equations: Equations,
+    module: ModuleType | None = None,
+    states: int = 100,
+    seed: int = 0,
+    others: Collection[Equations] = (),
+) -> Verification:
+    """Compare one choice, and its generated module, with the independent reference at random
+    admissible states.
+
+    `others` are further choices of the same model: v̇ must not depend on the choice. All charts of
+    the module are compared.
+    """
+    equations = with_linearization(equations)
+    seen = evidence(reference(model), equations, module, states, seed, (*others, *equations.charts))
+    return _verdict(seen, states, seed, (*results(seen), *_in_charts(seen, CHECKS)))
+
+
+def quick_verification(
+    model: Model,
+    equations: Equations,
+    module: Callable[[], ModuleType],
+    states: int = 20,
+    seed: int = 0,
+) -> Verification:
+    """What a build waits for: every term against the reference, then the module, asked for when it
+    is needed.
+
+    The checks that compare terms with each other, and the other ways to call the code, are left to
+    `verification`.
+    """
+    seen = evidence(reference(model), equations, None, states, seed)
+    terms_agree = (*results(seen, QUICK), *_in_charts(seen, QUICK))
+    loaded = _with_expected(seen).loaded(module())
+    return _verdict(
+        seen, states, seed, (*terms_agree, *results(loaded, LOADED), *_in_charts(loaded, LOADED))
+    )
+
+
+def _with_expected(seen: Evidence) -> Evidence:
+    """What the module will be compared with, computed while it is compiled."""
+    if seen.samples:
+        _ = seen.expected
+    return seen
+
+
+def _in_charts(seen: Evidence, checks: Sequence[Check]) -> tuple[CheckResult, ...]:
+    """The same for every further chart of the module."""
+    found: list[CheckResult] = []
+    for number, chart in enumerate(seen.graph.equations.charts, 1):
+        there = replace(seen, graph=graph(chart), others=(seen.graph,), chart=number)
+        found += [
+            replace(check, name=f"{check.name}; chart {number}, {chart.choice}")
+            for check in results(there, checks)
+        ]
+    return tuple(found)
+
+
+def _verdict(
+    seen: Evidence, states: int, seed: int, results: Sequence[CheckResult]
+) -> Verification:
+    found = (_enough(len(seen.samples), states), *results)
+    choice = together(seen.graph.equations)
+    passed = all(c.passed for c in found)
+    rank = max((s.outcome.rank for s in seen.samples), default=0)
+    return Verification(
+        seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank,
+        _region(seen), varied(seen.samples, seen.system),
+    )  # fmt: skip
+
+
+def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:
+    """The least and the largest value of time, every coordinate, velocity and input, and every
+    parameter that is an argument."""
+    model = seen.system.model
+    free = [p for p in model.parameters if p.name not in seen.system.constants]
+    names = [
+        "t",
+        *(
+            x.name
+            for items in (model.coordinates, model.velocities, model.inputs, free)
+            for x in items
+        ),
+    ]
+    columns = zip(
+        *(np.concatenate([[s.t], _without_roundoff(seen, s), s.u, s.p]) for s in seen.samples)
+    )
+    return tuple(
+        (name, float(min(column)), float(max(column))) for name, column in zip(names, columns)
+    )
+
+
+def _without_roundoff(seen: Evidence, s: Sample) -> Array:
+    """(q, v), zero where roundoff is all that is left of an entry."""
+    values = np.concatenate([s.q, s.v])
+    return np.where(np.abs(values) < NOTHING * seen.units.both, 0.0, values)
+
+
+def evidence(
+    ref: Reference,
+    equations: Equations,
+    module: ModuleType | None = None,
+    states: int = 100,
+    seed: int = 0,
+    others: Collection[Equations] = (),
+) -> Evidence:
+    """What the checks look at."""
+    system = equations.system
+    seen = samples(system, ref, states, seed)
+    return Evidence(
+        system,
+        ref,
+        seen,
+        terms(system),
+        graph(equations),
+        tuple(graph(other) for other in others),
+        module,
+    )
+
+
+def results(seen: Evidence, checks: Sequence[Check] = CHECKS) -> tuple[CheckResult, ...]:
+    """Every check that applies, at the states of the evidence."""
+    outcomes = [_check(check, seen) for check in checks if seen.samples]
+    return tuple(outcome for outcome in outcomes if outcome is not None)
+
+
+def _enough(found: int, wanted: int) -> CheckResult:
+    missing = 1.0 - found / wanted
+    return CheckResult(
+        "states found",
+        missing,
+        ENOUGH,
+        missing <= ENOUGH,
+        "share of the states asked for that could not be closed",
+    )
+
+
+def _check(check: Check, seen: Evidence) -> CheckResult | None:
+    error = check.error(seen)
+    if error is None:
+        return None
+    value = math.inf if math.isnan(error) else float(error)
+    tolerance = check.tolerance * (seen.real.coarseness if check.rounding else 1.0)
+    return CheckResult(check.name, value, tolerance, value <= tolerance, check.about)

@@ -1,0 +1,194 @@
+"""Stiff, extreme and singular cases: survived, or refused by name; never wrong."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import replace
+from decimal import Decimal
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from codegen.reals import REALS
+from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations import equations
+from derive.model import load
+from derive.model.extremes import RTOL
+from derive.states import system
+from derive.states.initial import initial_state
+from hamel.simulate.exact import Problem, Solution, solution, state_of
+from hamel.study.extremes import judged
+from tests.scenes import MODELS
+
+AT_THE_START = {
+    ("snake3", "hinges")
+}  # stretched out, hinge rates say nothing of how the snake glides: refused with a status
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_no_pivot_of_an_accepted_choice_vanishes_at_the_initial_state(path: Path) -> None:
+    s = system(load(path))
+    start = initial_state(s)
+    for choice in s.model.choices:
+        try:
+            e = equations(s, choice.name)
+        except AssumptionError:
+            continue
+        guards = next(f for f in e.functions if f.name == "dynamics").guards
+        values = ca.vertcat(*[g.value / g.tolerance for g in guards])
+        at = ca.Function("guards", [a.symbols for a in e.arguments], [values])
+        x = state_of(e, start, np.array(s.parameters))
+        found = np.abs(at(0.0, x, np.zeros(s.u.numel()), e.parameters).full())
+        assert np.min(found, initial=np.inf) > 1e6 or (path.stem, choice.name) in AT_THE_START, (
+            choice.name
+        )
+
+
+EXTREMES = sorted(path for path in (MODELS / "extremes").glob("*.yaml") if load(path).extremes)
+SLOW = {
+    "soft_pin",
+    "bushed_parallelogram",
+    "chaos",
+    "bricard",
+    "long_run",
+    "four_bar_chain",
+    "heavy_top",
+    "gimbal",
+}
+SLOW |= {"scale_megametre"}
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=[pytest.mark.slow] * (p.stem in SLOW), id=p.stem) for p in EXTREMES],
+)
+def test_every_case_comes_out_as_its_file_expects(path: Path) -> None:
+    model = load(path)
+    for entry in model.extremes:
+        row = judged(path, model, entry)
+        assert row.passed and row.outcome != "wrong", row
+
+
+def test_stiff_cases_need_at_most_three_times_the_steps_of_scipy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Said of every stiff case in the table; a case that needs more does not pass."""
+    path = MODELS / "extremes" / "stiff_damper.yaml"
+    model = load(path)
+    entry = next(entry for entry in model.extremes if entry.name == "heavily_damped")
+    row = judged(path, model, entry)
+    assert row.passed and row.fewest and row.scipy and row.fewest <= row.scipy
+    monkeypatch.setattr(importlib.import_module("hamel.study.extremes"), "MOST_STEPS", 0.1)
+    assert not judged(path, model, entry).passed
+
+
+def test_spoiled_arguments_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = MODELS / "extremes" / "slow_drive.yaml"
+    model = load(path)
+    entry = next(entry for entry in model.extremes if entry.spoiled)
+    row = judged(path, model, entry)
+    assert (
+        row.passed
+        and row.outcome == "survived"
+        and row.status.endswith(" 0 wrong")
+        and " 0 right" not in row.status
+    )
+    monkeypatch.setattr(
+        importlib.import_module("hamel.verify.checks.strange"), "CLOSE", -1.0
+    )  # no result is close enough
+    row = judged(path, model, entry)
+    assert not row.passed and row.outcome == "wrong"
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ("spoiled: some", "some arguments are to be spoiled"),
+        ("spoiled: all, time: 1 s", "the case 'odd' is no motion"),
+        ("tolerance: 1e-8", "the case 'odd' lasts no time"),
+    ],
+)
+def test_a_case_is_a_motion_or_has_spoiled_arguments(
+    tmp_path: Path, said: str, message: str
+) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text((MODELS / "extremes" / "slow_drive.yaml").read_text() + f"  odd: {{{said}}}\n")
+    with pytest.raises(ModelError, match=message):
+        load(path)
+
+
+def test_what_a_case_is_computed_in(tmp_path: Path) -> None:
+    path = tmp_path / "half.yaml"
+    text = (MODELS / "extremes" / "tumbling.yaml").read_text()
+    path.write_text(text.replace("real: float32", "real: float16"))
+    with pytest.raises(
+        ModelError, match=r"the case 'single' is to be computed in 'float16'"
+    ) as caught:
+        load(path)
+    assert caught.value.diagnostics[0].expected == "float64 or float32"
+    entries = {entry.name: entry for entry in load(MODELS / "extremes" / "tumbling.yaml").extremes}
+    assert (entries["single"].real, entries["single"].rtol) == ("float32", 1e-6)
+    assert (entries["disk"].real, entries["disk"].rtol) == ("float64", 1e-11)
+    assert set(RTOL) == {real.name for real in REALS}
+
+
+def test_many_turns_stay_on_the_constraints() -> None:
+    """Angles of thousands of radians have lost digits, and the linkage closes as well as these let
+    it."""
+    path = MODELS / "extremes" / "long" / "four_bar_forever.yaml"
+    model = load(path)
+    entry = next(entry for entry in model.extremes if entry.name == "thousand_seconds")
+    assert judged(path, model, replace(entry, enforcement="projection", tolerance=1e-4)).passed
+
+
+def test_a_wrong_end_is_seen(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.yaml"
+    text = (
+        (MODELS / "extremes" / "stiff_spring.yaml")
+        .read_text()
+        .replace("y: -g*(1 s)^2/2,", "y: -g*(1 s)^2/3,")
+    )
+    path.write_text(text)
+    model = load(path)
+    row = judged(path, model, model.extremes[0])
+    assert row.outcome == "wrong" and not row.passed
+
+
+# ---- solutions of many digits, at closed forms
+
+KNOWN = {
+    ("pendulum", 10.0): {"x": "-0.27508746257611686005", "y": "-0.96141920509912506427"},
+    ("free_body", 10.0): {
+        "base.wx": "-0.466448718855779853",
+        "base.wy": "-0.180071076738607982",
+        "base.wz": "0.994581052055285966",
+    },
+}
+
+
+@pytest.mark.parametrize(("name", "time"), KNOWN, ids=[name for name, _ in KNOWN])
+def test_solutions_meet_closed_forms_in_all_their_digits(name: str, time: float) -> None:
+    found = solved(name, time, 20)
+    assert found.bound < 1e-19 and found.agreement < 1e-12
+    for key, value in KNOWN[name, time].items():
+        assert abs(found.at(0)[key] - Decimal(value)) <= Decimal(10) ** (5 - len(value)), key
+
+
+@pytest.mark.slow
+def test_thirty_digits_are_thirty_digits() -> None:
+    found = solved("pendulum", 1.0, 30)
+    finer = solved("pendulum", 1.0, 40)
+    assert found.bound < 1.1e-30
+    for key, value in found.at(0).items():
+        assert abs(value - finer.at(0)[key]) < Decimal("1e-30")
+
+
+def solved(name: str, time: float, digits: int) -> Solution:
+    s = system(load(MODELS / f"{name}.yaml"))
+    e = equations(s)
+    x = state_of(e, initial_state(s), np.array(s.parameters))
+    return solution(
+        Problem(e, tuple(map(float, x)), (0.0,) * s.u.numel(), tuple(e.parameters)), [time], digits
+    )

@@ -72,7 +72,10 @@ def test_tables_stand_where_contributing_says() -> None:
     places = re.findall(r"`([A-Z]{4,})` in `([\w/.]+)`", text)
     assert len(places) >= 8
     for name, path in places:
-        assert re.search(rf"^{name}\b", (ROOT / path).read_text("utf-8"), re.MULTILINE), (name, path)
+        assert re.search(rf"^{name}\b", (ROOT / path).read_text("utf-8"), re.MULTILINE), (
+            name,
+            path,
+        )
 
 
 def test_every_room_is_in_the_architecture() -> None:
@@ -137,5 +140,7 @@ def test_templates_of_issues_and_hooks_are_readable() -> None:
     hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text("utf-8"))
     entries = {hook["entry"] for repo in hooks["repos"] for hook in repo["hooks"]}
     makefile = (ROOT / "Makefile").read_text("utf-8")
-    linters = re.findall(r"\$\(BIN\)/(ruff check|ruff format --check|pyright|lint-imports)", makefile)
+    linters = re.findall(
+        r"\$\(BIN\)/(ruff check|ruff format --check|pyright|lint-imports)", makefile
+    )
     assert {f".venv/bin/{linter}" for linter in linters} == entries

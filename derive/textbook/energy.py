@@ -56,30 +56,44 @@ def _kinetic_of_links(doc: Manuscript) -> None:
 
 
 def power(doc: Manuscript) -> None:
-    """d(T + V)/dt = P + λᵀ c."""
+    """d(T + V)/dt = P + λᵀ c, or the same of Jacobi's integral T₂ − T₀ + V."""
     system, still = doc.system, doc.system.c.is_zero()
     doc.section("Energy and power")
+    if not system.homogeneous:
+        doc.say(
+            "The kinetic energy has terms that are linear in the rates or free of them. What is in "
+            "balance is therefore Jacobi's integral, without the former and with the latter "
+            "reversed,"
+        )
+        doc.scalar("H", "H", system.energy, "Jacobi's integral", "J")
+    conserved = "the energy" if system.homogeneous else "Jacobi's integral"
+    subject = "the energy" if system.homogeneous else "it"
     doc.say(
-        "Along a motion the energy changes by the power of the forces that have no potential"
+        f"Along a motion {subject} changes by the power of the forces that have no potential"
         + (":" if still else ", and of constraints that move:")
     )
-    left = r"\frac{\mathrm{d}}{\mathrm{d}t}\left(T+V\right)"
-    right = "P" if still else r"P + !\lambda^T!c"
-    if system.assumptions or doc.terms.function("power") is None:
-        doc.state(left, right)
-    else:
-        moving = ca.dot(doc.terms.lam, system.c) if system.rows else 0
-        doc.law("power", left, right, _energy_rate(doc) - system.power - moving)
+    _law_of_power(doc, still)
     if system.power.is_zero():
-        doc.say("Here $P=0$: the energy is conserved." if still else "Here $P=0$.")
+        doc.say(f"Here $P=0$: {conserved} is conserved." if still else "Here $P=0$.")
         return
     doc.say("with the power")
     doc.scalar("P", "P", system.power, "power of the forces without potential", "W")
 
 
+def _law_of_power(doc: Manuscript, still: bool) -> None:
+    system = doc.system
+    balanced = r"\left(T+V\right)" if system.homogeneous else "H"
+    left = r"\frac{\mathrm{d}}{\mathrm{d}t}" + balanced
+    right = "P" if still else r"P + !\lambda^T!c"
+    if doc.terms.function("power") is None:
+        doc.state(left, right)
+        return
+    moving = ca.dot(doc.terms.lam, system.c) if system.rows else 0
+    doc.law("power", left, right, _energy_rate(doc) - system.power - moving)
+
+
 def _energy_rate(doc: Manuscript) -> ca.SX:
-    """d(T + V)/dt with v̇ from the equations."""
+    """d(T + V)/dt, or that of Jacobi's integral, with v̇ from the equations."""
     s = doc.system
-    total = s.T + s.V
-    at_rest = ca.jtimes(total, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qdot))
-    return at_rest + ca.jtimes(total, s.v, doc.terms.vdot)
+    at_rest = ca.jtimes(s.energy, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qdot))
+    return at_rest + ca.jtimes(s.energy, s.v, doc.terms.vdot)

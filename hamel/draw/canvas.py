@@ -24,7 +24,7 @@ Point = tuple[float, float]
 Attribute = str | float | None
 
 
-def element(tag: str, content: str = "", **attributes: Attribute) -> str:
+def element(tag: str, content: str = "", /, **attributes: Attribute) -> str:
     """<tag …>content</tag>, attributes in this order: `class_` is class and `stroke_width`
     stroke-width; None leaves one out."""
     parts = [

@@ -159,8 +159,9 @@ def _outcome(row: ExtremeRow) -> str:
 
 def outcomes(rows: Sequence[ExtremeRow]) -> str:
     """How many cases ended in each way."""
-    counts = Counter(dict.fromkeys(("survived", "refused", "wrong"), 0))
-    counts.update(row.outcome for row in rows)
+    counts = dict.fromkeys(("survived", "refused", "wrong"), 0)
+    for row in rows:
+        counts[row.outcome] = counts.get(row.outcome, 0) + 1
     text = ", ".join(f"{count} {name}" for name, count in counts.items())
     return f"{len(rows)} extreme cases: {text}"
 

@@ -7,6 +7,7 @@ public functions alone.
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import re
@@ -59,7 +60,12 @@ class Outcome:
 def variables(folder: Path, more: Mapping[str, str] | None = None) -> dict[str, str]:
     """Few variables, with a home and a cache in `folder`."""
     kept = {name: os.environ[name] for name in ("PATH", "LANG", "LC_ALL") if name in os.environ}
-    return kept | PATHS | {"HOME": str(folder), "XDG_CACHE_HOME": str(folder / "cache")} | dict(more or {})
+    return (
+        kept
+        | PATHS
+        | {"HOME": str(folder), "XDG_CACHE_HOME": str(folder / "cache")}
+        | dict(more or {})
+    )
 
 
 def ended(process: subprocess.Popen[str], arguments: Sequence[str], limit: float) -> Outcome:
@@ -73,7 +79,9 @@ def ended(process: subprocess.Popen[str], arguments: Sequence[str], limit: float
         return Outcome(tuple(arguments), KILLED, out, f"{err}\nkilled after {limit:g} s")
 
 
-def started(command: Sequence[str], folder: Path, more: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
+def started(
+    command: Sequence[str], folder: Path, more: Mapping[str, str] | None = None
+) -> subprocess.Popen[str]:
     return subprocess.Popen(
         command, cwd=folder, env=variables(HOME, more), text=True, start_new_session=True,
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, errors="replace",
@@ -87,7 +95,9 @@ def run(
     more: Mapping[str, str] | None = None,
 ) -> Outcome:
     """`hamel ARGUMENTS` in a fresh process that works in `folder`."""
-    return ended(started([sys.executable, "-m", "hamel", *arguments], folder, more), arguments, limit)
+    return ended(
+        started([sys.executable, "-m", "hamel", *arguments], folder, more), arguments, limit
+    )
 
 
 def python(program: str, arguments: Sequence[str], folder: Path, limit: float = LIMIT) -> Outcome:
@@ -146,8 +156,12 @@ class Record:
         """Write build/NAME.json and return the exit code."""
         folder.mkdir(exist_ok=True)
         text = {"tried": dict(sorted(self.tried.items())), "failures": self.failures}
-        (folder / f"{self.name}.json").write_text(json.dumps(text, indent=1, ensure_ascii=False) + "\n")
-        print(f"{self.name}: {sum(self.tried.values())} tried, {len(self.failures)} failures (build/{self.name}.json)")
+        (folder / f"{self.name}.json").write_text(
+            json.dumps(text, indent=1, ensure_ascii=False) + "\n"
+        )
+        print(
+            f"{self.name}: {sum(self.tried.values())} tried, {len(self.failures)} failures (build/{self.name}.json)"
+        )
         return 1 if self.failures else 0
 
 
@@ -186,7 +200,9 @@ class Worker:
     def __init__(self, memory: int | None = None, more: Mapping[str, str] | None = None):
         self.memory, self.more, self.process = memory, more, None
 
-    def call(self, verb: str, *arguments: str, limit: float = 20.0, **options: Any) -> dict[str, Any]:
+    def call(
+        self, verb: str, *arguments: str, limit: float = 20.0, **options: Any
+    ) -> dict[str, Any]:
         """{"code", "text", "warnings"}; the code is KILLED when it took longer than the limit or the process died."""
         if self.process is None or self.process.poll() is not None:
             self.process = self._start()
@@ -200,7 +216,11 @@ class Worker:
             pass
         died = process.poll() is not None
         self.stop()
-        return {"code": KILLED, "text": "the process died" if died else f"took more than {limit:g} s", "warnings": []}
+        return {
+            "code": KILLED,
+            "text": "the process died" if died else f"took more than {limit:g} s",
+            "warnings": [],
+        }
 
     def _answers(self, limit: float) -> bool:
         """Whether it answers before it has used `limit` seconds of processor time (five times as much by the clock)."""
@@ -233,11 +253,7 @@ class Worker:
 
 
 HOME = Path(tempfile.mkdtemp(prefix="trials-"))  # outside the checkout
-
-
-def finish(record: Record) -> int:
-    shutil.rmtree(HOME, ignore_errors=True)
-    return record.write()
+atexit.register(shutil.rmtree, HOME, ignore_errors=True)
 
 
 def install(folder: Path) -> None:

@@ -22,7 +22,18 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import environment
-from environment import HOME, KILLED, Outcome, Record, complaint, ended, python, run, started, two_at_a_time
+from environment import (
+    HOME,
+    KILLED,
+    Outcome,
+    Record,
+    complaint,
+    ended,
+    python,
+    run,
+    started,
+    two_at_a_time,
+)
 
 CORRUPTIONS, KILLS, TOGETHER = 200, 60, 16
 REFUSALS = (1, 2, 3, 4, 64)
@@ -37,7 +48,16 @@ potential: m*g*y
 constraints: {{rod: {{holonomic: (x^2 + y^2 - l^2)/2}}}}
 initial: {{guess: {{x: {length} m, y: 0.1 m}}}}
 """
-BUILD = ("build", "m.yaml", "-o", "out", "--constants", "all", "--functions", "dynamics,energy,reactions")
+BUILD = (
+    "build",
+    "m.yaml",
+    "-o",
+    "out",
+    "--constants",
+    "all",
+    "--functions",
+    "dynamics,energy,reactions",
+)
 
 # Every backend of the module in ./out at three states; what cannot be imported is told by name.
 PROBE = """
@@ -82,7 +102,9 @@ def probed(folder: Path) -> tuple[dict, str]:
 
 
 def same(a: list[float], b: list[float]) -> bool:
-    return len(a) == len(b) and all(abs(x - y) <= 1e-11 * (1 + abs(y)) for x, y in zip(a, b, strict=True))
+    return len(a) == len(b) and all(
+        abs(x - y) <= 1e-11 * (1 + abs(y)) for x, y in zip(a, b, strict=True)
+    )
 
 
 class Good:
@@ -95,22 +117,32 @@ class Good:
         folder = place(length)
         outcome = run(BUILD, folder, more=cache_in(folder))
         found, broken = probed(folder)
-        assert not outcome.code and not broken and len(found["values"]) == 3, (outcome, found, broken)
+        assert not outcome.code and not broken and len(found["values"]) == 3, (
+            outcome,
+            found,
+            broken,
+        )
         return found["values"]
 
-    def wrong(self, folder: Path, lengths: tuple[float, ...] = (1.0,), compiled: bool = True) -> str:
+    def wrong(
+        self, folder: Path, lengths: tuple[float, ...] = (1.0,), compiled: bool = True
+    ) -> str:
         found, broken = probed(folder)
         if broken:
             return f"the module cannot be used: {broken}"
         if compiled and found["errors"]:
             return f"a backend is broken: {found['errors']}"
         for length in lengths:
-            if all(same(value, self.values[length][name]) for name, value in found["values"].items()):
+            if all(
+                same(value, self.values[length][name]) for name, value in found["values"].items()
+            ):
                 return ""
         return f"wrong numbers: {found['values']}"
 
 
-def verdict(good: Good, folder: Path, outcome: Outcome, refusals: tuple[int, ...] = REFUSALS) -> str:
+def verdict(
+    good: Good, folder: Path, outcome: Outcome, refusals: tuple[int, ...] = REFUSALS
+) -> str:
     """A right module, or a clear refusal."""
     wrong = complaint(outcome, refusals) or wordy(outcome)
     return wrong or ("" if outcome.code else good.wrong(folder))
@@ -139,10 +171,16 @@ def truncate(rng: random.Random, path: Path, others: list[Path]) -> None:
 def constant(rng: random.Random, path: Path, others: list[Path]) -> None:
     """Another number for one of the doubles in a binary, or for a digit in a text."""
     data = path.read_bytes()
-    doubles = [i for i in range(0, len(data) - 7, 8) if 1e-2 < abs(struct.unpack_from("<d", data, i)[0]) < 1e2]
+    doubles = [
+        i
+        for i in range(0, len(data) - 7, 8)
+        if 1e-2 < abs(struct.unpack_from("<d", data, i)[0]) < 1e2
+    ]
     if path.suffix == ".so" and doubles:
         i = rng.choice(doubles)
-        path.write_bytes(data[:i] + struct.pack("<d", 1.5 * struct.unpack_from("<d", data, i)[0]) + data[i + 8 :])
+        path.write_bytes(
+            data[:i] + struct.pack("<d", 1.5 * struct.unpack_from("<d", data, i)[0]) + data[i + 8 :]
+        )
         return
     digits = [i for i, byte in enumerate(data) if byte in b"12345678"]
     if digits:
@@ -202,8 +240,13 @@ def corruptions(record: Record, good: Good) -> None:
     template = place()
     run(BUILD, template, more=cache_in(template))
     outcome = run(["verify", "out"], template, more=cache_in(template))
-    record.note("verify FOLDER", f"hamel verify out refuses a good module: {outcome.words}" if outcome.code else "")
-    for kind, wrong in two_at_a_time(lambda number: spoiled(good, template, number), range(CORRUPTIONS)):
+    record.note(
+        "verify FOLDER",
+        f"hamel verify out refuses a good module: {outcome.words}" if outcome.code else "",
+    )
+    for kind, wrong in two_at_a_time(
+        lambda number: spoiled(good, template, number), range(CORRUPTIONS)
+    ):
         record.note(kind, wrong)
 
 
@@ -275,7 +318,9 @@ def together(record: Record, good: Good) -> None:
         wrong = complaint(outcome, (3,)) or good.wrong(folder)
         record.note(f"side by side {outcome.code}", wrong and f"side by side: {wrong}")
     strange = sorted({path.name for path in shared.iterdir()} - {"m.yaml", "out", "cache"})
-    record.note("side by side, afterwards", f"side by side left behind: {strange}" if strange else "")
+    record.note(
+        "side by side, afterwards", f"side by side left behind: {strange}" if strange else ""
+    )
 
 
 # ---- disks --------------------------------------------------------------------------------------------------------------
@@ -286,7 +331,10 @@ def disk(folder: Path, size: str) -> Iterator[bool]:
     """A small disk at a folder; False where none may be mounted."""
     folder.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", str(folder)]
-    mounted = shutil.which("mount") is not None and subprocess.run(command, capture_output=True).returncode == 0
+    mounted = (
+        shutil.which("mount") is not None
+        and subprocess.run(command, capture_output=True).returncode == 0
+    )
     try:
         yield mounted
     finally:
@@ -304,8 +352,14 @@ def full(good: Good, size: str) -> Iterator[tuple[str, str]]:
                 return
             out = "small/out" if what == "module" else "out"
             cache = {"XDG_CACHE_HOME": str(folder / ("small" if what == "cache" else "cache"))}
-            outcome = run([out if word == "out" else word for word in BUILD], folder, more=cache | absolute(folder, variables))
-            wrong = verdict(good, folder / "small" if what == "module" else folder, outcome) or blames_compiler(outcome)
+            outcome = run(
+                [out if word == "out" else word for word in BUILD],
+                folder,
+                more=cache | absolute(folder, variables),
+            )
+            wrong = verdict(
+                good, folder / "small" if what == "module" else folder, outcome
+            ) or blames_compiler(outcome)
             yield f"full disk {outcome.code}", wrong and f"{what} on a disk of {size}: {wrong}"
 
 
@@ -323,7 +377,16 @@ def short_files(good: Good) -> Iterator[tuple[str, str]]:
     """No file may be longer than so many blocks of 512 bytes."""
     for blocks in (0, 1, 8, 20, 60):
         folder = place()
-        command = ["sh", "-c", f'ulimit -f {blocks}; exec "$@"', "sh", sys.executable, "-m", "hamel", *BUILD]
+        command = [
+            "sh",
+            "-c",
+            f'ulimit -f {blocks}; exec "$@"',
+            "sh",
+            sys.executable,
+            "-m",
+            "hamel",
+            *BUILD,
+        ]
         outcome = ended(started(command, folder, cache_in(folder)), BUILD, environment.LIMIT)
         wrong = verdict(good, folder, outcome) or blames_compiler(outcome)
         yield f"short files {outcome.code}", wrong and f"files of at most {blocks} blocks: {wrong}"
@@ -408,7 +471,7 @@ def main() -> int:
     together(record, good)
     kills(record, good)
     corruptions(record, good)
-    return environment.finish(record)
+    return record.write()
 
 
 if __name__ == "__main__":

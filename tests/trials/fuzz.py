@@ -70,7 +70,11 @@ def put(text: str, span: tuple[int, int], new: str) -> str:
 def other_numbers(text: str, rng: random.Random, other: str) -> str:
     """Other numbers and other kinds of joint: what often still loads."""
     for _ in range(rng.choice((1, 1, 2, 3))):
-        pattern, words = (NUMBER, NUMBERS) if rng.random() < 0.7 else (re.compile(rf"\b({'|'.join(KINDS)})\b"), KINDS)
+        pattern, words = (
+            (NUMBER, NUMBERS)
+            if rng.random() < 0.7
+            else (re.compile(rf"\b({'|'.join(KINDS)})\b"), KINDS)
+        )
         places = list(pattern.finditer(text))
         if places:
             text = put(text, rng.choice(places).span(), rng.choice(words))
@@ -106,7 +110,9 @@ def other_words(text: str, rng: random.Random, other: str) -> str:
 
 def other_value(text: str, rng: random.Random, other: str) -> str:
     """Something strange after a colon, or between quotation marks."""
-    places = [m.span(1) for m in re.finditer(r":[ \t]+([^\n]+)", text)] + [m.span(1) for m in re.finditer(r'"([^"\n]*)"', text)]
+    places = [m.span(1) for m in re.finditer(r":[ \t]+([^\n]+)", text)] + [
+        m.span(1) for m in re.finditer(r'"([^"\n]*)"', text)
+    ]
     return put(text, rng.choice(places), rng.choice(STRANGE)) if places else text
 
 
@@ -127,11 +133,21 @@ def other_tags(text: str, rng: random.Random, other: str) -> str:
 def other_bytes(text: str, rng: random.Random, other: str) -> str:
     i = rng.randrange(len(text) + 1)
     return (
-        text[:i] + chr(rng.choice((0, 9, 10, 13, 32, 34, 35, 0x7F, 0x85, 0xFEFF, 0x2028, 0x1F600))) + text[i + rng.randrange(3) :]
+        text[:i]
+        + chr(rng.choice((0, 9, 10, 13, 32, 34, 35, 0x7F, 0x85, 0xFEFF, 0x2028, 0x1F600)))
+        + text[i + rng.randrange(3) :]
     )
 
 
-SLIPS = (other_numbers, other_numbers, other_lines, other_words, other_value, other_tags, other_bytes)
+SLIPS = (
+    other_numbers,
+    other_numbers,
+    other_lines,
+    other_words,
+    other_value,
+    other_tags,
+    other_bytes,
+)
 
 
 def mutated(seeds: list[tuple[str, str]], rng: random.Random) -> tuple[str, str]:
@@ -146,7 +162,12 @@ def mutated(seeds: list[tuple[str, str]], rng: random.Random) -> tuple[str, str]
 def seeds() -> list[tuple[str, str]]:
     """The models, the robots of the tests and the corpus; long ones are left out."""
     folders = (environment.ROOT / "models", environment.ROBOTS, CORPUS)
-    paths = [path for folder in folders for path in sorted(folder.rglob("*")) if path.suffix in (".yaml", ".urdf", ".xml")]
+    paths = [
+        path
+        for folder in folders
+        for path in sorted(folder.rglob("*"))
+        if path.suffix in (".yaml", ".urdf", ".xml")
+    ]
     return [(path.suffix, path.read_text()) for path in paths if path.stat().st_size < LARGEST]
 
 
@@ -193,7 +214,11 @@ def fault(end: dict) -> str:
         return f"out of memory: {line}"
     if end["warnings"]:
         return f"warning: {end['warnings'][0][:300]}"
-    return "" if end["code"] == 0 or ("\n" not in line and line) else f"refuses without words: {end['text']!r}"
+    return (
+        ""
+        if end["code"] == 0 or ("\n" not in line and line)
+        else f"refuses without words: {end['text']!r}"
+    )
 
 
 class Fuzzer(threading.Thread):
@@ -202,7 +227,10 @@ class Fuzzer(threading.Thread):
     def __init__(self, tries: Tries, verb: str, number: int, until: float):
         super().__init__()
         self.tries, self.verb, self.until = tries, verb, until
-        self.rng, self.worker = random.Random(number), Worker(MEMORY, {"XDG_CACHE_HOME": str(HOME / f"cache-{verb}")})
+        self.rng, self.worker = (
+            random.Random(number),
+            Worker(MEMORY, {"XDG_CACHE_HOME": str(HOME / f"cache-{verb}")}),
+        )
         self.folder = HOME / f"fuzz-{verb}"
         self.folder.mkdir()
 
@@ -215,9 +243,17 @@ class Fuzzer(threading.Thread):
         self.worker.stop()
 
     def files(self, given: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
-        corpus = [(path.suffix, path.read_text()) for path in sorted(CORPUS.glob("*")) if path.suffix != ".md"]
+        corpus = [
+            (path.suffix, path.read_text())
+            for path in sorted(CORPUS.glob("*"))
+            if path.suffix != ".md"
+        ]
         yield from corpus if self.verb == "check" else [(s, t) for s, t in corpus if len(t) < 1_000]
-        small = given if self.verb == "check" else [(suffix, text) for suffix, text in given if len(text) < 1_200]
+        small = (
+            given
+            if self.verb == "check"
+            else [(suffix, text) for suffix, text in given if len(text) < 1_200]
+        )
         while True:
             yield mutated(small, self.rng)
 
@@ -228,19 +264,24 @@ class Fuzzer(threading.Thread):
         self.tries.note("check", end, suffix, text)
         if self.verb == "build" and end["code"] == 0:
             given = {"out": str(self.folder / "out"), "functions": ["dynamics", "energy"]}
-            self.tries.note("build", self.worker.call("build", str(path), limit=BUILDING, **given), suffix, text)
+            self.tries.note(
+                "build", self.worker.call("build", str(path), limit=BUILDING, **given), suffix, text
+            )
 
 
 def main(seconds: float) -> int:
     record = Record("fuzz")
     until = time.monotonic() + seconds
     tries = Tries(record)
-    fuzzers = [Fuzzer(tries, "check", random.randrange(10**6), until), Fuzzer(tries, "build", random.randrange(10**6), until)]
+    fuzzers = [
+        Fuzzer(tries, "check", random.randrange(10**6), until),
+        Fuzzer(tries, "build", random.randrange(10**6), until),
+    ]
     for fuzzer in fuzzers:
         fuzzer.start()
     for fuzzer in fuzzers:
         fuzzer.join()
-    return environment.finish(record)
+    return record.write()
 
 
 if __name__ == "__main__":

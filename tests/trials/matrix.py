@@ -32,7 +32,11 @@ SHORT: dict[str, tuple[str, ...]] = {
     "import": ("-o", "imported.yaml"),
 }
 SELDOM = ("report", "stress", "extremes")  # only where nothing else is: a report takes many runs
-CLAIMS = ("reference", "stress", "extremes")  # sections whose made-up numbers verification may refuse
+CLAIMS = (
+    "reference",
+    "stress",
+    "extremes",
+)  # sections whose made-up numbers verification may refuse
 ROBOTS = ".urdf", ".xml"
 
 
@@ -59,17 +63,25 @@ def tried(job: tuple[str, str, str, str, bool]) -> tuple[str, str, str]:
     kind, suffix, text, verb, as_json = job
     folder = Path(environment.tempfile.mkdtemp(dir=environment.HOME))
     (folder / f"m{suffix}").write_text(text)
-    outcome = run([verb, f"m{suffix}", *SHORT.get(verb, ()), *(["--json"] if as_json else [])], folder)
+    outcome = run(
+        [verb, f"m{suffix}", *SHORT.get(verb, ()), *(["--json"] if as_json else [])], folder
+    )
     wrong = fails(kind, outcome)
     shutil.rmtree(folder)
-    return kind, f"{verb} {outcome.code}", wrong and f"{' '.join(outcome.arguments)} of {kind}: {wrong}\n{compact(text)}"
+    return (
+        kind,
+        f"{verb} {outcome.code}",
+        wrong and f"{' '.join(outcome.arguments)} of {kind}: {wrong}\n{compact(text)}",
+    )
 
 
 def compact(text: str) -> str:
     return json.dumps(json.loads(text)) if text.startswith("{") else text[:2000]
 
 
-def jobs_of(kind: str, suffix: str, text: str, smallest: bool, legal: bool, turn: Iterator[int]) -> Iterator[tuple]:
+def jobs_of(
+    kind: str, suffix: str, text: str, smallest: bool, legal: bool, turn: Iterator[int]
+) -> Iterator[tuple]:
     """Every verb on a smallest file; two on a legal other one, one on a refused one."""
     usual = [name for name in with_model() if name not in SELDOM]
     number = next(turn)
@@ -83,15 +95,26 @@ def jobs_of(kind: str, suffix: str, text: str, smallest: bool, legal: bool, turn
 def robots() -> Iterator[tuple[str, str, str, bool]]:
     """URDF and MJCF files, small ones of every joint and those of the tests; and what `hamel import` writes of them."""
     small = [(f"urdf {kind}", ".urdf", URDF.format(kind=kind)) for kind in URDF_JOINTS]
-    small += [(f"mjcf {kind or 'weld'}", ".xml", MJCF.format(joint=MJCF_JOINTS[kind])) for kind in MJCF_JOINTS]
-    whole = [(path.name, path.suffix, path.read_text()) for path in sorted(environment.ROBOTS.glob("*.*"))]
+    small += [
+        (f"mjcf {kind or 'weld'}", ".xml", MJCF.format(joint=MJCF_JOINTS[kind]))
+        for kind in MJCF_JOINTS
+    ]
+    whole = [
+        (path.name, path.suffix, path.read_text())
+        for path in sorted(environment.ROBOTS.glob("*.*"))
+    ]
     for kind, suffix, text in (*small, *whole):
         yield kind, suffix, text, (kind, suffix, text) in small
         folder = Path(environment.tempfile.mkdtemp(dir=environment.HOME))
         (folder / f"m{suffix}").write_text(text)
         run(["import", f"m{suffix}", "-o", "m.yaml"], folder)
         if (folder / "m.yaml").exists():
-            yield f"{kind}, imported", ".yaml", (folder / "m.yaml").read_text(), (kind, suffix, text) in small
+            yield (
+                f"{kind}, imported",
+                ".yaml",
+                (folder / "m.yaml").read_text(),
+                (kind, suffix, text) in small,
+            )
 
 
 URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -121,7 +144,10 @@ def oracle(worker: Worker, record: Record) -> Callable[[dict], str]:
             end = worker.call("check", str(path))
             known[text] = end["text"]
             wrong = end["warnings"] or ([end["text"]] if end["code"] not in (0, 1, 2) else [])
-            record.note(f"hamel.check {end['code']}", f"hamel.check: {wrong[0]} of {json.dumps(model)}" if wrong else "")
+            record.note(
+                f"hamel.check {end['code']}",
+                f"hamel.check: {wrong[0]} of {json.dumps(model)}" if wrong else "",
+            )
         return known[text]
 
     return refusal
@@ -135,7 +161,12 @@ def all_jobs(record: Record, refusal: Callable[[dict], str]) -> Iterator[tuple]:
         seen.add(file.kind.partition(",")[0])
         yield from jobs_of(named(file), ".yaml", file.text, not file.key, file.legal, turn)
     for kind in schema.kinds():
-        record.note("kinds", "" if kind.name in seen else f"no legal file of {kind.name} could be written from the schema")
+        record.note(
+            "kinds",
+            ""
+            if kind.name in seen
+            else f"no legal file of {kind.name} could be written from the schema",
+        )
     for kind, suffix, text, small in robots():
         yield from jobs_of(kind, suffix, text, small, True, turn)
         if suffix in ROBOTS:
@@ -167,7 +198,7 @@ def main(count: int) -> int:
     assert 70 not in documented() and 1 in documented()
     matrix(record)
     mechanisms.tried_all(record, count)
-    return environment.finish(record)
+    return record.write()
 
 
 if __name__ == "__main__":

@@ -21,7 +21,17 @@ from environment import Outcome, Record, complaint, python, run, two_at_a_time
 
 Array = np.ndarray
 Frame = tuple[Array, Array]  # rotation, origin
-SPACE = ("revolute", "prismatic", "screw", "cylindrical", "universal", "ball", "planar", "free", "fixed")
+SPACE = (
+    "revolute",
+    "prismatic",
+    "screw",
+    "cylindrical",
+    "universal",
+    "ball",
+    "planar",
+    "free",
+    "fixed",
+)
 PLANE = ("revolute", "prismatic", "planar")
 SIZES = {
     "revolute": 1,
@@ -35,8 +45,24 @@ SIZES = {
     "fixed": 0,
 }
 FREEDOMS = SIZES | {"ball": 3, "free": 6}
-LOOPS = {"revolute": 5, "prismatic": 5, "screw": 5, "cylindrical": 4, "universal": 4, "ball": 3, "planar": 3, "fixed": 6}
-MEETINGS = {"distance": 1, "point_on_surface": 1, "no_slip": 1, "rolling": 3, "coupling": 1, "prescribed": 1}
+LOOPS = {
+    "revolute": 5,
+    "prismatic": 5,
+    "screw": 5,
+    "cylindrical": 4,
+    "universal": 4,
+    "ball": 3,
+    "planar": 3,
+    "fixed": 6,
+}
+MEETINGS = {
+    "distance": 1,
+    "point_on_surface": 1,
+    "no_slip": 1,
+    "rolling": 3,
+    "coupling": 1,
+    "prescribed": 1,
+}
 ONE = ("revolute", "prismatic", "screw")
 STEP = 1e-3  # s, between the points of the motion that is differentiated
 CLOSE = 2e-6  # of fourth-order differences over STEP; a wrong sign or term errs by 1e-2 and more
@@ -115,7 +141,9 @@ class Joint:
 
 
 Residual = Callable[[list[Frame], Array, float], Array]  # of frames, q, t
-Rate = Callable[[list[Frame], Array, Array, Array], Array]  # of frames, v, ω of the bodies' origins, q̇
+Rate = Callable[
+    [list[Frame], Array, Array, Array], Array
+]  # of frames, v, ω of the bodies' origins, q̇
 Power = Callable[["Motion"], Array]  # of every virtual velocity
 
 
@@ -143,7 +171,13 @@ class Mechanism:
     names: list[str] = field(default_factory=list)
     pose: Array = field(default_factory=lambda: np.zeros(0))
     lines: dict[str, dict] = field(
-        default_factory=lambda: {"bodies": {}, "joints": {}, "closures": {}, "constraints": {}, "loads": {}}
+        default_factory=lambda: {
+            "bodies": {},
+            "joints": {},
+            "closures": {},
+            "constraints": {},
+            "loads": {},
+        }
     )
     residuals: list[Residual] = field(default_factory=list)
     rates: list[Rate] = field(default_factory=list)
@@ -156,15 +190,29 @@ class Mechanism:
         return [float(e) for e in x[: 2 if self.planar else 3]]
 
     def place(self, at: Frame) -> dict:
-        turned = {"angle": float(np.arctan2(at[0][1, 0], at[0][0, 0]))} if self.planar else {"matrix": at[0].tolist()}
+        turned = (
+            {"angle": float(np.arctan2(at[0][1, 0], at[0][0, 0]))}
+            if self.planar
+            else {"matrix": at[0].tolist()}
+        )
         return {"position": self.vector(at[1])} | turned
 
     @property
     def text(self) -> str:
         guess = dict(zip(self.names, map(float, self.pose), strict=True))
-        start = {"model": self.name} | ({"plane": "xy"} if self.planar else {}) | {"gravity": self.vector(self.gravity)}
+        start = (
+            {"model": self.name}
+            | ({"plane": "xy"} if self.planar else {})
+            | {"gravity": self.vector(self.gravity)}
+        )
         units = {"parameters": {"amplitude": "0.2 rad", "stroke": "0.2 m", "rate": "1.5 rad/s"}}
-        return json.dumps(start | units | {k: v for k, v in self.lines.items() if v} | {"initial": {"guess": guess}}, indent=1)
+        return json.dumps(
+            start
+            | units
+            | {k: v for k, v in self.lines.items() if v}
+            | {"initial": {"guess": guess}},
+            indent=1,
+        )
 
     # ---- random parts -----------------------------------------------------------------------------------------------------
 
@@ -187,14 +235,25 @@ class Mechanism:
         """One more body on a joint."""
         rng, i = self.rng, len(self.joints)
         axis, before, behind = self.any_axis(kind), self.any_frame(), self.any_frame()
-        joint = Joint(kind, parent, before, behind, axis, across(axis), float(rng.uniform(-0.5, 0.5)), len(self.names))
+        joint = Joint(
+            kind,
+            parent,
+            before,
+            behind,
+            axis,
+            across(axis),
+            float(rng.uniform(-0.5, 0.5)),
+            len(self.names),
+        )
         self.joints.append(joint)
         q = rng.uniform(-0.8, 0.8, SIZES[kind])
         if kind in ("ball", "free"):
             q[-4:] = rng.normal(size=4)
             q[-4:] /= np.linalg.norm(q[-4:])
         self.pose = np.append(self.pose, q)
-        own = kind in ONE and rng.random() < 0.1  # the coordinate is left out: it has the joint's name
+        own = (
+            kind in ONE and rng.random() < 0.1
+        )  # the coordinate is left out: it has the joint's name
         names = [f"J{i}"] if own else [f"q{i}_{k}" for k in range(len(q))]
         self.names += names
         self.lines["bodies"][f"b{i}"] = self._body()
@@ -204,17 +263,27 @@ class Mechanism:
         points, masses = self.rng.uniform(-0.3, 0.3, (5, 3)), self.rng.uniform(0.1, 1.0, 5)
         com = masses @ points / masses.sum() * (np.array([1, 1, 0]) if self.planar else 1)
         points = points - masses @ points / masses.sum()
-        I = sum(m * ((r @ r) * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, points, strict=True))
+        I = sum(
+            m * ((r @ r) * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, points, strict=True)
+        )
         self.masses.append((float(masses.sum()), com, I))
         six = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]
         inertia = float(I[2, 2]) if self.planar else [float(x) for x in six]
         return {"mass": float(masses.sum()), "com": self.vector(com), "inertia": inertia}
 
     def _joint(self, joint: Joint, child: str, names: list[str]) -> dict:
-        entry: dict = {"type": joint.kind, "parent": "ground" if joint.parent < 0 else f"b{joint.parent}", "child": child}
+        entry: dict = {
+            "type": joint.kind,
+            "parent": "ground" if joint.parent < 0 else f"b{joint.parent}",
+            "child": child,
+        }
         entry["at"] = {"parent": self.place(joint.before), "child": self.place(joint.behind)}
         turning = self.planar and joint.kind != "prismatic"
-        entry |= {} if turning or joint.kind in ("ball", "free", "planar", "fixed") else {"axis": self.vector(joint.axis)}
+        entry |= (
+            {}
+            if turning or joint.kind in ("ball", "free", "planar", "fixed")
+            else {"axis": self.vector(joint.axis)}
+        )
         entry |= {"axis2": self.vector(joint.axis2)} if joint.kind == "universal" else {}
         entry |= {"pitch": joint.pitch} if joint.kind == "screw" else {}
         if joint.kind == "free":
@@ -247,17 +316,26 @@ class Mechanism:
         ahead = [self.frames(q + k * h * rates) for k in (-2, -1, 1, 2)]
         weights = np.array([1, -8, 8, -1]) / (12 * h)
         now = self.frames(q)
-        v = np.array([sum(w * f[i][1] for w, f in zip(weights, ahead, strict=True)) for i in range(len(now))])
-        turned = [sum(w * f[i][0] for w, f in zip(weights, ahead, strict=True)) for i in range(len(now))]
+        v = np.array(
+            [sum(w * f[i][1] for w, f in zip(weights, ahead, strict=True)) for i in range(len(now))]
+        )
+        turned = [
+            sum(w * f[i][0] for w, f in zip(weights, ahead, strict=True)) for i in range(len(now))
+        ]
         return v, np.array([skew(R @ now[i][0].T) for i, R in enumerate(turned)])
 
     def constraint_rates(self, q: Array, rates: Array) -> Array:
         """Of holonomic rows at constant t, and of the others, along q̇."""
         h = 1e-3 / max(1.0, float(np.abs(rates).max(initial=0)))
         weights = np.array([1, -8, 8, -1]) / (12 * h)
-        moved = sum(w * self.residual(q + k * h * rates) for w, k in zip(weights, (-2, -1, 1, 2), strict=True))
+        moved = sum(
+            w * self.residual(q + k * h * rates)
+            for w, k in zip(weights, (-2, -1, 1, 2), strict=True)
+        )
         v, omega = self.twists(q, rates)
-        return np.concatenate([moved, *(rate(self.frames(q), v, omega, rates) for rate in self.rates)])
+        return np.concatenate(
+            [moved, *(rate(self.frames(q), v, omega, rates) for rate in self.rates)]
+        )
 
     def tangents(self, q: Array) -> Array:
         """q̇ of every freedom of the tree: unit vectors, and three for each quaternion."""
@@ -268,7 +346,9 @@ class Mechanism:
             if joint.kind in ("ball", "free"):
                 w, x, y, z = q[joint.first + size - 4 : joint.first + size]
                 G = np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) / 2
-                block = np.block([[np.eye(size - 4), np.zeros((size - 4, 3))], [np.zeros((4, size - 4)), G]])
+                block = np.block(
+                    [[np.eye(size - 4), np.zeros((size - 4, 3))], [np.zeros((4, size - 4)), G]]
+                )
             for column in block.T:
                 columns.append(np.zeros(len(q)))
                 columns[-1][joint.first : joint.first + size] = column
@@ -285,14 +365,30 @@ class Mechanism:
     # ---- what is put into the pose ----------------------------------------------------------------------------------------
 
     def close(self, kind: str, one: int, other: int) -> None:
-        frames, axis, name = self.frames(self.pose), self.any_axis(kind), f"C{len(self.lines['closures'])}"
+        frames, axis, name = (
+            self.frames(self.pose),
+            self.any_axis(kind),
+            f"C{len(self.lines['closures'])}",
+        )
         first = self.any_frame()
         second = after(inverse(self.of(frames, other)), after(self.of(frames, one), first))
         axis2, pitch = across(axis), float(self.rng.uniform(0.1, 0.5))
-        entry = {"type": kind, "between": [self.called(one), self.called(other)], "at": [self.place(first), self.place(second)]}
+        entry = {
+            "type": kind,
+            "between": [self.called(one), self.called(other)],
+            "at": [self.place(first), self.place(second)],
+        }
         turning = self.planar and kind != "prismatic"
-        entry |= {} if turning or kind in ("ball", "planar", "fixed") else {"axis": self.vector(axis)}
-        entry |= {"axis2": self.vector(axis2)} if kind == "universal" else {"pitch": pitch} if kind == "screw" else {}
+        entry |= (
+            {} if turning or kind in ("ball", "planar", "fixed") else {"axis": self.vector(axis)}
+        )
+        entry |= (
+            {"axis2": self.vector(axis2)}
+            if kind == "universal"
+            else {"pitch": pitch}
+            if kind == "screw"
+            else {}
+        )
         self.lines["closures"][name] = entry
 
         def residual(frames: list[Frame], q: Array, t: float) -> Array:
@@ -318,12 +414,18 @@ class Mechanism:
         a, b = self.any_points()
 
         def between(frames: list[Frame]) -> float:
-            ends = [R @ x + p for x, (R, p) in ((a, self.of(frames, one)), (b, self.of(frames, other)))]
+            ends = [
+                R @ x + p for x, (R, p) in ((a, self.of(frames, one)), (b, self.of(frames, other)))
+            ]
             return float(np.linalg.norm(ends[1] - ends[0]))
 
         length = between(self.frames(self.pose))
         self.residuals.append(lambda frames, q, t: np.array([between(frames) - length]))
-        return {"between": [self.called(one), self.called(other)], "at": [self.vector(a), self.vector(b)], "length": length}
+        return {
+            "between": [self.called(one), self.called(other)],
+            "at": [self.vector(a), self.vector(b)],
+            "length": length,
+        }
 
     def _point_on_surface(self, one: int, other: int) -> dict:
         a, _ = self.any_points()
@@ -335,8 +437,15 @@ class Mechanism:
 
         rest = value(self.frames(self.pose))
         self.residuals.append(lambda frames, q, t: np.array([value(frames) - rest]))
-        terms = " + ".join(f"{w!r}*{x}^2" for w, x in zip(map(float, weights), "xy" if self.planar else "xyz"))
-        return {"body": self.called(one), "at": self.vector(a), "surface": f"{terms} - {rest!r} m^2", "of": self.called(other)}
+        terms = " + ".join(
+            f"{w!r}*{x}^2" for w, x in zip(map(float, weights), "xy" if self.planar else "xyz")
+        )
+        return {
+            "body": self.called(one),
+            "at": self.vector(a),
+            "surface": f"{terms} - {rest!r} m^2",
+            "of": self.called(other),
+        }
 
     def _no_slip(self, one: int, other: int) -> dict:
         a, _ = self.any_points()
@@ -354,7 +463,11 @@ class Mechanism:
         if self.planar:
             return None
         a, _ = self.any_points()
-        normal, spin, radius = self.any_axis("ball"), self.any_axis("ball"), float(self.rng.uniform(0.2, 0.5))
+        normal, spin, radius = (
+            self.any_axis("ball"),
+            self.any_axis("ball"),
+            float(self.rng.uniform(0.2, 0.5)),
+        )
         disk = bool(self.rng.random() < 0.5)
 
         def touch(frames: list[Frame]) -> Array:
@@ -365,9 +478,17 @@ class Mechanism:
 
         start = self.frames(self.pose)
         origin = start[one][1] + touch(start)
-        self.residuals.append(lambda frames, q, t: np.array([normal @ (frames[one][1] + touch(frames) - origin)]))
-        self.rates.append(lambda frames, v, omega, rates: v[one] + np.cross(omega[one], touch(frames)))
-        shape = {"disk": {"radius": radius, "axis": self.vector(spin)}} if disk else {"sphere": {"radius": radius}}
+        self.residuals.append(
+            lambda frames, q, t: np.array([normal @ (frames[one][1] + touch(frames) - origin)])
+        )
+        self.rates.append(
+            lambda frames, v, omega, rates: v[one] + np.cross(omega[one], touch(frames))
+        )
+        shape = (
+            {"disk": {"radius": radius, "axis": self.vector(spin)}}
+            if disk
+            else {"sphere": {"radius": radius}}
+        )
         plane = {"normal": self.vector(normal), "origin": self.vector(origin)}
         return {"body": self.called(one), "at": self.vector(a), "shape": shape, "plane": plane}
 
@@ -407,19 +528,37 @@ class Mechanism:
         spring = kind == "spring"
         entry = {"stiffness": k, "rest": 0.3} if spring else {"coefficient": k}
         self.lines["loads"][name] = {"type": kind, "coordinate": self.names[i]} | entry
-        self.powers.append(lambda m: -k * ((m.q[i] - 0.3) if spring else m.rates[i]) * m.virtual[:, i])
+        self.powers.append(
+            lambda m: -k * ((m.q[i] - 0.3) if spring else m.rates[i]) * m.virtual[:, i]
+        )
 
     def _on_body(self, kind: str, name: str, body: int, x: Array) -> None:
         turned, at = bool(self.rng.random() < 0.5), self.any_points()[0]
-        x = x * (np.array([0, 0, 1]) if self.planar and kind == "torque" else np.array([1, 1, 0]) if self.planar else 1)
-        entry: dict = {"type": kind, "body": self.called(body), "frame": "body" if turned else "ground"}
+        x = x * (
+            np.array([0, 0, 1])
+            if self.planar and kind == "torque"
+            else np.array([1, 1, 0])
+            if self.planar
+            else 1
+        )
+        entry: dict = {
+            "type": kind,
+            "body": self.called(body),
+            "frame": "body" if turned else "ground",
+        }
         entry |= {"at": self.vector(at)} if kind == "force" else {}
-        self.lines["loads"][name] = entry | {"components": float(x[2]) if self.planar and kind == "torque" else self.vector(x)}
+        self.lines["loads"][name] = entry | {
+            "components": float(x[2]) if self.planar and kind == "torque" else self.vector(x)
+        }
 
         def power(m: Motion) -> Array:
             R = m.frames[body][0]
             y = R @ x if turned else x
-            return m.turns[:, body] @ y if kind == "torque" else m.origins[:, body] @ y + m.turns[:, body] @ np.cross(R @ at, y)
+            return (
+                m.turns[:, body] @ y
+                if kind == "torque"
+                else m.origins[:, body] @ y + m.turns[:, body] @ np.cross(R @ at, y)
+            )
 
         self.powers.append(power)
 
@@ -461,7 +600,9 @@ def mechanism(seed: int) -> Mechanism:
     bodies = len(made.joints)
     closures = [k for k in LOOPS if not made.planar or k in ("revolute", "prismatic", "fixed")]
     for add, wanted in ((made.close, closures), (made.meet, list(MEETINGS))):
-        for kind in rng.choice(wanted, int(rng.choice([0, 1, 1, 2] if add == made.meet else [0, 1, 1]))):
+        for kind in rng.choice(
+            wanted, int(rng.choice([0, 1, 1, 2] if add == made.meet else [0, 1, 1]))
+        ):
             one, other = int(rng.integers(bodies)), int(rng.integers(-1, bodies))
             _try(made, add, str(kind), one, other)
     for kind in rng.choice(["spring", "damper", "force", "torque"], int(rng.integers(0, 3))):
@@ -544,7 +685,9 @@ def judged(made: Mechanism, answer: dict) -> Iterator[str]:
 
 def _against_principle(made: Mechanism, answer: dict) -> Iterator[str]:
     q, virtual = made.pose, np.array(answer["virtual"]).reshape(-1, len(made.pose))
-    slipped = [made.constraint_rates(q, column) / max(1.0, np.abs(column).max()) for column in virtual]
+    slipped = [
+        made.constraint_rates(q, column) / max(1.0, np.abs(column).max()) for column in virtual
+    ]
     worst = float(np.abs(slipped).max(initial=0))
     if worst > CLOSE:
         yield f"a virtual velocity breaks a constraint by {worst:.1g}"
@@ -560,7 +703,9 @@ def _against_principle(made: Mechanism, answer: dict) -> Iterator[str]:
     energies = np.array(answer["energy"]).sum(axis=1)
     rate = np.array([1, -8, 8, -1]) @ energies / (12 * STEP)
     scale = 1 + np.abs(energies).max() + abs(answer["power"])
-    still = not any(entry.get("type") == "prescribed" for entry in made.lines["constraints"].values())
+    still = not any(
+        entry.get("type") == "prescribed" for entry in made.lines["constraints"].values()
+    )
     if still and abs(rate - answer["power"]) > 10 * CLOSE * scale:
         yield f"power {answer['power']:.6g}, but the energy changes at {rate:.6g}"
 
@@ -577,7 +722,10 @@ def unbalanced(made: Mechanism, answer: dict, virtual: Array) -> float:
     for i, (mass, com, I) in enumerate(made.masses):
         R = np.array([f[i][0] for f in frames])
         centre = np.array([f[i][0] @ com + f[i][1] for f in frames])
-        turned = [sum(w * R[k + j] for j, w in zip(range(-2, 3), weights, strict=True)) for k in range(2, 7)]
+        turned = [
+            sum(w * R[k + j] for j, w in zip(range(-2, 3), weights, strict=True))
+            for k in range(2, 7)
+        ]
         spin = [skew(turned[k] @ R[k + 2].T) for k in range(5)]
         momentum = np.array([R[k + 2] @ I @ R[k + 2].T @ spin[k] for k in range(5)])
         second = np.array([-1, 16, -30, 16, -1]) / (12 * STEP**2) @ centre[2:7]
@@ -597,7 +745,11 @@ def simulated(made: Mechanism, answer: dict) -> Iterator[str]:
     for name, end in answer["ends"].items():
         if isinstance(end, str):
             unfit = end.startswith("2 ") and "does not fit" in end
-            yield from [] if unfit or _true_stop(made, answer, end) else [f"simulate with {name}: {end.splitlines()[0]}"]
+            yield from (
+                []
+                if unfit or _true_stop(made, answer, end)
+                else [f"simulate with {name}: {end.splitlines()[0]}"]
+            )
             continue
         q = np.array([end[n] for n in made.names])
         places[name] = np.array([p for _, p in made.frames(q)])
@@ -612,7 +764,11 @@ def simulated(made: Mechanism, answer: dict) -> Iterator[str]:
 
 def _true_stop(made: Mechanism, answer: dict, end: str) -> bool:
     """A refused motion may end at a singular position: then the others that went on have come near to one."""
-    reached = [np.array([e[n] for n in made.names]) for e in answer["ends"].values() if not isinstance(e, str)]
+    reached = [
+        np.array([e[n] for n in made.names])
+        for e in answer["ends"].values()
+        if not isinstance(e, str)
+    ]
     return end.startswith("2 ") and any(made.rank(q)[2] < SINGULAR for q in (made.pose, *reached))
 
 
@@ -628,7 +784,10 @@ def refusal(made: Mechanism, outcome: Outcome) -> str:
     total, rank, least = made.rank(made.pose)
     if outcome.code in (1, 2) and least < SINGULAR:
         return ""
-    return complaint(outcome, ()) or f"refused at a regular position (σ_min/σ_max = {least:.1g}): {outcome.words}"
+    return (
+        complaint(outcome, ())
+        or f"refused at a regular position (σ_min/σ_max = {least:.1g}): {outcome.words}"
+    )
 
 
 def tried(job: tuple[int, list[str]]) -> tuple[str, list[str], str]:
@@ -637,8 +796,12 @@ def tried(job: tuple[int, list[str]]) -> tuple[str, list[str], str]:
     made = mechanism(seed)
     folder = Path(environment.tempfile.mkdtemp(dir=environment.HOME))
     (folder / "m.yaml").write_text(made.text)
-    emitted = "default" if seed % 5 == 0 else "dynamics,energy,power"  # all functions take three times as long
-    outcome = run(["build", "m.yaml", "-o", "module", "--functions", emitted], folder, 2 * environment.LIMIT)
+    emitted = (
+        "default" if seed % 5 == 0 else "dynamics,energy,power"
+    )  # all functions take three times as long
+    outcome = run(
+        ["build", "m.yaml", "-o", "module", "--functions", emitted], folder, 2 * environment.LIMIT
+    )
     if outcome.code:
         wrong = refusal(made, outcome)
         end, failures = f"mechanism refused {outcome.code}", [wrong] if wrong else []
@@ -649,7 +812,13 @@ def tried(job: tuple[int, list[str]]) -> tuple[str, list[str], str]:
 
 
 def _loaded(made: Mechanism, folder: Path, enforcements: list[str]) -> Iterator[str]:
-    asked = {"q": made.pose.tolist(), "names": made.names, "step": STEP, "enforcements": enforcements, "file": "m.yaml"}
+    asked = {
+        "q": made.pose.tolist(),
+        "names": made.names,
+        "step": STEP,
+        "enforcements": enforcements,
+        "file": "m.yaml",
+    }
     loaded = python(PROBE, [str(folder), json.dumps(asked)], folder)
     if loaded.code:
         yield f"the module fails when loaded: {loaded.words}"
@@ -664,7 +833,11 @@ def _loaded(made: Mechanism, folder: Path, enforcements: list[str]) -> Iterator[
 def tried_all(record: Record, count: int) -> None:
     kinds = json.loads(run(["list", "--json"], environment.HOME).out)["kinds"]
     listed = kinds.get("enforcements") or kinds["keepings"]
-    usable = [e["name"] for e in listed if e["name"] in ("projection", "none", "baumgarte", "feedback", "tangent")]
+    usable = [
+        e["name"]
+        for e in listed
+        if e["name"] in ("projection", "none", "baumgarte", "feedback", "tangent")
+    ]
     texts = environment.ROOT / "build" / "trials" / "mechanisms"
     texts.mkdir(parents=True, exist_ok=True)
     for end, failures, text in two_at_a_time(tried, ((seed, usable) for seed in range(count))):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -37,18 +38,33 @@ class Scene:
 def _small(family: str, plane: Node, joint: Node, inertia: Any) -> Scene:
     """One body on one joint without a coordinate of its own name."""
     body = {"mass": 1, **({"inertia": inertia} if inertia else {})}
-    model = plane | {"bodies": {"c": body}, "joints": {"C": {"type": joint["type"], "parent": "ground", "child": "c"} | joint}}
-    names = {"body": "c", "pair": ["ground", "c"], "joint": "C", "coordinate": "C", "rate": "der(C)"}
+    model = plane | {
+        "bodies": {"c": body},
+        "joints": {"C": {"type": joint["type"], "parent": "ground", "child": "c"} | joint},
+    }
+    names = {
+        "body": "c",
+        "pair": ["ground", "c"],
+        "joint": "C",
+        "coordinate": "C",
+        "rate": "der(C)",
+    }
     return Scene(family, model, names)
 
 
 def _large(family: str, plane: Node, last: Node, inertia: Any, gravity: list) -> Scene:
     """Two hinges in a row, and a body that can go anywhere."""
-    bodies = {name: {"mass": mass, "inertia": inertia} for name, mass in (("a", 1), ("b", 2), ("c", 3))}
-    hinge = {"type": "revolute", "parent": "ground", "child": "a"} | ({} if plane else {"axis": "z"})
+    bodies = {
+        name: {"mass": mass, "inertia": inertia} for name, mass in (("a", 1), ("b", 2), ("c", 3))
+    }
+    hinge = {"type": "revolute", "parent": "ground", "child": "a"} | (
+        {} if plane else {"axis": "z"}
+    )
     joints = {
         "A": hinge | {"coordinate": "q"},
-        "B": hinge | {"parent": "a", "child": "b", "coordinate": "r"} | {"at": [0.3, 0.1, 0.2][: len(gravity)]},
+        "B": hinge
+        | {"parent": "a", "child": "b", "coordinate": "r"}
+        | {"at": [0.3, 0.1, 0.2][: len(gravity)]},
     }
     joints["C"] = {"parent": "ground", "child": "c"} | last
     names = {
@@ -58,13 +74,22 @@ def _large(family: str, plane: Node, last: Node, inertia: Any, gravity: list) ->
     guess = {"q": 0.4, "r": -0.7, "x": 0.3, "y": 0.6} | (
         {"th": 0.2} if len(gravity) == 2 else {"z": 0.5, "e1": 0.2, "e2": 0.3, "e3": -0.1}
     )
-    model = plane | {"gravity": gravity, "bodies": bodies, "joints": joints, "initial": {"guess": guess}}
+    model = plane | {
+        "gravity": gravity,
+        "bodies": bodies,
+        "joints": joints,
+        "initial": {"guess": guess},
+    }
     return Scene(family, model, names)
 
 
 XY = {"plane": "xy"}
 PLANAR = {"type": "planar", "coordinates": ["x", "y", "th"]}
-FREE = {"type": "free", "position": ["x", "y", "z"], "orientation": {"euler": "zxy", "angles": ["e1", "e2", "e3"]}}
+FREE = {
+    "type": "free",
+    "position": ["x", "y", "z"],
+    "orientation": {"euler": "zxy", "angles": ["e1", "e2", "e3"]},
+}
 ENERGIES = {
     "coordinates": {"q": "m", "r": "m"},
     "kinetic": "(1 kg)*(der(q)^2 + der(r)^2)/2",
@@ -99,7 +124,11 @@ def _formulas(*texts: str) -> Callable[[Scene], list]:
         known = {"q": "coordinate", "r": "second", "v": "rate", "c": "body"}
         names = {short: scene.names[key] for short, key in known.items() if key in scene.names}
         names["p"] = str([0.1] * scene.width)
-        return [text.format_map(names) for text in texts if all(f"{{{k}}}" not in text or k in names for k in "qrvcp")]
+        return [
+            text.format_map(names)
+            for text in texts
+            if all(f"{{{k}}}" not in text or k in names for k in "qrvcp")
+        ]
 
     return values
 
@@ -209,7 +238,9 @@ class Schema:
             fitting = [value for value in meant if self.fits(form, value)]
             yield from fitting or self._by_form(form, key, owner, scene, bool(known))
 
-    def _by_form(self, form: Node, key: str, owner: str, scene: Scene, known: bool) -> Iterator[Any]:
+    def _by_form(
+        self, form: Node, key: str, owner: str, scene: Scene, known: bool
+    ) -> Iterator[Any]:
         if "const" in form or "enum" in form:
             yield from [form["const"]] if "const" in form else form["enum"]
         elif "properties" in form:
@@ -260,7 +291,9 @@ class Schema:
             for keys in itertools.combinations(optional, count):
                 yield from self.given(form, (*required, *keys), scene)
 
-    def given(self, form: Node, keys: tuple[str, ...], scene: Scene, fixed: Node | None = None) -> Iterator[Node]:
+    def given(
+        self, form: Node, keys: tuple[str, ...], scene: Scene, fixed: Node | None = None
+    ) -> Iterator[Node]:
         """Mappings with just these keys: every value of each, the others at their first."""
         choices = []
         for key in keys:
@@ -317,40 +350,54 @@ def placed(scene: Scene, section: str, entry: Any) -> Node:
     slot = {"bodies": "c", "joints": "C", "coordinates": "q"}.get(section, "e")
     model = {"model": "m"} | scene.model
     if section == "joints" and "x" in model.get("initial", {}).get("guess", {}):
-        guess = {name: value for name, value in model["initial"]["guess"].items() if name in ("q", "r")}
+        guess = {
+            name: value for name, value in model["initial"]["guess"].items() if name in ("q", "r")
+        }
         model["initial"] = {"guess": guess}  # the coordinates of the joint that is replaced
     return model | {section: model.get(section, {}) | {slot: entry}}
 
 
-def smallest(schema: Schema, kind: Kind, scenes: list[Scene], refusal: Oracle, key: str = "") -> tuple[Scene, Node] | None:
+def smallest(
+    schema: Schema, kind: Kind, scenes: list[Scene], refusal: Oracle, key: str = ""
+) -> tuple[Scene, Node] | None:
     """The scene and the entry with the fewest optional keys that is legal, with `key` given if one is named.
 
-    What the refusals name is added, a key at a time; where they name no key, each is tried.
+    What most refusals name is added, a key at a time; where they name no key, each is tried.
     """
     required = (*kind.form.get("required", []), *([key] if key else []))
     optional = [k for k in kind.form["properties"] if k not in required and k != "about"]
     for scene in scenes:
         waiting, seen = [required], {frozenset(required)}
         left = MOST_TRIED // 4 if key else MOST_TRIED
-        for keys in waiting:
-            words: set[str] = set()
-            for entry in itertools.islice(schema.given(kind.form, keys, scene, dict(kind.fixed)), left):
+        while waiting and left > 0:
+            keys, words = waiting.pop(), Counter[str]()
+            for entry in itertools.islice(
+                schema.given(kind.form, keys, scene, dict(kind.fixed)), left
+            ):
                 left -= 1
                 reason = refusal(placed(scene, kind.section, entry))
                 if not reason:
                     return scene, entry
-                words |= said(reason)
-            if len(keys) - len(required) < MOST_KEYS:
-                more = [k for k in optional if k in words] or (optional if keys == required and not key else [])
-                new = [(*keys, k) for k in more if frozenset((*keys, k)) not in seen]
-                seen.update(map(frozenset, new))
-                waiting += new
+                words.update(said(reason))
+            named = sorted(
+                (k for k in optional if k in words and k not in keys), key=lambda k: words[k]
+            )  # the surest is tried next
+            more = named or (optional[::-1] if keys == required and not key else [])
+            new = [
+                (*keys, k)
+                for k in more
+                if frozenset((*keys, k)) not in seen and len(keys) < len(required) + MOST_KEYS
+            ]
+            seen.update(map(frozenset, new))
+            waiting += new
     return None
 
 
 def said(reason: str) -> set[str]:
     """The words of a refusal, without the lines that it quotes of the file."""
-    return {word for line in reason.splitlines() if '"' not in line for word in re.findall(r"\w+", line)}
+    return {
+        word for line in reason.splitlines() if '"' not in line for word in re.findall(r"\w+", line)
+    }
 
 
 def of_kind(schema: Schema, kind: Kind, family: str, refusal: Oracle) -> Iterator[File]:
@@ -367,10 +414,15 @@ def of_kind(schema: Schema, kind: Kind, family: str, refusal: Oracle) -> Iterato
             yield from _with_key(schema, kind, key, name, scene, least, refusal)
 
 
-def _with_key(schema: Schema, kind: Kind, key: str, name: str, scene: Scene, least: Node, refusal: Oracle) -> Iterator[File]:
+def _with_key(
+    schema: Schema, kind: Kind, key: str, name: str, scene: Scene, least: Node, refusal: Oracle
+) -> Iterator[File]:
     models = [
         placed(scene, kind.section, least | {key: value})
-        for value in itertools.islice(schema.values(kind.form["properties"][key], key, kind.form["title"], scene), MOST_VARIANTS)
+        for value in itertools.islice(
+            schema.values(kind.form["properties"][key], key, kind.form["title"], scene),
+            MOST_VARIANTS,
+        )
     ]
     good = [model for model in models if not refusal(model)]
     yield from (File(name, key, model, True) for model in good)
@@ -388,7 +440,9 @@ def of_top(schema: Schema, refusal: Oracle) -> Iterator[File]:
     """The keys of the model file itself, each in the smallest scene of each family that takes it."""
     for key, node in schema.root["properties"].items():
         entries = node.get("additionalProperties")
-        plain = isinstance(entries, dict) and not any("properties" in form for form in schema.forms(entries))
+        plain = isinstance(entries, dict) and not any(
+            "properties" in form for form in schema.forms(entries)
+        )
         done: set[str] = set()
         for scene in SCENES:
             if scene.family in done or key in scene.model or key == "model":
@@ -397,12 +451,17 @@ def of_top(schema: Schema, refusal: Oracle) -> Iterator[File]:
             if plain and meant:
                 values = [
                     value
-                    if isinstance(value, dict) and key in ("initial", "forces", "parameters", "coordinates")
+                    if isinstance(value, dict)
+                    and key in ("initial", "forces", "parameters", "coordinates")
                     else {"e": value}
                     for value in meant(scene)
                 ]
             else:
-                values = list(schema.values(node, key, "Model", scene)) if not isinstance(entries, dict) else []
+                values = (
+                    list(schema.values(node, key, "Model", scene))
+                    if not isinstance(entries, dict)
+                    else []
+                )
             models = [{"model": "m"} | scene.model | {key: value} for value in values]
             good = [model for model in models if not refusal(model)]
             yield from (File(f"{key}, {scene.family}", key, model, True) for model in good)

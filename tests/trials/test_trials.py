@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the trials are scripts that find each other by their folder
+sys.path.insert(
+    0, str(Path(__file__).parent)
+)  # the trials are scripts that find each other by their folder
 
 import environment  # noqa: E402
 import fuzz  # noqa: E402
@@ -39,7 +41,9 @@ def schema(here):
 def test_the_smallest_hinge_meets_what_users_try_first(here, schema):
     hinge = next(kind for kind in schema.kinds() if kind.name == "joints revolute")
     worker = environment.Worker()
-    file = next(of_kind(schema, hinge, "planar", matrix.oracle(worker, environment.Record("sample"))))
+    file = next(
+        of_kind(schema, hinge, "planar", matrix.oracle(worker, environment.Record("sample")))
+    )
     worker.stop()
     assert set(file.model["joints"]["C"]) == {"type", "parent", "child"}
     for verb in ("build", "list"):

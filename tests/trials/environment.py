@@ -37,7 +37,7 @@ PATHS: dict[str, str] = {}  # more variables for every process; none where hamel
 
 # What a library says and a user must never read. hamel's own warnings are sentences without these words.
 LIBRARY = re.compile(
-    r"Traceback|\w+Warning\b|WARNING|encountered in|casadi|numpy|pydantic|sympy|site-packages|discards the imaginary"
+    r"Traceback|\w+Warning\b|WARNING|encountered in|site-packages|\b(?:casadi|numpy|pydantic|sympy)\.|discards the imaginary"
 )
 
 

@@ -10,6 +10,7 @@ import contextlib
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import struct
@@ -149,10 +150,11 @@ def verdict(
 
 
 def wordy(outcome: Outcome) -> str:
-    """A refusal is one message, of which the first line says what happened."""
-    if outcome.code == 0 or outcome.err.count("error:") == 1:
+    """A refusal is one message; what it quotes of a compiler does not count."""
+    messages = re.findall(r"^(?:error:|m\.yaml:|out:)", outcome.err, re.MULTILINE)
+    if outcome.code == 0 or len(messages) == 1:
         return ""
-    return f"exit {outcome.code} with {outcome.err.count('error:')} messages: {outcome.err[:300]!r}"
+    return f"exit {outcome.code} with {len(messages)} messages: {outcome.err[:300]!r}"
 
 
 # ---- spoiled files ------------------------------------------------------------------------------------------------------
@@ -333,7 +335,7 @@ def disk(folder: Path, size: str) -> Iterator[bool]:
     command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", str(folder)]
     mounted = (
         shutil.which("mount") is not None
-        and subprocess.run(command, capture_output=True).returncode == 0
+        and subprocess.run(command, check=False, capture_output=True).returncode == 0
     )
     try:
         yield mounted
@@ -368,7 +370,7 @@ def absolute(folder: Path, variables: dict[str, str]) -> dict[str, str]:
 
 
 def blames_compiler(outcome: Outcome) -> str:
-    words = ("install gcc", "install a C compiler", "no C compiler")
+    words = ("install one", "install gcc", "no C compiler")
     said = next((word for word in words if word in outcome.err), "")
     return f"says '{said}' where the disk is full: {outcome.words}" if said else ""
 
@@ -398,7 +400,7 @@ def unwritable(good: Good) -> Iterator[tuple[str, str]]:
         folder = place()
         with disk(folder / "small", "4m") as mounted:
             options = ["mount", "-o", "remount,ro", str(folder / "small")]
-            if not mounted or subprocess.run(options, capture_output=True).returncode:
+            if not mounted or subprocess.run(options, check=False, capture_output=True).returncode:
                 (folder / "small").chmod(0o555)
             if os.access(folder / "small", os.W_OK):
                 yield "read-only, skipped: everything may be written here", ""

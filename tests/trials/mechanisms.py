@@ -781,7 +781,7 @@ def fits(made: Mechanism, enforcements: list[str], seed: int) -> list[str]:
 
 def refusal(made: Mechanism, outcome: Outcome) -> str:
     """A refusal is true at a singular pose, by the singular values of our own A; any other end is a failure."""
-    total, rank, least = made.rank(made.pose)
+    least = made.rank(made.pose)[2]
     if outcome.code in (1, 2) and least < SINGULAR:
         return ""
     return (

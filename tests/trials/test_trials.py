@@ -16,12 +16,12 @@ sys.path.insert(
     0, str(Path(__file__).parent)
 )  # the trials are scripts that find each other by their folder
 
-import environment  # noqa: E402
-import fuzz  # noqa: E402
-import matrix  # noqa: E402
-import mechanisms  # noqa: E402
-from environment import Outcome, complaint  # noqa: E402
-from scenes import SCENES, Schema, of_kind  # noqa: E402
+import environment
+import fuzz
+import matrix
+import mechanisms
+from environment import Outcome, complaint
+from scenes import SCENES, Schema, of_kind
 
 
 @pytest.fixture(scope="module")

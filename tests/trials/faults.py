@@ -49,6 +49,7 @@ potential: m*g*y
 constraints: {{rod: {{holonomic: (x^2 + y^2 - l^2)/2}}}}
 initial: {{guess: {{x: {length} m, y: 0.1 m}}}}
 """
+PHYSICAL = (1.25 * 9.81, 9.81, 0.625, 1.25)  # what the binaries hold: m g, g, m/2, m
 BUILD = (
     "build",
     "m.yaml",
@@ -173,13 +174,10 @@ def truncate(rng: random.Random, path: Path, others: list[Path]) -> None:
 def constant(rng: random.Random, path: Path, others: list[Path]) -> None:
     """Another number for one of the doubles in a binary, or for a digit in a text."""
     data = path.read_bytes()
-    doubles = [
-        i
-        for i in range(0, len(data) - 7, 8)
-        if 1e-2 < abs(struct.unpack_from("<d", data, i)[0]) < 1e2
-    ]
-    if path.suffix == ".so" and doubles:
-        i = rng.choice(doubles)
+    values = [struct.pack("<d", sign * x) for x in PHYSICAL for sign in (1, -1)]
+    places = [data.find(value) for value in values if value in data]
+    if path.suffix == ".so" and places:
+        i = rng.choice(places)
         path.write_bytes(
             data[:i] + struct.pack("<d", 1.5 * struct.unpack_from("<d", data, i)[0]) + data[i + 8 :]
         )

@@ -697,7 +697,7 @@ def _against_principle(made: Mechanism, answer: dict) -> Iterator[str]:
     )
     if drift > CLOSE:
         yield f"the motion leaves the constraints by {drift:.1g}"
-    error = unbalanced(made, answer, virtual)
+    error = unbalanced(made, answer, virtual) if len(virtual) else 0.0
     if error > CLOSE:
         yield f"d'Alembert's principle is off by {error:.1g}"
     energies = np.array(answer["energy"]).sum(axis=1)

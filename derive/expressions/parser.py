@@ -19,7 +19,7 @@ from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.evaluate import check_constants
 from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS, Function
-from derive.expressions.limits import ABOVE, BELOW, objection
+from derive.expressions.limits import ABOVE, BELOW, too_large, too_small
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
 from derive.expressions.units import UNITS, Unit, compound
@@ -196,8 +196,10 @@ class _Parser:
         else:
             given = compound(())
         scaled = value * given.factor
-        if problem := objection(scaled):
-            self._refuse(problem[0], token.at, problem[1])
+        if too_large(scaled):
+            self._refuse("the number is too large", token.at, BELOW)
+        if too_small(scaled):
+            self._refuse("the number is too small to tell from zero", token.at, ABOVE)
         return tree.Number(scaled, given.si, token.at)
 
     def _inverse_unit_follows(self) -> bool:

@@ -120,8 +120,11 @@ def _times(system: System, rng: np.random.Generator, many: int) -> np.ndarray:
 
 
 def _parameters(system: System, rng: np.random.Generator, many: int, vary: float) -> np.ndarray:
+    """The first are the file's own."""
     usual = np.array(system.parameters, dtype=float)
-    return usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
+    varied = usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
+    varied[:1] = usual
+    return varied
 
 
 def _scattered(system: System, rng: np.random.Generator, many: int, spread: float) -> np.ndarray:

@@ -340,6 +340,7 @@ def show(record: Simulated, console: Console) -> None:
     console.print(f"  largest |A v̇ − β|   {number(record.acceleration_violation)}")
     console.print(
         f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged"
+        + (", as Jacobi's integral T₂ − T₀ + V" if "jacobi" in record.motion else "")
     )
     if record.crossings:
         console.print(

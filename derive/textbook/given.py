@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 
 from derive.expressions.tree import ONE, Expression
-from derive.mechanics.constraints import IN_PLANE
+from derive.mechanics.scene import IN_PLANE
 from derive.model.records import (
     Body,
     Constraint,

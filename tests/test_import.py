@@ -809,7 +809,7 @@ BAD = {
     "an entity bomb": (BOMB, [":1:", "a document type, which can declare entities"]),
     "not XML": ("model: arm\n", ["the file is not XML"]),
     "nothing": ("", ["the file is empty"]),
-    "something else": ("<html/>", ["<html> is no robot", "<robot> (URDF) or <mujoco> (MJCF)"]),
+    "something else": ("<html/>", ["the file is no robot", "<robot> (URDF) or <mujoco> (MJCF)"]),
     "too deep": (
         "<robot>" + "<a>" * 20_000 + "</a>" * 20_000 + "</robot>",
         ["the file is nested too deeply"],

@@ -40,7 +40,7 @@ class RobotFile:
     __str__ = __fspath__
 
 
-def Floating(path: str | PathLike[str]) -> RobotFile:  # noqa: N802 - reads as the record it gives
+def Floating(path: str | PathLike[str]) -> RobotFile:
     """A robot file taken with its root link moving freely."""
     return RobotFile(path, floating=True)
 

@@ -93,9 +93,7 @@ def ideal_reactions(system: System, used: list[int]) -> ca.SX:
     return result
 
 
-def _by_pivots(
-    system: System, matrix: ca.SX, sides: list[Vector], values: np.ndarray
-) -> Vector:
+def _by_pivots(system: System, matrix: ca.SX, sides: list[Vector], values: np.ndarray) -> Vector:
     """For singular M: Gauss elimination with pivots that stay away from zero over the sampled
     states. AssumptionError where there are none: a motion that the constraints allow has no mass."""
     rows = scalars(matrix)

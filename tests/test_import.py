@@ -534,7 +534,9 @@ def test_rounded_angles_are_read_as_what_they_round(word, tmp_path):
     assert f"rpy: [{word}, 0, 0]" in kept.text and not kept.assumed
 
 
-@pytest.mark.parametrize("word", ["0.26", "0.52", "1.5", "1.58", "1.5718", "0.3", "1.6e0", "2", "0.001"])
+@pytest.mark.parametrize(
+    "word", ["0.26", "0.52", "1.5", "1.58", "1.5718", "0.3", "1.6e0", "2", "0.001"]
+)
 def test_other_angles_are_taken_as_they_are(word, tmp_path):
     file = tmp_path / "r.urdf"
     file.write_text(ARM.replace("<axis", f'<origin rpy="{word} 0 0"/><axis', 1))

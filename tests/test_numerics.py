@@ -27,7 +27,9 @@ joints: {{j: {{type: revolute, parent: ground, child: a}}}}
 """
 
 
-@pytest.mark.parametrize("length", ["1e160 m", "1e61 m", "1e58 km", "1e-61 m", "1e-59 um", "1e40*1e40 m"])
+@pytest.mark.parametrize(
+    "length", ["1e160 m", "1e61 m", "1e58 km", "1e-61 m", "1e-59 um", "1e40*1e40 m"]
+)
 def test_a_number_out_of_bounds_is_told_with_its_place(length: str) -> None:
     with pytest.raises(ModelError) as raised:
         load_text(ARM.format(length=length), "arm.yaml")
@@ -45,7 +47,10 @@ def test_products_of_parameters_are_bounded_where_they_stand() -> None:
 
 
 def test_a_formula_of_parameters_has_a_value() -> None:
-    text = ARM.format(length="1 m") + "loads: {f: {type: damper, joint: j, coefficient: (1 N*m*s*kg)/(m - m)}}\n"
+    text = (
+        ARM.format(length="1 m")
+        + "loads: {f: {type: damper, joint: j, coefficient: (1 N*m*s*kg)/(m - m)}}\n"
+    )
     with pytest.raises(ModelError, match="not a finite number"):
         load_text(text)
 
@@ -90,7 +95,9 @@ def test_degenerate_sizes_of_mjcf_are_refused_in_one_sentence(what, tmp_path, ca
 def test_a_constraint_force_without_mass_along_it_is_refused() -> None:
     """No kinetic energy along x, and a friction that asks for the reaction there."""
     text = (MODELS / "bead_on_wire.yaml").read_text()
-    text = text.replace("der(x)**2 + der(y)**2 + der(z)**2)\npot", "der(x)**2 - der(x)**2 + der(z)**2)\npot")
+    text = text.replace(
+        "der(x)**2 + der(y)**2 + der(z)**2)\npot", "der(x)**2 - der(x)**2 + der(z)**2)\npot"
+    )
     text = text.replace("holonomic: y - r*s", "holonomic: z - r*s")
     with pytest.raises(AssumptionError, match="mass matrix is singular along a motion"):
         from derive.states import system
@@ -131,7 +138,11 @@ def test_a_failure_of_arithmetic_anywhere_is_no_internal_error(monkeypatch, caps
 
 
 def test_scales_of_numbers_at_the_bounds_stay_numbers() -> None:
-    text = ARM.format(length="1e29 m").replace("-9.81", "-1e-59").replace("inertia: m*l^2", "inertia: 1e59")
+    text = (
+        ARM.format(length="1e29 m")
+        .replace("-9.81", "-1e-59")
+        .replace("inertia: m*l^2", "inertia: 1e59")
+    )
     found = scales(load_text(text))
     assert np.isfinite([found.length, found.mass, found.time, found.energy, found.power]).all()
     assert max(found.length, found.time) <= 10.0**FARTHEST

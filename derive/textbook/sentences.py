@@ -11,7 +11,7 @@ from dataclasses import fields
 from typing import Any
 
 from derive.expressions.tree import ONE, Expression
-from derive.mechanics.constraints import IN_PLANE
+from derive.mechanics.scene import IN_PLANE
 from derive.model.records import (
     Closure,
     Distance,

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import reduce
 from operator import or_
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -53,8 +53,11 @@ def _of_kinds(kinds: Sequence[Kind[Any]], otherwise: str) -> Any:
     return Annotated[reduce(or_, members), Discriminator(tag)]  # type: ignore[arg-type]
 
 
-Constraint = _of_kinds(CONSTRAINTS, "no_slip")
-Load = _of_kinds(LOADS, "spring")
+if TYPE_CHECKING:  # the tables are not known before they run
+    Constraint = Load = Entry
+else:
+    Constraint = _of_kinds(CONSTRAINTS, "no_slip")
+    Load = _of_kinds(LOADS, "spring")
 
 
 class Document(Entry):

@@ -163,7 +163,10 @@ def _enough(found: int, wanted: int) -> CheckResult:
 
 
 def _check(check: Check, seen: Evidence) -> CheckResult | None:
-    error = check.error(seen)
+    try:
+        error = check.error(seen)
+    except np.linalg.LinAlgError:  # what the check solves has no solution: no number comes of it
+        error = math.inf
     if error is None:
         return None
     value = math.inf if math.isnan(error) else float(error)

@@ -125,12 +125,24 @@ def _violation_error(e: Evidence, s: Sample, x: Array, at: State) -> float:
     wanted = np.concatenate([k.phi, lengths, k.violation(there.v)])
     size = np.concatenate(
         [
-            1e-2 * e.units.positions + np.abs(k.phi),
+            np.maximum(1e-2 * e.units.positions + np.abs(k.phi), _reach(e, at)),
             1e-2 + np.abs(lengths),
-            e.units.rows + np.abs(k.A) @ np.abs(there.v),
+            np.maximum(e.units.rows + np.abs(k.A) @ np.abs(there.v), _products(e, k.A, there.v)),
         ]
     )
     return worst((e.graph("constraints", s.t, moved, s.u, s.p) - wanted) / size)
+
+
+def _products(e: Evidence, A: Array, v: Array) -> float:
+    """What an error in A v is at least held against: ROUNDING of |A| |v| over all rows and
+    columns."""
+    return ROUNDING / TERMS * worst(A * e.units.v) * float(np.abs(v / e.units.v).sum())
+
+
+def _reach(e: Evidence, at: State) -> float:
+    """The same of φ: the way from where the coordinates are zero."""
+    largest = float(np.max(e.units.positions, initial=0.0))
+    return ROUNDING / TERMS * largest * (1.0 + worst(at.q / e.units.q))
 
 
 def velocities(e: Evidence) -> float:

@@ -284,9 +284,10 @@ class Listed:
 @dataclass(frozen=True)
 class Switch:
     """Where one choice of quasi-velocities took over from another that came near a singular
-    position."""
+    position: between the rows at `time` and `before`."""
 
     time: float
+    before: float
     left: str
     entered: str
 

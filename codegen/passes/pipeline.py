@@ -14,6 +14,7 @@ from codegen.passes.balance import balance
 from codegen.passes.factor import factor
 from codegen.passes.graph import Mark, Work, same
 from codegen.passes.hoist import hoist
+from codegen.passes.initial import initial
 from codegen.passes.invert import invert
 from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered, Operation, lower
@@ -117,6 +118,7 @@ def program(
         kernels=tuple(kernels),
         ledger=tuple(ledger),
         positions=positions(equations.system),
+        nominal=initial(equations),
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
         enforcements=tuple(enforcements or ()) if simulates else (),

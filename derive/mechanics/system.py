@@ -151,7 +151,7 @@ def _assembled(
         h_extra=extra.h,
         gravity=g,
         names=(),
-        assumptions=(),
+        assumptions=model.notes,
     )
     return result, nonideal
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import System
+from derive.numerics import refuses_numerically
 from derive.states.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, nominal, normalised
 from derive.states.scales import scaled, scales
 
@@ -45,6 +46,7 @@ class States:
     p: np.ndarray
 
 
+@refuses_numerically("random admissible states")
 def states(
     system: System,
     count: int,

@@ -350,7 +350,8 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"  charts used         {record.charts}")
     for switch in record.switches:
         console.print(
-            f"  at {switch.time:.6g} s choice {switch.left} came near a singular position; {switch.entered} took over"
+            f"  between {switch.time:.6g} s and {switch.before:.6g} s choice {switch.left} "
+            f"came near a singular position; {switch.entered} took over"
         )
     for place in (record.file, record.plot):
         if place:

@@ -10,11 +10,12 @@ from types import ModuleType
 import numpy as np
 
 from derive.formulations.charts import together
+from derive.formulations.evaluate import evaluator
 from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import CHECKS, LOADED, QUICK
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.evidence import Evidence, Sample, graph, samples, terms, varied
+from hamel.verify.checks.evidence import Evidence, Sample, samples, terms, varied
 from hamel.verify.checks.linear import with_linearization
 from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.outcome import Reference, reference
@@ -75,7 +76,7 @@ def _in_charts(seen: Evidence, checks: Sequence[Check]) -> tuple[CheckResult, ..
     """The same for every further chart of the module."""
     found: list[CheckResult] = []
     for number, chart in enumerate(seen.graph.equations.charts, 1):
-        there = replace(seen, graph=graph(chart), others=(seen.graph,), chart=number)
+        there = replace(seen, graph=evaluator(chart), others=(seen.graph,), chart=number)
         found += [
             replace(check, name=f"{check.name}; chart {number}, {chart.choice}")
             for check in results(there, checks)
@@ -139,8 +140,8 @@ def evidence(
         ref,
         seen,
         terms(system),
-        graph(equations),
-        tuple(graph(other) for other in others),
+        evaluator(equations),
+        tuple(evaluator(other) for other in others),
         module,
     )
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from derive.expressions.tree import Call
+from derive.formulations.evaluate import Evaluator
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, sizes, worst
-from hamel.verify.checks.evidence import Evidence, Graph, Sample, Terms
+from hamel.verify.checks.evidence import Evidence, Sample, Terms
 from hamel.verify.limits import (
     CANCELLING,
     ENERGIES,
@@ -308,7 +309,7 @@ def choices(e: Evidence) -> float | None:
     return worst([_between(e, other) for other in e.others])
 
 
-def _between(e: Evidence, other: Graph) -> float:
+def _between(e: Evidence, other: Evaluator) -> float:
     relax = [a * b for a, b in zip(e.conditions, e.conditions_of(other))]
     return acceleration_error(e, e.accelerations_of(other), relax)
 
@@ -326,7 +327,7 @@ def results(e: Evidence) -> float | None:
         isinstance(x.expression, Call) and x.expression.function == "reaction"
         for x in model.outputs
     )
-    labels = next(f.result.units for f in e.graph.equations.functions if f.name == "outputs")
+    labels = e.graph.equations.function("outputs").result.units
     relax = e.conditions if uses_multipliers else None
     largest = [1.0 + worst(s.q / e.units.q) for s in e.samples] + e.speeds
     sums = Sums(SOLVED, largest + e.forces if uses_multipliers else largest)

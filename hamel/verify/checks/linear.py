@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.evaluate import slots_of
 from derive.formulations.records import Equations, Function
 from derive.linearize import linear, study
 from derive.linearize.minimal import linearization
@@ -26,7 +27,7 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import NEARLY
 from hamel.verify.checks.compare import worst
 from hamel.verify.checks.duals import tangents
-from hamel.verify.checks.evidence import Evidence, Row, Sample, slots_of
+from hamel.verify.checks.evidence import Evidence, Row, Sample, margins
 from hamel.verify.checks.motion import best_conditioned
 from hamel.verify.limits import FLOOR
 from hamel.verify.reference.vectors import Array
@@ -87,8 +88,8 @@ def _growth(e: Evidence, k: int) -> float:
 
 def _regular(e: Evidence, name: str) -> list[int]:
     """Some states that no guard refuses, the best conditioned ones."""
-    margins = e.graph.margins(name, e.rows_of(name), e.real)
-    return [k for k in best_conditioned(e) if margins[k] > NEARLY][:SEEN]
+    left = margins(e.graph, name, e.rows_of(name), e.real)
+    return [k for k in best_conditioned(e) if left[k] > NEARLY][:SEEN]
 
 
 def _columns(e: Evidence, k: int) -> Iterator[float]:
@@ -117,7 +118,7 @@ def _along(e: Evidence, name: str, k: int, directions: Array) -> Array:
     if not e.graph.has(name):
         return np.zeros((0, len(directions)))
     s, equations = e.samples[k], e.graph.equations
-    function = next(f for f in equations.functions if f.name == name)
+    function = equations.function(name)
     place = (np.array([s.t]), e.x[k], s.u, s.p)
     return tangents(slots_of(equations, function), function.result.value, place, directions)
 
@@ -131,7 +132,7 @@ def _error(got: Array, wanted: Array, here: Array) -> float:
 
 
 def _function(e: Evidence) -> Function:
-    return next(f for f in e.graph.equations.functions if f.name == NAME)
+    return e.graph.equations.function(NAME)
 
 
 def _states(function: Function, labels: tuple[str, ...]) -> list[str]:
@@ -146,8 +147,8 @@ def _input_units(e: Evidence) -> Array:
 
 
 def _output_units(e: Evidence) -> Array:
-    function = next((f for f in e.graph.equations.functions if f.name == "outputs"), None)
-    return np.zeros(0) if function is None else e.units.of(function)
+    equations = e.graph.equations
+    return e.units.of(equations.function("outputs")) if equations.has("outputs") else np.zeros(0)
 
 
 def _tangent(e: Evidence, s: Sample, independent: list[int], j: int) -> Array:
@@ -206,7 +207,7 @@ def unreduced_form(e: Evidence) -> float | None:
         along = found.motions({})
         place = (0.0, along.x[0], along.u[0], along.p[0])
         if (
-            e.graph.margins(NAME, [place], e.real)[0] <= NEARLY
+            margins(e.graph, NAME, [place], e.real)[0] <= NEARLY
             or worst(along.x[0] / e.units.x) > FAR
         ):
             return None

@@ -253,7 +253,7 @@ FUNCTION_CHECKS = {
     "constraints": "constraints",
     "project": "project, one step",
     "energy": "energy",
-    "power": "d(T + V)/dt",
+    "power": "d(T₂ − T₀ + V)/dt",
     "outputs": "outputs",
     "velocity": "x ↔ (q, v)",
     "inverse_dynamics": "inverse dynamics",

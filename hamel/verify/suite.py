@@ -15,10 +15,10 @@ from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import CHECKS, LOADED, QUICK
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.evidence import Evidence, Sample, samples, terms, varied
+from hamel.verify.checks.evidence import Evidence, Sample, evidence, varied
 from hamel.verify.checks.linear import with_linearization
 from hamel.verify.records import CheckResult, Verification
-from hamel.verify.reference.outcome import Reference, reference
+from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.vectors import Array
 
 NOTHING = 1e-9  # in the model's own units
@@ -122,28 +122,6 @@ def _without_roundoff(seen: Evidence, s: Sample) -> Array:
     """(q, v), zero where roundoff is all that is left of an entry."""
     values = np.concatenate([s.q, s.v])
     return np.where(np.abs(values) < NOTHING * seen.units.both, 0.0, values)
-
-
-def evidence(
-    ref: Reference,
-    equations: Equations,
-    module: ModuleType | None = None,
-    states: int = 100,
-    seed: int = 0,
-    others: Collection[Equations] = (),
-) -> Evidence:
-    """What the checks look at."""
-    system = equations.system
-    seen = samples(system, ref, states, seed)
-    return Evidence(
-        system,
-        ref,
-        seen,
-        terms(system),
-        evaluator(equations),
-        tuple(evaluator(other) for other in others),
-        module,
-    )
 
 
 def results(seen: Evidence, checks: Sequence[Check] = CHECKS) -> tuple[CheckResult, ...]:

@@ -3,7 +3,7 @@ the equations' functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import FLOAT64, Real, real_of
-from derive.formulations.evaluate import Evaluator, slots_of
+from derive.formulations.evaluate import Evaluator, evaluator, slots_of
+from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
 from derive.states import sampling
@@ -415,3 +416,25 @@ class Evidence:
     def results(self, name: str) -> tuple[Array, ...]:
         """A function of this choice at every state."""
         return tuple(self.graph(name, s.t, x, s.u, s.p) for s, x in zip(self.samples, self.x))
+
+
+def evidence(
+    ref: Reference,
+    equations: Equations,
+    module: ModuleType | None = None,
+    states: int = 100,
+    seed: int = 0,
+    others: Collection[Equations] = (),
+) -> Evidence:
+    """What the checks look at."""
+    system = equations.system
+    seen = samples(system, ref, states, seed)
+    return Evidence(
+        system,
+        ref,
+        seen,
+        terms(system),
+        evaluator(equations),
+        tuple(evaluator(other) for other in others),
+        module,
+    )

@@ -28,13 +28,13 @@ from hamel.verify.checks.evidence import (
     VECTORS,
     Evidence,
     Terms,
+    evidence,
 )
 from hamel.verify.checks.linear import with_linearization
 from hamel.verify.checks.roundoff import bound
 from hamel.verify.mutation.errors import Change, changes
 from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.vectors import Array
-from hamel.verify.suite import evidence
 
 STATES = 4  # an error shows at any state; a fifth would only take longer
 MOST = 200  # changes that are tried per choice

@@ -22,18 +22,18 @@ Array = np.ndarray
 EPSILON = float(np.finfo(float).eps) / 2
 EXACT = (ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_ASSIGN)
 
-# operands → z, then |∂z/∂operand| of each; the rest is differentiated by CasADi
+# operands → z, then ∂z/∂operand of each; the rest is differentiated by CasADi
 COMMON: dict[int, Callable[..., tuple]] = {
     ca.OP_ADD: lambda a, b: (a + b, 1.0, 1.0),
-    ca.OP_SUB: lambda a, b: (a - b, 1.0, 1.0),
+    ca.OP_SUB: lambda a, b: (a - b, 1.0, -1.0),
     ca.OP_MUL: lambda a, b: (a * b, b, a),
-    ca.OP_DIV: lambda a, b: (a / b, 1.0 / b, a / b**2),
-    ca.OP_NEG: lambda a: (-a, 1.0),
+    ca.OP_DIV: lambda a, b: (a / b, 1.0 / b, -a / b**2),
+    ca.OP_NEG: lambda a: (-a, -1.0),
     ca.OP_SQ: lambda a: (a * a, 2.0 * a),
     ca.OP_TWICE: lambda a: (2.0 * a, 2.0),
-    ca.OP_INV: lambda a: (1.0 / a, 1.0 / a**2),
+    ca.OP_INV: lambda a: (1.0 / a, -1.0 / a**2),
     ca.OP_SIN: lambda a: (np.sin(a), np.cos(a)),
-    ca.OP_COS: lambda a: (np.cos(a), np.sin(a)),
+    ca.OP_COS: lambda a: (np.cos(a), -np.sin(a)),
     ca.OP_SQRT: lambda a: (np.sqrt(a), 0.5 / np.sqrt(a)),
 }
 
@@ -68,12 +68,13 @@ def bound(arguments: list[ca.SX], value: ca.SX, states: Array, real: Real = FLOA
 
 def _operation(operation: int, operands: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     """z and the bound of its error."""
-    z, *slopes = _formula(operation, len(operands))(*(value for value, _ in operands))
+    z, *slopes = formula(operation, len(operands))(*(value for value, _ in operands))
     passed = np.sum([np.abs(slope) * error for slope, (_, error) in zip(slopes, operands)], axis=0)
     return z, passed if operation in EXACT else passed + EPSILON * np.abs(z)
 
 
-def _formula(operation: int, count: int) -> Callable[..., tuple]:
+def formula(operation: int, count: int) -> Callable[..., tuple]:
+    """Operands → z and its derivative by each, as arrays."""
     return COMMON.get(operation) or _differentiated(operation, count)
 
 

@@ -100,7 +100,7 @@ def wrong_matrices(equations: Equations) -> Iterator[tuple[str, Equations]]:
 def wrong_functions(equations: Equations, name: str) -> Iterator[tuple[str, Equations]]:
     """The equations with one operation of one function changed: + for −, × for ÷, sine for cosine,
     x² for 2 x."""
-    function = next(function for function in equations.functions if function.name == name)
+    function = equations.function(name)
     for index, wrong in mutants(function.result.value):
         changed = replace(function, result=replace(function.result, value=wrong))
         yield f"{name}, instruction {index}", _with_function(equations, changed)

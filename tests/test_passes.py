@@ -18,7 +18,7 @@ from codegen.passes.balance import balance
 from codegen.passes.factor import factor
 from codegen.passes.graph import Work
 from codegen.passes.invert import invert
-from codegen.passes.lower import Lowered, lower
+from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.pipeline import PASSES, count, needed
 from codegen.passes.share import share
 from codegen.passes.trace import record, trace
@@ -57,14 +57,15 @@ def values(work: Work, x: np.ndarray) -> list[float]:
 def evaluated(lowered: Lowered, x: np.ndarray) -> list[float]:
     done: list[float] = []
     for operation in lowered.code.operations:
-        done.append(_evaluated(operation.name, operation.operands, done, x))
+        done.append(_evaluated(operation, done, x))
     return [done[root] if isinstance(root, int) else root for root in lowered.roots]
 
 
-def _evaluated(name: str, operands: tuple[Any, ...], done: list[float], x: np.ndarray) -> float:
+def _evaluated(operation: Operation, done: list[float], x: np.ndarray) -> float:
+    name = operation.name
     if name == "input":
-        return float(x[operands[1]])
-    numbers = [done[o] if isinstance(o, int) else o for o in operands]
+        return float(x[operation.slot[1]])
+    numbers = [done[o] if isinstance(o, int) else o for o in operation.operands]
     plain = {
         "add": lambda p, q: p + q,
         "sub": lambda p, q: p - q,
@@ -150,7 +151,7 @@ def _all_values(work: Work, x: np.ndarray) -> list[float]:
     lowered = lower(work)
     done: list[float] = []
     for operation in lowered.code.operations:
-        done.append(_evaluated(operation.name, operation.operands, done, x))
+        done.append(_evaluated(operation, done, x))
     return done
 
 

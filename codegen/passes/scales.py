@@ -175,9 +175,10 @@ def _absorber(
     with a minus in it."""
     for node, exponent in factors:
         inside = graph.nodes[node]
-        if isinstance(inside, Sum) and exponent == 1 and used[node] == 1:
-            if factor > 0 or any(own < 0 for _, own in inside.terms):
-                return node
+        if not isinstance(inside, Sum) or exponent != 1 or used[node] != 1:
+            continue
+        if factor > 0 or any(own < 0 for _, own in inside.terms):
+            return node
     return None
 
 

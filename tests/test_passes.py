@@ -147,6 +147,30 @@ def test_passes_change_rounding_only(roots: list[Any]) -> None:
     np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)
 
 
+@pytest.mark.parametrize("size", [1e-4, 1e4])
+def test_constants_along_a_long_recursion_are_no_overflow(size: float) -> None:
+    """Each step multiplies by a constant that the variables make up for: the constants alone come
+    to 1e±480, the values stay near one."""
+    y, z = a, 0.3 * a
+    for _ in range(120):
+        y, z = size * (y * b + 3 * z * c), size * (y * c - 2 * z * b)
+    x = np.array([0.7, 0.4 / size, 0.3 / size, 0.0, 0.0])
+    expected = float(ca.Function("f", [X], [y + z])(x))
+    assert 1e-9 < abs(expected) < 1e9
+    work = traced(y + z)
+    for improve in (factor, share, factor):
+        assert values(work, x) == pytest.approx([expected], rel=1e-11)
+        work = improve(work)
+    assert values(work, x) == pytest.approx([expected], rel=1e-11)
+
+
+def test_constants_of_one_product_are_no_overflow() -> None:
+    tiny = 1e-200 * a
+    x = np.array([3e199, 2.0, 0.0, 0.0, 0.0])
+    expected = float(ca.Function("f", [X], [tiny * tiny * b])(x))
+    assert values(traced(tiny * tiny * b), x) == pytest.approx([expected], rel=1e-12)
+
+
 def _all_values(work: Work, x: np.ndarray) -> list[float]:
     lowered = lower(work)
     done: list[float] = []

@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from codegen import cache
+from derive.expressions.instructions import listing
 from derive.formulations.evaluate import evaluator, function_of
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics
@@ -228,15 +229,9 @@ def _fingerprint(problem: Problem, times: Sequence[float], digits: int) -> str:
 
 
 def _listing(function: ca.Function) -> str:
-    """Every instruction."""
-    lines = []
-    for k in range(function.n_instructions()):
-        code = function.instruction_id(k)
-        number = function.instruction_constant(k) if code == ca.OP_CONST else ""
-        lines.append(
-            f"{code} {function.instruction_input(k)} {function.instruction_output(k)} {number!r}"
-        )
-    return "\n".join(lines)
+    """Every instruction, and where the results come from."""
+    program = listing(function)
+    return "\n".join(map(repr, (*program.instructions, program.outputs)))
 
 
 def _kept(name: str) -> Solution | None:

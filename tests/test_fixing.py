@@ -15,8 +15,8 @@ from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.model import load, load_text
 from derive.states import sampling
-from hamel.fixing import fixed
-from hamel.pipeline import mechanics_of
+from hamel.build.fix import fixed
+from hamel.build.stages import mechanics_of
 from hamel.verify.checks.evidence import slots_of
 
 MODELS = Path(__file__).parent.parent / "models"

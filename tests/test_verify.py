@@ -21,7 +21,7 @@ from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.model import load, load_text
 from derive.states import system
-from hamel.pipeline import temporary_module
+from hamel.build.module import temporary_module
 from hamel.verify import verification
 from hamel.verify.checks import CHECKS
 from hamel.verify.checks.evidence import graph, terms

@@ -24,7 +24,8 @@ from derive.formulations.charts import charted, together
 from derive.robots import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
-from hamel.pipeline import mechanics_of, temporary_module
+from hamel.build.module import temporary_module
+from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
 from hamel.simulate import motion

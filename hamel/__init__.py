@@ -14,7 +14,7 @@ from types import ModuleType
 
 TYPE_CHECKING = False  # typing's own takes as long to import as all of this
 if TYPE_CHECKING:
-    from derive.robots import Floating
+    from derive.robots import Floating, RobotFile
     from hamel.api import (
         build,
         check,
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     "Floating",
+    "RobotFile",
     "build",
     "check",
     "choices",
@@ -59,7 +60,7 @@ class _Face(ModuleType):
     def __getattr__(self, name: str) -> object:
         if name not in __all__:
             raise AttributeError(f"module 'hamel' has no attribute '{name}'")
-        home = "derive.robots" if name == "Floating" else "hamel.api"
+        home = "derive.robots" if name in ("Floating", "RobotFile") else "hamel.api"
         value = getattr(importlib.import_module(home), name)
         setattr(self, name, value)
         return value

@@ -76,5 +76,11 @@ def switches(equations: Equations, found: Any) -> tuple[Switch, ...]:
     names = [equations.choice, *(chart.choice for chart in equations.charts)]
     changed = np.nonzero(np.diff(found.chart))[0]
     return tuple(
-        Switch(float(found.t[k]), names[found.chart[k]], names[found.chart[k + 1]]) for k in changed
+        Switch(
+            float(found.t[k]),
+            float(found.t[k + 1]),
+            names[found.chart[k]],
+            names[found.chart[k + 1]],
+        )
+        for k in changed
     )

@@ -394,32 +394,38 @@ def _rate(a: Author, j: int) -> sympy.Symbol:
 def power(a: Author) -> None:
     """d(T + V)/dt = P."""
     a.section("Energy and power")
-    found = a.function("power")
-    a.say("Along a motion the energy changes by the power of the forces that have no potential" + (
+    found, integral = a.function("power"), not a.system.homogeneous
+    if integral:
+        a.say(
+            "The kinetic energy has terms that are linear in the rates or free of them. What is in "
+            "balance is therefore Jacobi's integral, without the former and with the latter "
+            "reversed,"
+        )
+        a.scalar("H", "H", a.system.energy, "Jacobi's integral", "J")
+    a.say("Along a motion " + ("it" if integral else "the energy")
+        + " changes by the power of the forces that have no potential" + (
         ", and of constraints that move:" if not a.system.c.is_zero() else ":"))  # fmt: skip
     right = r"P" + ("" if a.system.c.is_zero() else r" + !\lambda^T!c")
     rate = _energy_rate(a)
     moving = ca.dot(a.lam, a.system.c) if a.system.rows else 0
-    if a.system.assumptions or found is None:
-        a.state(r"\frac{\mathrm{d}}{\mathrm{d}t}\left(T+V\right)", right)
+    left = r"\frac{\mathrm{d}}{\mathrm{d}t}" + ("H" if integral else r"\left(T+V\right)")
+    if found is None:
+        a.state(left, right)
     else:
-        a.law(
-            "power",
-            r"\frac{\mathrm{d}}{\mathrm{d}t}\left(T+V\right)",
-            right,
-            rate - a.system.power - moving,
-        )
+        a.law("power", left, right, rate - a.system.power - moving)
     if a.system.power.is_zero():
-        a.say("Here $P=0$: the energy is conserved." if a.system.c.is_zero() else "Here $P=0$.")
+        conserved = "Jacobi's integral" if integral else "the energy"
+        still = a.system.c.is_zero()
+        a.say(f"Here $P=0$: {conserved} is conserved." if still else "Here $P=0$.")
         return
     a.say("with the power")
     a.scalar("P", "P", a.system.power, "power of the forces without potential", "W")
 
 
 def _energy_rate(a: Author) -> ca.SX:
-    """d(T + V)/dt with v̇ from the equations."""
+    """d(T + V)/dt, or that of Jacobi's integral, with v̇ from the equations."""
     s = a.system
-    total = s.T + s.V
+    total = s.energy
     return ca.jtimes(total, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qdot)) + ca.jtimes(
         total, s.v, a.vdot
     )

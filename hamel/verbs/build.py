@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rich.console import Console
 
+from derive.diagnostics import listed
 from hamel.records import Built
 from hamel.show import durations, ledger, operations
 
@@ -21,7 +22,7 @@ def show(record: Built, console: Console) -> None:
     note = ", ".join(filter(None, notes))
     console.print(f"{record.model}: {how} {record.folder}{note and f' ({note})'}")
     console.print(
-        f"  choice      {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}"
+        f"  choice      {record.choice} ({listed(record.quasi_velocities)}): {record.reason}"
     )
     console.print(f"  operations  {operations(record.operations)}")
     if record.size:

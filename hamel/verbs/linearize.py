@@ -33,6 +33,8 @@ from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
 if TYPE_CHECKING:
     from rich.console import Console
 
+PAGE = "linearization.html"
+
 
 def run(
     path: str | PathLike[str],
@@ -66,9 +68,10 @@ def run(
         record = replace(record, step=step, **_sampled(found, step))
     if out is None:
         return record
+    place = Path(out) if Path(out).suffix.lower() == ".html" else Path(out) / PAGE
     with clock("page"):
-        write_text(Path(out), page(found, made, wanted, record))
-    return replace(record, page=Path(out))
+        write_text(place, page(found, made, wanted, record))
+    return replace(record, page=place)
 
 
 def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:

@@ -11,7 +11,7 @@ import pytest
 
 import hamel
 from derive.diagnostics import AssumptionError, HamelError, ModelError, ToolchainError
-from hamel.build.pipeline import affordable
+from hamel.build.options import affordable
 from hamel.records import as_json
 
 MODELS = Path(__file__).parent.parent / "models"

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from derive.formulations.records import Equations
 
 Constants = Collection[str] | Literal["all"]
 Fixed = Mapping[str, float | str]  # inputs and parameters that become numbers
 
 QUICK_STATES = 20  # what a build verifies at; `verify` does more
+FEWEST = 2  # states it looks at in any case
+MANY = 2000  # bodies, over all states
 
 
 @dataclass(frozen=True)
@@ -38,3 +43,8 @@ class BuildOptions:
         }
         constants = "all" if self.constants == "all" else tuple(self.constants)
         return plain | lists | {"constants": constants, "fix": sorted(self.fix.items())}
+
+
+def affordable(equations: Equations, states: int) -> int:
+    """Fewer states where there are many bodies: the reference is not made for speed."""
+    return max(FEWEST, min(states, MANY // max(1, len(equations.system.model.bodies))))

@@ -16,6 +16,7 @@ before all of it went well. `-v` shows every stage with its seconds.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from os import PathLike
@@ -26,15 +27,16 @@ from codegen.compiler import shared_library
 from codegen.emit import emit, sealed
 from codegen.program import Program
 from codegen.seal import DERIVATION, VERIFICATION
-from derive.diagnostics import ToolchainError, VerificationError
-from derive.formulations.charts import BETWEEN, together
+from derive.diagnostics import ToolchainError
+from derive.formulations.charts import BETWEEN
 from derive.formulations.records import Equations
 from derive.textbook import html
+from hamel.build.assurance import check_all
 from hamel.build.clock import Clock
 from hamel.build.folder import check_place, publish, resolved
 from hamel.build.keys import file_key
 from hamel.build.module import Compiled, compiling, drafted
-from hamel.build.options import BuildOptions
+from hamel.build.options import BuildOptions, affordable
 from hamel.build.reuse import remember
 from hamel.build.stages import equations_of, program_of, with_emitted
 from hamel.build.tune import fastest, with_fastest_flags
@@ -42,9 +44,6 @@ from hamel.records import Built
 from hamel.verify import Verification, quick_verification
 from hamel.verify.shipped import shipped
 from hamel.verify.stored import stored
-
-FEWEST = 2  # states a build looks at
-MANY = 2000  # bodies, over all states
 
 
 def build(
@@ -72,9 +71,11 @@ def build(
             derivation = html(equations)
         with clock("verify", "binaries → verified, at random states"):
             checked = with_emitted(equations, program)
-            found = verified(checked, _waiting(finished, clock), options.states)
+            found = _verification(checked, _waiting(finished, clock), options.states)
             states = stored(found, equations, shipped(checked, found.seed))
         compiled = finished()
+        if compiled.message:
+            warnings.warn(compiled.message, RuntimeWarning, stacklevel=2)
 
     with clock("publish", f"verified → {place}"):
         pages = {DERIVATION: derivation, VERIFICATION: states}
@@ -121,27 +122,15 @@ def _without_compiler(compiled: Compiled) -> ToolchainError:
     return ToolchainError(compiled.message.replace(", so the module runs on NumPy", ""), hint)
 
 
-def verified(equations: Equations, module: Callable[[], ModuleType], states: int) -> Verification:
+def _verification(
+    equations: Equations, module: Callable[[], ModuleType], states: int
+) -> Verification:
     """Raises VerificationError unless equations and module agree with the independent
     derivation."""
     model = equations.system.model
     found = quick_verification(model, equations, module, affordable(equations, states))
-    failed = [
-        f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}"
-        for check in found.checks
-        if not check.passed
-    ]
-    if failed:
-        raise VerificationError(
-            f"{model.name}, choice {together(equations)}: verification failed, nothing is written: "
-            + "; ".join(failed)
-        )
+    check_all(equations, found.checks, "nothing is written")
     return found
-
-
-def affordable(equations: Equations, states: int) -> int:
-    """Fewer states where there are many bodies: the reference is not made for speed."""
-    return max(FEWEST, min(states, MANY // max(1, len(equations.system.model.bodies))))
 
 
 def _bytes(texts: Mapping[str, str]) -> dict[str, bytes]:

@@ -23,7 +23,7 @@ from codegen.compiler import BINARIES
 from codegen.seal import MANIFEST, manifest_seal
 from derive.diagnostics import ToolchainError, VerificationError
 from hamel.build.files import parents, writing
-from hamel.build.scratch import is_scratch, scratch, sweep
+from hamel.build.scratch import OLD, is_scratch, scratch, sweep
 
 OTHER = "choose another folder with -o"
 WRITABLE = "choose a writable folder with -o"
@@ -125,7 +125,8 @@ def differences(place: Path) -> tuple[str, ...]:
     said = manifest(place)
     if not said:
         raise ToolchainError(f"{place} is not a generated module: it has no {MANIFEST} of hamel")
-    found = [] if said.get("seal") == manifest_seal(said) else [f"{MANIFEST} was changed"]
+    sealed = said.get("seal") == manifest_seal(said)
+    found: list[str] = [] if sealed else [f"{MANIFEST} was changed"]
     made = _json(place / BINARIES)
     wanted = {**_hashes(said.get("files")), **_hashes(made)}
     found += [line for name, known in wanted.items() if (line := _difference(place, name, known))]
@@ -252,7 +253,7 @@ def _swap(fresh: Path, place: Path) -> None:
     """Both folders change places: in one step, or in two where the system has no such step."""
     if _exchanged(fresh, place):
         return
-    old = fresh.with_name(fresh.name + ".old")
+    old = fresh.with_name(fresh.name + OLD)
     os.rename(place, old)
     try:
         os.rename(fresh, place)

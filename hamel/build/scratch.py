@@ -21,6 +21,7 @@ except ImportError:  # Windows: there what is old enough is swept
     fcntl = None
 
 NAME = re.compile(r"\.hamel-(\d+)-\w+")
+OLD = ".old"  # the end of the name of what makes room for its successor
 YOUNG = 60.0  # s: so long after it was made a folder of a living process may not be locked yet
 ABANDONED = 86_400.0  # s: without locks, nothing takes longer
 
@@ -68,9 +69,18 @@ def _sweep_one(place: Path) -> None:
             lock = _locked(place)
             abandoned = lock is not None and (age > YOUNG or not _alive(place.name))
         if abandoned:
+            _put_back(place)
             shutil.rmtree(place, ignore_errors=True)
     if lock is not None:
         os.close(lock)
+
+
+def _put_back(place: Path) -> None:
+    """What was moved away to make room for its successor, and has none."""
+    for old in place.glob(f"*{OLD}"):
+        home = place.parent / old.name.removesuffix(OLD)
+        if not os.path.lexists(home):
+            os.rename(old, home)
 
 
 def _alive(name: str) -> bool:

@@ -3,17 +3,17 @@
 An interrupt is quiet from the first moment on: while the command line is imported, too.
 """
 
+import _signal  # `signal` takes a while to import: time in which an interrupt would be loud
 import os
-import signal
 from types import FrameType
 
 
 def main() -> None:
     """The command line with the arguments of this process."""
-    signal.signal(signal.SIGINT, _interrupted)
+    _signal.signal(_signal.SIGINT, _interrupted)
     from hamel.cli import main as command
 
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    _signal.signal(_signal.SIGINT, _signal.default_int_handler)
     command()
 
 

@@ -602,4 +602,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt,
         # and nothing is worth looking for garbage in, which Python does several times when it ends
         gc.freeze()
+        if code == failures.INTERRUPTED:  # Python itself may end by the signal, with another code
+            sys.stdout.flush()
+            os._exit(code)
     sys.exit(code)

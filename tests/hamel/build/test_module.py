@@ -48,14 +48,14 @@ def test_harmed_binaries_are_compiled_again(
     small: Program, tmp_path: Path, own_store: Path
 ) -> None:
     published(small, tmp_path / "toy")
-    wanted = module_in(tmp_path / "toy").dynamics(0.0, [0.1] * 4)
+    wanted = module_in(tmp_path / "toy").energy(0.0, [0.1] * 4)
     for binary in own_store.glob("compiled-*/files/*"):
         content = bytearray(binary.read_bytes())
         content[len(content) // 2] ^= 1
         binary.write_bytes(content)
     again = published(small, tmp_path / "toy")
     assert not again.cached
-    assert (module_in(again.folder).dynamics(0.0, [0.1] * 4) == wanted).all()
+    assert (module_in(again.folder).energy(0.0, [0.1] * 4) == wanted).all()
     assert published(small, tmp_path / "toy").cached
 
 

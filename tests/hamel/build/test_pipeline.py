@@ -98,8 +98,8 @@ def test_the_shipped_module_is_verified(copied: Path) -> None:
 def test_a_wrong_module_with_a_right_manifest_is_seen(copied: Path) -> None:
     """Somebody changes a number and all hashes with it: the values say no."""
     text = (copied / "_numpy.py").read_text()
-    line = next(line for line in text.splitlines() if "np.sin(" in line)
-    (copied / "_numpy.py").write_text(text.replace(line, line + " * 1.00001"))
+    (copied / "_numpy.py").write_text(text.replace(" * z1\n", " * z1 * 1.00001\n"))
+    assert " * z1\n" in text
     manifest = json.loads((copied / "manifest.json").read_text())
     manifest["files"]["_numpy.py"] = folder.hashlib.sha256(
         (copied / "_numpy.py").read_bytes()
@@ -132,10 +132,10 @@ def test_no_two_files_of_one_name(name: str) -> None:
     assert sum("int main(" in text for text in files.values()) == 1
 
 
-@pytest.mark.parametrize("name", ["numpy", "library", "shared", "simulate", "Simulate", "_init__"])
+@pytest.mark.parametrize("name", ["numpy", "library", "shared", "simulate", "Simulate"])
 def test_names_that_clash_are_refused(name: str) -> None:
     with pytest.raises(ModelError, match="cannot be called"):
-        emit.emit(program(toy(name), ["energy"]))
+        emit.emit(program(toy(name), ["dynamics"]))
 
 
 @needs_compiler
@@ -182,28 +182,27 @@ def test_simulate_runs_nothing_that_build_refuses(
     assert store.root() is not None
 
 
+STARTED = (
+    "import sys; print('.', flush=True); sys.argv = ['hamel', 'build', sys.argv[1]];"
+    "from hamel.__main__ import main; main()"
+)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize("seconds", [0.05, 0.1, 0.15, 0.2, 0.3, 0.6])
 def test_an_interrupt_is_quiet_from_the_start(tmp_path: Path, seconds: float) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "hamel", "build", str(PENDULUM)],
+        [sys.executable, "-c", STARTED, str(PENDULUM)],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-    assert process.stderr is not None
-    while not _imports_hamel(process.pid) and process.poll() is None:
-        time.sleep(0.005)  # before that it is Python itself that starts
+    assert process.stdout is not None
+    process.stdout.read(1)  # Python itself has started
     time.sleep(seconds)
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=120)
-    assert "Traceback" not in said and process.returncode in (130, 0)
+    assert said.strip() in ("error: interrupted", "") and process.returncode in (130, 0)
     assert not [name for name in os.listdir(tmp_path) if name.startswith(".")]
-
-
-def _imports_hamel(process: int) -> bool:
-    """Whether the process has begun with files of this project."""
-    status = Path(f"/proc/{process}/status")
-    caught = [line for line in status.read_text().splitlines() if line.startswith("SigCgt")]
-    return bool(int(caught[0].split()[1], 16) & (1 << (signal.SIGINT - 1))) if caught else True

@@ -16,13 +16,14 @@ import mpmath
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
 from codegen.passes import program
 from derive.expressions.instructions import listing, run
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load
 from derive.states import system
+from hamel.build.module import published
 
 MODELS = Path(__file__).parents[1] / "models"
 MOST = 4.0
@@ -69,7 +70,7 @@ def compare(name: str, count: int, folder: Path) -> None:
     function = ca.Function(
         "f", [argument.symbols for argument in found.arguments], [ca.densify(value)]
     )
-    module = loader.load(build.build(program(found, ["dynamics"]), folder / name).folder)
+    module = loader.load(published(program(found, ["dynamics"]), folder / name).folder)
     p = np.array(found.parameters)
     ours, plain = [], []
     with mpmath.workdps(50):

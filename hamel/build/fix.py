@@ -11,15 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions.tree import Number, Product
 from derive.model.records import GeneralisedForce, Input, Load, Model
+from hamel.build.options import Constants
 from hamel.settings import settings
-
-if TYPE_CHECKING:
-    from hamel.pipeline import Constants
 
 
 def fixed(

@@ -13,7 +13,7 @@ from derive.choices.records import Guard
 from derive.choices.reduction import SINGULAR
 from derive.choices.resolution import Survey
 from derive.joints.records import Scalar, Vector
-from derive.mechanics.solve import Block, lu_solution, pivot_order, scalars
+from derive.mechanics.solve import COFACTORS, Block, lu_solution, pivot_order, scalars
 
 # the guard of a pivot that is quadratic in the rows of A: they may come within 1e-6 of each other
 SQUARED = 1e-12
@@ -43,6 +43,11 @@ def pivot_blocks(survey: Survey, matrix: ca.SX) -> list[Block]:
     structure = np.array([[not isinstance(x, float) or x != 0 for x in row] for row in rows])
     constant = np.array([[isinstance(x, float) for x in row] for row in rows])
     return pivot_order(values, structure, constant)
+
+
+def by_reflections(found: Solved) -> bool:
+    """Whether no pivots were safe for some of the matrix."""
+    return any(len(block.rows) > COFACTORS for block in found.blocks)
 
 
 def block_guards(found: Solved, names: Sequence[str]) -> tuple[Guard, ...]:

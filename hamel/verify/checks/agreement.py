@@ -181,6 +181,9 @@ def motion(e: Evidence) -> float:
     )
 
 
+BALANCED = 1e-10  # relative to what is summed in a row of the balance of forces
+
+
 def multipliers(e: Evidence) -> float | None:
     """λ; where rows are redundant and it is not unique, Aᵀ λ, and where all rows are kept also λ
     against the least one.
@@ -240,23 +243,32 @@ def _augmented(t: Terms) -> Array:
 
 def balance(e: Evidence) -> float | None:
     """M v̇ + h = Q + Aᵀ λ row by row, against the sizes of what is summed: no condition number
-    excuses a wrong λ or v̇ here.
+    excuses a wrong λ here.
+
+    v̇ = S ẇ + σ is known to n·2⁻⁵² cond [A; B] of the largest force at best: where [A; B] is nearly
+    singular S ẇ and σ nearly cancel. What is summed in a row counts as at least that.
 
     Where nothing pulls at all, what is summed is roundoff, and is not compared with itself: no more
     than what is left of velocity products, each of the size of T, that cancel.
     """
     if not e.graph.has("reactions"):
         return None
-    given = zip(e.terms, e.vdot, e.results("reactions"))
+    given = zip(e.terms, e.vdot, e.results("reactions"), e.own_conditions(e.graph))
     return worst(
-        [_imbalance(t, vdot, lam, e.units.force, t.T / e.units.energy) for t, vdot, lam in given]
+        [
+            _imbalance(t, vdot, lam, e.units.force, t.T / e.units.energy, growth)
+            for t, vdot, lam, growth in given
+        ]
     )
 
 
-def _imbalance(t: Terms, vdot: Array, lam: Array, unit: Array, products: float) -> Array:
+def _imbalance(
+    t: Terms, vdot: Array, lam: Array, unit: Array, products: float, growth: float
+) -> Array:
     summed = (_summed(t, vdot) + np.abs(t.A.T) @ np.abs(lam)) / unit
     left = (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / unit
-    return left / np.maximum(summed, 1e-6 * max(SMALL, products, summed.max(initial=0.0)))
+    floor = max(1e-6, len(vdot) * np.finfo(float).eps * growth / BALANCED)
+    return left / np.maximum(summed, floor * max(SMALL, products, summed.max(initial=0.0)))
 
 
 def choices(e: Evidence) -> float | None:
@@ -335,7 +347,7 @@ CHECKS = (
     ),
     Check(
         "M v̇ + h = Q + Aᵀ λ",
-        1e-10,
+        BALANCED,
         "the choice's v̇ and λ in the system's own terms, against what is summed",
         balance,
     ),

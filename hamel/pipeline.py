@@ -68,7 +68,7 @@ def equations_of(
         from derive.formulations import equations
         from derive.linearize.minimal import with_linearization
 
-        return with_linearization(equations(mechanics, choice, formulation, charts=True))
+        return with_linearization(equations(mechanics, choice, formulation, charts=True, moving=True))
 
 
 def _read(path: str | PathLike[str], constants: Constants, fix: Fixed) -> tuple[Model, Constants]:
@@ -124,7 +124,7 @@ def usable_choices(
     usable, refused = {}, {}
     for number, choice in enumerate(mechanics.model.choices):
         try:
-            found = equations(mechanics, choice.name, formulation)
+            found = equations(mechanics, choice.name, formulation, moving=True)
         except AssumptionError as error:
             if number == 0:
                 raise

@@ -16,9 +16,11 @@ def files(program: Program) -> dict[str, str]:
     shown = program.kernel("dynamics" if "dynamics" in names else names[0])
     states = program.nominal or tuple(0.1 * (i + 1) for i in range(len(shown.x.names)))
     charts = [f"{program.name}_charts"] if program.charts else []
+    names_of_rows = [f"{program.name}_nullspace"] if "constraint_rows" in names else []
     sources = [
         program.name,
         *charts,
+        *names_of_rows,
         *(f"{program.name}_{kernel.name}" for kernel in program.kernels if is_long(kernel)),
     ]
     data = {

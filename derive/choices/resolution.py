@@ -83,9 +83,13 @@ class Resolved:
 
 @dataclass(frozen=True)
 class Survey:
-    """The system with what every choice needs to know of it: sampled states and the rank of A."""
+    """The system with what every choice needs to know of it: sampled states and the rank of A.
+
+    With `moving` frames of directions are data of the module that is to be generated.
+    """
 
     system: System
+    moving: bool = False
 
     @cached_property
     def solver(self) -> Kinematics:
@@ -240,9 +244,9 @@ def _lengths(matrices: np.ndarray) -> list[float]:
     return [float(x) if x > 0 else 1.0 for x in lengths]
 
 
-def survey_of(system: System) -> Survey:
+def survey_of(system: System, moving: bool = False) -> Survey:
     """Raises AssumptionError where no consistent state can be found to look at."""
-    found = Survey(system)
+    found = Survey(system, moving)
     if not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
         if not system.rows:
@@ -401,7 +405,7 @@ def judged(
     reduction: Reduction,
     equations: Explicit,
 ) -> Ranking:
-    conditions = _conditions(survey, _numeric_rows(survey, reduction.B))
+    conditions = _conditions(survey, _numeric_rows(survey, reduction.at_frame(reduction.B)))
     count, pivots = equations.operations, reduction.pivots
     return Ranking(
         name, kind, rows, reduction.constant_pivots, *conditions, count, pivots, equations.gathered
@@ -419,7 +423,9 @@ def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
 
 
 def _orthonormal(survey: Survey, choice: Choice) -> Resolved:
-    reduction = orthonormal(survey.system, survey.independent_rows, survey.kept, survey.sampled)
+    reduction = orthonormal(
+        survey.system, survey.independent_rows, survey.kept, survey.sampled, survey.moving
+    )
     equations = explicit(survey.system, reduction)
     ranking = judged(survey, choice.name, "orthonormal", reduction.names, reduction, equations)
     return Resolved(

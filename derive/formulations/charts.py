@@ -18,6 +18,8 @@ from derive.choices.named import carried_through
 from derive.choices.records import Guard
 from derive.choices.resolution import Resolved, Survey, ranked_partitions
 from derive.diagnostics import AssumptionError, HamelError
+from derive.formulations.frames import in_numbers
+from derive.formulations.functions import with_frame
 from derive.formulations.records import Equations, Function
 
 BETWEEN = "+"  # of the names of choices that are charts of one module
@@ -50,8 +52,40 @@ def charted(found: Sequence[Equations], survey: Survey) -> Equations:
     said = (
         f"charts {', '.join(names)}: where one comes near a singular position, another takes over"
     )
-    first, *others = (replace(one, largest=_largest(_guards(one), survey)) for one in found)
+    first, *others = (
+        replace(one, largest=_largest(_at_frame(one, _guards(one)), survey))
+        for one in _of_one_frame(found)
+    )
     return replace(first, charts=tuple(others), assumptions=(*first.assumptions, said))
+
+
+def _of_one_frame(found: Sequence[Equations]) -> list[Equations]:
+    """All with the parameters of all: the frame of one of them belongs to every chart."""
+    frames = [one.frame for one in found if one.frame is not None]
+    if not frames:
+        return list(found)
+    frame, parameters = frames[0], found[0].system.parameters
+    return [
+        one
+        if one.frame is not None
+        else replace(
+            one,
+            frame=frame,
+            arguments=tuple(
+                with_frame(slot, frame) if slot.name == "p" else slot for slot in one.arguments
+            ),
+            parameters=(*parameters, *frame.values),
+        )
+        for one in found
+    ]
+
+
+def _at_frame(equations: Equations, guards: tuple[Guard, ...]) -> tuple[Guard, ...]:
+    """The guards with the usual frame in numbers."""
+    if equations.frame is None or not guards:
+        return guards
+    values = in_numbers([guard.value for guard in guards], equations.frame)
+    return tuple(replace(guard, value=value) for guard, value in zip(guards, values))
 
 
 def together(equations: Equations) -> str:
@@ -67,10 +101,10 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     equations of one by name. The next chart is the one that takes the worst state farthest from
     singular. Where no few are safe together, there are none.
     """
-    here = _margins(_guards(first), survey)
+    here = _margins(_at_frame(first, _guards(first)), survey)
     if first.generalized_velocities or np.min(here, initial=np.inf) >= SAFE:
         return first
-    others = {x.ranking.name: _margins(x.reduction.guards, survey) for x in _candidates(survey)}
+    others = {x.ranking.name: _margins(_guards_of(x), survey) for x in _candidates(survey)}
     if any(np.min(margins) >= SAFE for margins in others.values()):
         return first
     names: list[str] = []
@@ -93,6 +127,11 @@ def _candidates(survey: Survey) -> list[Resolved]:
             except HamelError:
                 continue  # `hamel choices` says why
     return found
+
+
+def _guards_of(found: Resolved) -> tuple[Guard, ...]:
+    reduction = found.reduction
+    return tuple(replace(x, value=reduction.at_frame(x.value)) for x in reduction.guards)
 
 
 def _guards(equations: Equations) -> tuple[Guard, ...]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.choices.records import Guard
+from derive.choices.records import Frame, Guard
 from derive.mechanics.records import Named, System
 
 
@@ -118,3 +118,4 @@ class Equations:
         float, ...
         # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled states
     ] = ()
+    frame: Frame | None = None  # the last entries of p: directions that are based anew on the way

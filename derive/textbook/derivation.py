@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.metadata import PackageNotFoundError, version
 
 from derive.formulations import source
+from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.textbook import names
 from derive.textbook.author import Author
@@ -39,6 +40,7 @@ REFERENCES = (
 
 def derivation(equations: Equations) -> Document:
     """Every section, formulas numbered throughout."""
+    equations = based(equations)
     found = components(equations.system)
     a = Author(equations, found)
     given(a)

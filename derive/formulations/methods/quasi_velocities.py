@@ -43,7 +43,8 @@ def _multipliers(survey: Survey, reduction: Reduction, missing: ca.SX) -> ca.SX:
     rows = survey.independent_rows
     if not survey.rank:
         return rows.spread([])
-    result = solved(survey, ca.vertcat(rows.A, reduction.B).T, [entries(missing)])
+    Y = ca.vertcat(rows.A, reduction.B)
+    result = solved(survey, Y.T, [entries(missing)], reduction)
     if by_reflections(result):
         sides = [[x] for x in entries(missing)]
         column, _ = reflected_solution(scalars(ca.SX(rows.A).T), sides)

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import FLOAT64, Real, real_of
+from derive.formulations.frames import based
 from derive.formulations.records import Equations, Function
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
@@ -185,6 +186,7 @@ def shaped(value: Array) -> Array:
 
 def graph(equations: Equations) -> Graph:
     """Compile nothing: CasADi's virtual machine runs the graph itself."""
+    equations = based(equations)
     arguments = slots_of(equations)
     results = {f.name: ca.densify(f.result.value) for f in equations.functions}
     functions = {

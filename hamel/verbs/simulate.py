@@ -95,23 +95,27 @@ def run(
         with temporary_module(
             by, (method.integrator,) if _own(method) else (), (enforcement.name,), real=real.name
         ) as module:
-            start, chart = charts.start(module, initial.q, initial.v, u, p) if by.charts else (x, 0)
-            return motion.integrated(module, by, times, start, u, p, stepping, progress, chart)
+            start, chart, given = x, 0, p
+            if by.charts or by.frame:
+                start, chart, given = charts.start(module, initial.q, initial.v, u, p)
+            return motion.integrated(module, by, times, start, u, given, stepping, progress, chart)
 
+    used = chosen
     try:
         found = moved(chosen)
     except AssumptionError as error:
         others = _others(mechanics, chosen, enforcement, options) if _own(method) else []
         if not others:
             raise _explained(error, mechanics, initial, p) from None
+        used = charted([chosen, *others], survey_of(mechanics))
         try:
-            found = moved(charted([chosen, *others], survey_of(mechanics)))
+            found = moved(used)
         except AssumptionError:
             raise _explained(error, mechanics, initial, p) from None
     for write in files:
         write(found)
     return _record(
-        chosen,
+        used,
         replace(method, enforcement=enforcement.name, alpha=alpha),
         initial,
         found,
@@ -321,7 +325,7 @@ def _record(
         final={name: float(values[-1]) for name, values in found.columns().items()},
         file=Path(out) if out else None,
         plot=Path(plot) if plot else None,
-        motion=found.columns(),
+        motion=motion.written(found),
     )
 
 
@@ -349,7 +353,8 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"  charts used         {record.charts}")
     for switch in record.switches:
         console.print(
-            f"  at {switch.time:.6g} s choice {switch.left} came near a singular position; {switch.entered} took over"
+            f"  after {switch.time:.6g} s {switch.left} came near where it fails; "
+            f"{switch.entered} took over"
         )
     for place in (record.file, record.plot):
         if place:

@@ -49,6 +49,7 @@ ENTRIES, FEWEST = (
     2_000,
     10,
 )  # of large systems fewer states are looked at: about so many velocities, at least so many states
+MANY = 5  # times as many states where a look at pivots is all there is to do
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
 MOST_WAYS = 16
 FINALISTS = 5
@@ -99,6 +100,11 @@ class Survey:
     def sampled(self) -> States:
         nv = max(1, self.system.v.numel())
         return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+
+    @cached_property
+    def many(self) -> States:
+        """More states than are worked with: enough to see where pivots come near zero."""
+        return states(self.system, MANY * len(self.sampled.t), seed=1, solver=self.solver)
 
     def sampled_for(self, B: ca.SX) -> States:
         """The sampled states, and the initial one where [A; B] is regular there.

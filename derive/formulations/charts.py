@@ -99,14 +99,27 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
 
     Candidates are the partitions that `auto` ranks and the choices of the file; `made` gives the
     equations of one by name. The next chart is the one that takes the worst state farthest from
-    singular. Where no few are safe together, there are none.
+    singular. A pivot that is of both signs over the states vanishes between them: then a choice
+    that is safe alone is a chart, too, and where no few are safe together the orthonormal choice,
+    which goes wherever A has full rank.
     """
-    here = _margins(_at_frame(first, _guards(first)), survey)
-    if first.generalized_velocities or np.min(here, initial=np.inf) >= SAFE:
+    guards = _at_frame(first, _guards(first))
+    here = _margins(guards, survey)
+    turns = _changes_sign(guards, survey)
+    if first.generalized_velocities or (np.min(here, initial=np.inf) >= SAFE and not turns):
         return first
-    others = {x.ranking.name: _margins(_guards_of(x), survey) for x in _candidates(survey)}
-    if any(np.min(margins) >= SAFE for margins in others.values()):
-        return first
+    others = {x.ranking.name: _guards_of(x) for x in _candidates(survey)}
+    alone = [name for name, them in others.items() if _is_safe(them, survey)]
+    if alone:
+        return charted([first, made(alone[0])], survey) if turns else first
+    names = _together_safe(here, {k: _margins(x, survey) for k, x in others.items()})
+    if turns and not names:
+        names = ["orthonormal"]
+    return charted([first, *map(made, names)], survey) if names else first
+
+
+def _together_safe(here: np.ndarray, others: dict[str, np.ndarray]) -> list[str]:
+    """Which charts to add so that every state is safe in one; none where no few do it."""
     names: list[str] = []
     while others and len(names) + 1 < MOST and np.min(here) < ENOUGH:
         best = max(others, key=lambda name: float(np.min(np.maximum(here, others[name]))))
@@ -115,7 +128,19 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
             break
         here = margins
         names.append(best)
-    return charted([first, *map(made, names)], survey) if np.min(here) >= SAFE else first
+    return names if np.min(here) >= SAFE else []
+
+
+def _is_safe(guards: Sequence[Guard], survey: Survey) -> bool:
+    margins = _margins(guards, survey)
+    return bool(np.min(margins, initial=np.inf) >= SAFE) and not _changes_sign(guards, survey)
+
+
+def _changes_sign(guards: Sequence[Guard], survey: Survey) -> bool:
+    if not guards:
+        return False
+    values = _values(guards, survey)
+    return bool(np.any(np.min(values, axis=0) * np.max(values, axis=0) < 0.0))
 
 
 def _candidates(survey: Survey) -> list[Resolved]:
@@ -140,25 +165,25 @@ def _guards(equations: Equations) -> tuple[Guard, ...]:
     )
 
 
-def _sizes(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
-    """|value| / tolerance at the sampled states, states × guards."""
-    s = survey.sampled
+def _values(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
+    """value / tolerance at the many sampled states, states × guards."""
+    s = survey.many
     values = ca.vertcat(*[guard.value / guard.tolerance for guard in guards])
-    return np.abs(survey.solver.values(values, s.t, s.q, s.p))[:, :, 0]
+    return survey.solver.values(values, s.t, s.q, s.p)[:, :, 0]
 
 
 def _largest(guards: Sequence[Guard], survey: Survey) -> tuple[float, ...]:
     """To three digits."""
     return (
-        tuple(float(f"{x:.3g}") for x in np.max(_sizes(guards, survey), axis=0)) if guards else ()
+        tuple(float(f"{x:.3g}") for x in np.max(np.abs(_values(guards, survey)), axis=0)) if guards else ()
     )
 
 
 def _margins(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
     """The smallest guard at each sampled state, relative to its largest value over all of them."""
     if not guards:
-        return np.full(len(survey.sampled.t), np.inf)
-    sizes = _sizes(guards, survey)
+        return np.full(len(survey.many.t), np.inf)
+    sizes = np.abs(_values(guards, survey))
     return np.min(sizes / np.maximum(np.max(sizes, axis=0), 1e-300), axis=1)
 
 

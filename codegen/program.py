@@ -197,7 +197,9 @@ class Program:
         tuple[str, float], ...
     ] = ()  # inputs and parameters that were given a value and baked in
     positions: int = 0  # leading rows of `constraints` that are position constraints
-    nominal: tuple[float, ...] = ()  # a state to show in examples; any when empty
+    nominal: tuple[float, ...] = field(
+        default=(), repr=False
+    )  # the model's initial state, for examples; any when empty
     inline: bool = False  # also as one header of inline functions
     flags: tuple[str, ...] = ()  # for the compiler, besides those it always gets
     timings: tuple[

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 WINDOW = 160  # characters of a source line that are shown at most
 SHOWN = 20  # problems printed at once
+NAMES = 12  # of a list that are told; whoever needs all finds them in the manifest
 COMPARED = 500  # names looked at for "did you mean"
 
 
@@ -123,7 +124,7 @@ def did_you_mean(name: str, candidates: Iterable[str]) -> str:
     return f"did you mean '{near}'?" if near else ""
 
 
-def listed(names: Iterable[str], most: int = 12) -> str:
+def listed(names: Iterable[str], most: int = NAMES) -> str:
     """Names for the `expected` line, cut where a reader stops reading."""
     known = list(dict.fromkeys(names))
     return ", ".join(known[:most]) + (f", … ({len(known)} in all)" if len(known) > most else "")

@@ -11,7 +11,7 @@ libraries behind the verbs.
 import sys
 from types import ModuleType
 
-from derive.robots import Floating
+from derive.robots import Floating, RobotFile
 from hamel.api import (
     build,
     check,
@@ -32,6 +32,7 @@ from hamel.api import (
 __version__ = "0.1.0"
 __all__ = [
     "Floating",
+    "RobotFile",
     "build",
     "check",
     "choices",

@@ -112,7 +112,7 @@ def switches(equations: Equations, rows: Sequence[str], t: np.ndarray) -> tuple[
         return ()
     before = [equations.choice, *rows[:-1]]
     return tuple(
-        Switch(float(t[max(k - 1, 0)]), left, entered)
+        Switch(float(t[max(k - 1, 0)]), float(t[k]), left, entered)
         for k, (left, entered) in enumerate(zip(before, rows))
         if left != entered
     )

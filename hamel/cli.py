@@ -83,23 +83,39 @@ def _print_json(record: Any) -> None:
     click.echo(json.dumps(as_json(record), allow_nan=False))
 
 
-FLOATING = click.option(
-    "--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely."
+ROBOT = (
+    click.option(
+        "--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely."
+    ),
+    click.option(
+        "--exact",
+        is_flag=True,
+        help="Of a URDF file: angles to the last digit (default: 1.5708 is a right angle).",
+    ),
+    click.option(
+        "--include",
+        multiple=True,
+        metavar="DIR",
+        help="Of an MJCF file: a folder it may include from, beside its own; may be repeated.",
+    ),
 )
 
 
-def _model(function: Function, required: bool = True) -> Function:
+def _model(function: Function, required: bool = True, name: str = "model") -> Function:
     """The argument MODEL with the options that belong to it."""
 
     @functools.wraps(function)
-    def run(model: str | None, floating: bool, **options: Any) -> Any:
-        if floating and model is None:
-            raise click.UsageError("--floating without a file")
-        return function(
-            hamel.Floating(model) if floating and model is not None else model, **options
-        )
+    def run(floating: bool, exact: bool, include: tuple[str, ...], **options: Any) -> Any:
+        model = options.pop(name)
+        if (floating or exact or include) and model is not None:
+            model = hamel.RobotFile(model, floating, exact, include)
+        elif floating or exact or include:
+            raise click.UsageError("--floating, --exact and --include are said of a file")
+        return function(model, **options)
 
-    return click.argument("model", required=required)(FLOATING(run))
+    for option in reversed(ROBOT):
+        run = option(run)
+    return click.argument(name, required=required)(run)
 
 
 CHOICE = click.option(
@@ -248,10 +264,15 @@ def verify(model: str, constants: str, **options: Any) -> Any:
 
 
 @verb
-@click.argument("models", nargs=-1, required=True)
+@click.argument("models", nargs=-1)
 @click.option("--case", metavar="NAME", help="Only the cases of this name.")
 def extremes(models: Sequence[str], case: str | None) -> Any:
     """Run the extreme cases of MODELS (files or folders): survived, refused, or wrong."""
+    if not models:
+        raise click.UsageError(
+            "no model is named: give files with `extremes:` cases or a folder of them, "
+            "such as models/extremes"
+        )
     return hamel.study.extremes(models, case=case)
 
 
@@ -448,8 +469,8 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 @click.option(
     "-o",
     "--out",
-    metavar="FILE.html",
-    help="The page: equations, plots, modes (default: linearization.html; with --json none).",
+    metavar="DIR|FILE.html",
+    help="Where linearization.html goes: equations, plots, modes (default: here; with --json none).",
 )
 @click.option(
     "--step",
@@ -471,7 +492,7 @@ def linearize(
         raise click.BadParameter("a name is swept twice", param_hint="--sweep")
     left_out = None if cyclic is None else () if cyclic.strip() == "none" else _names(cyclic)
     if not click.get_current_context().params["as_json"]:
-        options["out"] = options["out"] or "linearization.html"
+        options["out"] = options["out"] or "."
     return hamel.linearize(
         model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options
     )
@@ -493,14 +514,13 @@ def derive(model: str, **options: Any) -> Any:
 
 
 @verb
-@click.argument("robot")
+@functools.partial(_model, name="robot")
 @click.option(
     "-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it)."
 )
-@FLOATING
-def import_(robot: str, out: str | None, floating: bool) -> Any:
+def import_(robot: str, out: str | None) -> Any:
     """Turn ROBOT, a URDF or MJCF file, into a model file to go on editing."""
-    return hamel.import_(robot, out=out, floating=floating)
+    return hamel.import_(robot, out=out)
 
 
 @verb

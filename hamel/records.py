@@ -284,9 +284,10 @@ class Listed:
 @dataclass(frozen=True)
 class Switch:
     """Where one choice of quasi-velocities took over from another that came near a singular
-    position."""
+    position: between the rows at `time` and `before`."""
 
     time: float
+    before: float
     left: str
     entered: str
 
@@ -312,9 +313,9 @@ class Simulated:
     position_violation: float  # max |φ|
     velocity_violation: float  # max |A v − c|
     acceleration_violation: float  # the largest |A v̇ − β| in the rows of the output
-    energy_balance: (
-        float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy exchanged
-    )
+    # max |E − (E at 0) − ∫ power dt|, relative to the largest energy exchanged; E is T + V, or
+    # T₂ − T₀ + V where T = T₂ + T₁ + T₀ has terms linear in the rates or free of them
+    energy_balance: float
     crossings: (
         int  # singular positions on the way; two ways across each agreed within the tolerance
     )

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from codegen.passes import program
-from derive.choices import resolution as choices
 from derive.diagnostics import AssumptionError
-from derive.formulations import equations
+from derive.formulations import choices, equations
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.mechanics.solve import best_block

@@ -1,4 +1,4 @@
-"""Linear equations along steady motions: published digits, closed forms, and the bookenforcement of
+"""Linear equations along steady motions: published digits, closed forms, and the bookkeeping of
 zeros."""
 
 import re

@@ -339,23 +339,6 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
 
 
 @needs_compiler
-def test_example_compiles_without_warnings(
-    folder: Path, tmp_path: Path, module: ModuleType
-) -> None:
-    command = compiler.find_compiler()
-    assert command
-    sources = [str(folder / name) for name in ("example.c", "toy.c")]
-    subprocess.run(
-        [*command, *STRICT, *sources, "-lm", "-o", str(tmp_path / "example")], check=True
-    )
-    printed = subprocess.run(
-        [str(tmp_path / "example")], capture_output=True, text=True, check=True
-    ).stdout
-    found = [float(line) for line in printed.split()]
-    np.testing.assert_allclose(found, module.dynamics(0.0, [0.1, 0.2, 0.3, 0.4], [0.0]), rtol=1e-12)
-
-
-@needs_compiler
 def test_hostile_text_stays_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     built = build.build(program(toy("toy", HOSTILE, HOSTILE)), tmp_path / "toy")

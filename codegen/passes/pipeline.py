@@ -14,6 +14,7 @@ from codegen.passes.balance import balance
 from codegen.passes.factor import factor
 from codegen.passes.graph import Mark, Work, same
 from codegen.passes.hoist import hoist
+from codegen.passes.initial import initial
 from codegen.passes.invert import invert
 from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered, Operation, lower
@@ -42,6 +43,7 @@ from derive.diagnostics import AssumptionError, HamelError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import records
 from derive.formulations.charts import differs
+from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
@@ -115,7 +117,8 @@ def program(
         arguments=arguments,
         kernels=tuple(kernels),
         ledger=tuple(ledger),
-        positions=equations.system.phi.numel(),
+        positions=positions(equations.system),
+        nominal=initial(equations),
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
         enforcements=tuple(enforcements or ()) if simulates else (),

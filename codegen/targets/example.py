@@ -14,7 +14,8 @@ def files(program: Program) -> dict[str, str]:
     if not names:
         return {}
     shown = program.kernel("dynamics" if "dynamics" in names else names[0])
-    states = program.nominal or tuple(0.1 * (i + 1) for i in range(len(shown.x.names)))
+    consistent = shown.x.labels == program.argument("x").labels and bool(program.nominal)
+    states = program.nominal if consistent else _some(len(shown.x.names))
     charts = [f"{program.name}_charts"] if program.charts else []
     names_of_rows = [f"{program.name}_nullspace"] if "constraint_rows" in names else []
     sources = [
@@ -30,8 +31,14 @@ def files(program: Program) -> dict[str, str]:
         "PREFIX": program.name.upper(),
         "kernel": shown,
         "states": states,
+        "place": "the model's initial state" if consistent else "a state of arbitrary numbers",
     }
     return {"example.c": text.render("example.c.j2", **data)}
+
+
+def _some(count: int) -> tuple[float, ...]:
+    """Numbers where the model gives none."""
+    return tuple(0.1 * (i + 1) for i in range(count))
 
 
 EXAMPLE = Target("example", "a C program that uses the module", files)

@@ -180,9 +180,7 @@ class _Walk:
         sides = [[form.get(key, 0.0) for key in others] for form in residuals]
         solution, determinant = reflected_solution(block, sides)
         for key, row in zip(keys, solution):
-            self.solved[key] = {
-                other: -x for other, x in zip(others, row) if not is_zero(x)
-            }
+            self.solved[key] = {other: -x for other, x in zip(others, row) if not is_zero(x)}
         return determinant
 
 

@@ -28,10 +28,16 @@ def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
     system = found.system
     functions = {function.name: function for function in found.functions}
     v = functions["velocity"].result.value
+    w = next(argument for argument in found.arguments if argument.name == "x").symbols[
+        system.q.numel() :
+    ]
     energy = functions["energy"].result.value
     momenta = ca.substitute(ca.jacobian(system.T, system.v).T, system.v, v)
     names = {velocity.name: j for j, velocity in enumerate(system.model.velocities)}
-    known = {"energy": energy[0] + energy[1]}
+    # a sum that constraints which move leave constant, too, where the motion in w does not show time
+    known = {"energy": energy[0] + energy[1] if system.homogeneous else energy[2]}
+    if _relative_rate(found, known["energy"], options) > CONSERVED:
+        known["energy"] = ca.dot(ca.gradient(energy[0], w), w) - energy[0] + energy[1]
     known |= {f"{name}": momenta[j] for name, j in names.items()}
     known |= {
         c.name: momenta[names[f"der({c.name})"]]

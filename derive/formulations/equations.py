@@ -16,8 +16,10 @@ from derive.formulations.methods import FORMULATIONS
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.model.records import Choice
+from derive.numerics import refuses_numerically
 
 
+@refuses_numerically("the equations of motion")
 def equations(
     system: System,
     choice: str | None = None,
@@ -81,12 +83,14 @@ def source(formulation: str) -> str:
     return named(formulation).source
 
 
+@refuses_numerically("the formulations that fit")
 def misfits(system: System) -> dict[str, str]:
     """Why each formulation does not fit the system, "" for those that do."""
     survey = survey_of(system)
     return {formulation.name: formulation.misfit(survey) for formulation in FORMULATIONS}
 
 
+@refuses_numerically("the choices of quasi-velocities")
 def choices(system: System) -> tuple[Ranking, ...]:
     """What `auto` compared, best first, with the declared choices among them."""
     return tuple(x.ranking for x in ranked_partitions(survey_of(system)))

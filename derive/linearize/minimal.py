@@ -20,6 +20,7 @@ from derive.joints.records import Vector
 from derive.linearize.records import Linear
 from derive.mechanics.records import System
 from derive.mechanics.solve import Block, lu_solution, scalars
+from derive.numerics import refuses_numerically
 from derive.states.initial import initial_state
 
 WEAK = 1e-9  # relative size of what is left of a row that repeats others
@@ -31,6 +32,7 @@ NEAR = (
 )
 
 
+@refuses_numerically("the linear equations")
 def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
     """The linear equations with the dependent coordinates chosen at a configuration q on the
     constraints.

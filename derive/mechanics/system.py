@@ -112,7 +112,8 @@ def _assembled(
     V = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g)) + extra.V + loads.energy
     N = ca.jacobian(scene.qdot, s.v)
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
-    power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1))
+    energy = T + V if extra.missing.is_zero() else T + V - extra.missing
+    power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
     result = System(
         model=model,
         symbols=s,
@@ -134,6 +135,8 @@ def _assembled(
         beta=beta,
         T=T,
         V=V,
+        energy=energy,
+        homogeneous=extra.missing.is_zero(),
         power=power,
         outputs=outputs(scene),
         rows=tuple(row for block in found for row in block.rows),
@@ -148,7 +151,7 @@ def _assembled(
         h_extra=extra.h,
         gravity=g,
         names=(),
-        assumptions=_assumptions(model, s, extra),
+        assumptions=model.notes,
     )
     return result, nonideal
 
@@ -252,18 +255,6 @@ def _nonideal(scene: Scene, found: list[Block]) -> ca.SX:
         if block.nonideal:
             force = force + ca.vertcat(*block.nonideal)
     return ca.mtimes(ca.jacobian(scene.qdot, scene.symbols.v).T, force)
-
-
-def _assumptions(model: Model, s: Symbols, extra: Lagrangian) -> tuple[str, ...]:
-    if (
-        model.kinetic is not None
-        and not (extra.T - 0.5 * ca.bilin(extra.M, s.v, s.v)).is_zero()
-        and ca.depends_on(extra.T, s.t)
-    ):
-        return (
-            "the kinetic energy depends on time: the energy balance leaves its explicit part out",
-        )
-    return ()
 
 
 def _quaternions(model: Model) -> tuple[int, ...]:

@@ -17,7 +17,7 @@ from derive.model import (
     ties,
 )
 from derive.model.collisions import check_collisions
-from derive.model.document import Scalar, Source
+from derive.model.document import MOST_BODIES, Scalar, Source
 from derive.model.frames import Frame, Names
 from derive.model.massless import check_tips
 from derive.model.names import module_objection
@@ -28,7 +28,6 @@ from derive.model.shape import Document
 from derive.model.space import Space
 
 LONGEST_TEXT = 64 << 10
-MOST_BODIES = 3_000  # deriving and compiling them takes minutes already
 
 
 def built(document: Document, source: Source) -> Model:

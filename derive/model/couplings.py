@@ -33,9 +33,10 @@ def coupling(reader: Reader, names: Names, key: Key, entry: CouplingEntry) -> Ho
         ZERO if entry.offset is None else reader.formula(entry.offset, "an offset", unit=first.unit)
     )
     followed = Product((ratio, Name(second.name)))
-    return Holonomic(
-        str(key), minus(plus(Name(first.name), negated(followed)), offset), (), key.span
-    )
+    formula = minus(plus(Name(first.name), negated(followed)), offset)
+    # a gear has no leader, unless an input says so: that is for the choice to see
+    follower = "" if isinstance(entry, GearEntry) else first.name
+    return Holonomic(str(key), formula, (), key.span, follower)
 
 
 def _per(first: str, second: str) -> str:

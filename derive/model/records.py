@@ -124,12 +124,13 @@ class Closure:
 @dataclass(frozen=True)
 class Holonomic:
     """expression(q, t) = 0. `nonideal`: the constraint's own generalised force per coordinate, or
-    () when ideal."""
+    () when ideal. `follower`: of a coupling the coordinate that is said by the other, else ""."""
 
     name: str
     expression: Expression
     nonideal: tuple[Expression, ...]
     span: Span
+    follower: str = ""
 
 
 @dataclass(frozen=True)
@@ -465,6 +466,7 @@ class Model:
     potential: Expression | None
     published: tuple[Published, ...] = ()
     extremes: tuple[Extreme, ...] = ()
+    notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[
         tuple[str, float], ...

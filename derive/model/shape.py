@@ -378,7 +378,7 @@ class JointEntry(TurnedEntry):
     )
     orientation: Orientation | None = Field(
         None,
-        description="Free joint: quaternion, or a mapping with an Euler sequence and names of the angles.",
+        description="Free joint: quaternion (when left out), or a mapping with an Euler sequence and names of the angles.",
     )
     limits: Point | None = Field(
         None, description="Lowest and highest value of the coordinate, for readers; no force."

@@ -16,49 +16,52 @@ import casadi as ca
 from derive.mechanics.records import Inertia, Link, System
 from derive.mechanics.system import inertial_forces
 from derive.mechanics.tree import mass_matrix
-from derive.textbook.author import Author
+from derive.textbook.manuscript import Manuscript
 
 NOTHING = Inertia(0.0, [0.0] * 3, [[0.0] * 3 for _ in range(3)])
 
 
-def interaction(a: Author) -> None:
+def interaction(doc: Manuscript) -> None:
     """R, δM and δC, where only the platform of a tree is held by constraints."""
-    found = _parts(a.system)
+    found = _parts(doc.system)
     if found is None:
         return
     v, arm = found  # indices of generalized velocities
-    system = a.system
+    system = doc.system
     loads = [i for i, link in enumerate(system.links) if _carried(system.links, link, arm)]
     platform = [NOTHING if i in loads else link.inertia for i, link in enumerate(system.links)]
     alone = [link.inertia if i in loads else NOTHING for i, link in enumerate(system.links)]
-    a.section("Platform and arm")
-    a.say(
-        "Only velocities $!v_v$ of the platform stand in the constraints, those of the arm, $!v_a$, do not. The equations of the "
-        "platform without an arm, $!M_v$ and $!h_v$, and of the arm on ground that rests are used as they are; what couples them "
-        "is $!R$, $\\delta!M$ and $\\delta!h$ (δC of Yu and Chen):"
+    doc.section("Platform and arm")
+    doc.say(
+        "Only velocities $!v_v$ of the platform stand in the constraints, those of the arm, "
+        "$!v_a$, do not. The equations of the platform without an arm, $!M_v$ and $!h_v$, and of "
+        "the arm on ground that rests are used as they are; what couples them is $!R$, $\\delta!M$ "
+        "and $\\delta!h$ (δC of Yu and Chen):"
     )
     M_v, dM = _mass(system, platform)[v, v], _mass(system, alone)[v, v]
     R, M_a = system.M[arm, v], system.M[arm, arm]
     h_v, dh = _bias(system, platform)[v], _bias(system, alone)[v]
-    vdot, Q, h = a.vdot, system.Q, system.h
+    vdot, Q, h = doc.terms.vdot, system.Q, system.h
     upper = ca.mtimes(M_v + dM, vdot[v]) + ca.mtimes(R.T, vdot[arm]) + h_v + dh - Q[v]
     lower = ca.mtimes(R, vdot[v]) + ca.mtimes(M_a, vdot[arm]) + h[arm] - Q[arm]
-    forces = ca.mtimes(system.A[:, v].T, a.lam)
-    a.law(
+    forces = ca.mtimes(system.A[:, v].T, doc.terms.lam)
+    doc.law(
         "platform",
         r"\left(!M_v + \delta!M\right)!!v_v + !R^T!!v_a + !h_v + \delta!h",
         r"!Q_v + !A_v^T!\lambda",
         upper - forces,
     )
-    a.law("arm", r"!R\,!!v_v + !M_a\,!!v_a + !h_a", r"!Q_a", lower)
-    a.matrix("M_v", r"!M_v", r"M^{v}", M_v, symmetric=True)
-    a.matrix("dM", r"\delta!M", r"\delta M", dM, symmetric=True)
-    a.matrix("R_va", r"!R", r"R", R)
-    a.matrix("M_a", r"!M_a", r"M^{a}", M_a, symmetric=True)
-    a.say("and, from velocities and gravity, the platform's bias alone and what the arm adds to it")
-    a.vector("h_v", r"h^{v}", h_v)
-    a.vector("dh", r"\delta h", dh)
-    a.mean(
+    doc.law("arm", r"!R\,!!v_v + !M_a\,!!v_a + !h_a", r"!Q_a", lower)
+    doc.matrix("M_v", r"!M_v", r"M^{v}", M_v, symmetric=True)
+    doc.matrix("dM", r"\delta!M", r"\delta M", dM, symmetric=True)
+    doc.matrix("R_va", r"!R", r"R", R)
+    doc.matrix("M_a", r"!M_a", r"M^{a}", M_a, symmetric=True)
+    doc.say(
+        "and, from velocities and gravity, the platform's bias alone and what the arm adds to it"
+    )
+    doc.vector("h_v", r"h^{v}", h_v)
+    doc.vector("dh", r"\delta h", dh)
+    doc.mean(
         r"!R,\; \delta!M,\; \delta!h",
         "interaction of platform and arm: inertia coupling, added mass, added bias",
     )

@@ -54,7 +54,7 @@ def _at(values):
 def _evaluate(name, t, x, u, p, out):
     given, lead = prepare(name, t, x, u, p)
     target = place(name, lead, out)
-    direct = out is None or (out.flags.c_contiguous and not any(np.may_share_memory(out, value) for value in given))
+    direct = out is None or (out.flags.carray and not any(np.may_share_memory(out, value) for value in given))
     result = target if direct else np.empty(target.shape)
     status = _single(name, given, result) if not lead else _many(name, given, lead, result)
     report(name, given[0], status)

@@ -61,7 +61,7 @@ class Simulation:
 
 def run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator=None, enforcement=None, step_size=None):
     """Integrate; see simulate() of the package."""
-    t = np.ascontiguousarray(t_span if times is None else times, dtype=float)
+    t = np.ascontiguousarray(_shared.real("simulate", "t_span" if times is None else "times", t_span if times is None else times))
     start = float(t_span[0])
     if t.ndim != 1 or not t.size or np.any(np.diff(t) < 0) or t[0] < start or not np.isfinite(t).all():
         raise ValueError("simulate() needs finite times that do not decrease")

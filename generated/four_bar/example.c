@@ -1,4 +1,4 @@
-/* Evaluates four_bar_dynamics at one state and prints the result.
+/* Prints the state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) at the model's initial state, t = 0, inputs 0.
 
        cc -std=c99 -O2 example.c four_bar.c -lm -o example && ./example
 
@@ -11,12 +11,18 @@
 int main(void)
 {
     const double x[4] = {
-        0.1, /* q1 */
-        0.2, /* q2 */
-        0.30000000000000004, /* q3 */
-        0.4 /* q1_dot */
+        1.0471975512, /* q1 */
+        -0.576462152263, /* q2 */
+        1.58175280219, /* q3 */
+        5.0 /* q1_dot */
     };
     const double u[FOUR_BAR_NU] = {0.0};
+    static const char *const names[FOUR_BAR_N_DYNAMICS] = {
+        "der(q1)",
+        "der(q2)",
+        "der(q3)",
+        "der(q1_dot)"
+    };
     double out[FOUR_BAR_N_DYNAMICS];
     const int status = four_bar_dynamics(0.0, x, u, four_bar_defaults, out);
     int i;
@@ -26,6 +32,6 @@ int main(void)
         return 1;
     }
     for (i = 0; i < FOUR_BAR_N_DYNAMICS; i++)
-        printf("%.17g\n", out[i]);
+        printf("%s = %.17g\n", names[i], out[i]);
     return 0;
 }

@@ -105,17 +105,6 @@ INLINE void four_bar_turns(double p, double q, double u, double v, double *restr
         four_bar_far(p, q, u, v, sines, cosines);
 }
 
-/* Zero when all values are finite: 0 * value is 0 for finite values and NaN for the others. */
-static inline double four_bar_stray(const double *values, int n)
-{
-    double even = 0.0, odd = 0.0;
-    int i;
-    for (i = 0; i + 1 < n; i += 2) {
-        even += 0.0 * values[i];
-        odd += 0.0 * values[i + 1];
-    }
-    return i < n ? even + odd + 0.0 * values[i] : even + odd;
-}
 
 /* state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): 93 operations */
 int four_bar_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)

@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "3aa08d7c2d8c36a6810a8dd77d0984b8"
+#define FOUR_BAR_PROGRAM "ece44b17eec578e7a2ba9b500eca021c"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1

@@ -12,6 +12,7 @@
 
 #include <fenv.h>
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 #include "four_bar_simulate.h"
@@ -229,8 +230,10 @@ static inline PyObject *call(Function *f, PyObject *const *args, Py_ssize_t posi
         t = PyFloat_AS_DOUBLE(slots[T]);
     else if (!slots[T] || !(PyFloat_Check(slots[T]) || PyLong_CheckExact(slots[T])))
         return general(f, slots);
-    else if ((t = PyFloat_AsDouble(slots[T])) == -1.0 && PyErr_Occurred())
-        return NULL;
+    else if ((t = PyFloat_AsDouble(slots[T])) == -1.0 && PyErr_Occurred()) {
+        PyErr_Clear(); /* an integer beyond all doubles */
+        return general(f, slots);
+    }
     if (!taken(f, slots[X], X, &x) || !taken(f, slots[U], U, &u) || !taken(f, slots[P], P, &p))
         return general(f, slots);
     if ((result = slots[OUT])) {
@@ -325,6 +328,20 @@ static void loop(char **args, npy_intp const *dimensions, npy_intp const *steps,
 static PyUFuncGenericFunction loops[1] = {loop};
 static const char types[] = {NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_BYTE};
 
+/* Argument `slot` as an array of doubles, of integers and other precisions too; TypeError for complex numbers, text or objects. */
+static PyObject *rounded(const Function *f, int slot, PyObject *object)
+{
+    PyArray_Descr *descr = PyArray_DescrFromType(NPY_DOUBLE);
+    PyObject *array = PyArray_FROM_O(object), *result = NULL;
+    if (array && PyArray_CanCastArrayTo((PyArrayObject *)array, descr, NPY_SAME_KIND_CASTING))
+        result = PyArray_FROM_OTF(array, NPY_DOUBLE, NPY_ARRAY_ALIGNED | NPY_ARRAY_FORCECAST);
+    else if (array)
+        PyErr_Format(PyExc_TypeError, "%s() needs real numbers as '%s', got %S", f->name, slot_names[slot], PyArray_DESCR((PyArrayObject *)array));
+    Py_XDECREF(array);
+    Py_DECREF(descr);
+    return result;
+}
+
 /* The arguments of the gufunc, or NULL with an exception set. */
 static PyObject *operands(const Function *f, PyObject **slots)
 {
@@ -341,8 +358,7 @@ static PyObject *operands(const Function *f, PyObject **slots)
         if (!f->lengths[i])
             continue;
         if (slots[i]) {
-            value = slots[i];
-            Py_INCREF(value);
+            value = rounded(f, (int)i, slots[i]);
         } else if (i == P) {
             npy_intp n = FOUR_BAR_NP;
             value = PyArray_SimpleNewFromData(1, &n, NPY_DOUBLE, (void *)four_bar_defaults);
@@ -420,6 +436,46 @@ static void name_wrong_shape(const Function *f, PyObject **slots)
     Py_XDECREF(trace);
 }
 
+/* Is `out` an array that the result can go to: of doubles, as long as the leading axes of the arguments and the result, and
+   not read-only? Sets an exception where it is not. */
+static int receives(const Function *f, PyObject *arguments, PyObject *object)
+{
+    npy_intp shape[NPY_MAXDIMS + 2];
+    PyArrayObject *out = (PyArrayObject *)object;
+    int lead = 0, fit, i, k;
+    if (!PyArray_Check(object) || PyArray_TYPE(out) != NPY_DOUBLE || PyArray_ISBYTESWAPPED(out)) {
+        PyErr_Format(PyExc_TypeError, "%s() needs a float64 array as out", f->name);
+        return 0;
+    }
+    for (k = 0; k < (int)PyTuple_GET_SIZE(arguments); k++) {
+        const int n = PyArray_NDIM((PyArrayObject *)PyTuple_GET_ITEM(arguments, k)) - (k > 0);
+        lead = n > lead ? n : lead;
+    }
+    for (i = 0; i < lead; i++)
+        shape[i] = 1;
+    for (k = 0; k < (int)PyTuple_GET_SIZE(arguments); k++) {
+        PyArrayObject *array = (PyArrayObject *)PyTuple_GET_ITEM(arguments, k);
+        const int n = PyArray_NDIM(array) - (k > 0);
+        for (i = 0; i < n; i++)
+            if (PyArray_DIM(array, i) != 1)
+                shape[lead - n + i] = PyArray_DIM(array, i); /* what does not broadcast the gufunc refuses */
+    }
+    for (i = 0; i < f->ndim; i++)
+        shape[lead + i] = f->shape[i];
+    fit = PyArray_NDIM(out) == lead + f->ndim;
+    for (i = 0; fit && i < lead + f->ndim; i++)
+        fit = PyArray_DIM(out, i) == shape[i];
+    if (!fit) {
+        PyObject *wanted = PyArray_IntTupleFromIntp(lead + f->ndim, shape), *has = PyArray_IntTupleFromIntp(PyArray_NDIM(out), PyArray_DIMS(out));
+        if (wanted && has)
+            PyErr_Format(PyExc_ValueError, "%s() needs out of shape %S, got %S", f->name, wanted, has);
+        Py_XDECREF(wanted);
+        Py_XDECREF(has);
+    } else if (!PyArray_ISWRITEABLE(out))
+        PyErr_Format(PyExc_ValueError, "%s() got a read-only array as out", f->name);
+    return fit && PyArray_ISWRITEABLE(out);
+}
+
 /* Any arguments NumPy can turn into doubles and broadcast. */
 RARE PyObject *general(const Function *f, PyObject **slots)
 {
@@ -427,8 +483,9 @@ RARE PyObject *general(const Function *f, PyObject **slots)
     PyArrayObject *status = NULL;
     if (!tuple)
         return NULL;
-    if (slots[OUT] && !(PyArray_Check(slots[OUT]) && PyArray_TYPE((PyArrayObject *)slots[OUT]) == NPY_DOUBLE)) {
-        PyErr_Format(PyExc_TypeError, "%s() needs a float64 array as out", f->name);
+    if (slots[OUT] && !receives(f, tuple, slots[OUT])) {
+        if (PyErr_ExceptionMatches(PyExc_ValueError))
+            name_wrong_shape(f, slots);
         goto done;
     }
     if (slots[OUT] && !(keywords = Py_BuildValue("{s:(OO)}", "out", slots[OUT], Py_None)))
@@ -621,7 +678,7 @@ static int prepare(PyObject *module)
     return PyModule_AddStringConstant(module, "program", FOUR_BAR_PROGRAM);
 }
 
-static PyModuleDef_Slot slots[] = { {Py_mod_exec, (void *)prepare}, {0, NULL} };
+static PyModuleDef_Slot slots[] = { {Py_mod_exec, (void *)(intptr_t)prepare}, {0, NULL} };
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_four_bar", NULL, 0, methods, slots, NULL, NULL, NULL};
 
 PyMODINIT_FUNC PyInit__four_bar(void)

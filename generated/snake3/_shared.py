@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "94fb782a473cb86722f2a8e1fea32e50"
+PROGRAM = "8c6f7241471da8d4b8e242045a692ec6"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)
@@ -31,9 +31,21 @@ FUNCTIONS = {
 }
 
 
+def real(name, letter, value):
+    """An array of float64, of integers and other precisions too, but not of complex numbers, text or objects."""
+    array = np.asarray(value)
+    if array.dtype != np.float64:
+        if not np.can_cast(array.dtype, np.float64, "same_kind"):
+            raise TypeError(f"{name}() needs real numbers as '{letter}', got {array.dtype}")
+        return array.astype(np.float64)
+    return array if array.flags.aligned else array.copy()
+
+
 def prepare(name, t, x, u, p):
     """The arguments as float64 arrays and the shape that their leading axes broadcast to."""
-    given = [np.asarray(t, dtype=float)]
+    if t is None:
+        raise TypeError(f"{name}() needs argument 't' (1 values)")
+    given = [real(name, "t", t)]
     for letter, value in (("x", x), ("u", u), ("p", p)):
         given.append(_vectors(name, letter, value))
     leads = [given[0].shape, *(value.shape[:-1] for value in given[1:])]
@@ -48,7 +60,7 @@ def _vectors(name, letter, value):
         raise TypeError(f"{name}() needs argument '{letter}' ({length} values)")
     if value is None or not length:
         return np.zeros(length)
-    value = np.asarray(value, dtype=float)
+    value = real(name, letter, value)
     if not value.ndim or value.shape[-1] != length:
         raise ValueError(f"{name}() needs {length} values along the last axis of '{letter}', got shape {value.shape}")
     return value
@@ -63,6 +75,8 @@ def place(name, lead, out):
         raise TypeError(f"{name}() needs a float64 array as out")
     if out.shape != shape:
         raise ValueError(f"{name}() needs out of shape {shape}, got {out.shape}")
+    if not out.flags.writeable:
+        raise ValueError(f"{name}() got a read-only array as out")
     return out
 
 

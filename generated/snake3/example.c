@@ -1,4 +1,4 @@
-/* Evaluates snake3_dynamics at one state and prints the result.
+/* Prints the state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) at the model's initial state, t = 0, inputs 0.
 
        cc -std=c99 -O2 example.c snake3.c -lm -o example && ./example
 
@@ -11,15 +11,24 @@
 int main(void)
 {
     const double x[7] = {
-        0.1, /* x */
-        0.2, /* y */
-        0.30000000000000004, /* th */
-        0.4, /* phi1 */
-        0.5, /* phi2 */
-        0.6000000000000001, /* v */
-        0.7000000000000001 /* om */
+        0.0, /* x */
+        0.0, /* y */
+        0.0, /* th */
+        0.0, /* phi1 */
+        0.0, /* phi2 */
+        0.0, /* v */
+        0.0 /* om */
     };
     const double u[SNAKE3_NU] = {0.0};
+    static const char *const names[SNAKE3_N_DYNAMICS] = {
+        "der(x)",
+        "der(y)",
+        "der(th)",
+        "der(phi1)",
+        "der(phi2)",
+        "der(v)",
+        "der(om)"
+    };
     double out[SNAKE3_N_DYNAMICS];
     const int status = snake3_dynamics(0.0, x, u, snake3_defaults, out);
     int i;
@@ -29,6 +38,6 @@ int main(void)
         return 1;
     }
     for (i = 0; i < SNAKE3_N_DYNAMICS; i++)
-        printf("%.17g\n", out[i]);
+        printf("%s = %.17g\n", names[i], out[i]);
     return 0;
 }

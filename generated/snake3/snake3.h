@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "94fb782a473cb86722f2a8e1fea32e50"
+#define SNAKE3_PROGRAM "8c6f7241471da8d4b8e242045a692ec6"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2

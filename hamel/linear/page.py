@@ -127,8 +127,9 @@ def _zeros(study: Study, record: Linearized) -> str:
     )
     n = system.v.numel()
     text = (
-        f"With n = {n} velocities, m<sub>h</sub> = {holonomic} holonomic and m<sub>n</sub> = {nonholonomic} nonholonomic "
-        f"constraints there are {len(record.states)} minimal states: {escape(', '.join(record.states))}. "
+        f"With n = {n} velocities, m<sub>h</sub> = {holonomic} holonomic and m<sub>n</sub> = "
+        f"{nonholonomic} nonholonomic constraints there are {len(record.states)} minimal states: "
+        f"{escape(', '.join(record.states))}. "
     )
     if record.cyclic:
         text += (
@@ -147,9 +148,10 @@ def _check(study: Study, spurious: int) -> str:
     except AssumptionError as error:
         return f"There is no unreduced form to compare with ({escape(str(error).removeprefix('error: '))})."
     return (
-        f"The multiplier equations in all {len(found.states)} coordinates and velocities, differentiated on their own, agree on "
-        f"the constraints to {found.difference:.1e} of the largest entry, and have 2 m<sub>h</sub> + m<sub>n</sub> = {spurious} "
-        f"spurious zeros (found: {found.spurious}, in a nilpotent block to {found.nilpotent:.1e})."
+        f"The multiplier equations in all {len(found.states)} coordinates and velocities, "
+        f"differentiated on their own, agree on the constraints to {found.difference:.1e} of the "
+        f"largest entry, and have 2 m<sub>h</sub> + m<sub>n</sub> = {spurious} spurious zeros "
+        f"(found: {found.spurious}, in a nilpotent block to {found.nilpotent:.1e})."
     )
 
 

@@ -17,6 +17,7 @@ from codegen.integrators import INTEGRATORS, Tableau
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.charts import together
 from derive.formulations.frames import based
+from derive.formulations.functions import positions
 from hamel import charts
 from hamel.draw import Curve, Panel, draw
 from hamel.progress import paced
@@ -62,19 +63,22 @@ class Motion:
     acceleration_violation: float = 0.0
     switches: tuple[Switch, ...] = ()
     choices: tuple[str, ...] = ()  # that each row was made in, where there is more than one
+    # Jacobi's integral T₂ − T₀ + V, which is in balance where T is not quadratic in the rates
+    jacobi: np.ndarray | None = None
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
-        energies = {"T": self.T, "V": self.V, "work": self.work}
+        integral = {} if self.jacobi is None else {"jacobi": self.jacobi}
+        energies = {"T": self.T, "V": self.V, **integral, "work": self.work}
         violations = {"position_violation": self.phi, "velocity_violation": self.slip}
         return {"t": self.t, **self.q, **self.w, **self.v, **self.outputs, **energies, **violations}
 
     @property
     def balance(self) -> np.ndarray:
-        """T + V − (T + V at 0) − work, relative to the largest energy exchanged (V counts from
+        """Energy − (energy at 0) − work, relative to the largest energy exchanged (V counts from
         wherever it likes)."""
-        total = self.T + self.V
-        scale = max(np.max(self.T), np.ptp(self.V), np.max(np.abs(self.work)))
+        total = self.T + self.V if self.jacobi is None else self.jacobi
+        scale = max(np.max(np.abs(self.T)), np.ptp(self.V), np.max(np.abs(self.work)))
         return (total - total[0] - self.work) / scale if scale > 0 else np.zeros_like(total)
 
     @property
@@ -164,7 +168,7 @@ def judged(
 
     energies = charts.at_rows(module, "energy", found, nq, u, p)
     violation = np.abs(charts.at_rows(module, "constraints", reduced, nq, u, p))
-    closed = equations.system.phi.numel()
+    closed = positions(equations.system)
     labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
     return Motion(
         title=f"{equations.system.model.name}, choice {together(equations)}",
@@ -176,6 +180,7 @@ def judged(
         units=_units(equations),
         T=energies[:, 0],
         V=energies[:, 1],
+        jacobi=energies[:, 2] if energies.shape[1] > 2 else None,
         work=found.work,
         phi=np.max(violation[:, :closed], axis=1, initial=0.0),
         slip=np.max(violation[:, closed:], axis=1, initial=0.0),
@@ -193,6 +198,12 @@ def judged(
         switches=charts.switches(equations, rows, t),
         choices=rows if len({equations.choice, *rows}) > 1 else (),
     )
+
+
+def balanced(energies: np.ndarray) -> np.ndarray:
+    """What the power changes, of rows of the function `energy`: Jacobi's integral where it is
+    there, else T + V."""
+    return energies[:, 2] if energies.shape[1] > 2 else energies[:, 0] + energies[:, 1]
 
 
 def _acceleration_violation(
@@ -285,7 +296,10 @@ def write_svg(motion: Motion, place: Path) -> None:
         ("outputs", motion.outputs),
     ]
     panels = [panel for about, curves in groups for panel in _by_unit(about, curves, motion.units)]
-    panels.append(_panel("energy (J)", {"T": motion.T, "V": motion.V, "work": motion.work}))
+    energies = {"T": motion.T, "V": motion.V, "work": motion.work}
+    if motion.jacobi is not None:
+        energies["T₂ − T₀ + V"] = motion.jacobi
+    panels.append(_panel("energy (J)", energies))
     errors = {"|φ|": motion.phi, "|A v − c|": motion.slip, "energy, rel.": np.abs(motion.balance)}
     panels.append(
         _panel(

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
+from derive.formulations.functions import positions
 from hamel.charts import at_rows
 from hamel.pipeline import load_module
+from hamel.simulate.motion import balanced
 from hamel.study.building import Start, start
 
 MOST_STEPS = 10**9
@@ -54,7 +56,7 @@ def exact(
         "end": [*q[-1].tolist(), *v[-1].tolist()],
         "sizes": np.max(np.abs(np.hstack([q, v])), axis=0).tolist(),
         "exchanged": float(
-            max(np.max(energy[:, 0]), np.ptp(energy[:, 1]), np.max(np.abs(made.work)))
+            max(np.max(np.abs(energy[:, 0])), np.ptp(energy[:, 1]), np.max(np.abs(made.work)))
         ),
         "steps": made.steps,
         "violation": made.position_violation,
@@ -110,13 +112,14 @@ def judged(module: ModuleType, found: Start, span: float, ms: float, made: Any) 
         at_rows(module, name, made, found.system.q.numel(), found.u, found.p)[-1]
         for name in ("energy", "velocity")
     )
+    gain = balanced(np.array([after]))[0] - balanced(np.array([before]))[0]
     return {
         "status": "ok",
         "ms": ms,
         "end": [*made.x[-1, : found.system.q.numel()].tolist(), *v.tolist()],
         "phi": made.position_violation,
         "velocity": made.velocity_violation,
-        "balance": float(after.sum() - before.sum() - made.work[-1]),
+        "balance": float(gain - made.work[-1]),
         "steps": made.steps,
         "rejected": made.rejected,
         "calls": made.calls,
@@ -204,8 +207,8 @@ def tracks(
         except (FloatingPointError, TooLong) as problem:
             yield {"track": run["key"], "failed": _cause(problem)[0]}
             continue
-        closed, nq = found.system.phi.numel(), found.system.q.numel()
-        energy = at_rows(module, "energy", made, nq, found.u, found.p).sum(axis=1)
+        closed, nq = positions(found.system), found.system.q.numel()
+        energy = balanced(at_rows(module, "energy", made, nq, found.u, found.p))
         many = at_rows(module, "constraints", made, nq, found.u, found.p)
         yield {
             "track": run["key"],

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from derive.diagnostics import listed
 from hamel import kept
 from hamel.built import Built
 from hamel.pipeline import Constants, Fixed
@@ -70,7 +71,7 @@ def show(record: Built, console: Console) -> None:
     note = ", ".join(filter(None, notes))
     console.print(f"{record.model}: {how} {record.folder}{note and f' ({note})'}")
     console.print(
-        f"  choice      {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}"
+        f"  choice      {record.choice} ({listed(record.quasi_velocities)}): {record.reason}"
     )
     console.print(f"  operations  {operations(record.operations)}")
     if record.size:

@@ -32,7 +32,7 @@ def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Im
         bodies=len(found.model.bodies),
         joints=found.joints,
         velocities=len(found.model.velocities),
-        changed=found.changed,
+        changed=(*found.changed, *found.assumed),
         left_out=found.left_out,
         text=found.text,
     )

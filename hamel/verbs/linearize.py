@@ -32,6 +32,8 @@ from hamel.staging import write_text
 if TYPE_CHECKING:
     from rich.console import Console
 
+PAGE = "linearization.html"
+
 
 def run(
     path: str | PathLike[str],
@@ -65,9 +67,10 @@ def run(
         record = replace(record, step=step, **_sampled(found, step))
     if out is None:
         return record
+    place = Path(out) if Path(out).suffix.lower() == ".html" else Path(out) / PAGE
     with clock("page"):
-        write_text(Path(out), page(found, made, wanted, record))
-    return replace(record, page=Path(out))
+        write_text(place, page(found, made, wanted, record))
+    return replace(record, page=place)
 
 
 def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:

@@ -344,6 +344,7 @@ def show(record: Simulated, console: Console) -> None:
     console.print(f"  largest |A v̇ − β|   {number(record.acceleration_violation)}")
     console.print(
         f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged"
+        + (", as Jacobi's integral T₂ − T₀ + V" if "jacobi" in record.motion else "")
     )
     if record.crossings:
         console.print(
@@ -353,8 +354,8 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"  charts used         {record.charts}")
     for switch in record.switches:
         console.print(
-            f"  after {switch.time:.6g} s {switch.left} came near where it fails; "
-            f"{switch.entered} took over"
+            f"  between {switch.time:.6g} s and {switch.before:.6g} s {switch.left} "
+            f"came near where it fails; {switch.entered} took over"
         )
     for place in (record.file, record.plot):
         if place:

@@ -14,7 +14,7 @@ from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import CHECKS, LOADED, QUICK
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.evidence import Evidence, Sample, graph, samples, terms
+from hamel.verify.checks.evidence import Evidence, Sample, graph, samples, terms, varied
 from hamel.verify.checks.linear import with_linearization
 from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.outcome import Reference, reference
@@ -91,8 +91,9 @@ def _verdict(
     passed = all(c.passed for c in found)
     rank = max((s.outcome.rank for s in seen.samples), default=0)
     return Verification(
-        seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank, _region(seen)
-    )
+        seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank,
+        _region(seen), varied(seen.samples, seen.system),
+    )  # fmt: skip
 
 
 def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from derive.formulations.functions import positions
+
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
 
@@ -66,11 +68,11 @@ def found(
     problem: Problem, x: np.ndarray, work: np.ndarray, steps: int, rejected: int, calls: int
 ) -> Found:
     """With the violations that the module's own functions see."""
-    module, positions = problem.module, problem.equations.system.phi.numel()
+    module, closed = problem.module, positions(problem.equations.system)
     if not hasattr(module, "constraints"):
         return Found(problem.times, x, work, steps, rejected, calls, 0.0, 0.0)
     size = np.abs(module.constraints(problem.times, x, problem.u, problem.p))
     position, velocity = (
-        float(np.max(part, initial=0.0)) for part in (size[:, :positions], size[:, positions:])
+        float(np.max(part, initial=0.0)) for part in (size[:, :closed], size[:, closed:])
     )
     return Found(problem.times, x, work, steps, rejected, calls, position, velocity)

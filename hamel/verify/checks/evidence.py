@@ -17,9 +17,10 @@ from derive.formulations.records import Equations, Function
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
 from derive.states import sampling
-from hamel.verify.checks.compare import SMALL
+from hamel.verify.checks.compare import Sums, worst
 from hamel.verify.checks.roundoff import bound
 from hamel.verify.checks.units import Units, units
+from hamel.verify.limits import ROUNDING, SMALL
 from hamel.verify.reference.outcome import (
     Kinematics,
     Outcome,
@@ -32,13 +33,16 @@ from hamel.verify.reference.saddle import condition_of, rank_of, row_condition, 
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
-VARIED = 0.2  # parameters that are arguments vary by this part of their value
+# Parameters that are arguments vary by this part of their value; where that is no machine, for its
+# mass matrix has a negative eigenvalue, by less, and at last not at all.
+VARIED = (0.2, 0.02, 0.0)
 STEPS = ("step", "step_sensitivity")  # x, then the length of the step
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
-TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "power")
+TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power")
 VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
 MATRICES = ("N", "M", "A")
+NUMBERS = ("T", "V", "energy", "power")
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,7 @@ class Terms:
     beta: Array
     T: float
     V: float
+    energy: float
     power: float
 
 
@@ -96,18 +101,40 @@ def terms(system: System) -> TermsAt:
         if not system.written:
             found["M"] = mass(t, q, p)
         flat = {name: found[name].ravel() for name in VECTORS}
-        T, V, power = (float(found[name][0, 0]) for name in ("T", "V", "power"))
-        return Terms(**{name: found[name] for name in MATRICES}, **flat, T=T, V=V, power=power)
+        single = {name: float(found[name][0, 0]) for name in NUMBERS}
+        return Terms(**{name: found[name] for name in MATRICES}, **flat, **single)
 
     return at
 
 
 def samples(system: System, reference: Reference, count: int, seed: int) -> tuple[Sample, ...]:
-    """Random admissible states of derive.states.sampling, each evaluated by the reference."""
-    found = sampling.states(system, count, seed, parameters=VARIED)
-    return tuple(
-        _sample(system, reference, *row) for row in zip(found.t, found.q, found.v, found.u, found.p)
-    )
+    """Random admissible states of derive.states.sampling, each evaluated by the reference.
+
+    The first has the file's own parameters. They are varied one by one, and the reference says
+    whether what comes of it is a machine; at their own values nothing is left out.
+    """
+    drawn: list[Sample] = []
+    for share in VARIED:
+        some = _drawn(system, reference, count, seed, share)
+        drawn += [s for s in some if share == 0.0 or s.outcome.admissible]
+        if len(drawn) >= len(some):
+            return tuple(drawn[: max(len(some), 1)])
+    return tuple(drawn[:count])
+
+
+def _drawn(
+    system: System, reference: Reference, count: int, seed: int, share: float
+) -> list[Sample]:
+    found = sampling.states(system, count, seed, parameters=share)
+    rows = zip(found.t, found.q, found.v, found.u, found.p)
+    return [_sample(system, reference, *row) for row in rows]
+
+
+def varied(samples: Sequence[Sample], system: System) -> tuple[str, ...]:
+    """The parameters that differ between the samples."""
+    free = [x.name for x in system.model.parameters if x.name not in system.constants]
+    columns = zip(free, zip(*(s.p for s in samples)))
+    return tuple(name for name, column in columns if len(set(column)) > 1)
 
 
 def _sample(
@@ -349,6 +376,53 @@ class Evidence:
         gravity, own = self.reference.model.gravity, self.units.own
         size = [float(np.linalg.norm(s.state.vector(gravity))) for s in self.samples[:1] if gravity]
         return max(SMALL, *(1e-4 * g * own.time**2 / own.length for g in size), 0.0)
+
+    @cached_property
+    def speeds(self) -> Array:
+        """Σ |v| of each state in the model's own units."""
+        return np.array([np.abs(s.v / self.units.v).sum() for s in self.samples])
+
+    @cached_property
+    def forces(self) -> Array:
+        """Per state the largest of the forces that h and Q are sums of, velocity products too, in
+        the model's own units."""
+        own = [worst(s.outcome.summed.force / self.units.force) for s in self.samples]
+        inertia = [worst(s.outcome.M / self.units.M) for s in self.samples]
+        return np.array(own) + np.array(inertia) * self.speeds**2
+
+    def of_speeds(self, tolerance: float) -> Sums:
+        """Sums of velocities; those of the samples are of the order of one before the constraints
+        leave what they leave."""
+        return Sums(tolerance, 1.0 + self.speeds)
+
+    def of_forces(self, tolerance: float) -> Sums:
+        return Sums(tolerance, self.forces)
+
+    def of_accelerations(self, tolerance: float) -> Sums:
+        """Velocity products, and forces on the largest inertia."""
+        inertia = np.array([worst(s.outcome.M / self.units.M) for s in self.samples])
+        given = np.where(inertia > 0.0, self.forces / np.where(inertia > 0.0, inertia, 1.0), 0.0)
+        return Sums(tolerance, self.speeds**2 + given)
+
+    def of_rows(self, tolerance: float) -> Sums:
+        """|A| |v|² over all columns: where a loop turns as a whole, its rows are zero in what turns
+        it, and the products of β cancel."""
+        size = [worst(s.outcome.kinematics.A / self.units.A) for s in self.samples]
+        return Sums(tolerance, np.array(size) * self.speeds**2)
+
+    def of_energies(self, tolerance: float) -> Sums:
+        """T and the parts of V."""
+        size = [abs(s.outcome.T) + s.outcome.summed.V for s in self.samples]
+        return Sums(tolerance, np.array(size) / self.units.energy)
+
+    def of_powers(self, tolerance: float) -> Sums:
+        return Sums(tolerance, self.forces * self.speeds)
+
+    def of_masses(self, tolerance: float) -> list[Array]:
+        """Per state √(sᵢ sⱼ), s the sizes that the diagonal of M is a sum of, as floors of what its
+        entries are compared with."""
+        roots = [np.sqrt(s.outcome.summed.M / np.diag(self.units.M)) for s in self.samples]
+        return [ROUNDING / tolerance * np.outer(root, root) for root in roots]
 
     @property
     def redundant(self) -> bool:

@@ -24,9 +24,10 @@ from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.states.initial import initial_state
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import NEARLY
-from hamel.verify.checks.compare import FLOOR, slope, worst
+from hamel.verify.checks.compare import slope, worst
 from hamel.verify.checks.evidence import Evidence, Row, Sample
 from hamel.verify.checks.motion import best_conditioned
+from hamel.verify.limits import FLOOR
 from hamel.verify.reference.vectors import Array
 
 NAME = "linearization"

@@ -43,6 +43,14 @@ def solved(matrix: Array, right: Array, redundant: bool) -> tuple[Array, float]:
     )
 
 
+def least_eigenvalue(M: Array, least: Array) -> float:
+    """Of a symmetric M, scaled to a unit diagonal; a diagonal entry below `least` is scaled by
+    that, for what stands there is left over from sums that cancel."""
+    size = np.sqrt(np.maximum(np.diag(M), least))
+    size = np.where(size > 0.0, size, 1.0)
+    return float(np.linalg.eigvalsh((M + M.T) / np.outer(size, size) / 2.0).min(initial=0.0))
+
+
 def rank_of(A: Array) -> int:
     """Rank of A, its rows scaled to unit length."""
     if not A.size:

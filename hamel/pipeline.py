@@ -68,7 +68,9 @@ def equations_of(
         from derive.formulations import equations
         from derive.linearize.minimal import with_linearization
 
-        return with_linearization(equations(mechanics, choice, formulation, charts=True, moving=True))
+        return with_linearization(
+            equations(mechanics, choice, formulation, charts=True, moving=True)
+        )
 
 
 def _read(path: str | PathLike[str], constants: Constants, fix: Fixed) -> tuple[Model, Constants]:

@@ -91,9 +91,7 @@ def files(program: Program) -> dict[str, str]:
     has["project"] &= has["manifold"] or "projection" in program.enforcements
     has["charts"] = any(name in CHARTS for name in program.enforcements)
     has["constants"] = (
-        not program.charts
-        and not program.frame
-        and program.kernel("dynamics").hoisted is not None
+        not program.charts and not program.frame and program.kernel("dynamics").hoisted is not None
     )
     has["rows"] = "constraint_rows" in sizes
     has["linear"] = has["charts"] or any(x.needs for x in chosen)
@@ -132,9 +130,7 @@ def files(program: Program) -> dict[str, str]:
         "nq": nq,
         "chart_names": CHARTS,
         "manifold_names": MANIFOLDS,
-        "blocks": _blocks(
-            has, rows, nq, len(program.quasi_velocities), stages, program
-        ),
+        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities), stages, program),
         "turn": _turn(program.real),
         "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
         "schemes": [_scheme(x) for x in chosen],

@@ -88,10 +88,7 @@ def _reduction(
         v=v,
         sigma=sigma,
         walked=None,
-        guards=tuple(
-            Guard(f"{LENGTH} {k + 1}", ca.SX(x), SINGULAR)
-            for k, x in enumerate(lengths)
-        ),
+        guards=tuple(Guard(f"{LENGTH} {k + 1}", ca.SX(x), SINGULAR) for k, x in enumerate(lengths)),
         pivots=tuple(f"basis vector {k + 1} is divided by its length" for k in range(len(lengths))),
         kept=tuple(kept),
         constant_pivots=False,

@@ -178,9 +178,7 @@ def combination(survey: Survey) -> tuple[Named, ...]:
     return (E,) if survey.combines else ()
 
 
-def per_unit_of_c(
-    survey: Survey, Y: ca.SX, rows: int, given: Reduction | None = None
-) -> ca.SX:
+def per_unit_of_c(survey: Survey, Y: ca.SX, rows: int, given: Reduction | None = None) -> ca.SX:
     """R, the first columns of Y⁻¹."""
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(Y.size1())] for k in range(rows)]
     return ca.horzcat(*[ca.vertcat(*x) for x in solved(survey, Y, sides, given).columns])

@@ -175,7 +175,9 @@ def _values(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
 def _largest(guards: Sequence[Guard], survey: Survey) -> tuple[float, ...]:
     """To three digits."""
     return (
-        tuple(float(f"{x:.3g}") for x in np.max(np.abs(_values(guards, survey)), axis=0)) if guards else ()
+        tuple(float(f"{x:.3g}") for x in np.max(np.abs(_values(guards, survey)), axis=0))
+        if guards
+        else ()
     )
 
 

@@ -59,9 +59,9 @@ def toy(
     )
     system: Any = SimpleNamespace(
         model=SimpleNamespace(name=name, description=description, fixed=()),
-        constants=(), quaternions=(),
-        phi=ca.SX(0, 1),
+        constants=(),
         quaternions=(),
+        phi=ca.SX(0, 1),
     )
     return Equations(
         system,
@@ -156,9 +156,9 @@ def circle() -> Equations:
     )
     system: Any = SimpleNamespace(
         model=SimpleNamespace(name="circle", description="Round and round.", fixed=()),
-        constants=(), quaternions=(),
-        phi=closing,
+        constants=(),
         quaternions=(),
+        phi=closing,
     )
     return Equations(
         system,

@@ -17,9 +17,11 @@ def files(program: Program) -> dict[str, str]:
     consistent = shown.x.labels == program.argument("x").labels and bool(program.nominal)
     states = program.nominal if consistent else _some(len(shown.x.names))
     charts = [f"{program.name}_charts"] if program.charts else []
+    names_of_rows = [f"{program.name}_nullspace"] if "constraint_rows" in names else []
     sources = [
         program.name,
         *charts,
+        *names_of_rows,
         *(f"{program.name}_{kernel.name}" for kernel in program.kernels if is_long(kernel)),
     ]
     data = {

@@ -12,6 +12,7 @@ from codegen import text
 from codegen.integrators import INTEGRATORS, Collocation, Integrator, Rosenbrock, Tableau
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real
+from codegen.targets.nullspace import framed
 from codegen.targets.records import Target
 
 # The head of a simulation's array.
@@ -36,6 +37,12 @@ OF_CHARTS = (
     ("CHOICE", "the chart that the state is in, by number"),
     ("SWITCHES", "changes of the chart"),
 )
+# And where it has a frame.
+OF_FRAMES = (("BASES", "how often the frame was based anew"),)
+# The smallest pivot of A, rows of length one, from which a stop is the choice's own: farther from a
+# loss of rank than a motion stops before one.
+INDEPENDENT = 0.02
+NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as good as new
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements of simulate_charts.c.j2
 MANIFOLDS = ("invariants", "invariants_euclidean")  # enforcements of simulate_enforcements.c.j2
 
@@ -83,7 +90,10 @@ def files(program: Program) -> dict[str, str]:
     }
     has["project"] &= has["manifold"] or "projection" in program.enforcements
     has["charts"] = any(name in CHARTS for name in program.enforcements)
-    has["constants"] = not program.charts and program.kernel("dynamics").hoisted is not None
+    has["constants"] = (
+        not program.charts and not program.frame and program.kernel("dynamics").hoisted is not None
+    )
+    has["rows"] = "constraint_rows" in sizes
     has["linear"] = has["charts"] or any(x.needs for x in chosen)
     rows = {name: sizes.get(name, 0) for name in ("closure", "slip", "manifold", "guards")}
     rows["closing"] = sum(
@@ -92,6 +102,7 @@ def files(program: Program) -> dict[str, str]:
     nq = len(program.argument("x").names) - len(program.quasi_velocities)
     has["rosenbrock"] = any(isinstance(x, Rosenbrock) for x in chosen)
     stages = max((len(x.c) for x in chosen if isinstance(x, Collocation)), default=0)
+    number_of_frame = framed(program) if program.frame else 0
     data = {
         "program": program,
         "prefix": program.name,
@@ -99,7 +110,15 @@ def files(program: Program) -> dict[str, str]:
         "has": has,
         "positions": program.positions,
         "size": len(program.argument("x").names) + 1,
-        "entries": (*ENTRIES, *OF_CHARTS) if charts else ENTRIES,
+        "entries": (
+            *ENTRIES,
+            *(OF_CHARTS if charts else ()),
+            *(OF_FRAMES if program.frame else ()),
+        ),
+        "framed": number_of_frame,
+        "suffix": program.charts[number_of_frame].suffix if program.charts else "",
+        "independent": INDEPENDENT,
+        "nearly": NEARLY_BASED,
         "charts": charts,
         "tabled": tabled,
         "calls": {
@@ -111,9 +130,7 @@ def files(program: Program) -> dict[str, str]:
         "nq": nq,
         "chart_names": CHARTS,
         "manifold_names": MANIFOLDS,
-        "blocks": _blocks(
-            has, rows, nq, len(program.quasi_velocities), stages, bool(program.turning)
-        ),
+        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities), stages, program),
         "turn": _turn(program.real),
         "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
         "schemes": [_scheme(x) for x in chosen],
@@ -164,7 +181,7 @@ def _labels(program: Program, name: str) -> tuple[str, ...]:
 
 
 def _blocks(
-    has: dict[str, bool], rows: dict[str, int], nq: int, nw: int, stages: int, turning: bool
+    has: dict[str, bool], rows: dict[str, int], nq: int, nw: int, stages: int, program: Program
 ) -> list[tuple[str, int, str]]:
     """What a simulation's array holds after state and slope: name, size, meaning."""
     found = []
@@ -193,7 +210,9 @@ def _blocks(
                 "the last implicit step, which foretells the next: time, size, start, stages",
             )
         )
-    if turning:  # the last
+    if program.frame:
+        found.append(("FRAME", program.frame, "the frame in force, as at the end of p"))
+    if program.turning:  # the last
         found.append(("TURNS", nq, "whole turns that were taken out of each coordinate"))
     return found
 

@@ -49,6 +49,7 @@ ENTRIES, FEWEST = (
     2_000,
     10,
 )  # of large systems fewer states are looked at: about so many velocities, at least so many states
+MANY = 5  # times as many states where a look at pivots is all there is to do
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
 MOST_WAYS = 16
 FINALISTS = 5
@@ -86,9 +87,13 @@ class Resolved:
 
 @dataclass(frozen=True)
 class Survey:
-    """The system with what every choice needs to know of it: sampled states and the rank of A."""
+    """The system with what every choice needs to know of it: sampled states and the rank of A.
+
+    With `moving` frames of directions are data of the module that is to be generated.
+    """
 
     system: System
+    moving: bool = False
 
     @cached_property
     def solver(self) -> Kinematics:
@@ -98,6 +103,11 @@ class Survey:
     def sampled(self) -> States:
         nv = max(1, self.system.v.numel())
         return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+
+    @cached_property
+    def many(self) -> States:
+        """More states than are worked with: enough to see where pivots come near zero."""
+        return states(self.system, MANY * len(self.sampled.t), seed=1, solver=self.solver)
 
     def sampled_for(self, B: ca.SX) -> States:
         """The sampled states, and the initial one where [A; B] is regular there.
@@ -262,9 +272,9 @@ def _lengths(matrices: np.ndarray) -> list[float]:
     return [float(x) if x > least else 1.0 for x in lengths]
 
 
-def survey_of(system: System) -> Survey:
+def survey_of(system: System, moving: bool = False) -> Survey:
     """Raises AssumptionError where no consistent state can be found to look at."""
-    found = Survey(system)
+    found = Survey(system, moving)
     if not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
         if not system.rows:
@@ -423,7 +433,7 @@ def judged(
     reduction: Reduction,
     equations: Explicit,
 ) -> Ranking:
-    conditions = _conditions(survey, _numeric_rows(survey, reduction.B))
+    conditions = _conditions(survey, _numeric_rows(survey, reduction.at_frame(reduction.B)))
     count, pivots = equations.operations, reduction.pivots
     return Ranking(
         name,
@@ -450,7 +460,9 @@ def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
 
 
 def _orthonormal(survey: Survey, choice: Choice) -> Resolved:
-    reduction = orthonormal(survey.system, survey.independent_rows, survey.kept, survey.sampled)
+    reduction = orthonormal(
+        survey.system, survey.independent_rows, survey.kept, survey.sampled, survey.moving
+    )
     equations = explicit(survey.system, reduction)
     ranking = judged(survey, choice.name, "orthonormal", reduction.names, reduction, equations)
     return Resolved(

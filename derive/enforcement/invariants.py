@@ -77,10 +77,12 @@ def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
     )
     s = survey_of(found.system).sampled
     u = np.array(options.inputs) if options.inputs else np.zeros(found.system.u.numel())
+    frame = found.frame.values if found.frame else ()
     rates = []
     for t, q, v, p in zip(s.t, s.q, s.v, s.p):
-        x = to_x(t, np.concatenate([q, v]), options.parameters or p)
-        entries = np.asarray(function(t, x, u, options.parameters or p)).ravel()
+        given = np.concatenate([options.parameters or p, frame])
+        x = to_x(t, np.concatenate([q, v]), given)
+        entries = np.asarray(function(t, x, u, given)).ravel()
         if np.isfinite(entries).all() and np.any(entries):
             rates.append(abs(entries.sum()) / np.abs(entries).sum())
     return max(rates, default=0.0)

@@ -25,15 +25,17 @@ def equations(
     choice: str | None = None,
     formulation: str = "quasi_velocities",
     charts: bool = False,
+    moving: bool = False,
 ) -> Equations:
     """The functions of the generated module for a choice (the first declared one when not named)
     and a formulation.
 
     Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets
-    further ones where no choice is safe. Raises AssumptionError for an unknown name, where the
+    further ones where no choice is safe. With `moving` directions that a choice is based on are
+    data, as generated modules have them. Raises AssumptionError for an unknown name, where the
     formulation does not fit the system, and where the choice does not fit the constraints.
     """
-    asked, survey = named(formulation), survey_of(system)
+    asked, survey = named(formulation), survey_of(system, moving)
     wanted = [declared(system, name) for name in _names(choice)]
     reason = asked.misfit(survey)
     if reason:

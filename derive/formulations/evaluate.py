@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from derive.formulations.frames import based
 from derive.formulations.records import Equations, Function
 
 
@@ -54,7 +55,11 @@ class Evaluator:
 
 
 def evaluator(equations: Equations) -> Evaluator:
-    """Everything at once: the functions, what is named in them, residuals of iterations, v̇."""
+    """Everything at once: the functions, what is named in them, residuals of iterations, v̇.
+
+    Directions that are based anew on the way stand as at their usual base.
+    """
+    equations = based(equations)
     arguments = slots_of(equations)
     named = {
         item.name: ca.Function(item.name, arguments, [ca.densify(item.value)])

@@ -3,12 +3,12 @@ is handed in."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
-from derive.choices.records import Guard
+from derive.choices.records import Frame, Guard
 from derive.choices.redundancy import keeps
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
@@ -41,6 +41,7 @@ class Motion:
     kept: tuple[int, ...]  # independent constraint rows
     closing: tuple[int, ...]  # independent rows among the holonomic ones
     projects_velocity: bool
+    frame: Frame | None = None
 
 
 def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
@@ -58,7 +59,22 @@ def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
         Argument(
             "u", system.u, tuple(i.name for i in model.inputs), tuple(i.unit for i in model.inputs)
         ),
-        Argument("p", system.p, tuple(x.name for x in free), tuple(x.unit for x in free)),
+        with_frame(
+            Argument("p", system.p, tuple(x.name for x in free), tuple(x.unit for x in free)),
+            motion.frame,
+        ),
+    )
+
+
+def with_frame(p: Argument, frame: Frame | None) -> Argument:
+    """The parameters with the frame behind them."""
+    if frame is None:
+        return p
+    return replace(
+        p,
+        symbols=ca.vertcat(p.symbols, frame.symbols),
+        labels=(*p.labels, *frame.labels),
+        units=(*p.units, *("" for _ in frame.labels)),
     )
 
 

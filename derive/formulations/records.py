@@ -13,7 +13,7 @@ from typing import Any
 
 import casadi as ca
 
-from derive.choices.records import Guard
+from derive.choices.records import Frame, Guard
 from derive.mechanics.records import Named, System
 
 
@@ -119,6 +119,7 @@ class Equations:
         float, ...
         # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled states
     ] = ()
+    frame: Frame | None = None  # the last entries of p: directions that are based anew on the way
 
     def function(self, name: str) -> Function:
         """The default function of that name. Raises KeyError where there is none."""

@@ -184,7 +184,7 @@ def linearization(equations: Equations) -> Function:
     """[A B; C D] as a function of the generated module; dependent coordinates are chosen at the
     initial configuration."""
     initial = initial_state(equations.system)
-    found = linear(equations, initial.q, np.array(equations.parameters))
+    found = linear(equations, initial.q, np.array(equations.system.parameters))
     value = ca.densify(ca.blockcat([[found.A, found.B], [found.C, found.D]]))
     labels = (*(f"der({name})" for name in found.states), *found.outputs)
     about = f"{ABOUT}; states {', '.join(found.states)}"

@@ -175,32 +175,33 @@ def _inverse_by_reflections(A: Matrix) -> tuple[Matrix, Scalar]:
 
 def reflected_solution(A: Matrix, sides: Matrix) -> tuple[Matrix, Scalar]:
     """X of A X = sides, with the determinant of A, by Householder's QR factorisation written out:
-    stable for every regular matrix without any choice of pivots.
+    stable for every regular matrix without any choice of pivots. With more rows than columns X is
+    the least squares solution.
 
     Columns with few entries come first, so that reflections touch few rows.
     Source: A. S. Householder, J. ACM 5 (1958) 339–342.
     """
-    n = len(A)
+    n = len(A[0])
     rows = [[*row, *side] for row, side in zip(A, sides)]
     order = list(range(n))
     determinant: Scalar = 1.0
     for k in range(n):
         determinant = times(_sparsest_first(rows, order, k), determinant)
-        if k < n - 1 and any(not is_zero(row[k]) for row in rows[k + 1 :]):
+        if any(not is_zero(row[k]) for row in rows[k + 1 :]):
             _reflect(rows, k)
             determinant = -determinant
         determinant = times(rows[k][k], determinant)
-    X = _upper_solution(rows)
+    X = _upper_solution(rows[:n], n)
     return [X[order.index(j)] for j in range(n)], determinant
 
 
 def _sparsest_first(rows: Matrix, order: list[int], k: int) -> float:
     """Bring the column with the fewest entries below row k − 1 to place k, and a row with an entry
     in it to row k. Returns the sign of the exchange."""
-    n = len(rows)
+    n = len(order)
     counts = {j: sum(not is_zero(row[j]) for row in rows[k:]) for j in range(k, n)}
     column = min(counts, key=lambda j: (counts[j], j))
-    entries = [i for i in range(k, n) if not is_zero(rows[i][column])] or [k]
+    entries = [i for i in range(k, len(rows)) if not is_zero(rows[i][column])] or [k]
     pivot = min(entries, key=lambda i: sum(not is_zero(x) for x in rows[i][k:n]))
     for row in rows:
         row[k], row[column] = row[column], row[k]
@@ -229,9 +230,8 @@ def _reflect(rows: Matrix, k: int) -> None:
         rows[i][k] = left if i == k else 0.0
 
 
-def _upper_solution(rows: Matrix) -> Matrix:
-    """X of R X = C, the rows being [R, C] with R upper triangular."""
-    n = len(rows)
+def _upper_solution(rows: Matrix, n: int) -> Matrix:
+    """X of R X = C, the rows being [R, C] with R upper triangular, n × n."""
     X: Matrix = [[0.0] * (len(rows[0]) - n) for _ in range(n)]
     for i in reversed(range(n)):
         inverse = 1.0 / rows[i][i]

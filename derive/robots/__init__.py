@@ -116,8 +116,8 @@ def imported(path: File, floating: bool = False) -> Imported:
 
 
 def _robot(file: RobotFile) -> Robot:
-    from derive.robots import mjcf, urdf
     from derive.diagnostics import ModelError
+    from derive.robots import mjcf, urdf
     from derive.robots.markup import Budget, parsed, read, unquoted
 
     budget, name = Budget(), Path(file).stem

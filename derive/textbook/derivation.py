@@ -6,6 +6,7 @@ from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 
 from derive.formulations import source
+from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.textbook import names
 from derive.textbook.charts import charts
@@ -43,6 +44,7 @@ REFERENCES = (
 
 def derivation(equations: Equations) -> Document:
     """Every section, formulas numbered throughout."""
+    equations = based(equations)
     doc = Manuscript(equations, components(equations.system))
     for section in SECTIONS:
         section(doc)

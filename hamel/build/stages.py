@@ -59,7 +59,9 @@ def equations_of(
     with clock("mechanics", "Model → System"):
         mechanics = mechanics_of(model, constants)
     with clock("formulation", "System → Equations"):
-        return with_linearization(equations(mechanics, choice, formulation, charts=True))
+        return with_linearization(
+            equations(mechanics, choice, formulation, charts=True, moving=True)
+        )
 
 
 def usable_choices(
@@ -74,7 +76,7 @@ def usable_choices(
     usable, refused = {}, {}
     for number, choice in enumerate(mechanics.model.choices):
         try:
-            formed = equations(mechanics, choice.name, formulation)
+            formed = equations(mechanics, choice.name, formulation, moving=True)
         except AssumptionError as error:
             if number == 0:
                 raise

@@ -16,6 +16,7 @@ import numpy as np
 from codegen.integrators import INTEGRATORS, Tableau
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.charts import together
+from derive.formulations.frames import based
 from derive.formulations.functions import positions
 from hamel import charts
 from hamel.build.files import staged_file, write_text
@@ -61,6 +62,7 @@ class Motion:
     charts: int = 0
     acceleration_violation: float = 0.0
     switches: tuple[Switch, ...] = ()
+    choices: tuple[str, ...] = ()  # that each row was made in, where there is more than one
     # Jacobi's integral T₂ − T₀ + V, which is in balance where T is not quadratic in the rates
     jacobi: np.ndarray | None = None
 
@@ -111,6 +113,7 @@ def integrated(
     library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
     try:
         if library is not None:
+            equations = based(equations)
             found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
             several = {"chart": chart} if equations.charts else {}
@@ -154,6 +157,8 @@ def judged(
     reduced = replace(found, x=getattr(found, "reduced", x).astype(float))
     results = {function.name: function.result for function in equations.functions}
     nq = equations.system.q.numel()
+    p = charts.parameters(found, p)
+    rows = charts.choices(equations, found)
 
     parts = charts.pieces(module, reduced, nq, u, p)
 
@@ -190,7 +195,8 @@ def judged(
         acceleration_violation=max(
             _acceleration_violation(equations, module, *part, u, p) for part in parts
         ),
-        switches=charts.switches(equations, found),
+        switches=charts.switches(equations, rows, t),
+        choices=rows if len({equations.choice, *rows}) > 1 else (),
     )
 
 
@@ -224,10 +230,10 @@ def _acceleration_violation(
     )
     dynamics = charts.in_chart(module, "dynamics", chart)
     assert dynamics is not None  # it was integrated
+    p = charts.parameters(part, p)
     rates = dynamics(t, x, u, p).astype(float)
-    return float(
-        np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, np.tile(p, (len(t), 1)).T, rates.T))))
-    )
+    each = np.broadcast_to(p, (len(t), p.shape[-1]))
+    return float(np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, each.T, rates.T)))))
 
 
 def _units(equations: Equations) -> dict[str, str]:
@@ -256,19 +262,28 @@ def _writer(place: Path, known: dict[str, Callable[[Motion, Path], None]], optio
     return lambda motion: write(motion, place)
 
 
+def written(motion: Motion) -> dict[str, np.ndarray]:
+    """The columns, with the choice of each row where there is more than one."""
+    return motion.columns() | ({"choice": np.array(motion.choices)} if motion.choices else {})
+
+
 def write_csv(motion: Motion, place: Path) -> None:
     """A line of names, then a line per row; numbers round-trip."""
-    columns = motion.columns()
-    rows = zip(*(column.tolist() for column in columns.values()))
+    columns = {name: _texts(column) for name, column in written(motion).items()}
     with staged_file(place) as made, made.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(columns) + "\n")
-        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+        file.writelines(",".join(row) + "\n" for row in zip(*columns.values()))
+
+
+def _texts(column: np.ndarray) -> list[str]:
+    """Numbers so that they round-trip; names as they are."""
+    return [x if isinstance(x, str) else repr(x) for x in column.tolist()]
 
 
 def write_npz(motion: Motion, place: Path) -> None:
     """One array per name."""
     with staged_file(place) as made, made.open("wb") as file:
-        np.savez(file, **motion.columns())  # type: ignore[arg-type]
+        np.savez(file, **written(motion))  # type: ignore[arg-type]
 
 
 def write_svg(motion: Motion, place: Path) -> None:

@@ -98,23 +98,27 @@ def run(
             by, (method.integrator,) if _own(method) else (), (enforcement.name,), real=real.name
         ) as module:
             assure(plain, by, module)
-            start, chart = charts.start(module, initial.q, initial.v, u, p) if by.charts else (x, 0)
-            return motion.integrated(module, by, times, start, u, p, stepping, progress, chart)
+            start, chart, given = x, 0, p
+            if by.charts or by.frame:
+                start, chart, given = charts.start(module, initial.q, initial.v, u, p)
+            return motion.integrated(module, by, times, start, u, given, stepping, progress, chart)
 
+    used = chosen
     try:
         found = moved(chosen)
     except AssumptionError as error:
         others = _others(mechanics, chosen, enforcement, options) if _own(method) else []
         if not others:
             raise _explained(error, mechanics, initial, p) from None
+        used = charted([chosen, *others], survey_of(mechanics))
         try:
-            found = moved(charted([chosen, *others], survey_of(mechanics)))
+            found = moved(used)
         except AssumptionError:
             raise _explained(error, mechanics, initial, p) from None
     for write in files:
         write(found)
     return _record(
-        chosen,
+        used,
         replace(method, enforcement=enforcement.name, alpha=alpha),
         initial,
         found,
@@ -324,7 +328,7 @@ def _record(
         final={name: float(values[-1]) for name, values in found.columns().items()},
         file=Path(out) if out else None,
         plot=Path(plot) if plot else None,
-        motion=found.columns(),
+        motion=motion.written(found),
     )
 
 
@@ -353,8 +357,8 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"  charts used         {record.charts}")
     for switch in record.switches:
         console.print(
-            f"  between {switch.time:.6g} s and {switch.before:.6g} s choice {switch.left} "
-            f"came near a singular position; {switch.entered} took over"
+            f"  between {switch.time:.6g} s and {switch.before:.6g} s {switch.left} "
+            f"came near where it fails; {switch.entered} took over"
         )
     for place in (record.file, record.plot):
         if place:

@@ -284,22 +284,33 @@ def _augmented(t: Terms) -> Array:
 
 def balance(e: Evidence) -> float | None:
     """M v̇ + h = Q + Aᵀ λ row by row, against the sizes of what is summed: no condition number
-    excuses a wrong λ or v̇ here.
+    excuses a wrong λ here.
+
+    v̇ = S ẇ + σ is known to n·2⁻⁵² cond [A; B] of the largest force at best: where [A; B] is nearly
+    singular S ẇ and σ nearly cancel. What is summed in a row counts as at least that.
 
     Where nothing pulls at all, what is summed is roundoff, and is not compared with itself: no more
     than what is left of velocity products, each of the size of T, that cancel.
     """
     if not e.graph.has("reactions"):
         return None
-    given = zip(e.terms, e.vdot, e.results("reactions"), e.forces)
-    return worst([worst(_imbalance(t, a, lam, e.units.force, size)) for t, a, lam, size in given])
+    given = zip(e.terms, e.vdot, e.results("reactions"), e.forces, e.own_conditions(e.graph))
+    return worst(
+        [
+            worst(_imbalance(t, a, lam, e.units.force, size, growth))
+            for t, a, lam, size, growth in given
+        ]
+    )
 
 
-def _imbalance(t: Terms, vdot: Array, lam: Array, unit: Array, forces: float) -> Array:
+def _imbalance(
+    t: Terms, vdot: Array, lam: Array, unit: Array, forces: float, growth: float
+) -> Array:
     summed = (_summed(t, vdot) + np.abs(t.A.T) @ np.abs(lam)) / unit
     left = (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / unit
     largest = max(SMALL, summed.max(initial=0.0))
-    return left / np.maximum(summed, max(1e-6 * largest, ROUNDING / SOLVED * forces))
+    known = ROUNDING / SOLVED * max(forces, len(vdot) * growth * largest)
+    return left / np.maximum(summed, max(1e-6 * largest, known))
 
 
 def choices(e: Evidence) -> float | None:

@@ -236,11 +236,13 @@ class Evidence:
     def conditions_of(self, graph: Evaluator) -> list[float]:
         """Condition of the augmented system times that of the choice's own Y = [A; B]: how much
         roundoff may grow."""
+        own = self.own_conditions(graph)
+        return [self._condition(s.outcome) * growth for s, growth in zip(self.samples, own)]
+
+    def own_conditions(self, graph: Evaluator) -> list[float]:
+        """That of the choice's own Y alone, in the model's own units."""
         own = self.named("Y", graph) or [np.eye(1)] * len(self.samples)
-        return [
-            self._condition(s.outcome) * max(1.0, row_condition(Y * self._columns(Y)))
-            for s, Y in zip(self.samples, own)
-        ]
+        return [max(1.0, row_condition(Y * self._columns(Y))) for Y in own]
 
     def _condition(self, o: Outcome) -> float:
         """Of [M Aᵀ; A 0] in the model's own units."""

@@ -289,7 +289,7 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
             "no model is named: give files with `extremes:` cases or a folder of them, "
             "such as models/extremes"
         )
-    return hamel.study.extremes(models, case=case)
+    return hamel.extremes(models, case=case)
 
 
 @verb
@@ -442,7 +442,7 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
     }
     tolerances = _numbers(options.pop("tolerances"))
     with bar(1.0, "running") as progress:
-        return hamel.study(
+        return hamel.report(
             models, values=values, tolerances=tolerances, progress=progress, **names, **options
         )
 

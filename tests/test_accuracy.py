@@ -18,6 +18,7 @@ import pytest
 
 from codegen import compiler, loader
 from codegen.passes import program
+from derive.expressions.instructions import listing, run
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load
@@ -38,23 +39,13 @@ EXACT: dict[int, Callable[..., Any]] = {
 
 def exact(function: ca.Function, arguments: Sequence[Sequence[float]]) -> list[Any]:
     """The only result of the function, its instructions run in mpmath's precision."""
-    work: dict[int, Any] = {}
-    out: list[Any] = [mpmath.mpf(0)] * function.nnz_out(0)
-    for k in range(function.n_instructions()):
-        code, inputs, into = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
-        if code == ca.OP_OUTPUT:
-            out[into[1]] = work[inputs[0]]
-        elif code == ca.OP_INPUT:
-            work[into[0]] = mpmath.mpf(float(arguments[inputs[0]][inputs[1]]))
-        elif code == ca.OP_CONST:
-            work[into[0]] = mpmath.mpf(function.instruction_constant(k))
-        else:
-            work[into[0]] = EXACT[code](*(work[i] for i in inputs))
-    return out
+    (result,) = run(
+        listing(function),
+        entry=lambda argument, nonzero: mpmath.mpf(float(arguments[argument][nonzero])),
+        number=mpmath.mpf,
+        operation=lambda read, operands: EXACT[read.code](*operands),
+    )
+    return result
 
 
 def samples(found: Equations, count: int) -> list[tuple[np.ndarray, np.ndarray]]:

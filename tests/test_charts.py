@@ -553,6 +553,8 @@ def test_simulate_goes_through_and_says_so() -> None:
     found = hamel.simulate(SLIDER_CRANK, choice="slider", time=1.0)
     same = hamel.simulate(SLIDER_CRANK, choice="crank", time=1.0)
     assert found.switches and not same.switches and found.choice == "slider"
+    t = list(found.motion["t"])  # a switch is told between two rows that follow each other
+    assert all(t.index(x.before) == t.index(x.time) + 1 for x in found.switches)
     for name in ("q1", "q2", "s"):
         assert found.final[name] == pytest.approx(same.final[name], abs=1e-8)
     assert found.energy_balance < 1e-9 and found.acceleration_violation < 1e-10

@@ -15,11 +15,11 @@ import hamel
 from derive.diagnostics import AssumptionError, VerificationError
 from derive.formulations import FORMULATIONS, equations
 from derive.formulations.derivatives import derivatives
+from derive.formulations.evaluate import slots_of
 from derive.formulations.records import Equations
 from derive.model import load, load_text
 from derive.states import sampling, system
 from hamel.build import pipeline
-from hamel.verify.checks.evidence import slots_of
 
 MODELS = Path(__file__).parent.parent / "models"
 DENSE = (

@@ -61,6 +61,7 @@ def toy(
         model=SimpleNamespace(name=name, description=description, fixed=()),
         constants=(), quaternions=(),
         phi=ca.SX(0, 1),
+        quaternions=(),
     )
     return Equations(
         system,
@@ -157,6 +158,7 @@ def circle() -> Equations:
         model=SimpleNamespace(name="circle", description="Round and round.", fixed=()),
         constants=(), quaternions=(),
         phi=closing,
+        quaternions=(),
     )
     return Equations(
         system,

@@ -126,7 +126,7 @@ def _margins(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
 def differs(equations: Equations, function: Function) -> bool:
     """Whether a function depends on the choice: it takes w, other than to hand it on, has guards,
     or is made of B."""
-    x = next(argument.symbols for argument in equations.arguments if argument.name == "x")
+    x = equations.argument("x").symbols
     nq, value = equations.system.q.numel(), function.result.value
     w = x[nq:]
     if (

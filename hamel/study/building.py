@@ -106,7 +106,7 @@ def _rate(found: Start, plain: Equations, span: float) -> float:
 
 def first_state(found: Start, made: Equations) -> np.ndarray:
     """x at the start, by the equations' own function."""
-    function = next(function for function in made.functions if function.name == "state")
+    function = made.function("state")
     t, _, u, p = (argument.symbols for argument in made.arguments)
     assert function.x is not None
     state = ca.Function("state", [t, function.x.symbols, u, p], [ca.densify(function.result.value)])

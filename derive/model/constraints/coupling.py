@@ -1,22 +1,44 @@
-"""Constraints between coordinates: gears, couplings and prescribed motion, all of them formulas
-that stay zero."""
+"""Couplings and gears: two coordinates in proportion."""
 
 from __future__ import annotations
 
-from derive.diagnostics import listed
+from pydantic import Field
+
 from derive.expressions.parser import unit as parsed_unit
-from derive.expressions.tree import ZERO, Expression, Name, Product, Sum
+from derive.expressions.tree import ZERO, Name, Product
 from derive.expressions.units import pretty, quotient_of
 from derive.model.algebra import minus, negated, plus
-from derive.model.document import Items, Key, Scalar
+from derive.model.constraints.places import of_joint, of_name
+from derive.model.document import Items, Key
+from derive.model.entries import Entry, Formula, Point
 from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
 from derive.model.records import Coordinate, Holonomic
-from derive.model.scope import PARAMETER, TIME
-from derive.model.shape import CouplingEntry, GearEntry, PrescribedEntry
 
 
-def coupling(reader: Reader, names: Names, key: Key, entry: CouplingEntry) -> Holonomic:
+class CouplingEntry(Entry):
+    """Two coordinates move in proportion, first = ratio * second + offset: belt, rack and pinion,
+    mimic joint."""
+
+    type: Formula
+    joints: Point | None = Field(None, description="Two joints with one coordinate each.")
+    coordinates: Point | None = Field(None, description="Two coordinates.")
+    ratio: Formula = Field(description="Rate of the first per rate of the second.")
+    offset: Formula | None = Field(
+        None, description="The first coordinate where the second is zero."
+    )
+    about: Formula | None = None
+
+
+class GearEntry(CouplingEntry):
+    """Two turning joints in gear, first angle = ratio * second + offset; the ratio of external
+    gears is negative."""
+
+
+def coupling(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: CouplingEntry
+) -> Holonomic:
     """first − ratio · second − offset = 0."""
     pair = _pair(reader, names, key, entry)
     if pair is None:
@@ -71,7 +93,7 @@ def _two(
         reader.report(items.span, f"'{key}' couples {len(items)}", "two joints or coordinates")
         return None
     first, second = (
-        _of_joint(reader, names, s) if of_joints else _of_name(reader, names, s) for s in items
+        of_joint(reader, names, s) if of_joints else of_name(reader, names, s) for s in items
     )
     if first is None or second is None:
         return None
@@ -83,50 +105,5 @@ def _two(
     return first, second
 
 
-def _of_joint(reader: Reader, names: Names, scalar: Scalar) -> Coordinate | None:
-    owned = [
-        coordinate
-        for coordinate in names.coordinates
-        if coordinate.owner and coordinate.owner == scalar.text
-    ]
-    if len(owned) == 1:
-        return owned[0]
-    if owned:
-        wanted = f"coordinates: with one of {listed(c.name for c in owned)}"
-        reader.report(
-            scalar.span, f"the joint '{scalar.text}' has {len(owned)} coordinates", wanted
-        )
-    else:
-        reader.word(
-            scalar, dict.fromkeys(c.owner for c in names.coordinates if c.owner), "moving joint"
-        )
-    return None
-
-
-def _of_name(reader: Reader, names: Names, scalar: Scalar) -> Coordinate | None:
-    found = reader.word(scalar, [coordinate.name for coordinate in names.coordinates], "coordinate")
-    return next((coordinate for coordinate in names.coordinates if coordinate.name == found), None)
-
-
-def prescribed(reader: Reader, names: Names, key: Key, entry: PrescribedEntry) -> Holonomic:
-    """coordinate − motion(t) = 0."""
-    target = _target(reader, names, key, entry)
-    if target is None:
-        return Holonomic(str(key), ZERO, (), key.span)
-    motion = reader.formula(
-        entry.motion, "a prescribed motion", frozenset({PARAMETER, TIME}), target.unit
-    )
-    return Holonomic(str(key), _difference(target.name, motion), (), key.span)
-
-
-def _difference(name: str, motion: Expression) -> Expression:
-    return Name(name) if motion == ZERO else Sum((Name(name), negated(motion)))
-
-
-def _target(reader: Reader, names: Names, key: Key, entry: PrescribedEntry) -> Coordinate | None:
-    if (entry.joint is None) == (entry.coordinate is None):
-        reader.report(key.span, f"'{key}' does not say what it moves", "one of joint, coordinate")
-        return None
-    if entry.joint is not None:
-        return _of_joint(reader, names, entry.joint)
-    return _of_name(reader, names, entry.coordinate) if entry.coordinate is not None else None
+COUPLING = Kind("coupling", CouplingEntry, coupling)
+GEAR = Kind("gear", GearEntry, coupling)

@@ -42,7 +42,10 @@ def turning(value: ca.SX, x: ca.SX) -> Equations:
         for name in "xup"
     )
     system: Any = SimpleNamespace(
-        model=SimpleNamespace(name="turn", description="", fixed=()), constants=(), quaternions=(), phi=ca.SX(0, 1)
+        model=SimpleNamespace(name="turn", description="", fixed=()),
+        constants=(),
+        quaternions=(),
+        phi=ca.SX(0, 1),
     )
     time = Argument("t", ca.SX.sym("t"), ("t",), ("s",))
     return replace(

@@ -59,7 +59,7 @@ def toy(
     )
     system: Any = SimpleNamespace(
         model=SimpleNamespace(name=name, description=description, fixed=()),
-        constants=(), quaternions=(),
+        constants=(),
         phi=ca.SX(0, 1),
         quaternions=(),
     )
@@ -156,7 +156,7 @@ def circle() -> Equations:
     )
     system: Any = SimpleNamespace(
         model=SimpleNamespace(name="circle", description="Round and round.", fixed=()),
-        constants=(), quaternions=(),
+        constants=(),
         phi=closing,
         quaternions=(),
     )

@@ -21,7 +21,7 @@ from codegen.reals import FLOAT64
 from codegen.seal import VERIFICATION
 from derive.diagnostics import VerificationError
 from derive.formulations.records import Equations
-from hamel.verify.checks.evidence import Evidence, Row
+from hamel.verify.checks.evidence import Evidence, Row, roundoff
 from hamel.verify.records import CheckResult
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
@@ -65,9 +65,8 @@ def _charts(seen: Evidence) -> Iterator[tuple[str, Evidence]]:
 def _rows(seen: Evidence, name: str) -> dict[str, Any]:
     """Arguments and values of one function; nothing where a value is not finite."""
     places = [_argument(row) for row in seen.rows_of(name)]
-    roundoff = seen.graph.roundoff(name, places, FLOAT64)
     rows = []
-    for (t, x, u, p), errors in zip(places, roundoff):
+    for (t, x, u, p), errors in zip(places, roundoff(seen.graph, name, places, FLOAT64)):
         value = np.ravel(seen.graph.iterated(name, t, x, u, p))
         size = max(_largest(value), MANY * _largest(errors) / TOLERANCE)
         if np.isfinite(value).all() and math.isfinite(size):

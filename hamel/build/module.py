@@ -237,7 +237,8 @@ def _checked(draft: Draft) -> ModuleType:
     except (ImportError, OSError, AttributeError, UnicodeDecodeError) as error:
         said = " ".join(str(error).replace(f"{draft.folder}{os.sep}", "").split())
         raise ToolchainError(
-            f"{' '.join(draft.command)} ended without an error, but what it made cannot be loaded: {said}",
+            f"{' '.join(draft.command)} ended without an error, "
+            f"but what it made cannot be loaded: {said}",
             hint=RUNNABLE,
         ) from error
     return module

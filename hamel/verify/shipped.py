@@ -65,9 +65,8 @@ def _charts(seen: Evidence) -> Iterator[tuple[str, Evidence]]:
 def _rows(seen: Evidence, name: str) -> dict[str, Any]:
     """Arguments and values of one function; nothing where a value is not finite."""
     places = [_argument(row) for row in seen.rows_of(name)]
-    errors_of = roundoff(seen.graph, name, places, FLOAT64)
     rows = []
-    for (t, x, u, p), errors in zip(places, errors_of):
+    for (t, x, u, p), errors in zip(places, roundoff(seen.graph, name, places, FLOAT64)):
         value = np.ravel(seen.graph.iterated(name, t, x, u, p))
         size = max(_largest(value), MANY * _largest(errors) / TOLERANCE)
         if np.isfinite(value).all() and math.isfinite(size):

@@ -271,7 +271,9 @@ def test_changed_operations_of_the_other_functions_are_caught(seen, function):
 
 def test_wrong_matrices_of_the_page_are_caught(seen):
     planted = dict(wrong_matrices(seen.graph.equations))
-    caught = {name: red(replace(seen, graph=evaluator(planted[name]))) for name in ("A", "B", "R", "S")}
+    caught = {
+        name: red(replace(seen, graph=evaluator(planted[name]))) for name in ("A", "B", "R", "S")
+    }
     assert {"A R = 1", "B R = 0"} <= caught["R"]
     assert {"A S = 0", "B S = 1"} <= caught["S"]
     assert caught["A"] & {"A S = 0", "A R = 1"}

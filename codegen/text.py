@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import json
 import math
@@ -13,20 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import jinja2.bccache
 
-from codegen import cache
 from codegen.program import Expression, Program
 from codegen.reals import Real, recast
 
 TEMPLATES = Path(__file__).parent / "templates"
-SELDOM = (
-    "charts",
-    "choices",
-    "inline",
-    "linear",
-    "long",
-)  # in the names of templates that few modules need
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _LEVEL = {"add": 1, "sub": 1, "mul": 2, "div": 2, "neg": 3}
 _ATOM = 4
@@ -179,20 +169,9 @@ def wrapped(text: str, width: int = 110, indent: str = "") -> str:
     ) or ""
 
 
-class _Prepared(jinja2.FileSystemBytecodeCache):
-    """Templates as Python code, kept between runs; a full disk only costs the time to prepare them
-    again."""
-
-    def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        with contextlib.suppress(OSError):
-            super().dump_bytecode(bucket)
-
-
 @functools.cache
 def _environment() -> jinja2.Environment:
-    kept = cache.folder("templates")
     environment = jinja2.Environment(
-        bytecode_cache=_Prepared(str(kept)) if kept else None,
         loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -209,14 +188,6 @@ def _environment() -> jinja2.Environment:
     }  # fmt: skip
     environment.filters.update(filters)
     return environment
-
-
-def prepare() -> None:
-    """The templates that most modules need into the cache, the longest first."""
-    environment = _environment()
-    for path in sorted(TEMPLATES.iterdir(), key=lambda path: -path.stat().st_size):
-        if not any(word in path.name for word in SELDOM):
-            environment.get_template(path.name)
 
 
 def render(template: str, program: Program, **data: object) -> str:

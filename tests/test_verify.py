@@ -16,7 +16,7 @@ from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.model import load, load_text
 from derive.states import system
-from hamel.pipeline import temporary_module
+from hamel.build.module import temporary_module
 from hamel.verify import verification
 from hamel.verify.checks import CHECKS
 from hamel.verify.checks.evidence import terms

@@ -12,7 +12,7 @@ from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.model import load, load_text
 from derive.states import system
-from hamel.pipeline import temporary_module
+from hamel.build.module import temporary_module
 from hamel.verify.checks import CHECKS, momenta
 from hamel.verify.mutation.errors import wrong_functions
 from hamel.verify.reference.outcome import reference

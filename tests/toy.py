@@ -59,8 +59,9 @@ def toy(
     )
     system: Any = SimpleNamespace(
         model=SimpleNamespace(name=name, description=description, fixed=()),
-        constants=(),
+        constants=(), quaternions=(),
         phi=ca.SX(0, 1),
+        quaternions=(),
     )
     return Equations(
         system,
@@ -155,8 +156,9 @@ def circle() -> Equations:
     )
     system: Any = SimpleNamespace(
         model=SimpleNamespace(name="circle", description="Round and round.", fixed=()),
-        constants=(),
+        constants=(), quaternions=(),
         phi=closing,
+        quaternions=(),
     )
     return Equations(
         system,

@@ -138,10 +138,6 @@ class Graph:
         if len(members) == 1:
             return (members[0][1], members[0][0])
         scale = _leading(members)
-        if not 1.0 / MODEST <= abs(scale) <= MODEST:
-            # factors that grow or shrink along a long recursion would end in overflow: one begins
-            # again at 1
-            scale = math.copysign(1.0, scale)
         if scale != 1.0:
             members = [(node, factor / scale) for node, factor in members]
         inside = tuple([(node, snapped(factor)) for node, factor in members])
@@ -175,6 +171,14 @@ class Graph:
             inside = [(node, exponent) for node, exponent in merged.items() if exponent != 0]
             return self._scaled_product(scale, sorted(inside))
         return self.product([((1.0, self._held(part)), exponent) for part, exponent in factors])
+
+    def bounded(self, reference: Reference) -> Reference:
+        """The reference with a factor that is far from overflow: factors that grow or shrink along
+        a long recursion stay inside of a node from time to time, and begin again at 1."""
+        factor, node = reference
+        if node == ONE or factor == 0.0 or 1.0 / MODEST <= abs(factor) <= MODEST:
+            return reference
+        return (math.copysign(1.0, factor), self._held((abs(factor), node)))
 
     def _held(self, reference: Reference) -> int:
         """A node that is factor · node, the factor inside of it."""
@@ -341,7 +345,7 @@ def rewrite(work: Work, rule: Rule) -> Work:
     for node in work.live:
         found = rule(graph, node, done)
         if found is not None:
-            done[node] = found
+            done[node] = graph.bounded(found)
             _keep_origin(work.graph, node, graph, found)
     roots = tuple(scaled(factor, done[node]) for factor, node in work.roots)
     return Work(graph, roots, tuple(_follow(mark, done) for mark in work.marks))

@@ -113,7 +113,7 @@ def trace(tape: Tape) -> Work:
             done.append(graph.constant(step.number))
         else:
             operands = [done[i] for i in step.operands]
-            done.append(_operation(step.code)(graph, operands))
+            done.append(graph.bounded(_operation(step.code)(graph, operands)))
     marks = (
         Mark(
             named.name,

@@ -34,8 +34,8 @@ from derive.choices.redundancy import (
 from derive.diagnostics import NAMES, AssumptionError, Diagnostic, ModelError, listed
 from derive.expressions.counting import alternatives
 from derive.joints.rotations import is_one
-from derive.mechanics.constraints import velocity_row
 from derive.mechanics.records import RowForm, System
+from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice, Holonomic, Span, Velocity
 from derive.states.closing import Kinematics
 from derive.states.initial import initial_state

@@ -18,11 +18,11 @@ from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.charts import together
 from derive.formulations.functions import positions
 from hamel import charts
+from hamel.build.files import staged_file, write_text
 from hamel.draw import Curve, Panel, draw
 from hamel.progress import paced
 from hamel.records import Switch
 from hamel.simulate.libraries import REFERENCES, Problem
-from hamel.staging import staged_file, write_text
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations

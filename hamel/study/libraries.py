@@ -6,13 +6,12 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from derive.formulations.records import Equations
-from hamel.pipeline import load_module
+from hamel.build.module import module_in
 from hamel.simulate.libraries import REFERENCES, Problem, Reference
 from hamel.study.building import Start, plain_equations, start
 from hamel.study.running import TOO_LONG, judged, timed
@@ -31,7 +30,7 @@ def rows(
 ) -> Iterator[dict[str, Any]]:
     """One solver on one unit's equations, loose tolerances first. After a run that took long
     tighter ones are not tried."""
-    found, module = start(path, values), load_module(Path(folder))
+    found, module = start(path, values), module_in(folder)
     equations = plain_equations(found, unit)
     reference = next(each for each in REFERENCES if each.name == solver)
     reason, slow = reference.refusal(equations), False

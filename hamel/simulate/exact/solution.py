@@ -8,7 +8,6 @@ the independent derivation in maximal coordinates.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from decimal import Decimal, localcontext
@@ -18,11 +17,12 @@ from math import ceil
 import casadi as ca
 import numpy as np
 
-from codegen import cache
+from derive.expressions.instructions import listing
 from derive.formulations.evaluate import evaluator, function_of
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics
 from derive.states.initial import Initial
+from hamel.build import store
 from hamel.simulate.exact.series import Fixed, Graph, Series
 from hamel.simulate.exact.taylor import Problem as Flow
 from hamel.simulate.exact.taylor import integrated
@@ -31,6 +31,7 @@ from hamel.verify.reference.outcome import evaluate, reference
 from hamel.verify.reference.outcome import state_of as spelled_out
 
 VERSION = 2
+KIND = "reference"  # of entries in the store
 MORE = 4  # digits carried beyond those asked for
 FIRST_CORRECTIONS = 6  # each gains as many digits as a double holds
 
@@ -228,42 +229,19 @@ def _fingerprint(problem: Problem, times: Sequence[float], digits: int) -> str:
 
 
 def _listing(function: ca.Function) -> str:
-    """Every instruction."""
-    lines = []
-    for k in range(function.n_instructions()):
-        code = function.instruction_id(k)
-        number = function.instruction_constant(k) if code == ca.OP_CONST else ""
-        lines.append(
-            f"{code} {function.instruction_input(k)} {function.instruction_output(k)} {number!r}"
-        )
-    return "\n".join(lines)
+    """Every instruction, and where the results come from."""
+    program = listing(function)
+    return "\n".join(map(repr, (*program.instructions, program.outputs)))
 
 
 def _kept(name: str) -> Solution | None:
-    root = cache.folder("references")
-    try:
-        stored = json.loads((root / name / "solution.json").read_text()) if root else None
-        if stored is None or set(stored) != {field.name for field in fields(Solution)}:
-            return None
-        cache.used(root / name)  # type: ignore[operator]
-        values = tuple(tuple(row) for row in stored.pop("values"))
-        return Solution(
-            **stored
-            | {"names": tuple(stored["names"]), "times": tuple(stored["times"]), "values": values}
-        )
-    except (OSError, ValueError, TypeError):
+    entry = store.stored(KIND, name)
+    if entry is None or set(entry.data) != {field.name for field in fields(Solution)}:
         return None
+    lists = {"names": tuple(entry.data["names"]), "times": tuple(entry.data["times"])}
+    values = tuple(tuple(row) for row in entry.data["values"])
+    return Solution(**{**entry.data, **lists, "values": values})
 
 
 def _keep(name: str, found: Solution) -> None:
-    root = cache.folder("references")
-    if root is None:
-        return
-    try:
-        cache.prune(root)
-        (root / name).mkdir(exist_ok=True)
-        part = root / name / "solution.part"
-        part.write_text(json.dumps(asdict(found)))
-        part.replace(root / name / "solution.json")
-    except OSError:
-        return
+    store.put(KIND, name, store.Entry(data=asdict(found)))

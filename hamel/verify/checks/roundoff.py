@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import FLOAT64, Real
+from derive.expressions.instructions import listing, run
 
 Array = np.ndarray
 EPSILON = float(np.finfo(float).eps) / 2
@@ -45,25 +46,22 @@ def bound(arguments: list[ca.SX], value: ca.SX, states: Array, real: Real = FLOA
     arguments, and counts as exact. The bound is in terms of double's unit of rounding, whatever the
     precision `real`; constants that it rounds carry one unit.
     """
-    program = ca.Function("program", [ca.vertcat(*arguments)], [value.T])
+    program = listing(ca.Function("program", [ca.vertcat(*arguments)], [value.T]))
     columns, nothing = states.T, np.zeros(len(states))
-    work: dict[int, tuple[Array, Array]] = {}
-    result = np.zeros((value.numel(), len(states)))
+
+    def number(constant: float) -> tuple[Array, Array]:
+        carried = EPSILON * abs(constant) if real.nearest(constant) != constant else 0.0
+        return np.full(len(states), constant), nothing + carried
+
     with np.errstate(all="ignore"):
-        for index in range(program.n_instructions()):
-            operation, into = program.instruction_id(index), program.instruction_output(index)
-            operands = program.instruction_input(index)
-            if operation == ca.OP_OUTPUT:
-                result[into[1]] = work[operands[0]][1]
-            elif operation == ca.OP_INPUT:
-                work[into[0]] = columns[operands[1]], nothing
-            elif operation == ca.OP_CONST:
-                constant = program.instruction_constant(index)
-                carried = EPSILON * abs(constant) if real.nearest(constant) != constant else 0.0
-                work[into[0]] = np.full(len(states), constant), nothing + carried
-            else:
-                work[into[0]] = _operation(operation, [work[i] for i in operands])
-    return result.T
+        (results,) = run(
+            program,
+            entry=lambda _, nonzero: (columns[nonzero], nothing),
+            number=number,
+            operation=lambda read, operands: _operation(read.code, operands),
+        )
+    bounds = [error for _, error in results]
+    return np.array(bounds).reshape(len(bounds), len(states)).T
 
 
 def _operation(operation: int, operands: list[tuple[Array, Array]]) -> tuple[Array, Array]:

@@ -34,8 +34,10 @@ class Language:
 
 C = Language(
     {
-        "lt": "(double)({0} < {1})", "le": "(double)({0} <= {1})", "eq": "(double)({0} == {1})", "ne": "(double)({0} != {1})",
-        "and": "(double)({0} != 0 && {1} != 0)", "or": "(double)({0} != 0 || {1} != 0)", "not": "(double)({0} == 0)",
+        "lt": "(double)({0} < {1})", "le": "(double)({0} <= {1})", "eq": "(double)({0} == {1})",
+        "ne": "(double)({0} != {1})",
+        "and": "(double)({0} != 0 && {1} != 0)", "or": "(double)({0} != 0 || {1} != 0)",
+        "not": "(double)({0} == 0)",
         "where": "({0} != 0 ? {1} : 0.0)", "sign": "(double)(({0} > 0) - ({0} < 0))",
     },
     "INFINITY",
@@ -50,8 +52,10 @@ NUMPY = Language(
            "acosh": "arccosh", "atanh": "arctanh"}.items()},
         **{name: f"np.{full}({{0}}, {{1}})" for name, full in {"pow": "float_power", "atan2": "arctan2", "hypot": "hypot",
            "fmin": "fmin", "fmax": "fmax", "copysign": "copysign", "fmod": "fmod"}.items()},
-        "lt": "np.where({0} < {1}, 1.0, 0.0)", "le": "np.where({0} <= {1}, 1.0, 0.0)", "eq": "np.where({0} == {1}, 1.0, 0.0)",
-        "ne": "np.where({0} != {1}, 1.0, 0.0)", "and": "np.where(({0} != 0) & ({1} != 0), 1.0, 0.0)",
+        "lt": "np.where({0} < {1}, 1.0, 0.0)", "le": "np.where({0} <= {1}, 1.0, 0.0)",
+        "eq": "np.where({0} == {1}, 1.0, 0.0)",
+        "ne": "np.where({0} != {1}, 1.0, 0.0)",
+        "and": "np.where(({0} != 0) & ({1} != 0), 1.0, 0.0)",
         "or": "np.where(({0} != 0) | ({1} != 0), 1.0, 0.0)", "not": "np.where({0} == 0, 1.0, 0.0)",
         "where": "np.where({0} != 0, {1}, 0.0)", "erf": "_erf({0})",
     },
@@ -183,7 +187,8 @@ def _environment() -> jinja2.Environment:
         autoescape=False,
     )
     filters: dict[str, Callable[..., str]] = {
-        "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc, "number": number,
+        "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc,
+        "number": number,
         "py_number": lambda value: number(value, NUMPY), "wrapped": wrapped,
     }  # fmt: skip
     environment.filters.update(filters)

@@ -23,12 +23,17 @@ ZERO: Reference = (0.0, ONE)
 ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign"})
 EVEN = frozenset({"cos", "cosh", "fabs"})
 CALLS: dict[str, Callable[..., float] | None] = {
-    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos,
-    "atan": math.atan, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "asinh": math.asinh, "acosh": math.acosh,
-    "atanh": math.atanh, "exp": math.exp, "log": math.log, "expm1": math.expm1, "log1p": math.log1p, "erf": math.erf,
-    "fabs": abs, "floor": math.floor, "ceil": math.ceil, "pow": math.pow, "atan2": math.atan2, "hypot": math.hypot,
+    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "asinh": math.asinh,
+    "acosh": math.acosh,
+    "atanh": math.atanh, "exp": math.exp, "log": math.log, "expm1": math.expm1, "log1p": math.log1p,
+    "erf": math.erf,
+    "fabs": abs, "floor": math.floor, "ceil": math.ceil, "pow": math.pow, "atan2": math.atan2,
+    "hypot": math.hypot,
     "fmin": min, "fmax": max, "copysign": math.copysign, "fmod": math.fmod,
-    "sign": None, "lt": None, "le": None, "eq": None, "ne": None, "and": None, "or": None, "not": None, "where": None,
+    "sign": None, "lt": None, "le": None, "eq": None, "ne": None, "and": None, "or": None,
+    "not": None, "where": None,
 }  # fmt: skip
 
 

@@ -233,7 +233,8 @@ def _wanted(model: Model, entry: Extreme) -> Ended:
             )
         problem = f"accelerations differ by {found.agreement:.0e} from the independent derivation"
     raise ModelError(
-        f"{model.name}, case {entry.name}: nothing to judge it by: {problem}; give it an end: in closed form"
+        f"{model.name}, case {entry.name}: nothing to judge it by: {problem}; "
+        "give it an end: in closed form"
     )
 
 

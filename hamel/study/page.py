@@ -33,17 +33,11 @@ from hamel.study.words import advice
 
 COMPARED = 1e-8  # tolerance of the comparison of formulations and enforcements
 HEADINGS = {
-    "rtol": "rtol",
-    "step": "step (s)",
-    "phi": "|φ|",
-    "velocity": "|A v − c|",
-    "energy": "energy error",
-    "ms": "ms",
-    "operations": "operations of ẋ",
-    "judged_by": "judged by",
-    "fewest": "fewest steps",
+    "rtol": "rtol", "step": "step (s)", "phi": "|φ|", "velocity": "|A v − c|",
+    "energy": "energy error", "ms": "ms",
+    "operations": "operations of ẋ", "judged_by": "judged by", "fewest": "fewest steps",
     "scipy": "SciPy's Radau",
-}
+}  # fmt: skip
 
 
 def page(studies: Sequence[Study], extremes: Sequence[ExtremeRow], version: str) -> str:

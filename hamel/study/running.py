@@ -33,16 +33,13 @@ def exact(
     values: Mapping[str, float | str],
     folder: str,
     span: float,
-    enforcement: str,
-    integrator: str,
-    rtol: float,
+    run: Mapping[str, Any],
     limit: float,
 ) -> Iterator[dict[str, Any]]:
     """One tight run: the end (q, v), the sizes of all q and v on the way, and the largest energy
     exchanged."""
     found, module = start(path, values), module_in(folder)
     times = np.linspace(0.0, span, POINTS)
-    run = {"enforcement": enforcement, "integrator": integrator, "rtol": rtol}
     try:
         made = _simulated(module, found, times, run, span, limit)
     except (FloatingPointError, TooLong) as problem:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from codegen.runtime.simulation import Simulation
     from derive.formulations.records import Equations
     from hamel.records import Switch
 
@@ -34,23 +35,24 @@ def start(
 
 
 def pieces(
-    module: ModuleType, found: Any, nq: int, u: np.ndarray, p: np.ndarray
-) -> Iterator[tuple[int, np.ndarray, Any]]:
+    module: ModuleType, found: Simulation, nq: int, u: np.ndarray, p: np.ndarray
+) -> Iterator[tuple[int, np.ndarray, Simulation]]:
     """Each chart that has rows of what simulate() found: its number, the rows, and these with x in
     its own coordinates."""
-    if not hasattr(found, "chart"):
+    if found.chart is None:
         yield 0, np.arange(len(found.t)), found
         return
     for chart in sorted(set(found.chart.tolist()) - {-1}):
         rows = np.nonzero(found.chart == chart)[0]
         state = in_chart(module, "state", chart)
         assert state is not None  # every chart has one
+        assert found.v is not None  # it comes with the charts
         x = state(found.t[rows], np.hstack([found.x[rows, :nq], found.v[rows]]), u, p)
         yield chart, rows, replace(found, t=found.t[rows], x=x, work=found.work[rows])
 
 
 def at_rows(
-    module: ModuleType, name: str, found: Any, nq: int, u: np.ndarray, p: np.ndarray
+    module: ModuleType, name: str, found: Simulation, nq: int, u: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
     """The function at every row, in the chart the row was made in; no column where the module has
     no such function."""
@@ -67,9 +69,9 @@ def at_rows(
     return made
 
 
-def switches(equations: Equations, found: Any) -> tuple[Switch, ...]:
+def switches(equations: Equations, found: Simulation) -> tuple[Switch, ...]:
     """As far as the rows show them."""
-    if not equations.charts:
+    if found.chart is None:
         return ()
     from hamel.records import Switch
 

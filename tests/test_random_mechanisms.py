@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from hamel.verify.mutation.errors import wrong_systems
 from hypothesis import HealthCheck, Phase, given, reject, settings
 from hypothesis import strategies as st
 
@@ -64,6 +63,7 @@ from derive.model.records import (
 from derive.states import system
 from hamel.verify import verification
 from hamel.verify.checks.evidence import samples
+from hamel.verify.mutation.errors import wrong_systems
 from hamel.verify.reference.outcome import reference, state_of
 
 HERE = Span(1, 1)

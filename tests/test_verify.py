@@ -10,12 +10,6 @@ from types import ModuleType
 import casadi as ca
 import numpy as np
 import pytest
-from hamel.verify.mutation.errors import (
-    mutants,
-    wrong_functions,
-    wrong_matrices,
-    wrong_systems,
-)
 
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
@@ -27,6 +21,12 @@ from hamel.verify.checks import CHECKS
 from hamel.verify.checks.evidence import graph, terms
 from hamel.verify.checks.linear import JACOBIANS, with_linearization
 from hamel.verify.checks.roundoff import bound
+from hamel.verify.mutation.errors import (
+    mutants,
+    wrong_functions,
+    wrong_matrices,
+    wrong_systems,
+)
 from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
 from hamel.verify.reference.outcome import reference

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hamel.verify.mutation.errors import wrong_functions
 
 from derive.formulations import equations
 from derive.model import load, load_text
@@ -15,6 +14,7 @@ from derive.states import system
 from hamel.pipeline import temporary_module
 from hamel.verify.checks import CHECKS, momenta
 from hamel.verify.checks.evidence import graph
+from hamel.verify.mutation.errors import wrong_functions
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
 

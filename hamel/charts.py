@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from codegen.runtime.simulation import Simulation
 from derive.choices.orthonormal import LENGTH
 from derive.formulations.records import Equations, Function
 from hamel.records import Switch
@@ -43,29 +44,30 @@ def start(
 def parameters(found: Any, p: np.ndarray) -> np.ndarray:
     """The parameters of each row, with the frame in force there where the module has one; else
     those of all."""
-    return getattr(found, "p", p).astype(float)
+    return p if found.p is None else found.p.astype(float)
 
 
 def pieces(
-    module: ModuleType, found: Any, nq: int, u: np.ndarray, p: np.ndarray
-) -> Iterator[tuple[int, np.ndarray, Any]]:
+    module: ModuleType, found: Simulation, nq: int, u: np.ndarray, p: np.ndarray
+) -> Iterator[tuple[int, np.ndarray, Simulation]]:
     """Each chart that has rows of what simulate() found: its number, the rows, and these with x in
     its own coordinates."""
-    if not hasattr(found, "chart"):
+    if found.chart is None:
         yield 0, np.arange(len(found.t)), found
         return
     for chart in sorted(set(found.chart.tolist()) - {-1}):
         rows = np.nonzero(found.chart == chart)[0]
         state = in_chart(module, "state", chart)
         assert state is not None  # every chart has one
+        assert found.v is not None  # it comes with the charts
         here = p[rows] if p.ndim > 1 else p
         x = state(found.t[rows], np.hstack([found.x[rows, :nq], found.v[rows]]), u, here)
-        framed = {"p": here} if hasattr(found, "p") else {}
-        yield chart, rows, replace(found, t=found.t[rows], x=x, work=found.work[rows], **framed)
+        framed = here if found.p is not None else None
+        yield chart, rows, replace(found, t=found.t[rows], x=x, work=found.work[rows], p=framed)
 
 
 def at_rows(
-    module: ModuleType, name: str, found: Any, nq: int, u: np.ndarray, p: np.ndarray
+    module: ModuleType, name: str, found: Simulation, nq: int, u: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
     """The function at every row, in the chart the row was made in; no column where the module has
     no such function."""
@@ -90,11 +92,11 @@ def choices(equations: Equations, found: Any) -> tuple[str, ...]:
     """The choice that each row was made in; one that is measured along a frame that was based anew
     with a number, as far as the rows show it."""
     names = [equations.choice, *(chart.choice for chart in equations.charts)]
-    charts = getattr(found, "chart", np.zeros(len(found.t), dtype=int))
+    charts = np.zeros(len(found.t), dtype=int) if found.chart is None else found.chart
     framed = [any(map(_measured, one.functions)) for one in (equations, *equations.charts)]
     base, rows = 1, []
     for k, chart in enumerate(charts.tolist()):
-        if k and hasattr(found, "bases") and (found.p[k] != found.p[k - 1]).any():
+        if k and found.p is not None and (found.p[k] != found.p[k - 1]).any():
             base += 1
         rows.append(names[chart] + (f" (base {base})" if framed[chart] and base > 1 else ""))
     return tuple(rows)

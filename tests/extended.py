@@ -77,17 +77,12 @@ class Simulator:
         self, times: np.ndarray, x: np.ndarray, integrator: str, enforcement: str, step: float
     ) -> np.ndarray:
         """The states at the times by equal steps, one per row."""
-        s, out, work = (
-            np.zeros(n, np.longdouble) for n in (self.size, times.size * self.nx, times.size)
-        )
-        head = {
-            "INTEGRATOR": self.integrators.index(integrator),
-            "ENFORCEMENT": self.enforcements.index(enforcement),
-            "FIXED": step,
-        }
-        for name, value in head.items():
-            s[self.place(name)] = value
-        s[self.place("X") : self.place("X") + self.nx] = x
+        s = np.zeros(1, self.layout)
+        out, work = (np.zeros(n, np.longdouble) for n in (times.size * self.nx, times.size))
+        s["integrator"] = self.integrators.index(integrator)
+        s["enforcement"] = self.enforcements.index(enforcement)
+        s["step_size"] = step
+        s["x"][0, : self.nx] = x
         at = [
             value.ctypes.data_as(ctypes.c_void_p)
             for value in (times.astype(np.longdouble), self.u, self.p, s, out, work)
@@ -107,12 +102,14 @@ class Simulator:
         assert status == 0
         return out.reshape(times.size, self.nx)
 
-    def place(self, name: str) -> int:
-        return ctypes.c_int.in_dll(self.library, f"place_{name}").value
-
     @property
-    def size(self) -> int:
-        return self.place("SIZE")
+    def layout(self) -> np.dtype:
+        """The structure of a simulation, in long doubles."""
+        kinds = {"int": "i", "long": "l", "double": np.longdouble}
+        fields = [
+            (name, kinds[kind], size or ()) for kind, name, size, _ in simulate.fields(self.program)
+        ]
+        return np.dtype(fields, align=True)
 
 
 def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = simulate.number) -> str:
@@ -126,21 +123,15 @@ def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = simulate.
 
 
 def _library(made: Program, folder: Path) -> ctypes.CDLL:
-    prefix = made.name.upper()
-    places = "".join(
-        f"const int place_{name} = {prefix}_SIM_{name};\n"
-        for name in ("INTEGRATOR", "ENFORCEMENT", "FIXED", "X", "SIZE")
-    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulate, "number", _in_two_parts)
         files = emit(made)
     for name, text in files.items():
         if name.endswith((".c", ".h")):
             (folder / name).write_text(text.replace(POLYNOMIALS, "#if 0\n    typedef"))
-    (folder / "places.c").write_text(f'#include "{made.name}_simulate.h"\n{places}')
     command = compiler.find_compiler()
     assert command is not None
-    sources = [f"{made.name}.c", f"{made.name}_simulate.c", "places.c"]
+    sources = [f"{made.name}.c", f"{made.name}_simulate.c"]
     parts = sorted(file.name for file in folder.glob(f"{made.name}_*.c"))
     sources += [
         name

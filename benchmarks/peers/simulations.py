@@ -114,12 +114,13 @@ void choose(int first, int second) {{ integrator = first; enforcement = second; 
 static int once(double setting, double *end)
 {{
     static const double x[] = {_values(x)}, u[] = {_values([*u, 0.0])}, times[] = {{{span!r}}};
-    double s[{big}_SIM_SIZE] = {{0.0}}, work;
-    s[{big}_SIM_INTEGRATOR] = integrator;
-    s[{big}_SIM_ENFORCEMENT] = enforcement;
+    {name}_simulation s = {{0}};
+    double work;
+    s.integrator = integrator;
+    s.enforcement = enforcement;
     for (int i = 0; i < {big}_NX; i++)
-        s[{big}_SIM_X + i] = x[i];
-    return {name}_simulate(s, 1, times, u, 0, pow(10.0, setting), pow(10.0, setting - 2.0), 100000000, end, &work{reduced});
+        s.x[i] = x[i];
+    return {name}_simulate(&s, 1, times, u, 0, pow(10.0, setting), pow(10.0, setting - 2.0), 100000000, end, &work{reduced});
 }}
 #include "whole.c"
 """

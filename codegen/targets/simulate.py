@@ -4,47 +4,65 @@ a compiler, in NumPy."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
+from typing import Any
 
 from codegen import text
-from codegen.integrators import INTEGRATORS, Collocation, Integrator, Rosenbrock, Tableau
+from codegen.integrators import (
+    INTEGRATORS,
+    Collocation,
+    Integrator,
+    Midpoint,
+    Rosenbrock,
+    Tableau,
+)
 from codegen.program import CALLED, Chart, Program
-from codegen.reals import Real
+from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
 from codegen.targets.records import Target
 
-# The head of a simulation's array.
+# The head of a simulation: kind, name, meaning.
 ENTRIES = (
-    ("INTEGRATOR", "which integrator, by number"),
-    ("ENFORCEMENT", "which enforcement, by number"),
-    ("FIXED", "the size of equal steps; 0 lets the tolerance decide"),
-    ("T", "time"),
-    ("DONE", "output times reached"),
-    ("STEPS", "accepted steps"),
-    ("REJECTED", "rejected steps"),
-    ("CALLS", "evaluations of dynamics"),
-    ("POSITION", "largest violation of a position constraint after a step"),
-    ("VELOCITY", "largest violation of a velocity constraint after a step"),
-    ("PASSED", "singular positions that were crossed"),
-    ("CHARTS", "charts that were used"),
-    ("STEP", "size of the next step"),
-    ("ERROR", "error of the last step, for the step control"),
+    ("int", "integrator", "which integrator, by number"),
+    ("int", "enforcement", "which enforcement, by number"),
+    ("double", "step_size", "of equal steps; 0 lets the tolerance decide"),
+    ("double", "t", "time"),
+    ("long", "done", "output times reached"),
+    ("long", "steps", "accepted steps"),
+    ("long", "rejected", "rejected steps"),
+    ("long", "calls", "evaluations of dynamics"),
+    ("long", "crossings", "singular positions that were crossed"),
+    ("long", "charts", "charts that an enforcement used"),
+    ("double", "position_violation", "the largest of a position constraint after a step"),
+    ("double", "velocity_violation", "the largest of a velocity constraint after a step"),
+    ("double", "next_step", "size of the next step"),
+    ("double", "error", "of the last step, for the step control; negative where it must not grow"),
 )
 # More of it where the module has several charts.
 OF_CHARTS = (
-    ("CHOICE", "the chart that the state is in, by number"),
-    ("SWITCHES", "changes of the chart"),
+    ("int", "choice", "the chart that the state is in, by number"),
+    ("long", "switches", "changes of the chart"),
 )
 # And where it has a frame.
-OF_FRAMES = (("BASES", "how often the frame was based anew"),)
+OF_FRAMES = (("long", "bases", "how often the frame was based anew"),)
 # The smallest pivot of A, rows of length one, from which a stop is the choice's own: farther from a
 # loss of rank than a motion stops before one.
 INDEPENDENT = 0.02
 NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as good as new
-CHARTS = ("partitioning", "selective", "tangent")  # enforcements of simulate_charts.c.j2
-MANIFOLDS = ("invariants", "invariants_euclidean")  # enforcements of simulate_enforcements.c.j2
+CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
+FOLDER = Path(__file__).parents[1] / "runtime"
+RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
+RECORD = FOLDER / "simulation.py"
+KINDS: dict[type, str] = {
+    Tableau: "explicit",
+    Rosenbrock: "rosenbrock",
+    Collocation: "collocation",
+    Midpoint: "midpoint",
+}
+MANIFOLDS = ("invariants", "invariants_euclidean")  # enforcements by invariants
 
 
 @dataclass(frozen=True)
@@ -59,35 +77,79 @@ class Choice:
 
 @dataclass(frozen=True)
 class Scheme:
-    """An integrator as text. A tableau has C expressions: per stage after the first c and Σ a k,
-    and the error estimates."""
+    """An integrator as text: the function of runtime_steps.h that steps, its coefficients as C, and
+    its step control."""
 
     method: Integrator
-    kind: str  # the macro of simulate_steps.c.j2
+    kind: str  # of the function KIND_step
     grow: str
     damp: str
     safety: str
-    stages: tuple[tuple[str, str], ...] = ()
-    errors: tuple[str, ...] = ()
-    weighted: frozenset[int] = (
-        frozenset()
-    )  # stages that count in the step or its error: the work is wanted there
-    tables: dict[str, str] = field(default_factory=dict)  # of numbers, as C initialisers
+    data: tuple[str, ...] = ()  # lines of C that define the coefficients
+    coefficients: str = "NULL"  # their address
 
 
 def files(program: Program) -> dict[str, str]:
-    """NAME_simulate.h, NAME_simulate.c and _simulate.py."""
+    """NAME_simulate.h, NAME_simulate.c, the runtime that it includes, and _simulate.py."""
     if not program.simulates:
         return {}
+    data = _data(program)
+    return {
+        f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
+        f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
+        "_simulate.py": text.render("simulate.py.j2", tableaux=_tableaux(data["chosen"]), **data),
+        "_simulation.py": RECORD.read_text("utf-8"),
+        **{path.name: recast(path.read_text("utf-8"), program.real) for path in RUNTIME},
+    }
+
+
+def _tableaux(chosen: Sequence[Integrator]) -> list[dict[str, object]]:
+    return [_python(x) for x in chosen if isinstance(x, Tableau)]
+
+
+def _data(program: Program) -> dict[str, Any]:
+    """What the templates are filled with."""
     sizes = {kernel.name: kernel.shape[0] for kernel in program.kernels}
     tabled = _tabled(program, sizes)
     charts = [_choice(program, chart, sizes, tabled) for chart in program.charts]
     if most := max((chart.guards for chart in charts), default=0):
         sizes["guards"] = most
     chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
-    has = {
-        name: name in sizes for name in ("power", "project", "constraints", "guards", "manifold")
+    has, rows = _parts(program, sizes, chosen), _rows(program, sizes)
+    nq = len(program.argument("x").names) - len(program.quasi_velocities)
+    number_of_frame = framed(program) if program.frame else 0
+    return {
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+        "has": has,
+        "flags": _flags(program, has, chosen),
+        "positions": program.positions,
+        "size": len(program.argument("x").names) + 1,
+        "fields": fields(program),
+        "charts": charts,
+        "framed": number_of_frame,
+        "suffix": program.charts[number_of_frame].suffix if program.charts else "",
+        "independent": INDEPENDENT,
+        "nearly": NEARLY_BASED,
+        "tabled": tabled,
+        "calls": _calls(program, sizes, tabled, has["constants"]),
+        "enforcements": _numbered(program.enforcements),
+        "rows": rows,
+        "nq": nq,
+        "turn": _turn(program.real),
+        "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
+        "chosen": chosen,
+        "schemes": [_scheme(x) for x in chosen],
     }
+
+
+def _parts(
+    program: Program, sizes: Mapping[str, int], chosen: Sequence[Integrator]
+) -> dict[str, bool]:
+    """Which parts of the runtime a module needs."""
+    named = ("power", "project", "constraints", "guards", "manifold")
+    has = {name: name in sizes for name in named}
     has["project"] &= has["manifold"] or "projection" in program.enforcements
     has["charts"] = any(name in CHARTS for name in program.enforcements)
     has["constants"] = (
@@ -95,55 +157,62 @@ def files(program: Program) -> dict[str, str]:
     )
     has["rows"] = "constraint_rows" in sizes
     has["linear"] = has["charts"] or any(x.needs for x in chosen)
-    rows = {name: sizes.get(name, 0) for name in ("closure", "slip", "manifold", "guards")}
-    rows["closing"] = sum(
-        label in _labels(program, "closure") for label in _labels(program, "slip")
-    )
-    nq = len(program.argument("x").names) - len(program.quasi_velocities)
-    has["rosenbrock"] = any(isinstance(x, Rosenbrock) for x in chosen)
-    stages = max((len(x.c) for x in chosen if isinstance(x, Collocation)), default=0)
-    number_of_frame = framed(program) if program.frame else 0
-    data = {
-        "program": program,
-        "prefix": program.name,
-        "PREFIX": program.name.upper(),
-        "has": has,
-        "positions": program.positions,
-        "size": len(program.argument("x").names) + 1,
-        "entries": (
-            *ENTRIES,
-            *(OF_CHARTS if charts else ()),
-            *(OF_FRAMES if program.frame else ()),
-        ),
-        "framed": number_of_frame,
-        "suffix": program.charts[number_of_frame].suffix if program.charts else "",
-        "independent": INDEPENDENT,
-        "nearly": NEARLY_BASED,
-        "charts": charts,
-        "tabled": tabled,
-        "calls": {
-            name: f"here(r)->{name}" if name in tabled else f"{program.name}_{name}"
-            for name in CALLED
-        },
-        "guards": _guards(program),
-        "rows": rows,
-        "nq": nq,
-        "chart_names": CHARTS,
-        "manifold_names": MANIFOLDS,
-        "blocks": _blocks(has, rows, nq, len(program.quasi_velocities), stages, program),
-        "turn": _turn(program.real),
-        "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
-        "schemes": [_scheme(x) for x in chosen],
-    }
+    return has
+
+
+def _rows(program: Program, sizes: Mapping[str, int]) -> dict[str, int]:
+    """Lengths of results; `closing`: rows of velocities that belong to a position."""
+    named = ("constraints", "closure", "slip", "manifold", "guards", "velocity")
+    rows = {name: sizes.get(name, 0) for name in named}
+    closure = _labels(program, "closure")
+    return {**rows, "closing": sum(label in closure for label in _labels(program, "slip"))}
+
+
+def _flags(
+    program: Program, has: Mapping[str, bool], chosen: Sequence[Integrator]
+) -> dict[str, int]:
+    """Macros of the runtime."""
+    explicit = [len(x.c) - 1 for x in chosen if isinstance(x, Tableau)]
+    rosenbrock = [len(x.alpha) for x in chosen if isinstance(x, Rosenbrock)]
     return {
-        f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
-        f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
-        "_simulate.py": text.render(
-            "simulate.py.j2",
-            tableaux=[_python(x) for x in chosen if isinstance(x, Tableau)],
-            **data,
-        ),
+        "HAS_POWER": int(has["power"]),
+        "HAS_CONSTANTS": int(has["constants"]),
+        "HAS_PROJECT": int(has["project"]),
+        "HAS_CONSTRAINTS": int(has["constraints"]),
+        "HAS_POSITIONS": int(has["constraints"] and program.positions > 0),
+        "HAS_GUARDS": int(has["guards"]),
+        "HAS_MANIFOLD": int(has["manifold"]),
+        "HAS_COORDINATES": int(has["charts"]),
+        "HAS_CHOICES": int(bool(program.charts)),
+        "HAS_ROWS": int(has["rows"]),
+        "FRAME": program.frame,
+        "HAS_MIDPOINT": int(any(isinstance(x, Midpoint) for x in chosen)),
+        "TURNING": len(program.turning),
+        "EXPLICIT_STAGES": max(explicit, default=0),
+        "ROSENBROCK_STAGES": max(rosenbrock, default=0),
+        "COLLOCATION_STAGES": _stages(chosen),
     }
+
+
+def _stages(chosen: Sequence[Integrator]) -> int:
+    return max((len(x.c) for x in chosen if isinstance(x, Collocation)), default=0)
+
+
+def _calls(
+    program: Program, sizes: Mapping[str, int], tabled: Sequence[str], constants: bool
+) -> dict[str, str]:
+    """The function that stands for each name."""
+    own = {name: f"{program.name}_{name}" for name in CALLED if name in sizes}
+    if constants:
+        own["dynamics"] += "_precomputed"
+    return own | {name: f"here(r)->{name}" for name in tabled}
+
+
+def _numbered(enforcements: Sequence[str]) -> list[str]:
+    """Constants of an enumeration."""
+    numbers = {name: i for i, name in enumerate(enforcements)}
+    known = ("projection", *MANIFOLDS, *CHARTS)
+    return [f"{name.upper()} = {numbers.get(name, -1)}" for name in known]
 
 
 def _tabled(program: Program, sizes: Mapping[str, int]) -> tuple[str, ...]:
@@ -166,55 +235,66 @@ def _choice(
     return Choice(chart.choice, chart.suffix, functions, sizes.get(f"guards{chart.suffix}", 0))
 
 
-def _guards(program: Program) -> dict[str, str]:
-    """How many guards there are at most, and in the chart that is used."""
-    count = f"{program.name.upper()}_N_GUARDS"
-    return (
-        {"most": "MOST_GUARDS", "here": "here(r)->count"}
-        if program.charts
-        else {"most": count, "here": count}
-    )
-
-
 def _labels(program: Program, name: str) -> tuple[str, ...]:
     return next((kernel.labels for kernel in program.kernels if kernel.name == name), ())
 
 
-def _blocks(
-    has: dict[str, bool], rows: dict[str, int], nq: int, nw: int, stages: int, program: Program
-) -> list[tuple[str, int, str]]:
-    """What a simulation's array holds after state and slope: name, size, meaning."""
-    found = []
-    if has["guards"]:
-        found.append(
-            (
-                "GUARDS",
-                3 * rows["guards"],
-                "what tells the branch: last values, largest sizes, rates",
-            )
-        )
+def fields(program: Program) -> list[tuple[str, str, int, str]]:
+    """Of a simulation, in their order: kind in C, name, length (0 of a number), meaning."""
+    sizes = {kernel.name: kernel.shape[0] for kernel in program.kernels}
+    chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
+    has, rows = _parts(program, sizes, chosen), _rows(program, sizes)
+    nx, nw = len(program.argument("x").names), len(program.quasi_velocities)
+    guards = [
+        sum(k.name == f"guards{chart.suffix}" and k.shape[0] for k in program.kernels)
+        for chart in program.charts
+    ]
+    blocks = [
+        ("x", nx + 1, "the state, then the work of forces without potential since the start"),
+        ("slope", nx + 1, "its time derivative"),
+        *_guarded(max(guards, default=rows["guards"])),
+    ]
     if has["manifold"]:
         held = rows["manifold"] - rows["closure"] - rows["slip"]
-        found.append(("HELD", held, "the invariants at the start"))
+        blocks.append(("held", held, "the invariants at the start"))
     if has["charts"]:
-        size = rows["closure"] * (nq + rows["closure"]) + rows["slip"] * nw + 1
-        found.append(
-            ("CHART", size, "the directions of the chart, and the inverse that goes with them")
-        )
-    if stages:
-        size = 2 + (stages + 1) * (nq + nw)
-        found.append(
-            (
-                "COLLOCATED",
-                size,
-                "the last implicit step, which foretells the next: time, size, start, stages",
-            )
-        )
+        blocks += _coordinates(rows["closure"], rows["slip"], nx - nw, nw)
+    if stages := _stages(chosen):
+        blocks += [
+            ("collocated_t", 0, "the last implicit step, which foretells the next: its start"),
+            ("collocated_h", 0, "its size"),
+            ("collocated", (stages + 1) * nx, "its state at the start, then at its stages"),
+        ]
     if program.frame:
-        found.append(("FRAME", program.frame, "the frame in force, as at the end of p"))
-    if program.turning:  # the last
-        found.append(("TURNS", nq, "whole turns that were taken out of each coordinate"))
-    return found
+        blocks.append(("frame", program.frame, "the frame in force, as at the end of p"))
+    if program.turning:
+        blocks.append(("turns", nx - nw, "whole turns that were taken out of each coordinate"))
+    entries = (
+        *ENTRIES,
+        *(OF_CHARTS if program.charts else ()),
+        *(OF_FRAMES if program.frame else ()),
+    )
+    head = [(kind, name, 0, about) for kind, name, about in entries]
+    scalars = ("collocated_t", "collocated_h", "side")
+    body = [("double", *block) for block in blocks if block[1] or block[0] in scalars]
+    return [*head, *body]
+
+
+def _guarded(count: int) -> list[tuple[str, int, str]]:
+    return [
+        ("guard", count, "what must not vanish on the way, at the last step"),
+        ("guard_size", count, "the largest sizes of these"),
+        ("guard_rate", count, "the rates of their sizes"),
+    ]
+
+
+def _coordinates(closure: int, slip: int, nq: int, nw: int) -> list[tuple[str, int, str]]:
+    return [
+        ("position_directions", closure * nq, "along which positions are solved"),
+        ("position_inverse", closure * closure, "of their Jacobian along these"),
+        ("velocity_directions", slip * nw, "along which velocities are solved"),
+        ("side", 0, "of the position constraints, where the directions were chosen"),
+    ]
 
 
 def _turn(real: Real) -> tuple[str, str]:
@@ -225,43 +305,67 @@ def _turn(real: Real) -> tuple[str, str]:
 
 def _scheme(method: Integrator) -> Scheme:
     grow, damp, safety = _control(method)
-    kind = type(method).__name__.lower()
+    kind, name = KINDS[type(method)], method.name
+    if isinstance(method, Midpoint):
+        return Scheme(method, kind, grow, damp, safety)
     if isinstance(method, Tableau):
-        stages = tuple((number(c), combination(a)) for c, a in zip(method.c[1:], method.a[1:]))
-        weighted = frozenset(
-            i for row in (method.a[-1], *method.errors) for i, weight in enumerate(row) if weight
-        )
-        return Scheme(
-            method,
-            kind,
-            grow,
-            damp,
-            safety,
-            stages,
-            tuple(combination(error) for error in method.errors),
-            weighted,
-        )
-    if isinstance(method, Rosenbrock):
-        tables = {
-            "a": _table(method.a, len(method.alpha)),
-            "c": _table(method.c, len(method.alpha)),
-            "alpha": _list(method.alpha),
-            "gammas": _list(method.gammas),
-            "gamma": number(method.gamma),
-        }
-        return Scheme(method, kind, grow, damp, safety, tables=tables)
-    if isinstance(method, Collocation):
-        tables = {
-            "c": _list(method.c),
-            "b": _list(method.b),
-            "T": _table(method.T, len(method.c)),
-            "inverse": _table(method.inverse, len(method.c)),
-            "real": number(method.real),
-            "pairs": _table(method.pairs, 2),
-            "error": _list(method.error),
-        }
-        return Scheme(method, kind, grow, damp, safety, tables=tables)
-    return Scheme(method, kind, grow, damp, safety)
+        data = _tableau(method)
+    elif isinstance(method, Rosenbrock):
+        data = _initialised("Rosenbrock", name, _rosenbrock(method))
+    else:
+        data = _initialised("Collocation", name, _collocation(method))
+    return Scheme(method, kind, grow, damp, safety, tuple(data), f"&{name}")
+
+
+def _initialised(kind: str, name: str, values: Sequence[str]) -> list[str]:
+    return [f"static const {kind} {name} = {{", *(f"    {value}," for value in values), "};"]
+
+
+def _tableau(method: Tableau) -> list[str]:
+    """Rows without their zeros, one after the other."""
+    rows = [*method.a[1:], *method.errors]
+    terms = [[(j, weight) for j, weight in enumerate(row) if weight] for row in rows]
+    starts = [sum(map(len, terms[:n])) for n in range(len(terms) + 1)]
+    used = {j for row in (method.a[-1], *method.errors) for j, weight in enumerate(row) if weight}
+    stages, name = len(method.c) - 1, method.name
+    weighted = sum(1 << n for n in used | {stages})
+    weights = [number(weight) for row in terms for _, weight in row]
+    return [
+        f"static const double {name}_c[] = {_list(method.c[1:])};",
+        f"static const int {name}_row[] = {_listed(starts)};",
+        f"static const unsigned char {name}_at[] = {_listed(j for row in terms for j, _ in row)};",
+        f"static const double {name}_weight[] = {_listed(weights)};",
+        f"static const Tableau {name} = {{{stages}, {len(method.errors)}, {weighted}ul, "
+        f"{name}_c, {name}_row, {name}_at, {name}_weight}};",
+    ]
+
+
+def _listed(values: Iterable[object]) -> str:
+    return "{" + ", ".join(map(str, values)) + "}"
+
+
+def _rosenbrock(method: Rosenbrock) -> list[str]:
+    width = len(method.alpha)
+    return [
+        number(method.gamma),
+        _list(method.alpha),
+        _list(method.gammas),
+        _table(method.a, width),
+        _table(method.c, width),
+    ]
+
+
+def _collocation(method: Collocation) -> list[str]:
+    width = len(method.c)
+    return [
+        _list(method.c),
+        _list(method.b),
+        _table(method.T, width),
+        _table(method.inverse, width),
+        number(method.real),
+        _table(method.pairs, 2),
+        _list(method.error),
+    ]
 
 
 def _control(method: Integrator) -> tuple[str, str, str]:
@@ -277,12 +381,6 @@ def number(value: Fraction) -> str:
     if max(abs(value.numerator), value.denominator) < 10**6:
         return f"{value.numerator}.0 / {value.denominator}.0"
     return repr(float(value))
-
-
-def combination(weights: Sequence[Fraction]) -> str:
-    terms = [(weight, f"k[{i}][i]") for i, weight in enumerate(weights) if weight]
-    first = f"{number(terms[0][0])} * {terms[0][1]}"
-    return first + "".join(f" {'-' if w < 0 else '+'} {number(abs(w))} * {k}" for w, k in terms[1:])
 
 
 def _list(values: Sequence[Fraction]) -> str:

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from codegen.integrators import INTEGRATORS, Tableau
+from codegen.runtime.simulation import Status
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.charts import together
 from derive.formulations.frames import based
@@ -123,13 +124,20 @@ def integrated(
             )
     except FloatingPointError as error:
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
-        if "singular position" in str(error) and by.step_size is None and by.rtol < FINEST:
+        coarse = by.step_size is not None or by.rtol >= FINEST
+        if not coarse and _status(error) is Status.SINGULAR_POSITION:
             hint += f"; across a singular position an rtol of {FINEST:g} is about the finest that can be checked"
         raise AssumptionError(str(error), hint) from None
     found = replace(
         found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float)
     )
     return judged(module, equations, found, u, p, time.perf_counter() - start)
+
+
+def _status(error: FloatingPointError) -> Status:
+    """How the motion ended; a generated module has its own class of the same numbers."""
+    partial = getattr(error, "partial", None)
+    return Status.NOT_FINITE if partial is None else Status(partial.status)
 
 
 def _haste(by: Stepping) -> str:
@@ -154,7 +162,7 @@ def judged(
 ) -> Motion:
     """What the module's own functions say about every row, in the chart it was made in."""
     t, x = found.t, found.x
-    reduced = replace(found, x=getattr(found, "reduced", x).astype(float))
+    reduced = found if found.reduced is None else replace(found, x=found.reduced.astype(float))
     results = {function.name: function.result for function in equations.functions}
     nq = equations.system.q.numel()
     p = charts.parameters(found, p)

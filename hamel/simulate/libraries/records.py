@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from codegen.runtime.simulation import Simulation, Status, Stopped
 from derive.formulations.functions import positions
 
 if TYPE_CHECKING:
@@ -37,22 +38,6 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Found:
-    """As the module's own simulate() gives it. Violations are the largest at the output times."""
-
-    t: np.ndarray
-    x: np.ndarray
-    work: np.ndarray
-    steps: int
-    rejected: int
-    calls: int
-    position_violation: float
-    velocity_violation: float
-    crossings: int = 0
-    charts: int = 0
-
-
-@dataclass(frozen=True)
 class Reference:
     """`prepare` makes all that is no part of a run, and gives the run; `refusal` says why it does
     not fit some equations."""
@@ -60,19 +45,28 @@ class Reference:
     name: str
     about: str
     source: str
-    prepare: Callable[[Problem], Callable[[], Found]]
+    prepare: Callable[[Problem], Callable[[], Simulation]]
     refusal: Callable[[Equations], str] = lambda found: ""
 
 
-def found(
+def simulation(
     problem: Problem, x: np.ndarray, work: np.ndarray, steps: int, rejected: int, calls: int
-) -> Found:
-    """With the violations that the module's own functions see."""
+) -> Simulation:
+    """As the module's own simulate() gives it, with the violations that the module's own functions
+    see at the output times."""
     module, closed = problem.module, positions(problem.equations.system)
     if not hasattr(module, "constraints"):
-        return Found(problem.times, x, work, steps, rejected, calls, 0.0, 0.0)
+        return Simulation(problem.times, x, work, steps, rejected, calls, 0.0, 0.0)
     size = np.abs(module.constraints(problem.times, x, problem.u, problem.p))
     position, velocity = (
         float(np.max(part, initial=0.0)) for part in (size[:, :closed], size[:, closed:])
     )
-    return Found(problem.times, x, work, steps, rejected, calls, position, velocity)
+    return Simulation(problem.times, x, work, steps, rejected, calls, position, velocity)
+
+
+def stopped(problem: Problem, why: str) -> Stopped:
+    """What to raise where a solver cannot go on; it has no rows then."""
+    rows = np.full((problem.times.size, problem.x.size + 1), np.nan)
+    status = Status.STEP_TOO_SMALL
+    nothing = Simulation(problem.times, rows[:, 1:], rows[:, 0], 0, 0, 0, 0.0, 0.0, status=status)
+    return Stopped(f"{problem.module.name}: {why}", nothing)

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from codegen.runtime.simulation import Simulation
 from derive.diagnostics import ToolchainError
-from hamel.simulate.libraries.records import Found, Problem, Reference, found
+from hamel.simulate.libraries.records import Problem, Reference, simulation, stopped
 
 
-def _prepared(solver: str, problem: Problem) -> Callable[[], Found]:
+def _prepared(solver: str, problem: Problem) -> Callable[[], Simulation]:
     try:
         from scipy import integrate
     except ImportError:
@@ -22,7 +23,7 @@ def _prepared(solver: str, problem: Problem) -> Callable[[], Found]:
     return lambda: _run(getattr(integrate, solver), solver, problem)
 
 
-def _run(method: Any, solver: str, problem: Problem) -> Found:
+def _run(method: Any, solver: str, problem: Problem) -> Simulation:
     times, module = problem.times, problem.module
     rows = np.empty((times.size, problem.x.size + 1))
     stepper = method(
@@ -38,14 +39,12 @@ def _run(method: Any, solver: str, problem: Problem) -> Found:
     while stepper.status == "running":
         message = stepper.step()
         if stepper.status == "failed":
-            raise FloatingPointError(
-                f"{module.name}: {solver} of SciPy stopped at t = {stepper.t!r}: {message}"
-            )
+            raise stopped(problem, f"{solver} of SciPy stopped at t = {stepper.t!r}: {message}")
         upto = int(np.searchsorted(times, stepper.t, side="right"))
         if upto > done:
             rows[done:upto] = stepper.dense_output()(times[done:upto]).T
         done, steps = upto, steps + 1
-    return found(problem, rows[:, :-1], rows[:, -1], steps, 0, stepper.nfev)
+    return simulation(problem, rows[:, :-1], rows[:, -1], steps, 0, stepper.nfev)
 
 
 def _slope(module: Any, t: float, y: np.ndarray, problem: Problem) -> np.ndarray:

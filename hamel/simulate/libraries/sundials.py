@@ -22,13 +22,14 @@ import casadi as ca
 import numpy as np
 
 from codegen.compiler import FLAGS, SUFFIX, find_compiler
+from codegen.runtime.simulation import Simulation
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics
-from hamel.simulate.libraries.records import Found, Problem, Reference, found
+from hamel.simulate.libraries.records import Problem, Reference, simulation, stopped
 
 MOST_STEPS = 10_000_000
 UNCHECKED = 1e10  # the absolute tolerance of multipliers
-Run = Callable[[], Found]
+Run = Callable[[], Simulation]
 
 
 def _cvodes(problem: Problem) -> Run:
@@ -121,18 +122,16 @@ def _prepared(
     motion = ca.integrator("motion", solver, made, times[0], times[1:], {**steps, **options})
     u = np.tile(problem.u[:, np.newaxis], (1, times.size - 1))
 
-    def run() -> Found:
+    def run() -> Simulation:
         try:
             result = motion(x0=problem.x, z0=z, u=u, p=problem.p)
         except RuntimeError as error:
             why = str(error).strip().splitlines()[-1]
-            raise FloatingPointError(
-                f"{problem.module.name}: {solver.upper()} stopped: {why}"
-            ) from None
+            raise stopped(problem, f"{solver.upper()} stopped: {why}") from None
         x = np.vstack([problem.x, np.asarray(result["xf"]).T])
         work = np.concatenate([[0.0], np.asarray(result["qf"]).ravel()])
         counts: dict[str, Any] = motion.stats()
-        return found(problem, x, work, counts["nsteps"], counts["netfails"], counts["nfevals"])
+        return simulation(problem, x, work, counts["nsteps"], counts["netfails"], counts["nfevals"])
 
     return run
 

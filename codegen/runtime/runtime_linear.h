@@ -1,3 +1,8 @@
+/* Linear equations: L U with row exchanges, and a part of a semidefinite system that is independent.
+
+   No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
+
+#include <math.h>
 
 /* L U of an n x n matrix in place, row by row, with row exchanges. Zero where a pivot is zero or not finite. */
 static int factor(int n, double *W, int *order)

@@ -133,8 +133,10 @@ def _confirmed(
         lines = "; ".join(
             f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}" for check in failed
         )
+        where = f"; {found.hardest}" if found.hardest else ""
         raise VerificationError(
-            f"{draft.name}, choice {together(equations)}: verification failed, nothing is written: {lines}"
+            f"{draft.name}, choice {together(equations)}: "
+            f"verification failed, nothing is written: {lines}{where}"
         )
     return found
 

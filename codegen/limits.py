@@ -1,4 +1,4 @@
-"""The numbers that decide how code is made, each with its unit and its reason.
+"""The numbers that decide what passes do, each with its unit and its reason.
 
 Sizes are counted in operations, statements or nodes of a graph; tolerances are relative.
 """

@@ -27,15 +27,20 @@ class Diagnostic:
     hint: str = ""
     source_line: str = ""
 
+    def __post_init__(self) -> None:
+        """Each text is one line, whatever was quoted in it."""
+        for name in ("message", "expected", "hint"):
+            object.__setattr__(self, name, one_line(getattr(self, name)))
+
     def __str__(self) -> str:
         return "\n".join([self.headline(), *self._excerpt(), *self._advice()])
 
     def headline(self) -> str:
         """The one-line form, `file:line:column: error: message`."""
         place = (
-            f"{self.file}:{self.line}:{self.column}: "
+            f"{one_line(self.file)}:{self.line}:{self.column}: "
             if self.line
-            else (f"{self.file}: " if self.file else "")
+            else (f"{one_line(self.file)}: " if self.file else "")
         )
         return f"{place}error: {self.message}"
 
@@ -53,6 +58,13 @@ class Diagnostic:
     def _advice(self) -> list[str]:
         expected = [f"  expected: {self.expected}"] if self.expected else []
         return expected + ([f"  {self.hint}"] if self.hint else [])
+
+
+def one_line(text: str) -> str:
+    """Text without line ends, and with other control characters as Python would write them."""
+    joined = " ".join(text.splitlines()) if len(text.splitlines()) > 1 else text.strip("\n")
+    shown = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in joined)
+    return joined if joined.isprintable() else "".join(shown)
 
 
 class HamelError(Exception):

@@ -11,6 +11,7 @@ import gc
 import importlib
 import io
 import keyword
+import logging
 import math
 import os
 import signal
@@ -49,7 +50,9 @@ def verb(function: Function) -> click.Command:
     name = function.__name__.rstrip("_")
 
     @functools.wraps(function)
-    def run(as_json: bool, debug: bool, **options: Any) -> None:
+    def run(as_json: bool, debug: bool, verbose: bool, **options: Any) -> None:
+        if verbose:
+            _log()
         record = function(**options)
         _print(name, record, as_json, options)
         if getattr(record, "passed", True) is False:
@@ -57,9 +60,21 @@ def verb(function: Function) -> click.Command:
 
     run = click.option("--debug", is_flag=True, help="Show the traceback of an error.")(run)
     run = click.option(
+        "-v", "--verbose", is_flag=True, help="Say every stage of the work with its seconds."
+    )(run)
+    run = click.option(
         "--json", "as_json", is_flag=True, help="Print one JSON object and nothing else."
     )(run)
     return group.command(name)(run)
+
+
+def _log() -> None:
+    """What is logged goes to standard error as it is."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    log = logging.getLogger("hamel")
+    log.handlers[:] = [handler]
+    log.setLevel(logging.DEBUG)
 
 
 def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> None:
@@ -78,7 +93,7 @@ def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> No
 def _print_json(record: Any) -> None:
     import json
 
-    from hamel.built import as_json
+    from hamel.records import as_json
 
     click.echo(json.dumps(as_json(record), allow_nan=False))
 
@@ -259,7 +274,8 @@ def build(
     help="Also plant errors, one at a time, and say which checks see each.",
 )
 def verify(model: str, constants: str, **options: Any) -> Any:
-    """Compare MODEL's code with an independent derivation."""
+    """Compare MODEL's code with an independent derivation; or the module in a folder with the
+    values that were stored when it was verified."""
     return hamel.verify(model, constants=_constants(constants), **options)
 
 
@@ -273,7 +289,7 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
             "no model is named: give files with `extremes:` cases or a folder of them, "
             "such as models/extremes"
         )
-    return hamel.study.extremes(models, case=case)
+    return hamel.extremes(models, case=case)
 
 
 @verb
@@ -426,7 +442,7 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
     }
     tolerances = _numbers(options.pop("tolerances"))
     with bar(1.0, "running") as progress:
-        return hamel.study(
+        return hamel.report(
             models, values=values, tolerances=tolerances, progress=progress, **names, **options
         )
 
@@ -586,4 +602,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt,
         # and nothing is worth looking for garbage in, which Python does several times when it ends
         gc.freeze()
+        if code == failures.INTERRUPTED:  # Python itself may end by the signal, with another code
+            sys.stdout.flush()
+            os._exit(code)
     sys.exit(code)

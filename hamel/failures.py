@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from derive.diagnostics import Diagnostic, HamelError, ToolchainError
+from derive.diagnostics import Diagnostic, HamelError, ToolchainError, one_line
 
 VERIFICATION = 4
 USAGE, INTERNAL, INTERRUPTED, PIPE = 64, 70, 130, 141  # sysexits.h and 128 + signal
@@ -58,7 +58,7 @@ def _once(said: set[str]) -> Callable[..., str]:
     """Warnings as one line without a place in our sources, each said once."""
 
     def line(message: Warning | str, *place: Any, **more: Any) -> str:
-        text = f"warning: {message}\n"
+        text = f"warning: {one_line(str(message))}\n"
         new = text not in said
         said.add(text)
         return text if new else ""

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
 from codegen.integrators import INTEGRATORS, Collocation, Integrator, Tableau
 from codegen.passes import program
 from derive.formulations.derivatives import derivatives
+from hamel.build.module import published
 from tests.toy import circle
 
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -32,9 +33,7 @@ def module(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
             equations, requests=derivatives(equations.arguments, equations.functions)
         )
         names = ("dopri5", *(method.name for method in INTEGRATORS if method.name != "dopri5"))
-        return loader.load(
-            build.build(program(equations, integrators=names), base / "circle").folder
-        )
+        return loader.load(published(program(equations, integrators=names), base / "circle").folder)
 
 
 def ways(module: ModuleType) -> list[tuple[str, Callable[..., int]]]:

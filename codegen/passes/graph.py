@@ -23,12 +23,17 @@ ZERO: Reference = (0.0, ONE)
 ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign"})
 EVEN = frozenset({"cos", "cosh", "fabs"})
 CALLS: dict[str, Callable[..., float] | None] = {
-    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos,
-    "atan": math.atan, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "asinh": math.asinh, "acosh": math.acosh,
-    "atanh": math.atanh, "exp": math.exp, "log": math.log, "expm1": math.expm1, "log1p": math.log1p, "erf": math.erf,
-    "fabs": abs, "floor": math.floor, "ceil": math.ceil, "pow": math.pow, "atan2": math.atan2, "hypot": math.hypot,
+    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "asinh": math.asinh,
+    "acosh": math.acosh,
+    "atanh": math.atanh, "exp": math.exp, "log": math.log, "expm1": math.expm1, "log1p": math.log1p,
+    "erf": math.erf,
+    "fabs": abs, "floor": math.floor, "ceil": math.ceil, "pow": math.pow, "atan2": math.atan2,
+    "hypot": math.hypot,
     "fmin": min, "fmax": max, "copysign": math.copysign, "fmod": math.fmod,
-    "sign": None, "lt": None, "le": None, "eq": None, "ne": None, "and": None, "or": None, "not": None, "where": None,
+    "sign": None, "lt": None, "le": None, "eq": None, "ne": None, "and": None, "or": None,
+    "not": None, "where": None,
 }  # fmt: skip
 
 
@@ -138,10 +143,6 @@ class Graph:
         if len(members) == 1:
             return (members[0][1], members[0][0])
         scale = _leading(members)
-        if not 1.0 / MODEST <= abs(scale) <= MODEST:
-            # factors that grow or shrink along a long recursion would end in overflow: one begins
-            # again at 1
-            scale = math.copysign(1.0, scale)
         if scale != 1.0:
             members = [(node, factor / scale) for node, factor in members]
         inside = tuple([(node, snapped(factor)) for node, factor in members])
@@ -175,6 +176,14 @@ class Graph:
             inside = [(node, exponent) for node, exponent in merged.items() if exponent != 0]
             return self._scaled_product(scale, sorted(inside))
         return self.product([((1.0, self._held(part)), exponent) for part, exponent in factors])
+
+    def bounded(self, reference: Reference) -> Reference:
+        """The reference with a factor that is far from overflow: factors that grow or shrink along
+        a long recursion stay inside of a node from time to time, and begin again at 1."""
+        factor, node = reference
+        if node == ONE or factor == 0.0 or 1.0 / MODEST <= abs(factor) <= MODEST:
+            return reference
+        return (math.copysign(1.0, factor), self._held((abs(factor), node)))
 
     def _held(self, reference: Reference) -> int:
         """A node that is factor · node, the factor inside of it."""
@@ -341,7 +350,7 @@ def rewrite(work: Work, rule: Rule) -> Work:
     for node in work.live:
         found = rule(graph, node, done)
         if found is not None:
-            done[node] = found
+            done[node] = graph.bounded(found)
             _keep_origin(work.graph, node, graph, found)
     roots = tuple(scaled(factor, done[node]) for factor, node in work.roots)
     return Work(graph, roots, tuple(_follow(mark, done) for mark in work.marks))

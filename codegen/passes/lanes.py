@@ -6,7 +6,8 @@ from codegen.program import Expression, Kernel
 
 BATCHED = ("dynamics",)  # worth the time to compile them twice
 PLAIN = frozenset({
-    "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne", "and", "or", "not", "where",
+    "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
+    "and", "or", "not", "where",
 })  # fmt: skip
 # statements, inputs and outputs together: longer loops over lanes take compilers too long
 WIDEST = 1_500

@@ -175,9 +175,10 @@ def _absorber(
     with a minus in it."""
     for node, exponent in factors:
         inside = graph.nodes[node]
-        if isinstance(inside, Sum) and exponent == 1 and used[node] == 1:
-            if factor > 0 or any(own < 0 for _, own in inside.terms):
-                return node
+        if not isinstance(inside, Sum) or exponent != 1 or used[node] != 1:
+            continue
+        if factor > 0 or any(own < 0 for _, own in inside.terms):
+            return node
     return None
 
 
@@ -378,14 +379,16 @@ class _Balance:
     def _best(self, node: int, users: Sequence[int], least: int) -> float:
         """The scale with the fewest multiplications that nothing else needs."""
         own = best = self.scales[node]
-        around: _Surroundings | None = None
+        around = self._surroundings(node, users)
+        slack = least - len(around.steady)
+        if slack <= 0:  # what the users multiply anyhow is all there is
+            return own
         for candidate in dict.fromkeys(self._candidates(node, users)):
             if candidate == own or not is_modest(candidate):
-                continue  # costs `least`, or leads to overflow
-            around = around or self._surroundings(node, users)
-            cost = self._cost(node, candidate, around)
-            if cost < least:
-                best, least = candidate, cost
+                continue  # costs `slack`, or leads to overflow
+            cost = self._cost(node, candidate, around, slack)
+            if cost < slack:
+                best, slack = candidate, cost
                 if not cost:
                     break
         return best
@@ -410,14 +413,25 @@ class _Balance:
                     around.steady[key] = around.steady.get(key, 0) + 1
         return around
 
-    def _cost(self, node: int, scale: float, around: _Surroundings) -> int:
-        """How many multiplications near a node nothing else needs if it has that scale."""
+    def _cost(self, node: int, scale: float, around: _Surroundings, most: int) -> int:
+        """How many multiplications that nothing else needs come to the steady ones if the node has
+        that scale; counted no further than `most`."""
+        fresh, left = self._fresh_in_sums(node, scale, around)
         own = self.scales[node]
         self.scales[node] = scale
-        extra = self._own_keys(node, scale)
-        for user in around.products:
-            extra += self._product_keys(user)
+        for keys in self._dependent_keys(node, scale, around.products):
+            if len(fresh) - len(left) >= most:
+                break
+            fresh.update(self._fresh(keys, around.steady, left))
         self.scales[node] = own
+        return len(fresh) - len(left)
+
+    def _fresh_in_sums(
+        self, node: int, scale: float, around: _Surroundings
+    ) -> tuple[set[Key], set[Key]]:
+        """What the sums that use the node need for it, and which steady multiplications they give
+        up, because the term is now added to the node first. These are never more than the sums."""
+        keys: list[Key] = []
         gone: dict[Key, int] = {}
         for user, wanted, groups in around.sums:
             size = 1.0 if wanted == scale else abs(snapped(wanted / scale))
@@ -425,25 +439,32 @@ class _Balance:
                 continue
             only = groups.get(size)
             if only is None:
-                extra.append((size, node))
-            elif only >= 0:  # two terms of the same size: they are added, then multiplied once
+                keys.append((size, node))
+            elif only >= 0:
                 gone[size, only] = gone.get((size, only), 0) + 1
-                extra.append((size, user, "sum"))
-        steady, needed = around.steady, self.needed
-        left = {key for key, count in gone.items() if steady.get(key) == count}
-        fresh = {
-            key for key in extra if needed.get(key, 0) <= 0 and (key not in steady or key in left)
-        }
-        return len(steady) - len(left) + len(fresh)
+                keys.append((size, user, "sum"))
+        left = {key for key, count in gone.items() if around.steady.get(key) == count}
+        return set(self._fresh(keys, around.steady, left)), left
 
-    def _own_keys(self, node: int, scale: float) -> list[Key]:
-        """`_keys` of a node with a scale that is only tried; `scales` has it already."""
-        keys = self._wanted_keys(node, scale)
+    def _fresh(self, keys: Iterable[Key], steady: dict[Key, int], left: set[Key]) -> list[Key]:
+        """Those that nothing else needs."""
+        needed = self.needed
+        return [
+            key for key in keys if needed.get(key, 0) <= 0 and (key not in steady or key in left)
+        ]
+
+    def _dependent_keys(
+        self, node: int, scale: float, products: Sequence[int]
+    ) -> Iterator[list[Key]]:
+        """The multiplications that depend on the scale of a node, besides those in sums that use
+        it; `scales` has the scale already. The quickest to find come first."""
+        yield self._wanted_keys(node, scale)
+        for product in products:
+            yield self._product_keys(product)
         if node in self.structure.factors:
-            keys += self._product_keys(node)
+            yield self._product_keys(node)
         elif node in self.sizes:
-            keys += _sum_keys(node, _groups(self.structure.terms[node], self._sizes(node)))
-        return keys
+            yield _sum_keys(node, _groups(self.structure.terms[node], self._sizes(node)))
 
     def _candidates(self, node: int, users: Sequence[int]) -> Iterator[float]:
         """Scales with which some multiplication near the node falls away."""

@@ -163,9 +163,14 @@ def _fitting(code: Code, home: dict[int, int], once: Callable[[int], bool]) -> s
 
 
 def _write(
-    lowered: Lowered, wanted: set[int], groups: Sequence[tuple[str, list[int]]], names: dict[int, str], nested: set[int],
-    inputs: dict[tuple[str, int], str], free: Callable[[str], str],
-) -> Scheduled:  # fmt: skip
+    lowered: Lowered,
+    wanted: set[int],
+    groups: Sequence[tuple[str, list[int]]],
+    names: dict[int, str],
+    nested: set[int],
+    inputs: dict[tuple[str, int], str],
+    free: Callable[[str], str],
+) -> Scheduled:
     loads = _loads(lowered, wanted, inputs)
     expressions: dict[int, Expression] = {i: load.name for i, load in loads.items()}
     sections = []

@@ -14,11 +14,16 @@ from derive.diagnostics import HamelError
 from derive.expressions.instructions import Instruction, listing
 
 _CALLS = {
-    "SQRT": "sqrt", "SIN": "sin", "COS": "cos", "TAN": "tan", "ASIN": "asin", "ACOS": "acos", "ATAN": "atan",
-    "SINH": "sinh", "COSH": "cosh", "TANH": "tanh", "ASINH": "asinh", "ACOSH": "acosh", "ATANH": "atanh", "EXP": "exp",
-    "LOG": "log", "EXPM1": "expm1", "LOG1P": "log1p", "ERF": "erf", "FABS": "fabs", "FLOOR": "floor", "CEIL": "ceil",
-    "ATAN2": "atan2", "HYPOT": "hypot", "FMIN": "fmin", "FMAX": "fmax", "COPYSIGN": "copysign", "FMOD": "fmod",
-    "SIGN": "sign", "LT": "lt", "LE": "le", "EQ": "eq", "NE": "ne", "AND": "and", "OR": "or", "NOT": "not",
+    "SQRT": "sqrt", "SIN": "sin", "COS": "cos", "TAN": "tan", "ASIN": "asin", "ACOS": "acos",
+    "ATAN": "atan",
+    "SINH": "sinh", "COSH": "cosh", "TANH": "tanh", "ASINH": "asinh", "ACOSH": "acosh",
+    "ATANH": "atanh", "EXP": "exp",
+    "LOG": "log", "EXPM1": "expm1", "LOG1P": "log1p", "ERF": "erf", "FABS": "fabs",
+    "FLOOR": "floor", "CEIL": "ceil",
+    "ATAN2": "atan2", "HYPOT": "hypot", "FMIN": "fmin", "FMAX": "fmax", "COPYSIGN": "copysign",
+    "FMOD": "fmod",
+    "SIGN": "sign", "LT": "lt", "LE": "le", "EQ": "eq", "NE": "ne", "AND": "and", "OR": "or",
+    "NOT": "not",
     "IF_ELSE_ZERO": "where",
 }  # fmt: skip
 
@@ -113,7 +118,7 @@ def trace(tape: Tape) -> Work:
             done.append(graph.constant(step.number))
         else:
             operands = [done[i] for i in step.operands]
-            done.append(_operation(step.code)(graph, operands))
+            done.append(graph.bounded(_operation(step.code)(graph, operands)))
     marks = (
         Mark(
             named.name,

@@ -34,8 +34,8 @@ from derive.choices.redundancy import (
 from derive.diagnostics import NAMES, AssumptionError, Diagnostic, ModelError, listed
 from derive.expressions.counting import alternatives
 from derive.joints.rotations import is_one
-from derive.mechanics.constraints import velocity_row
 from derive.mechanics.records import RowForm, System
+from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice, Holonomic, Span, Velocity
 from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
@@ -54,6 +54,7 @@ MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy on
 MOST_WAYS = 16
 FINALISTS = 5
 RANK = 1e-9
+LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
 
 
 @dataclass(frozen=True)
@@ -264,9 +265,11 @@ def _scaled(matrices: np.ndarray) -> np.ndarray:
 
 
 def _lengths(matrices: np.ndarray) -> list[float]:
-    """The largest length of each row over the matrices; 1 for a row of zeros."""
+    """The largest length of each row over the matrices; 1 for a row of zeros, or of what rounding
+    has left of them."""
     lengths = np.max(np.linalg.norm(matrices, axis=2), axis=0)
-    return [float(x) if x > 0 else 1.0 for x in lengths]
+    least = LEFT_OVER * float(np.max(lengths, initial=0.0))
+    return [float(x) if x > least else 1.0 for x in lengths]
 
 
 def survey_of(system: System, moving: bool = False) -> Survey:

@@ -19,7 +19,7 @@ from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.evaluate import check_constants
 from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS, Function
-from derive.expressions.limits import ABOVE, BELOW, objection
+from derive.expressions.limits import ABOVE, BELOW, too_large, too_small
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
 from derive.expressions.units import UNITS, Unit, compound
@@ -196,8 +196,10 @@ class _Parser:
         else:
             given = compound(())
         scaled = value * given.factor
-        if problem := objection(scaled):
-            self._refuse(problem[0], token.at, problem[1])
+        if too_large(scaled):
+            self._refuse("the number is too large", token.at, BELOW)
+        if too_small(scaled):
+            self._refuse("the number is too small to tell from zero", token.at, ABOVE)
         return tree.Number(scaled, given.si, token.at)
 
     def _inverse_unit_follows(self) -> bool:
@@ -205,7 +207,10 @@ class _Parser:
         if self.token.kind != "number" or self.token.text != "1":
             return False
         slash = self._read(self._end)
-        return slash.text == "/" and self._read(self._after(slash)).text in UNITS
+        if slash.text != "/":
+            return False
+        below = self._after(slash)
+        return self._read(below).text in UNITS or bool(self._unit_bracket(below))
 
     def unit_parts(self) -> list[tuple[str, int]]:
         parts = [self._unit_symbol(1)]
@@ -214,7 +219,7 @@ class _Parser:
     def unit_tail(self, at: int) -> list[tuple[str, int]]:
         parts = []
         while self.token.text in ("*", "/"):
-            bracket = self._unit_bracket()
+            bracket = self._unit_bracket(self._end)
             if not bracket and not self._unit_follows():
                 break
             sign = 1 if self.take().text == "*" else -1
@@ -225,10 +230,10 @@ class _Parser:
                 parts.append(self._unit_symbol(sign))
         return parts
 
-    def _unit_bracket(self) -> list[tuple[str, int]]:
-        """`(rad*s)` after the operator, as in N*m/(rad*s): symbols of units alone, none of them a
-        name of the model; [] where the bracket is anything else."""
-        opening = self._read(self._end)
+    def _unit_bracket(self, at: int) -> list[tuple[str, int]]:
+        """`(rad*s)` at an offset, as in N*m/(rad*s): symbols of units alone, none of them a name of
+        the model; [] where there is no bracket, or one of anything else."""
+        opening = self._read(at)
         end = self.text.find(")", opening.at)
         if opening.text != "(" or end < 0:
             return []

@@ -21,6 +21,7 @@ from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations.frames import in_numbers
 from derive.formulations.functions import with_frame
 from derive.formulations.records import Equations, Function
+from derive.states.sampling import States
 
 BETWEEN = "+"  # of the names of choices that are charts of one module
 BY_ROWS = (
@@ -139,7 +140,7 @@ def _is_safe(guards: Sequence[Guard], survey: Survey) -> bool:
 def _changes_sign(guards: Sequence[Guard], survey: Survey) -> bool:
     if not guards:
         return False
-    values = _values(guards, survey)
+    values = _values(guards, survey, survey.many)
     return bool(np.any(np.min(values, axis=0) * np.max(values, axis=0) < 0.0))
 
 
@@ -165,9 +166,8 @@ def _guards(equations: Equations) -> tuple[Guard, ...]:
     )
 
 
-def _values(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
-    """value / tolerance at the many sampled states, states × guards."""
-    s = survey.many
+def _values(guards: Sequence[Guard], survey: Survey, s: States) -> np.ndarray:
+    """value / tolerance at states, states × guards."""
     values = ca.vertcat(*[guard.value / guard.tolerance for guard in guards])
     return survey.solver.values(values, s.t, s.q, s.p)[:, :, 0]
 
@@ -175,7 +175,7 @@ def _values(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
 def _largest(guards: Sequence[Guard], survey: Survey) -> tuple[float, ...]:
     """To three digits."""
     return (
-        tuple(float(f"{x:.3g}") for x in np.max(np.abs(_values(guards, survey)), axis=0))
+        tuple(float(f"{x:.3g}") for x in np.max(np.abs(_values(guards, survey, survey.sampled)), axis=0))
         if guards
         else ()
     )
@@ -184,15 +184,15 @@ def _largest(guards: Sequence[Guard], survey: Survey) -> tuple[float, ...]:
 def _margins(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
     """The smallest guard at each sampled state, relative to its largest value over all of them."""
     if not guards:
-        return np.full(len(survey.many.t), np.inf)
-    sizes = np.abs(_values(guards, survey))
+        return np.full(len(survey.sampled.t), np.inf)
+    sizes = np.abs(_values(guards, survey, survey.sampled))
     return np.min(sizes / np.maximum(np.max(sizes, axis=0), 1e-300), axis=1)
 
 
 def differs(equations: Equations, function: Function) -> bool:
     """Whether a function depends on the choice: it takes w, other than to hand it on, has guards,
     or is made of B."""
-    x = next(argument.symbols for argument in equations.arguments if argument.name == "x")
+    x = equations.argument("x").symbols
     nq, value = equations.system.q.numel(), function.result.value
     w = x[nq:]
     if (

@@ -23,7 +23,7 @@ GUARDS = "what must not change its sign or vanish on the way: pivots, and how in
 def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> tuple[Request, ...]:
     """Requests for what is there; `kept` and `closing` are the independent rows, of all and of the
     holonomic ones."""
-    x = next(argument for argument in found.arguments if argument.name == "x")
+    x = found.argument("x")
     requests = []
     if closing or found.system.quaternions:
         requests.append(Request("closure", CLOSURE, lambda: _closure(found, closing)))
@@ -31,7 +31,7 @@ def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> t
         requests.append(Request("slip", SLIP, lambda: _slip(found, kept, x)))
     if closing and not keeps_velocities(found):
         requests.append(Request("pull", PULL, lambda: _pull(found, kept)))
-    dynamics = next((function for function in found.functions if function.name == "dynamics"), None)
+    dynamics = found.function("dynamics") if found.has("dynamics") else None
     if dynamics is not None and (dynamics.guards or (kept and keeps_velocities(found))):
         requests.append(Request("guards", GUARDS, lambda: _guards(found, kept, dynamics)))
     if kept:
@@ -97,7 +97,7 @@ def _pull(found: Equations, kept: Sequence[int]) -> Function:
 
 def speed_rows(found: Equations) -> ca.SX:
     """B of w = B v, from the function that makes states."""
-    state = next(function for function in found.functions if function.name == "state")
+    state = found.function("state")
     assert state.x is not None
     nq = found.system.q.numel()
     return ca.jacobian(state.result.value[nq:], state.x.symbols[nq:])

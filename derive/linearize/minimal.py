@@ -71,11 +71,11 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
 
 
 def _value(equations: Equations, name: str) -> ca.SX:
-    return next((f.result.value for f in equations.functions if f.name == name), ca.SX(0, 1))
+    return equations.function(name).result.value if equations.has(name) else ca.SX(0, 1)
 
 
 def _labels(equations: Equations, name: str) -> tuple[str, ...]:
-    return next((f.result.labels for f in equations.functions if f.name == name), ())
+    return equations.function(name).result.labels if equations.has(name) else ()
 
 
 def position_rows(system: System) -> ca.SX:
@@ -195,7 +195,7 @@ def linearization(equations: Equations) -> Function:
 
 
 def _dynamics(equations: Equations) -> Function:
-    return next(f for f in equations.functions if f.name == "dynamics")
+    return equations.function("dynamics")
 
 
 Evaluator = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]

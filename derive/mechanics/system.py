@@ -14,7 +14,7 @@ from derive.joints.records import Matrix, Scalar, Vector
 from derive.joints.rotations import is_zero
 from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.analytic import Lagrangian, lagrangian
-from derive.mechanics.constraints import Block, Scene, blocks
+from derive.mechanics.blocks import blocks
 from derive.mechanics.forms import ONE, Form
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
@@ -32,6 +32,7 @@ from derive.mechanics.motion import (
 )
 from derive.mechanics.outputs import outputs
 from derive.mechanics.records import Inertia, Link, RowForm, System
+from derive.mechanics.scene import Block, Scene
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
     gravity_energy,

@@ -9,10 +9,13 @@ from derive.diagnostics import listed
 from derive.expressions.linearity import Degree
 from derive.expressions.tree import Expression
 from derive.model.document import Items, Key, Scalar
+from derive.model.entries import CoordinateEntry, JointEntry, OrientationEntry
 from derive.model.reader import Reader, dimension_of
 from derive.model.records import Coordinate, Input, Parameter, Span, Velocity
 from derive.model.scope import COORDINATE, VELOCITY, Symbol
-from derive.model.shape import CoordinateEntry, Document, JointEntry, OrientationEntry
+
+if TYPE_CHECKING:
+    from derive.model.shape import Document
 
 if TYPE_CHECKING:  # the joint tables bring casadi along
     from derive.joints.records import JointType

@@ -9,6 +9,7 @@ in a body: `position` in body coordinates, `rotation` body ← joint frame.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from derive.expressions.tree import ONE, ZERO, Expression
 
@@ -204,7 +205,14 @@ class OnSurface:
     span: Span
 
 
-Constraint = Holonomic | Nonholonomic | NoSlip | Rolling | Distance | OnSurface
+class Constraint(Protocol):
+    """The record of any constraint: those of this file, and of whoever adds one."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def span(self) -> Span: ...
 
 
 @dataclass(frozen=True)
@@ -318,17 +326,14 @@ class Armature:
     span: Span
 
 
-Load = (
-    JointSpring
-    | JointDamper
-    | PointSpring
-    | Force
-    | Torque
-    | GeneralisedForce
-    | Bushing
-    | JointFriction
-    | Armature
-)
+class Load(Protocol):
+    """The record of any load: those of this file, and of whoever adds one."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def span(self) -> Span: ...
 
 
 @dataclass(frozen=True)

@@ -116,8 +116,9 @@ def imported(path: File, floating: bool = False) -> Imported:
 
 
 def _robot(file: RobotFile) -> Robot:
+    from derive.diagnostics import ModelError
     from derive.robots import mjcf, urdf
-    from derive.robots.markup import Budget, parsed, read
+    from derive.robots.markup import Budget, parsed, read, unquoted
 
     budget, name = Budget(), Path(file).stem
     root = parsed(read(file), budget)
@@ -125,7 +126,9 @@ def _robot(file: RobotFile) -> Robot:
         return urdf.robot(root, name, file.floating, file.exact)
     if root.tag == "mujoco":
         return mjcf.robot(root, name, file.floating, budget, file.include)
-    root.refuse(f"<{root.tag}> is no robot", "<robot> (URDF) or <mujoco> (MJCF)")
+    raise ModelError(
+        unquoted(root.diagnostic("the file is no robot", "<robot> (URDF) or <mujoco> (MJCF)"))
+    )
 
 
 def _check_size(robot: Robot) -> None:

@@ -144,7 +144,7 @@ def as_file(content: bytes, name: str, folder: Path) -> File:
     except UnicodeDecodeError as error:
         problem = "the file is not UTF-8 text"
         raise ModelError(
-            _unquoted(file.diagnostic(error.start, 1, problem, "text saved as UTF-8"))
+            unquoted(file.diagnostic(error.start, 1, problem, "text saved as UTF-8"))
         ) from None
     declared = _DECLARATION.match(file.content)
     if (
@@ -181,12 +181,12 @@ def _refuse_syntax(file: File, error: expat.ExpatError, quote: bool) -> NoReturn
     at = min(start + error.offset, len(file.content))
     if not file.content.lstrip().startswith(b"<"):
         expected = "a URDF or MJCF robot, which starts with `<`"
-        raise ModelError(_unquoted(file.diagnostic(at, 1, "the file is not XML", expected)))
+        raise ModelError(unquoted(file.diagnostic(at, 1, "the file is not XML", expected)))
     problem_there = file.diagnostic(at, 1, f"not valid XML: {problem}")
-    raise ModelError(problem_there if quote else _unquoted(problem_there))
+    raise ModelError(problem_there if quote else unquoted(problem_there))
 
 
-def _unquoted(problem: Diagnostic) -> Diagnostic:
+def unquoted(problem: Diagnostic) -> Diagnostic:
     """Without the line of the file: a file that is no robot is nobody's to show."""
     return replace(problem, source_line="")
 

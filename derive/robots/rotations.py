@@ -42,9 +42,11 @@ def unrounded(word: str) -> float | None:
     digits, angle = len(found[1]), float(word)
     grid = math.pi / 12.0 if digits >= 3 else math.pi / 2.0
     meant = grid * round(angle / grid)
-    if meant == 0.0 or abs(angle - meant) > 10.0**-digits or whole_degrees(angle) is not None:
+    cut = math.floor(abs(meant) * 10**digits) / 10**digits
+    roundings = (round(abs(meant), digits), cut)
+    if meant == 0.0 or whole_degrees(angle) is not None:
         return None
-    return meant
+    return meant if any(math.isclose(abs(angle), r, rel_tol=1e-12) for r in roundings) else None
 
 
 def sine_cosine(angle: float) -> tuple[float, float]:

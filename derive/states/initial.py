@@ -118,7 +118,7 @@ def _closed(
     """Guesses move, else everything may."""
     free = np.array([c.name not in held for c in system.model.coordinates])
     for choice in (free, np.ones(len(start), dtype=bool)):
-        q = closed(solver, 0.0, start, p, choice)
+        q = closed(solver, 0.0, start, p, choice, by_row=True)
         if q is not None:
             return normalised(system, q)
     return None

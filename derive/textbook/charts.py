@@ -82,13 +82,13 @@ def _there(doc: Manuscript, chart: Equations) -> ca.SX:
 
 def _back(doc: Manuscript, chart: Equations, w: ca.SX) -> ca.SX:
     """w of chart 0, from the velocities that the chart's own function gives at its w."""
-    symbols = next(x.symbols for x in chart.arguments if x.name == "x")[len(doc.q) :]
+    symbols = chart.argument("x").symbols[len(doc.q) :]
     v = ca.substitute(_function(chart, "velocity").result.value, symbols, w)
     return ca.mtimes(doc.terms.named("B"), v)
 
 
 def _function(chart: Equations, name: str) -> Function:
-    return next(function for function in chart.functions if function.name == name)
+    return chart.function(name)
 
 
 def _margins(doc: Manuscript) -> None:

@@ -53,7 +53,7 @@ def _reason(doc: Manuscript) -> None:
 
 def _meanings(doc: Manuscript) -> None:
     """Of the quasi-velocities that are no generalized velocities."""
-    state = next(x for x in doc.equations.arguments if x.name == "x")
+    state = doc.equations.argument("x")
     units = state.units[len(doc.q) :]
     for symbol, name, unit in zip(doc.w, doc.equations.w, units):
         if symbol not in doc.v:

@@ -51,28 +51,32 @@ class _Factors:
         self.p = [_motion(link) for link in self.links]
         self.carried = [_carried(link) for link in self.links]  # B_i,parent
         self.M = [_spatial(link) for link in self.links]
-        n = len(self.links)
-        self.blocks: dict[tuple[int, int], ca.SX] = {}
-        for i in range(n):
-            self.blocks[i, i] = ca.SX.eye(6)
-            above = self.links[i].parent
-            for j in range(i):
-                if above >= 0 and (above, j) in self.blocks:
-                    self.blocks[i, j] = ca.mtimes(self.carried[i], self.blocks[above, j])
-        self.articulated, self.psi, self.pivots = self._eliminated()
+        self.blocks = self._blocks()
+        self.psi, self.pivots = self._eliminated()
 
-    def _eliminated(self) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
-        """M̂_i, ψ_i and m̂_i, tip to base."""
+    def _blocks(self) -> dict[tuple[int, int], ca.SX]:
+        """B_ij of every link i and every link j that carries it, itself among them."""
+        blocks: dict[tuple[int, int], ca.SX] = {}
+        for i, link in enumerate(self.links):
+            blocks[i, i] = ca.SX.eye(6)
+            for j in range(i):
+                if link.parent >= 0 and (link.parent, j) in blocks:
+                    blocks[i, j] = ca.mtimes(self.carried[i], blocks[link.parent, j])
+        return blocks
+
+    def _eliminated(self) -> tuple[list[ca.SX], list[ca.SX]]:
+        """ψ_i and m̂_i, tip to base."""
         hat, n = [ca.SX(m) for m in self.M], len(self.links)
         psi, pivots = [ca.SX()] * n, [ca.SX()] * n
         for i in reversed(range(n)):
             momentum = ca.mtimes(hat[i], self.p[i])
             pivots[i] = ca.mtimes(self.p[i].T, momentum)
             psi[i] = momentum / pivots[i]
-            above, B = self.links[i].parent, self.carried[i]
-            if above >= 0:
-                hat[above] += ca.mtimes([B.T, hat[i] - ca.mtimes(momentum, psi[i].T), B])
-        return hat, psi, pivots
+            parent, B = self.links[i].parent, self.carried[i]
+            if parent >= 0:
+                # what the parent feels of the link once its joint has taken up what it can
+                hat[parent] += ca.mtimes([B.T, hat[i] - ca.mtimes(momentum, psi[i].T), B])
+        return psi, pivots
 
     @property
     def N_l(self) -> ca.SX:
@@ -91,13 +95,12 @@ class _Factors:
     @property
     def U(self) -> ca.SX:
         """U_ij = p_iᵀ B_jiᵀ ψ_j, one on the diagonal."""
-        found = ca.SX.eye(self.v.numel())
+        U = ca.SX.eye(self.v.numel())
         for (j, i), block in self.blocks.items():
             if i != j:
-                found[self.columns[i], self.columns[j]] = ca.mtimes(
-                    [self.p[i].T, block.T, self.psi[j]]
-                )
-        return found
+                entry = ca.mtimes([self.p[i].T, block.T, self.psi[j]])
+                U[self.columns[i], self.columns[j]] = entry
+        return U
 
     @property
     def D(self) -> ca.SX:
@@ -144,7 +147,8 @@ def _skew(vector: Vector) -> ca.SX:
     return _matrix([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
 
 
-def _twists(doc: Manuscript, f: _Factors) -> None:
+def _twists(doc: Manuscript, factors: _Factors) -> None:
+    """t = N_l N_d v."""
     doc.say(
         "The twists $!t_i=(!\\omega_i,!v_i)$ of all links, each at its link's origin and in its "
         "link's frame, follow from the generalized velocities in two decoupled steps (Saha's "
@@ -152,24 +156,30 @@ def _twists(doc: Manuscript, f: _Factors) -> None:
         "joints, and the block triangular $!N_l$ holds the matrices $!B_{ij}$ that carry a twist "
         "from link $j$ out to link $i$:"
     )
-    t = ca.vertcat(
-        *(
-            ca.SX(x)
-            for pair in twists(f.links, [f.v[j] for j in range(f.v.numel())])
-            for part in pair
-            for x in part
-        )
-    )
-    doc.law("complement", r"!t", r"!N_l\,!N_d\,!v", t - ca.mtimes([f.N_l, f.N_d, f.v]))
+    product = ca.mtimes([factors.N_l, factors.N_d, factors.v])
+    doc.law("complement", r"!t", r"!N_l\,!N_d\,!v", _column_of_twists(factors) - product)
     doc.mean(r"!N_l,\; !N_d", "factors of the natural orthogonal complement: t = N_l N_d v")
-    for i, link in enumerate(f.links):
-        index = i + 1
-        doc.say("For {name}", name=link.name)
-        doc.matrix(f"p[{index}]", rf"!p_{{{index}}}^T", rf"p^{{{index}}}", f.p[i].T)
-        if link.parent >= 0:
-            pair = f"{index},{link.parent + 1}"
-            doc.matrix(f"B[{pair}]", rf"!B_{{{pair}}}", rf"B^{{{pair}}}", f.carried[i])
+    for i, link in enumerate(factors.links):
+        _link(doc, factors, i, link)
     doc.state(r"!B_{ij}", r"!B_{i,i-1}\,!B_{i-1,j}")
+
+
+def _column_of_twists(factors: _Factors) -> ca.SX:
+    """(ω, v) of one link after the other, by recursion."""
+    entries: list[Scalar] = []
+    for omega, velocity in twists(factors.links, ca.vertsplit(factors.v)):
+        entries += [*omega, *velocity]
+    return ca.vertcat(*(ca.SX(x) for x in entries))
+
+
+def _link(doc: Manuscript, factors: _Factors, i: int, link: Link) -> None:
+    """p_i and B_i,parent."""
+    index = i + 1
+    doc.say("For {name}", name=link.name)
+    doc.matrix(f"p[{index}]", rf"!p_{{{index}}}^T", rf"p^{{{index}}}", factors.p[i].T)
+    if link.parent >= 0:
+        pair = f"{index},{link.parent + 1}"
+        doc.matrix(f"B[{pair}]", rf"!B_{{{pair}}}", rf"B^{{{pair}}}", factors.carried[i])
 
 
 def _mass(doc: Manuscript, f: _Factors) -> None:

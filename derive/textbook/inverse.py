@@ -64,10 +64,8 @@ def _repeated_rows(doc: Manuscript) -> None:
 
 def _blocks(doc: Manuscript) -> None:
     """The partition and the Schur complement, in matrices."""
-    A, B = doc.terms.named("A"), doc.terms.named("B")
     dependent = dependent_columns(doc)
     free = [j for j in range(len(doc.v)) if j not in dependent]
-    order = [*dependent, *free]
     doc.say(
         "Let {d} be the dependent velocities and {i} the others, and let the columns of "
         "$!A=[!A_1\\;!A_2]$ and $!B=[!B_1\\;!B_2]$ be sorted accordingly. With the Schur "
@@ -78,7 +76,14 @@ def _blocks(doc: Manuscript) -> None:
     doc.state(r"!S'", r"!B_2 - !B_1\,!A_1^{-1}!A_2")
     doc.mean(r"!S'", "Schur complement of A₁ in Y")
     doc.say("the blocks of the inverse are, for the velocities in this order,")
+    _block_laws(doc, dependent, free)
+
+
+def _block_laws(doc: Manuscript, dependent: list[int], free: list[int]) -> None:
+    """S and R over the blocks, rows sorted like the velocities."""
+    A, B = doc.terms.named("A"), doc.terms.named("B")
     A1, A2, B1, B2 = A[:, dependent], A[:, free], B[:, dependent], B[:, free]
+    order = [*dependent, *free]
     schur = B2 - ca.mtimes(B1, ca.solve(A1, A2))
     S = ca.vertcat(-ca.mtimes(ca.solve(A1, A2), ca.inv(schur)), ca.inv(schur))
     doc.law(
@@ -142,12 +147,12 @@ def _velocities(doc: Manuscript) -> None:
     c = doc.entries_of_independent("c") if doc.terms.has("Y") else []
     if any(c):
         rows = [x + sum_of(doc.entries["R"][j], c) for j, x in enumerate(rows)]
-    shown = [j for j, x in enumerate(rows) if x != doc.v[j]]
-    if shown:
+    own = [j for j, x in enumerate(rows) if x != doc.v[j]]
+    if own:
         moving = "" if still else " + !R\\,!c"
         doc.say(f"So the generalized velocities are $!v=!S\\,!w{moving}$, that is")
-        symbols = [doc.v[j] for j in shown]
-        doc.lines("v", symbols, [rows[j] for j in shown], doc.terms.named("v")[shown])
+        symbols = [doc.v[j] for j in own]
+        doc.lines("v", symbols, [rows[j] for j in own], doc.terms.named("v")[own])
 
 
 def _accelerations(doc: Manuscript) -> None:

@@ -32,11 +32,10 @@ def wide_entries(widths: Sequence[Sequence[int]]) -> Places:
 
 def _across(widths: Sequence[Sequence[int]], listed: Places) -> int:
     """The width of the matrix, its columns as wide as their widest entries."""
-    shown = [
-        [SYMBOL if (i, j) in listed else w for j, w in enumerate(row)]
-        for i, row in enumerate(widths)
-    ]
-    return sum(max(column) for column in zip(*shown))
+    columns = [list(column) for column in zip(*widths)]
+    for i, j in listed:
+        columns[j][i] = SYMBOL
+    return sum(max(column) for column in columns)
 
 
 def plain(x: sympy.Expr) -> bool:

@@ -170,8 +170,8 @@ class Manuscript:
     ) -> None:
         """What is printed, for the test that evaluates it."""
         value = self.notation.in_basic_symbols(value)
-        right = sympy.ImmutableDenseMatrix(right)
-        self.printed.append(Printed(name, latex, tuple(left), right, value))
+        entries = sympy.ImmutableDenseMatrix(right)
+        self.printed.append(Printed(name, latex, tuple(left), entries, value))
 
     def formula(self, expression: Expression | float, about: str) -> Math:
         """A formula of the model inside a table; it too is evaluated by the test."""

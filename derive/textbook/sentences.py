@@ -11,7 +11,6 @@ from dataclasses import fields
 from typing import Any
 
 from derive.expressions.tree import ONE, Expression
-from derive.mechanics.constraints import IN_PLANE
 from derive.model.records import (
     Closure,
     Distance,
@@ -32,6 +31,7 @@ from derive.textbook import names
 from derive.textbook.manuscript import Manuscript, runs
 from derive.textbook.records import Math, Run, Runs, Text
 
+AXES = "xyz"
 NAMES = ("body", "bodies", "velocity", "coordinate", "frame_body")  # fields that name something
 UNSAID = ("surface",)  # formulas that stand in the constraint rows anyway
 
@@ -55,8 +55,8 @@ def kind(x: object) -> str:
 
 def point(doc: Manuscript, entries: Sequence[Expression], about: str) -> Math:
     """Components in the plane, or all three."""
-    axes = IN_PLANE[doc.system.model.plane]
-    return _vector(doc, [entries[k] for k in axes], about)
+    axes = doc.system.model.plane or AXES
+    return _vector(doc, [entries[AXES.index(axis)] for axis in axes], about)
 
 
 def _vector(doc: Manuscript, entries: Sequence[Expression], about: str) -> Math:

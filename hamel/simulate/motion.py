@@ -19,11 +19,11 @@ from derive.formulations.charts import together
 from derive.formulations.frames import based
 from derive.formulations.functions import positions
 from hamel import charts
+from hamel.build.files import staged_file, write_text
 from hamel.draw import Curve, Panel, draw
 from hamel.progress import paced
 from hamel.records import Switch
 from hamel.simulate.libraries import REFERENCES, Problem
-from hamel.staging import staged_file, write_text
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
@@ -169,7 +169,7 @@ def judged(
     energies = charts.at_rows(module, "energy", found, nq, u, p)
     violation = np.abs(charts.at_rows(module, "constraints", reduced, nq, u, p))
     closed = positions(equations.system)
-    labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
+    labels = equations.argument("x").labels
     return Motion(
         title=f"{equations.system.model.name}, choice {together(equations)}",
         t=t,
@@ -221,9 +221,7 @@ def _acceleration_violation(
     if not system.rows:
         return 0.0
     slots = {argument.name: argument.symbols for argument in equations.arguments}
-    v = next(
-        function for function in equations.functions if function.name == "velocity"
-    ).result.value
+    v = equations.function("velocity").result.value
     xdot = ca.SX.sym("xdot", slots["x"].numel())
     vdot = ca.jtimes(v, slots["x"], xdot) + ca.jacobian(v, slots["t"])
     beta = ca.substitute(system.beta, system.v, v)
@@ -239,7 +237,7 @@ def _acceleration_violation(
 
 
 def _units(equations: Equations) -> dict[str, str]:
-    x = next(argument for argument in equations.arguments if argument.name == "x")
+    x = equations.argument("x")
     results = [
         function.result
         for function in equations.functions

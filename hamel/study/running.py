@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -13,8 +12,8 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS
 from derive.formulations.functions import positions
+from hamel.build.module import module_in
 from hamel.charts import at_rows
-from hamel.pipeline import load_module
 from hamel.simulate.motion import balanced
 from hamel.study.building import Start, start
 
@@ -34,16 +33,13 @@ def exact(
     values: Mapping[str, float | str],
     folder: str,
     span: float,
-    enforcement: str,
-    integrator: str,
-    rtol: float,
+    run: Mapping[str, Any],
     limit: float,
 ) -> Iterator[dict[str, Any]]:
     """One tight run: the end (q, v), the sizes of all q and v on the way, and the largest energy
     exchanged."""
-    found, module = start(path, values), load_module(Path(folder))
+    found, module = start(path, values), module_in(folder)
     times = np.linspace(0.0, span, POINTS)
-    run = {"enforcement": enforcement, "integrator": integrator, "rtol": rtol}
     try:
         made = _simulated(module, found, times, run, span, limit)
     except (FloatingPointError, TooLong) as problem:
@@ -74,7 +70,7 @@ def rows(
 ) -> Iterator[dict[str, Any]]:
     """A message per run, in the order given. After a run that took too long, tighter ones of its
     family are not tried."""
-    found, module = start(path, values), load_module(Path(folder))
+    found, module = start(path, values), module_in(folder)
     hopeless: set[tuple[str, str]] = set()
     for run in runs:
         family = (run["enforcement"], run["integrator"])
@@ -199,7 +195,7 @@ def tracks(
 ) -> Iterator[dict[str, Any]]:
     """Violations and energy error over time, a message per run; without them where it does not come
     to its end."""
-    found, module = start(path, values), load_module(Path(folder))
+    found, module = start(path, values), module_in(folder)
     times = np.linspace(0.0, span, POINTS)
     for run in runs:
         try:

@@ -15,10 +15,11 @@ from derive.diagnostics import ModelError, listed
 from derive.formulations import equations
 from derive.robots import load
 from derive.states.sampling import states
+from hamel.build.files import write_text
+from hamel.build.module import temporary_module
+from hamel.build.stages import mechanics_of
 from hamel.draw import Curve, Panel, draw
-from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Choices, Ranking
-from hamel.staging import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -7,7 +7,8 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import listed
-from hamel.pipeline import Constants, equations_of, program_of
+from hamel.build.options import Constants
+from hamel.build.stages import equations_of, program_of
 from hamel.records import Explained
 
 if TYPE_CHECKING:

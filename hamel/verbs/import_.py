@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from derive.diagnostics import ModelError
 from derive.robots import imported
 from derive.robots.robot import counted
+from hamel.build.files import write_text
 from hamel.records import Imported
-from hamel.staging import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -19,10 +19,10 @@ from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS
 from derive.model.records import Extreme
 from derive.robots import RobotFile, load
-from hamel.pipeline import mechanics_of
+from hamel.build.files import write_text
+from hamel.build.stages import mechanics_of
 from hamel.records import ExtremeRow, Reported, as_json
 from hamel.settings import settings, units
-from hamel.staging import write_text
 from hamel.study import page
 from hamel.study.crew import Crew
 from hamel.study.extremes import files, judged

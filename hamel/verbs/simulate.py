@@ -24,7 +24,9 @@ from derive.formulations.charts import charted, together
 from derive.robots import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
-from hamel.pipeline import mechanics_of, temporary_module
+from hamel.build.assurance import assure
+from hamel.build.module import temporary_module
+from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
 from hamel.simulate import motion
@@ -95,6 +97,7 @@ def run(
         with temporary_module(
             by, (method.integrator,) if _own(method) else (), (enforcement.name,), real=real.name
         ) as module:
+            assure(plain, by, module)
             start, chart, given = x, 0, p
             if by.charts or by.frame:
                 start, chart, given = charts.start(module, initial.q, initial.v, u, p)

@@ -7,6 +7,7 @@ public functions alone.
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import re
@@ -36,7 +37,7 @@ PATHS: dict[str, str] = {}  # more variables for every process; none where hamel
 
 # What a library says and a user must never read. hamel's own warnings are sentences without these words.
 LIBRARY = re.compile(
-    r"Traceback|\w+Warning\b|WARNING|encountered in|casadi|numpy|pydantic|sympy|site-packages|discards the imaginary"
+    r"Traceback|\w+Warning\b|WARNING|encountered in|site-packages|\b(?:casadi|numpy|pydantic|sympy)\.|discards the imaginary"
 )
 
 
@@ -252,11 +253,7 @@ class Worker:
 
 
 HOME = Path(tempfile.mkdtemp(prefix="trials-"))  # outside the checkout
-
-
-def finish(record: Record) -> int:
-    shutil.rmtree(HOME, ignore_errors=True)
-    return record.write()
+atexit.register(shutil.rmtree, HOME, ignore_errors=True)
 
 
 def install(folder: Path) -> None:

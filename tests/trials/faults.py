@@ -10,6 +10,7 @@ import contextlib
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import struct
@@ -48,6 +49,7 @@ potential: m*g*y
 constraints: {{rod: {{holonomic: (x^2 + y^2 - l^2)/2}}}}
 initial: {{guess: {{x: {length} m, y: 0.1 m}}}}
 """
+PHYSICAL = (1.25 * 9.81, 9.81, 0.625, 1.25)  # what the binaries hold: m g, g, m/2, m
 BUILD = (
     "build",
     "m.yaml",
@@ -149,10 +151,11 @@ def verdict(
 
 
 def wordy(outcome: Outcome) -> str:
-    """A refusal is one message, of which the first line says what happened."""
-    if outcome.code == 0 or outcome.err.count("error:") == 1:
+    """A refusal is one message; what it quotes of a compiler does not count."""
+    messages = re.findall(r"^(?:error:|m\.yaml:|out:)", outcome.err, re.MULTILINE)
+    if outcome.code == 0 or len(messages) == 1:
         return ""
-    return f"exit {outcome.code} with {outcome.err.count('error:')} messages: {outcome.err[:300]!r}"
+    return f"exit {outcome.code} with {len(messages)} messages: {outcome.err[:300]!r}"
 
 
 # ---- spoiled files ------------------------------------------------------------------------------------------------------
@@ -171,13 +174,10 @@ def truncate(rng: random.Random, path: Path, others: list[Path]) -> None:
 def constant(rng: random.Random, path: Path, others: list[Path]) -> None:
     """Another number for one of the doubles in a binary, or for a digit in a text."""
     data = path.read_bytes()
-    doubles = [
-        i
-        for i in range(0, len(data) - 7, 8)
-        if 1e-2 < abs(struct.unpack_from("<d", data, i)[0]) < 1e2
-    ]
-    if path.suffix == ".so" and doubles:
-        i = rng.choice(doubles)
+    values = [struct.pack("<d", sign * x) for x in PHYSICAL for sign in (1, -1)]
+    places = [data.find(value) for value in values if value in data]
+    if path.suffix == ".so" and places:
+        i = rng.choice(places)
         path.write_bytes(
             data[:i] + struct.pack("<d", 1.5 * struct.unpack_from("<d", data, i)[0]) + data[i + 8 :]
         )
@@ -333,7 +333,7 @@ def disk(folder: Path, size: str) -> Iterator[bool]:
     command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", str(folder)]
     mounted = (
         shutil.which("mount") is not None
-        and subprocess.run(command, capture_output=True).returncode == 0
+        and subprocess.run(command, check=False, capture_output=True).returncode == 0
     )
     try:
         yield mounted
@@ -368,7 +368,7 @@ def absolute(folder: Path, variables: dict[str, str]) -> dict[str, str]:
 
 
 def blames_compiler(outcome: Outcome) -> str:
-    words = ("install gcc", "install a C compiler", "no C compiler")
+    words = ("install one", "install gcc", "no C compiler")
     said = next((word for word in words if word in outcome.err), "")
     return f"says '{said}' where the disk is full: {outcome.words}" if said else ""
 
@@ -398,7 +398,7 @@ def unwritable(good: Good) -> Iterator[tuple[str, str]]:
         folder = place()
         with disk(folder / "small", "4m") as mounted:
             options = ["mount", "-o", "remount,ro", str(folder / "small")]
-            if not mounted or subprocess.run(options, capture_output=True).returncode:
+            if not mounted or subprocess.run(options, check=False, capture_output=True).returncode:
                 (folder / "small").chmod(0o555)
             if os.access(folder / "small", os.W_OK):
                 yield "read-only, skipped: everything may be written here", ""
@@ -471,7 +471,7 @@ def main() -> int:
     together(record, good)
     kills(record, good)
     corruptions(record, good)
-    return environment.finish(record)
+    return record.write()
 
 
 if __name__ == "__main__":

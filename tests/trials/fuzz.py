@@ -281,7 +281,7 @@ def main(seconds: float) -> int:
         fuzzer.start()
     for fuzzer in fuzzers:
         fuzzer.join()
-    return environment.finish(record)
+    return record.write()
 
 
 if __name__ == "__main__":

@@ -198,7 +198,7 @@ def main(count: int) -> int:
     assert 70 not in documented() and 1 in documented()
     matrix(record)
     mechanisms.tried_all(record, count)
-    return environment.finish(record)
+    return record.write()
 
 
 if __name__ == "__main__":

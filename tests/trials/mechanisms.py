@@ -697,7 +697,7 @@ def _against_principle(made: Mechanism, answer: dict) -> Iterator[str]:
     )
     if drift > CLOSE:
         yield f"the motion leaves the constraints by {drift:.1g}"
-    error = unbalanced(made, answer, virtual)
+    error = unbalanced(made, answer, virtual) if len(virtual) else 0.0
     if error > CLOSE:
         yield f"d'Alembert's principle is off by {error:.1g}"
     energies = np.array(answer["energy"]).sum(axis=1)
@@ -781,7 +781,7 @@ def fits(made: Mechanism, enforcements: list[str], seed: int) -> list[str]:
 
 def refusal(made: Mechanism, outcome: Outcome) -> str:
     """A refusal is true at a singular pose, by the singular values of our own A; any other end is a failure."""
-    total, rank, least = made.rank(made.pose)
+    least = made.rank(made.pose)[2]
     if outcome.code in (1, 2) and least < SINGULAR:
         return ""
     return (

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -361,15 +362,15 @@ def smallest(
 ) -> tuple[Scene, Node] | None:
     """The scene and the entry with the fewest optional keys that is legal, with `key` given if one is named.
 
-    What the refusals name is added, a key at a time; where they name no key, each is tried.
+    What most refusals name is added, a key at a time; where they name no key, each is tried.
     """
     required = (*kind.form.get("required", []), *([key] if key else []))
     optional = [k for k in kind.form["properties"] if k not in required and k != "about"]
     for scene in scenes:
         waiting, seen = [required], {frozenset(required)}
         left = MOST_TRIED // 4 if key else MOST_TRIED
-        for keys in waiting:
-            words: set[str] = set()
+        while waiting and left > 0:
+            keys, words = waiting.pop(), Counter[str]()
             for entry in itertools.islice(
                 schema.given(kind.form, keys, scene, dict(kind.fixed)), left
             ):
@@ -377,14 +378,18 @@ def smallest(
                 reason = refusal(placed(scene, kind.section, entry))
                 if not reason:
                     return scene, entry
-                words |= said(reason)
-            if len(keys) - len(required) < MOST_KEYS:
-                more = [k for k in optional if k in words] or (
-                    optional if keys == required and not key else []
-                )
-                new = [(*keys, k) for k in more if frozenset((*keys, k)) not in seen]
-                seen.update(map(frozenset, new))
-                waiting += new
+                words.update(said(reason))
+            named = sorted(
+                (k for k in optional if k in words and k not in keys), key=lambda k: words[k]
+            )  # the surest is tried next
+            more = named or (optional[::-1] if keys == required and not key else [])
+            new = [
+                (*keys, k)
+                for k in more
+                if frozenset((*keys, k)) not in seen and len(keys) < len(required) + MOST_KEYS
+            ]
+            seen.update(map(frozenset, new))
+            waiting += new
     return None
 
 

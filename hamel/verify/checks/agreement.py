@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from derive.expressions.tree import Call
+from derive.formulations.evaluate import Evaluator
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, sizes, worst
-from hamel.verify.checks.evidence import Evidence, Graph, Sample, Terms
+from hamel.verify.checks.evidence import Evidence, Sample, Terms
 from hamel.verify.limits import (
     CANCELLING,
     ENERGIES,
@@ -125,12 +126,24 @@ def _violation_error(e: Evidence, s: Sample, x: Array, at: State) -> float:
     wanted = np.concatenate([k.phi, lengths, k.violation(there.v)])
     size = np.concatenate(
         [
-            1e-2 * e.units.positions + np.abs(k.phi),
+            np.maximum(1e-2 * e.units.positions + np.abs(k.phi), _reach(e, at)),
             1e-2 + np.abs(lengths),
-            e.units.rows + np.abs(k.A) @ np.abs(there.v),
+            np.maximum(e.units.rows + np.abs(k.A) @ np.abs(there.v), _products(e, k.A, there.v)),
         ]
     )
     return worst((e.graph("constraints", s.t, moved, s.u, s.p) - wanted) / size)
+
+
+def _products(e: Evidence, A: Array, v: Array) -> float:
+    """What an error in A v is at least held against: ROUNDING of |A| |v| over all rows and
+    columns."""
+    return ROUNDING / TERMS * worst(A * e.units.v) * float(np.abs(v / e.units.v).sum())
+
+
+def _reach(e: Evidence, at: State) -> float:
+    """The same of φ: the way from where the coordinates are zero."""
+    largest = float(np.max(e.units.positions, initial=0.0))
+    return ROUNDING / TERMS * largest * (1.0 + worst(at.q / e.units.q))
 
 
 def velocities(e: Evidence) -> float:
@@ -307,7 +320,7 @@ def choices(e: Evidence) -> float | None:
     return worst([_between(e, other) for other in e.others])
 
 
-def _between(e: Evidence, other: Graph) -> float:
+def _between(e: Evidence, other: Evaluator) -> float:
     relax = [a * b for a, b in zip(e.conditions, e.conditions_of(other))]
     return acceleration_error(e, e.accelerations_of(other), relax)
 
@@ -325,7 +338,7 @@ def results(e: Evidence) -> float | None:
         isinstance(x.expression, Call) and x.expression.function == "reaction"
         for x in model.outputs
     )
-    labels = next(f.result.units for f in e.graph.equations.functions if f.name == "outputs")
+    labels = e.graph.equations.function("outputs").result.units
     relax = e.conditions if uses_multipliers else None
     largest = [1.0 + worst(s.q / e.units.q) for s in e.samples] + e.speeds
     sums = Sums(SOLVED, largest + e.forces if uses_multipliers else largest)

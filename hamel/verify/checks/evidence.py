@@ -3,7 +3,7 @@ the equations' functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import FLOAT64, Real, real_of
-from derive.formulations.frames import based
-from derive.formulations.records import Equations, Function
+from derive.formulations.evaluate import Evaluator, evaluator, slots_of
+from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
 from derive.states import sampling
@@ -155,97 +155,21 @@ def all_parameters(system: System, p: Array) -> Array:
     )
 
 
-@dataclass(frozen=True)
-class Graph:
-    """The functions of one choice as CasADi evaluates them, and v with its rate along ẋ."""
-
-    equations: Equations
-    functions: Mapping[str, ca.Function]
-    named: Mapping[str, ca.Function]  # S, R, Y, B … as functions of (t, x, u, p)
-    residuals: Mapping[str, ca.Function]  # of the functions that are iterated
-    rate: ca.Function  # (t, x, u, p, ẋ) → v̇
-
-    def __call__(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
-        """The result of a function at one state, as the generated module shapes it."""
-        return shaped(np.array(self.functions[name](t, x, u, p)))
-
-    def iterated(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
-        """The result of a function that is one Newton step, repeated as the generated module
-        repeats it."""
-        function = next(function for function in self.equations.functions if function.name == name)
-        if function.iteration is None:
-            return self(name, t, x, u, p)
-        for _ in range(function.iteration.most):
-            x, residual = self(name, t, x, u, p), float(self.residuals[name](t, x, u, p))
-            if residual <= function.iteration.tolerance:
-                break
-        return x
-
-    def roundoff(self, name: str, rows: Sequence[Row], real: Real) -> Array:
-        """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries,
-        in units of double."""
-        function = next(function for function in self.equations.functions if function.name == name)
-        arguments = slots_of(self.equations, function)
-        states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
-        return bound(arguments, ca.densify(function.result.value), states, real)
-
-    def margins(self, name: str, rows: Sequence[Row], real: Real) -> Array:
-        """How far the function's guards are from refusing each (t, x, u, p): below one they do."""
-        function = next(function for function in self.equations.functions if function.name == name)
-        ratios = [
-            guard.value / (guard.tolerance * real.wider(guard.part)) for guard in function.guards
-        ]
-        at = ca.Function("margins", slots_of(self.equations, function), [ca.vertcat(*ratios)])
-        return np.array([np.min(np.abs(np.array(at(*row))), initial=np.inf) for row in rows])
-
-    def acceleration(self, t: float, x: Array, u: Array, p: Array) -> Array:
-        """v̇ as the derivative of v(t, x) along ẋ."""
-        return np.array(self.rate(t, x, u, p, self.functions["dynamics"](t, x, u, p))).ravel()
-
-    def has(self, name: str) -> bool:
-        return name in self.functions
+def roundoff(graph: Evaluator, name: str, rows: Sequence[Row], real: Real) -> Array:
+    """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries, in
+    units of double."""
+    function = graph.equations.function(name)
+    states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
+    value = ca.densify(function.result.value)
+    return bound(slots_of(graph.equations, function), value, states, real)
 
 
-def shaped(value: Array) -> Array:
-    """n × 1 as (n,)."""
-    return value[:, 0] if value.shape[1] == 1 else value
-
-
-def graph(equations: Equations) -> Graph:
-    """Compile nothing: CasADi's virtual machine runs the graph itself."""
-    equations = based(equations)
-    arguments = slots_of(equations)
-    results = {f.name: ca.densify(f.result.value) for f in equations.functions}
-    functions = {
-        f.name: ca.Function(f.name, slots_of(equations, f), [results[f.name]])
-        for f in equations.functions
-    }
-    named = {
-        item.name: ca.Function(item.name, arguments, [ca.densify(item.value)])
-        for item in equations.named
-    }
-    stops = {
-        f.name: ca.Function(f.name, slots_of(equations, f), [f.residual])
-        for f in equations.functions
-        if f.residual is not None
-    }
-    return Graph(equations, functions, named, stops, _rate(arguments, results["velocity"]))
-
-
-def _rate(arguments: list[ca.SX], velocity: ca.SX) -> ca.Function:
-    t, x, _, _ = arguments
-    xdot = ca.SX.sym("xdot", x.numel())
-    along = ca.jtimes(velocity, ca.vertcat(t, x), ca.vertcat(1, xdot))
-    return ca.Function("rate", [*arguments, xdot], [ca.densify(along)])
-
-
-def slots_of(equations: Equations, function: Function | None = None) -> list[ca.SX]:
-    """t, x, u, p as columns, empty ones for what the model has not; x as the function wants it."""
-    slots = {argument.name: argument.symbols for argument in equations.arguments}
-    columns = [slots.get(name, ca.SX(0, 1)) for name in ("t", "x", "u", "p")]
-    if function is not None and function.x is not None:
-        columns[1] = function.x.symbols
-    return columns
+def margins(graph: Evaluator, name: str, rows: Sequence[Row], real: Real) -> Array:
+    """How far the function's guards are from refusing each (t, x, u, p): below one they do."""
+    function = graph.equations.function(name)
+    ratios = [guard.value / (guard.tolerance * real.wider(guard.part)) for guard in function.guards]
+    at = ca.Function("margins", slots_of(graph.equations, function), [ca.vertcat(*ratios)])
+    return np.array([np.min(np.abs(np.array(at(*row))), initial=np.inf) for row in rows])
 
 
 @dataclass(frozen=True)
@@ -257,8 +181,8 @@ class Evidence:
     reference: Reference
     samples: tuple[Sample, ...]
     terms_at: TermsAt
-    graph: Graph
-    others: tuple[Graph, ...]
+    graph: Evaluator
+    others: tuple[Evaluator, ...]
     module: ModuleType | None
     chart: int = 0  # of the module, that the graph is of
 
@@ -309,13 +233,13 @@ class Evidence:
     def conditions(self) -> list[float]:
         return self.conditions_of(self.graph)
 
-    def conditions_of(self, graph: Graph) -> list[float]:
+    def conditions_of(self, graph: Evaluator) -> list[float]:
         """Condition of the augmented system times that of the choice's own Y = [A; B]: how much
         roundoff may grow."""
         own = self.own_conditions(graph)
         return [self._condition(s.outcome) * growth for s, growth in zip(self.samples, own)]
 
-    def own_conditions(self, graph: Graph) -> list[float]:
+    def own_conditions(self, graph: Evaluator) -> list[float]:
         """That of the choice's own Y alone, in the model's own units."""
         own = self.named("Y", graph) or [np.eye(1)] * len(self.samples)
         return [max(1.0, row_condition(Y * self._columns(Y))) for Y in own]
@@ -428,12 +352,12 @@ class Evidence:
     def redundant(self) -> bool:
         return any(s.outcome.rank < len(s.outcome.lam) for s in self.samples)
 
-    def states_of(self, graph: Graph) -> tuple[Array, ...]:
+    def states_of(self, graph: Evaluator) -> tuple[Array, ...]:
         return tuple(
             graph("state", s.t, np.concatenate([s.q, s.v]), s.u, s.p) for s in self.samples
         )
 
-    def accelerations_of(self, graph: Graph) -> tuple[Array, ...]:
+    def accelerations_of(self, graph: Evaluator) -> tuple[Array, ...]:
         rows = zip(self.samples, self.states_of(graph))
         return tuple(graph.acceleration(s.t, x, s.u, s.p) for s, x in rows)
 
@@ -463,13 +387,13 @@ class Evidence:
 
     def _with_seeds(self, name: str) -> tuple[Array, ...]:
         """The state, and behind it random directions where the function takes some."""
-        taken = next((f.x for f in self.graph.equations.functions if f.name == name), None)
+        taken = self.graph.equations.function(name).x
         if taken is None:
             return self.x
         rng = np.random.default_rng(5)
         return tuple(np.append(x, rng.normal(size=taken.symbols.numel() - len(x))) for x in self.x)
 
-    def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:
+    def named(self, name: str, graph: Evaluator | None = None) -> list[Array] | None:
         """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of
         that name."""
         graph = graph or self.graph
@@ -489,8 +413,30 @@ class Evidence:
     def _expected(self, name: str) -> tuple[Array, Array]:
         rows = self.rows_of(name)
         values = [np.ravel(self.graph.iterated(name, *row)) for row in rows]
-        return np.array(values), self.graph.roundoff(name, rows, self.real)
+        return np.array(values), roundoff(self.graph, name, rows, self.real)
 
     def results(self, name: str) -> tuple[Array, ...]:
         """A function of this choice at every state."""
         return tuple(self.graph(name, s.t, x, s.u, s.p) for s, x in zip(self.samples, self.x))
+
+
+def evidence(
+    ref: Reference,
+    equations: Equations,
+    module: ModuleType | None = None,
+    states: int = 100,
+    seed: int = 0,
+    others: Collection[Equations] = (),
+) -> Evidence:
+    """What the checks look at."""
+    system = equations.system
+    seen = samples(system, ref, states, seed)
+    return Evidence(
+        system,
+        ref,
+        seen,
+        terms(system),
+        evaluator(equations),
+        tuple(evaluator(other) for other in others),
+        module,
+    )

@@ -13,7 +13,7 @@ from hamel.verify.checks.agreement import acceleration_error
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.evidence import Evidence, Terms
 from hamel.verify.limits import SOLVED
-from hamel.verify.reference.saddle import RANK, condition_of
+from hamel.verify.reference.saddle import RANK, condition_of, left_over
 from hamel.verify.reference.vectors import Array
 
 REGULAR = 1e12  # condition of a mass matrix that has an inverse
@@ -56,8 +56,10 @@ def _scaled(t: Terms) -> tuple[Array, Array, Array, Array, Array]:
     size = np.diag(t.M)
     D = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
     A = t.A * D
-    lengths = np.maximum(np.linalg.norm(A, axis=1), 1e-300)
-    return D, D[:, None] * t.M * D, D * (t.Q - t.h), A / lengths[:, None], t.beta / lengths
+    zero = left_over(t.A)
+    A, beta = np.where(zero[:, None], 0.0, A), np.where(zero, 0.0, t.beta)
+    lengths = np.where(zero, 1.0, np.linalg.norm(A, axis=1))
+    return D, D[:, None] * t.M * D, D * (t.Q - t.h), A / lengths[:, None], beta / lengths
 
 
 def _pseudo_inverse(matrix: Array) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from derive.diagnostics import AssumptionError
 from derive.model.records import (
     GROUND,
     Armature,
@@ -159,7 +160,11 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
             )
-    raise NotImplementedError(f"the reference does not know loads of type {type(load).__name__}")
+    raise AssumptionError(
+        f"verify cannot derive the load '{load.name}' again: its reference does not know "
+        f"{type(load).__name__}",
+        "it takes a derivation of its own in hamel/verify/reference/loads.py",
+    )
 
 
 def _along(place: Layout, force: Array) -> Applied:

@@ -100,13 +100,15 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
 
     Candidates are the partitions that `auto` ranks and the choices of the file; `made` gives the
     equations of one by name. The next chart is the one that takes the worst state farthest from
-    singular. A pivot that is of both signs over the states vanishes between them: then a choice
+    singular. Where the file leaves the choice open, a pivot that is of both signs over the states,
+    and so vanishes between them, is a reason, too: then a choice
     that is safe alone is a chart, too, and where no few are safe together the orthonormal choice,
     which goes wherever A has full rank.
     """
     guards = _at_frame(first, _guards(first))
     here = _margins(guards, survey)
-    turns = _changes_sign(guards, survey)
+    left_open = survey.system.model.choices[0].kind == "auto"
+    turns = left_open and _changes_sign(guards, survey)
     if first.generalized_velocities or (np.min(here, initial=np.inf) >= SAFE and not turns):
         return first
     others = {x.ranking.name: _guards_of(x) for x in _candidates(survey)}
@@ -174,11 +176,10 @@ def _values(guards: Sequence[Guard], survey: Survey, s: States) -> np.ndarray:
 
 def _largest(guards: Sequence[Guard], survey: Survey) -> tuple[float, ...]:
     """To three digits."""
-    return (
-        tuple(float(f"{x:.3g}") for x in np.max(np.abs(_values(guards, survey, survey.sampled)), axis=0))
-        if guards
-        else ()
-    )
+    if not guards:
+        return ()
+    sizes = np.abs(_values(guards, survey, survey.sampled))
+    return tuple(float(f"{x:.3g}") for x in np.max(sizes, axis=0))
 
 
 def _margins(guards: Sequence[Guard], survey: Survey) -> np.ndarray:

@@ -112,7 +112,11 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     if first.generalized_velocities or (np.min(here, initial=np.inf) >= SAFE and not turns):
         return first
     others = {x.ranking.name: _guards_of(x) for x in _candidates(survey)}
-    alone = [name for name, them in others.items() if _is_safe(them, survey)]
+    alone = [
+        name
+        for name, them in others.items()
+        if np.min(_margins(them, survey)) >= SAFE and not (turns and _changes_sign(them, survey))
+    ]
     if alone:
         return charted([first, made(alone[0])], survey) if turns else first
     names = _together_safe(here, {k: _margins(x, survey) for k, x in others.items()})
@@ -132,11 +136,6 @@ def _together_safe(here: np.ndarray, others: dict[str, np.ndarray]) -> list[str]
         here = margins
         names.append(best)
     return names if np.min(here) >= SAFE else []
-
-
-def _is_safe(guards: Sequence[Guard], survey: Survey) -> bool:
-    margins = _margins(guards, survey)
-    return bool(np.min(margins, initial=np.inf) >= SAFE) and not _changes_sign(guards, survey)
 
 
 def _changes_sign(guards: Sequence[Guard], survey: Survey) -> bool:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hamel.pipeline import temporary_module
 
 import hamel
 from codegen import compiler
@@ -19,6 +18,7 @@ from derive.mechanics.records import System
 from derive.model import load
 from derive.states import system
 from derive.states.initial import initial_state
+from hamel.build.module import temporary_module
 from hamel.verify.checks.evidence import graph
 from tests.scenes import MODELS
 

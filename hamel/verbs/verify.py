@@ -54,7 +54,7 @@ def run(
     }
     usable, refused = usable_choices(mechanics, formulation)
     built = equations(
-        mechanics, choice, formulation, charts=True
+        mechanics, choice, formulation, charts=True, moving=True
     )  # what `build` makes of the same options
     wanted = asked or (usable | {together(built): built} if built.charts else usable)
     checks = [check for name in wanted for check in _checks(name, usable | wanted, states, seed)]

@@ -13,13 +13,13 @@ import pytest
 import hamel
 from codegen import compiler
 from derive.formulations import equations
+from derive.formulations.evaluate import evaluator
 from derive.formulations.frames import based
 from derive.mechanics.records import System
 from derive.model import load
 from derive.states import system
 from derive.states.initial import initial_state
 from hamel.build.module import temporary_module
-from hamel.verify.checks.evidence import graph
 from tests.scenes import MODELS
 
 SNAKE = MODELS / "snake3.yaml"
@@ -129,7 +129,7 @@ def test_the_usual_frame_in_numbers_gives_the_same_equations(snake: System) -> N
     place = (0.0, x, np.array([0.3, 0.1]), np.array(snake.parameters))
     for name in ("dynamics", "velocity", "reactions"):
         np.testing.assert_allclose(
-            graph(moving)(name, *place), graph(still)(name, *place), rtol=1e-11, atol=1e-13
+            evaluator(moving)(name, *place), evaluator(still)(name, *place), rtol=1e-11, atol=1e-13
         )
 
 

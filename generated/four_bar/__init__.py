@@ -61,6 +61,7 @@ outputs = _binding.outputs
 velocity = _binding.velocity
 state = _binding.state
 guards = _binding.guards
+constraint_rows = _binding.constraint_rows
 
 
 def simulate(
@@ -96,5 +97,6 @@ __all__ = [
     "velocity",
     "state",
     "guards",
+    "constraint_rows",
     "simulate",
 ]  # fmt: skip

@@ -90,6 +90,11 @@ def guards(
 ) -> NDArray[np.float64]:
     """what must not change its sign or vanish on the way: pivots, and how independent the rows of A are: shape (..., 1)."""
 
+def constraint_rows(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """entries of A that are not zero by structure, independent rows of A v = c, row by row: shape (..., 6)."""
+
 @dataclass(frozen=True)
 class Simulation:
     t: NDArray[np.float64]

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from . import _shared
+from . import _nullspace, _shared
 
 N = 5  # the state and the work
 INTEGRATORS = ("dop853", )
@@ -22,7 +22,7 @@ SIZE = GUARDS + 6
 TURNS = SIZE - 3
 TURNING = [0, 1, 2]  # coordinates in which nothing that is computed on the way sees a whole turn
 TURN, REST_OF_TURN = 6.283185307179586, 2.4492935982947064e-16  # 2π in two parts
-STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION = 4, 5, 6, 7
+STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION, SINGULAR_CHOICE = 4, 5, 6, 7, 8
 BUDGET = {"extension": 5000, "ctypes": 5000, "numpy": 50}  # steps between two looks at progress and interrupts
 CAUSES = {
     1: _shared.FUNCTIONS["dynamics"][3],
@@ -31,6 +31,8 @@ CAUSES = {
     STEP_TOO_SMALL: "the step became too small for the tolerance",
     MORE: "too many steps",
     SINGULAR_POSITION: "the motion came to a singular position, or ways across it disagree: its branch cannot be told",
+    SINGULAR_CHOICE: "this choice of quasi-velocities is singular here, though the constraints are independent: another choice, or a module of "
+    "several, goes on",
     NO_METHOD: "the integrator or the enforcement needs compiled code",
 }
 
@@ -334,11 +336,20 @@ def advance(state, times, u, p, rtol, atol, budget, x, work, reduced):
     """four_bar_simulate of the C code."""
     if INTEGRATORS[int(state[INTEGRATOR])] not in TABLEAUX or ENFORCEMENTS[int(state[ENFORCEMENT])] not in ("projection", "none"):
         return NO_METHOD
+    run = _Run(state, u, p, rtol, atol)
     with np.errstate(all="ignore"):
         try:
-            return _advance(_Run(state, u, p, rtol, atol), times, budget, x, work, reduced)
+            return _told(run, _advance(run, times, budget, x, work, reduced))
         except _Failed as failure:
-            return failure.args[0]
+            return _told(run, failure.args[0])
+
+
+def _told(r, status):
+    """A status with more to say: whether the choice alone is singular where the motion stopped."""
+    if status not in (1, SINGULAR_POSITION):
+        return status
+    independence = _nullspace.independence(_numpy(), r.state[T], r.state[X : X + N - 1], r.u, r.p)
+    return SINGULAR_CHOICE if independence > 0.02 else status
 
 
 def _advance(r, times, budget, x, work, reduced):

@@ -91,6 +91,9 @@ static Function functions[] = {
     {"guards", four_bar_guards, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {1}, 1,
      "singular:", "not converged",
      "(),(4),(1),(7)->(1),()", "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are", NULL, {NULL}, 0},
+    {"constraint_rows", four_bar_constraint_rows, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {6}, 6,
+     "singular:", "not converged",
+     "(),(4),(1),(7)->(6),()", "entries of A that are not zero by structure, independent rows of A v = c, row by row", NULL, {NULL}, 0},
 };
 enum { FUNCTIONS = sizeof functions / sizeof functions[0] };
 
@@ -620,6 +623,12 @@ static PyObject *call_guards(PyObject *self, PyObject *const *args, Py_ssize_t n
     return call(&functions[12], args, n, keywords);
 }
 
+static PyObject *call_constraint_rows(PyObject *self, PyObject *const *args, Py_ssize_t n, PyObject *keywords)
+{
+    (void)self;
+    return call(&functions[13], args, n, keywords);
+}
+
 static PyMethodDef methods[] = {
     {"dynamics", (PyCFunction)(void (*)(void))call_dynamics, METH_FASTCALL | METH_KEYWORDS,
      "dynamics(t, x, u=None, p=None, out=None)\n--\n\n" "state derivative: q\314\207 = N v, \341\272\207 from (S\341\265\200 M S) \341\272\207 = S\341\265\200 (Q \342\210\222 h \342\210\222 M \317\203)"},
@@ -647,6 +656,8 @@ static PyMethodDef methods[] = {
      "state(t, x, u=None, p=None, out=None)\n--\n\n" "state x = (q, w) from (q, v): w = B v"},
     {"guards", (PyCFunction)(void (*)(void))call_guards, METH_FASTCALL | METH_KEYWORDS,
      "guards(t, x, u=None, p=None, out=None)\n--\n\n" "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"},
+    {"constraint_rows", (PyCFunction)(void (*)(void))call_constraint_rows, METH_FASTCALL | METH_KEYWORDS,
+     "constraint_rows(t, x, u=None, p=None, out=None)\n--\n\n" "entries of A that are not zero by structure, independent rows of A v = c, row by row"},
     {"advance", call_advance, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},
 };

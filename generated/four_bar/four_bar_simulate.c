@@ -4,6 +4,8 @@
 
 #include "four_bar_simulate.h"
 
+#include "four_bar_nullspace.h"
+
 #include <float.h>
 #include <math.h>
 
@@ -289,6 +291,15 @@ static int passed(Run *r, int method, double t, double h, double end, const doub
     return FOUR_BAR_SINGULAR_POSITION;
 }
 
+/* A status with more to say: whether the choice alone is singular where the motion stopped. */
+static int told(const Run *r, int status)
+{
+    const double *const s = r->s;
+    if (status != FOUR_BAR_SINGULAR_POSITION && status != FOUR_BAR_SINGULAR)
+        return status;
+    return four_bar_independence(s[FOUR_BAR_SIM_T], s + FOUR_BAR_SIM_X, r->u, r->p) > 0.02 ? FOUR_BAR_SINGULAR_CHOICE : status;
+}
+
 /* The slope at the start and the first step size. */
 static int start(Run *r, double order, double span)
 {
@@ -346,13 +357,13 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
             double h, error, ratio;
             int last;
             if (s[FOUR_BAR_SIM_STEP] == 0.0 && (status = start(&run, methods[method].order, times[n - 1] - t)) != FOUR_BAR_OK)
-                return status;
+                return told(&run, status);
             if (budget-- <= 0)
                 return FOUR_BAR_MORE;
             h = next_size(s, left);
             last = h >= left;
             if (!last && h < fmax(16.0 * DBL_EPSILON * fabs(t), 1e-30 * fabs(times[n - 1])))
-                return failed ? failed : FOUR_BAR_STEP_TOO_SMALL;
+                return failed ? told(&run, failed) : FOUR_BAR_STEP_TOO_SMALL;
             status = methods[method].step(&run, t, h, y, own, z, next, &error);
             if (fixed)
                 error = 0.0;
@@ -361,7 +372,7 @@ int four_bar_simulate(double *simulation, size_t n, const double *times, const d
             if (status == FOUR_BAR_OK && error <= 1.0)
                 status = passed(&run, method, t, h, last ? times[done] : t + h, y, own, z, next, seen);
             if (fixed && status != FOUR_BAR_OK)
-                return status;
+                return told(&run, status);
             if (status != FOUR_BAR_OK || !(error <= 1.0)) { /* too long, or a place without a value on the way */
                 ratio = status == FOUR_BAR_OK ? pow(error, methods[method].grow) / methods[method].safety : 4.0;
                 failed = status;

@@ -16,7 +16,8 @@ enum {
     FOUR_BAR_STEP_TOO_SMALL = 4, /* the tolerance cannot be met, or the motion ends in a singular position */
     FOUR_BAR_MORE = 5,           /* the budget of steps is used up: call again to go on */
     FOUR_BAR_NO_METHOD = 6,      /* no such integrator or enforcement, or an integrator without step control and no fixed step */
-    FOUR_BAR_SINGULAR_POSITION = 7 /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
+    FOUR_BAR_SINGULAR_POSITION = 7, /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
+    FOUR_BAR_SINGULAR_CHOICE = 8 /* this choice of quasi-velocities is singular here, the constraints are not: another one goes on */
 };
 
 /* Integrators: */

@@ -16,7 +16,8 @@ enum {
     SNAKE3_STEP_TOO_SMALL = 4, /* the tolerance cannot be met, or the motion ends in a singular position */
     SNAKE3_MORE = 5,           /* the budget of steps is used up: call again to go on */
     SNAKE3_NO_METHOD = 6,      /* no such integrator or enforcement, or an integrator without step control and no fixed step */
-    SNAKE3_SINGULAR_POSITION = 7 /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
+    SNAKE3_SINGULAR_POSITION = 7, /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
+    SNAKE3_SINGULAR_CHOICE = 8 /* this choice of quasi-velocities is singular here, the constraints are not: another one goes on */
 };
 
 /* Integrators: */

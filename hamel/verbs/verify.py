@@ -50,7 +50,9 @@ def run(
     mechanics = mechanics_of(model, constants)
     asked = {
         together(e): e
-        for e in ([] if choice is None else [equations(mechanics, choice, formulation, moving=True)])
+        for e in (
+            [] if choice is None else [equations(mechanics, choice, formulation, moving=True)]
+        )
     }
     usable, refused = usable_choices(mechanics, formulation)
     built = equations(

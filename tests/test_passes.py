@@ -228,7 +228,7 @@ def test_guard_tolerance_follows_the_scale() -> None:
 def test_names_that_would_clash() -> None:
     equations = toy()
     labels = ("sin", "x", "while", "der(q1)")
-    argument = SimpleNamespace(**{**vars(equations.arguments[1]), "labels": labels})
+    argument = replace(equations.arguments[1], labels=labels)
     arguments = (equations.arguments[0], argument, *equations.arguments[2:])
     renamed = replace(equations, arguments=arguments)
     names = program(renamed, ["dynamics", "odd"]).argument("x").names

@@ -159,7 +159,8 @@ def simulate(
     `values` sets initial values, parameters and (constant) inputs by name. `real` is what the code
     computes in, float64 or float32.
     """
-    from hamel.verbs.simulate import Method, run
+    from hamel.simulate.compiled import Places, Rows, simulation
+    from hamel.simulate.method import Method
 
     method = Method(
         formulation,
@@ -173,7 +174,8 @@ def simulate(
         _names(conserve),
         real,
     )
-    return run(path, method, time, step, values or {}, out, plot, progress)
+    rows, places = Rows(time, step), Places(out, plot)
+    return simulation(path, method, rows, values or {}, places, progress)
 
 
 def linearize(

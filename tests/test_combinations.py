@@ -109,7 +109,7 @@ def test_refused_before_anything_is_built(
     formulation: Any, enforcement: Enforcement, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "hamel.verbs.simulate.temporary_module", lambda *given: pytest.fail("built")
+        "hamel.simulate.compiled.temporary_module", lambda *given: pytest.fail("built")
     )
     why = reason("rolling_disk", formulation.name, enforcement.name)
     if not why:

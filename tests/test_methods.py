@@ -64,7 +64,7 @@ def test_refused_before_anything_is_built(
     options: dict[str, str], why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "hamel.verbs.simulate.temporary_module", lambda *given: pytest.fail("built")
+        "hamel.simulate.compiled.temporary_module", lambda *given: pytest.fail("built")
     )
     with pytest.raises(AssumptionError, match=why) as caught:
         hamel.simulate(MODELS / "four_bar.yaml", time=0.1, **options)  # type: ignore[arg-type]

@@ -234,11 +234,11 @@ def report(
     runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes
     on where it was. Raises ToolchainError without a C compiler.
     """
-    from hamel.study.plan import Asked
+    from hamel.study.plan import Restrictions
     from hamel.verbs.report import run
 
     names = (_names(each) for each in (formulations, choices, enforcements, integrators))
-    asked = Asked(*names, tolerances=tuple(tolerances), budget=budget)
+    asked = Restrictions(*names, tolerances=tuple(tolerances), budget=budget)
     return run(_models(paths), out, time, values or {}, asked, _models(extremes), progress)
 
 

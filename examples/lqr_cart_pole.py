@@ -59,7 +59,8 @@ def main() -> np.ndarray:
     print("gains", dict(zip(record.states, K[0].round(3))))
     for k in range(0, len(path), 500):
         print(
-            f"t = {k * STEP:4.1f} s   cart {path[k, 0]: .4f} m   pole {np.degrees(path[k, 1]): .4f} deg"
+            f"t = {k * STEP:4.1f} s   cart {path[k, 0]: .4f} m   "
+            f"pole {np.degrees(path[k, 1]): .4f} deg"
         )
     return path
 

@@ -197,18 +197,10 @@ def linearize(
     eigenvalues, all cyclic ones when None. The page goes to `out`. With a `step` (s) the record
     holds the equations in discrete time too.
     """
-    from hamel.verbs.linearize import run
+    from hamel.verbs.linearize import Options, run
 
-    return run(
-        path,
-        at,
-        choice,
-        sweep or {},
-        values or {},
-        None if cyclic is None else _names(cyclic),
-        out,
-        step,
-    )
+    names = None if cyclic is None else _names(cyclic)
+    return run(path, Options(at, choice, sweep or {}, values or {}, names, step), out)
 
 
 def report(

@@ -30,7 +30,8 @@ Function = Callable[..., Any]
 # soon
 YOUNG = 100_000
 EPILOG = (
-    "Exit codes: 0 ok, 1 model error, 2 assumption violated, 3 toolchain missing or output not writable, 4 verification failed, "
+    "Exit codes: 0 ok, 1 model error, 2 assumption violated, 3 toolchain missing or output not "
+    "writable, 4 verification failed, "
     "64 wrong usage, 70 internal error, 130 interrupted."
 )
 
@@ -136,7 +137,8 @@ def _model(function: Function, required: bool = True, name: str = "model") -> Fu
 CHOICE = click.option(
     "--choice",
     metavar="NAME",
-    help="The choice of quasi-velocities, or a+b for charts of one motion (default: the file's first).",
+    help="The choice of quasi-velocities, or a+b for charts of one motion (default: the file's "
+    "first).",
 )
 FORMULATION = click.option(
     "--formulation",
@@ -210,7 +212,8 @@ def check(model: str) -> Any:
     "--functions",
     metavar="a,b",
     default="",
-    help='Emit these functions only (`hamel list MODEL` names all); "default" stands for all of use.',
+    help='Emit these functions only (`hamel list MODEL` names all); "default" stands for all of '
+    "use.",
 )
 @click.option(
     "--integrator",
@@ -486,7 +489,8 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
     "-o",
     "--out",
     metavar="DIR|FILE.html",
-    help="Where linearization.html goes: equations, plots, modes (default: here; with --json none).",
+    help="Where linearization.html goes: equations, plots, modes (default: here; with --json "
+    "none).",
 )
 @click.option(
     "--step",

@@ -86,7 +86,8 @@ def _internal(error: Exception) -> Diagnostic:
     place = f"{os.path.basename(last.filename)}:{last.lineno}"
     what = f"{type(error).__name__}: {error}".splitlines()[0]
     return Diagnostic(
-        message=f"internal error, please report it with the model: {what} ({place}); --debug shows the traceback"
+        message=f"internal error, please report it with the model: {what} ({place}); --debug "
+        "shows the traceback"
     )
 
 

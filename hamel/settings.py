@@ -109,7 +109,10 @@ def _value(
 
 def _unknown(name: str, units: Mapping[str, str]) -> str:
     near = did_you_mean(name, units)
-    return f"'{name}' is set, but it is no initial value, parameter or input of this model; {near or f'it has {listed(units)}'}"
+    return (
+        f"'{name}' is set, but it is no initial value, parameter or input of this model; "
+        f"{near or f'it has {listed(units)}'}"
+    )
 
 
 def parsed(name: str, text: str, unit: str | None, parameters: Mapping[str, float]) -> float:

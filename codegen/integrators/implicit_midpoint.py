@@ -5,6 +5,7 @@ from codegen.integrators.records import Midpoint
 
 IMPLICIT_MIDPOINT = Midpoint(
     name="implicit_midpoint",
-    about="implicit midpoint rule of order 2 for long runs, fixed steps, with the generated Jacobian",
+    about="implicit midpoint rule of order 2 for long runs, fixed steps, with the generated "
+    "Jacobian",
     source="E. Hairer, C. Lubich, G. Wanner: Geometric Numerical Integration, 2006, II.1",
 )

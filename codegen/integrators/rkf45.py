@@ -8,7 +8,8 @@ from codegen.integrators.records import Tableau, row
 RKF45 = Tableau(
     name="rkf45",
     about="Runge-Kutta-Fehlberg pair of orders 5 and 4, advanced with order 5",
-    source="E. Fehlberg: Low-order classical Runge-Kutta formulas with stepsize control, NASA TR R-315, 1969",
+    source="E. Fehlberg: Low-order classical Runge-Kutta formulas with stepsize control, NASA "
+    "TR R-315, 1969",
     order=5,
     c=row("0 1/4 3/8 12/13 1 1/2 1"),
     a=(

@@ -8,7 +8,8 @@ _FIFTH = row("1.221224509226641 6.019134481288629 12.53708332932087 -0.687886036
 
 ROSENBROCK = Rosenbrock(
     name="rosenbrock",
-    about="L-stable Rosenbrock method RODAS of order 4(3) for stiff systems, with the generated Jacobian",
+    about="L-stable Rosenbrock method RODAS of order 4(3) for stiff systems, with the generated "
+    "Jacobian",
     source="E. Hairer, G. Wanner: Solving Ordinary Differential Equations II, 1996, IV.7 (RODAS)",
     order=4,
     gamma=Fraction(1, 4),
@@ -29,7 +30,8 @@ ROSENBROCK = Rosenbrock(
         row("-0.1073529058151375 -9.594562251023355 -20.47028614809616"),
         row("7.496443313967647 -10.24680431464352 -33.99990352819905 11.70890893206160"),
         row(
-            "8.083246795921522 -7.981132988064893 -31.52159432874371 16.31930543123136 -6.058818238834054"
+            "8.083246795921522 -7.981132988064893 -31.52159432874371 16.31930543123136 "
+            "-6.058818238834054"
         ),
     ),
 )

@@ -158,7 +158,8 @@ class _Turning:
 
 
 def _watched(equations: Equations) -> list[str]:
-    """Pivots that can vanish, and by what to tell whether the constraints or the choice fail then."""
+    """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
+    then."""
     known = [request.name for request in equations.requests]
     guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
     return [x for x in ("guards", "constraint_rows") if guarded and x in known]

@@ -1,4 +1,5 @@
-"""example.c (example_program.c of a model called example): a program that calls the generated C, to copy from."""
+"""example.c (example_program.c of a model called example): a program that calls the
+generated C, to copy from."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The motions that the constraints allow: whether they are independent, and frames of directions for
-quasi-velocities, in C and Python."""
+"""The motions that the constraints allow: whether they are independent, and frames of directions
+for quasi-velocities, in C and Python."""
 
 from __future__ import annotations
 

@@ -36,7 +36,10 @@ def frozen(survey: Survey, choice: Choice) -> Resolved:
             "constant rows, tangent to the constraints at the initial state",
         )
     except (Dependent, Undetermined):
-        text = "the directions that are tangent at the initial state determine the motion at no sampled state"
+        text = (
+            "the directions that are tangent at the initial state determine the motion at no "
+            "sampled state"
+        )
         raise AssumptionError(
             f"{survey.system.model.name}: choice '{choice.name}': {text}", "another initial state"
         ) from None
@@ -52,7 +55,8 @@ def tangent(survey: Survey) -> np.ndarray:
         A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-300), tol=RANK
     ) < len(A):
         raise AssumptionError(
-            f"{system.model.name}: the constraints lose rank at the initial state: it is no base point"
+            f"{system.model.name}: the constraints lose rank at the initial state: it is no "
+            "base point"
         )
     projector = (
         np.eye(system.v.numel()) - np.linalg.pinv(A) @ A if len(A) else np.eye(system.v.numel())

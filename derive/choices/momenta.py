@@ -28,12 +28,16 @@ def mass_orthogonal(survey: Survey, choice: Choice) -> Resolved:
     system = survey.system
     if not system.written:
         raise AssumptionError(
-            f"{system.model.name}: choice '{choice.name}' needs the mass matrix, which so long a chain leaves out"
+            f"{system.model.name}: choice '{choice.name}' needs the mass matrix, which so long "
+            "a chain leaves out"
         )
     base = resolved(survey, Choice("auto", "auto", (), Span(0, 0))).reduction
     reduction, explicit = _in_momenta(system, base)
     ranking = judged(survey, choice.name, "mass_orthogonal", reduction.names, reduction, explicit)
-    reason = "momenta along the free directions: the kinetic energy is block-diagonal, and ẇ needs no inverse"
+    reason = (
+        "momenta along the free directions: the kinetic energy is block-diagonal, and ẇ "
+        "needs no inverse"
+    )
     return Resolved(ranking, reduction, explicit, reason)
 
 

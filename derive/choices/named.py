@@ -35,7 +35,10 @@ def declared(system: System, name: str | None) -> Choice:
 
 
 def _unknown(system: System, name: str, offered: list[str]) -> Choice:
-    speeds = f"or free velocities such as {','.join(speed_name(system, j) for j in range(min(2, system.v.numel())))}"
+    speeds = (
+        "or free velocities such as "
+        f"{','.join(speed_name(system, j) for j in range(min(2, system.v.numel())))}"
+    )
     hint = did_you_mean(name, offered) or f"known: {listed(offered)}, {speeds}"
     raise AssumptionError(f"unknown choice of quasi-velocities '{name}'", hint)
 

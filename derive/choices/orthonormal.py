@@ -5,7 +5,8 @@ One degree of freedom: N is the generalised cross product of the rows of A, divi
 smooth wherever A has full rank. More: the columns of a frame E, projected on ker A and
 orthonormalised by Gram–Schmidt; smooth away from where the projection of E loses rank, which a
 guard watches. In a generated module E is data: it is based anew, E = N(q), before that happens, and
-w with it, w' = N'ᵀ v, so that this choice goes wherever A has full rank. v̇ at ẇ = 0 is the derivative of N w + A⁺ c along the motion.
+w with it, w' = N'ᵀ v, so that this choice goes wherever A has full rank. v̇ at ẇ = 0 is the
+derivative of N w + A⁺ c along the motion.
 """
 
 from __future__ import annotations

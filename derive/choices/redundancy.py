@@ -129,7 +129,8 @@ def sentences(system: System, found: Sequence[Group]) -> tuple[str, ...]:
     fate = "kept" if keeps(system) else "dropped"
     least = ", the least ones are given" if keeps(system) else ""
     return tuple(
-        f"{text} at the sampled states and {'is' if count == 1 else 'are'} {fate}: their reactions are not unique{least}"
+        f"{text} at the sampled states and {'is' if count == 1 else 'are'} {fate}: their "
+        f"reactions are not unique{least}"
         for text, count in _claims(system, found)
     )
 
@@ -168,7 +169,8 @@ def _claims(system: System, found: Sequence[Group]) -> Iterator[tuple[str, int]]
         if others:
             repeated = sorted({k for _, rows in own for k in rows})
             parts.append(
-                f"{_listing(system, others)} repeat{'' if len(others) > 1 else 's'} {_listing(system, repeated)}"
+                f"{_listing(system, others)} repeat{'' if len(others) > 1 else 's'} "
+                f"{_listing(system, repeated)}"
             )
         if parts:
             yield " and ".join(parts), len(own)

@@ -278,7 +278,10 @@ def survey_of(system: System, moving: bool = False) -> Survey:
     if not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
         if not system.rows:
-            message = "at no configuration near the initial values are masses and rates of the coordinates finite"
+            message = (
+                "at no configuration near the initial values are masses and rates of the "
+                "coordinates finite"
+            )
         raise AssumptionError(Diagnostic(file=system.model.file, message=message))
     return found
 
@@ -317,12 +320,17 @@ def _declared(survey: Survey, choice: Choice) -> Resolved:
         raise _refused(
             survey.system,
             choice,
-            f"choice '{choice.name}': the speed '{problem.speed}' depends on the constraints and the other speeds "
+            f"choice '{choice.name}': the speed '{problem.speed}' depends on the constraints "
+            "and the other speeds "
             f"at every sampled state ({_culprits(survey, rows)})",
-            "speeds that, with the constraint rows, determine all velocities; `auto` finds such a set",
+            "speeds that, with the constraint rows, determine all velocities; `auto` finds such "
+            "a set",
         ) from None
     except Undetermined as problem:
-        message = f"choice '{choice.name}': the sampled states are too near singular positions to find a pivot for '{problem.velocity}'"
+        message = (
+            f"choice '{choice.name}': the sampled states are too near singular positions "
+            f"to find a pivot for '{problem.velocity}'"
+        )
         raise _refused(
             survey.system,
             choice,
@@ -477,7 +485,10 @@ def _best(survey: Survey, choice: Choice) -> Resolved:
     """The winner of the ranking, with the reason in words."""
     ranked = ranked_partitions(survey)
     if not ranked:
-        message = "no set of generalized velocities is independent of the constraints at the sampled states"
+        message = (
+            "no set of generalized velocities is independent of the constraints at the "
+            "sampled states"
+        )
         raise _refused(
             survey.system,
             choice,
@@ -615,7 +626,10 @@ def _qualities(ranking: Ranking) -> str:
         if ranking.constant_pivots
         else "a pivot varies with the configuration"
     )
-    return f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states, about {ranking.operations} operations"
+    return (
+        f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states, about "
+        f"{ranking.operations} operations"
+    )
 
 
 def _refused(system: System, choice: Choice, message: str, expected: str) -> AssumptionError:

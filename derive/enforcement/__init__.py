@@ -40,7 +40,8 @@ def kept_equations(
     reason = enforcement.refusal(found, options)
     if reason:
         raise AssumptionError(
-            f"{system.model.name}, {formulation}: enforcement '{enforcement.name}' does not fit: {reason}"
+            f"{system.model.name}, {formulation}: enforcement '{enforcement.name}' does not "
+            f"fit: {reason}"
         )
     charts = tuple(enforcement.equations(chart, options) for chart in found.charts)
     return replace(enforcement.equations(found, options), charts=charts)

@@ -17,7 +17,10 @@ def _refusal(found: Equations, options: Options) -> str:
     if not found.system.rows:
         return "there are no constraints"
     if not keeps_velocities(found):
-        return "A v = c holds identically in these quasi-velocities, so that A v̇ = β is not integrated; use feedback"
+        return (
+            "A v = c holds identically in these quasi-velocities, so that A v̇ = β is not "
+            "integrated; use feedback"
+        )
     return ""
 
 
@@ -35,8 +38,10 @@ def _pull(system: System, i: int, slip: ca.SX, alpha: float) -> ca.SX:
 
 BAUMGARTE = Enforcement(
     name="baumgarte",
-    about="the constraints' accelerations pull violations back at the rate alpha; first order on nonholonomic rows",
-    source="J. Baumgarte: Stabilization of constraints and integrals of motion in dynamical systems, CMAME 1, 1972",
+    about="the constraints' accelerations pull violations back at the rate alpha; first order "
+    "on nonholonomic rows",
+    source="J. Baumgarte: Stabilization of constraints and integrals of motion in dynamical "
+    "systems, CMAME 1, 1972",
     level="rates",
     refusal=_refusal,
     system=_stabilised,

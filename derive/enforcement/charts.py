@@ -15,7 +15,8 @@ def _refusal(found: Equations, options: Options) -> str:
     return (
         ""
         if _needs(found)
-        else "there is nothing to solve: no position constraints, and A v = c holds in these quasi-velocities"
+        else "there is nothing to solve: no position constraints, and A v = c holds in these "
+        "quasi-velocities"
     )
 
 
@@ -30,8 +31,10 @@ def _needs(found: Equations) -> tuple[str, ...]:
 
 PARTITIONING = Enforcement(
     name="partitioning",
-    about="independent coordinates are integrated, dependent ones solved by Newton's method; chosen anew where others are better",
-    source="R. A. Wehage, E. J. Haug: Generalized coordinate partitioning for dimension reduction, J. Mech. Design 104, 1982",
+    about="independent coordinates are integrated, dependent ones solved by Newton's method; "
+    "chosen anew where others are better",
+    source="R. A. Wehage, E. J. Haug: Generalized coordinate partitioning for dimension "
+    "reduction, J. Mech. Design 104, 1982",
     level="stages",
     refusal=_refusal,
     needs=_needs,
@@ -40,7 +43,8 @@ PARTITIONING = Enforcement(
 SELECTIVE = Enforcement(
     name="selective",
     about="as partitioning, with the coordinates selected once for the whole run",
-    source="A. A. Nada, A. H. Bashiri: Selective generalized coordinates partitioning for multibody systems",
+    source="A. A. Nada, A. H. Bashiri: Selective generalized coordinates partitioning for "
+    "multibody systems",
     level="stages",
     refusal=_refusal,
     needs=_needs,
@@ -48,8 +52,10 @@ SELECTIVE = Enforcement(
 
 TANGENT = Enforcement(
     name="tangent",
-    about="coordinates in the tangent space at a base point are integrated, normal ones solved with a frozen, updated inverse",
-    source="E. J. Haug: An ordinary differential equation formulation for multibody dynamics: nonholonomic constraints",
+    about="coordinates in the tangent space at a base point are integrated, normal ones solved "
+    "with a frozen, updated inverse",
+    source="E. J. Haug: An ordinary differential equation formulation for multibody dynamics: "
+    "nonholonomic constraints",
     level="stages",
     refusal=_refusal,
     needs=_needs,

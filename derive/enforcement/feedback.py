@@ -45,8 +45,10 @@ def _fed_back(found: Equations, options: Options) -> Equations:
 
 FEEDBACK = Enforcement(
     name="feedback",
-    about="the constraint quasi-velocities are fed back, so that violations of positions decay at the rate alpha",
-    source="quasi-velocities u_c = c − α φ after Mirtaheri & Zohoor; W. Blajer, MSD 9, 2003, on the projective criterion",
+    about="the constraint quasi-velocities are fed back, so that violations of positions decay "
+    "at the rate alpha",
+    source="quasi-velocities u_c = c − α φ after Mirtaheri & Zohoor; W. Blajer, MSD 9, 2003, on "
+    "the projective criterion",
     level="rates",
     refusal=_refusal,
     equations=_fed_back,

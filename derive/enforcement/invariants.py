@@ -32,7 +32,8 @@ def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
     energy = functions["energy"].result.value
     momenta = ca.substitute(ca.jacobian(system.T, system.v).T, system.v, v)
     names = {velocity.name: j for j, velocity in enumerate(system.model.velocities)}
-    # a sum that constraints which move leave constant, too, where the motion in w does not show time
+    # a sum that constraints which move leave constant, too, where the motion in w does not show
+    # time
     known = {"energy": energy[0] + energy[1] if system.homogeneous else energy[2]}
     if _relative_rate(found, known["energy"], options) > CONSERVED:
         known["energy"] = ca.dot(ca.gradient(energy[0], w), w) - energy[0] + energy[1]
@@ -54,12 +55,18 @@ def _refusal(found: Equations, options: Options) -> str:
     try:
         held = _invariants(found, options)
     except KeyError as missing:
-        return f"{missing} is no invariant that could be held: energy, or a coordinate or generalized velocity with its momentum"
+        return (
+            f"{missing} is no invariant that could be held: energy, or a coordinate or "
+            "generalized velocity with its momentum"
+        )
     for name, value in held:
         rate = _relative_rate(found, value, options)
         if rate > CONSERVED:
             what = "energy" if name == "energy" else f"the momentum of {name}"
-            return f"{what} is not conserved: at random admissible states it changes at {rate:.2g} of the rate of its parts"
+            return (
+                f"{what} is not conserved: at random admissible states it changes at "
+                f"{rate:.2g} of the rate of its parts"
+            )
     return ""
 
 
@@ -134,8 +141,10 @@ def _metric(found: Equations, w: ca.SX, euclidean: bool) -> ca.SX:
 def _enforcement(name: str, near: str, euclidean: bool) -> Enforcement:
     return Enforcement(
         name=name,
-        about=f"after every step the nearest state, {near}, on the constraints and with the start's energy and chosen momenta",
-        source="J. Tuomela, T. Arponen, V. Normi: On the simulation of multibody systems with holonomic constraints (jet spaces)",
+        about=f"after every step the nearest state, {near}, on the constraints and with the "
+        "start's energy and chosen momenta",
+        source="J. Tuomela, T. Arponen, V. Normi: On the simulation of multibody systems with "
+        "holonomic constraints (jet spaces)",
         level="steps",
         refusal=_refusal,
         needs=lambda found: (

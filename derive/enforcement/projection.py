@@ -8,13 +8,18 @@ from derive.formulations.records import Equations
 def _refusal(found: Equations, options: Options) -> str:
     if any(function.name == "project" for function in found.functions):
         return ""
-    return "there is nothing to project on: no position constraints, and A v = c holds in these quasi-velocities"
+    return (
+        "there is nothing to project on: no position constraints, and A v = c holds in these "
+        "quasi-velocities"
+    )
 
 
 PROJECTION = Enforcement(
     name="projection",
-    about="after every step the nearest consistent state in the metric of M, positions first, then velocities",
-    source="E. Eich: Convergence results for a coordinate projection method, SIAM J. Numer. Anal. 30, 1993",
+    about="after every step the nearest consistent state in the metric of M, positions first, "
+    "then velocities",
+    source="E. Eich: Convergence results for a coordinate projection method, SIAM J. Numer. "
+    "Anal. 30, 1993",
     level="steps",
     refusal=_refusal,
     needs=lambda found: ("project",),

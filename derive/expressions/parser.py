@@ -257,7 +257,8 @@ class _Parser:
             self._refuse(
                 f"'{following.text}' can be the unit or the model's own name here",
                 following.at,
-                f"brackets: (2 N*{following.text}) for the unit, (2 N)*{following.text} for the name",
+                f"brackets: (2 N*{following.text}) for the unit, (2 N)*{following.text} for the "
+                "name",
             )
         return True
 
@@ -445,7 +446,10 @@ def _finite(token: _Token, text: str) -> float:
         raise FormulaError("the number is too large", text, token.at, BELOW)
     mantissa = re.split("[eE]", token.text)[0]
     if re.match("0[0-9]", mantissa):
-        expected = f"{mantissa.lstrip('0') or 0}: octal numbers and dates are not part of the model language"
+        expected = (
+            f"{mantissa.lstrip('0') or 0}: octal numbers and dates are not part of the "
+            "model language"
+        )
         raise FormulaError(
             f"the number '{token.text}' starts with a zero", text, token.at, expected
         )

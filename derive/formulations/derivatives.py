@@ -24,7 +24,10 @@ _BY = {"x": "the state", "u": "the inputs", "p": "the parameters"}
 RATE = "explicit rate ∂ẋ/∂t of the state derivative"
 FORWARD = "derivative of ẋ along (dx, du): ∂ẋ/∂x dx + ∂ẋ/∂u du, from (x, dx, du)"
 ADJOINT = "adjoint product [(∂ẋ/∂x)ᵀ y, (∂ẋ/∂u)ᵀ y], from (x, y)"
-STEP = "x after one step of length h of the classical Runge–Kutta method, u held, from (x, h); not projected on constraints"
+STEP = (
+    "x after one step of length h of the classical Runge–Kutta method, u held, from (x, h); "
+    "not projected on constraints"
+)
 SENSITIVITY = "[∂x⁺/∂x, ∂x⁺/∂u] of `step`, nx × (nx + nu), from (x, h)"
 
 

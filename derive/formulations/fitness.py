@@ -64,7 +64,10 @@ def undetermined(survey: Survey) -> str:
     )
     if not where:
         return ""
-    return f"rank [M; A] is less than {survey.system.v.numel()}: nothing determines the acceleration of {where}; give it inertia"
+    return (
+        f"rank [M; A] is less than {survey.system.v.numel()}: nothing determines the "
+        f"acceleration of {where}; give it inertia"
+    )
 
 
 def constrained(survey: Survey) -> str:

@@ -137,7 +137,10 @@ def _mass(system: System) -> Function:
 
 def _bias(system: System, motion: Motion) -> Function:
     names = tuple(v.name for v in system.model.velocities)
-    about = "bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"
+    about = (
+        "bias h(q, v) of the generalized velocities: velocity products, gravity and "
+        "potential forces, M v̇ + h = Q + Aᵀ λ"
+    )
     return Function(
         "bias",
         about,

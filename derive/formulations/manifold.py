@@ -13,11 +13,20 @@ from derive.joints.records import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
 from derive.mechanics.solve import scalars
 
-CLOSURE = "position constraints with Jacobian: [ψ, ∂ψ/∂q] row by row, ψ = independent φ and lengths of quaternions"
+CLOSURE = (
+    "position constraints with Jacobian: [ψ, ∂ψ/∂q] row by row, ψ = independent φ and "
+    "lengths of quaternions"
+)
 SLIP = "velocity constraints with Jacobian: [A v − c, A] row by row, independent rows"
-PULL = "what, added to q̇, takes violations of positions to zero at the rate 1/s: N R (−φ), R from v = S w + R c"
+PULL = (
+    "what, added to q̇, takes violations of positions to zero at the rate 1/s: N R (−φ), R "
+    "from v = S w + R c"
+)
 ROWS = "entries of A that are not zero by structure, independent rows of A v = c, row by row"
-GUARDS = "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"
+GUARDS = (
+    "what must not change its sign or vanish on the way: pivots, and how independent the "
+    "rows of A are"
+)
 
 
 def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> tuple[Request, ...]:

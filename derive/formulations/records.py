@@ -117,7 +117,8 @@ class Equations:
     ] = ()  # further choices, charts 1, 2, … of the same motion; this one is chart 0
     largest: tuple[
         float, ...
-        # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled states
+        # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled
+        # states
     ] = ()
     frame: Frame | None = None  # the last entries of p: directions that are based anew on the way
 

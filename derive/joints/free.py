@@ -67,7 +67,8 @@ FREE = free_joint("zyx")
 
 FLOATING = replace(
     FREE,
-    about="six degrees of freedom with a unit quaternion (w, x, y, z); generalized velocities in the body's frame",
+    about="six degrees of freedom with a unit quaternion (w, x, y, z); generalized velocities "
+    "in the body's frame",
     coordinates=(*FREE.coordinates[:3], *QUATERNION),
     rotation=lambda q, axis: quaternion_rotation(q[3:]),
     rates=_floating_rates,

@@ -177,7 +177,10 @@ def with_linearization(equations: Equations) -> Equations:
     return replace(equations, requests=(*equations.requests, request))
 
 
-ABOUT = "[A B; C D] of δẋ = A δx + B δu, δy = C δx + D δu in minimal states: independent coordinates, quasi-velocities"
+ABOUT = (
+    "[A B; C D] of δẋ = A δx + B δu, δy = C δx + D δu in minimal states: independent "
+    "coordinates, quasi-velocities"
+)
 
 
 def linearization(equations: Equations) -> Function:

@@ -302,7 +302,8 @@ def _evaluated(
     R, J = np.asarray(R).ravel(), np.asarray(J)
     if not (np.all(np.isfinite(R)) and np.all(np.isfinite(J))):
         raise AssumptionError(
-            f"the equations of '{found.equations.choice}' are singular near the steady motion '{found.motion.name}'",
+            f"the equations of '{found.equations.choice}' are singular near the steady motion "
+            f"'{found.motion.name}'",
             "another choice of quasi-velocities, or other guesses",
         )
     return R, J
@@ -358,7 +359,8 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionErr
             column=span.column,
             length=span.length,
             message=f"{what}: {found.rows[k]} {missed}",
-            expected="held values that can be kept for ever; other guesses, an input that is `free`, or another --choice",
+            expected="held values that can be kept for ever; other guesses, an input that is "
+            "`free`, or another --choice",
             source_line=lines[span.line - 1] if 0 < span.line <= len(lines) else "",
         )
     )

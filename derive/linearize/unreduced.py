@@ -96,7 +96,8 @@ def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduc
         )
         return replace(compared, A=A[np.ix_(rows, rows)])
     raise AssumptionError(
-        "neither the generalized velocities nor the rates of the coordinates are constant along this motion"
+        "neither the generalized velocities nor the rates of the coordinates are constant along "
+        "this motion"
     )
 
 

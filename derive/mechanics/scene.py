@@ -1,4 +1,5 @@
-"""What constraints and loads need to know of a model, and what a constraint gives: a block of rows."""
+"""What constraints and loads need to know of a model, and what a constraint gives: a block of
+rows."""
 
 from __future__ import annotations
 

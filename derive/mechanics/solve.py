@@ -79,7 +79,8 @@ def _back(b: Vector, A: Matrix, order: Sequence[int], weights: Sequence[dict[int
 
 @dataclass(frozen=True)
 class Block:
-    """A pivot of one to three rows and columns, or all that is left, with |determinant| over the samples; `grade` 0:
+    """A pivot of one to three rows and columns, or all that is left, with |determinant| over the
+    samples; `grade` 0:
     numbers, 1: the same at every sample, 2: varying."""
 
     rows: tuple[int, ...]

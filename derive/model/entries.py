@@ -201,7 +201,8 @@ class ExtremeEntry(Entry):
     time: Formula | None = Field(None, description="The end of the motion, in seconds.")
     spoiled: Formula | None = Field(
         None,
-        description="`all`, instead of a motion: NaN, ±Inf, the least denormal and 1e300 in every argument of every function.",
+        description="`all`, instead of a motion: NaN, ±Inf, the least denormal and 1e300 in "
+        "every argument of every function.",
     )
     integrator: Formula | None = Field(None, description="How to step (default: dop853).")
     enforcement: Formula | None = Field(
@@ -221,7 +222,8 @@ class ExtremeEntry(Entry):
     )
     end: dict[Name, Formula] = Field(
         {},
-        description="Coordinates and velocities at the end, in closed form; when left out, many digits are computed.",
+        description="Coordinates and velocities at the end, in closed form; when left out, many "
+        "digits are computed.",
     )
     refused: Formula | None = Field(
         None, description="For a case that must be refused: words of the message."
@@ -310,8 +312,10 @@ class BodyEntry(Entry):
     )
     inertia: Inertia | None = Field(
         None,
-        description="About the centre of mass: one moment in a planar model; in space one (a sphere), three (xx, yy, zz) or six "
-        "(xx, yy, zz, xy, xz, yz, tensor entries); or a mapping that says which point and frame it refers to. A point mass when "
+        description="About the centre of mass: one moment in a planar model; in space one (a "
+        "sphere), three (xx, yy, zz) or six "
+        "(xx, yy, zz, xy, xz, yz, tensor entries); or a mapping that says which point and frame "
+        "it refers to. A point mass when "
         "left out.",
     )
     about: Formula | None = Field(None, description="What it is, for readers.")
@@ -356,7 +360,8 @@ class JointEntry(TurnedEntry):
     child: Formula = Field(description="A body; each is the child of one joint.")
     at: JointPlace | None = Field(
         None,
-        description="Where the joint is: a point of the parent, one of the parent and one of the child, or a mapping with parent "
+        description="Where the joint is: a point of the parent, one of the parent and one of "
+        "the child, or a mapping with parent "
         "and child. Keys beside it turn the joint's frame in the parent.",
     )
     axis: Direction | None = Field(
@@ -364,7 +369,8 @@ class JointEntry(TurnedEntry):
     )
     axis2: Direction | None = Field(
         None,
-        description="Universal joint: the second axis, at right angles to the first, fixed in the child.",
+        description="Universal joint: the second axis, at right angles to the first, fixed in "
+        "the child.",
     )
     pitch: Formula | None = Field(
         None, description="Screw: advance along the axis per turn, such as 5 mm."
@@ -378,7 +384,8 @@ class JointEntry(TurnedEntry):
     )
     orientation: Orientation | None = Field(
         None,
-        description="Free joint: quaternion (when left out), or a mapping with an Euler sequence and names of the angles.",
+        description="Free joint: quaternion (when left out), or a mapping with an Euler "
+        "sequence and names of the angles.",
     )
     limits: Point | None = Field(
         None, description="Lowest and highest value of the coordinate, for readers; no force."
@@ -400,12 +407,14 @@ class ClosureEntry(TurnedEntry):
     type: Formula = Field(description="Kind of joint.")
     between: Point = Field(description="The two bodies.")
     at: Sides = Field(
-        description="Where the joint is in each of the two. Keys beside it turn its frame in the first body."
+        description="Where the joint is in each of the two. Keys beside it turn its frame in "
+        "the first body."
     )
     axis: Direction | None = Field(None, description="Direction in the joint's frame.")
     axis2: Direction | None = Field(
         None,
-        description="Universal joint: the second axis, at right angles to the first, fixed in the second body.",
+        description="Universal joint: the second axis, at right angles to the first, fixed in "
+        "the second body.",
     )
     pitch: Formula | None = Field(
         None, description="Screw: advance along the axis per turn, such as 5 mm."

@@ -1,4 +1,5 @@
-"""What an entry of `loads:` or `constraints:` is to the language: its keys, and how a record is made of them."""
+"""What an entry of `loads:` or `constraints:` is to the language: its keys, and how a record is
+made of them."""
 
 from __future__ import annotations
 

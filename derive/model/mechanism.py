@@ -29,7 +29,10 @@ def ordered(reader: Reader, document: Document, frames: list[Frame]) -> list[Fra
         child = frame.entry.child
         if child.text in by_child:
             other = by_child[child.text].name
-            problem = f"'{child.text}' is already the child of the joint '{other}', line {other.span.line}"
+            problem = (
+                f"'{child.text}' is already the child of the joint '{other}', line "
+                f"{other.span.line}"
+            )
             reader.report(
                 child.span,
                 problem,

@@ -60,7 +60,8 @@ def _named_rows(reader: Reader, entry: dict[Key, Scalar]) -> Rows:
         if identifier(name) in taken:
             reader.report(
                 span,
-                f"the quasi-velocity '{name}' has the name of {_kind(reader, taken[identifier(name)])}",
+                f"the quasi-velocity '{name}' has the name of "
+                f"{_kind(reader, taken[identifier(name)])}",
                 "another name",
             )
     _check_twice(reader, rows)

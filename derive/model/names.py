@@ -17,19 +17,25 @@ def _words(text: str) -> frozenset[str]:
 
 
 _C = _words(
-    """alignas alignof auto bool break case char const constexpr continue default do double else enum extern false float for goto
-    if inline int long nullptr register restrict return short signed sizeof static static_assert struct switch thread_local true
+    """alignas alignof auto bool break case char const constexpr continue default do double else
+    enum extern false float for goto
+    if inline int long nullptr register restrict return short signed sizeof static static_assert
+    struct switch thread_local true
     typedef typeof typeof_unqual union unsigned void volatile while asm fortran"""
 )
 _CPP = _words(
-    """and and_eq bitand bitor catch char8_t char16_t char32_t class co_await co_return co_yield compl concept const_cast
-    consteval constinit decltype delete dynamic_cast explicit export friend mutable namespace new noexcept not not_eq
-    operator or or_eq private protected public reinterpret_cast requires static_cast template this throw try typeid
+    """and and_eq bitand bitor catch char8_t char16_t char32_t class co_await co_return co_yield
+    compl concept const_cast
+    consteval constinit decltype delete dynamic_cast explicit export friend mutable namespace new
+    noexcept not not_eq
+    operator or or_eq private protected public reinterpret_cast requires static_cast template this
+    throw try typeid
     typename using virtual wchar_t xor xor_eq"""
 )
 # macros that gcc or the headers of generated code define
 _MACROS = _words(
-    "NULL EOF NAN INFINITY HUGE_VAL errno assert linux unix main offsetof signbit isnan isinf isfinite"
+    "NULL EOF NAN INFINITY HUGE_VAL errno assert linux unix main offsetof signbit isnan isinf "
+    "isfinite"
 )
 LANGUAGE = frozenset({"t", "pi", "der", "ground", "guess", *FUNCTIONS, *OUTPUT_FUNCTIONS})
 _MODULES = (

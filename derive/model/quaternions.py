@@ -28,7 +28,10 @@ def normalise(reader: Reader, joints: list[Frame], found: Found) -> None:
 def _normalise(reader: Reader, frame: Frame, entries: tuple[Coordinate, ...], found: Found) -> None:
     given = [found[entry.name] for entry in entries if entry.name in found]
     if entries[0].name not in found:
-        wanted = f"{entries[0].name} too: (1, 0, 0, 0) is no turn, (cos(a/2), sin(a/2), 0, 0) one by a about x"
+        wanted = (
+            f"{entries[0].name} too: (1, 0, 0, 0) is no turn, (cos(a/2), sin(a/2), 0, 0) "
+            "one by a about x"
+        )
         reader.report(
             given[0].span, f"a quaternion without its first entry '{entries[0].name}'", wanted
         )

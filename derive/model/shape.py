@@ -1,4 +1,5 @@
-"""The whole of a model file: the Document, with the kinds of constraints and loads from their tables,
+"""The whole of a model file: the Document, with the kinds of constraints and loads from their
+tables,
 and the JSON Schema that editors complete from."""
 
 from __future__ import annotations
@@ -84,7 +85,8 @@ class Document(Entry):
     )
     redundant: Literal["drop", "keep"] = Field(
         "drop",
-        description="Constraint rows that repeat others: drop them, or keep all and give the least reactions.",
+        description="Constraint rows that repeat others: drop them, or keep all and give the "
+        "least reactions.",
     )
     kinetic: Formula | None = Field(None, description="Kinetic energy of the analytic form.")
     potential: Formula | None = Field(None, description="Potential energy of the analytic form.")
@@ -97,11 +99,13 @@ class Document(Entry):
     inputs: dict[Name, InputEntry] = Field({}, description="Actuators.")
     outputs: dict[Name, Formula] = Field(
         {},
-        description="Formulas, position(body, point), velocity(body, point), angle(body), reaction(name).",
+        description="Formulas, position(body, point), velocity(body, point), angle(body), "
+        "reaction(name).",
     )
     quasi_velocities: dict[Name, Choice] = Field(
         {},
-        description="Choices of quasi-velocities: a list or mapping of formulas linear in the velocities, or one of "
+        description="Choices of quasi-velocities: a list or mapping of formulas linear in the "
+        "velocities, or one of "
         "auto, orthonormal, frozen, mass_orthogonal.",
     )
     initial: dict[Name, Initial] = Field(
@@ -109,8 +113,10 @@ class Document(Entry):
     )
     steady_motion: dict[Name, dict[Name, Held]] = Field(
         {},
-        description="What is held along a steady motion: coordinates, velocities and inputs (`free` for one to be found); "
-        "`guess`: where the search for the rest starts; `sweep`: ranges [first, last, count] of names free to choose or "
+        description="What is held along a steady motion: coordinates, velocities and inputs "
+        "(`free` for one to be found); "
+        "`guess`: where the search for the rest starts; `sweep`: ranges [first, last, count] of "
+        "names free to choose or "
         "of parameters; `cyclic`: the coordinates to leave out.",
     )
 

@@ -65,7 +65,10 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMoti
 def _check_input(reader: Reader, state: Key, name: str, scalar: Scalar) -> None:
     """Coordinates and velocities need no word to be found."""
     if reader.scope.symbols[name].kinds != {INPUT}:
-        hint = f"what is not held is found: leave '{state}' out, or say under guess where its search starts"
+        hint = (
+            f"what is not held is found: leave '{state}' out, or say under guess where its "
+            "search starts"
+        )
         reader.report(scalar.span, f"'{state}' is free", "only inputs can be called free", hint)
 
 

@@ -166,7 +166,8 @@ _PLACES = {
     "orientation": "quaternion, or a mapping with euler and angles",
     "parameters": "a number with its unit, such as 0.2 m",
     "coordinates": "a unit, such as m or rad",
-    "quasi_velocities": "a list or mapping of formulas, or auto, orthonormal, frozen, mass_orthogonal",
+    "quasi_velocities": "a list or mapping of formulas, or auto, orthonormal, frozen, "
+    "mass_orthogonal",
     "initial": "a number, or a mapping under `guess`",
 }
 

@@ -42,7 +42,8 @@ def listing(
 
 
 def _number(word: str) -> float:
-    """NaN for what is no number. What is too small for a model is rounding of an exporter's zero."""
+    """NaN for what is no number. What is too small for a model is rounding of an exporter's
+    zero."""
     value = float(word) if _NUMBER.match(word) else math.nan
     return 0.0 if too_small(value) else value
 

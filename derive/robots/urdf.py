@@ -115,7 +115,8 @@ def _old_quaternions(root: Element, result: Robot) -> None:
         for origin in origins:
             del origin.attributes["quat_xyzw"]
         result.changed.append(
-            f'quat_xyzw of {counted(len(origins), "origin")} is not read: it takes <robot version="1.1">'
+            f"quat_xyzw of {counted(len(origins), 'origin')} is not read: it takes <robot "
+            'version="1.1">'
         )
 
 
@@ -198,7 +199,10 @@ def _root(reading: Reading, tree: Tree) -> str:
             problem = (
                 f"a kinematic loop: the link '{child}' is already the child of the joint '{other}'"
             )
-            hint = "import the tree without this joint, then close the loop under `closures:` of the model"
+            hint = (
+                "import the tree without this joint, then close the loop under `closures:` "
+                "of the model"
+            )
             reading.report(
                 joint.first("child") or joint, problem, "one joint per child link", hint, "link"
             )
@@ -219,7 +223,10 @@ def _only_root(reading: Reading, tree: Tree, parents: dict[str, str]) -> str:
             attribute="name",
         )
     for circle in _circles(tree, parents):
-        problem = f"a kinematic loop without a beginning: {' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
+        problem = (
+            "a kinematic loop without a beginning: "
+            f"{' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
+        )
         reading.report(tree.links[circle[0]], problem, "a tree of links", attribute="name")
     return roots[0] if roots else ""
 
@@ -292,7 +299,10 @@ def _joints(reading: Reading, tree: Tree, result: Robot, base: str, floating: bo
 def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:
     given = element.get("type")
     if given not in TYPES:
-        problem = f"the joint '{element.get('name')}' has {f'the type {quoted(given)}' if given else 'no type'}"
+        problem = (
+            f"the joint '{element.get('name')}' has "
+            f"{f'the type {quoted(given)}' if given else 'no type'}"
+        )
         reading.report(element, problem, ", ".join(TYPES), attribute="type")
         return None
     ends = (element.first("parent"), element.first("child"))
@@ -381,7 +391,10 @@ def _mimics(reading: Reading, tree: Tree, result: Robot) -> None:
         else:
             masters[name] = mimic.get("joint")
     for circle in _mimic_circles(masters):
-        problem = f"joints that mimic each other in a circle: {' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
+        problem = (
+            "joints that mimic each other in a circle: "
+            f"{' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
+        )
         reading.report(
             tree.joints[circle[0]].first("mimic") or tree.joints[circle[0]],
             problem,
@@ -417,7 +430,10 @@ def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str)
             return
     multiplier, offset = scalar(reading, mimic, "multiplier", 1.0), scalar(reading, mimic, "offset")
     terms = [f"ratio: {written(multiplier)}"] + ([f"offset: {written(offset)}"] if offset else [])
-    text = f"{{type: coupling, joints: [{joint.name}, {other.name if other else ''}], {', '.join(terms)}}}"
+    text = (
+        f"{{type: coupling, joints: [{joint.name}, {other.name if other else ''}], "
+        f"{', '.join(terms)}}}"
+    )
     if (
         other is None or other.type == "fixed" or multiplier == 0.0
     ):  # nothing to follow: it stays at the offset
@@ -448,7 +464,10 @@ def _check_massless(reading: Reading, result: Robot, mimics: set[Element]) -> No
     for group in groups.values():
         if not any(joint.child in heavy for joint in group):
             names = ", ".join(quoted(joint.place.get("name")) for joint in group[:3])
-            problem = f"the joints {names}{' …' if len(group) > 3 else ''} move together and carry nothing that has mass"
+            problem = (
+                f"the joints {names}{' …' if len(group) > 3 else ''} move together and "
+                "carry nothing that has mass"
+            )
             reading.report(
                 group[0].place, problem, "links with mass, or fixed joints", attribute="name"
             )
@@ -484,7 +503,8 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
         )
     if reading.renamed:
         result.changed.append(
-            f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside"
+            f"{counted(reading.renamed, 'name')} changed to fit the model language; the old "
+            "ones stand beside"
         )
     meshes = sum(1 for element in root.walk() if element.tag == "mesh")
     if any(link.first("visual") or link.first("collision") for link in root.all("link")):

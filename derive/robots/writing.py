@@ -32,7 +32,8 @@ def text_of(robot: Robot, source: str) -> Written:
 
 def _head(robot: Robot, source: str) -> list[Line]:
     said = [
-        f"Made from {_one_line(source)} ({robot.kind}) by `hamel import`; numbers without a unit are in SI units."
+        f"Made from {_one_line(source)} ({robot.kind}) by `hamel import`; numbers without a "
+        "unit are in SI units."
     ]
     said += [f"- {note}" for note in (*robot.changed, *robot.assumed)] + [
         f"- LEFT OUT: {note}" for note in robot.left_out

@@ -130,7 +130,8 @@ def _off(system: System, p: np.ndarray, start: np.ndarray) -> ModelError:
     row = next(row.name for row in system.rows if row.position == worst)
     return _problem(
         system,
-        f"no configuration near the initial values satisfies the constraints ({row} is off by {phi[worst]:.3g})",
+        f"no configuration near the initial values satisfies the constraints ({row} is off by "
+        f"{phi[worst]:.3g})",
     )
 
 
@@ -161,7 +162,8 @@ def _velocities(
     if residual > AGREES * (1 + float(np.max(np.abs(v), initial=0.0))):
         raise _problem(
             system,
-            f"no velocities satisfy the constraints at the initial position (residual {residual:.3g})",
+            "no velocities satisfy the constraints at the initial position (residual "
+            f"{residual:.3g})",
         )
     return v
 
@@ -195,7 +197,8 @@ def _problem(system: System, message: str) -> ModelError:
             column=span.column,
             length=span.length,
             message=message,
-            expected="initial values that can be met; free some of them by moving them under `guess:`",
+            expected="initial values that can be met; free some of them by moving them under "
+            "`guess:`",
             source_line=source,
         )
     )

@@ -95,7 +95,8 @@ def ideal_reactions(system: System, used: list[int]) -> ca.SX:
 
 def _by_pivots(system: System, matrix: ca.SX, sides: list[Vector], values: np.ndarray) -> Vector:
     """For singular M: Gauss elimination with pivots that stay away from zero over the sampled
-    states. AssumptionError where there are none: a motion that the constraints allow has no mass."""
+    states. AssumptionError where there are none: a motion that the constraints allow has no
+    mass."""
     rows = scalars(matrix)
     structure = np.array([[not isinstance(x, float) or x != 0 for x in row] for row in rows])
     constant = np.array([[isinstance(x, float) for x in row] for row in rows])
@@ -133,7 +134,10 @@ def _check_unique(system: System, sampled: np.ndarray, i: int) -> None:
     if _rank(sampled) > (_rank(sampled[:, others]) if others else 0):
         return
     name = system.rows[i].name
-    message = f"a nonideal force uses reaction.{name}, which is not unique: '{name}' repeats other constraints"
+    message = (
+        f"a nonideal force uses reaction.{name}, which is not unique: '{name}' repeats "
+        "other constraints"
+    )
     owner = name.partition(".")[0]
     span = next(
         (c.span for c in (*system.model.closures, *system.model.constraints) if c.name == owner),

@@ -403,7 +403,8 @@ def _refuse_contradictions(system: System, left: np.ndarray, v: np.ndarray) -> N
             row.name for row, size in zip(system.rows, off) if size > CONTRADICTION
         )
         raise AssumptionError(
-            f"no velocities satisfy all constraints, whatever the position: {names} cannot be met together",
+            f"no velocities satisfy all constraints, whatever the position: {names} cannot be "
+            "met together",
             hint="take one of them out, or give them the same right-hand side",
         )
 

@@ -35,7 +35,8 @@ def show(record: Explained, console: Console) -> None:
     from hamel.show import ledger, operations
 
     console.print(
-        f"{record.model}, choice {record.choice} ({listed(record.quasi_velocities)}): {record.reason}"
+        f"{record.model}, choice {record.choice} ({listed(record.quasi_velocities)}): "
+        f"{record.reason}"
     )
     for pivot in record.pivots:
         console.print(f"pivot: {pivot}")

@@ -46,7 +46,8 @@ def show(record: Extremes, console: Console) -> None:
         )
     table(console, ("case", "method", "outcome", "", "judged by"), rows)
     console.print(
-        f"{len(record.rows)} cases: {record.survived} survived, {record.refused} refused, {record.wrong} wrong"
+        f"{len(record.rows)} cases: {record.survived} survived, {record.refused} refused, "
+        f"{record.wrong} wrong"
     )
     for row in record.rows:
         if row.moved > 0:

@@ -42,7 +42,10 @@ def show(record: Imported, console: Console) -> None:
     if record.file is None:
         console.print(record.text, end="", soft_wrap=True)
         return
-    size = f"{counted(record.bodies, 'body', 'bodies')}, {counted(record.velocities, 'velocity', 'velocities')}"
+    size = (
+        f"{counted(record.bodies, 'body', 'bodies')}, "
+        f"{counted(record.velocities, 'velocity', 'velocities')}"
+    )
     console.print(f"{record.model}: {record.kind} of {size} written to {record.file}")
     for note in record.changed:
         console.print(f"  {note}")

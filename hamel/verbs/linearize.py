@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,21 +36,26 @@ if TYPE_CHECKING:
 PAGE = "linearization.html"
 
 
-def run(
-    path: str | PathLike[str],
-    at: str | None,
-    choice: str | None,
-    sweep: Mapping[str, str],
-    given: Mapping[str, float | str],
-    cyclic: Sequence[str] | None,
-    out: str | Path | None,
-    step: float | None,
-) -> Linearized:
+@dataclass(frozen=True)
+class Options:
+    """Of the linear equations: the steady motion `at`, what is swept and what is held, the cyclic
+    coordinates left out of the eigenvalues (all when None), and the step in s of discrete time."""
+
+    at: str | None
+    choice: str | None
+    sweep: Mapping[str, str]
+    given: Mapping[str, float | str]
+    cyclic: Sequence[str] | None
+    step: float | None
+
+
+def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> Linearized:
+    sweep, step = options.sweep, options.step
     if len(sweep) > 2:
         raise ModelError(f"{len(sweep)} names are swept", "one, or two for a map")
     clock = Clock()
-    equations = equations_of(path, choice, clock=clock)
-    model, motion = equations.system.model, motion_of(equations, at)
+    equations = equations_of(path, options.choice, clock=clock)
+    model, motion = equations.system.model, motion_of(equations, options.at)
     wanted = ranges(model, motion, sweep)
     with clock("linearize"):
         middles = {
@@ -58,7 +63,9 @@ def run(
             for r in wanted
             if r.name in motion.sweepable
         }
-        found = study(equations, motion, middles | values(model, motion, given), cyclic)
+        found = study(
+            equations, motion, middles | values(model, motion, options.given), options.cyclic
+        )
     with clock("sweep"):
         made = swept(found, wanted)
     if step is not None and not 0 < step < math.inf:

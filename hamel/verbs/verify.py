@@ -135,7 +135,8 @@ def show(record: Verified, console: Console) -> None:
     refusals(record.refused, console)
     good = sum(check.passed for check in record.checks)
     console.print(
-        f"{record.model}: {good} of {len(record.checks)} checks passed at {record.states} random states per choice"
+        f"{record.model}: {good} of {len(record.checks)} checks passed at {record.states} "
+        "random states per choice"
     )
     if record.mutations is not None:
         _show_mutations(record.mutations, console)

@@ -29,7 +29,8 @@ def _equations(survey: Survey, choice: Choice) -> Equations:
 
 FORMULATION = Formulation(
     name="augmented",
-    about="generalized velocities and multipliers from one bordered system, the traditional reference; state x = (q, v)",
+    about="generalized velocities and multipliers from one bordered system, the traditional "
+    "reference; state x = (q, v)",
     source="Lagrange: Mécanique analytique, equations of the first kind",
     chooses=False,
     misfit=first_of(unwritten, undetermined, singular),

@@ -88,7 +88,8 @@ def _in_words(survey: Survey, found: Solved, names: list[str]) -> tuple[str, ...
     kinds = ("a number", "cannot vanish", "varies")
     velocities = [v.name for v in survey.system.model.velocities]
     return tuple(
-        f"{' and '.join(names[i] for i in block.rows)} for {' and '.join(velocities[j] for j in block.columns)} "
+        f"{' and '.join(names[i] for i in block.rows)} for "
+        f"{' and '.join(velocities[j] for j in block.columns)} "
         f"(pivot: {kinds[block.grade]})"
         for block in found.blocks
     )
@@ -114,7 +115,8 @@ def _projected(survey: Survey, reduction: Reduction) -> Explicit:
 
 FORMULATION = Formulation(
     name="maggi",
-    about="Maggi's and Kane's equations: [A; B] inverted as a whole, M v̇ + h − Q as written projected on S",
+    about="Maggi's and Kane's equations: [A; B] inverted as a whole, M v̇ + h − Q as written "
+    "projected on S",
     source="Maggi 1896, 1901; Kane, Levinson: Dynamics, Theory and Applications, 1985; "
     "Kurdila, Papastavridis, Kamat, J. Guidance 13 (1990) 113-120",
     chooses=True,

@@ -45,8 +45,10 @@ def _solved(found, n: int) -> list[Scalar]:
 
 FORMULATION = Formulation(
     name="recursive",
-    about="O(n) recursion over the links of a tree (decoupled natural orthogonal complement); state x = (q, v)",
-    source="Saha: J. Appl. Mech. 66 (1999) 986-996; Featherstone: Int. J. Robotics Research 2 (1983) 13-30",
+    about="O(n) recursion over the links of a tree (decoupled natural orthogonal complement); "
+    "state x = (q, v)",
+    source="Saha: J. Appl. Mech. 66 (1999) 986-996; Featherstone: Int. J. Robotics Research 2 "
+    "(1983) 13-30",
     chooses=False,
     misfit=first_of(constrained, not_of_links, singular),
     build=_equations,

@@ -37,7 +37,8 @@ def _unwritten_and_not_of_links(survey: Survey) -> str:
 
 FORMULATION = Formulation(
     name="udwadia_kalaba",
-    about="explicit equation of constrained motion, v̇ = a + M⁻¹Aᵀ(A M⁻¹Aᵀ)⁺(β − A a), M > 0; state x = (q, v)",
+    about="explicit equation of constrained motion, v̇ = a + M⁻¹Aᵀ(A M⁻¹Aᵀ)⁺(β − A a), M > 0; "
+    "state x = (q, v)",
     source="Udwadia, Kalaba: J. Appl. Mech. 68 (2001) 462-467 and 69 (2002) 335-339",
     chooses=False,
     misfit=first_of(undetermined, singular, _unwritten_and_not_of_links),

@@ -71,8 +71,10 @@ def _felt(M: np.ndarray, A: np.ndarray) -> np.ndarray:
 
 FORMULATION = Formulation(
     name="udwadia_phohomsiri",
-    about="explicit equation of motion for singular mass matrices too, rank [M; A] = nv; state x = (q, v)",
-    source="Udwadia, Phohomsiri: Proc. R. Soc. A 462 (2006) 2097-2117; M + AᵀWA after Udwadia, Schutte: J. Appl. Mech. 77 (2010)",
+    about="explicit equation of motion for singular mass matrices too, rank [M; A] = nv; state "
+    "x = (q, v)",
+    source="Udwadia, Phohomsiri: Proc. R. Soc. A 462 (2006) 2097-2117; M + AᵀWA after Udwadia, "
+    "Schutte: J. Appl. Mech. 77 (2010)",
     chooses=False,
     misfit=first_of(unwritten, undetermined),
     build=_equations,

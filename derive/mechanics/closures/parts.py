@@ -1,4 +1,5 @@
-"""Rows that several closures share: points that coincide, directions at right angles, shifts along axes."""
+"""Rows that several closures share: points that coincide, directions at right angles, shifts along
+axes."""
 
 from __future__ import annotations
 

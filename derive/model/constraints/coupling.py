@@ -69,7 +69,10 @@ def _per(first: str, second: str) -> str:
 def _check_turning(reader: Reader, key: Key, pair: tuple[Coordinate, Coordinate]) -> None:
     for coordinate in pair:
         if coordinate.unit != "rad":
-            problem = f"the gear '{key}' at '{coordinate.name}', which is in {coordinate.unit or 'plain numbers'}"
+            problem = (
+                f"the gear '{key}' at '{coordinate.name}', which is in "
+                f"{coordinate.unit or 'plain numbers'}"
+            )
             reader.report(
                 key.span, problem, "two turning joints", "type: coupling takes any two coordinates"
             )

@@ -21,7 +21,8 @@ class HolonomicEntry(Entry):
     holonomic: Formula = Field(description="Formula of coordinates and t that is zero.")
     nonideal: PerCoordinate | None = Field(
         None,
-        description="The constraint's own generalised force, per coordinate; reaction.NAME is an ideal multiplier.",
+        description="The constraint's own generalised force, per coordinate; reaction.NAME is "
+        "an ideal multiplier.",
     )
     about: Formula | None = None
 

@@ -23,7 +23,8 @@ class NonholonomicEntry(Entry):
     nonholonomic: Formula = Field(description="Formula that is zero, linear in the rates der(q).")
     nonideal: PerCoordinate | None = Field(
         None,
-        description="The constraint's own generalised force, per coordinate; reaction.NAME is an ideal multiplier.",
+        description="The constraint's own generalised force, per coordinate; reaction.NAME is "
+        "an ideal multiplier.",
     )
     about: Formula | None = None
 

@@ -30,7 +30,8 @@ class OnSurfaceEntry(Entry):
         None, description="The point, in the body's frame; its origin when left out."
     )
     surface: Formula = Field(
-        description="Formula that is zero on the surface; x, y, z are coordinates in the frame of `of`."
+        description="Formula that is zero on the surface; x, y, z are coordinates in the frame "
+        "of `of`."
     )
     of: Formula | None = Field(
         None, description="The body the surface is fixed to; ground when left out."

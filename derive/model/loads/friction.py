@@ -57,7 +57,10 @@ def _smoothing(reader: Reader, key: Key, entry: LawOfFriction, target: Velocity)
     """There is no speed that is slow for every joint, so dry friction has to say its own."""
     if entry.smoothing is None:
         if entry.coulomb is not None:
-            wanted = f"smoothing: a velocity in {target.unit}, at which tanh(v/smoothing) is three quarters"
+            wanted = (
+                f"smoothing: a velocity in {target.unit}, at which tanh(v/smoothing) is "
+                "three quarters"
+            )
             reader.report(
                 entry.coulomb.span, f"Coulomb friction of '{key}' without smoothing", wanted
             )

@@ -1,4 +1,5 @@
-"""What several loads say in one way: units of force per motion, the two points of a load between bodies."""
+"""What several loads say in one way: units of force per motion, the two points of a load between
+bodies."""
 
 from __future__ import annotations
 

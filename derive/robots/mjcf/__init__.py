@@ -67,11 +67,13 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
     massless = sum(1 for body in result.bodies if not body.mass)
     if massless:
         result.changed.append(
-            f"{counted(massless, 'body', 'bodies')} without mass, such as between several joints of one"
+            f"{counted(massless, 'body', 'bodies')} without mass, such as between several "
+            "joints of one"
         )
     if reading.renamed:
         result.changed.append(
-            f"{counted(reading.renamed, 'name')} changed to fit the model language; the old ones stand beside"
+            f"{counted(reading.renamed, 'name')} changed to fit the model language; the old "
+            "ones stand beside"
         )
     ignored = sorted({section.tag for section in root.children} & set(NOT_NEEDED))
     if ignored:

@@ -57,7 +57,8 @@ def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmis
                 )
             elif "range" in tendon.attributes:
                 scene.robot.left_out.append(
-                    f"the tendon {quoted(tendon.get('name'))}, which only ends a motion where it is taut"
+                    f"the tendon {quoted(tendon.get('name'))}, which only ends a motion where "
+                    "it is taut"
                 )
             else:
                 scene.robot.changed.append(
@@ -122,7 +123,8 @@ def actuators(
             clamped += any(name in actuator.attributes for name in CLAMPS)
     if clamped:
         scene.robot.left_out.append(
-            f"the ranges of {clamped} actuator{'s' * (clamped != 1)}: inputs and forces are not clamped"
+            f"the ranges of {clamped} actuator{'s' * (clamped != 1)}: inputs and forces are not "
+            "clamped"
         )
 
 

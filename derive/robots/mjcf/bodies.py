@@ -57,6 +57,17 @@ class Waiting:
     inherited: str
 
 
+@dataclass(frozen=True)
+class Attachment:
+    """What a joint lies between, where the child is in its carrier, and whether the body that the
+    file joins so is on the ground."""
+
+    carrier: str
+    child: str
+    pose: Frame
+    on_ground: bool
+
+
 def walk(reading: Reading, world: Element, scene: Scene, floating: bool) -> None:
     """Read every body under <worldbody>."""
     waiting = _below(reading, world, GROUND, "", scene)[::-1]
@@ -201,7 +212,8 @@ def _joints(
             between = Body(reading.bodies(f"{body.name}_{number}", "body"), waiting.element)
             scene.robot.bodies.append(between)
             child = between.name
-        joint = _joint(reading, element, frame, carrier, child, at, waiting, scene)
+        attachment = Attachment(carrier, child, at, waiting.parent == GROUND)
+        joint = _joint(reading, element, frame, attachment, scene)
         if joint is not None:
             scene.robot.joints.append(joint)
         carrier, at = child, Frame()
@@ -224,12 +236,10 @@ def _joint(
     reading: Reading,
     element: Element,
     frame: Frame,
-    carrier: str,
-    child: str,
-    pose: Frame,
-    waiting: Waiting,
+    attachment: Attachment,
     scene: Scene,
 ) -> Joint | None:
+    carrier, child, pose = attachment.carrier, attachment.child, attachment.pose
     given = "free" if element.tag == "freejoint" else element.get("type", "hinge")
     if given not in TYPES:
         reading.report(element, f"a joint of type '{given}'", ", ".join(TYPES), attribute="type")
@@ -245,7 +255,7 @@ def _joint(
         )
     scene.joints[original or joint.name] = joint
     if joint.type == "free":
-        if waiting.parent != GROUND:
+        if not attachment.on_ground:
             reading.report(
                 element, "a free joint on a body inside another", "a body of <worldbody>"
             )

@@ -57,8 +57,10 @@ def _idas(problem: Problem) -> Run:
     vdot = ca.solve(system.M, system.Q - system.h + ca.mtimes(A.T, lam))
     phi = ca.vertcat(*[system.phi[system.rows[i].position] for i in closing])
     dae = {
-        "x": ca.vertcat(system.q, system.v), "z": ca.vertcat(mu, lam), "t": system.t, "u": system.u, "p": system.p,
-        "ode": ca.vertcat(qdot, vdot), "alg": ca.vertcat(phi, ca.mtimes(A, system.v) - system.c[kept]),
+        "x": ca.vertcat(system.q, system.v), "z": ca.vertcat(mu, lam), "t": system.t,
+        "u": system.u, "p": system.p,
+        "ode": ca.vertcat(qdot, vdot), "alg": ca.vertcat(phi, ca.mtimes(A,
+        system.v) - system.c[kept]),
         "quad": equations.function("power").result.value,
     }  # fmt: skip
     t, module = float(problem.times[0]), problem.module
@@ -168,7 +170,10 @@ def _needs_multipliers(equations: Equations) -> str:
     if not equations.system.rows:
         return "there are no constraints to hold"
     if equations.formulation != "augmented":
-        return "it holds the constraints of the generalized velocities by multipliers of its own: give it the formulation augmented"
+        return (
+            "it holds the constraints of the generalized velocities by multipliers of its "
+            "own: give it the formulation augmented"
+        )
     return (
         ""
         if equations.system.written

@@ -97,7 +97,8 @@ CHECKS = (
     Check(
         "momenta",
         1e-8,
-        "what no force changes, by the reference, stays along short motions, per condition number/1000",
+        "what no force changes, by the reference, stays along short motions, per condition "
+        "number/1000",
         kept_momenta,
     ),
 )

@@ -21,7 +21,8 @@ STRANGE = {"nan": np.nan, "inf": np.inf, "-inf": -np.inf, "denormal": 5e-324, "h
 FINITE = (
     "denormal",
     "huge",
-    # where squares or quotients overflow, the order of operations decides: the result is not compared
+    # where squares or quotients overflow, the order of operations decides: the result is not
+    # compared
 )
 CLOSE = 1e-9
 RIGHT, REFUSED = "right", "refused"

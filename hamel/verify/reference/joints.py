@@ -147,7 +147,8 @@ def _euler(sequence: str, angles: Array, omega: Array) -> tuple[Array, Array, Ar
 
 
 _TABLE = {
-    "revolute": revolute, "prismatic": prismatic, "planar": planar, "fixed": fixed, "cylindrical": cylindrical, "ball": ball,
+    "revolute": revolute, "prismatic": prismatic, "planar": planar, "fixed": fixed,
+    "cylindrical": cylindrical, "ball": ball,
 }  # fmt: skip
 
 

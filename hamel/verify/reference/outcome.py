@@ -108,7 +108,8 @@ class Outcome:
 
     @property
     def admissible(self) -> bool:
-        """Whether M has no negative eigenvalue: parameters varied one by one may be no machine's."""
+        """Whether M has no negative eigenvalue: parameters varied one by one may be no
+        machine's."""
         return least_eigenvalue(self.M, self.least_inertia) >= -UNDONE
 
     @property

@@ -81,7 +81,8 @@ def text(model: Model, s: State, rotors: Array) -> str:
     return (
         f'<mujoco><compiler angle="radian"/><option gravity="{_numbers(gravity)}" jacobian="dense">'
         '<flag contact="disable" limit="disable"/></option>'
-        f"<worldbody>{_inside(model, GROUND, s, rotors)}</worldbody><equality>{loops}</equality></mujoco>"
+        f"<worldbody>{_inside(model, GROUND, s, rotors)}</worldbody>"
+        f"<equality>{loops}</equality></mujoco>"
     )
 
 
@@ -134,7 +135,10 @@ def _inertial(model: Model, body: Body, s: State) -> str:
             )
         )
     entries = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
-    return f'<inertial pos="{_numbers(s.vector(body.com))}" mass="{s.value(body.mass)!r}" fullinertia="{_numbers(entries)}"/>'
+    return (
+        f'<inertial pos="{_numbers(s.vector(body.com))}" mass="{s.value(body.mass)!r}" '
+        f'fullinertia="{_numbers(entries)}"/>'
+    )
 
 
 def _numbers(values: Sequence[float] | Array) -> str:

@@ -47,14 +47,13 @@ NUMPY = Language(
     {
         **{name: f"np.{name}({{0}})" for name in
            ("sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "expm1", "log1p",
-           "floor", "ceil", "fabs",
-            "sign")},
-        **{name: f"np.{full}({{0}})" for name, full in {"asin": "arcsin", "acos": "arccos",
-        "atan": "arctan", "asinh": "arcsinh",
-           "acosh": "arccosh", "atanh": "arctanh"}.items()},
-        **{name: f"np.{full}({{0}}, {{1}})" for name, full in {"pow": "float_power",
-        "atan2": "arctan2", "hypot": "hypot",
-           "fmin": "fmin", "fmax": "fmax", "copysign": "copysign", "fmod": "fmod"}.items()},
+            "floor", "ceil", "fabs", "sign")},
+        **{name: f"np.{full}({{0}})" for name, full in
+           {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "asinh": "arcsinh",
+            "acosh": "arccosh", "atanh": "arctanh"}.items()},
+        **{name: f"np.{full}({{0}}, {{1}})" for name, full in
+           {"pow": "float_power", "atan2": "arctan2", "hypot": "hypot",
+            "fmin": "fmin", "fmax": "fmax", "copysign": "copysign", "fmod": "fmod"}.items()},
         "lt": "np.where({0} < {1}, 1.0, 0.0)", "le": "np.where({0} <= {1}, 1.0, 0.0)",
         "eq": "np.where({0} == {1}, 1.0, 0.0)",
         "ne": "np.where({0} != {1}, 1.0, 0.0)",

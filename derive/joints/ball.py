@@ -9,6 +9,7 @@ motion.
 from collections.abc import Sequence
 
 from derive.joints.records import JointType, Matrix, Rotation, Scalar, Slot, Still, Vector
+from derive.joints.rotations import dot
 
 UNIT_VECTORS = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
 QUATERNION = tuple(Slot(s, "1") for s in ("qw", "qx", "qy", "qz"))
@@ -17,8 +18,6 @@ SPIN = tuple(Slot(s, "rad/s") for s in ("wx", "wy", "wz"))
 
 def quaternion_matrix(q: Sequence[Scalar]) -> Matrix:
     """R = 1 + (2/|q|²) (w [e]× + [e]× [e]×), e the vector part."""
-    from derive.joints.rotations import dot
-
     w, x, y, z = q
     s = 2.0 / dot(q, q)
     sx, sy, sz = s * x, s * y, s * z

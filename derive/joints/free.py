@@ -11,14 +11,13 @@ from dataclasses import replace
 
 from derive.joints.ball import QUATERNION, quaternion_matrix, quaternion_rates, quaternion_rotation
 from derive.joints.records import JointType, Rotation, Scalar, Slot, Vector
+from derive.joints.rotations import cross, dot, matrix, principal_rotation, rotated, transpose
 from derive.joints.turns import UNIT, euler_rotation
 
 
 def _angle_rates(sequence: str, angles: Sequence[Scalar], omega: Sequence[Scalar]) -> Vector:
     """θ̇ from ω: θ̇₁ and θ̇₂ along the dual axes, taken in the frame before the last turn where
     they are single components."""
-    from derive.joints.rotations import cross, dot, principal_rotation, rotated, transpose
-
     before = rotated(principal_rotation(sequence[2], angles[2]), omega)
     first = rotated(transpose(principal_rotation(sequence[1], angles[1])), UNIT[sequence[0]])
     second, third = UNIT[sequence[1]], UNIT[sequence[2]]
@@ -36,8 +35,6 @@ def free_joint(sequence: str) -> JointType:
         return euler_rotation(sequence, q[3:])
 
     def rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
-        from derive.joints.rotations import matrix, rotated
-
         return [*rotated(matrix(rotation(q, axis)), v[:3]), *_angle_rates(sequence, q[3:], v[3:])]
 
     return JointType(
@@ -58,8 +55,6 @@ def free_joint(sequence: str) -> JointType:
 
 
 def _floating_rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
-    from derive.joints.rotations import rotated
-
     return [*rotated(quaternion_matrix(q[3:]), v[:3]), *quaternion_rates(q[3:], v[3:])]
 
 

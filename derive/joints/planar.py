@@ -8,6 +8,7 @@ z) for −y, (y, z) for x.
 from collections.abc import Sequence
 
 from derive.joints.records import JointType, Scalar, Slot, Vector
+from derive.joints.rotations import axis_rotation, cross, rotated, sum_of
 from derive.joints.turns import turn
 
 
@@ -17,20 +18,14 @@ def _first(axis: Sequence[Scalar]) -> Vector:
 
 
 def _second(axis: Sequence[Scalar]) -> Vector:
-    from derive.joints.rotations import cross
-
     return cross(axis, _first(axis))
 
 
 def _in_plane(a: Scalar, b: Scalar, axis: Sequence[Scalar]) -> Vector:
-    from derive.joints.rotations import sum_of
-
     return sum_of([a * e for e in _first(axis)], [b * e for e in _second(axis)])
 
 
 def _rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
-    from derive.joints.rotations import axis_rotation, rotated
-
     velocity = rotated(axis_rotation(axis, q[2]), _in_plane(v[0], v[1], axis))
     return [_component(velocity, _first(axis)), _component(velocity, _second(axis)), v[2]]
 

@@ -11,9 +11,11 @@ import casadi as ca
 import numpy as np
 
 from derive.robots import load
+from derive.robots.robot import counted
 from derive.states.initial import initial_state
 from hamel.build.stages import mechanics_of, usable_choices
 from hamel.records import Checked
+from hamel.show import refusals
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -63,9 +65,6 @@ def _rank(mechanics: System, q: Any) -> int:
 
 
 def show(record: Checked, console: Console) -> None:
-    from derive.robots.robot import counted
-    from hamel.show import refusals
-
     velocities = counted(len(record.velocities), "velocity", "velocities")
     size = f"{velocities}, {counted(len(record.constraints), 'constraint')} of rank {record.rank}"
     freedom = f"{counted(record.degrees_of_freedom, 'degree')} of freedom"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import hamel
 from derive.choices.assessment import Assessed, comparison, conditions_along
 from derive.diagnostics import ModelError, listed
 from derive.formulations import equations
@@ -20,6 +21,7 @@ from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of
 from hamel.draw import Curve, Panel, draw
 from hamel.records import Choices, Ranking
+from hamel.show import refusals, shortened, table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -76,8 +78,6 @@ def _draw(
     path: str | PathLike[str], mechanics: System, names: list[str], plot: Path, until: float
 ) -> None:
     """cond [A; B] along the motion of the file's first choice."""
-    import hamel
-
     motion = hamel.simulate(path, time=until).motion
     t = np.asarray(motion["t"])
     q = np.array([motion[c.name] for c in mechanics.model.coordinates]).T
@@ -97,8 +97,6 @@ def _draw(
 
 
 def show(record: Choices, console: Console) -> None:
-    from hamel.show import refusals, shortened, table
-
     timed = any(r.ns is not None for r in record.choices)
     rows = [
         (

@@ -10,6 +10,7 @@ from derive.diagnostics import listed
 from hamel.build.options import Constants
 from hamel.build.stages import equations_of, program_of
 from hamel.records import Explained
+from hamel.show import ledger, operations
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,8 +33,6 @@ def run(path: str | PathLike[str], choice: str | None, constants: Constants) -> 
 
 
 def show(record: Explained, console: Console) -> None:
-    from hamel.show import ledger, operations
-
     console.print(
         f"{record.model}, choice {record.choice} ({listed(record.quasi_velocities)}): "
         f"{record.reason}"

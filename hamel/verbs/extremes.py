@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError
 from hamel.records import Extremes
+from hamel.show import number, table
 from hamel.study.extremes import extremes_table
 
 if TYPE_CHECKING:
@@ -32,8 +33,6 @@ def run(
 
 
 def show(record: Extremes, console: Console) -> None:
-    from hamel.show import number, table
-
     rows = []
     for row in record.rows:
         told = row.status if row.error is None else f"error {number(row.error)}"

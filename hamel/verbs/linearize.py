@@ -29,6 +29,7 @@ from hamel.linear.ranges import ranges, values
 from hamel.linear.sweep import Sweep, swept
 from hamel.linear.words import course, shape
 from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
+from hamel.show import durations, table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -161,8 +162,6 @@ def _pair(x: complex | np.complexfloating) -> list[float]:
 
 
 def show(record: Linearized, console: Console) -> None:
-    from hamel.show import durations, table
-
     at = ", ".join(
         f"{name} {value:.6g}" for name, value in record.steady.items() if abs(value) > SEEN
     )

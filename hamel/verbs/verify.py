@@ -21,6 +21,7 @@ from hamel.build.module import temporary_module
 from hamel.build.options import Constants
 from hamel.build.stages import mechanics_of, usable_choices
 from hamel.records import CheckLine, Mutations, Verified
+from hamel.show import number, refusals, table
 from hamel.verify import verification
 from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
@@ -122,8 +123,6 @@ def _published(chosen: Equations) -> list[CheckLine]:
 
 def show(record: Verified, console: Console) -> None:
     """One row per check, one column per choice: the worst relative error met."""
-    from hamel.show import number, refusals, table
-
     values = {tuple(check.name.split(": ", 1)): check for check in record.checks}
     choices, names = (list(dict.fromkeys(key[i] for key in values)) for i in (0, 1))
     rows = []
@@ -144,8 +143,6 @@ def show(record: Verified, console: Console) -> None:
 
 def _show_mutations(found: Mutations, console: Console) -> None:
     """Each check with the number of planted errors it saw, then what none saw."""
-    from hamel.show import table
-
     seen = Counter(name for mutation in found.list for name in mutation.caught_by)
     table(
         console,
@@ -163,8 +160,6 @@ def _show_mutations(found: Mutations, console: Console) -> None:
 
 
 def _cell(check: CheckLine | None) -> str:
-    from hamel.show import number
-
     if check is None:
         return "–"
     return number(check.value) if check.passed else f"FAILED {number(check.value)}"

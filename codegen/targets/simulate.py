@@ -19,6 +19,7 @@ from codegen.integrators import (
     Rosenbrock,
     Tableau,
 )
+from codegen.passes.lanes import side_by_side
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.records import Target
@@ -124,6 +125,7 @@ def _data(program: Program) -> dict[str, Any]:
         "calls": _calls(program, sizes, tabled, has["constants"]),
         "enforcements": _numbered(program.enforcements),
         "rows": rows,
+        "lanes": side_by_side(program),
         "nq": nq,
         "turn": _turn(program.real),
         "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
@@ -169,6 +171,7 @@ def _flags(
         "HAS_MANIFOLD": int(has["manifold"]),
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),
+        "HAS_LANES": int(bool(side_by_side(program))),
         "HAS_MIDPOINT": int(any(isinstance(x, Midpoint) for x in chosen)),
         "TURNING": len(program.turning),
         "EXPLICIT_STAGES": max(explicit, default=0),
@@ -194,7 +197,7 @@ def _calls(
 def _numbered(enforcements: Sequence[str]) -> list[str]:
     """Constants of an enumeration."""
     numbers = {name: i for i, name in enumerate(enforcements)}
-    known = ("projection", *MANIFOLDS, *CHARTS)
+    known = ("projection", "none", *MANIFOLDS, *CHARTS)
     return [f"{name.upper()} = {numbers.get(name, -1)}" for name in known]
 
 

@@ -81,11 +81,11 @@ static void finish(const Motions *all, size_t row, const Motion *m, int status)
     for (k = (size_t)s->done; k < all->n; k++) {
         m->rows.work[k] = NAN;
         for (i = 0; i < NX; i++)
-            m->rows.x[k * NX + i] = NAN;
+            m->rows.x[k * NX + (size_t)i] = NAN;
         for (i = 0; m->rows.reduced && i < NX; i++)
-            m->rows.reduced[k * NX + i] = NAN;
+            m->rows.reduced[k * NX + (size_t)i] = NAN;
         for (i = 0; m->rows.v && i < VELOCITY_ROWS; i++)
-            m->rows.v[k * VELOCITY_ROWS + i] = NAN;
+            m->rows.v[k * VELOCITY_ROWS + (size_t)i] = NAN;
         if (m->rows.chart)
             m->rows.chart[k] = -1.0;
     }

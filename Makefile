@@ -6,10 +6,11 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 HAMEL  := $(BIN)/hamel
 DEMO   := build/demo
 ROBOTS := build/robots/venv
+TRIALS := build/trials
 BENCH  := build/bench/venv
 PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn
 
-.PHONY: demo report test test-slow lint robots loops growth bench bench-page report-page whole fresh clean
+.PHONY: demo report test test-slow lint robots loops growth bench bench-page report-page whole matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -69,6 +70,24 @@ report-page: $(VENV)/.test
 # Whole simulations to an error of 1e-8 at the end, beside a plain C loop, CasADi's, CVODES, IDAS, SciPy and Exudyn: ten minutes.
 whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
+
+# Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: half an hour.
+matrix: trials
+	$(TRIALS)/venv/bin/python tests/trials/matrix.py $(or $(COUNT),300)
+
+# Files spoiled, builds killed, many at once, full disks, odd compilers: a right module or a clear refusal, in half an hour.
+faults: trials
+	$(TRIALS)/venv/bin/python tests/trials/faults.py
+
+# Spoiled model and robot files for some time, as in make fuzz SECONDS=1200; what broke before comes first.
+fuzz: trials
+	$(TRIALS)/venv/bin/python tests/trials/fuzz.py $(or $(SECONDS),300)
+
+# The wheel of this checkout in an environment of its own, anew each time.
+.PHONY: trials
+trials:
+	@echo "installing the wheel of hamel into $(TRIALS)/venv"
+	@$(PYTHON) tests/trials/environment.py $(TRIALS)
 
 $(BENCH)/.ready: pyproject.toml
 	@echo "installing hamel and its peers ($(PEERS)) into $(BENCH)"

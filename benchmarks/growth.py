@@ -192,11 +192,13 @@ def _drawn(found: dict[str, list[dict[str, Any]]]) -> str:
 
 def measured(text: str, n: int) -> dict[str, Any]:
     """All stages of one mechanism; `wall` and `MB` are of the whole, compiler included."""
-    from codegen import build, loader
+    from codegen import loader
+    from codegen.emit import emit
     from codegen.passes import program
     from derive.formulations import equations
     from derive.model import load
     from derive.states import system
+    from hamel.build.module import published
 
     row: dict[str, Any] = {"links": n}
     with tempfile.TemporaryDirectory() as folder:
@@ -206,8 +208,8 @@ def measured(text: str, n: int) -> dict[str, Any]:
         start = time.perf_counter()
         derived = _timed(row, "derive", lambda: equations(system(load(path), "all")))
         made = _timed(row, "program", lambda: program(derived, FUNCTIONS))
-        _timed(row, "emit", lambda: build.emit(made))
-        built = _timed(row, "compile", lambda: build.build(made, Path(folder, "chain")))
+        _timed(row, "emit", lambda: emit(made))
+        built = _timed(row, "compile", lambda: published(made, Path(folder, "chain")))
         row["compile"] -= row["emit"]
         module = _timed(row, "load", lambda: loader.load(built.folder))
         row["wall"] = time.perf_counter() - start

@@ -21,7 +21,7 @@ from derive.formulations import equations
 from derive.model import Model, load
 from derive.states import system
 from derive.states.initial import initial_state
-from hamel.pipeline import temporary_module
+from hamel.build.module import temporary_module
 from hamel.simulate.motion import Stepping, integrated
 from hamel.verify.reference.engines import exudyn
 from hamel.verify.reference.outcome import Reference, reference, state_of

@@ -17,7 +17,7 @@ from typing import Any
 from targets import BEST, CHAINS
 
 from hamel.draw import Curve, Panel, draw
-from hamel.draw.svg import COLOURS, STYLE, text
+from hamel.draw.canvas import COLOURS, document, element, text
 
 SOURCE, DOCS = Path("build/bench.json"), Path("docs")
 BEGIN, END = "<!-- the rest of this section: benchmarks/page.py -->", "<!-- so far -->"
@@ -121,18 +121,13 @@ def targets(rows: Sequence[Row]) -> str:
                 left - 6, y + 11, f"{row['function']}, {row['model']}: {row['peer']}", anchor="end"
             )
         )
-        parts.append(
-            f'<rect x="{left}" y="{y}" width="{share / most * width:.1f}" height="{step - 5}" fill="{colour}"/>'
-        )
+        size = {"width": share / most * width, "height": step - 5}
+        parts.append(element("rect", x=left, y=y, **size, fill=colour))
         parts.append(text(left + share / most * width + 4, y + 11, f"{share:.2f}"))
     one = left + width / most
-    parts.append(
-        f'<line class="frame" x1="{one:.1f}" x2="{one:.1f}" y1="{top - 4}" y2="{height - 24}"/>'
-    )
+    parts.append(element("line", class_="frame", x1=one, x2=one, y1=top - 4, y2=height - 24))
     parts.append(text(one, height - 8, "allowed", anchor="middle"))
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 680 {height}" width="680" height="{height}" role="img">'
-    body = "\n".join(parts)
-    return f'{head}\n<style>{STYLE}</style>\n<rect width="100%" height="100%" fill="#fff"/>\n{body}\n</svg>\n'
+    return document(680, height, parts)
 
 
 def page(before: str, rows: Sequence[Row]) -> str:

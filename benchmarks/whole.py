@@ -32,7 +32,7 @@ from derive.mechanics.records import System
 from derive.model import load
 from derive.states import system
 from derive.states.initial import initial_state
-from hamel.pipeline import temporary_module
+from hamel.build.module import temporary_module
 from hamel.settings import settings
 from hamel.simulate.exact import Problem, solution, state_of
 

@@ -7,6 +7,7 @@ module is to be used. No claim of licence is made on this file: 0BSD, see LICENS
 
 import concurrent.futures
 import functools
+import hashlib
 import importlib.util
 import json
 import os
@@ -14,6 +15,7 @@ import pathlib
 import platform
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -35,24 +37,54 @@ LONG = (
 WIDE = "-mprefer-vector-width=512"  # of those as long as there are
 # on Zen, lanes so ordered take up to 13 % less than by gcc's own model of it; one state more
 TUNE = "-mtune=icelake-server"
-INSTALL = "install one (Debian: `apt install gcc`; macOS: `xcode-select --install`; anywhere: `pip install ziglang`)"
+INSTALL = (
+    "install one (Debian: `apt install gcc`; macOS: `xcode-select --install`; "
+    "anywhere: `pip install ziglang`)"
+)
+FULL = "free some space on the disk of this folder and on that of temporary files"
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+BINARIES = "binaries.json"  # what was compiled here: file name -> SHA-256
+ANSWER = 20.0  # s in which a compiler has to say what it is
+LEAST = 120.0  # s that it may take for a file, and more for a long one
+PER_BYTE = 1e-3  # s; gcc takes some 2e-5
+running = {}  # the compilers under way, and where they work
 
 
 class CompileError(Exception):
-    """The compiler said no; its own words are in the message."""
+    """The compiler said no. `said` are all its own words, `hint` is what to do about it."""
+
+    def __init__(self, message, hint="", said=""):
+        super().__init__(message)
+        self.hint = hint
+        self.said = said
 
 
 def find_compiler():
     """The command of the first compiler found: $CC, cc, gcc, clang, then the ziglang package; None
-    without one."""
-    if os.environ.get("CC"):
-        command = shlex.split(os.environ["CC"])
-        return command if shutil.which(command[0]) else None
+    without one, or where $CC is no command."""
+    if os.environ.get("CC", "").strip():
+        command = chosen()
+        return command if command and shutil.which(command[0]) else None
     for name in ("cc", "gcc", "clang"):
         if shutil.which(name):
             return [name]
     return [sys.executable, "-m", "ziglang", "cc"] if importlib.util.find_spec("ziglang") else None
+
+
+def chosen():
+    """The command in $CC; none where it cannot be read."""
+    try:
+        return shlex.split(os.environ["CC"])
+    except ValueError:
+        return []
+
+
+def no_compiler():
+    """Why there is no compiler, and what to do about it."""
+    given = os.environ.get("CC", "").strip()
+    if given:
+        return f"CC is {given!r}, which is no command here: correct it, or unset it", INSTALL
+    return "no C compiler found", INSTALL
 
 
 @functools.cache
@@ -61,11 +93,9 @@ def probe(command):
     macros it defines."""
     for flags in choices():
         asked = [*command, *FLAGS, *flags, "-dM", "-E", "-x", "c", os.devnull]
-        answer = subprocess.run(
-            asked, capture_output=True, text=True, errors="replace", check=False
-        )
-        if not answer.returncode:
-            return flags, answer.stdout
+        code, said, _ = ended(asked, None, ANSWER)
+        if not code:
+            return flags, said
     return (), ""
 
 
@@ -125,7 +155,7 @@ def compile_folder(folder, name, command):
         for stem in stems
     ]
     objects = [f"{stem}.o" for stem in stems]
-    made = [f"lib{name}{SUFFIX}"]
+    made = [shared_library(name)]
     links = [[*command, *shared(), *objects, "-lm", "-o", made[0]]]
     if includes:  # the headers of Python and NumPy take longer to read than most sources
         tasks.insert(
@@ -136,11 +166,36 @@ def compile_folder(folder, name, command):
         made.append(f"_{name}{extension_suffix()}")
         links.append([*command, *shared(), *objects, "-lm", "-o", made[1]])
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        for stage in (tasks, links):
-            list(pool.map(lambda task: run(folder, task), stage))
+        try:
+            for stage in (tasks, links):
+                list(pool.map(lambda task: run(folder, task), stage))
+        except BaseException:  # of one compiler, or an interrupt: nobody waits for the others
+            stop(folder)
+            raise
+    missing = [item for item in (*objects, *made) if not (folder / item).is_file()]
+    if missing:
+        raise CompileError(f"{command[0]} ended without an error, but did not make {missing[0]}")
     for item in objects:
         (folder / item).unlink()
+    record(folder, made)
     return made
+
+
+def shared_library(name):
+    """The file name of the library for C."""
+    return f"lib{name}{SUFFIX}"
+
+
+def record(folder, made):
+    """Note what was compiled: hamel looks whether it still is that."""
+    try:
+        known = json.loads((folder / BINARIES).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        known = {}
+    kept = {file: value for file, value in known.items() if (folder / file).is_file()}
+    new = {file: hashlib.sha256((folder / file).read_bytes()).hexdigest() for file in made}
+    text = json.dumps(dict(sorted({**kept, **new}.items())), indent=1) + "\n"
+    (folder / BINARIES).write_text(text, encoding="utf-8")
 
 
 def flags_of(command, name, stem):
@@ -175,7 +230,7 @@ def manifest(folder):
 
 def sources(folder, name):
     """The C files that make up the library, the longest first."""
-    others = {"example.c", f"{name}_module.c"}
+    others = {example(name), f"{name}_module.c"}
     found = [
         file for file in manifest(folder)["files"] if file.endswith(".c") and file not in others
     ]
@@ -185,6 +240,11 @@ def sources(folder, name):
     ]
 
 
+def example(name):
+    """The file name of the example program, which is none of the model's own."""
+    return "example.c" if name.lower() != "example" else "example_program.c"
+
+
 def shared():
     """Linker options for a shared library that leaves Python's symbols open."""
     return ["-shared", "-undefined", "dynamic_lookup"] if sys.platform == "darwin" else ["-shared"]
@@ -192,27 +252,82 @@ def shared():
 
 def run(folder, command):
     """Run a command in the folder; what it prints on failure becomes the error."""
-    try:
-        result = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
-        )
-    except OSError as error:
-        raise CompileError(f"{command[0]} does not start: {error}") from error
-    if result.returncode:
-        said = (result.stderr or result.stdout).strip()[-4000:]
+    size = sum((folder / file).stat().st_size for file in command if file.endswith(".c"))
+    code, said, errors = ended(command, folder, LEAST + PER_BYTE * size)
+    if code:
+        said = (errors or said).strip()[-4000:]
+        full = "No space left on device" in said
         raise CompileError(
-            f"{' '.join(command[:1])} failed with exit code {result.returncode}:\n{said}"
+            f"{command[0]} failed with exit code {code}: {first_error(said)}",
+            FULL if full else "",
+            said,
         )
+
+
+def first_error(said):
+    """The line that says what is wrong; the first one where none does."""
+    lines = [" ".join(line.split()) for line in said.splitlines() if line.strip()]
+    errors = [line for line in lines if "error" in line.lower() or "fatal" in line.lower()]
+    return (errors or lines or ["it said nothing"])[0]
+
+
+def ended(command, folder, limit):
+    """Exit code, output and errors of a command; CompileError when it does not start, or takes more
+    than `limit` seconds."""
+    try:
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            start_new_session=True,  # so that all it starts can be ended with it
+        )
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise CompileError(f"{command[0]} does not start: {said}", INSTALL) from error
+    running[process] = folder
+    try:
+        said, errors = process.communicate(timeout=limit)
+    except subprocess.TimeoutExpired:
+        kill(process)
+        raise CompileError(
+            f"{command[0]} did not end within {limit:.0f} s and was stopped",
+            "try it by itself, or name another compiler in CC",
+        ) from None
+    finally:
+        if process.poll() is None:
+            kill(process)
+        running.pop(process, None)
+    return process.returncode, said, errors
+
+
+def kill(process):
+    """End a command, and all that it started."""
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except (AttributeError, OSError):
+        process.kill()
+    process.wait()
+
+
+def stop(folder):
+    """End every compiler that works in the folder."""
+    for process, place in list(running.items()):
+        if place == folder:
+            kill(process)
 
 
 def main():
     command = find_compiler()
     if command is None:
-        sys.exit(f"no C compiler found: {INSTALL}")
+        sys.exit(": ".join(no_compiler()))
     try:
         made = compile_folder(pathlib.Path(__file__).resolve().parent, NAME, command)
     except CompileError as error:
-        sys.exit(str(error))
+        sys.exit("\n".join(filter(None, (str(error), error.said, error.hint))))
     print("made " + ", ".join(made))
 
 

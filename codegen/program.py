@@ -213,12 +213,13 @@ class Program:
     turning: tuple[int, ...] = field(
         default=(), repr=False
     )  # coordinates whose whole turns nothing in `simulate` sees
+    frame: int = field(default=0, repr=False)  # last entries of p: directions that are based anew
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
-        several = "".join(repr(more) for more in (self.charts, self.turning) if more)
+        several = "".join(repr(more) for more in (self.charts, self.turning, self.frame) if more)
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
         ).hexdigest()[:32]

@@ -20,8 +20,10 @@ import numpy as np
 from derive.diagnostics import HamelError, did_you_mean, listed
 
 FUNCTIONS = (
-    "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log", "expm1",
-    "log1p", "erf", "floor", "ceil", "fabs", "pow", "atan2", "hypot", "fmin", "fmax", "copysign", "fmod",
+    "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh",
+    "atanh", "exp", "log", "expm1",
+    "log1p", "erf", "floor", "ceil", "fabs", "pow", "atan2", "hypot", "fmin", "fmax", "copysign",
+    "fmod",
     "remainder", "rint",
 )  # fmt: skip
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import json
 import math
@@ -13,20 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import jinja2.bccache
 
-from codegen import cache
 from codegen.program import Expression, Program
 from codegen.reals import Real, recast
 
 TEMPLATES = Path(__file__).parent / "templates"
-SELDOM = (
-    "charts",
-    "choices",
-    "inline",
-    "linear",
-    "long",
-)  # in the names of templates that few modules need
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _LEVEL = {"add": 1, "sub": 1, "mul": 2, "div": 2, "neg": 3}
 _ATOM = 4
@@ -44,8 +34,10 @@ class Language:
 
 C = Language(
     {
-        "lt": "(double)({0} < {1})", "le": "(double)({0} <= {1})", "eq": "(double)({0} == {1})", "ne": "(double)({0} != {1})",
-        "and": "(double)({0} != 0 && {1} != 0)", "or": "(double)({0} != 0 || {1} != 0)", "not": "(double)({0} == 0)",
+        "lt": "(double)({0} < {1})", "le": "(double)({0} <= {1})", "eq": "(double)({0} == {1})",
+        "ne": "(double)({0} != {1})",
+        "and": "(double)({0} != 0 && {1} != 0)", "or": "(double)({0} != 0 || {1} != 0)",
+        "not": "(double)({0} == 0)",
         "where": "({0} != 0 ? {1} : 0.0)", "sign": "(double)(({0} > 0) - ({0} < 0))",
     },
     "INFINITY",
@@ -62,8 +54,10 @@ NUMPY = Language(
            "acosh": "arccosh", "atanh": "arctanh"}.items()},
         **{name: f"np.{full}({{0}}, {{1}})" for name, full in {"pow": "float_power", "atan2": "arctan2", "hypot": "hypot",
            "fmin": "fmin", "fmax": "fmax", "copysign": "copysign", "fmod": "fmod"}.items()},
-        "lt": "np.where({0} < {1}, 1.0, 0.0)", "le": "np.where({0} <= {1}, 1.0, 0.0)", "eq": "np.where({0} == {1}, 1.0, 0.0)",
-        "ne": "np.where({0} != {1}, 1.0, 0.0)", "and": "np.where(({0} != 0) & ({1} != 0), 1.0, 0.0)",
+        "lt": "np.where({0} < {1}, 1.0, 0.0)", "le": "np.where({0} <= {1}, 1.0, 0.0)",
+        "eq": "np.where({0} == {1}, 1.0, 0.0)",
+        "ne": "np.where({0} != {1}, 1.0, 0.0)",
+        "and": "np.where(({0} != 0) & ({1} != 0), 1.0, 0.0)",
         "or": "np.where(({0} != 0) | ({1} != 0), 1.0, 0.0)", "not": "np.where({0} == 0, 1.0, 0.0)",
         "where": "np.where({0} != 0, {1}, 0.0)", "erf": "_erf({0})",
     },
@@ -181,20 +175,9 @@ def wrapped(text: str, width: int = 110, indent: str = "") -> str:
     ) or ""
 
 
-class _Prepared(jinja2.FileSystemBytecodeCache):
-    """Templates as Python code, kept between runs; a full disk only costs the time to prepare them
-    again."""
-
-    def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        with contextlib.suppress(OSError):
-            super().dump_bytecode(bucket)
-
-
 @functools.cache
 def _environment() -> jinja2.Environment:
-    kept = cache.folder("templates")
     environment = jinja2.Environment(
-        bytecode_cache=_Prepared(str(kept)) if kept else None,
         loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -206,19 +189,12 @@ def _environment() -> jinja2.Environment:
         autoescape=False,
     )
     filters: dict[str, Callable[..., str]] = {
-        "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc, "number": number,
+        "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc,
+        "number": number,
         "py_number": lambda value: number(value, NUMPY), "wrapped": wrapped,
     }  # fmt: skip
     environment.filters.update(filters)
     return environment
-
-
-def prepare() -> None:
-    """The templates that most modules need into the cache, the longest first."""
-    environment = _environment()
-    for path in sorted(TEMPLATES.iterdir(), key=lambda path: -path.stat().st_size):
-        if not any(word in path.name for word in SELDOM):
-            environment.get_template(path.name)
 
 
 def render(template: str, program: Program, **data: object) -> str:

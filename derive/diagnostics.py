@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 WINDOW = 160  # characters of a source line that are shown at most
 SHOWN = 20  # problems printed at once
+NAMES = 12  # of a list that are told; whoever needs all finds them in the manifest
 COMPARED = 500  # names looked at for "did you mean"
 
 
@@ -26,15 +27,20 @@ class Diagnostic:
     hint: str = ""
     source_line: str = ""
 
+    def __post_init__(self) -> None:
+        """Each text is one line, whatever was quoted in it."""
+        for name in ("message", "expected", "hint"):
+            object.__setattr__(self, name, one_line(getattr(self, name)))
+
     def __str__(self) -> str:
         return "\n".join([self.headline(), *self._excerpt(), *self._advice()])
 
     def headline(self) -> str:
         """The one-line form, `file:line:column: error: message`."""
         place = (
-            f"{self.file}:{self.line}:{self.column}: "
+            f"{one_line(self.file)}:{self.line}:{self.column}: "
             if self.line
-            else (f"{self.file}: " if self.file else "")
+            else (f"{one_line(self.file)}: " if self.file else "")
         )
         return f"{place}error: {self.message}"
 
@@ -52,6 +58,13 @@ class Diagnostic:
     def _advice(self) -> list[str]:
         expected = [f"  expected: {self.expected}"] if self.expected else []
         return expected + ([f"  {self.hint}"] if self.hint else [])
+
+
+def one_line(text: str) -> str:
+    """Text without line ends, and with other control characters as Python would write them."""
+    joined = " ".join(text.splitlines()) if len(text.splitlines()) > 1 else text.strip("\n")
+    shown = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in joined)
+    return joined if joined.isprintable() else "".join(shown)
 
 
 class HamelError(Exception):
@@ -123,7 +136,7 @@ def did_you_mean(name: str, candidates: Iterable[str]) -> str:
     return f"did you mean '{near}'?" if near else ""
 
 
-def listed(names: Iterable[str], most: int = 12) -> str:
+def listed(names: Iterable[str], most: int = NAMES) -> str:
     """Names for the `expected` line, cut where a reader stops reading."""
     known = list(dict.fromkeys(names))
     return ", ".join(known[:most]) + (f", … ({len(known)} in all)" if len(known) > most else "")

@@ -4,34 +4,38 @@
     built = hamel.build("models/four_bar.yaml", choice="crank")
     module = hamel.load(built.folder)
 
-Each verb of the command line is a function here. Importing this package imports none of the
-libraries behind the verbs.
+Each verb of the command line is a function here. Importing this package imports nothing else: the
+verbs come with the first of them that is asked for, the libraries behind a verb when it runs.
 """
 
+import importlib
 import sys
 from types import ModuleType
 
-from derive.robots import Floating
-from hamel.api import (
-    build,
-    check,
-    choices,
-    derive,
-    explain,
-    extremes,
-    import_,
-    linearize,
-    list,
-    load,
-    report,
-    schema,
-    simulate,
-    verify,
-)
+TYPE_CHECKING = False  # typing's own takes as long to import as all of this
+if TYPE_CHECKING:
+    from derive.robots import Floating, RobotFile
+    from hamel.api import (
+        build,
+        check,
+        choices,
+        derive,
+        explain,
+        extremes,
+        import_,
+        linearize,
+        list,
+        load,
+        report,
+        schema,
+        simulate,
+        verify,
+    )
 
 __version__ = "0.1.0"
 __all__ = [
     "Floating",
+    "RobotFile",
     "build",
     "check",
     "choices",
@@ -50,12 +54,23 @@ __all__ = [
 
 
 class _Face(ModuleType):
-    """Keeps `hamel.verify` the verb: importing the package of the same name would put itself in its
-    place."""
+    """The verbs under their names. Importing a package of the same name, such as `hamel.verify`,
+    does not put itself in a verb's place."""
+
+    def __getattr__(self, name: str) -> object:
+        if name not in __all__:
+            raise AttributeError(f"module 'hamel' has no attribute '{name}'")
+        home = "derive.robots" if name in ("Floating", "RobotFile") else "hamel.api"
+        value = getattr(importlib.import_module(home), name)
+        setattr(self, name, value)
+        return value
 
     def __setattr__(self, name: str, value: object) -> None:
         if name not in __all__ or not isinstance(value, ModuleType):
             super().__setattr__(name, value)
+
+    def __dir__(self):  # type: ignore[no-untyped-def]
+        return [*super().__dir__(), *__all__]
 
 
 sys.modules[__name__].__class__ = _Face

@@ -1,5 +1,27 @@
-"""`python -m hamel` is the command `hamel`."""
+"""The command `hamel`, and `python -m hamel`.
 
-from hamel.cli import main
+An interrupt is quiet from the first moment on: while the command line is imported, too.
+"""
 
-main()
+import _signal  # `signal` takes a while to import: time in which an interrupt would be loud
+import os
+from types import FrameType
+
+
+def main() -> None:
+    """The command line with the arguments of this process."""
+    _signal.signal(_signal.SIGINT, _interrupted)
+    from hamel.cli import main as command
+
+    _signal.signal(_signal.SIGINT, _signal.default_int_handler)
+    command()
+
+
+def _interrupted(number: int, frame: FrameType | None) -> None:
+    """Nothing was begun yet, so that nothing has to be cleared away."""
+    os.write(2, b"error: interrupted\n")
+    os._exit(130)
+
+
+if __name__ == "__main__":
+    main()

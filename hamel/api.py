@@ -10,15 +10,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from derive.robots import File as Model
-from hamel.pipeline import Constants
-
-if TYPE_CHECKING:
-    from hamel import records
-
-QUICK_STATES = 20  # what `build` verifies at; `verify` does more
+from hamel import records
+from hamel.build.options import BuildOptions, Constants
 
 
 def _names(given: Collection[str]) -> tuple[str, ...]:
@@ -73,23 +69,26 @@ def build(
     unit, and bakes it in: the functions take them no more, and u is shorter. `real` is what the
     code computes in, float64 or float32.
     """
-    from hamel.verbs.build import run
+    from hamel.build.reuse import reused
 
-    return run(
-        path,
-        out,
-        choice,
-        _constants(constants),
-        None if functions is None else _names(functions),
-        formulation,
-        _names(integrators),
-        QUICK_STATES,
-        numpy,
-        tune,
-        header,
-        fix or {},
-        real,
+    options = BuildOptions(
+        choice=choice,
+        constants=_constants(constants),
+        functions=None if functions is None else _names(functions),
+        formulation=formulation,
+        integrators=_names(integrators),
+        numpy=numpy,
+        tune=tune,
+        header=header,
+        fix=fix or {},
+        real=real,
     )
+    again = reused(path, out, options)
+    if again is not None:  # then nothing of what derives has to be imported
+        return again
+    from hamel.build.pipeline import build
+
+    return build(path, out, options)
 
 
 def verify(
@@ -106,10 +105,14 @@ def verify(
     random admissible states.
 
     `mutate` also plants errors, one at a time, and says which checks see each: `mutations` of the
-    record.
+    record. `path` may also be the folder of a built module: then every file is compared with the
+    manifest, and what is compiled there with the values that were stored when it was verified.
     """
-    from hamel.verbs.verify import run
+    from hamel.verbs.verify import is_module, run, run_folder
 
+    if is_module(path):
+        asked = {"choice": choice, "constants": constants, "mutate": mutate}
+        return run_folder(path, asked)
     return run(path, choice, states, seed, _constants(constants), formulation, mutate)
 
 
@@ -302,7 +305,10 @@ def schema() -> dict[str, Any]:
 
 
 def load(folder: str | Path) -> ModuleType:
-    """The generated module in `folder` (it can also be imported like any package)."""
-    from hamel.pipeline import load_module
+    """The generated module in `folder` (it can also be imported like any package).
 
-    return load_module(Path(folder))
+    Raises VerificationError unless every file is the one that was built and verified.
+    """
+    from hamel.build.module import module_in
+
+    return module_in(folder)

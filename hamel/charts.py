@@ -3,17 +3,17 @@ chart they were made in."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from codegen.runtime.simulation import Simulation
-    from derive.formulations.records import Equations
-    from hamel.records import Switch
+from codegen.runtime.simulation import Simulation
+from derive.choices.orthonormal import LENGTH
+from derive.formulations.records import Equations, Function
+from hamel.records import Switch
 
 
 def in_chart(module: Any, name: str, chart: int) -> Callable[..., np.ndarray] | None:
@@ -22,16 +22,29 @@ def in_chart(module: Any, name: str, chart: int) -> Callable[..., np.ndarray] | 
     return getattr(module, f"{name}_chart{chart}", None) or getattr(module, name, None)
 
 
+LEFT = 0.5  # of a direction of a frame at the start: with less the frame is based there
+
+
 def start(
     module: ModuleType, q: np.ndarray, v: np.ndarray, u: np.ndarray, p: np.ndarray
-) -> tuple[np.ndarray, int]:
+) -> tuple[np.ndarray, int, np.ndarray]:
     """The state at t = 0 in a chart that is regular there, made from (q, v) itself; the first where
-    it is good enough."""
+    it is good enough. And the parameters, with a frame that is good there behind them."""
     qv = np.concatenate([q, v])
-    chart = int(module.chart(0.0, module.state(0.0, qv, u, p), u, p, active=0))
+    at = np.concatenate([q, np.zeros(module.nx - len(q))])  # of which only q counts
+    if hasattr(module, "rebase") and module.frame(0.0, at, u, p) < LEFT:
+        p = module.rebase(0.0, at, u, p)
+    several = hasattr(module, "charts")
+    chart = int(module.chart(0.0, at, u, p, active=0)) if several else 0
     state = in_chart(module, "state", chart)
     assert state is not None  # every chart has one
-    return state(0.0, qv, u, p), chart
+    return state(0.0, qv, u, p), chart, p
+
+
+def parameters(found: Any, p: np.ndarray) -> np.ndarray:
+    """The parameters of each row, with the frame in force there where the module has one; else
+    those of all."""
+    return p if found.p is None else found.p.astype(float)
 
 
 def pieces(
@@ -47,8 +60,10 @@ def pieces(
         state = in_chart(module, "state", chart)
         assert state is not None  # every chart has one
         assert found.v is not None  # it comes with the charts
-        x = state(found.t[rows], np.hstack([found.x[rows, :nq], found.v[rows]]), u, p)
-        yield chart, rows, replace(found, t=found.t[rows], x=x, work=found.work[rows])
+        here = p[rows] if p.ndim > 1 else p
+        x = state(found.t[rows], np.hstack([found.x[rows, :nq], found.v[rows]]), u, here)
+        framed = here if found.p is not None else None
+        yield chart, rows, replace(found, t=found.t[rows], x=x, work=found.work[rows], p=framed)
 
 
 def at_rows(
@@ -62,21 +77,44 @@ def at_rows(
         (rows, in_chart(module, name, chart), part)
         for chart, rows, part in pieces(module, found, nq, u, p)
     ]
-    values = [(rows, call(part.t, part.x, u, p)) for rows, call, part in parts if call is not None]
+    values = [
+        (rows, call(part.t, part.x, u, parameters(part, p)))
+        for rows, call, part in parts
+        if call is not None
+    ]
     made = np.full((len(found.t), *(values[0][1].shape[1:] if values else (0,))), np.nan)
     for rows, value in values:
         made[rows] = value
     return made
 
 
-def switches(equations: Equations, found: Simulation) -> tuple[Switch, ...]:
-    """As far as the rows show them."""
-    if found.chart is None:
-        return ()
-    from hamel.records import Switch
-
+def choices(equations: Equations, found: Any) -> tuple[str, ...]:
+    """The choice that each row was made in; one that is measured along a frame that was based anew
+    with a number, as far as the rows show it."""
     names = [equations.choice, *(chart.choice for chart in equations.charts)]
-    changed = np.nonzero(np.diff(found.chart))[0]
+    charts = np.zeros(len(found.t), dtype=int) if found.chart is None else found.chart
+    framed = [any(map(_measured, one.functions)) for one in (equations, *equations.charts)]
+    base, rows = 1, []
+    for k, chart in enumerate(charts.tolist()):
+        if k and found.p is not None and (found.p[k] != found.p[k - 1]).any():
+            base += 1
+        rows.append(names[chart] + (f" (base {base})" if framed[chart] and base > 1 else ""))
+    return tuple(rows)
+
+
+def _measured(function: Function) -> bool:
+    """Whether a function is guarded by what is left of the directions of a frame."""
+    return any(guard.name.startswith(LENGTH) for guard in function.guards)
+
+
+def switches(equations: Equations, rows: Sequence[str], t: np.ndarray) -> tuple[Switch, ...]:
+    """Where one choice took over from another, as far as the rows show it; the start in another
+    choice than the first is one."""
+    if not rows:
+        return ()
+    before = [equations.choice, *rows[:-1]]
     return tuple(
-        Switch(float(found.t[k]), names[found.chart[k]], names[found.chart[k + 1]]) for k in changed
+        Switch(float(t[max(k - 1, 0)]), float(t[k]), left, entered)
+        for k, (left, entered) in enumerate(zip(before, rows))
+        if left != entered
     )

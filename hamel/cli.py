@@ -11,6 +11,7 @@ import gc
 import importlib
 import io
 import keyword
+import logging
 import math
 import os
 import signal
@@ -49,7 +50,9 @@ def verb(function: Function) -> click.Command:
     name = function.__name__.rstrip("_")
 
     @functools.wraps(function)
-    def run(as_json: bool, debug: bool, **options: Any) -> None:
+    def run(as_json: bool, debug: bool, verbose: bool, **options: Any) -> None:
+        if verbose:
+            _log()
         record = function(**options)
         _print(name, record, as_json, options)
         if getattr(record, "passed", True) is False:
@@ -57,9 +60,21 @@ def verb(function: Function) -> click.Command:
 
     run = click.option("--debug", is_flag=True, help="Show the traceback of an error.")(run)
     run = click.option(
+        "-v", "--verbose", is_flag=True, help="Say every stage of the work with its seconds."
+    )(run)
+    run = click.option(
         "--json", "as_json", is_flag=True, help="Print one JSON object and nothing else."
     )(run)
     return group.command(name)(run)
+
+
+def _log() -> None:
+    """What is logged goes to standard error as it is."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    log = logging.getLogger("hamel")
+    log.handlers[:] = [handler]
+    log.setLevel(logging.DEBUG)
 
 
 def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> None:
@@ -78,28 +93,44 @@ def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> No
 def _print_json(record: Any) -> None:
     import json
 
-    from hamel.built import as_json
+    from hamel.records import as_json
 
     click.echo(json.dumps(as_json(record), allow_nan=False))
 
 
-FLOATING = click.option(
-    "--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely."
+ROBOT = (
+    click.option(
+        "--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely."
+    ),
+    click.option(
+        "--exact",
+        is_flag=True,
+        help="Of a URDF file: angles to the last digit (default: 1.5708 is a right angle).",
+    ),
+    click.option(
+        "--include",
+        multiple=True,
+        metavar="DIR",
+        help="Of an MJCF file: a folder it may include from, beside its own; may be repeated.",
+    ),
 )
 
 
-def _model(function: Function, required: bool = True) -> Function:
+def _model(function: Function, required: bool = True, name: str = "model") -> Function:
     """The argument MODEL with the options that belong to it."""
 
     @functools.wraps(function)
-    def run(model: str | None, floating: bool, **options: Any) -> Any:
-        if floating and model is None:
-            raise click.UsageError("--floating without a file")
-        return function(
-            hamel.Floating(model) if floating and model is not None else model, **options
-        )
+    def run(floating: bool, exact: bool, include: tuple[str, ...], **options: Any) -> Any:
+        model = options.pop(name)
+        if (floating or exact or include) and model is not None:
+            model = hamel.RobotFile(model, floating, exact, include)
+        elif floating or exact or include:
+            raise click.UsageError("--floating, --exact and --include are said of a file")
+        return function(model, **options)
 
-    return click.argument("model", required=required)(FLOATING(run))
+    for option in reversed(ROBOT):
+        run = option(run)
+    return click.argument(name, required=required)(run)
 
 
 CHOICE = click.option(
@@ -243,16 +274,22 @@ def build(
     help="Also plant errors, one at a time, and say which checks see each.",
 )
 def verify(model: str, constants: str, **options: Any) -> Any:
-    """Compare MODEL's code with an independent derivation."""
+    """Compare MODEL's code with an independent derivation; or the module in a folder with the
+    values that were stored when it was verified."""
     return hamel.verify(model, constants=_constants(constants), **options)
 
 
 @verb
-@click.argument("models", nargs=-1, required=True)
+@click.argument("models", nargs=-1)
 @click.option("--case", metavar="NAME", help="Only the cases of this name.")
 def extremes(models: Sequence[str], case: str | None) -> Any:
     """Run the extreme cases of MODELS (files or folders): survived, refused, or wrong."""
-    return hamel.study.extremes(models, case=case)
+    if not models:
+        raise click.UsageError(
+            "no model is named: give files with `extremes:` cases or a folder of them, "
+            "such as models/extremes"
+        )
+    return hamel.extremes(models, case=case)
 
 
 @verb
@@ -405,7 +442,7 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
     }
     tolerances = _numbers(options.pop("tolerances"))
     with bar(1.0, "running") as progress:
-        return hamel.study(
+        return hamel.report(
             models, values=values, tolerances=tolerances, progress=progress, **names, **options
         )
 
@@ -448,8 +485,8 @@ def _setting(text: str, option: str = "--set") -> tuple[str, str]:
 @click.option(
     "-o",
     "--out",
-    metavar="FILE.html",
-    help="The page: equations, plots, modes (default: linearization.html; with --json none).",
+    metavar="DIR|FILE.html",
+    help="Where linearization.html goes: equations, plots, modes (default: here; with --json none).",
 )
 @click.option(
     "--step",
@@ -471,7 +508,7 @@ def linearize(
         raise click.BadParameter("a name is swept twice", param_hint="--sweep")
     left_out = None if cyclic is None else () if cyclic.strip() == "none" else _names(cyclic)
     if not click.get_current_context().params["as_json"]:
-        options["out"] = options["out"] or "linearization.html"
+        options["out"] = options["out"] or "."
     return hamel.linearize(
         model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options
     )
@@ -493,14 +530,13 @@ def derive(model: str, **options: Any) -> Any:
 
 
 @verb
-@click.argument("robot")
+@functools.partial(_model, name="robot")
 @click.option(
     "-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it)."
 )
-@FLOATING
-def import_(robot: str, out: str | None, floating: bool) -> Any:
+def import_(robot: str, out: str | None) -> Any:
     """Turn ROBOT, a URDF or MJCF file, into a model file to go on editing."""
-    return hamel.import_(robot, out=out, floating=floating)
+    return hamel.import_(robot, out=out)
 
 
 @verb
@@ -566,4 +602,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said: too late to interrupt,
         # and nothing is worth looking for garbage in, which Python does several times when it ends
         gc.freeze()
+        if code == failures.INTERRUPTED:  # Python itself may end by the signal, with another code
+            sys.stdout.flush()
+            os._exit(code)
     sys.exit(code)

@@ -14,16 +14,20 @@ from typing import Any
 
 import click
 
-from derive.diagnostics import Diagnostic, HamelError, ToolchainError
+from derive.diagnostics import Diagnostic, HamelError, ToolchainError, one_line
 
 VERIFICATION = 4
 USAGE, INTERNAL, INTERRUPTED, PIPE = 64, 70, 130, 141  # sysexits.h and 128 + signal
+
+# NumPy's words for a number that is none; what comes of it is checked and told where it is used
+FLOATS = r"(divide by zero|overflow|underflow|invalid value) encountered"
 
 
 def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
     """Run `command` and return the exit code; errors go to standard error or, with --json, to
     standard output as one object."""
     warnings.formatwarning = _once(set())
+    warnings.filterwarnings("ignore", FLOATS, RuntimeWarning)
     try:
         _check_neighbours()
         code = command()
@@ -43,6 +47,8 @@ def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
         message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
         return _report((Diagnostic(message=message),), ToolchainError.exit_code, arguments)
     except Exception as error:
+        if numeric := _numeric(error):
+            return _report(numeric.diagnostics, numeric.exit_code, arguments)
         if "--debug" in arguments:
             raise
         return _report((_internal(error),), INTERNAL, arguments)
@@ -52,7 +58,7 @@ def _once(said: set[str]) -> Callable[..., str]:
     """Warnings as one line without a place in our sources, each said once."""
 
     def line(message: Warning | str, *place: Any, **more: Any) -> str:
-        text = f"warning: {message}\n"
+        text = f"warning: {one_line(str(message))}\n"
         new = text not in said
         said.add(text)
         return text if new else ""
@@ -66,6 +72,13 @@ def _usage(error: click.ClickException) -> Diagnostic:
         message=error.format_message(),
         hint=f"see '{context.command_path if context else 'hamel'} --help'",
     )
+
+
+def _numeric(error: Exception) -> HamelError | None:
+    """A number that got out of hand past the derivation: a broken assumption, not a bug."""
+    from derive.numerics import FAILURES, refusal  # NumPy is there already where one is raised
+
+    return refusal("the result", error) if isinstance(error, FAILURES) else None
 
 
 def _internal(error: Exception) -> Diagnostic:

@@ -3,13 +3,57 @@ standard library."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from hamel.built import Built as Built
-from hamel.built import as_json as as_json
+
+def as_json(record: Any) -> Any:
+    """The record as JSON values; what JSON has no number for (inf, nan) becomes null."""
+    if is_dataclass(record):
+        return {
+            f.name: as_json(getattr(record, f.name))
+            for f in fields(record)
+            if f.metadata.get("json", True)
+        }
+    if isinstance(record, Mapping):
+        return {str(key): as_json(value) for key, value in record.items()}
+    if isinstance(record, list | tuple):
+        return [as_json(item) for item in record]
+    if isinstance(record, Path):
+        return str(record)
+    if isinstance(record, float):  # NumPy's float64 is one
+        return float(record) if math.isfinite(record) else None
+    return record
+
+
+@dataclass(frozen=True)
+class Built:
+    """A module on disk. `seconds` is the time of each stage, `left_out` what this model has no use
+    for.
+
+    `kept`: it was built and verified earlier, from the same file with the same options by the same
+    hamel, and taken from the store.
+    """
+
+    model: str
+    choice: str
+    reason: str
+    folder: Path
+    verified: bool
+    operations: Mapping[str, int]
+    seconds: Mapping[str, float]
+    quasi_velocities: tuple[str, ...]
+    left_out: tuple[str, ...]
+    ledger: tuple[Mapping[str, Any], ...]
+    compiled: bool
+    size: int = 0  # bytes of the library for C
+    # nanoseconds of `dynamics` per state for what was compared
+    tuned: Mapping[str, float] = field(default_factory=dict)
+    kept: bool = False
+    real: str = "float64"  # what the code computes in
 
 
 @dataclass(frozen=True)
@@ -284,9 +328,10 @@ class Listed:
 @dataclass(frozen=True)
 class Switch:
     """Where one choice of quasi-velocities took over from another that came near a singular
-    position."""
+    position: between the rows at `time` and `before`."""
 
     time: float
+    before: float
     left: str
     entered: str
 
@@ -312,9 +357,9 @@ class Simulated:
     position_violation: float  # max |φ|
     velocity_violation: float  # max |A v − c|
     acceleration_violation: float  # the largest |A v̇ − β| in the rows of the output
-    energy_balance: (
-        float  # max |T + V − (T + V at 0) − ∫ power dt|, relative to the largest energy exchanged
-    )
+    # max |E − (E at 0) − ∫ power dt|, relative to the largest energy exchanged; E is T + V, or
+    # T₂ − T₀ + V where T = T₂ + T₁ + T₀ has terms linear in the rates or free of them
+    energy_balance: float
     crossings: (
         int  # singular positions on the way; two ways across each agreed within the tolerance
     )

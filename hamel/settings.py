@@ -12,6 +12,7 @@ from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import infer
 from derive.expressions.evaluate import number
+from derive.expressions.limits import objection
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.parser import unit as parsed_unit
@@ -101,6 +102,8 @@ def _value(
         return parsed(name, value, units[name], parameters)
     if not math.isfinite(value):
         raise ModelError(f"{name} is set to {value}, which is not a finite number")
+    if problem := objection(value):
+        raise ModelError(f"value of {name}: {problem[0]}", f"expected: {problem[1]}")
     return float(value)
 
 

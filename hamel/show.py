@@ -6,6 +6,8 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from derive.diagnostics import NAMES
+
 WIDE = 160
 
 if TYPE_CHECKING:
@@ -25,6 +27,12 @@ def page() -> Console:
     return Page(
         markup=False, highlight=False, emoji=False, soft_wrap=piped, width=WIDE if piped else None
     )
+
+
+def shortened(name: str) -> str:
+    """A choice as a table can hold it: a partition is named by all of its speeds."""
+    words = name.split()
+    return name if len(words) <= NAMES else f"{' '.join(words[:NAMES])} … ({len(words)} in all)"
 
 
 def operations(counts: Mapping[str, int]) -> str:

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen import build, compiler
+from codegen import compiler
+from codegen.emit import emit
 from codegen.passes import precision, program
 from codegen.program import Program
 from codegen.reals import FUNCTIONS, Real
@@ -124,7 +125,7 @@ def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = simulate.
 def _library(made: Program, folder: Path) -> ctypes.CDLL:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulate, "number", _in_two_parts)
-        files = build.emit(made)
+        files = emit(made)
     for name, text in files.items():
         if name.endswith((".c", ".h")):
             (folder / name).write_text(text.replace(POLYNOMIALS, "#if 0\n    typedef"))

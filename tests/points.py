@@ -12,7 +12,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
 from codegen.integrators import INTEGRATORS
 from codegen.passes import program
 from derive.diagnostics import AssumptionError
@@ -23,6 +23,7 @@ from derive.mechanics.records import System
 from derive.model import load_text
 from derive.states import system
 from derive.states.initial import Initial, initial_state
+from hamel.build.module import published
 from hamel.simulate.exact import state_of
 from tests.scenes import MODELS
 
@@ -144,7 +145,7 @@ def quickly_built(
         patch.setattr(compiler, "STEPS", ())
         patch.setattr(compiler, "headers", list)
         return loader.load(
-            build.build(
+            published(
                 program(found, functions, integrators, enforcements),
                 folder / found.system.model.name,
             ).folder

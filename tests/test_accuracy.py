@@ -16,12 +16,14 @@ import mpmath
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
 from codegen.passes import program
+from derive.expressions.instructions import listing, run
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load
 from derive.states import system
+from hamel.build.module import published
 
 MODELS = Path(__file__).parents[1] / "models"
 MOST = 4.0
@@ -37,23 +39,13 @@ EXACT: dict[int, Callable[..., Any]] = {
 
 def exact(function: ca.Function, arguments: Sequence[Sequence[float]]) -> list[Any]:
     """The only result of the function, its instructions run in mpmath's precision."""
-    work: dict[int, Any] = {}
-    out: list[Any] = [mpmath.mpf(0)] * function.nnz_out(0)
-    for k in range(function.n_instructions()):
-        code, inputs, into = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
-        if code == ca.OP_OUTPUT:
-            out[into[1]] = work[inputs[0]]
-        elif code == ca.OP_INPUT:
-            work[into[0]] = mpmath.mpf(float(arguments[inputs[0]][inputs[1]]))
-        elif code == ca.OP_CONST:
-            work[into[0]] = mpmath.mpf(function.instruction_constant(k))
-        else:
-            work[into[0]] = EXACT[code](*(work[i] for i in inputs))
-    return out
+    (result,) = run(
+        listing(function),
+        entry=lambda argument, nonzero: mpmath.mpf(float(arguments[argument][nonzero])),
+        number=mpmath.mpf,
+        operation=lambda read, operands: EXACT[read.code](*operands),
+    )
+    return result
 
 
 def samples(found: Equations, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -78,7 +70,7 @@ def compare(name: str, count: int, folder: Path) -> None:
     function = ca.Function(
         "f", [argument.symbols for argument in found.arguments], [ca.densify(value)]
     )
-    module = loader.load(build.build(program(found, ["dynamics"]), folder / name).folder)
+    module = loader.load(published(program(found, ["dynamics"]), folder / name).folder)
     p = np.array(found.parameters)
     ours, plain = [], []
     with mpmath.workdps(50):

@@ -11,7 +11,7 @@ import pytest
 
 import hamel
 from derive.diagnostics import AssumptionError, HamelError, ModelError, ToolchainError
-from hamel.making import _affordable
+from hamel.build.options import affordable
 from hamel.records import as_json
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -43,7 +43,7 @@ def test_build_and_load(tmp_path):
 )
 def test_a_build_looks_at_fewer_states_where_there_are_many_bodies(bodies, states):
     equations = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(bodies=range(bodies))))
-    assert _affordable(equations, 20) == states
+    assert affordable(equations, 20) == states
 
 
 def test_constants_by_name(tmp_path):

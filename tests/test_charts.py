@@ -19,7 +19,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hamel
-from codegen import build, compiler, loader
+from codegen import compiler, loader
+from codegen.emit import emit
 from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
@@ -27,7 +28,7 @@ from derive.mechanics.records import System
 from derive.model import load_text
 from derive.states import system
 from derive.states.initial import initial_state
-from hamel.pipeline import temporary_module
+from hamel.build.module import temporary_module
 from hamel.verify import quick_verification, verification
 from tests.points import LOSSES
 from tests.scenes import MODELS
@@ -479,7 +480,7 @@ def test_the_c_functions_say_the_same(crank: Case, slider_rod: ModuleType) -> No
 
 @needs_compiler
 def test_the_example_runs(tmp_path: Path, crank: Case) -> None:
-    files = build.emit(program(equations(crank.mechanics, "slider+rod")))
+    files = emit(program(equations(crank.mechanics, "slider+rod")))
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     command = next(
@@ -552,6 +553,8 @@ def test_simulate_goes_through_and_says_so() -> None:
     found = hamel.simulate(SLIDER_CRANK, choice="slider", time=1.0)
     same = hamel.simulate(SLIDER_CRANK, choice="crank", time=1.0)
     assert found.switches and not same.switches and found.choice == "slider"
+    t = list(found.motion["t"])  # a switch is told between two rows that follow each other
+    assert all(t.index(x.before) == t.index(x.time) + 1 for x in found.switches)
     for name in ("q1", "q2", "s"):
         assert found.final[name] == pytest.approx(same.final[name], abs=1e-8)
     assert found.energy_balance < 1e-9 and found.acceleration_violation < 1e-10

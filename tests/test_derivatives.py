@@ -15,11 +15,11 @@ import hamel
 from derive.diagnostics import AssumptionError, VerificationError
 from derive.formulations import FORMULATIONS, equations
 from derive.formulations.derivatives import derivatives
+from derive.formulations.evaluate import slots_of
 from derive.formulations.records import Equations
 from derive.model import load, load_text
 from derive.states import sampling, system
-from hamel import making
-from hamel.verify.checks.evidence import slots_of
+from hamel.build import pipeline
 
 MODELS = Path(__file__).parent.parent / "models"
 DENSE = (
@@ -206,7 +206,7 @@ def test_a_wrong_requested_function_is_not_published(
 ) -> None:
     """The code is compared with a graph that was planted an error: what was emitted on request is
     compared too."""
-    whole = making._with_requested
+    whole = pipeline.with_emitted
 
     def wrong(found: Equations, program) -> Equations:
         extended = whole(found, program)
@@ -217,7 +217,7 @@ def test_a_wrong_requested_function_is_not_published(
         )
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(making, "_with_requested", wrong)
+    monkeypatch.setattr(pipeline, "with_emitted", wrong)
     with pytest.raises(VerificationError, match="nothing is written"):
         hamel.build(
             MODELS / "pendulum.yaml", out=tmp_path / "pendulum", functions=("default", "step")

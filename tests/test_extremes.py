@@ -13,7 +13,7 @@ import pytest
 from derive.formulations import equations
 from derive.model import load
 from derive.states import system
-from hamel.pipeline import temporary_module
+from hamel.build.module import temporary_module
 from hamel.verify.checks.strange import found
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence

@@ -13,11 +13,11 @@ import pytest
 import hamel
 from derive.diagnostics import ModelError
 from derive.formulations import equations
+from derive.formulations.evaluate import slots_of
 from derive.model import load, load_text
 from derive.states import sampling
-from hamel.fixing import fixed
-from hamel.pipeline import mechanics_of
-from hamel.verify.checks.evidence import slots_of
+from hamel.build.fix import fixed
+from hamel.build.stages import mechanics_of
 
 MODELS = Path(__file__).parent.parent / "models"
 FORMULA = """

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 import hamel
 from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
+from derive.formulations import equations
 from derive.model import load_text
 from derive.robots import imported, load, markup, mjcf, rotations
 from derive.robots.mjcf import inertia
@@ -444,6 +445,139 @@ def test_included_files_and_frames_are_read_in_place(tmp_path):
     assert "at: [0, 0, 2]" in imported(file).text
 
 
+def test_included_files_stay_in_the_models_folder_unless_another_is_allowed(tmp_path, capsys):
+    home, other = tmp_path / "home", tmp_path / "other"
+    (home / "parts").mkdir(parents=True)
+    other.mkdir()
+    part = '<mujoco><body name="b"><joint/><geom size="0.1" pos="0.1 0 0"/></body></mujoco>'
+    (home / "parts/part.xml").write_text(part)
+    (other / "part.xml").write_text(part)
+    (home / "link.xml").symlink_to(other / "part.xml")
+    file = home / "m.xml"
+    wanted = "<mujoco><worldbody><include file='{}'/></worldbody></mujoco>"
+    file.write_text(wanted.format("parts/part.xml"))
+    assert imported(file).model.bodies
+    for outside in ("../other/part.xml", str(other / "part.xml"), "link.xml"):
+        file.write_text(wanted.format(outside))
+        with pytest.raises(ModelError, match="is outside the model's folder") as raised:
+            imported(file)
+        assert "--include DIR" in str(raised.value)
+        assert imported(hamel.RobotFile(file, include=(str(other),))).model.bodies
+        assert command("check", file, "--include", other) == 0
+        capsys.readouterr()
+    file.write_text(wanted.format("part.xml"))  # by the folder that is allowed
+    assert imported(hamel.RobotFile(file, include=(str(other),))).model.bodies
+
+
+SECRET = "password: opensesame"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        SECRET,
+        f"<config><{SECRET.replace(': ', '>')}</password></config>",
+        f"<config><{SECRET.replace(': ', '>')}</config>",
+        f"{SECRET} \udcff".encode("utf-8", "surrogateescape").decode("latin-1"),
+    ],
+)
+def test_nothing_of_a_file_that_is_no_model_is_shown(content, tmp_path):
+    """Neither of one that is included nor of one that is asked for."""
+    (tmp_path / "part.xml").write_bytes(content.encode("latin-1"))
+    file = tmp_path / "m.xml"
+    file.write_text('<mujoco><worldbody><include file="part.xml"/></worldbody></mujoco>')
+    for asked in (file, tmp_path / "part.xml"):
+        with pytest.raises(ModelError) as raised:
+            imported(asked)
+        assert "opensesame" not in str(raised.value)
+
+
+def test_included_files_are_counted_before_anything_is_built(tmp_path, monkeypatch):
+    """99 times one file: bytes, elements and bodies of all together are bounded."""
+    body = '<body><joint/><geom size="0.1"/></body>'
+    (tmp_path / "part.xml").write_text(f"<mujoco>{body * 40}</mujoco>")
+    file = tmp_path / "m.xml"
+    many = "<include file='part.xml'/>" * 99
+    file.write_text(f"<mujoco><worldbody>{many}</worldbody></mujoco>")
+    with pytest.raises(ModelError, match="more than 3000 bodies"):
+        imported(file)
+    (tmp_path / "part.xml").write_text(f"<mujoco>{'<site/>' * 10_000}</mujoco>")
+    with pytest.raises(ModelError, match="too many elements"):
+        imported(file)
+    (tmp_path / "part.xml").write_text(f"<mujoco><!--{'x' * (1 << 20)}--></mujoco>")
+    with pytest.raises(ModelError, match="included files are too large"):
+        imported(file)
+
+
+RIGHT_ANGLES = {
+    "1.5708": "90 deg",
+    "1.5707": "90 deg",
+    "-1.571": "-90 deg",
+    "1.57": "90 deg",
+    "3.14": "180 deg",
+    "3.1416": "180 deg",
+    "0.7854": "45 deg",
+    "-2.0944": "-120 deg",
+    "0.262": "15 deg",
+}
+
+
+@pytest.mark.parametrize("word", RIGHT_ANGLES)
+def test_rounded_angles_are_read_as_what_they_round(word, tmp_path):
+    file = tmp_path / "r.urdf"
+    file.write_text(ARM.replace("<axis", f'<origin rpy="{word} 0 0"/><axis', 1))
+    made = imported(file)
+    assert f"rpy: [{RIGHT_ANGLES[word]}, 0, 0]" in made.text
+    notes = [note for note in made.assumed if "rounded angles" in note]
+    assert len(notes) == 1 and word in notes[0] and "--exact" in notes[0]
+    kept = imported(hamel.RobotFile(file, exact=True))
+    assert f"rpy: [{word}, 0, 0]" in kept.text and not kept.assumed
+
+
+@pytest.mark.parametrize(
+    "word", ["0.26", "0.52", "1.5", "1.58", "1.5718", "0.3", "1.6e0", "2", "0.001"]
+)
+def test_other_angles_are_taken_as_they_are(word, tmp_path):
+    file = tmp_path / "r.urdf"
+    file.write_text(ARM.replace("<axis", f'<origin rpy="{word} 0 0"/><axis', 1))
+    made = imported(file)
+    assert not made.assumed and f"rpy: [{written(float(word))}, 0, 0]" in made.text
+
+
+GRIPPER = """<robot name="g">
+<link name="hand"/>
+<link name="left"><inertial><mass value="0.1"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="right"><inertial><mass value="0.1"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="{0}" type="prismatic"><parent link="hand"/><child link="left"/><axis xyz="0 1 0"/>{2}</joint>
+<joint name="{1}" type="prismatic"><parent link="hand"/><child link="right"/><axis xyz="0 -1 0"/>{3}</joint>
+<transmission name="t"/>
+</robot>"""
+MIMIC = '<mimic joint="driver" multiplier="{}"/>'
+
+
+@pytest.mark.parametrize("ratio", ["1", "20", "0.05", "-1"])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_mimic_joint_is_no_choice_where_its_master_is(ratio, first, tmp_path):
+    """In either order of the file and for any ratio the speed that the input drives is chosen."""
+    names, ends = ("driver", "slave"), ("", MIMIC.format(ratio))
+    order = (0, 1) if first else (1, 0)
+    file = tmp_path / "g.urdf"
+    file.write_text(GRIPPER.format(*(names[k] for k in order), *(ends[k] for k in order)))
+    assert equations(system(load_quietly(file))).arguments[1].labels[-1] == "driver_dot"
+
+
+def test_what_a_robot_loses_is_said_by_every_verb(tmp_path, capsys):
+    file = tmp_path / "g.urdf"
+    friction = '<limit lower="0" upper="1"/><dynamics friction="1"/>'
+    file.write_text(GRIPPER.format("driver", "slave", friction, MIMIC.format(1)))
+    with pytest.warns(RuntimeWarning) as warned:
+        built = hamel.build(file, out=tmp_path / "out", numpy=True)
+    said = " ".join(str(warning.message) for warning in warned)
+    manifest = json.loads((built.folder / "manifest.json").read_text())["assumptions"]
+    for part in ("<transmission>", "nothing in the equations stops", "coulomb*tanh"):
+        assert part in said and part in " ".join(manifest)
+
+
 @pytest.mark.parametrize("kind", inertia.SIZES)
 def test_inertia_of_solids_by_summing_small_cubes(kind):
     size = (0.3, 0.5, 0.4)[: inertia.SIZES[kind]]
@@ -677,7 +811,7 @@ BAD = {
     "an entity bomb": (BOMB, [":1:", "a document type, which can declare entities"]),
     "not XML": ("model: arm\n", ["the file is not XML"]),
     "nothing": ("", ["the file is empty"]),
-    "something else": ("<html/>", ["<html> is no robot", "<robot> (URDF) or <mujoco> (MJCF)"]),
+    "something else": ("<html/>", ["the file is no robot", "<robot> (URDF) or <mujoco> (MJCF)"]),
     "too deep": (
         "<robot>" + "<a>" * 20_000 + "</a>" * 20_000 + "</robot>",
         ["the file is nested too deeply"],

@@ -245,6 +245,21 @@ def test_rod_and_surface() -> None:
     )
 
 
+def test_a_free_joint_turns_by_a_quaternion_unless_the_file_says_otherwise() -> None:
+    silent, said = joint("type: free"), joint("type: free, orientation: quaternion")
+    assert silent.orientation == "quaternion" and silent.coordinates == said.coordinates
+    assert len(silent.coordinates) == 7
+    euler = joint("type: free, orientation: {euler: zyx}")
+    assert euler.orientation == "zyx" and len(euler.coordinates) == 6
+
+
+def test_a_coupling_knows_its_follower_and_a_gear_has_none() -> None:
+    text = PLANAR + HINGES
+    for kind, follower in (("coupling", "A"), ("gear", "")):
+        tie = load_text(text + f"constraints: {{k: {{type: {kind}, joints: [A, B], ratio: 2}}}}\n")
+        assert tie.constraints[0].follower == follower  # type: ignore[union-attr]
+
+
 def test_a_surface_has_its_own_x_y_z() -> None:
     text = (
         HEAD

@@ -2,11 +2,9 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-MODELS = Path(__file__).parent.parent / "models"
 HEAVY = ("casadi", "sympy", "numpy", "pydantic", "jinja2", "yaml", "rich")
 
 
@@ -27,17 +25,6 @@ def modules_after(statement: str) -> set[str]:
 )
 def test_what_computes_nothing_imports_nothing_heavy(statement):
     assert not modules_after(statement) & set(HEAVY)
-
-
-@pytest.mark.parametrize(
-    "model", ["four_bar", "free_body", "spatial_four_bar", "snakeboard", "screw_press"]
-)
-def test_a_build_reads_its_model_without_what_derives(model):
-    """So that one process can read while the other imports CasADi."""
-    found = modules_after(
-        f"import hamel.making; from derive.robots import load; load('{MODELS}/{model}.yaml')"
-    )
-    assert "pydantic" in found and not found & {"casadi", "sympy", "jinja2"}
 
 
 def test_the_check_above_sees_a_heavy_import():

@@ -15,7 +15,7 @@ import hamel
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import linear
 from derive.states.initial import initial_state
-from hamel.pipeline import equations_of
+from hamel.build.stages import equations_of
 
 ROOT = Path(__file__).parent.parent
 FOUR_BAR = ROOT / "models" / "four_bar.yaml"

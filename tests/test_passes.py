@@ -18,7 +18,7 @@ from codegen.passes.balance import balance
 from codegen.passes.factor import factor
 from codegen.passes.graph import Work
 from codegen.passes.invert import invert
-from codegen.passes.lower import Lowered, lower
+from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.pipeline import PASSES, count, needed
 from codegen.passes.share import share
 from codegen.passes.trace import record, trace
@@ -57,14 +57,15 @@ def values(work: Work, x: np.ndarray) -> list[float]:
 def evaluated(lowered: Lowered, x: np.ndarray) -> list[float]:
     done: list[float] = []
     for operation in lowered.code.operations:
-        done.append(_evaluated(operation.name, operation.operands, done, x))
+        done.append(_evaluated(operation, done, x))
     return [done[root] if isinstance(root, int) else root for root in lowered.roots]
 
 
-def _evaluated(name: str, operands: tuple[Any, ...], done: list[float], x: np.ndarray) -> float:
+def _evaluated(operation: Operation, done: list[float], x: np.ndarray) -> float:
+    name = operation.name
     if name == "input":
-        return float(x[operands[1]])
-    numbers = [done[o] if isinstance(o, int) else o for o in operands]
+        return float(x[operation.slot[1]])
+    numbers = [done[o] if isinstance(o, int) else o for o in operation.operands]
     plain = {
         "add": lambda p, q: p + q,
         "sub": lambda p, q: p - q,
@@ -146,11 +147,35 @@ def test_passes_change_rounding_only(roots: list[Any]) -> None:
     np.testing.assert_allclose(values(work, x), expected, rtol=1e-11, atol=1e-12 * size)
 
 
+@pytest.mark.parametrize("size", [1e-4, 1e4])
+def test_constants_along_a_long_recursion_are_no_overflow(size: float) -> None:
+    """Each step multiplies by a constant that the variables make up for: the constants alone come
+    to 1e±480, the values stay near one."""
+    y, z = a, 0.3 * a
+    for _ in range(120):
+        y, z = size * (y * b + 3 * z * c), size * (y * c - 2 * z * b)
+    x = np.array([0.7, 0.4 / size, 0.3 / size, 0.0, 0.0])
+    expected = float(ca.Function("f", [X], [y + z])(x))
+    assert 1e-9 < abs(expected) < 1e9
+    work = traced(y + z)
+    for improve in (factor, share, factor):
+        assert values(work, x) == pytest.approx([expected], rel=1e-11)
+        work = improve(work)
+    assert values(work, x) == pytest.approx([expected], rel=1e-11)
+
+
+def test_constants_of_one_product_are_no_overflow() -> None:
+    tiny = 1e-200 * a
+    x = np.array([3e199, 2.0, 0.0, 0.0, 0.0])
+    expected = float(ca.Function("f", [X], [tiny * tiny * b])(x))
+    assert values(traced(tiny * tiny * b), x) == pytest.approx([expected], rel=1e-12)
+
+
 def _all_values(work: Work, x: np.ndarray) -> list[float]:
     lowered = lower(work)
     done: list[float] = []
     for operation in lowered.code.operations:
-        done.append(_evaluated(operation.name, operation.operands, done, x))
+        done.append(_evaluated(operation, done, x))
     return done
 
 

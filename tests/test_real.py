@@ -19,19 +19,21 @@ import numpy as np
 import pytest
 
 import hamel
-from codegen import build, compiler, loader
+from codegen import compiler, loader
+from codegen.emit import emit
 from codegen.integrators import INTEGRATORS
 from codegen.passes import in_precision, program
 from codegen.program import Expression, Kernel, Program
 from codegen.reals import FLOAT32, FLOAT64, REALS, recast
-from codegen.tune import timings
 from derive.diagnostics import AssumptionError, HamelError, ModelError, VerificationError
 from derive.enforcement import ENFORCEMENTS, Options, kept_equations
 from derive.formulations import equations
 from derive.linearize.minimal import with_linearization
 from derive.model import load
 from derive.states import system
-from hamel import kept, making
+from hamel.build import keys, pipeline, reuse
+from hamel.build.module import published
+from hamel.build.tune import timings
 from hamel.verify.checks import code
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
@@ -62,7 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.mktemp("real")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        return build.build(replace(single(program(toy())), inline=True), base / "toy").folder
+        return published(replace(single(program(toy())), inline=True), base / "toy").folder
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +79,7 @@ def turn(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         made = single(program(turning(ca.vertcat(ca.sin(x), ca.cos(x)), x)))
-        return loader.load(build.build(made, base / "turn").folder)
+        return loader.load(published(made, base / "turn").folder)
 
 
 def bindings(module: ModuleType) -> list[ModuleType]:
@@ -189,7 +191,7 @@ def test_no_double_in_any_enforcement_or_integrator(
     made = single(
         program(found, ["default"], [integrator.name for integrator in INTEGRATORS], enforcements)
     )
-    for file, text in build.emit(made).items():
+    for file, text in emit(made).items():
         (tmp_path / file).write_text(text)
     command = compiler.find_compiler()
     assert command
@@ -364,7 +366,7 @@ def test_simulation(
     double = in_numpy(
         program(equations(system(load(MODELS / "four_bar.yaml"))), ["default"]), tmp_path / "double"
     )
-    module = loader.load(build.build(single(made), tmp_path / "four_bar").folder)
+    module = loader.load(published(single(made), tmp_path / "four_bar").folder)
     start = double.project(0.0, np.array([0.5, 0.5, 1.5, 2.0]))
     wanted = double.simulate((0.0, 1.0), start, [0.0], rtol=1e-9).x[-1]
     for name in ("_four_bar", "_library", "_numpy")[: 3 if integrator == "dop853" else 2]:
@@ -384,7 +386,7 @@ def test_time_does_not_stand_still(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     sixteenth of one."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     made = program(equations(system(load(MODELS / "double_pendulum.yaml"))), ["dynamics"], ("rk4",))
-    module = loader.load(build.build(single(made), tmp_path / "double_pendulum").folder)
+    module = loader.load(published(single(made), tmp_path / "double_pendulum").folder)
     early, late = (
         module.simulate((t, t + 1.0), [0.5, 0.0, 0.0, 0.0], step_size=1e-3) for t in (0.0, 1024.0)
     )
@@ -394,7 +396,7 @@ def test_time_does_not_stand_still(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 @needs_compiler
 def test_what_is_written_says_so(folder: Path) -> None:
     assert json.loads((folder / "manifest.json").read_text())["real"] == "float32"
-    assert "real" not in json.loads(build.emit(program(toy()))["manifest.json"])
+    assert "real" not in json.loads(emit(program(toy()))["manifest.json"])
     stub = (folder / "__init__.pyi").read_text()
     assert (
         "float32" in stub
@@ -457,7 +459,7 @@ def wrong(kernel: Kernel) -> Iterator[Kernel]:
 def in_numpy(made: Program, place: Path) -> ModuleType:
     """The module's NumPy text, not compiled."""
     place.mkdir()
-    for name, text in build.emit(made).items():
+    for name, text in emit(made).items():
         (place / name).write_text(text)
     with pytest.warns(RuntimeWarning, match="using NumPy"):
         return loader.load(place)
@@ -483,11 +485,12 @@ def test_a_build_with_a_wrong_sign_is_refused(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path, asked = MODELS / "pendulum.yaml", ("dynamics", "energy")
-    assert len({kept.key(path, {"real": real.name}) for real in REALS}) == len(REALS)
+    assert len({keys.file_key(path, {"real": real.name}) for real in REALS}) == len(REALS)
     made = hamel.build(path, out=tmp_path / "made", functions=asked, real="float32")
     assert made.real == "float32" and loader.load(made.folder).defaults.dtype == np.float32
-    usual = making.program_of
-    monkeypatch.setattr("hamel.kept.key", lambda *given: None)
+    usual = pipeline.program_of
+    monkeypatch.setattr(reuse, "file_key", lambda *given: None)
+    monkeypatch.setattr(pipeline, "file_key", lambda *given: None)
 
     def spoiled(*given: object, **options: object) -> Program:
         made = usual(*given, **options)  # type: ignore[arg-type]
@@ -497,7 +500,7 @@ def test_a_build_with_a_wrong_sign_is_refused(
             kernels=tuple(bad if kernel.name == "energy" else kernel for kernel in made.kernels),
         )
 
-    monkeypatch.setattr(making, "program_of", spoiled)
+    monkeypatch.setattr(pipeline, "program_of", spoiled)
     with pytest.raises(VerificationError, match="module = graph"):
         hamel.build(path, out=tmp_path / "other", functions=asked, real="float32")
     assert not (tmp_path / "other").exists()

@@ -59,7 +59,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def record(place: Path) -> Reported:
-    return hamel.study([place / "swing.yaml"], out=place / "out", **ASKED)
+    return hamel.report([place / "swing.yaml"], out=place / "out", **ASKED)
 
 
 def test_rows(record: Reported) -> None:
@@ -146,7 +146,7 @@ def test_nothing_is_computed_twice(
         raise OSError("no more workers")
 
     monkeypatch.setattr(Crew, "_process", refuse)
-    again = hamel.study([place / "swing.yaml"], out=place / "again", **ASKED)
+    again = hamel.report([place / "swing.yaml"], out=place / "again", **ASKED)
     assert again.rows == record.rows and not started
     with pytest.raises(OSError, match="no more"):
         Crew(1)._process(0)
@@ -168,12 +168,12 @@ def test_a_wrong_reference_is_noticed(
         return planted
 
     monkeypatch.setattr(study, "agreed", off(0.0))
-    one = hamel.study([place / "swing.yaml"], out=place / "one", **ASKED)
+    one = hamel.report([place / "swing.yaml"], out=place / "one", **ASKED)
     assert "differ" in one.models[0]["reference"]["doubt"] and all(
         row["error"] is None for row in one.rows
     )
     monkeypatch.setattr(study, "agreed", off(0.01))
-    both = hamel.study([place / "swing.yaml"], out=place / "both", **ASKED)
+    both = hamel.report([place / "swing.yaml"], out=place / "both", **ASKED)
     assert not both.passed and "agree with each other" in both.models[0]["advice"][0]
 
 
@@ -201,7 +201,7 @@ def test_the_front_is_what_none_beats() -> None:
 
 def test_extreme_cases_are_on_the_page(place: Path) -> None:
     path = Path(__file__).parent.parent / "models" / "extremes" / "mass_ratio.yaml"
-    made = hamel.study([], extremes=[path], out=place / "extremes")
+    made = hamel.report([], extremes=[path], out=place / "extremes")
     assert made.passed and not made.rows and {row.outcome for row in made.extremes} == {"survived"}
     page = made.html.read_text("utf-8")
     assert (

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
+from codegen.emit import emit
 from codegen.passes import program, split
 from codegen.passes.pipeline import _roots
 from derive.expressions.counting import operations
@@ -22,6 +23,7 @@ from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load
 from derive.states import system
+from hamel.build.module import published
 from hamel.verify import verification
 from tests.toy import toy
 
@@ -131,10 +133,10 @@ def test_parts_compute_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     """To rounding (the compiler joins other products and sums), with guards, iterations, and both
     bindings."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    whole = loader.load(build.build(program(toy()), tmp_path / "whole").folder)
+    whole = loader.load(published(program(toy()), tmp_path / "whole").folder)
     monkeypatch.setattr(split, "WHOLE", 4)
     monkeypatch.setattr(split, "LONGEST", 4)
-    built = build.build(program(toy()), tmp_path / "cut")
+    built = published(program(toy()), tmp_path / "cut")
     cut = loader.load(built.folder)
     assert (
         "dynamics_part3" in (built.folder / "toy_dynamics.c").read_text()
@@ -195,7 +197,7 @@ def test_operations_and_text_grow_in_proportion(
         assert (
             max(sum(len(section.statements) for section in part.sections) for part in parts) <= 51
         )
-        text = sum(len(text) for name, text in build.emit(found).items() if name.endswith(".c"))
+        text = sum(len(text) for name, text in emit(found).items() if name.endswith(".c"))
         sizes.append((found.kernel("dynamics").operations["total"], text))
     assert all(larger <= 2.3 * smaller for smaller, larger in zip(*sizes))
 
@@ -205,7 +207,7 @@ def test_parts_are_bounded_and_load_near_the_use(folder: Path) -> None:
     nothing in them waits long for its use, for gcc looks through all that stands between."""
     lengths, lines = {}, {}
     for n in (40, 80):
-        files = build.emit(program(derived(chain(n), folder), ["dynamics"]))
+        files = emit(program(derived(chain(n), folder), ["dynamics"]))
         parts = _functions(files["chain_dynamics.c"], "PART chain_dynamics_part")
         lengths[n], lines[n] = max(map(len, parts)), sum(map(len, parts))
         waits = [wait for part in parts for wait in _waits(part)]
@@ -236,7 +238,7 @@ def test_long_functions_name_their_files_and_their_stack(
 ) -> None:
     monkeypatch.setattr(split, "WHOLE", 50)
     monkeypatch.setattr(split, "LONGEST", 50)
-    files = build.emit(program(derived(chain(15), folder), ["dynamics"]))
+    files = emit(program(derived(chain(15), folder), ["dynamics"]))
     assert "uses" in files["chain.h"] and "doubles of stack" in files["chain.h"]
     assert "example.c chain.c chain_dynamics.c -lm" in files["example.c"]
     assert "malloc" not in files["chain_dynamics.c"]

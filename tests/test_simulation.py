@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
 from codegen.integrators import INTEGRATORS, Collocation, Integrator, Tableau
 from codegen.passes import program
 from derive.formulations.derivatives import derivatives
+from hamel.build.module import published
 from tests.toy import circle
 
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -32,9 +33,7 @@ def module(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
             equations, requests=derivatives(equations.arguments, equations.functions)
         )
         names = ("dopri5", *(method.name for method in INTEGRATORS if method.name != "dopri5"))
-        return loader.load(
-            build.build(program(equations, integrators=names), base / "circle").folder
-        )
+        return loader.load(published(program(equations, integrators=names), base / "circle").folder)
 
 
 def ways(module: ModuleType) -> list[tuple[str, Callable[..., int]]]:
@@ -123,7 +122,9 @@ def test_motion_work_and_constraint(module: ModuleType) -> None:
     np.testing.assert_allclose(found.x, expected, atol=2e-10)
     np.testing.assert_allclose(found.work, 0.7 * (1 - np.cos(2 * times)) / 2, atol=1e-10)
     np.testing.assert_allclose((found.x**2).sum(axis=1), 1, atol=1e-14)
-    assert found.position_violation < 1e-13 and found.status == module.Status.OK and found.steps > 40
+    assert (
+        found.position_violation < 1e-13 and found.status == module.Status.OK and found.steps > 40
+    )
     assert found.calls >= 6 * (found.steps + found.rejected)
 
 
@@ -208,7 +209,9 @@ def test_it_stops_at_a_singular_position(module: ModuleType) -> None:
         module.simulate((0.0, 20.0), [1.0, 0.0], times=[3.0, 8.0, 20.0])
     partial = error.value.partial
     assert (
-        np.isfinite(partial.x[:2]).all() and np.isnan(partial.x[2]).all() and partial.status == module.Status.SINGULAR
+        np.isfinite(partial.x[:2]).all()
+        and np.isnan(partial.x[2]).all()
+        and partial.status == module.Status.SINGULAR
     )
 
 

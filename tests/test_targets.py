@@ -19,9 +19,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader, text
+from codegen import compiler, loader, text
+from codegen.emit import emit
 from codegen.passes import program
 from codegen.targets import TARGETS
+from hamel.build.module import published
 from tests.toy import toy
 
 HOSTILE = (
@@ -35,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.mktemp("targets")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        return build.build(program(toy()), base / "toy").folder
+        return published(program(toy()), base / "toy").folder
 
 
 @pytest.fixture(scope="module")
@@ -261,7 +263,7 @@ def test_targets_are_listed_once() -> None:
 
 def test_same_bytes_for_every_hash_seed(tmp_path: Path) -> None:
     script = (
-        "import hashlib; from codegen.build import emit; from codegen.passes import program; from tests.toy import toy;"
+        "import hashlib; from codegen.emit import emit; from codegen.passes import program; from tests.toy import toy;"
         "print(hashlib.sha256(repr(emit(program(toy()))).encode()).hexdigest())"
     )
     seen = set()
@@ -276,7 +278,7 @@ def test_same_bytes_for_every_hash_seed(tmp_path: Path) -> None:
 
 
 def test_no_dates_and_no_paths() -> None:
-    for name, content in build.emit(program(toy())).items():
+    for name, content in emit(program(toy())).items():
         assert "/home/" not in content and "/tmp/" not in content, name
         assert not re.search(r"20\d\d-\d\d-\d\d", content), name
 
@@ -341,7 +343,7 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
 @needs_compiler
 def test_hostile_text_stays_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    built = build.build(program(toy("toy", HOSTILE, HOSTILE)), tmp_path / "toy")
+    built = published(program(toy("toy", HOSTILE, HOSTILE)), tmp_path / "toy")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         module = loader.load(built.folder)
@@ -390,14 +392,14 @@ def test_parentheses(value: tuple, printed: str) -> None:
 
 def test_manifest_says_what_is_there() -> None:
     toy_program = program(toy())
-    manifest = json.loads(build.emit(toy_program)["manifest.json"])
+    manifest = json.loads(emit(toy_program)["manifest.json"])
     assert manifest["operations"]["dynamics"] == toy_program.kernel("dynamics").operations["total"]
     assert manifest["operations_by_kind"]["dynamics"]["sin"] == 3
     assert manifest["functions"]["mass"]["shape"] == [2, 2] and manifest["arguments"]["p"][
         "defaults"
     ] == [0.5, 0.7, 1.3]
     assert manifest["choice"] == "crank"
-    assert set(manifest["files"]) == set(build.emit(toy_program)) - {"manifest.json"}
+    assert set(manifest["files"]) == set(emit(toy_program)) - {"manifest.json"}
 
 
 @needs_compiler
@@ -433,7 +435,7 @@ def test_steps_use_precomputed_constants() -> None:
     assert (
         hoisted and hoisted.rest.operations["total"] < made.kernel("dynamics").operations["total"]
     )
-    simulation = build.emit(made)["toy_simulate.c"]
+    simulation = emit(made)["toy_simulate.c"]
     assert "#define MODEL_dynamics(r) toy_dynamics_precomputed\n" in simulation
     assert simulation.count("toy_dynamics_precompute(p, c)") == 1
     assert "toy_dynamics(" not in simulation
@@ -459,7 +461,7 @@ def test_batches_on_threads(module: ModuleType) -> None:
 
 @needs_compiler
 def test_one_header_for_c_and_cpp(tmp_path: Path, module: ModuleType) -> None:
-    written = build.emit(replace(program(toy()), inline=True))
+    written = emit(replace(program(toy()), inline=True))
     (tmp_path / "toy_inline.h").write_text(written["toy_inline.h"])
     main = """#include "toy_inline.h"
 #include <stdio.h>
@@ -488,7 +490,7 @@ int main(void) {
     )
     if shutil.which("g++"):
         subprocess.run(["g++", "-fsyntax-only", "-x", "c++", "main.c"], cwd=tmp_path, check=True)
-    assert "toy_inline.h" not in build.emit(program(toy()))
+    assert "toy_inline.h" not in emit(program(toy()))
 
 
 @pytest.mark.parametrize(

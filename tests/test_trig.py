@@ -16,9 +16,10 @@ import mpmath
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
 from codegen.passes import program
 from derive.formulations.records import Argument, Equations, Function, Result
+from hamel.build.module import published
 from tests.toy import toy
 
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -41,7 +42,10 @@ def turning(value: ca.SX, x: ca.SX) -> Equations:
         for name in "xup"
     )
     system: Any = SimpleNamespace(
-        model=SimpleNamespace(name="turn", description="", fixed=()), constants=(), phi=ca.SX(0, 1)
+        model=SimpleNamespace(name="turn", description="", fixed=()),
+        constants=(),
+        quaternions=(),
+        phi=ca.SX(0, 1),
     )
     time = Argument("t", ca.SX.sym("t"), ("t",), ("s",))
     return replace(
@@ -56,7 +60,7 @@ def module(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         return loader.load(
-            build.build(program(turning(ca.vertcat(ca.sin(x), ca.cos(x)), x)), base / "turn").folder
+            published(program(turning(ca.vertcat(ca.sin(x), ca.cos(x)), x)), base / "turn").folder
         )
 
 

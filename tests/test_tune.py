@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 
 import hamel
-from codegen import build, compiler, tune
+from codegen import compiler
 from codegen.passes import program
 from derive.diagnostics import ToolchainError
+from hamel.build import tune
+from hamel.build.module import published
 from tests.toy import toy
 
 MODELS = Path(__file__).parents[1] / "models"
@@ -31,7 +33,7 @@ def test_flags_that_the_compiler_knows(tmp_path: Path, monkeypatch: pytest.Monke
     tuned = tune.with_fastest_flags(program(toy(), ["dynamics"]), {"before": 7.0})
     assert [name for name, _ in tuned.timings] == ["before", "flags as usual", "flags -O1"]
     assert all(ns > 0 for _, ns in tuned.timings) and tuned.flags in ((), ("-O1",))
-    folder = build.build(tuned, tmp_path / "toy").folder
+    folder = published(tuned, tmp_path / "toy").folder
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["flags"] == list(tuned.flags) and manifest["tuned"] == dict(tuned.timings)
 
@@ -45,7 +47,7 @@ def test_flags_of_the_manifest_reach_the_compiler(
     monkeypatch.setattr(
         compiler, "run", lambda folder, command: (seen.append(command), run(folder, command))[1]
     )
-    build.build(replace(program(toy(), ["energy"]), flags=("-O1",)), tmp_path / "toy")
+    published(replace(program(toy(), ["energy"]), flags=("-O1",)), tmp_path / "toy")
     kernels = [command for command in seen if command[-1] in ("toy.c", "toy_simulate.c")]
     assert kernels and all("-O1" in command for command in kernels)
 

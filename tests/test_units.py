@@ -7,7 +7,8 @@ import pytest
 
 from derive.expressions.dimensions import BARE, UNKNOWN, infer
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, unit
+from derive.expressions.parser import expression, quantity, unit
+from derive.expressions.tree import Name, Quotient
 from derive.expressions.units import (
     ENERGY,
     FORCE,
@@ -81,6 +82,25 @@ def test_refused(text: str, hint: str) -> None:
     with pytest.raises(FormulaError) as caught:
         unit(text)
     assert hint in caught.value.detail[2]
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("10 N*m/(rad*s)", "10 N*m/rad/s"),
+        ("2 kg/(m*s^2)", "2 kg/m/s^2"),
+        ("3 N*(m/s)", "3 N*m/s"),
+        ("1 1/(m*s)", "1 1/m/s"),
+    ],
+)
+def test_units_take_brackets(text: str, same: str) -> None:
+    assert quantity(text) == quantity(same) is not None
+
+
+def test_a_bracket_of_the_models_own_names_is_a_formula() -> None:
+    """(10 N)/(m) where m is a parameter, not a unit."""
+    divided = expression("10 N/(m)", names=["m"])
+    assert isinstance(divided, Quotient) and divided.denominator == Name("m")
 
 
 def test_every_unit_is_finite_and_coherent_after_conversion() -> None:

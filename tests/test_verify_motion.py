@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from derive.formulations import equations
+from derive.formulations.evaluate import evaluator
 from derive.model import load, load_text
 from derive.states import system
-from hamel.pipeline import temporary_module
+from hamel.build.module import temporary_module
 from hamel.verify.checks import CHECKS, momenta
-from hamel.verify.checks.evidence import graph
 from hamel.verify.mutation.errors import wrong_functions
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
@@ -130,7 +130,7 @@ def test_a_motion_that_cannot_come_back_is_not_asked_to():
 def test_code_that_is_wrong_without_optimisation_is_caught(free):
     assert not is_red(free, "-O0 = graph")
     _, wrong = next(iter(wrong_functions(free.graph.equations, "dynamics")))
-    assert is_red(replace(free, graph=graph(wrong)), "-O0 = graph")
+    assert is_red(replace(free, graph=evaluator(wrong)), "-O0 = graph")
 
 
 def test_numbers_that_come_of_none_are_caught(free):

@@ -60,6 +60,7 @@ def toy(
     system: Any = SimpleNamespace(
         model=SimpleNamespace(name=name, description=description, fixed=()),
         constants=(),
+        quaternions=(),
         phi=ca.SX(0, 1),
     )
     return Equations(
@@ -156,6 +157,7 @@ def circle() -> Equations:
     system: Any = SimpleNamespace(
         model=SimpleNamespace(name="circle", description="Round and round.", fixed=()),
         constants=(),
+        quaternions=(),
         phi=closing,
     )
     return Equations(

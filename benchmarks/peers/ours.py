@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from codegen import build as emitting
 from codegen import compiler
+from codegen.emit import emit
 from codegen.passes import program
 from derive.formulations import equations
 from derive.formulations.records import Equations
@@ -104,7 +104,7 @@ def contender(
     kernel = made.kernels[0]
     folder = BUILD / "ours" / f"{of.name}-{of.equations.choice}-{function}"
     folder.mkdir(parents=True, exist_ok=True)
-    files = emitting.emit(made)
+    files = emit(made)
     for name, text in files.items():
         if name.endswith((".c", ".h")):
             put(folder / name, text)

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from codegen import build, loader
+from codegen import loader
 from codegen.passes import program
+from hamel.build.module import published
 from peers.contest import BUILD, HERE, Time, run, times
 from peers.ours import Subject, contender
 
@@ -54,7 +55,7 @@ def many_at_once(of: Subject) -> tuple[float, float]:
 
 def _folder(of: Subject) -> Path:
     folder = Path(BUILD / "ours" / f"{of.name}-module").resolve()
-    build.build(program(of.equations, ["dynamics"]), folder)
+    published(program(of.equations, ["dynamics"]), folder)
     return folder
 
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from codegen import build as emitting
 from codegen import compiler
+from codegen.emit import emit
 from codegen.integrators import DOP853
 from codegen.passes import program
 from codegen.program import Program
@@ -77,7 +77,7 @@ def ours(
             BUILD / "whole" / f"{made.name}-{of.formulation}-{of.choice or 'v'}-{name.split()[0]}"
         )
         folder.mkdir(parents=True, exist_ok=True)
-        files = emitting.emit(made)
+        files = emit(made)
         loop = folder / "loop.c"
         texts = {file: text for file, text in files.items() if file.endswith((".c", ".h"))} | {
             "loop.c": _loop(made, x, u, span)

@@ -51,19 +51,11 @@ def _inside(operations: list[Operation], wanted: list[int], kept: set[int]) -> s
     uses: Counter[int] = Counter()
     within: set[int] = set()
     for i in wanted:
-        inner = _inner(operations[i])
+        inner = operations[i].inner
         uses.update(inner)
         kind = KINDS.get(operations[i].name)
         within.update(o for o in inner if kind and KINDS.get(operations[o].name) == kind)
     return {i for i in within if uses[i] == 1 and i not in kept}
-
-
-def _inner(operation: Operation) -> list[int]:
-    return (
-        []
-        if operation.name == "input"
-        else [operand for operand in operation.operands if isinstance(operand, int)]
-    )
 
 
 @dataclass
@@ -80,7 +72,7 @@ class _Made:
     def again(self, operations: list[Operation], i: int, inside: set[int]) -> int:
         operation = operations[i]
         if operation.name == "input":
-            return self._put("input", *operation.operands)
+            return self._input(*operation.slot)
         if operation.name not in KINDS:
             return self._put(operation.name, *map(self.there, operation.operands))
         parts = [(sign, self.there(part)) for sign, part in _parts(operations, i, inside)]
@@ -101,9 +93,12 @@ class _Made:
 
     def _put(self, name: str, *operands: Operand) -> int:
         made = self.code.put(name, *operands)
-        self.known[made] = (
-            (EARLY if operands[0] == "p" else 0) if name == "input" else self._done(name, operands)
-        )
+        self.known[made] = self._done(name, operands)
+        return made
+
+    def _input(self, argument: str, entry: int) -> int:
+        made = self.code.input(argument, entry)
+        self.known[made] = EARLY if argument == "p" else 0
         return made
 
     def _done(self, name: str, operands: tuple[Operand, ...]) -> int:

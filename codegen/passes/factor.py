@@ -6,16 +6,22 @@ A node with several users is never opened, so nothing that is shared is computed
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from codegen.passes.graph import (
     ONE,
+    Call,
     Graph,
+    Node,
+    Product,
     Reference,
+    Sum,
     Work,
     copied,
     nearly_sum,
+    power,
     rewrite,
     scaled,
     uses,
@@ -32,22 +38,26 @@ def factor(work: Work) -> Work:
     def rule(graph: Graph, node: int, done: dict[int, Reference]) -> Reference | None:
         if node in opened:
             return None  # its user does it
-        kind = work.graph.nodes[node][0]
-        if kind == "sum":
-            return factored(graph, pythagoras(graph, _terms(work, graph, node, done, opened)))
-        if kind == "product":
+        old = work.graph.nodes[node]
+        if isinstance(old, Sum):
+            terms = _terms(work, graph, node, done, opened)
+            return factored(graph, pythagoras(graph, terms))
+        if isinstance(old, Product):
             return graph.product(_open_product(work, node, done, opened))
         return copied(work, graph, node, done)
 
     return rewrite(work, rule)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class _Spot:
-    """Where a node is used last, and how."""
+    """Where a node is used last: in a sum or in a product with an exponent."""
 
-    user: str
+    in_sum: bool
     exponent: int
+
+
+_IN_SUM = _Spot(True, 1)
 
 
 def _opened(work: Work) -> set[int]:
@@ -56,24 +66,27 @@ def _opened(work: Work) -> set[int]:
     count = uses(work, nodes)
     spots: dict[int, _Spot] = {}
     for node in nodes:
-        kind, *rest = work.graph.nodes[node]
-        if kind in ("sum", "product"):
-            for other, exponent in rest[0]:
-                spots[other] = _Spot(kind, exponent if kind == "product" else 1)
+        user = work.graph.nodes[node]
+        if isinstance(user, Sum):
+            spots.update((other, _IN_SUM) for other, _ in user.terms)
+        elif isinstance(user, Product):
+            spots.update((other, _Spot(False, exponent)) for other, exponent in user.factors)
     rooted = {node for _, node in work.roots}
     return {
-        n
-        for n in nodes
-        if count[n] == 1
-        and n not in rooted
-        and n in spots
-        and _opens(work.graph.nodes[n][0], spots[n])
+        node
+        for node in nodes
+        if count[node] == 1
+        and node in spots
+        and node not in rooted
+        and _opens(work.graph.nodes[node], spots[node])
     }
 
 
-def _opens(kind: str, spot: _Spot) -> bool:
+def _opens(node: Node, spot: _Spot) -> bool:
     """(a b)² stays, for a² b² needs one multiplication more."""
-    return (kind == "sum" and spot.user == "sum") or (kind == "product" and abs(spot.exponent) == 1)
+    if isinstance(node, Sum):
+        return spot.in_sum
+    return isinstance(node, Product) and abs(spot.exponent) == 1
 
 
 def _terms(
@@ -84,24 +97,33 @@ def _terms(
     stack = [(node, 1.0)]
     while stack:
         current, outer = stack.pop()
-        for other, own in reversed(work.graph.nodes[current][1]):
-            kind = work.graph.nodes[other][0]
-            if other in opened and kind == "sum":
-                stack.append((other, outer * own))
-            elif other in opened and kind == "product":
-                terms.append(_merged(outer * own, _open_product(work, other, done, opened)))
-            else:
+        for other, own in reversed(_inside(work, current)):
+            if other not in opened:
                 terms.append(_term(graph, scaled(outer * own, done[other])))
+            elif isinstance(work.graph.nodes[other], Sum):
+                stack.append((other, outer * own))
+            else:
+                terms.append(
+                    _product_term(graph, outer * own, _open_product(work, other, done, opened))
+                )
     return _collected(terms)
+
+
+def _inside(work: Work, node: int) -> tuple[tuple[int, float], ...]:
+    """The terms of a sum."""
+    inside = work.graph.nodes[node]
+    return inside.terms if isinstance(inside, Sum) else ()
 
 
 def _term(graph: Graph, reference: Reference) -> Term:
     """A node as a term. Of products only squares of a sine or cosine are opened, for they may meet
     their like."""
     factor, node = reference
-    inside = graph.nodes[node][1] if graph.nodes[node][0] == "product" else ()
-    if len(inside) == 1 and inside[0][1] == 2 and _angle(graph, inside[0][0]):
-        return factor, tuple(inside)
+    inside = graph.nodes[node]
+    if isinstance(inside, Product) and len(inside.factors) == 1:
+        base, exponent = inside.factors[0]
+        if exponent == 2 and _angle(graph, base) is not None:
+            return factor, inside.factors
     return factor, () if node == ONE else ((node, 1),)
 
 
@@ -109,11 +131,13 @@ def _open_product(
     work: Work, node: int, done: dict[int, Reference], opened: set[int]
 ) -> list[tuple[Reference, int]]:
     """The factors of a flattened product over the new graph."""
-    factors = []
+    factors: list[tuple[Reference, int]] = []
     stack = [(node, 1)]
     while stack:
         current, outer = stack.pop()
-        for other, own in work.graph.nodes[current][1]:
+        product = work.graph.nodes[current]
+        assert isinstance(product, Product)  # sums are opened in sums alone
+        for other, own in product.factors:
             if other in opened:
                 stack.append((other, outer * own))
             else:
@@ -121,13 +145,17 @@ def _open_product(
     return factors
 
 
-def _merged(outer: float, factors: Iterable[tuple[Reference, int]]) -> Term:
+def _product_term(graph: Graph, outer: float, factors: Sequence[tuple[Reference, int]]) -> Term:
+    """A product as a term, its constants in front."""
+    front = outer
     merged: dict[int, int] = {}
     for (value, node), exponent in factors:
-        outer *= value**exponent
+        front *= power(value, exponent)
         if node != ONE:
             merged[node] = merged.get(node, 0) + exponent
-    return outer, tuple(sorted((node, exponent) for node, exponent in merged.items() if exponent))
+    if not math.isfinite(front) or front == 0.0:
+        return _term(graph, scaled(outer, graph.product(factors)))
+    return front, tuple(sorted((node, exponent) for node, exponent in merged.items() if exponent))
 
 
 def _collected(terms: Iterable[Term]) -> list[Term]:
@@ -168,10 +196,10 @@ def _square(graph: Graph, sums: dict[Factors, float], factors: Factors, node: in
 
 def _angle(graph: Graph, node: int) -> int | None:
     """For sin θ the node cos θ and the other way round, where the graph has it."""
-    kind, *rest = graph.nodes[node]
-    if kind != "call" or rest[0] not in ("sin", "cos"):
+    call = graph.nodes[node]
+    if not isinstance(call, Call) or call.function not in ("sin", "cos"):
         return None
-    return graph.find(("call", "cos" if rest[0] == "sin" else "sin", rest[1]))
+    return graph.find_call("cos" if call.function == "sin" else "sin", call.operands)
 
 
 # ---- common factors

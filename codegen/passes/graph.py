@@ -13,111 +13,218 @@ import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+
+from codegen.limits import CLOSE, MODEST, NEARLY
 
 Reference = tuple[float, int]
 ONE = 0
 ZERO: Reference = (0.0, ONE)
-EPSILON = 2.220446049250313e-16
-NEARLY = 8 * EPSILON  # factors closer than this, relatively, differ by rounding only
 
 ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign"})
 EVEN = frozenset({"cos", "cosh", "fabs"})
-CALLS: dict[str, Callable[..., Any] | None] = {
-    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos,
-    "atan": math.atan, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "asinh": math.asinh, "acosh": math.acosh,
-    "atanh": math.atanh, "exp": math.exp, "log": math.log, "expm1": math.expm1, "log1p": math.log1p, "erf": math.erf,
-    "fabs": abs, "floor": math.floor, "ceil": math.ceil, "pow": math.pow, "atan2": math.atan2, "hypot": math.hypot,
+CALLS: dict[str, Callable[..., float] | None] = {
+    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "asinh": math.asinh,
+    "acosh": math.acosh,
+    "atanh": math.atanh, "exp": math.exp, "log": math.log, "expm1": math.expm1, "log1p": math.log1p,
+    "erf": math.erf,
+    "fabs": abs, "floor": math.floor, "ceil": math.ceil, "pow": math.pow, "atan2": math.atan2,
+    "hypot": math.hypot,
     "fmin": min, "fmax": max, "copysign": math.copysign, "fmod": math.fmod,
-    "sign": None, "lt": None, "le": None, "eq": None, "ne": None, "and": None, "or": None, "not": None, "where": None,
+    "sign": None, "lt": None, "le": None, "eq": None, "ne": None, "and": None, "or": None,
+    "not": None, "where": None,
 }  # fmt: skip
 
-_NARY = frozenset({"sum", "product"})
+
+@dataclass(frozen=True, slots=True)
+class One:
+    """The number one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """Entry `index` of an argument."""
+
+    argument: str
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """What no arithmetic is done with: inf and nan."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """Σ factor · node; the terms are (node, factor) in the order of the nodes."""
+
+    terms: tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """Π node^exponent; the factors are (node, exponent) in the order of the nodes."""
+
+    factors: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function of references."""
+
+    function: str
+    operands: tuple[Reference, ...]
+
+
+Node = One | Input | Literal | Sum | Product | Call
 
 
 class Graph:
-    """Nodes are tuples: ("one",), ("input", argument, index), ("literal", text) for inf and nan,
-    ("sum", ((node, factor), …)), ("product", ((node, exponent), …)), ("call", function, (reference,
-    …))."""
+    """Nodes by their ids. Equal nodes are one: each kind is found again by what it holds, for plain
+    tuples are hashed much faster than records."""
 
     def __init__(self) -> None:
-        self.nodes: list[tuple[Any, ...]] = [("one",)]
-        self.natural: dict[
-            int, float
-        ] = {}  # the factor with which a sum was first met: its own numbers, undivided
-        self._ids: dict[tuple[Any, ...], int] = {("one",): ONE}
-        self._operands: dict[int, tuple[int, ...]] = {}
+        self.nodes: list[Node] = [One()]
+        # by node: the nodes that it is computed from, the number one left out
+        self.operands: list[tuple[int, ...]] = [()]
+        # of sums the factor each was first met with: its own numbers, undivided
+        self.natural: dict[int, float] = {}
+        self._inputs: dict[tuple[str, int], int] = {}
+        self._literals: dict[str, int] = {}
+        self._sums: dict[tuple[tuple[int, float], ...], int] = {}
+        self._products: dict[tuple[tuple[int, int], ...], int] = {}
+        self._calls: dict[tuple[str, tuple[Reference, ...]], int] = {}
 
-    def node(self, key: tuple[Any, ...]) -> int:
-        """The id of a node, made on first use."""
-        found = self._ids.get(key)
-        if found is None:
-            found = self._ids[key] = len(self.nodes)
-            self.nodes.append(key)
-        return found
+    def _append(self, node: Node, operands: Iterable[int]) -> int:
+        self.nodes.append(node)
+        self.operands.append(tuple([other for other in operands if other != ONE]))
+        return len(self.nodes) - 1
 
-    def find(self, key: tuple[Any, ...]) -> int | None:
-        """The id of a node if there is one."""
-        return self._ids.get(key)
+    def find_call(self, function: str, operands: tuple[Reference, ...]) -> int | None:
+        """The id of that call if there is one."""
+        return self._calls.get((function, operands))
+
+    def leaf(self, node: One | Input | Literal) -> Reference:
+        """A node without operands, as another graph has it."""
+        if isinstance(node, Input):
+            return self.input(node.argument, node.index)
+        return (1.0, ONE) if isinstance(node, One) else self._literal(node.text)
 
     def input(self, argument: str, index: int) -> Reference:
-        return (1.0, self.node(("input", argument, index)))
+        node = self._inputs.get((argument, index))
+        if node is None:
+            node = self._append(Input(argument, index), ())
+            self._inputs[argument, index] = node
+        return (1.0, node)
 
     def constant(self, value: float) -> Reference:
         """A number; inf and nan are kept apart from arithmetic."""
         if math.isfinite(value):
             return (float(value), ONE)
-        return (1.0, self.node(("literal", repr(float(value)))))
+        return self._literal(repr(float(value)))
+
+    def _literal(self, text: str) -> Reference:
+        node = self._literals.get(text)
+        if node is None:
+            node = self._literals[text] = self._append(Literal(text), ())
+        return (1.0, node)
 
     def sum(self, terms: Iterable[Reference]) -> Reference:
         """Σ factor · node, equal nodes merged, scaled so that its first factor is 1."""
         merged: dict[int, float] = {}
         for factor, node in terms:
             merged[node] = nearly_sum(merged[node], factor) if node in merged else factor
-        kept = sorted((node, factor) for node, factor in merged.items() if factor != 0.0)
-        if not kept:
+        members = sorted([(node, factor) for node, factor in merged.items() if factor != 0.0])
+        if not members:
             return ZERO
-        if len(kept) == 1:
-            return (kept[0][1], kept[0][0])
-        scale = _leading(kept)
-        node = self.node(("sum", tuple((node, snapped(factor / scale)) for node, factor in kept)))
-        self.natural.setdefault(node, abs(scale))
-        return (scale, node)
+        if len(members) == 1:
+            return (members[0][1], members[0][0])
+        scale = _leading(members)
+        if scale != 1.0:
+            members = [(node, factor / scale) for node, factor in members]
+        inside = tuple([(node, snapped(factor)) for node, factor in members])
+        return (scale, self._sum_node(inside, abs(scale)))
 
     def product(self, factors: Iterable[tuple[Reference, int]]) -> Reference:
         """Π reference^exponent; constants move to the reference. x / x is 1 even where x = 0: the
         removable singularity goes."""
+        members = list(factors)
         scale = 1.0
         merged: dict[int, int] = {}
-        for (factor, node), exponent in factors:
-            scale *= _power(factor, exponent)
+        for (factor, node), exponent in members:
+            if factor != 1.0:
+                scale *= factor if exponent == 1 else power(factor, exponent)
             if node != ONE:
                 merged[node] = merged.get(node, 0) + exponent
+        if scale == 0.0 or scale == math.inf or scale == -math.inf:
+            return self._extreme_product(scale, merged, members)
         self._cancel(merged)
-        if scale == 0.0:
-            return ZERO
-        kept = sorted((node, exponent) for node, exponent in merged.items() if exponent != 0)
-        return self._scaled_product(scale, kept)
+        inside = sorted([(node, exponent) for node, exponent in merged.items() if exponent != 0])
+        return self._scaled_product(scale, inside)
+
+    def _extreme_product(
+        self, scale: float, merged: dict[int, int], factors: Sequence[tuple[Reference, int]]
+    ) -> Reference:
+        """A product whose constants together are zero or infinite. Where no single one is, they are
+        left with their factors, whose values may make up for them."""
+        if any(factor == 0.0 for (factor, _), _ in factors):
+            if scale == 0.0:
+                return ZERO
+            inside = [(node, exponent) for node, exponent in merged.items() if exponent != 0]
+            return self._scaled_product(scale, sorted(inside))
+        return self.product([((1.0, self._held(part)), exponent) for part, exponent in factors])
+
+    def bounded(self, reference: Reference) -> Reference:
+        """The reference with a factor that is far from overflow: factors that grow or shrink along
+        a long recursion stay inside of a node from time to time, and begin again at 1."""
+        factor, node = reference
+        if node == ONE or factor == 0.0 or 1.0 / MODEST <= abs(factor) <= MODEST:
+            return reference
+        return (math.copysign(1.0, factor), self._held((abs(factor), node)))
+
+    def _held(self, reference: Reference) -> int:
+        """A node that is factor · node, the factor inside of it."""
+        factor, node = reference
+        return node if factor == 1.0 else self._sum_node(((node, factor),), 1.0)
+
+    def _sum_node(self, inside: tuple[tuple[int, float], ...], natural: float) -> int:
+        found = self._sums.get(inside)
+        if found is None:
+            found = self._sums[inside] = self._append(Sum(inside), [node for node, _ in inside])
+            self.natural[found] = natural
+        return found
 
     def _cancel(self, merged: dict[int, int]) -> None:
         """Open products among the factors that another factor cancels against: l · (sin / l)."""
+        if len(merged) < 2:
+            return
         for node in list(merged):
+            inside = self.nodes[node]
+            if not isinstance(inside, Product):
+                continue
             outer = merged[node]
-            inside = self.nodes[node][1] if self.nodes[node][0] == "product" else ()
-            if any(merged.get(other, 0) * inner * outer < 0 for other, inner in inside):
+            if any(merged.get(other, 0) * inner * outer < 0 for other, inner in inside.factors):
                 del merged[node]
-                for other, inner in inside:
+                for other, inner in inside.factors:
                     merged[other] = merged.get(other, 0) + inner * outer
 
-    def _scaled_product(self, scale: float, kept: list[tuple[int, int]]) -> Reference:
+    def _scaled_product(self, scale: float, members: list[tuple[int, int]]) -> Reference:
         if not math.isfinite(scale):
-            kept = sorted([*kept, (self.constant(scale)[1], 1)])
+            members = sorted([*members, (self.constant(scale)[1], 1)])
             scale = 1.0
-        if not kept:
+        if not members:
             return (scale, ONE)
-        if len(kept) == 1 and kept[0][1] == 1:
-            return (scale, kept[0][0])
-        return (scale, self.node(("product", tuple(kept))))
+        if len(members) == 1 and members[0][1] == 1:
+            return (scale, members[0][0])
+        inside = tuple(members)
+        found = self._products.get(inside)
+        if found is None:
+            found = self._append(Product(inside), [node for node, _ in inside])
+            self._products[inside] = found
+        return (scale, found)
 
     def call(self, function: str, operands: Sequence[Reference]) -> Reference:
         """A function of references; signs leave odd and even functions, constants are evaluated."""
@@ -125,26 +232,14 @@ class Graph:
             value = _evaluate(function, [factor for factor, _ in operands])
             if value is not None:
                 return self.constant(value)
-        sign, operands = _signs(function, tuple(operands))
-        if function == "fabs" and operands[0][0] != 1.0:
-            sign, operands = operands[0][0], ((1.0, operands[0][1]),)
-        return (sign, self.node(("call", function, operands)))
-
-    def operands(self, node: int) -> tuple[int, ...]:
-        """The nodes that a node is computed from (the number one excluded)."""
-        known = self._operands.get(node)
-        if known is None:
-            found = self.nodes[node]
-            if found[0] in _NARY:
-                known = tuple([other for other, _ in found[1] if other != ONE])
-            else:
-                known = (
-                    tuple([other for _, other in found[2] if other != ONE])
-                    if found[0] == "call"
-                    else ()
-                )
-            self._operands[node] = known
-        return known
+        sign, inside = _signs(function, tuple(operands))
+        if function == "fabs" and inside[0][0] != 1.0:
+            sign, inside = inside[0][0], ((1.0, inside[0][1]),)
+        found = self._calls.get((function, inside))
+        if found is None:
+            found = self._append(Call(function, inside), [node for _, node in inside])
+            self._calls[function, inside] = found
+        return (sign, found)
 
 
 @dataclass(frozen=True)
@@ -168,14 +263,15 @@ class Work:
     @functools.cached_property
     def live(self) -> tuple[int, ...]:
         """Nodes that the roots need, in increasing order."""
-        seen = {node for _, node in self.roots}
-        stack = list(seen)
-        while stack:
-            fresh = [other for other in self.graph.operands(stack.pop()) if other not in seen]
-            seen.update(fresh)
-            stack += fresh
-        seen.discard(ONE)
-        return tuple(sorted(seen))
+        needed = bytearray(len(self.graph.nodes))
+        for _, node in self.roots:
+            needed[node] = 1
+        operands = self.graph.operands
+        for node in range(len(needed) - 1, ONE, -1):
+            if needed[node]:
+                for other in operands[node]:
+                    needed[other] = 1
+        return tuple([node for node in range(ONE + 1, len(needed)) if needed[node]])
 
 
 def scaled(factor: float, reference: Reference) -> Reference:
@@ -193,15 +289,35 @@ def nearly_sum(a: float, b: float) -> float:
 def snapped(factor: float) -> float:
     """The factor, or the short decimal or fraction it differs from by rounding only: 14.715 for
     14.715000000000002."""
-    short = float(f"{factor:.12g}")
-    if abs(factor - short) <= 2 * EPSILON * abs(factor):
-        return short
-    if 1e-3 < abs(factor) < 1e3:
+    size = abs(factor)
+    if _may_be_decimal(size):
+        short = float(f"{factor:.12g}")
+        if abs(factor - short) <= CLOSE * size:
+            return short
+    if 1e-3 < size < 1e3 and _is_near_whole(size * _COMMON_DENOMINATOR, 1e-6):
         for denominator in (3, 7, 9, 11, 15):
             near = round(factor * 4 * denominator) / (4 * denominator)
-            if abs(factor - near) <= 2 * EPSILON * abs(factor):
+            if abs(factor - near) <= CLOSE * size:
                 return near
     return factor
+
+
+_COMMON_DENOMINATOR = 4 * 3465  # of all the fractions that `snapped` knows
+
+
+def _may_be_decimal(size: float) -> bool:
+    """False for most numbers that have no short decimal near them, in a fraction of the time that
+    printing takes."""
+    if not 1e-200 < size < 1e200:
+        return True
+    # twelve digits of the number stand before the point, or one or two more
+    digits = size * 10.0 ** (12 - math.floor(math.log10(size)))
+    return _is_near_whole(digits, 0.05)
+
+
+def _is_near_whole(value: float, margin: float) -> bool:
+    """Within a margin far above what rounding makes of it."""
+    return abs(value - round(value)) < margin
 
 
 def same(one: Work, other: Work) -> bool:
@@ -213,7 +329,7 @@ def uses(work: Work, nodes: Iterable[int]) -> dict[int, int]:
     """How often each node is used, the roots' own uses included."""
     count: dict[int, int] = {}
     for node in nodes:
-        for other in work.graph.operands(node):
+        for other in work.graph.operands[node]:
             count[other] = count.get(other, 0) + 1
     for _, node in work.roots:
         count[node] = count.get(node, 0) + 1
@@ -234,7 +350,7 @@ def rewrite(work: Work, rule: Rule) -> Work:
     for node in work.live:
         found = rule(graph, node, done)
         if found is not None:
-            done[node] = found
+            done[node] = graph.bounded(found)
             _keep_origin(work.graph, node, graph, found)
     roots = tuple(scaled(factor, done[node]) for factor, node in work.roots)
     return Work(graph, roots, tuple(_follow(mark, done) for mark in work.marks))
@@ -242,37 +358,40 @@ def rewrite(work: Work, rule: Rule) -> Work:
 
 def _keep_origin(old: Graph, node: int, graph: Graph, found: Reference) -> None:
     """A sum that became another keeps the numbers it was first met with."""
-    if node in old.natural and graph.nodes[found[1]][0] == "sum":
+    if node in old.natural and found[1] in graph.natural:
         graph.natural[found[1]] = abs(snapped(old.natural[node] * found[0]))
 
 
 def copied(work: Work, graph: Graph, node: int, done: dict[int, Reference]) -> Reference:
     """The node as it was, over rewritten operands."""
-    kind, *rest = work.graph.nodes[node]
-    if kind == "sum":
-        return graph.sum(scaled(factor, done[other]) for other, factor in rest[0])
-    if kind == "product":
-        return graph.product((done[other], exponent) for other, exponent in rest[0])
-    if kind == "call":
-        return graph.call(rest[0], [scaled(factor, done[other]) for factor, other in rest[1]])
-    return (1.0, graph.node(work.graph.nodes[node]))
+    old = work.graph.nodes[node]
+    if isinstance(old, Sum):
+        return graph.sum([scaled(factor, done[other]) for other, factor in old.terms])
+    if isinstance(old, Product):
+        return graph.product([(done[other], exponent) for other, exponent in old.factors])
+    if isinstance(old, Call):
+        return graph.call(
+            old.function, [scaled(factor, done[other]) for factor, other in old.operands]
+        )
+    return graph.leaf(old)
 
 
 def _follow(mark: Mark, done: dict[int, Reference]) -> Mark:
-    kept = tuple(
+    entries = tuple(
         (label, scaled(factor, done[node]))
         for label, (factor, node) in mark.entries
         if node in done
     )
-    return Mark(mark.name, mark.about, kept)
+    return Mark(mark.name, mark.about, entries)
 
 
-def _leading(kept: list[tuple[int, float]]) -> float:
+def _leading(terms: list[tuple[int, float]]) -> float:
     """The factor that a sum is divided by: that of its first term that is not the constant."""
-    return kept[0][1] if kept[0][0] != ONE else kept[1][1]
+    return terms[0][1] if terms[0][0] != ONE else terms[1][1]
 
 
-def _power(factor: float, exponent: int) -> float:
+def power(factor: float, exponent: int) -> float:
+    """factor^exponent, infinite where Python has an exception."""
     if factor == 0.0 and exponent < 0:
         return math.copysign(math.inf, factor) if exponent % 2 else math.inf
     try:

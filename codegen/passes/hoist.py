@@ -4,7 +4,6 @@ states: precompute(p) → c."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from codegen.passes.lower import Code, Lowered, Operand
 from codegen.passes.schedule import reachable
@@ -26,7 +25,7 @@ def hoist(lowered: Lowered) -> Hoisted | None:
     roots = [root for root in lowered.roots if isinstance(root, int)]
     wanted = sorted(reachable(lowered.code, roots))
     alone = _of_parameters_alone(lowered.code, wanted)
-    edge = [i for i in wanted if i not in alone for i in _inner(lowered.code, i) if i in alone]
+    edge = [i for user in wanted if user not in alone for i in operations[user].inner if i in alone]
     places = {
         i: k for k, i in enumerate(sorted({*edge, *(root for root in roots if root in alone)}))
     }
@@ -40,32 +39,22 @@ def hoist(lowered: Lowered) -> Hoisted | None:
     rest = Lowered(
         after[0], tuple(_there(root, after[1]) for root in lowered.roots), lowered.factors, moved
     )
-    entries = {
-        k: operations[i].operands[1] for i, k in places.items() if operations[i].name == "input"
-    }
+    entries = {k: operations[i].slot[1] for i, k in places.items() if operations[i].name == "input"}
     return Hoisted(precompute, rest, entries)
 
 
 def _of_parameters_alone(code: Code, wanted: list[int]) -> set[int]:
     alone: set[int] = set()
     for i in wanted:
-        operation, inner = code.operations[i], _inner(code, i)
-        if (
-            operation.operands[0] == "p"
-            if operation.name == "input"
-            else inner and all(o in alone for o in inner)
-        ):
+        operation = code.operations[i]
+        if operation.name == "input":
+            depends_on_parameters = operation.slot[0] == "p"
+        else:
+            inner = operation.inner
+            depends_on_parameters = bool(inner) and all(operand in alone for operand in inner)
+        if depends_on_parameters:
             alone.add(i)
     return alone
-
-
-def _inner(code: Code, i: int) -> list[int]:
-    operation = code.operations[i]
-    return (
-        []
-        if operation.name == "input"
-        else [operand for operand in operation.operands if isinstance(operand, int)]
-    )
 
 
 def _copied(
@@ -76,13 +65,13 @@ def _copied(
     moved: dict[int, int] = {}
     for i in chosen:
         operation = lowered.code.operations[i]
-        operands: list[Any] = list(operation.operands)
         if i in given:
-            moved[i] = code.put("input", "c", given[i])
+            moved[i] = code.input("c", given[i])
         elif operation.name == "input":
-            moved[i] = code.put("input", *operands)
+            moved[i] = code.input(*operation.slot)
         else:
-            moved[i] = code.put(operation.name, *(_there(operand, moved) for operand in operands))
+            operands = [_there(operand, moved) for operand in operation.operands]
+            moved[i] = code.put(operation.name, *operands)
     return code, moved
 
 

@@ -15,7 +15,7 @@ DIGITS = 12  # that are the same on every machine; the constraints hold to as ma
 def initial(equations: Equations) -> tuple[float, ...]:
     """x = (q, w) consistent with the constraints at the initial values of the model file, inputs
     zero; empty where the file has no consistent ones or the equations no function for w."""
-    function = next((f for f in equations.functions if f.name == "state"), None)
+    function = equations.function("state") if equations.has("state") else None
     if function is None:
         return ()
     try:

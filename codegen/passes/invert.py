@@ -42,7 +42,7 @@ def invert(lowered: Lowered) -> Lowered:
 
 def _made(code: Code, operation: Operation, moved: dict[int, int], shared: set[int]) -> int:
     if operation.name == "input":
-        return code.put("input", *operation.operands)
+        return code.input(*operation.slot)
     operands: list[Any] = [_there(operand, moved) for operand in operation.operands]
     if (
         operation.name != "div"

@@ -8,7 +8,8 @@ from codegen.program import Expression, Kernel, Program
 BATCHED = ("dynamics",)  # worth the time to compile them twice
 STEPPED = ("power", "project", "constraints", "guards")  # what a step calls besides
 PLAIN = frozenset({
-    "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne", "and", "or", "not", "where",
+    "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
+    "and", "or", "not", "where",
 })  # fmt: skip
 LARGEST = frozenset({"fmin", "fmax"})  # of functions that a step calls: in lanes by comparison
 # statements, inputs and outputs together: longer loops over lanes take compilers too long
@@ -25,7 +26,7 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
     """What a step of several motions side by side calls; nothing where motions have to go one by
     one: in another precision, in several charts, where a function is not plain."""
     kernels = tuple(k for k in program.kernels if k.name in (*BATCHED, *STEPPED))
-    if not program.simulates or program.charts or program.real.words:
+    if not program.simulates or program.charts or program.frame or program.real.words:
         return ()
     plain = all(map(_is_straight, kernels)) and is_batched(program.kernel("dynamics"))
     short = all(kernel.name in BATCHED or not is_long(kernel) for kernel in kernels)

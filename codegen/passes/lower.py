@@ -8,45 +8,70 @@ subtracted.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, snapped
-from codegen.passes.scales import free_scale, scales
+from codegen.passes.graph import (
+    ONE,
+    Call,
+    Graph,
+    Input,
+    Literal,
+    Product,
+    Reference,
+    Sum,
+    Work,
+    power,
+    snapped,
+)
+from codegen.passes.scales import missing_size, scales
+from derive.diagnostics import AssumptionError
 
-Operand = (
-    int | float
-)  # the index of an operation, or a constant; of "input" the argument's name and the index
+Operand = int | float  # the index of an operation, or a constant
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
+    """`slot` is the argument's name and the entry of it, of the operation "input" alone."""
+
     name: str
-    operands: tuple[Any, ...]
+    operands: tuple[Operand, ...] = ()
+    slot: tuple[str, int] = ("", 0)
+
+    @property
+    def inner(self) -> list[int]:
+        """The operations it works on."""
+        return [operand for operand in self.operands if isinstance(operand, int)]
 
 
 @dataclass
 class Code:
-    """Operations in an order that computes operands first. `inputs` and repeated operations occur
+    """Operations in an order that computes operands first. Inputs and repeated operations occur
     once."""
 
     operations: list[Operation] = field(default_factory=list)
-    index: dict[tuple[object, ...], int] = field(default_factory=dict)
+    _places: dict[tuple[object, ...], int] = field(default_factory=dict)
 
-    def put(self, name: str, *operands: Any) -> int:
+    def input(self, argument: str, entry: int) -> int:
+        """The index of the operation that is an entry of an argument."""
+        key = ("input", argument, entry)
+        if key not in self._places:
+            self._places[key] = len(self.operations)
+            self.operations.append(Operation("input", slot=(argument, entry)))
+        return self._places[key]
+
+    def put(self, name: str, *operands: Operand) -> int:
         """The index of an operation, appended when it is new."""
-        if name in ("add", "mul") and _order(operands[0]) > _order(operands[1]):
+        if name in ("add", "mul") and _comes_after(*operands):
             operands = operands[::-1]
-        key = (
-            name,
-            *operands,
-            *map(type, operands),
-        )  # Python takes operation 2 and the number 2.0 for the same
-        if key not in self.index:
-            self.index[key] = len(self.operations)
+        # Python takes operation 2 and the number 2.0 for the same
+        key = (name, operands, *map(type, operands))
+        place = self._places.get(key)
+        if place is None:
+            place = self._places[key] = len(self.operations)
             self.operations.append(Operation(name, operands))
-        return self.index[key]
+        return place
 
 
 @dataclass(frozen=True)
@@ -83,28 +108,41 @@ def lower(work: Work, loose: Sequence[int] = ()) -> Lowered:
     )
 
 
-def _order(operand: Operand) -> tuple[int, float]:
-    return (0, operand) if isinstance(operand, float) else (1, operand)
+def _comes_after(left: Operand, right: Operand) -> bool:
+    """Numbers come before operations, each in increasing order."""
+    if isinstance(left, float):
+        return isinstance(right, float) and left > right
+    return isinstance(right, float) or left > right
 
 
 def _partners(graph: Graph, known: dict[int, float]) -> dict[int, int]:
     """For products with a constant: the factor to multiply by it first, where that is of use to
     several products."""
-    sizes: dict[int, float] = {}
     where: dict[tuple[float, int], list[int]] = {}
     for product in sorted(known):
-        kind, *rest = graph.nodes[product]
-        if kind == "product":
-            sizes[product] = abs(snapped(known[product] / free_scale(rest[0], known)))
-            for node, exponent in rest[0] if sizes[product] != 1.0 else ():
-                if exponent == 1:
-                    where.setdefault((sizes[product], node), []).append(product)
+        inside = graph.nodes[product]
+        if not isinstance(inside, Product):
+            continue
+        size = missing_size(product, inside.factors, known)
+        for node, exponent in inside.factors if size != 1.0 else ():
+            if exponent == 1:
+                where.setdefault((size, node), []).append(product)
     partners: dict[int, int] = {}
     for (_, node), products in sorted(where.items(), key=lambda item: (-len(item[1]), item[0])):
         fresh = [product for product in products if product not in partners]
         if len(fresh) > 1:
             partners.update(dict.fromkeys(fresh, node))
     return partners
+
+
+def _representable(factor: float) -> float:
+    """The factor. Raises AssumptionError where it is no number to multiply by."""
+    if factor == 0.0 or not math.isfinite(factor):
+        raise AssumptionError(
+            "constants of this model multiply to more, or less, than a double can hold",
+            "choose units in which the numbers of the model are nearer to one",
+        )
+    return factor
 
 
 # ---- the operations themselves
@@ -121,20 +159,19 @@ class _Maker:
         self.partners = _partners(graph, scales)
 
     def make(self, node: int) -> None:
-        kind, *rest = self.graph.nodes[node]
-        if kind == "sum":
-            self.places[node] = self._sum(rest[0], self.scales[node])
-        elif kind == "product":
-            self.places[node] = (self._product(node, rest[0], self.scales[node]), self.scales[node])
-        elif kind == "call":
-            self.places[node] = (
-                self.code.put(rest[0], *(self.value(operand) for operand in rest[1])),
-                1.0,
-            )
-        elif kind == "input":
-            self.places[node] = (self.code.put("input", *rest), 1.0)
-        else:
-            self.places[node] = (float(rest[0]), 1.0)
+        inside = self.graph.nodes[node]
+        if isinstance(inside, Sum):
+            self.places[node] = self._sum(inside.terms, self.scales[node])
+        elif isinstance(inside, Product):
+            scale = self.scales[node]
+            self.places[node] = self._product(node, inside.factors, scale), scale
+        elif isinstance(inside, Call):
+            operands = [self.value(operand) for operand in inside.operands]
+            self.places[node] = self.code.put(inside.function, *operands), 1.0
+        elif isinstance(inside, Input):
+            self.places[node] = self.code.input(inside.argument, inside.index), 1.0
+        elif isinstance(inside, Literal):
+            self.places[node] = float(inside.text), 1.0
 
     def value(self, reference: Reference) -> Operand:
         """The operand that equals factor · node."""
@@ -156,11 +193,9 @@ class _Maker:
             return operand
         if isinstance(operand, float):
             return factor * operand
-        return (
-            self.code.put("neg", operand)
-            if factor == -1.0
-            else self.code.put("mul", factor, operand)
-        )
+        if factor == -1.0:
+            return self.code.put("neg", operand)
+        return self.code.put("mul", _representable(factor), operand)
 
     def _sum(self, terms: Sequence[tuple[int, float]], scale: float) -> tuple[Operand, float]:
         """The value and its scale; the sign of the scale may have turned where all terms are
@@ -193,20 +228,23 @@ class _Maker:
         (sign, left), (other, right) = self._add(signed[:half]), self._add(signed[half:])
         if sign == other:
             return sign, self.code.put("add", left, right)
-        return 1.0, self.code.put("sub", left, right) if sign > 0 else self.code.put(
-            "sub", right, left
-        )
+        if sign < 0:
+            left, right = right, left
+        return 1.0, self.code.put("sub", left, right)
 
     def _product(self, product: int, factors: Sequence[tuple[int, int]], scale: float) -> Operand:
-        above, below = [], []
+        above: list[tuple[Operand, int]] = []
+        below: list[tuple[Operand, int]] = []
+        partner = self.partners.get(product)
         for node, exponent in factors:
             operand, own = self.places[node]
-            scale /= own**exponent
-            if node == self.partners.get(product):
-                size = abs(snapped(self.scales[product] / free_scale(factors, self.scales)))
+            if own != 1.0:
+                scale /= power(own, exponent)
+            if node == partner:
+                size = missing_size(product, tuple(factors), self.scales)
                 operand, scale = self._times(size, operand), scale / size
             (above if exponent > 0 else below).append((operand, abs(exponent)))
-        return self._quotient(above, below, snapped(scale))
+        return self._quotient(above, below, snapped(_representable(scale)))
 
     def _quotient(
         self, above: list[tuple[Operand, int]], below: list[tuple[Operand, int]], factor: float

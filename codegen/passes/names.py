@@ -8,14 +8,20 @@ from collections.abc import Iterable
 
 from codegen.reals import REALS
 
-_C = """auto break case char const continue default do double else enum extern float for goto if inline int long register restrict
-return short signed sizeof static struct switch typedef union unsigned void volatile while asm typeof linux unix bool true false
-NULL NAN INFINITY HUGE_VAL EOF errno main isnan isinf isfinite M_PI M_E M_PI_2 M_PI_4 M_1_PI M_2_PI M_SQRT2 M_LN2 M_LN10 M_LOG2E
-M_LOG10E M_2_SQRTPI M_SQRT1_2 FP_NAN FP_ZERO j0 j1 jn y0 y1 yn gamma lgamma tgamma remainder div abs labs exp2 log2 log10 log1p
-cbrt round trunc rint nan fma erf erfc signbit ldexp frexp modf scalb logb"""
-_OURS = """t t_ c x u p out work lane LANES LARGER SMALLER bad stray np math status step k finite residual error rows where isscalar
-sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log expm1 sqrt fabs floor ceil pow atan2 hypot fmin fmax copysign
-fmod sign"""
+_C = """
+auto break case char const continue default do double else enum extern float for goto if inline
+int long register restrict return short signed sizeof static struct switch typedef union
+unsigned void volatile while asm typeof linux unix bool true false NULL NAN INFINITY HUGE_VAL
+EOF errno main isnan isinf isfinite M_PI M_E M_PI_2 M_PI_4 M_1_PI M_2_PI M_SQRT2 M_LN2 M_LN10
+M_LOG2E M_LOG10E M_2_SQRTPI M_SQRT1_2 FP_NAN FP_ZERO j0 j1 jn y0 y1 yn gamma lgamma tgamma
+remainder div abs labs exp2 log2 log10 log1p cbrt round trunc rint nan fma erf erfc signbit
+ldexp frexp modf scalb logb
+"""
+_OURS = """
+t t_ c x u p out work lane LANES LARGER SMALLER bad stray np math status step k finite residual error rows
+where isscalar sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log expm1 sqrt
+fabs floor ceil pow atan2 hypot fmin fmax copysign fmod sign
+"""
 _RECAST = (word for real in REALS for pair in real.words.items() for word in pair)
 RESERVED = frozenset([*_C.split(), *_OURS.split(), *_RECAST, *keyword.kwlist, *keyword.softkwlist])
 

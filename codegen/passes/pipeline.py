@@ -43,6 +43,7 @@ from derive.diagnostics import AssumptionError, HamelError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import records
 from derive.formulations.charts import differs
+from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
@@ -80,7 +81,7 @@ def program(
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
         enforcements = _usual(chosen) if enforcements is None else enforcements
-        watched = [request.name for request in equations.requests if request.name == "guards"]
+        watched = _watched(equations)
         further = (*_needs(integrators), *_needs_of_enforcements(equations, enforcements), *watched)
         chosen = _chosen(equations, [*(function.name for function in chosen), *further])
         _check_size([function for function in chosen if function.name in further])
@@ -116,12 +117,13 @@ def program(
         arguments=arguments,
         kernels=tuple(kernels),
         ledger=tuple(ledger),
-        positions=equations.system.phi.numel(),
+        positions=positions(equations.system),
         nominal=initial(equations),
         left_out=_left_out(equations, arguments, kernels),
         integrators=tuple(integrators) if simulates else (),
         enforcements=tuple(enforcements or ()) if simulates else (),
         turning=turning.found,
+        frame=len(equations.frame.labels) if equations.frame and simulates else 0,
         charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts))
         if len(charts) > 1
         else (),
@@ -153,6 +155,17 @@ class _Turning:
     @property
     def found(self) -> tuple[int, ...]:
         return tuple(sorted(self.round - self.seen))
+
+
+def _watched(equations: Equations) -> list[str]:
+    """Pivots that can vanish, and by what to tell whether the constraints or the choice fail then."""
+    known = [request.name for request in equations.requests]
+    guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
+    return [x for x in ("guards", "constraint_rows") if guarded and x in known]
+
+
+def _names_of(equations: Equations) -> list[str]:
+    return [request.name for request in equations.requests]
 
 
 def _suffix(number: int) -> str:

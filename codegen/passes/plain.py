@@ -11,7 +11,7 @@ import casadi as ca
 
 from codegen.passes.graph import EVEN, ODD, Mark
 from codegen.passes.lower import Code, Lowered, Operand
-from codegen.passes.trace import NAME_OF_CALL, Step, Tape
+from codegen.passes.trace import NAME_OF_CALL, Tape
 from derive.diagnostics import HamelError
 
 Signed = tuple[float, Operand]  # ±1 and what it stands before
@@ -25,32 +25,25 @@ def plain(tape: Tape, loose: range) -> tuple[Lowered, tuple[Mark, ...]]:
     code = Code()
     done: list[Signed] = []
     for step in tape.steps:
-        done.append(
-            _given(code, step)
-            if step.given is not None
-            else _applied(code, step.code, [done[i] for i in step.operands])
-        )
+        if step.code == ca.OP_CONST:
+            done.append((1.0, step.number))
+        elif step.code == ca.OP_INPUT:
+            done.append((1.0, code.input(*tape.slot(step))))
+        else:
+            done.append(_applied(code, step.code, [done[i] for i in step.operands]))
     places: dict[int, tuple[Operand, float]] = {}
-    marks = []
-    for name, about, labels, found in tape.named:
-        nodes = range(len(places), len(places) + len(found))
-        places |= {node: (done[i][1], done[i][0]) for node, i in zip(nodes, found)}
-        marks.append(
-            Mark(name, about, tuple((label, (1.0, node)) for label, node in zip(labels, nodes)))
-        )
+    marks: list[Mark] = []
+    for named in tape.named:
+        nodes = range(len(places), len(places) + len(named.steps))
+        places |= {node: (done[i][1], done[i][0]) for node, i in zip(nodes, named.steps)}
+        entries = tuple((label, (1.0, node)) for label, node in zip(named.labels, nodes))
+        marks.append(Mark(named.name, named.about, entries))
     roots = [
         (done[root][1], done[root][0]) if k in loose else (_value(code, done[root]), 1.0)
         for k, root in enumerate(tape.roots)
     ]
-    return Lowered(
-        code, tuple(value for value, _ in roots), tuple(sign for _, sign in roots), places
-    ), tuple(marks)
-
-
-def _given(code: Code, step: Step) -> Signed:
-    if step.code == ca.OP_CONST:
-        return 1.0, float(step.given)
-    return 1.0, code.put("input", *step.given)
+    values, signs = tuple(value for value, _ in roots), tuple(sign for _, sign in roots)
+    return Lowered(code, values, signs, places), tuple(marks)
 
 
 def _value(code: Code, signed: Signed) -> Operand:

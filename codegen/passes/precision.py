@@ -26,7 +26,8 @@ def in_precision(program: Program, name: str) -> Program:
     for where, value in _numbers(made):
         if not real.holds(value):
             raise AssumptionError(
-                f"{where} has the number {value:.6g}, which {real.name} cannot hold with all digits",
+                f"{where} has the number {value:.6g}, which {real.name} cannot hold with all"
+                " digits",
                 "float64 can; or choose units in which the numbers of the model are nearer to one",
             )
     return made

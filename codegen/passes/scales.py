@@ -8,27 +8,35 @@ taken.
 
 from __future__ import annotations
 
-from collections import Counter
+import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 
-from codegen.passes.graph import ONE, Graph, Work, snapped, uses
+from codegen.limits import (
+    BUSY_SCALE,
+    LARGE_SCALES,
+    LONG_SCALES,
+    MODEST,
+    SCALE_SWEEPS,
+    WIDE_SCALE,
+)
+from codegen.passes.graph import ONE, Call, Graph, Product, Sum, Work, power, snapped, uses
 
 _ONLY = frozenset({1.0})
-_WIDE = 16  # sums with more distinct factors than this are not searched for the best scale
-_BUSY = 24  # nodes with more users than this keep their scale
-_SWEEPS = 4
-_LONG = 2_000  # graphs with more nodes than this are swept once
-_LARGE = 10_000  # graphs with more nodes than this keep the numbers of the derivation
-Key = tuple[object, ...]  # a multiplication by a constant; equal ones are done once
+Terms = tuple[tuple[int, float], ...]
+Factors = tuple[tuple[int, int], ...]
+# A multiplication by a constant; equal ones are done once: (size, node), of a node wherever it is
+# used, or (size, node, "sum" or "product"), of a part or of the whole of what a node is made of.
+Key = tuple[float, int] | tuple[float, int, str]
 
 
 def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float]:
     """For every live node the multiple of it to compute."""
-    if len(nodes) > _LARGE:
+    if len(nodes) > LARGE_SCALES:
         return _from_origin(work, nodes)
     wants = _wants(work, nodes, loose)
     first = _from_users(work, nodes, wants)
-    structure = _Structure(work.graph, nodes, wants)
+    structure = _structure(work.graph, nodes, wants)
     best = _settled(_Balance(structure, first))
     if best.needed:
         best = min(
@@ -50,14 +58,10 @@ def _wants(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, list[
         if i not in loose and node != ONE:
             wants.setdefault(node, []).append(factor)
     for node in nodes:
-        kind, *rest = work.graph.nodes[node]
-        for factor, other in rest[1] if kind == "call" else ():
+        call = work.graph.nodes[node]
+        for factor, other in call.operands if isinstance(call, Call) else ():
             wants.setdefault(other, []).append(factor)
     return wants
-
-
-def _is_free(kind: str) -> bool:
-    return kind in ("sum", "product")
 
 
 # ---- the numbers of the derivation
@@ -65,23 +69,36 @@ def _is_free(kind: str) -> bool:
 
 def _from_origin(work: Work, nodes: Sequence[int]) -> dict[int, float]:
     """Sums as they were first met, products of what there is."""
-    found: dict[int, float] = {}
+    origin: dict[int, float] = {}
     for node in nodes:
-        kind, *rest = work.graph.nodes[node]
-        if kind == "sum":
-            found[node] = work.graph.natural[node]
-        elif kind == "product":
-            found[node] = abs(snapped(free_scale(rest[0], found)))
-    return found
+        inside = work.graph.nodes[node]
+        if isinstance(inside, Sum):
+            origin[node] = work.graph.natural[node]
+        elif isinstance(inside, Product):
+            size = abs(snapped(free_scale(inside.factors, origin)))
+            # what has grown or shrunk along a long recursion is brought back by one multiplication
+            origin[node] = size if is_modest(size) else 1.0
+    return origin
+
+
+def is_modest(size: float) -> bool:
+    """Is it far enough from overflow and underflow to be multiplied by its like?"""
+    return 1.0 / MODEST <= size <= MODEST
 
 
 def free_scale(factors: Iterable[tuple[int, int]], known: dict[int, float]) -> float:
     """The scale that a product has when its factors are multiplied as they are."""
     free = 1.0
     for node, exponent in factors:
-        if node in known:
-            free *= known[node] ** exponent
+        scale = known.get(node, 1.0)
+        if scale != 1.0:
+            free *= power(scale, exponent)
     return free
+
+
+def missing_size(product: int, factors: Factors, known: dict[int, float]) -> float:
+    """By what a product is multiplied so that it has the scale that was chosen for it."""
+    return _ratio(known[product], free_scale(factors, known))
 
 
 # ---- from the roots down
@@ -94,18 +111,17 @@ def _from_users(
     wanted: dict[int, list[float]] = {node: list(wants.get(node, ())) for node in (ONE, *nodes)}
     used = uses(work, nodes)
     named = {node: abs(factor) for mark in work.marks for _, (factor, node) in mark.entries}
-    found: dict[int, float] = {}
+    chosen: dict[int, float] = {}
     for node in reversed(nodes):
-        kind, *rest = work.graph.nodes[node]
-        if kind == "sum":
-            found[node] = _sum_scale(
-                rest[0], wanted[node], named.get(node, work.graph.natural[node])
-            )
-            _want_terms(rest[0], found[node], wanted)
-        elif kind == "product":
-            found[node] = _product_scale(work.graph, rest[0], wanted[node], used)
-            _want_factors(work.graph, rest[0], found[node], wanted, used)
-    return found
+        inside = work.graph.nodes[node]
+        if isinstance(inside, Sum):
+            natural = named.get(node, work.graph.natural[node])
+            chosen[node] = _sum_scale(inside.terms, wanted[node], natural)
+            _want_terms(inside.terms, chosen[node], wanted)
+        elif isinstance(inside, Product):
+            chosen[node] = _product_scale(work.graph, inside.factors, wanted[node], used)
+            _want_factors(work.graph, inside.factors, chosen[node], wanted, used)
+    return chosen
 
 
 def _distinct(factors: Iterable[float]) -> int:
@@ -120,16 +136,15 @@ def _sum_scale(terms: Sequence[tuple[int, float]], wants: Sequence[float], natur
     if natural == 1.0 and not _distinct(factors) and not _distinct(wants):
         return sign
     candidates = [natural, 1.0, *dict.fromkeys(abs(want) for want in wants)]
-    if len(set(factors)) <= _WIDE:
-        candidates += dict.fromkeys(snapped(1.0 / abs(factor)) for factor in factors)
-
     sizes, wanted = {abs(factor) for factor in factors}, {abs(want) for want in wants}
+    if len(set(factors)) <= WIDE_SCALE:
+        candidates += dict.fromkeys(snapped(1.0 / abs(factor)) for factor in factors)
 
     def cost(scale: float) -> int:
         inside = {snapped(scale * size) for size in sizes} - _ONLY
         return len(inside) + len({snapped(want / scale) for want in wanted} - _ONLY)
 
-    return sign * min(dict.fromkeys(candidates), key=cost)
+    return sign * min(filter(is_modest, dict.fromkeys(candidates)), key=cost)
 
 
 def _prefers_negative(wants: Sequence[float]) -> bool:
@@ -148,7 +163,7 @@ def _product_scale(
         own = 0 if scale == 1.0 or reciprocal else 1
         return own + _distinct(snapped(want / scale) for want in wants), scale not in sizes
 
-    best = min([1.0, *sizes], key=cost)
+    best = min([1.0, *filter(is_modest, sizes)], key=cost)
     flips = best != 1.0 or reciprocal or _absorber(graph, factors, used, -1.0) is not None
     return -best if flips and _prefers_negative(wants) else best
 
@@ -159,13 +174,10 @@ def _absorber(
     """A factor of a product that takes the constant in: a sum used here alone; for a mere sign one
     with a minus in it."""
     for node, exponent in factors:
-        kind, *rest = graph.nodes[node]
-        if (
-            kind == "sum"
-            and exponent == 1
-            and used[node] == 1
-            and (factor > 0 or any(f < 0 for _, f in rest[0]))
-        ):
+        inside = graph.nodes[node]
+        if not isinstance(inside, Sum) or exponent != 1 or used[node] != 1:
+            continue
+        if factor > 0 or any(own < 0 for _, own in inside.terms):
             return node
     return None
 
@@ -198,63 +210,80 @@ def _want_terms(
 # ---- one by one
 
 
+@dataclass(frozen=True)
 class _Structure:
     """Sums, products and who uses what: the same for every choice of scales."""
 
-    def __init__(self, graph: Graph, nodes: Sequence[int], wants: dict[int, list[float]]) -> None:
-        self.graph = graph
-        self.nodes = nodes
-        self.order = [node for node in nodes if graph.nodes[node][0] in ("sum", "product")]
-        self.wants = {
-            node: sorted({abs(want) for want in wanted}) for node, wanted in wants.items()
-        }
-        self.users: dict[int, list[int]] = {}
-        self.sums: dict[
-            int, list[tuple[int, float]]
-        ] = {}  # the terms that are no constants, and the sizes of their factors
-        self.products: dict[int, tuple[tuple[int, int], ...]] = {}
-        self.fixed: set[int] = set()  # terms of wide sums: each trial would look at all the others
-        for node in self.order:
-            self._note(node)
+    graph: Graph
+    nodes: Sequence[int]
+    order: list[int]  # sums and products
+    wants: dict[int, list[float]]  # by node the sizes that have to be there
+    users: dict[int, list[int]]
+    terms: dict[int, list[tuple[int, float]]]  # of sums: no constants, and sizes of factors
+    places: dict[int, dict[int, int]]  # of sums: where each term stands
+    factors: dict[int, Factors]  # of products
+    fixed: set[int]  # terms of wide sums: each trial would look at all the others
 
-    def _note(self, node: int) -> None:
-        kind, terms = self.graph.nodes[node]
-        operands = self.graph.operands(node)
-        if kind == "sum":
-            self.sums[node] = [(other, abs(factor)) for other, factor in terms if other != ONE]
+
+def _structure(graph: Graph, nodes: Sequence[int], wants: dict[int, list[float]]) -> _Structure:
+    sizes = {node: sorted({abs(want) for want in wanted}) for node, wanted in wants.items()}
+    structure = _Structure(graph, nodes, [], sizes, {}, {}, {}, {}, set())
+    for node in nodes:
+        inside = graph.nodes[node]
+        if isinstance(inside, Sum):
+            terms = [(other, abs(factor)) for other, factor in inside.terms if other != ONE]
+            structure.terms[node] = terms
+            structure.places[node] = {other: place for place, (other, _) in enumerate(terms)}
+        elif isinstance(inside, Product):
+            structure.factors[node] = inside.factors
         else:
-            self.products[node] = terms
+            continue
+        structure.order.append(node)
+        operands = graph.operands[node]
         for other in operands:
-            self.users.setdefault(other, []).append(node)
-        self.fixed.update(operands if len(operands) > _WIDE else ())
+            structure.users.setdefault(other, []).append(node)
+        structure.fixed.update(operands if len(operands) > WIDE_SCALE else ())
+    return structure
+
+
+@dataclass
+class _Surroundings:
+    """What does not change around a node while one scale after another is tried for it.
+
+    `steady` counts the multiplications that nothing else needs, by who else near the node needs
+    them; `sums` are the users whose own multiplications depend on the scale: number, multiple of
+    the node that is wanted, and the sizes of the other terms with the only term of each, or −1.
+    """
+
+    steady: dict[Key, int] = field(default_factory=dict)
+    sums: list[tuple[int, float, dict[float, int]]] = field(default_factory=list)
+    products: list[int] = field(default_factory=list)
 
 
 class _Balance:
     """Scales, and the multiplications by constants that they need."""
 
     def __init__(self, structure: _Structure, start: dict[int, float]) -> None:
-        self.graph, self.order, self.wants = structure.graph, structure.order, structure.wants
-        self.users, self.sums, self.products, self.fixed = (
-            structure.users,
-            structure.sums,
-            structure.products,
-            structure.fixed,
-        )
-        nodes = structure.nodes
-        self.scales = dict.fromkeys(nodes, 1.0) | {
-            node: abs(scale) for node, scale in start.items()
-        }
-        self.keys = {node: keys for node in nodes if (keys := self._keys(node))}
-        self.needed = Counter([key for keys in self.keys.values() for key in keys])
-        self.sweeps = _SWEEPS if len(nodes) <= _LONG else 1
+        self.structure = structure
+        self.scales = dict.fromkeys(structure.nodes, 1.0)
+        self.scales |= {node: abs(scale) for node, scale in start.items()}
+        self.sizes = {node: self._sizes(node) for node in structure.terms}
+        self.keys: dict[int, list[Key]] = {}  # by node, where there are any
+        self.needed: dict[Key, int] = {}  # by how many nodes
+        for node in structure.nodes:
+            self._renew(node)
+            for key in self.keys.get(node, ()):
+                self.needed[key] = self.needed.get(key, 0) + 1
+        self.sweeps = SCALE_SWEEPS if len(structure.nodes) <= LONG_SCALES else 1
 
     def settle(self) -> None:
         """Sweep up and down until no node can be rescaled with profit; after the first sweep only
         near what changed."""
-        due = set(self.order if self.needed else ())
+        order = self.structure.order
+        due = set(order if self.needed else ())
         for sweep in range(self.sweeps):
             stirred: set[int] = set()
-            for node in self.order if sweep % 2 else reversed(self.order):
+            for node in order if sweep % 2 else reversed(order):
                 if node in due and self._improve(node):
                     stirred |= self._neighbours(node)
             due = stirred
@@ -263,123 +292,224 @@ class _Balance:
 
     def _neighbours(self, node: int) -> set[int]:
         """The nodes whose multiplications may be the same as those of the node or of its users."""
-        near = {node, *self.users.get(node, ())}
-        near.update(other for one in list(near) for other in self.graph.operands(one))
-        near.update(
-            user
-            for one in list(near)
-            for user in self.users.get(one, ())
-            if len(self.users[one]) <= _BUSY
-        )
+        users, operands = self.structure.users, self.structure.graph.operands
+        near = {node, *users.get(node, ())}
+        for one in list(near):
+            near.update(operands[one])
+        for one in list(near):
+            above = users.get(one, ())
+            if len(above) <= BUSY_SCALE:
+                near.update(above)
         return near
 
     def _improve(self, node: int) -> bool:
-        users = self.users.get(node, ())
-        if len(users) > _BUSY or node in self.fixed:
+        users = self.structure.users.get(node, ())
+        if len(users) > BUSY_SCALE or node in self.structure.fixed:
             return False
         near = [node, *users]
         before = [key for one in near if one in self.keys for key in self.keys[one]]
         if not before:
             return False
-        own = self.scales[node]
         needed = self.needed
         for key in before:
             needed[key] -= 1
-        best, least = own, sum(needed[key] <= 0 for key in set(before))
+        own = best = self.scales[node]
+        least = sum(needed[key] <= 0 for key in set(before))
         if least:
-            best = self._best(node, near, own, least)
+            best = self._best(node, users, least)
         if best != own:
-            self.scales[node] = best
-            self.keys.update((one, self._keys(one)) for one in near)
+            self._rescale(node, best)
         for one in near:
             for key in self.keys.get(one, ()):
-                needed[key] += 1
+                needed[key] = needed.get(key, 0) + 1
         for key in before:
-            if not needed[key]:
+            if not needed.get(key, 1):
                 del needed[key]
         return best != own
 
-    def _best(self, node: int, near: Sequence[int], own: float, least: int) -> float:
-        """The scale with the fewest multiplications that nothing else needs."""
-        best = own
-        for candidate in dict.fromkeys(self._candidates(node, near[1:])):
-            if candidate == own:
-                continue  # costs `least`
-            self.scales[node] = candidate
-            cost = self._fresh(near, least)
-            if cost < least:
-                best, least = candidate, cost
-                if not cost:
-                    break
-        self.scales[node] = own
-        return best
+    def _rescale(self, node: int, scale: float) -> None:
+        self.scales[node] = scale
+        if node in self.sizes:
+            self.sizes[node] = self._sizes(node)
+        self._renew(node)
+        for user in self.structure.users.get(node, ()):
+            if user in self.sizes:
+                place = self.structure.places[user][node]
+                factor = self.structure.terms[user][place][1]
+                self.sizes[user][place] = _ratio(self.scales[user] * factor, scale)
+            self._renew(user)
 
-    def _fresh(self, near: Sequence[int], least: int) -> int:
-        """How many multiplications near a node nothing else needs; counted only up to `least`."""
-        needed = self.needed
-        fresh: set[Key] = set()
-        for one in near:
-            for key in self._keys(one):
-                if needed[key] <= 0:
-                    fresh.add(key)
-            if len(fresh) >= least:
-                break
-        return len(fresh)
+    def _renew(self, node: int) -> None:
+        keys = self._keys(node)
+        if keys:
+            self.keys[node] = keys
+        else:
+            self.keys.pop(node, None)
+
+    # ---- the multiplications of one node
+
+    def _sizes(self, node: int) -> list[float]:
+        """By what the terms of a sum are multiplied."""
+        own, scales = self.scales[node], self.scales
+        return [_ratio(own * factor, scales[other]) for other, factor in self.structure.terms[node]]
 
     def _keys(self, node: int) -> list[Key]:
         """Multiplications by constants inside a node, and of the node for those who want a certain
         multiple."""
-        own = self.scales[node]
-        keys: list[Key] = []
-        if node in self.wants:
-            keys += [
-                (size, node) for want in self.wants[node] if (size := _ratio(want, own)) != 1.0
-            ]
-        if node in self.products:
-            factors = self.products[node]
-            size = _ratio(own, free_scale(factors, self.scales))
-            if size != 1.0 and any(exponent > 0 for _, exponent in factors):
-                keys.append((size, node, "product"))
-        elif node in self.sums:
-            self._sum_keys(node, own, keys)
+        keys = self._wanted_keys(node, self.scales[node])
+        if node in self.structure.factors:
+            keys += self._product_keys(node)
+        elif node in self.sizes:
+            keys += _sum_keys(node, _groups(self.structure.terms[node], self.sizes[node]))
         return keys
 
-    def _sum_keys(self, node: int, own: float, keys: list[Key]) -> None:
-        scales = self.scales
-        groups: dict[float, int] = {}  # the only term with a factor, or −1 for several
-        for other, factor in self.sums[node]:
-            above, below = own * factor, scales[other]
-            if above != below:
-                size = abs(snapped(above / below))
-                if size != 1.0:
-                    groups[size] = -1 if size in groups else other
-        for size, member in groups.items():
-            keys.append((size, node, "sum") if member < 0 else (size, member))
+    def _wanted_keys(self, node: int, scale: float) -> list[Key]:
+        wants = self.structure.wants.get(node, ())
+        return [(size, node) for want in wants if (size := _ratio(want, scale)) != 1.0]
+
+    def _product_keys(self, node: int) -> list[Key]:
+        factors = self.structure.factors[node]
+        size = _ratio(self.scales[node], free_scale(factors, self.scales))
+        if size != 1.0 and any(exponent > 0 for _, exponent in factors):
+            return [(size, node, "product")]
+        return []
+
+    # ---- trials
+
+    def _best(self, node: int, users: Sequence[int], least: int) -> float:
+        """The scale with the fewest multiplications that nothing else needs."""
+        own = best = self.scales[node]
+        around = self._surroundings(node, users)
+        slack = least - len(around.steady)
+        if slack <= 0:  # what the users multiply anyhow is all there is
+            return own
+        for candidate in dict.fromkeys(self._candidates(node, users)):
+            if candidate == own or not is_modest(candidate):
+                continue  # costs `slack`, or leads to overflow
+            cost = self._cost(node, candidate, around, slack)
+            if cost < slack:
+                best, slack = candidate, cost
+                if not cost:
+                    break
+        return best
+
+    def _surroundings(self, node: int, users: Sequence[int]) -> _Surroundings:
+        around = _Surroundings()
+        scales, structure = self.scales, self.structure
+        for user in users:
+            keys = self._wanted_keys(user, scales[user])
+            if user in self.sizes:
+                place = structure.places[user][node]
+                terms, sizes = structure.terms[user], self.sizes[user]
+                groups = _groups(
+                    [*terms[:place], *terms[place + 1 :]], [*sizes[:place], *sizes[place + 1 :]]
+                )
+                keys += _sum_keys(user, groups)
+                around.sums.append((user, scales[user] * terms[place][1], groups))
+            else:
+                around.products.append(user)
+            for key in set(keys):
+                if self.needed.get(key, 0) <= 0:
+                    around.steady[key] = around.steady.get(key, 0) + 1
+        return around
+
+    def _cost(self, node: int, scale: float, around: _Surroundings, most: int) -> int:
+        """How many multiplications that nothing else needs come to the steady ones if the node has
+        that scale; counted no further than `most`."""
+        fresh, left = self._fresh_in_sums(node, scale, around)
+        own = self.scales[node]
+        self.scales[node] = scale
+        for keys in self._dependent_keys(node, scale, around.products):
+            if len(fresh) - len(left) >= most:
+                break
+            fresh.update(self._fresh(keys, around.steady, left))
+        self.scales[node] = own
+        return len(fresh) - len(left)
+
+    def _fresh_in_sums(
+        self, node: int, scale: float, around: _Surroundings
+    ) -> tuple[set[Key], set[Key]]:
+        """What the sums that use the node need for it, and which steady multiplications they give
+        up, because the term is now added to the node first. These are never more than the sums."""
+        keys: list[Key] = []
+        gone: dict[Key, int] = {}
+        for user, wanted, groups in around.sums:
+            size = 1.0 if wanted == scale else abs(snapped(wanted / scale))
+            if size == 1.0:
+                continue
+            only = groups.get(size)
+            if only is None:
+                keys.append((size, node))
+            elif only >= 0:
+                gone[size, only] = gone.get((size, only), 0) + 1
+                keys.append((size, user, "sum"))
+        left = {key for key, count in gone.items() if around.steady.get(key) == count}
+        return set(self._fresh(keys, around.steady, left)), left
+
+    def _fresh(self, keys: Iterable[Key], steady: dict[Key, int], left: set[Key]) -> list[Key]:
+        """Those that nothing else needs."""
+        needed = self.needed
+        return [
+            key for key in keys if needed.get(key, 0) <= 0 and (key not in steady or key in left)
+        ]
+
+    def _dependent_keys(
+        self, node: int, scale: float, products: Sequence[int]
+    ) -> Iterator[list[Key]]:
+        """The multiplications that depend on the scale of a node, besides those in sums that use
+        it; `scales` has the scale already. The quickest to find come first."""
+        yield self._wanted_keys(node, scale)
+        for product in products:
+            yield self._product_keys(product)
+        if node in self.structure.factors:
+            yield self._product_keys(node)
+        elif node in self.sizes:
+            yield _sum_keys(node, _groups(self.structure.terms[node], self._sizes(node)))
 
     def _candidates(self, node: int, users: Sequence[int]) -> Iterator[float]:
         """Scales with which some multiplication near the node falls away."""
-        scales = self.scales
-        if node in self.products:
-            yield abs(snapped(free_scale(self.products[node], scales)))
-        elif len(self.graph.nodes[node][1]) <= _WIDE:
-            yield self.graph.natural[node]
-            yield from [_ratio(scales[other], factor) for other, factor in self.sums[node]]
-        yield from self.wants.get(node, ())
+        scales, structure = self.scales, self.structure
+        if node in structure.factors:
+            yield abs(snapped(free_scale(structure.factors[node], scales)))
+        elif _width(structure.graph, node) <= WIDE_SCALE:
+            yield structure.graph.natural[node]
+            yield from [_ratio(scales[other], factor) for other, factor in structure.terms[node]]
+        yield from structure.wants.get(node, ())
         for user in users:
             yield from self._wanted_by(user, node)
 
     def _wanted_by(self, user: int, node: int) -> Iterator[float]:
-        own = self.scales[user]
-        if user in self.sums:
-            terms = self.sums[user]
-            factor = next(factor for other, factor in terms if other == node)
-            sizes = {_ratio(own * f, self.scales[o]) for o, f in terms[:_WIDE] if o != node}
-            yield from (_ratio(own * factor, size) for size in (1.0, *sorted(sizes)))
-        elif (node, 1) in self.products[user]:
-            rest = free_scale(
-                [term for term in self.products[user] if term[0] != node], self.scales
-            )
-            yield _ratio(own, rest)
+        own, structure = self.scales[user], self.structure
+        if user in self.sizes:
+            place = structure.places[user][node]
+            wanted = own * structure.terms[user][place][1]
+            sizes = self.sizes[user][:WIDE_SCALE]
+            if place < len(sizes):
+                del sizes[place]
+            yield from [_ratio(wanted, size) for size in (1.0, *sorted(set(sizes)))]
+        elif (node, 1) in structure.factors[user]:
+            others = [term for term in structure.factors[user] if term[0] != node]
+            yield _ratio(own, free_scale(others, self.scales))
+
+
+def _width(graph: Graph, node: int) -> int:
+    """How many terms a sum has, a constant included."""
+    inside = graph.nodes[node]
+    return len(inside.terms) if isinstance(inside, Sum) else 0
+
+
+def _groups(terms: Sequence[tuple[int, float]], sizes: Sequence[float]) -> dict[float, int]:
+    """By size the only term that is multiplied by it, or −1 for several."""
+    groups: dict[float, int] = {}
+    for (other, _), size in zip(terms, sizes):
+        if size != 1.0:
+            groups[size] = -1 if size in groups else other
+    return groups
+
+
+def _sum_keys(node: int, groups: dict[float, int]) -> list[Key]:
+    """Terms of the same size are added before they are multiplied."""
+    return [(size, node, "sum") if only < 0 else (size, only) for size, only in groups.items()]
 
 
 def _settled(balance: _Balance) -> _Balance:
@@ -388,4 +518,6 @@ def _settled(balance: _Balance) -> _Balance:
 
 
 def _ratio(above: float, below: float) -> float:
-    return 1.0 if above == below else abs(snapped(above / below))
+    if above == below:
+        return 1.0
+    return abs(snapped(above / below)) if below else math.inf

@@ -51,17 +51,11 @@ def reachable(code: Code, roots: Sequence[int]) -> set[int]:
     """The operations that the roots need, the roots included."""
     seen, stack = set(roots), list(roots)
     while stack:
-        for operand in _inner(code.operations[stack.pop()]):
+        for operand in code.operations[stack.pop()].inner:
             if operand not in seen:
                 seen.add(operand)
                 stack.append(operand)
     return seen
-
-
-def _inner(operation: Operation) -> list[int]:
-    if operation.name == "input":
-        return []
-    return [operand for operand in operation.operands if isinstance(operand, int)]
 
 
 def _headings(
@@ -98,7 +92,7 @@ def _depth_first(code: Code, starts: Sequence[int], done: set[int]) -> list[int]
                 stack.append((i, True))
                 stack += [
                     (operand, False)
-                    for operand in reversed(_inner(code.operations[i]))
+                    for operand in reversed(code.operations[i].inner)
                     if operand not in done
                 ]
     return order
@@ -124,7 +118,7 @@ def _nested(
     user: dict[int, int] = {}
     home = {i: k for k, (_, group) in enumerate(groups) for i in group}
     for i in home:
-        for operand in _inner(code.operations[i]):
+        for operand in code.operations[i].inner:
             count[operand] = count.get(operand, 0) + 1
             user[operand] = i
     for root in roots:
@@ -144,7 +138,7 @@ def _turns(code: Code, wanted: set[int]) -> list[int]:
     later: set[int] = set()  # what depends on a sine or cosine
     found = []
     for i in sorted(wanted):
-        depends = any(operand in later for operand in _inner(code.operations[i]))
+        depends = any(operand in later for operand in code.operations[i].inner)
         if _is_turn(code, i) and not depends:
             found.append(i)
         if _is_turn(code, i) or depends:
@@ -169,9 +163,14 @@ def _fitting(code: Code, home: dict[int, int], once: Callable[[int], bool]) -> s
 
 
 def _write(
-    lowered: Lowered, wanted: set[int], groups: Sequence[tuple[str, list[int]]], names: dict[int, str], nested: set[int],
-    inputs: dict[tuple[str, int], str], free: Callable[[str], str],
-) -> Scheduled:  # fmt: skip
+    lowered: Lowered,
+    wanted: set[int],
+    groups: Sequence[tuple[str, list[int]]],
+    names: dict[int, str],
+    nested: set[int],
+    inputs: dict[tuple[str, int], str],
+    free: Callable[[str], str],
+) -> Scheduled:
     loads = _loads(lowered, wanted, inputs)
     expressions: dict[int, Expression] = {i: load.name for i, load in loads.items()}
     sections = []
@@ -192,15 +191,9 @@ def _write(
 def _loads(
     lowered: Lowered, wanted: set[int], inputs: dict[tuple[str, int], str]
 ) -> dict[int, Load]:
-    slots = {
-        i: lowered.code.operations[i].operands
-        for i in sorted(wanted)
-        if lowered.code.operations[i].name == "input"
-    }
-    return {
-        i: Load(inputs[str(name), int(entry)], str(name), int(entry))
-        for i, (name, entry) in slots.items()
-    }
+    operations = lowered.code.operations
+    slots = {i: operations[i].slot for i in sorted(wanted) if operations[i].name == "input"}
+    return {i: Load(inputs[slot], *slot) for i, slot in slots.items()}
 
 
 def _slot(load: Load) -> tuple[int, int]:

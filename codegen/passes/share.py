@@ -6,7 +6,17 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterator
 
-from codegen.passes.graph import ONE, Graph, Reference, Work, copied, rewrite, snapped
+from codegen.passes.graph import (
+    ONE,
+    Graph,
+    Product,
+    Reference,
+    Sum,
+    Work,
+    copied,
+    rewrite,
+    snapped,
+)
 
 Pair = tuple[
     int, int, float
@@ -22,10 +32,11 @@ def share(work: Work) -> Work:
 def _share(work: Work, kind: str) -> Work:
     members: dict[int, dict[int, float]] = {}
     for node in work.live:
-        if work.graph.nodes[node][0] == kind:
-            members[node] = {
-                other: float(value) for other, value in work.graph.nodes[node][1] if other != ONE
-            }
+        inside = work.graph.nodes[node]
+        if kind == "sum" and isinstance(inside, Sum):
+            members[node] = {other: factor for other, factor in inside.terms if other != ONE}
+        elif kind == "product" and isinstance(inside, Product):
+            members[node] = {other: float(exponent) for other, exponent in inside.factors}
     extracted = _extract(
         members, len(work.graph.nodes), _product_pairs if kind == "product" else _sum_pairs
     )
@@ -134,7 +145,9 @@ def _rebuild(
         parts = [(found(graph, member, done), value) for member, value in members[node].items()]
         if kind == "product":
             return graph.product((reference, int(value)) for reference, value in parts)
-        constant = [(value, ONE) for other, value in work.graph.nodes[node][1] if other == ONE]
+        old = work.graph.nodes[node]
+        terms = old.terms if isinstance(old, Sum) else ()
+        constant = [(value, ONE) for other, value in terms if other == ONE]
         return graph.sum(
             [*constant, *((value * factor, other) for (factor, other), value in parts)]
         )

@@ -5,42 +5,47 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
+from codegen.limits import MOST_MULTIPLIED_OUT
 from codegen.passes.graph import Graph, Mark, Reference, Work, scaled
 from derive.diagnostics import HamelError
+from derive.expressions.instructions import Instruction, listing
 
 _CALLS = {
-    "SQRT": "sqrt", "SIN": "sin", "COS": "cos", "TAN": "tan", "ASIN": "asin", "ACOS": "acos", "ATAN": "atan",
-    "SINH": "sinh", "COSH": "cosh", "TANH": "tanh", "ASINH": "asinh", "ACOSH": "acosh", "ATANH": "atanh", "EXP": "exp",
-    "LOG": "log", "EXPM1": "expm1", "LOG1P": "log1p", "ERF": "erf", "FABS": "fabs", "FLOOR": "floor", "CEIL": "ceil",
-    "ATAN2": "atan2", "HYPOT": "hypot", "FMIN": "fmin", "FMAX": "fmax", "COPYSIGN": "copysign", "FMOD": "fmod",
-    "SIGN": "sign", "LT": "lt", "LE": "le", "EQ": "eq", "NE": "ne", "AND": "and", "OR": "or", "NOT": "not",
+    "SQRT": "sqrt", "SIN": "sin", "COS": "cos", "TAN": "tan", "ASIN": "asin", "ACOS": "acos",
+    "ATAN": "atan",
+    "SINH": "sinh", "COSH": "cosh", "TANH": "tanh", "ASINH": "asinh", "ACOSH": "acosh",
+    "ATANH": "atanh", "EXP": "exp",
+    "LOG": "log", "EXPM1": "expm1", "LOG1P": "log1p", "ERF": "erf", "FABS": "fabs",
+    "FLOOR": "floor", "CEIL": "ceil",
+    "ATAN2": "atan2", "HYPOT": "hypot", "FMIN": "fmin", "FMAX": "fmax", "COPYSIGN": "copysign",
+    "FMOD": "fmod",
+    "SIGN": "sign", "LT": "lt", "LE": "le", "EQ": "eq", "NE": "ne", "AND": "and", "OR": "or",
+    "NOT": "not",
     "IF_ELSE_ZERO": "where",
 }  # fmt: skip
-_MOST = 16  # integer powers up to this are multiplied out
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One instruction: CasADi's code, the steps it works on, and a constant or an argument's name
-    and index."""
+@dataclass(frozen=True)
+class Named:
+    """A named intermediate: what its nonzero entries are called, and the steps they come from."""
 
-    code: int
-    operands: tuple[int, ...] = ()
-    given: Any = None
+    name: str
+    about: str
+    labels: tuple[str, ...]
+    steps: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Tape:
-    """A function as CasADi would run it, every result in a place of its own. `named` holds (name,
-    about, labels, steps)."""
+    """A function as CasADi would run it, every result in a place of its own."""
 
-    steps: list[Step]
-    roots: list[int]
-    named: list[tuple[str, str, list[str], list[int]]]
+    arguments: tuple[str, ...]
+    steps: tuple[Instruction, ...]
+    roots: tuple[int, ...]
+    named: tuple[Named, ...]
 
     def count(self) -> int:
         """Instructions that compute something for the roots, before any pass."""
@@ -59,6 +64,11 @@ class Tape:
                 needed[operand] = 1
         return needed
 
+    def slot(self, step: Instruction) -> tuple[str, int]:
+        """Of an input the argument's name and the entry of it."""
+        argument, entry = step.entry
+        return self.arguments[argument], entry
+
 
 _COST_NOTHING = frozenset({ca.OP_INPUT, ca.OP_CONST, ca.OP_NEG, ca.OP_ASSIGN})
 
@@ -71,36 +81,17 @@ def record(
     """The scalars `roots` as a tape. named holds (name, about, matrix): they ride along as further
     outputs."""
     matrices = [ca.densify(ca.vertcat(*roots)), *(value.T for _, _, value in named)]
-    function = ca.Function("traced", [symbol for _, symbol in arguments], matrices)
-    steps, outputs = _recorded(function, [name for name, _ in arguments])
-    labels = [(name, about, _labels(name, value)) for name, about, value in named]
-    return Tape(steps, outputs[0], [(*label, found) for label, found in zip(labels, outputs[1:])])
-
-
-def _recorded(
-    function: ca.Function, arguments: Sequence[str]
-) -> tuple[list[Step], list[list[int]]]:
-    outputs = [[0] * function.nnz_out(i) for i in range(function.n_out())]
-    steps: list[Step] = []
-    register: dict[int, int] = {}
-    for k in range(function.n_instructions()):
-        code, inputs, targets = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
-        if code == ca.OP_OUTPUT:
-            outputs[targets[0]][targets[1]] = register[inputs[0]]
-            continue
-        if code == ca.OP_INPUT:
-            step = Step(code, (), (arguments[inputs[0]], inputs[1]))
-        elif code == ca.OP_CONST:
-            step = Step(code, (), function.instruction_constant(k))
-        else:
-            step = Step(code, tuple(register[i] for i in inputs))
-        register[targets[0]] = len(steps)
-        steps.append(step)
-    return steps, outputs
+    program = listing(ca.Function("traced", [symbol for _, symbol in arguments], matrices))
+    intermediates = (
+        Named(name, about, tuple(_labels(name, value)), steps)
+        for (name, about, value), steps in zip(named, program.outputs[1:])
+    )
+    return Tape(
+        arguments=tuple(name for name, _ in arguments),
+        steps=program.instructions,
+        roots=program.outputs[0],
+        named=tuple(intermediates),
+    )
 
 
 def _labels(name: str, value: ca.SX) -> list[str]:
@@ -122,30 +113,33 @@ def trace(tape: Tape) -> Work:
     done: list[Reference] = []
     for step in tape.steps:
         if step.code == ca.OP_INPUT:
-            done.append(graph.input(*step.given))
+            done.append(graph.input(*tape.slot(step)))
         elif step.code == ca.OP_CONST:
-            done.append(graph.constant(step.given))
+            done.append(graph.constant(step.number))
         else:
-            done.append(_operation(step.code)(graph, [done[i] for i in step.operands]))
+            operands = [done[i] for i in step.operands]
+            done.append(graph.bounded(_operation(step.code)(graph, operands)))
     marks = (
-        Mark(name, about, tuple((label, done[i]) for label, i in zip(labels, found)))
-        for name, about, labels, found in tape.named
+        Mark(
+            named.name,
+            named.about,
+            tuple((label, done[i]) for label, i in zip(named.labels, named.steps)),
+        )
+        for named in tape.named
     )
     return Work(graph, tuple(done[root] for root in tape.roots), tuple(marks))
 
 
 def _operation(code: int) -> Operation:
     if code not in _OPERATIONS:
-        name = next(
-            (
-                key[3:].lower()
-                for key in dir(ca)
-                if key.startswith("OP_") and getattr(ca, key) == code
-            ),
-            str(code),
-        )
-        raise HamelError(f"there is no generated code for CasADi's operation '{name}'")
+        raise HamelError(f"there is no generated code for CasADi's operation '{_name(code)}'")
     return _OPERATIONS[code]
+
+
+def _name(code: int) -> str:
+    """CasADi's own name of an operation."""
+    codes = {key: getattr(ca, key) for key in dir(ca) if key.startswith("OP_")}
+    return next((key[3:].lower() for key, known in codes.items() if known == code), str(code))
 
 
 Operation = Callable[[Graph, list[Reference]], Reference]
@@ -153,7 +147,7 @@ Operation = Callable[[Graph, list[Reference]], Reference]
 
 def _power(graph: Graph, operands: list[Reference]) -> Reference:
     base, (value, node) = operands
-    if node == 0 and value == round(value) and abs(value) <= _MOST:
+    if node == 0 and value == round(value) and abs(value) <= MOST_MULTIPLIED_OUT:
         return graph.product([(base, round(value))])
     if node == 0 and value == 0.5:
         return graph.call("sqrt", [base])

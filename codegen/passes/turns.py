@@ -43,8 +43,10 @@ def _followed(
     round_: set[int] = set()
     seen: set[int] = set()
     for k, step in enumerate(tape.steps):
-        if step.code == ca.OP_INPUT and step.given[0] == "x" and step.given[1] < count:
-            shifts[k] = {step.given[1]: 1.0}
+        if step.code == ca.OP_INPUT:
+            argument, entry = tape.slot(step)
+            if argument == "x" and entry < count:
+                shifts[k] = {entry: 1.0}
         given = [shifts.get(i, {}) for i in step.operands]
         if not (needed[k] and any(given)):
             continue
@@ -62,7 +64,7 @@ def _followed(
 
 def _constant(tape: Tape, place: int) -> float | None:
     step = tape.steps[place]
-    return float(step.given) if step.code == ca.OP_CONST else None
+    return step.number if step.code == ca.OP_CONST else None
 
 
 def _linear(code: int, given: Sequence[Shift], constants: Sequence[float | None]) -> Shift | None:

@@ -51,7 +51,7 @@ def watch(lowered: Lowered, size: int, arguments: dict[str, int]) -> Watched:
     computed = [(i, root) for i, root in outputs if code.operations[root].name != "input"]
     shows = _shows(code, [root for _, root in computed])
     seen = {
-        code.operations[i].operands
+        code.operations[i].slot
         for i, level in shows.items()
         if level == BOTH and code.operations[i].name == "input"
     }

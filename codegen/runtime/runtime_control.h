@@ -7,6 +7,8 @@
        MODEL_dynamics(r)   the function f(t, x, u, p, out) that stands for dynamics, and so for power, project, constraints,
                            guards, closure, slip, manifold, jacobian and jacobian_t where there are such functions
        HAS_POWER ...       1 where there is one, else 0; TURNING how many coordinates go round
+       FRAME               how many values of p, the last ones, are a frame that is based anew on the way; HAS_ROWS whether the
+                           independence of the constraint rows can be asked for
        PROJECTION ...      the numbers of the enforcements, -1 of those that the module does not have
 
    No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
@@ -16,7 +18,7 @@
 #include <stddef.h>
 
 /* What functions return; the same numbers as in NAME.h and NAME_simulate.h. */
-enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION };
+enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION, SINGULAR_CHOICE };
 
 /* A tolerance in units of rounding, given for a precision of 53 bits; and one that leaves the same share of the digits in that
    precision and in one of 24 bits. */
@@ -31,6 +33,9 @@ typedef struct {
     const double *c; /* constants of dynamics, from p, which stays as it is */
 #endif
     double rtol, atol;
+#if FRAME
+    double *data; /* p with the frame in force, which p points to */
+#endif
 #if HAS_COORDINATES
     int rounds; /* that the last solution of the position constraints took */
 #endif

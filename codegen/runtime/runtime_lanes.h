@@ -17,6 +17,9 @@ typedef struct {
     const double *times;
     Rows rows; /* of this motion */
     int failed; /* status of the last step that had to be made shorter */
+#if FRAME
+    double data[PARAMETERS];
+#endif
 } Motion;
 
 /* The start of motion number `row`. Returns a status. */
@@ -45,8 +48,14 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
     m->rows.v = all->v_out ? all->v_out + place * VELOCITY_ROWS : NULL;
     m->rows.chart = all->chart_out ? all->chart_out + place : NULL;
     m->rows.reduced = all->reduced_out ? all->reduced_out + place * NX : NULL;
+    m->rows.frame = all->frame_out ? all->frame_out + place * FRAME : NULL;
 #if HAS_CHOICES
     m->s.choice = all->chart;
+#endif
+#if FRAME
+    m->run.data = m->data;
+    framed(&m->run, m->run.p);
+    m->run.p = m->data;
 #endif
 #if HAS_CONSTANTS
     m->run.c = c;
@@ -73,10 +82,12 @@ static void finish(const Motions *all, size_t row, const Motion *m, int status)
     end->charts = s->charts;
     end->position_violation = s->position_violation;
     end->velocity_violation = s->velocity_violation;
+    end->switches = end->bases = 0;
 #if HAS_CHOICES
     end->switches = s->switches;
-#else
-    end->switches = 0;
+#endif
+#if FRAME
+    end->bases = s->bases;
 #endif
     for (k = (size_t)s->done; k < all->n; k++) {
         m->rows.work[k] = NAN;
@@ -88,6 +99,8 @@ static void finish(const Motions *all, size_t row, const Motion *m, int status)
             m->rows.v[k * VELOCITY_ROWS + (size_t)i] = NAN;
         if (m->rows.chart)
             m->rows.chart[k] = -1.0;
+        for (i = 0; m->rows.frame && i < FRAME; i++)
+            m->rows.frame[k * FRAME + (size_t)i] = NAN;
     }
 }
 
@@ -265,7 +278,7 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
             continue;
         }
         if (status != OK) {
-            finish(all, row, m, status);
+            finish(all, row, m, told(&m->run, status));
             continue;
         }
         w->busy[lane] = 1;
@@ -516,7 +529,7 @@ static int lanes_sizes(const Motions *all, const Method *method, Lanes *w, size_
                 break;
             }
             leave_lane(w, lane);
-            finish(all, w->row[lane], m, status);
+            finish(all, w->row[lane], m, status == MORE ? MORE : told(&m->run, status));
             refill(all, method, w, lane, queue);
         }
     return count;
@@ -532,7 +545,7 @@ static int alone(const Motions *all, const Method *method, Lanes *w, int lane, d
     status = advance(&m->run, method, m->times[m->s.done], left, w->h[lane], &m->failed);
     enter_lane(w, lane);
     if (status != OK)
-        return status;
+        return told(&m->run, status);
     return m->s.t < m->times[m->s.done] ? MORE : reached(all, m);
 }
 

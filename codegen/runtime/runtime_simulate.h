@@ -102,6 +102,94 @@ static int passed(Run *r, const Method *method, double t, double h, double end, 
 }
 #endif
 
+#if FRAME
+/* v at y in `moving`, which begins with q, is the same along the frame in `fresh`: w' = N'^T v. */
+static int carried(const Run *r, const double *before, const double *fresh, double *y)
+{
+    double moving[NQ + VELOCITY_ROWS];
+    int i, status;
+    for (i = 0; i < NQ; i++)
+        moving[i] = y[i];
+    status = MODEL_velocity_framed(r->s->t, y, r->u, before, moving + NQ);
+    return status == OK ? MODEL_state_framed(r->s->t, moving, r->u, fresh, y) : status;
+}
+
+/* Bases the frame anew where a direction of it has less than `bound` left on the allowed motions. A state that is measured along it goes
+   with it: v is the same, w' = N'^T v. Changes nothing but the count of calls and returns 0 where that fails. */
+static int rebased(Run *r, double bound)
+{
+    Simulation *const s = r->s, old;
+    double fresh[PARAMETERS], before[PARAMETERS];
+    const int measured = IS_FRAMED(r);
+    int i, ok;
+#if HAS_GUARDS
+    double seen[GUARDS];
+    int crossed;
+#endif
+    if (!(MODEL_frame(s->t, s->x, r->u, r->p) < bound) || MODEL_rebase(s->t, s->x, r->u, r->p, fresh) != OK)
+        return 0;
+    old = *s;
+    for (i = 0; i < PARAMETERS; i++)
+        before[i] = r->data[i];
+    ok = !measured || carried(r, before, fresh, s->x) == OK;
+    for (i = 0; i < PARAMETERS; i++)
+        r->data[i] = fresh[i];
+#if HAS_GUARDS
+    for (i = 0; measured && i < GUARDS; i++)
+        s->guard[i] = s->guard_size[i] = s->guard_rate[i] = 0.0;
+    ok = ok && (!measured || looked(r, s->t, 0.0, s->x, seen, &crossed) == OK);
+#endif
+    ok = ok && (!measured || slope(r, s->t, s->x, s->slope) == OK);
+    if (!ok) {
+        const long calls = s->calls;
+        *s = old;
+        s->calls = calls;
+        for (i = 0; i < PARAMETERS; i++)
+            r->data[i] = before[i];
+        return 0;
+    }
+#if HAS_GUARDS
+    if (measured)
+        remember(r, 0.0, seen);
+#endif
+#if COLLOCATION_STAGES
+    s->collocated_h = 0.0; /* no polynomial to go on along */
+#endif
+    for (i = 0; i < FRAME; i++)
+        s->frame[i] = r->data[PARAMETERS - FRAME + i];
+    s->bases++;
+    return 1;
+}
+
+/* The frame in force: that of p at the start, later that of the simulation. */
+static void framed(Run *r, const double *p)
+{
+    Simulation *const s = r->s;
+    const int fresh = s->next_step == 0.0 && s->done == 0;
+    int i;
+    for (i = 0; i < PARAMETERS; i++)
+        r->data[i] = p[i];
+    for (i = 0; i < FRAME; i++)
+        if (fresh)
+            s->frame[i] = p[PARAMETERS - FRAME + i];
+        else
+            r->data[PARAMETERS - FRAME + i] = s->frame[i];
+}
+#endif
+
+/* A status with more to say: whether the choice alone is singular where the motion stopped. */
+static int told(const Run *r, int status)
+{
+#if HAS_ROWS
+    const Simulation *const s = r->s;
+    if ((status == SINGULAR_POSITION || status == SINGULAR) && MODEL_independence(s->t, s->x, r->u, r->p) > INDEPENDENT)
+        return SINGULAR_CHOICE;
+#else
+    (void)r;
+#endif
+    return status;
+}
+
 /* The slope at the start and the first step size. */
 static int start(Run *r, const Method *method, double span)
 {
@@ -113,6 +201,9 @@ static int start(Run *r, const Method *method, double span)
     if ((status = looked(r, s->t, 0.0, s->x, seen, &crossed)) != OK)
         return status;
     remember(r, 0.0, seen);
+#endif
+#if FRAME
+    rebased(r, FRAME_WORN);
 #endif
 #if HAS_COORDINATES
     if (on_coordinates(r) && (status = charted(r, s->t, s->x)) != OK)
@@ -160,6 +251,9 @@ static void accept(Run *r, double h, double end, const double *z, const double *
     if (on_coordinates(r))
         renewed(r, s->t, s->x);
 #endif
+#if FRAME
+    rebased(r, FRAME_WORN);
+#endif
 #if HAS_CHOICES
     enter(r, MODEL_chart(s->choice, s->t, s->x, r->u, r->p));
 #endif
@@ -186,6 +280,12 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
 #if HAS_GUARDS
     if (status == OK && error <= 1.0)
         status = passed(r, method, t, h, end, s->x, s->slope, z, next, seen);
+#endif
+#if FRAME
+    if (status != OK && rebased(r, NEARLY_BASED)) {
+        s->rejected++;
+        return OK;
+    }
 #endif
 #if HAS_CHOICES
     if (status != OK && rescued(r)) {
@@ -214,15 +314,20 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
 }
 
 /* Where the rows at the output times go; v and chart only where the module has several charts, reduced where angles go round (it may
-   be NULL). */
+   be NULL), frame where it has one. */
 typedef struct {
-    double *x, *work, *v, *chart, *reduced;
+    double *x, *work, *v, *chart, *reduced, *frame;
 } Rows;
 
 static int deliver_row(const Run *r, const Rows *rows, size_t row)
 {
     const Simulation *const s = r->s;
     double *const x = rows->x + row * NX;
+#if FRAME
+    int k;
+    for (k = 0; k < FRAME; k++)
+        rows->frame[row * FRAME + (size_t)k] = s->frame[k];
+#endif
 #if HAS_CHOICES
     const int status = deliver(r, s->x, x, rows->v + row * VELOCITY_ROWS);
     if (status != OK)
@@ -254,16 +359,16 @@ static int run_to(Run *r, const Method *method, size_t n, const double *times, l
             const double left = time - s->t;
             double h;
             if (s->next_step == 0.0 && (status = start(r, method, times[n - 1] - s->t)) != OK)
-                return status;
+                return told(r, status);
             if (budget-- <= 0)
                 return MORE;
             h = next_size(s, left);
             if (h < left && h < fmax(SHARED(16.0, 2.0) * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(times[n - 1])))
-                return failed ? failed : STEP_TOO_SMALL;
+                return failed ? told(r, failed) : STEP_TOO_SMALL;
             if (sizeof(double) < 8 && h < left)
                 h = (s->t + h) - s->t; /* what time really moves by: its last digit may be no small part of h */
             if ((status = advance(r, method, time, left, h, &failed)) != OK)
-                return status;
+                return told(r, status);
         }
         if ((status = deliver_row(r, rows, (size_t)s->done)) != OK)
             return status;

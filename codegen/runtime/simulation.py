@@ -20,6 +20,7 @@ class Status(enum.IntEnum):
     MORE = 5
     NO_METHOD = 6
     SINGULAR_POSITION = 7
+    SINGULAR_CHOICE = 8
 
     @property
     def cause(self) -> str:
@@ -37,6 +38,8 @@ _CAUSES = {
     Status.NO_METHOD: "the integrator or the enforcement needs compiled code",
     Status.SINGULAR_POSITION: "the motion came to a singular position, or ways across it disagree: "
     "its branch cannot be told",
+    Status.SINGULAR_CHOICE: "this choice of quasi-velocities is singular here, though the "
+    "constraints are independent: another choice, or a module of several, goes on",
 }
 
 
@@ -49,7 +52,10 @@ class Simulation:
     step; crossings counts the singular positions that were crossed, charts those that an
     enforcement used. With several choices of quasi-velocities v are the generalized velocities,
     chart the number of the choice at each time, switches their changes. Where angles go round,
-    reduced is x without whole turns, as it was integrated: the violations are of that.
+    reduced is x without whole turns, as it was integrated: the violations are of that. Where the
+    directions that w is measured along are based anew on the way, `bases` times, p has the
+    parameters of each row, with the frame in force behind them, which all functions take:
+    velocity(t, x, u, p).
     """
 
     t: np.ndarray
@@ -67,6 +73,8 @@ class Simulation:
     chart: np.ndarray | None = None
     switches: int = 0
     reduced: np.ndarray | None = None
+    p: np.ndarray | None = None
+    bases: int = 0
 
 
 class Stopped(FloatingPointError):

@@ -6,11 +6,22 @@ from codegen.targets.charts import CHARTS
 from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
 from codegen.targets.manifest import MANIFEST
+from codegen.targets.nullspace import NULLSPACE
 from codegen.targets.numpy import NUMPY
 from codegen.targets.package import PACKAGE
 from codegen.targets.records import Target
 from codegen.targets.simulate import SIMULATE
 
-TARGETS: tuple[Target, ...] = (C, CHARTS, EXTENSION, SIMULATE, NUMPY, PACKAGE, EXAMPLE, MANIFEST)
+TARGETS: tuple[Target, ...] = (
+    C,
+    CHARTS,
+    NULLSPACE,
+    EXTENSION,
+    SIMULATE,
+    NUMPY,
+    PACKAGE,
+    EXAMPLE,
+    MANIFEST,
+)
 
 __all__ = ["TARGETS", "Target"]

@@ -1,15 +1,15 @@
-"""example.c: a program that calls the generated C, to copy from."""
+"""example.c (example_program.c of a model called example): a program that calls the generated C, to copy from."""
 
 from __future__ import annotations
 
-from codegen import text
+from codegen import compiler, text
 from codegen.passes.split import is_long
 from codegen.program import Program
 from codegen.targets.records import Target
 
 
 def files(program: Program) -> dict[str, str]:
-    """example.c: the state derivative at one state, or the first function where there is none."""
+    """The state derivative at one state, or the first function where there is none."""
     names = [kernel.name for kernel in program.kernels]
     if not names:
         return {}
@@ -17,12 +17,15 @@ def files(program: Program) -> dict[str, str]:
     consistent = shown.x.labels == program.argument("x").labels and bool(program.nominal)
     states = program.nominal if consistent else _some(len(shown.x.names))
     charts = [f"{program.name}_charts"] if program.charts else []
+    names_of_rows = [f"{program.name}_nullspace"] if "constraint_rows" in names else []
     sources = [
         program.name,
         *charts,
+        *names_of_rows,
         *(f"{program.name}_{kernel.name}" for kernel in program.kernels if is_long(kernel)),
     ]
     data = {
+        "file": compiler.example(program.name),
         "sources": sources,
         "program": program,
         "prefix": program.name,
@@ -31,7 +34,7 @@ def files(program: Program) -> dict[str, str]:
         "states": states,
         "place": "the model's initial state" if consistent else "a state of arbitrary numbers",
     }
-    return {"example.c": text.render("example.c.j2", **data)}
+    return {data["file"]: text.render("example.c.j2", **data)}
 
 
 def _some(count: int) -> tuple[float, ...]:

@@ -22,6 +22,7 @@ from codegen.integrators import (
 from codegen.passes.lanes import side_by_side
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
+from codegen.targets.nullspace import framed
 from codegen.targets.records import Target
 
 # The head of a simulation: kind, name, meaning.
@@ -46,6 +47,12 @@ OF_CHARTS = (
     ("int", "choice", "the chart that the state is in, by number"),
     ("long", "switches", "changes of the chart"),
 )
+# And where it has a frame.
+OF_FRAMES = (("long", "bases", "how often the frame was based anew"),)
+# The smallest pivot of A, rows of length one, from which a stop is the choice's own: farther from a
+# loss of rank than a motion stops before one.
+INDEPENDENT = 0.02
+NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as good as new
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
@@ -111,6 +118,7 @@ def _data(program: Program) -> dict[str, Any]:
     chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
     has, rows = _parts(program, sizes, chosen), _rows(program, sizes)
     nq = len(program.argument("x").names) - len(program.quasi_velocities)
+    number_of_frame = framed(program) if program.frame else 0
     return {
         "program": program,
         "prefix": program.name,
@@ -121,6 +129,10 @@ def _data(program: Program) -> dict[str, Any]:
         "size": len(program.argument("x").names) + 1,
         "fields": fields(program),
         "charts": charts,
+        "framed": number_of_frame,
+        "suffix": program.charts[number_of_frame].suffix if program.charts else "",
+        "independent": INDEPENDENT,
+        "nearly": NEARLY_BASED,
         "tabled": tabled,
         "calls": _calls(program, sizes, tabled, has["constants"]),
         "enforcements": _numbered(program.enforcements),
@@ -142,7 +154,10 @@ def _parts(
     has = {name: name in sizes for name in named}
     has["project"] &= has["manifold"] or "projection" in program.enforcements
     has["charts"] = any(name in CHARTS for name in program.enforcements)
-    has["constants"] = not program.charts and program.kernel("dynamics").hoisted is not None
+    has["constants"] = (
+        not program.charts and not program.frame and program.kernel("dynamics").hoisted is not None
+    )
+    has["rows"] = "constraint_rows" in sizes
     has["linear"] = has["charts"] or any(x.needs for x in chosen)
     return has
 
@@ -172,6 +187,8 @@ def _flags(
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),
         "HAS_LANES": int(bool(side_by_side(program))),
+        "HAS_ROWS": int(has["rows"]),
+        "FRAME": program.frame,
         "HAS_MIDPOINT": int(any(isinstance(x, Midpoint) for x in chosen)),
         "TURNING": len(program.turning),
         "EXPLICIT_STAGES": max(explicit, default=0),
@@ -251,12 +268,16 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
             ("collocated_h", 0, "its size"),
             ("collocated", (stages + 1) * nx, "its state at the start, then at its stages"),
         ]
+    if program.frame:
+        blocks.append(("frame", program.frame, "the frame in force, as at the end of p"))
     if program.turning:
         blocks.append(("turns", nx - nw, "whole turns that were taken out of each coordinate"))
-    head = [
-        (kind, name, 0, about)
-        for kind, name, about in (*ENTRIES, *(OF_CHARTS if program.charts else ()))
-    ]
+    entries = (
+        *ENTRIES,
+        *(OF_CHARTS if program.charts else ()),
+        *(OF_FRAMES if program.frame else ()),
+    )
+    head = [(kind, name, 0, about) for kind, name, about in entries]
     scalars = ("collocated_t", "collocated_h", "side")
     body = [("double", *block) for block in blocks if block[1] or block[0] in scalars]
     return [*head, *body]

@@ -22,6 +22,7 @@ from derive.choices.resolution import Ranking, Resolved, Survey, ranked_partitio
 from derive.diagnostics import HamelError
 from derive.mechanics.records import System
 from derive.model.records import CHOICE_KINDS
+from derive.numerics import refuses_numerically
 
 STEP = 0.1  # by which the fastest coordinate moves at most, with its velocity and its acceleration
 ROUNDOFF = 2.0**-52
@@ -45,6 +46,7 @@ class Comparison:
     refused: dict[str, str]
 
 
+@refuses_numerically("the choices of quasi-velocities")
 def comparison(system: System) -> Comparison:
     """The best partitions, the declared choices, and every kind that needs no rows."""
     survey = survey_of(system)
@@ -85,8 +87,8 @@ def _further(system: System, found: dict[str, Resolved]) -> Iterator[str]:
 
 def _score(x: Assessed) -> tuple:
     """As `auto` has it; among what is alike there, the smaller violation first."""
-    varies, condition, count = score(x.ranking)
-    return varies, condition, round(float(np.log10(max(x.violation, 1e-16)))), count
+    varies, condition, *costs = score(x.ranking)
+    return varies, condition, round(float(np.log10(max(x.violation, 1e-16)))), *costs
 
 
 def assessment(survey: Survey, found: Resolved) -> Assessed:
@@ -161,6 +163,7 @@ def _stepped(f, t: float, x: np.ndarray, h: float) -> np.ndarray:
     return x + h / 6 * (a + 2 * b + 2 * c + d)
 
 
+@refuses_numerically("cond [A; B] along the motion")
 def conditions_along(
     system: System, names: list[str], t: np.ndarray, q: np.ndarray
 ) -> dict[str, np.ndarray]:

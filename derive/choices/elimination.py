@@ -34,7 +34,16 @@ from derive.mechanics.motion import (
     with_products,
 )
 from derive.mechanics.records import Link, RowForm, System
-from derive.mechanics.solve import SAFE, VANISHES, Block, best_block, small_inverse
+from derive.mechanics.solve import (
+    COFACTORS,
+    SAFE,
+    VANISHES,
+    Block,
+    best_block,
+    reflected_solution,
+    small_inverse,
+    steady,
+)
 from derive.mechanics.tree import path
 from derive.states.sampling import States
 
@@ -155,12 +164,23 @@ class _Walk:
     def solve(self, residuals: Sequence[Form], keys: Sequence[Key]) -> Scalar:
         """Put each key as a form of the others: keys = −(block)⁻¹ rest. Returns the block's
         determinant."""
+        if len(keys) > COFACTORS:
+            return self._solve_by_reflections(residuals, keys)
         inverse, determinant = small_inverse(
             [[form.get(key, 0.0) for key in keys] for form in residuals]
         )
         rests = [{k: c for k, c in form.items() if k not in keys} for form in residuals]
         for key, row in zip(keys, inverse):
             self.solved[key] = total((-weight, rest) for weight, rest in zip(row, rests))
+        return determinant
+
+    def _solve_by_reflections(self, residuals: Sequence[Form], keys: Sequence[Key]) -> Scalar:
+        others = sorted({key for form in residuals for key in form if key not in keys})
+        block = [[form.get(key, 0.0) for key in keys] for form in residuals]
+        sides = [[form.get(key, 0.0) for key in others] for form in residuals]
+        solution, determinant = reflected_solution(block, sides)
+        for key, row in zip(keys, solution):
+            self.solved[key] = {other: -x for other, x in zip(others, row) if not is_zero(x)}
         return determinant
 
 
@@ -453,11 +473,11 @@ class _Judge:
                 True,
                 seen.numbers,
             )
-        block = best_block(
-            values / np.array([self.sizes[i] for i in rows])[None, :, None], stored, numbers
-        )
+        scaled = values / np.array([self.sizes[i] for i in rows])[None, :, None]
+        block = best_block(scaled, stored, numbers)
         if block is None:
             return None
+        block = steady(scaled, numbers, block)
         return tuple(rows[i] for i in block.rows), tuple(keys[j] for j in block.columns), block
 
 

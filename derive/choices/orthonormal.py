@@ -2,9 +2,10 @@
 conditioned as A allows.
 
 One degree of freedom: N is the generalised cross product of the rows of A, divided by its length;
-smooth wherever A has full rank. More: the columns of a constant frame E, projected on ker A and
+smooth wherever A has full rank. More: the columns of a frame E, projected on ker A and
 orthonormalised by Gram–Schmidt; smooth away from where the projection of E loses rank, which a
-guard watches. v̇ at ẇ = 0 is the derivative of N w + A⁺ c along the motion.
+guard watches. In a generated module E is data: it is based anew, E = N(q), before that happens, and
+w with it, w' = N'ᵀ v, so that this choice goes wherever A has full rank. v̇ at ẇ = 0 is the derivative of N w + A⁺ c along the motion.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from derive.choices.records import Guard
+from derive.choices.records import Frame, Guard
 from derive.choices.reduction import SINGULAR, Reduction, symbols_for
 from derive.choices.redundancy import Independent
 from derive.joints.records import Scalar, Vector
@@ -24,23 +25,44 @@ from derive.mechanics.solve import scalars
 from derive.states.closing import Kinematics
 from derive.states.sampling import States
 
+LENGTH = "length of basis vector"  # the guards of the frame are called so
 MINORS = 3  # with more rows than this the cross product costs more than Gram–Schmidt
 
 
 def orthonormal(
-    system: System, rows: Independent, kept: Sequence[int], sampled: States
+    system: System, rows: Independent, kept: Sequence[int], sampled: States, moving: bool = False
 ) -> Reduction:
     """The reduction with B = Nᵀ; `rows` are independent and stand for all, `kept` are such rows of
-    A."""
+    A. With `moving` the frame is symbols, else numbers."""
     A = scalars(rows.A) if kept else []
     nv, nc = system.v.numel(), len(kept)
+    frame = None
     if nv == nc:
         N, lengths = [], []
     elif nv - nc == 1 and nc <= MINORS:
         N, lengths = _cross_product(A)
     else:
-        N, lengths = _gram_schmidt(A, _frame(system, kept, sampled))
-    return _reduction(system, kept, A, rows.c, N, lengths)
+        base = _frame(system, kept, sampled)
+        frame = _movable(system, base) if moving and nc else None
+        columns = [[float(x) for x in column] for column in base.T]
+        N, lengths = _gram_schmidt(A, columns if frame is None else _columns_of(frame, nv))
+    return _reduction(system, kept, A, rows.c, N, lengths, frame)
+
+
+def _movable(system: System, base: np.ndarray) -> Frame:
+    """The frame as symbols, with the base in numbers."""
+    labels = tuple(
+        f"frame {k + 1} of {velocity.name}"
+        for k in range(base.shape[1])
+        for velocity in system.model.velocities
+    )
+    symbols = ca.vertcat(*[ca.SX.sym(label) for label in labels])
+    return Frame(symbols, labels, tuple(float(x) for x in base.T.ravel()))
+
+
+def _columns_of(frame: Frame, nv: int) -> list[Vector]:
+    entries = [frame.symbols[i] for i in range(frame.symbols.numel())]
+    return [entries[i : i + nv] for i in range(0, len(entries), nv)]
 
 
 def _reduction(
@@ -50,6 +72,7 @@ def _reduction(
     c: ca.SX,
     N: list[Vector],
     lengths: list[Scalar],
+    frame: Frame | None,
 ) -> Reduction:
     names = tuple(f"w{k + 1}" for k in range(len(N)))
     w = symbols_for(names)
@@ -65,13 +88,11 @@ def _reduction(
         v=v,
         sigma=sigma,
         walked=None,
-        guards=tuple(
-            Guard(f"length of basis vector {k + 1}", ca.SX(x), SINGULAR)
-            for k, x in enumerate(lengths)
-        ),
+        guards=tuple(Guard(f"{LENGTH} {k + 1}", ca.SX(x), SINGULAR) for k, x in enumerate(lengths)),
         pivots=tuple(f"basis vector {k + 1} is divided by its length" for k in range(len(lengths))),
         kept=tuple(kept),
         constant_pivots=False,
+        frame=frame,
     )
 
 
@@ -106,12 +127,12 @@ def _determinant(rows: list[Vector]) -> Scalar:
     )
 
 
-def _gram_schmidt(A: list[Vector], frame: np.ndarray) -> tuple[list[Vector], list[Scalar]]:
+def _gram_schmidt(A: list[Vector], frame: Sequence[Vector]) -> tuple[list[Vector], list[Scalar]]:
     """Orthonormal rows from A, then the frame's columns made orthogonal to them and to each
     other."""
     done: list[Vector] = []
     lengths: list[Scalar] = []
-    for row in [*A, *([float(x) for x in column] for column in frame.T)]:
+    for row in [*A, *frame]:
         rest = _without(row, done)
         length = ca.sqrt(dot(rest, rest))
         lengths.append(length)

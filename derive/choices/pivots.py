@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.records import Guard
-from derive.choices.reduction import SINGULAR
+from derive.choices.reduction import SINGULAR, Reduction
 from derive.choices.resolution import Survey
 from derive.joints.records import Scalar, Vector
-from derive.mechanics.solve import Block, lu_solution, pivot_order, scalars
+from derive.mechanics.solve import COFACTORS, Block, lu_solution, pivot_order, scalars
 
 # the guard of a pivot that is quadratic in the rows of A: they may come within 1e-6 of each other
 SQUARED = 1e-12
@@ -28,21 +28,28 @@ class Solved:
     determinants: Vector
 
 
-def solved(survey: Survey, matrix: ca.SX, sides: Sequence[Vector]) -> Solved:
+def solved(
+    survey: Survey, matrix: ca.SX, sides: Sequence[Vector], given: Reduction | None = None
+) -> Solved:
     """`matrix`(t, q, p) x = each side, by Gauss elimination with pivots that stay farthest from
-    zero over the sampled states."""
-    blocks = pivot_blocks(survey, matrix)
+    zero over the sampled states; where it has rows of a choice, `given` is that choice."""
+    blocks = pivot_blocks(survey, matrix, given)
     found = lu_solution(scalars(matrix), sides, blocks)
     return Solved(found.x, blocks, found.pivots)
 
 
-def pivot_blocks(survey: Survey, matrix: ca.SX) -> list[Block]:
+def pivot_blocks(survey: Survey, matrix: ca.SX, given: Reduction | None = None) -> list[Block]:
     """Raises ZeroDivisionError where the matrix is singular at every sampled state."""
-    values = sampled(survey, matrix)
+    values = sampled(survey, matrix if given is None else given.at_frame(matrix))
     rows = scalars(matrix)
     structure = np.array([[not isinstance(x, float) or x != 0 for x in row] for row in rows])
     constant = np.array([[isinstance(x, float) for x in row] for row in rows])
     return pivot_order(values, structure, constant)
+
+
+def by_reflections(found: Solved) -> bool:
+    """Whether no pivots were safe for some of the matrix."""
+    return any(len(block.rows) > COFACTORS for block in found.blocks)
 
 
 def block_guards(found: Solved, names: Sequence[str]) -> tuple[Guard, ...]:

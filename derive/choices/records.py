@@ -1,10 +1,24 @@
-"""What a choice of quasi-velocities leaves to the code that runs: pivots to watch."""
+"""What a choice of quasi-velocities leaves to the code that runs: pivots to watch, and a frame that
+is given at run time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import casadi as ca
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Directions E that are data of the generated module: its last parameters, column by column.
+
+    The choice is regular where the projection of E on the motions that the constraints allow is;
+    before it degenerates, the frame is based anew.
+    """
+
+    symbols: ca.SX
+    labels: tuple[str, ...]
+    values: tuple[float, ...]  # what counts unless others are given
 
 
 @dataclass(frozen=True)

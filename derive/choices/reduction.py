@@ -10,7 +10,7 @@ from math import prod
 import casadi as ca
 
 from derive.choices.elimination import Elimination, Step, elimination, transformation
-from derive.choices.records import Guard
+from derive.choices.records import Frame, Guard
 from derive.mechanics.records import RowForm, System
 from derive.states.sampling import States
 
@@ -33,6 +33,13 @@ class Reduction:
     pivots: tuple[str, ...]
     kept: tuple[int, ...]  # indices of the constraint rows that are independent
     constant_pivots: bool
+    frame: Frame | None = None  # on whose symbols all of it depends
+
+    def at_frame(self, expression: ca.SX) -> ca.SX:
+        """An expression with the usual numbers in the place of the frame."""
+        if self.frame is None:
+            return expression
+        return ca.substitute(expression, self.frame.symbols, ca.DM(self.frame.values))
 
 
 def by_elimination(

@@ -8,7 +8,7 @@ operations of ẋ.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -31,12 +31,12 @@ from derive.choices.redundancy import (
     selected,
     sentences,
 )
-from derive.diagnostics import AssumptionError, Diagnostic, ModelError
+from derive.diagnostics import NAMES, AssumptionError, Diagnostic, ModelError, listed
 from derive.expressions.counting import alternatives
 from derive.joints.rotations import is_one
-from derive.mechanics.constraints import velocity_row
 from derive.mechanics.records import RowForm, System
-from derive.model.records import Choice, Span
+from derive.mechanics.rows import velocity_row
+from derive.model.records import Choice, Holonomic, Span, Velocity
 from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
 from derive.states.sampling import States, states
@@ -49,10 +49,12 @@ ENTRIES, FEWEST = (
     2_000,
     10,
 )  # of large systems fewer states are looked at: about so many velocities, at least so many states
+MANY = 5  # times as many states where a look at pivots is all there is to do
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
 MOST_WAYS = 16
 FINALISTS = 5
 RANK = 1e-9
+LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class Ranking:
     operations: int
     pivots: tuple[str, ...]
     verdict: str
+    followers: int = 0  # speeds that a coupling gives by another coordinate
+    driven: int = 0  # speeds that an input acts on
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,13 @@ class Resolved:
 
 @dataclass(frozen=True)
 class Survey:
-    """The system with what every choice needs to know of it: sampled states and the rank of A."""
+    """The system with what every choice needs to know of it: sampled states and the rank of A.
+
+    With `moving` frames of directions are data of the module that is to be generated.
+    """
 
     system: System
+    moving: bool = False
 
     @cached_property
     def solver(self) -> Kinematics:
@@ -95,6 +103,11 @@ class Survey:
     def sampled(self) -> States:
         nv = max(1, self.system.v.numel())
         return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+
+    @cached_property
+    def many(self) -> States:
+        """More states than are worked with: enough to see where pivots come near zero."""
+        return states(self.system, MANY * len(self.sampled.t), seed=1, solver=self.solver)
 
     def sampled_for(self, B: ca.SX) -> States:
         """The sampled states, and the initial one where [A; B] is regular there.
@@ -225,6 +238,23 @@ class Survey:
         """The rows that depend on others."""
         return {i for group in self.groups for i in (*group.kept, *group.others)}
 
+    @cached_property
+    def followers(self) -> frozenset[str]:
+        """Names of the speeds that a coupling gives by another coordinate, as a mimic joint."""
+        model = self.system.model
+        named = {c.follower for c in model.constraints if isinstance(c, Holonomic) and c.follower}
+        return self._speeds(lambda velocity: velocity.rate_of in named)
+
+    @cached_property
+    def driven(self) -> frozenset[str]:
+        """Names of the speeds that an input acts on."""
+        named = {given.velocity for given in self.system.model.inputs}
+        return self._speeds(lambda velocity: velocity.name in named)
+
+    def _speeds(self, wanted: Callable[[Velocity], bool]) -> frozenset[str]:
+        velocities = enumerate(self.system.model.velocities)
+        return frozenset(speed_name(self.system, j) for j, v in velocities if wanted(v))
+
     @property
     def freedom(self) -> int:
         return self.system.v.numel() - self.rank
@@ -235,14 +265,16 @@ def _scaled(matrices: np.ndarray) -> np.ndarray:
 
 
 def _lengths(matrices: np.ndarray) -> list[float]:
-    """The largest length of each row over the matrices; 1 for a row of zeros."""
+    """The largest length of each row over the matrices; 1 for a row of zeros, or of what rounding
+    has left of them."""
     lengths = np.max(np.linalg.norm(matrices, axis=2), axis=0)
-    return [float(x) if x > 0 else 1.0 for x in lengths]
+    least = LEFT_OVER * float(np.max(lengths, initial=0.0))
+    return [float(x) if x > least else 1.0 for x in lengths]
 
 
-def survey_of(system: System) -> Survey:
+def survey_of(system: System, moving: bool = False) -> Survey:
     """Raises AssumptionError where no consistent state can be found to look at."""
-    found = Survey(system)
+    found = Survey(system, moving)
     if not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
         if not system.rows:
@@ -401,10 +433,19 @@ def judged(
     reduction: Reduction,
     equations: Explicit,
 ) -> Ranking:
-    conditions = _conditions(survey, _numeric_rows(survey, reduction.B))
+    conditions = _conditions(survey, _numeric_rows(survey, reduction.at_frame(reduction.B)))
     count, pivots = equations.operations, reduction.pivots
     return Ranking(
-        name, kind, rows, reduction.constant_pivots, *conditions, count, pivots, equations.gathered
+        name,
+        kind,
+        rows,
+        reduction.constant_pivots,
+        *conditions,
+        count,
+        pivots,
+        equations.gathered,
+        len(survey.followers & set(rows)),
+        len(survey.driven & set(rows)),
     )
 
 
@@ -419,7 +460,9 @@ def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
 
 
 def _orthonormal(survey: Survey, choice: Choice) -> Resolved:
-    reduction = orthonormal(survey.system, survey.independent_rows, survey.kept, survey.sampled)
+    reduction = orthonormal(
+        survey.system, survey.independent_rows, survey.kept, survey.sampled, survey.moving
+    )
     equations = explicit(survey.system, reduction)
     ranking = judged(survey, choice.name, "orthonormal", reduction.names, reduction, equations)
     return Resolved(
@@ -476,10 +519,13 @@ def _try(survey: Survey, name: str, rows: tuple[RowForm, ...]) -> Resolved | Non
 
 
 def score(ranking: Ranking) -> tuple:
-    return not ranking.constant_pivots, round(np.log10(ranking.worst) / 1.5), ranking.operations
+    """Least is best. A follower is no choice while its leader is one; of what is alike in all else
+    an actuated speed comes first."""
+    safety = (ranking.followers, not ranking.constant_pivots)
+    return safety, round(np.log10(ranking.worst) / 1.5), ranking.operations, -ranking.driven
 
 
-def _candidates(survey: Survey) -> list[tuple[tuple[float, int], str, tuple[RowForm, ...]]]:
+def _candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]]:
     """Partitions with the worst condition number each: all of them while they are few, else the
     pivoted one."""
     nv, nw = survey.system.v.numel(), survey.freedom
@@ -492,13 +538,15 @@ def _candidates(survey: Survey) -> list[tuple[tuple[float, int], str, tuple[RowF
             if survey.system.rows
             else 1.0
         )
-        result.append(
-            (
-                (round(np.log10(worst), 1), subset[0] if subset else 0),
-                " ".join(r.name for r in rows),
-                rows,
-            )
+        names = {row.name for row in rows}
+        # followers last, then by condition; of equals the actuated ones, then the first of the tree
+        order = (
+            len(names & survey.followers),
+            round(np.log10(worst), 1),
+            -len(names & survey.driven),
+            subset[0] if subset else 0,
         )
+        result.append((order, " ".join(row.name for row in rows), rows))
     return result
 
 
@@ -519,9 +567,11 @@ def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
 def _greedy(survey: Survey, weight: np.ndarray) -> tuple[int, ...]:
     matrices = survey.rows[:, list(survey.kept)]
     free = list(range(survey.system.v.numel()))
+    followers = {j for j in free if speed_name(survey.system, j) in survey.followers}
     for _ in range(survey.rank):
         sizes = np.min(np.linalg.norm(matrices, axis=1), axis=0) * weight
-        j = max(free, key=lambda k: (round(float(sizes[k]), 6), k))
+        following = {k for k in followers if sizes[k] > REGULAR}  # dependent first
+        j = max(free, key=lambda k: (k in following, round(float(sizes[k]), 6), k))
         free.remove(j)
         matrices = _deflated(matrices, j)
     return tuple(free)
@@ -540,13 +590,23 @@ def speed_name(system: System, j: int) -> str:
 
 
 def _in_words(best: Ranking, others: Sequence[Ranking]) -> str:
-    speeds = ", ".join(best.rows)
+    speeds = listed(best.rows, NAMES)
     if not best.rows:
         return "the constraints leave nothing to choose"
     text = f"w = ({speeds}): " + _qualities(best)
     if others:
-        text += f"; next was ({', '.join(others[0].rows)}): {_qualities(others[0])}"
+        text += f"; next was {_against(best, others[0])}: {_qualities(others[0])}"
     return text
+
+
+def _against(best: Ranking, other: Ranking) -> str:
+    """The other's speeds; of many only those that differ."""
+    if len(other.rows) <= NAMES:
+        return f"({', '.join(other.rows)})"
+    enters, leaves = set(other.rows) - set(best.rows), set(best.rows) - set(other.rows)
+    entering = listed((row for row in other.rows if row in enters), NAMES)
+    leaving = listed((row for row in best.rows if row in leaves), NAMES)
+    return f"({entering}) in place of ({leaving})"
 
 
 def _qualities(ranking: Ranking) -> str:

@@ -36,7 +36,7 @@ def kept_equations(
 ) -> Equations:
     """The equations that a simulation with this enforcement integrates. Raises AssumptionError
     where it does not fit them."""
-    found = equations(enforcement.system(system, options), choice, formulation)
+    found = equations(enforcement.system(system, options), choice, formulation, moving=True)
     reason = enforcement.refusal(found, options)
     if reason:
         raise AssumptionError(

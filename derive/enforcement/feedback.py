@@ -26,9 +26,9 @@ def _refusal(found: Equations, options: Options) -> str:
 
 
 def _fed_back(found: Equations, options: Options) -> Equations:
-    pull = next(request for request in found.requests if request.name == "pull").make()
+    pull = found.request("pull").make()
     shift = (options.alpha or 0.0) * pull.result.value
-    dynamics = next(function for function in found.functions if function.name == "dynamics")
+    dynamics = found.function("dynamics")
     value = dynamics.result.value + ca.vertcat(shift, ca.SX.zeros(len(found.w)))
     fed = replace(
         dynamics,

@@ -28,10 +28,14 @@ def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
     system = found.system
     functions = {function.name: function for function in found.functions}
     v = functions["velocity"].result.value
+    w = found.argument("x").symbols[system.q.numel() :]
     energy = functions["energy"].result.value
     momenta = ca.substitute(ca.jacobian(system.T, system.v).T, system.v, v)
     names = {velocity.name: j for j, velocity in enumerate(system.model.velocities)}
-    known = {"energy": energy[0] + energy[1]}
+    # a sum that constraints which move leave constant, too, where the motion in w does not show time
+    known = {"energy": energy[0] + energy[1] if system.homogeneous else energy[2]}
+    if _relative_rate(found, known["energy"], options) > CONSERVED:
+        known["energy"] = ca.dot(ca.gradient(energy[0], w), w) - energy[0] + energy[1]
     known |= {f"{name}": momenta[j] for name, j in names.items()}
     known |= {
         c.name: momenta[names[f"der({c.name})"]]
@@ -62,23 +66,23 @@ def _refusal(found: Equations, options: Options) -> str:
 def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
     """max |dH/dt| over the sampled states, relative to the sum of the sizes of its terms."""
     slots = {argument.name: argument.symbols for argument in found.arguments}
-    xdot = next(
-        function for function in found.functions if function.name == "dynamics"
-    ).result.value
+    xdot = found.function("dynamics").result.value
     gradient = ca.jacobian(value, slots["x"])
     terms = ca.vertcat(gradient.T * xdot, ca.jacobian(value, slots["t"]))
     function = ca.Function("rate", [slots[name] for name in "txup"], [ca.densify(terms)])
-    state = next(function for function in found.functions if function.name == "state")
+    state = found.function("state")
     assert state.x is not None
     to_x = ca.Function(
         "x", [slots["t"], state.x.symbols, slots["p"]], [ca.densify(state.result.value)]
     )
     s = survey_of(found.system).sampled
     u = np.array(options.inputs) if options.inputs else np.zeros(found.system.u.numel())
+    frame = found.frame.values if found.frame else ()
     rates = []
     for t, q, v, p in zip(s.t, s.q, s.v, s.p):
-        x = to_x(t, np.concatenate([q, v]), options.parameters or p)
-        entries = np.asarray(function(t, x, u, options.parameters or p)).ravel()
+        given = np.concatenate([options.parameters or p, frame])
+        x = to_x(t, np.concatenate([q, v]), given)
+        entries = np.asarray(function(t, x, u, given)).ravel()
         if np.isfinite(entries).all() and np.any(entries):
             rates.append(abs(entries.sum()) / np.abs(entries).sum())
     return max(rates, default=0.0)
@@ -93,7 +97,7 @@ def _with_manifold(euclidean: bool, found: Equations, options: Options) -> Equat
 
 def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) -> Function:
     system = found.system
-    x = next(argument for argument in found.arguments if argument.name == "x").symbols
+    x = found.argument("x").symbols
     nq = system.q.numel()
     w = x[nq:]
     made = {request.name: request for request in found.requests}
@@ -123,7 +127,7 @@ def _metric(found: Equations, w: ca.SX, euclidean: bool) -> ca.SX:
     nv, nw = system.v.numel(), w.numel()
     if euclidean or not (system.definite and system.written):
         return ca.SX.eye(nv + nw)
-    T = next(function for function in found.functions if function.name == "energy").result.value[0]
+    T = found.function("energy").result.value[0]
     return ca.diagcat(system.M, ca.hessian(T, w)[0])
 
 

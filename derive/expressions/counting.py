@@ -12,10 +12,12 @@ from typing import Any, TypeVar
 
 import casadi as ca
 
+from derive.expressions.instructions import listing
+
+Key = tuple[int, tuple[int, int], float, tuple[int, ...]]  # what makes two values the same
 Nested = TypeVar("Nested", bound=Sequence[Any])
 
 FREE = {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
-LEAVES = {ca.OP_CONST, ca.OP_INPUT}
 COMMUTES = {ca.OP_ADD, ca.OP_MUL}
 
 
@@ -45,35 +47,24 @@ def _numbered(results: Sequence[ca.SX]) -> tuple[list[tuple[bool, tuple[int, ...
     graphs = [ca.vec(ca.SX(x)) for x in results]  # a result of numbers alone may come as a DM
     symbols = ca.vertcat(ca.SX(0, 1), *ca.symvar(ca.vertcat(*graphs)))
     function = ca.Function("count", [symbols], graphs)
-    numbers: dict[tuple, int] = {}
+    program = listing(function)
+    numbers: dict[Key, int] = {}
     values: list[tuple[bool, tuple[int, ...]]] = []
-    slots: dict[int, int] = {}
-    entries: list[int] = []
-    for k in range(function.n_instructions()):
-        op, inputs, outputs = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
-        if op == ca.OP_OUTPUT:
-            entries[slots[inputs[0]]] |= 1 << outputs[0]
-            continue
-        key = _key(function, k, op, inputs, slots)
+    numbered: list[int] = []  # for every instruction the number of its value
+    for read in program.instructions:
+        operands = [numbered[k] for k in read.operands]
+        if read.code in COMMUTES:
+            operands.sort()
+        key = (read.code, read.entry, read.number, tuple(operands))
         number = numbers.setdefault(key, len(values))
         if number == len(values):
-            values.append((op not in FREE, () if op in LEAVES else key[1:]))
-            entries.append(0)
-        slots[outputs[0]] = number
-    return values, entries
-
-
-def _key(function: ca.Function, k: int, op: int, inputs: list[int], slots: dict[int, int]) -> tuple:
-    if op == ca.OP_CONST:
-        return op, function.instruction_constant(k)
-    if op == ca.OP_INPUT:
-        return op, *inputs
-    operands = [slots[i] for i in inputs]
-    return op, *(sorted(operands) if op in COMMUTES else operands)
+            values.append((read.code not in FREE, key[3]))
+        numbered.append(number)
+    users = [0] * len(values)
+    for bit, output in enumerate(program.outputs):
+        for k in output:
+            users[numbered[k]] |= 1 << bit
+    return values, users
 
 
 def cheapest(candidates: Iterable[Nested]) -> Nested:

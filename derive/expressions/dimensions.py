@@ -8,6 +8,7 @@ plain number as a factor).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from fractions import Fraction
 
@@ -16,10 +17,20 @@ from derive.expressions.functions import FUNCTIONS
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit
 from derive.expressions.tree import Expression
-from derive.expressions.units import NUMBER, Dimension, named, power_of, product_of, quotient_of
+from derive.expressions.units import (
+    NUMBER,
+    Dimension,
+    named,
+    power_of,
+    pretty,
+    product_of,
+    quotient_of,
+)
 
 UNKNOWN = None
 BARE = "bare"
+SHORT = 60  # characters of a formula that a hint shows whole
+_NUMBER = re.compile(r"[-+\s]*[0-9.]+(?:[eE][-+]?[0-9]+)?")
 Inferred = Dimension | str | None
 
 
@@ -73,7 +84,8 @@ def _alike(
             first = dimension
         elif dimension != first:
             phrase = _mismatch(verb, dimension, first)
-            raise FormulaError(phrase, text, part.at, named(_solid(first)))
+            hint = with_unit(part, quotient_of(first, dimension), text)  # type: ignore[arg-type]
+            raise FormulaError(phrase, text, part.at, named(_solid(first)), hint)
     return first
 
 
@@ -138,9 +150,39 @@ def _exponent(node: Expression) -> Fraction | None:
 
 def _plain(dimension: Inferred, node: Expression, what: str, text: str) -> None:
     if isinstance(dimension, tuple) and dimension != NUMBER:
+        hint = with_unit(node, quotient_of(NUMBER, dimension), text, angle=True)
         raise FormulaError(
-            f"{what} in {named(dimension)}", text, node.at, "a plain number or an angle"
+            f"{what} in {named(dimension)}", text, node.at, "a plain number or an angle", hint
         )
+
+
+def with_unit(node: Expression, missing: Dimension, text: str, angle: bool = False) -> str:
+    """How a bare factor of a formula is written with the unit that the formula lacks: `sin(3*t)` →
+    `sin((3 rad/s)*t)`; "" where no bare number is a factor."""
+    factor = _bare_factor(node)
+    if factor is None or missing == NUMBER or not text:
+        return ""
+    number = _NUMBER.match(text, factor.at)
+    if number is None:
+        return ""
+    unit_of = pretty(missing)
+    if angle and unit_of.startswith("1/"):
+        unit_of = f"rad{unit_of[1:]}"
+    written = f"({number.group().strip()} {unit_of})"
+    whole = f"{text[: factor.at]}{written}{text[number.end() :]}".strip()
+    return f"with its unit that is {whole if len(whole) <= SHORT else f'{written}*…'}"
+
+
+def _bare_factor(node: Expression) -> tree.Number | None:
+    """The first number without a unit that multiplies the whole."""
+    match node:
+        case tree.Number(_, ""):
+            return node
+        case tree.Negative(inside) | tree.Quotient(inside, _):
+            return _bare_factor(inside)
+        case tree.Product(factors):
+            return next((f for f in factors if isinstance(f, tree.Number) and not f.unit), None)
+    return None
 
 
 def _call(node: tree.Call, operands: list[Inferred], text: str) -> Inferred:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from derive.expressions import tree
+from derive.expressions.limits import objection, too_large
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
 
@@ -85,9 +86,7 @@ def number(expression: Expression, names: Mapping[str, float], text: str = "") -
         result = value(expression, names, {}, float_functions())
     except (ArithmeticError, ValueError):
         result = math.nan
-    if isinstance(result, float) and math.isfinite(result):
-        return result
-    raise FormulaError("the value is not a finite number", text, expression.at)
+    return _bounded(result, text, expression)
 
 
 def is_constant(expression: Expression) -> bool:
@@ -128,11 +127,16 @@ def _folded(node: Expression, operands: list[float], text: str) -> float:
         )
     except (ArithmeticError, ValueError):
         result = math.nan
-    if isinstance(result, complex) or not math.isfinite(result):
-        raise FormulaError(
-            "the value is not a finite number", text, node.at, "a real number below 1.8e308"
-        )
-    return float(result)
+    return _bounded(result, text, node)
+
+
+def _bounded(result: Any, text: str, node: Expression) -> float:
+    """A value as a float; FormulaError where it is complex, infinite or too large."""
+    real = float(result) if isinstance(result, float | int) else math.nan
+    if too_large(real):
+        problem, expected = objection(real) or ("", "")
+        raise FormulaError(problem, text, node.at, expected)
+    return real
 
 
 _FLOAT: dict[str, Callable[..., Any]] = {

@@ -5,7 +5,7 @@ sum     = product (("+" | "-") product)* product = unary (("*" | "/") unary)* un
 power power   = atom [("**" | "^") unary]                      right-associative, and binds tighter
 than a minus atom    = number [unit] | name | "der" "(" name ")" | function "(" sum ("," sum)* ")" |
 "(" sum ")" | "[" sum, … "]" unit    = (symbol ["^" integer] | "1" "/" symbol ["^" integer]) (("*" |
-"/") symbol ["^" integer])*
+"/") (symbol ["^" integer] | "(" unit ")"))*
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from typing import NamedTuple, NoReturn
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.evaluate import check_constants
-from derive.expressions.functions import FUNCTIONS, Function
+from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS, Function
+from derive.expressions.limits import ABOVE, BELOW, too_large, too_small
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
 from derive.expressions.units import UNITS, Unit, compound
@@ -186,18 +187,19 @@ class _Parser:
     def number(self) -> tree.Number:
         token = self.take()
         value = _finite(token, self.text)
+        # a number may be large in its unit and not in SI, or the other way round
         if self._inverse_unit_follows():
             self.take()
             given = compound(self.unit_tail(self.token.at))
         elif self.token.kind == "name":
             given = compound(self.unit_parts())
         else:
-            return tree.Number(value, "", token.at)
+            given = compound(())
         scaled = value * given.factor
-        if not math.isfinite(scaled):
-            self._refuse(
-                "the number is too large", token.at, "a magnitude below 1.8e308 in SI units"
-            )
+        if too_large(scaled):
+            self._refuse("the number is too large", token.at, BELOW)
+        if too_small(scaled):
+            self._refuse("the number is too small to tell from zero", token.at, ABOVE)
         return tree.Number(scaled, given.si, token.at)
 
     def _inverse_unit_follows(self) -> bool:
@@ -205,7 +207,10 @@ class _Parser:
         if self.token.kind != "number" or self.token.text != "1":
             return False
         slash = self._read(self._end)
-        return slash.text == "/" and self._read(self._after(slash)).text in UNITS
+        if slash.text != "/":
+            return False
+        below = self._after(slash)
+        return self._read(below).text in UNITS or bool(self._unit_bracket(below))
 
     def unit_parts(self) -> list[tuple[str, int]]:
         parts = [self._unit_symbol(1)]
@@ -213,10 +218,32 @@ class _Parser:
 
     def unit_tail(self, at: int) -> list[tuple[str, int]]:
         parts = []
-        while self.token.text in ("*", "/") and self._unit_follows():
+        while self.token.text in ("*", "/"):
+            bracket = self._unit_bracket(self._end)
+            if not bracket and not self._unit_follows():
+                break
             sign = 1 if self.take().text == "*" else -1
-            parts.append(self._unit_symbol(sign))
+            if bracket:
+                parts += [(symbol, sign * n) for symbol, n in bracket]
+                self.token = self._read(self.text.index(")", self.token.at) + 1)
+            else:
+                parts.append(self._unit_symbol(sign))
         return parts
+
+    def _unit_bracket(self, at: int) -> list[tuple[str, int]]:
+        """`(rad*s)` at an offset, as in N*m/(rad*s): symbols of units alone, none of them a name of
+        the model; [] where there is no bracket, or one of anything else."""
+        opening = self._read(at)
+        end = self.text.find(")", opening.at)
+        if opening.text != "(" or end < 0:
+            return []
+        inside = _Parser(self.text[opening.at + 1 : end], (), {}, False)
+        try:
+            parts = inside.unit_parts()
+            inside.finish()
+        except FormulaError:
+            return []
+        return [] if any(symbol in self.names for symbol, _ in parts) else parts
 
     def _unit_follows(self) -> bool:
         following = self._read(self._end)
@@ -286,6 +313,13 @@ class _Parser:
                 f"'{token.text}' is not a function",
                 token.at,
                 "an operator before the bracket, such as 2*(…)",
+            )
+        if token.text in OUTPUT_FUNCTIONS:
+            self._refuse(
+                f"{token.text}() stands alone in an entry of `outputs:` and not in a formula",
+                token.at,
+                "coordinates, velocities and the usual functions",
+                "reaction.NAME is a reaction, in `nonideal:`" if token.text == "reaction" else "",
             )
         known = [*self.functions, "der"]
         self._refuse(
@@ -408,7 +442,7 @@ def _product_of(factors: list[Expression], at: int) -> Expression:
 def _finite(token: _Token, text: str) -> float:
     value = float(token.text)
     if math.isinf(value):
-        raise FormulaError("the number is too large", text, token.at, "a magnitude below 1.8e308")
+        raise FormulaError("the number is too large", text, token.at, BELOW)
     mantissa = re.split("[eE]", token.text)[0]
     if re.match("0[0-9]", mantissa):
         expected = f"{mantissa.lstrip('0') or 0}: octal numbers and dates are not part of the model language"
@@ -420,7 +454,7 @@ def _finite(token: _Token, text: str) -> float:
             "the number is too small to tell from zero",
             text,
             token.at,
-            "0, or a magnitude above 5e-324",
+            ABOVE,
         )
     return value
 

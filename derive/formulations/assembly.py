@@ -43,6 +43,7 @@ def reduced(
         kept=reduction.kept,
         closing=survey.closing,
         projects_velocity=False,
+        frame=reduction.frame,
     )
     named = (*_shown(survey, reduction), *motion.named[1:])
     return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
@@ -109,10 +110,11 @@ def _finished(
         named=named,
         pivots=pivots,
         w=motion.names,
-        parameters=system.parameters,
+        parameters=(*system.parameters, *(motion.frame.values if motion.frame else ())),
         assumptions=(*system.assumptions, *survey.repetitions),
         generalized_velocities=motion.projects_velocity,
         closing=motion.closing,
+        frame=motion.frame,
     )
 
 
@@ -158,7 +160,7 @@ def _shown(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:
         shown += [
             *combination(survey),
             Named("Y", "[A; B]", Y),
-            Named("R", "v = S w + R c", per_unit_of_c(survey, Y, survey.rank)),
+            Named("R", "v = S w + R c", per_unit_of_c(survey, Y, survey.rank, reduction)),
         ]
     shown.append(Named("S", "generalized velocities per quasi-velocity", reduction.S))
     return tuple(shown)
@@ -176,7 +178,7 @@ def combination(survey: Survey) -> tuple[Named, ...]:
     return (E,) if survey.combines else ()
 
 
-def per_unit_of_c(survey: Survey, Y: ca.SX, rows: int) -> ca.SX:
+def per_unit_of_c(survey: Survey, Y: ca.SX, rows: int, given: Reduction | None = None) -> ca.SX:
     """R, the first columns of Y⁻¹."""
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(Y.size1())] for k in range(rows)]
-    return ca.horzcat(*[ca.vertcat(*x) for x in solved(survey, Y, sides).columns])
+    return ca.horzcat(*[ca.vertcat(*x) for x in solved(survey, Y, sides, given).columns])

@@ -18,6 +18,8 @@ from derive.choices.named import carried_through
 from derive.choices.records import Guard
 from derive.choices.resolution import Resolved, Survey, ranked_partitions
 from derive.diagnostics import AssumptionError, HamelError
+from derive.formulations.frames import in_numbers
+from derive.formulations.functions import with_frame
 from derive.formulations.records import Equations, Function
 
 BETWEEN = "+"  # of the names of choices that are charts of one module
@@ -50,8 +52,40 @@ def charted(found: Sequence[Equations], survey: Survey) -> Equations:
     said = (
         f"charts {', '.join(names)}: where one comes near a singular position, another takes over"
     )
-    first, *others = (replace(one, largest=_largest(_guards(one), survey)) for one in found)
+    first, *others = (
+        replace(one, largest=_largest(_at_frame(one, _guards(one)), survey))
+        for one in _of_one_frame(found)
+    )
     return replace(first, charts=tuple(others), assumptions=(*first.assumptions, said))
+
+
+def _of_one_frame(found: Sequence[Equations]) -> list[Equations]:
+    """All with the parameters of all: the frame of one of them belongs to every chart."""
+    frames = [one.frame for one in found if one.frame is not None]
+    if not frames:
+        return list(found)
+    frame, parameters = frames[0], found[0].system.parameters
+    return [
+        one
+        if one.frame is not None
+        else replace(
+            one,
+            frame=frame,
+            arguments=tuple(
+                with_frame(slot, frame) if slot.name == "p" else slot for slot in one.arguments
+            ),
+            parameters=(*parameters, *frame.values),
+        )
+        for one in found
+    ]
+
+
+def _at_frame(equations: Equations, guards: tuple[Guard, ...]) -> tuple[Guard, ...]:
+    """The guards with the usual frame in numbers."""
+    if equations.frame is None or not guards:
+        return guards
+    values = in_numbers([guard.value for guard in guards], equations.frame)
+    return tuple(replace(guard, value=value) for guard, value in zip(guards, values))
 
 
 def together(equations: Equations) -> str:
@@ -65,14 +99,27 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
 
     Candidates are the partitions that `auto` ranks and the choices of the file; `made` gives the
     equations of one by name. The next chart is the one that takes the worst state farthest from
-    singular. Where no few are safe together, there are none.
+    singular. A pivot that is of both signs over the states vanishes between them: then a choice
+    that is safe alone is a chart, too, and where no few are safe together the orthonormal choice,
+    which goes wherever A has full rank.
     """
-    here = _margins(_guards(first), survey)
-    if first.generalized_velocities or np.min(here, initial=np.inf) >= SAFE:
+    guards = _at_frame(first, _guards(first))
+    here = _margins(guards, survey)
+    turns = _changes_sign(guards, survey)
+    if first.generalized_velocities or (np.min(here, initial=np.inf) >= SAFE and not turns):
         return first
-    others = {x.ranking.name: _margins(x.reduction.guards, survey) for x in _candidates(survey)}
-    if any(np.min(margins) >= SAFE for margins in others.values()):
-        return first
+    others = {x.ranking.name: _guards_of(x) for x in _candidates(survey)}
+    alone = [name for name, them in others.items() if _is_safe(them, survey)]
+    if alone:
+        return charted([first, made(alone[0])], survey) if turns else first
+    names = _together_safe(here, {k: _margins(x, survey) for k, x in others.items()})
+    if turns and not names:
+        names = ["orthonormal"]
+    return charted([first, *map(made, names)], survey) if names else first
+
+
+def _together_safe(here: np.ndarray, others: dict[str, np.ndarray]) -> list[str]:
+    """Which charts to add so that every state is safe in one; none where no few do it."""
     names: list[str] = []
     while others and len(names) + 1 < MOST and np.min(here) < ENOUGH:
         best = max(others, key=lambda name: float(np.min(np.maximum(here, others[name]))))
@@ -81,7 +128,19 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
             break
         here = margins
         names.append(best)
-    return charted([first, *map(made, names)], survey) if np.min(here) >= SAFE else first
+    return names if np.min(here) >= SAFE else []
+
+
+def _is_safe(guards: Sequence[Guard], survey: Survey) -> bool:
+    margins = _margins(guards, survey)
+    return bool(np.min(margins, initial=np.inf) >= SAFE) and not _changes_sign(guards, survey)
+
+
+def _changes_sign(guards: Sequence[Guard], survey: Survey) -> bool:
+    if not guards:
+        return False
+    values = _values(guards, survey)
+    return bool(np.any(np.min(values, axis=0) * np.max(values, axis=0) < 0.0))
 
 
 def _candidates(survey: Survey) -> list[Resolved]:
@@ -95,38 +154,45 @@ def _candidates(survey: Survey) -> list[Resolved]:
     return found
 
 
+def _guards_of(found: Resolved) -> tuple[Guard, ...]:
+    reduction = found.reduction
+    return tuple(replace(x, value=reduction.at_frame(x.value)) for x in reduction.guards)
+
+
 def _guards(equations: Equations) -> tuple[Guard, ...]:
     return next(
         (function.guards for function in equations.functions if function.name == "dynamics"), ()
     )
 
 
-def _sizes(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
-    """|value| / tolerance at the sampled states, states × guards."""
-    s = survey.sampled
+def _values(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
+    """value / tolerance at the many sampled states, states × guards."""
+    s = survey.many
     values = ca.vertcat(*[guard.value / guard.tolerance for guard in guards])
-    return np.abs(survey.solver.values(values, s.t, s.q, s.p))[:, :, 0]
+    return survey.solver.values(values, s.t, s.q, s.p)[:, :, 0]
 
 
 def _largest(guards: Sequence[Guard], survey: Survey) -> tuple[float, ...]:
     """To three digits."""
     return (
-        tuple(float(f"{x:.3g}") for x in np.max(_sizes(guards, survey), axis=0)) if guards else ()
+        tuple(float(f"{x:.3g}") for x in np.max(np.abs(_values(guards, survey)), axis=0))
+        if guards
+        else ()
     )
 
 
 def _margins(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
     """The smallest guard at each sampled state, relative to its largest value over all of them."""
     if not guards:
-        return np.full(len(survey.sampled.t), np.inf)
-    sizes = _sizes(guards, survey)
+        return np.full(len(survey.many.t), np.inf)
+    sizes = np.abs(_values(guards, survey))
     return np.min(sizes / np.maximum(np.max(sizes, axis=0), 1e-300), axis=1)
 
 
 def differs(equations: Equations, function: Function) -> bool:
     """Whether a function depends on the choice: it takes w, other than to hand it on, has guards,
     or is made of B."""
-    x = next(argument.symbols for argument in equations.arguments if argument.name == "x")
+    x = equations.argument("x").symbols
     nq, value = equations.system.q.numel(), function.result.value
     w = x[nq:]
     if (

@@ -16,22 +16,26 @@ from derive.formulations.methods import FORMULATIONS
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.model.records import Choice
+from derive.numerics import refuses_numerically
 
 
+@refuses_numerically("the equations of motion")
 def equations(
     system: System,
     choice: str | None = None,
     formulation: str = "quasi_velocities",
     charts: bool = False,
+    moving: bool = False,
 ) -> Equations:
     """The functions of the generated module for a choice (the first declared one when not named)
     and a formulation.
 
     Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets
-    further ones where no choice is safe. Raises AssumptionError for an unknown name, where the
+    further ones where no choice is safe. With `moving` directions that a choice is based on are
+    data, as generated modules have them. Raises AssumptionError for an unknown name, where the
     formulation does not fit the system, and where the choice does not fit the constraints.
     """
-    asked, survey = named(formulation), survey_of(system)
+    asked, survey = named(formulation), survey_of(system, moving)
     wanted = [declared(system, name) for name in _names(choice)]
     reason = asked.misfit(survey)
     if reason:
@@ -79,12 +83,14 @@ def source(formulation: str) -> str:
     return named(formulation).source
 
 
+@refuses_numerically("the formulations that fit")
 def misfits(system: System) -> dict[str, str]:
     """Why each formulation does not fit the system, "" for those that do."""
     survey = survey_of(system)
     return {formulation.name: formulation.misfit(survey) for formulation in FORMULATIONS}
 
 
+@refuses_numerically("the choices of quasi-velocities")
 def choices(system: System) -> tuple[Ranking, ...]:
     """What `auto` compared, best first, with the declared choices among them."""
     return tuple(x.ranking for x in ranked_partitions(survey_of(system)))

@@ -3,12 +3,12 @@ is handed in."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
-from derive.choices.records import Guard
+from derive.choices.records import Frame, Guard
 from derive.choices.redundancy import keeps
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
@@ -41,6 +41,7 @@ class Motion:
     kept: tuple[int, ...]  # independent constraint rows
     closing: tuple[int, ...]  # independent rows among the holonomic ones
     projects_velocity: bool
+    frame: Frame | None = None
 
 
 def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
@@ -58,7 +59,22 @@ def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
         Argument(
             "u", system.u, tuple(i.name for i in model.inputs), tuple(i.unit for i in model.inputs)
         ),
-        Argument("p", system.p, tuple(x.name for x in free), tuple(x.unit for x in free)),
+        with_frame(
+            Argument("p", system.p, tuple(x.name for x in free), tuple(x.unit for x in free)),
+            motion.frame,
+        ),
+    )
+
+
+def with_frame(p: Argument, frame: Frame | None) -> Argument:
+    """The parameters with the frame behind them."""
+    if frame is None:
+        return p
+    return replace(
+        p,
+        symbols=ca.vertcat(p.symbols, frame.symbols),
+        labels=(*p.labels, *frame.labels),
+        units=(*p.units, *("" for _ in frame.labels)),
     )
 
 
@@ -155,17 +171,28 @@ def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...
     return motion.guards if ca.depends_on(expression, system.v) else ()
 
 
+def positions(system: System) -> int:
+    """How many of the leading rows of `constraints` are about positions: φ, then the lengths of
+    quaternions."""
+    return system.phi.numel() + len(system.quaternions)
+
+
 def _constraints(system: System, motion: Motion) -> Function | None:
-    if not system.rows:
+    if not system.rows and not system.quaternions:
         return None
     velocity = ca.mtimes(system.A, system.v) - system.c
-    positions = [row.name for row in system.rows if row.position >= 0]
+    coordinates = system.model.coordinates
     labels = (
-        *(f"phi {name}" for name in positions),
+        *(f"phi {row.name}" for row in system.rows if row.position >= 0),
+        *(f"length {coordinates[i].owner}" for i in system.quaternions),
         *(f"velocity {row.name}" for row in system.rows),
     )
-    value = ca.vertcat(system.phi, _at(system, motion, velocity))
-    about = "constraint violation: φ(q, t), then A v − c row by row"
+    value = ca.vertcat(system.phi, _lengths(system), _at(system, motion, velocity))
+    about = "constraint violation: φ(q, t), " + (
+        "|q|² − 1 of each quaternion, then A v − c row by row"
+        if system.quaternions
+        else "then A v − c row by row"
+    )
     return Function(
         "constraints",
         about,
@@ -192,7 +219,7 @@ def _project(system: System, motion: Motion) -> Function | None:
     if motion.projects_velocity and motion.kept:
         w, rest = _velocity_step(system, motion)
         violation += rest
-    violation += [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
+    violation += ca.vertsplit(_lengths(system)) if system.quaternions else []
     about = "nearest consistent state: q on φ = 0" + (
         ", v on A v = c" if motion.projects_velocity else ", w kept"
     )
@@ -205,6 +232,12 @@ def _project(system: System, motion: Motion) -> Function | None:
         iteration=Iteration(CLOSED, MOST_STEPS),
         residual=_largest(violation),
     )
+
+
+def _lengths(system: System) -> ca.SX:
+    """|q|² − 1 of each quaternion."""
+    lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
+    return ca.vertcat(*lengths) if lengths else ca.SX(0, 1)
 
 
 def _turned(system: System, positions: list[int]) -> ca.SX:
@@ -298,17 +331,25 @@ def _of_repeated(system: System, motion: Motion) -> str:
 
 def _energy(system: System, motion: Motion) -> Function:
     value = ca.vertcat(_at(system, motion, system.T), system.V)
-    about = "kinetic and potential energy T, V"
+    about, labels = "kinetic and potential energy T, V", ("T", "V")
+    if not system.homogeneous:
+        value = ca.vertcat(value, _at(system, motion, system.energy))
+        about, labels = f"{about}, and {_JACOBI}", (*labels, INTEGRAL)
     return Function(
         "energy",
         about,
-        Result("energy", value, ("T", "V"), ("J", "J")),
+        Result("energy", value, labels, ("J",) * len(labels)),
         guards=_used(motion, system.T, system),
     )
 
 
+INTEGRAL = "jacobi"  # label of Jacobi's integral, which `energy` gives where it is not T + V
+_JACOBI = "Jacobi's integral T2 - T0 + V"
+
+
 def _power(system: System, motion: Motion) -> Function:
-    """d(T + V)/dt = Q·v of the forces without potential + λᵀ c of constraints that move."""
+    """d(T₂ − T₀ + V)/dt = Q·v of the forces without potential + ∂(V − T)/∂t + λᵀ c of constraints
+    that move; T = T₂ + T₁ + T₀ by powers of the rates, most often T₂ alone."""
     power = _at(system, motion, system.power)
     moving = [
         i
@@ -320,7 +361,7 @@ def _power(system: System, motion: Motion) -> Function:
     guards = (*motion.guards, *motion.solving) if moving else _used(motion, system.power, system)
     return Function(
         "power",
-        "power of forces without potential: d(T + V)/dt",
+        f"power of forces without potential: d({'T' if system.homogeneous else 'T2 - T0'} + V)/dt",
         Result("power", power, ("power",), ("W",)),
         guards=guards,
     )

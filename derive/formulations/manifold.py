@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from derive.formulations.multipliers import bordered_solution
-from derive.formulations.records import Argument, Equations, Function, Request, Result
+from derive.formulations.records import Argument, Equations, Function, Pattern, Request, Result
 from derive.joints.records import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
 from derive.mechanics.solve import scalars
@@ -16,13 +16,14 @@ from derive.mechanics.solve import scalars
 CLOSURE = "position constraints with Jacobian: [ψ, ∂ψ/∂q] row by row, ψ = independent φ and lengths of quaternions"
 SLIP = "velocity constraints with Jacobian: [A v − c, A] row by row, independent rows"
 PULL = "what, added to q̇, takes violations of positions to zero at the rate 1/s: N R (−φ), R from v = S w + R c"
+ROWS = "entries of A that are not zero by structure, independent rows of A v = c, row by row"
 GUARDS = "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"
 
 
 def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> tuple[Request, ...]:
     """Requests for what is there; `kept` and `closing` are the independent rows, of all and of the
     holonomic ones."""
-    x = next(argument for argument in found.arguments if argument.name == "x")
+    x = found.argument("x")
     requests = []
     if closing or found.system.quaternions:
         requests.append(Request("closure", CLOSURE, lambda: _closure(found, closing)))
@@ -30,9 +31,11 @@ def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> t
         requests.append(Request("slip", SLIP, lambda: _slip(found, kept, x)))
     if closing and not keeps_velocities(found):
         requests.append(Request("pull", PULL, lambda: _pull(found, kept)))
-    dynamics = next((function for function in found.functions if function.name == "dynamics"), None)
+    dynamics = found.function("dynamics") if found.has("dynamics") else None
     if dynamics is not None and (dynamics.guards or (kept and keeps_velocities(found))):
         requests.append(Request("guards", GUARDS, lambda: _guards(found, kept, dynamics)))
+    if kept:
+        requests.append(Request("constraint_rows", ROWS, lambda: _rows(found, kept)))
     return tuple(requests)
 
 
@@ -66,6 +69,17 @@ def _slip(found: Equations, kept: Sequence[int], x: Argument) -> Function:
     )
 
 
+def _rows(found: Equations, kept: Sequence[int]) -> Function:
+    A = ca.sparsify(found.system.A[list(kept), :])
+    columns, rows = A.T.sparsity().get_triplet()
+    names = [found.system.rows[i].name for i in kept]
+    velocities = [velocity.name for velocity in found.system.model.velocities]
+    labels = tuple(f"{names[i]} by {velocities[j]}" for i, j in zip(rows, columns))
+    pattern = Pattern(A.shape, tuple(rows), tuple(columns))
+    value = ca.densify(ca.vertcat(*[A[i, j] for i, j in zip(rows, columns)]))
+    return Function("constraint_rows", ROWS, Result("A", value, labels, (), pattern=pattern))
+
+
 def _pull(found: Equations, kept: Sequence[int]) -> Function:
     """Δ of A Δ = −φ, B Δ = 0 as the least of |A Δ|² + |B Δ|² with A Δ = −φ."""
     system = found.system
@@ -83,7 +97,7 @@ def _pull(found: Equations, kept: Sequence[int]) -> Function:
 
 def speed_rows(found: Equations) -> ca.SX:
     """B of w = B v, from the function that makes states."""
-    state = next(function for function in found.functions if function.name == "state")
+    state = found.function("state")
     assert state.x is not None
     nq = found.system.q.numel()
     return ca.jacobian(state.result.value[nq:], state.x.symbols[nq:])

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
-from derive.choices.records import Guard
+from derive.choices.records import Frame, Guard
 from derive.mechanics.records import Named, System
 
 
@@ -118,3 +119,25 @@ class Equations:
         float, ...
         # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled states
     ] = ()
+    frame: Frame | None = None  # the last entries of p: directions that are based anew on the way
+
+    def function(self, name: str) -> Function:
+        """The default function of that name. Raises KeyError where there is none."""
+        return _by_name(self.functions, name)
+
+    def has(self, name: str) -> bool:
+        """Whether there is a default function of that name."""
+        return any(function.name == name for function in self.functions)
+
+    def argument(self, name: str) -> Argument:
+        """t, x, u or p. Raises KeyError for another name."""
+        return _by_name(self.arguments, name)
+
+    def request(self, name: str) -> Request:
+        """The function of that name that is made when it is asked for. Raises KeyError where there
+        is none."""
+        return _by_name(self.requests, name)
+
+
+def _by_name(items: tuple[Any, ...], name: str) -> Any:
+    return {item.name: item for item in items}[name]

@@ -13,6 +13,10 @@ from derive.joints.universal import UNIVERSAL
 
 JOINTS = (REVOLUTE, PRISMATIC, SCREW, CYLINDRICAL, UNIVERSAL, BALL, PLANAR, FREE, FIXED)
 
+# joints that can also close a loop, in space and in the plane
+CLOSURES = tuple(joint.name for joint in JOINTS if joint.name != "free")
+PLANAR_CLOSURES = ("revolute", "prismatic", "fixed")
+
 
 def joint_type(name: str, orientation: str = "", pitch: Scalar = 1.0) -> JointType:
     """The table of a joint type; for a free joint with the Euler sequence `orientation` or

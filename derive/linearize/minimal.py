@@ -20,6 +20,7 @@ from derive.joints.records import Vector
 from derive.linearize.records import Linear
 from derive.mechanics.records import System
 from derive.mechanics.solve import Block, lu_solution, scalars
+from derive.numerics import refuses_numerically
 from derive.states.initial import initial_state
 
 WEAK = 1e-9  # relative size of what is left of a row that repeats others
@@ -31,6 +32,7 @@ NEAR = (
 )
 
 
+@refuses_numerically("the linear equations")
 def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
     """The linear equations with the dependent coordinates chosen at a configuration q on the
     constraints.
@@ -69,11 +71,11 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
 
 
 def _value(equations: Equations, name: str) -> ca.SX:
-    return next((f.result.value for f in equations.functions if f.name == name), ca.SX(0, 1))
+    return equations.function(name).result.value if equations.has(name) else ca.SX(0, 1)
 
 
 def _labels(equations: Equations, name: str) -> tuple[str, ...]:
-    return next((f.result.labels for f in equations.functions if f.name == name), ())
+    return equations.function(name).result.labels if equations.has(name) else ()
 
 
 def position_rows(system: System) -> ca.SX:
@@ -182,7 +184,7 @@ def linearization(equations: Equations) -> Function:
     """[A B; C D] as a function of the generated module; dependent coordinates are chosen at the
     initial configuration."""
     initial = initial_state(equations.system)
-    found = linear(equations, initial.q, np.array(equations.parameters))
+    found = linear(equations, initial.q, np.array(equations.system.parameters))
     value = ca.densify(ca.blockcat([[found.A, found.B], [found.C, found.D]]))
     labels = (*(f"der({name})" for name in found.states), *found.outputs)
     about = f"{ABOUT}; states {', '.join(found.states)}"
@@ -193,7 +195,7 @@ def linearization(equations: Equations) -> Function:
 
 
 def _dynamics(equations: Equations) -> Function:
-    return next(f for f in equations.functions if f.name == "dynamics")
+    return equations.function("dynamics")
 
 
 Evaluator = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]

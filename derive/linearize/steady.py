@@ -81,7 +81,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     """Raises AssumptionError where the equations depend on time."""
     system = equations.system
     t, x, u, p = (argument.symbols for argument in equations.arguments)
-    f = next(function.result for function in equations.functions if function.name == "dynamics")
+    f = equations.function("dynamics").result
     if ca.depends_on(ca.vertcat(f.value, system.phi), t):
         raise AssumptionError(
             f"{system.model.name} depends on time and has no steady motion",

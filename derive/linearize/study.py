@@ -17,6 +17,7 @@ from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families
 from derive.linearize.steady import Problem, family, problem, settled
 from derive.model.records import SteadyMotion
+from derive.numerics import refuses_numerically
 
 SAMPLES = 3
 Columns = Mapping[str, Sequence[float] | np.ndarray]  # values by name, one for each motion
@@ -95,6 +96,7 @@ class Study:
         return self.matrices(self.motions(sweep))
 
 
+@refuses_numerically("the study of the linear equations")
 def study(
     equations: Equations,
     motion: SteadyMotion,

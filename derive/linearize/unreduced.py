@@ -139,14 +139,14 @@ def _velocities(system: System) -> list[tuple[ca.SX, tuple[str, ...]]]:
 
 def _at(form: Linear, value: ca.SX) -> ca.SX:
     """An expression of v over w."""
-    v = next(f.result.value for f in form.equations.functions if f.name == "velocity")
+    v = form.equations.function("velocity").result.value
     return ca.substitute(value, form.equations.system.v, v)
 
 
 def _rates(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
     """ṡ along the motion."""
     symbols = [a.symbols for a in form.equations.arguments]
-    f = next(f.result.value for f in form.equations.functions if f.name == "dynamics")
+    f = form.equations.function("dynamics").result.value
     s = ca.mtimes(_at(form, L), _at(form, form.equations.system.v))
     return ca.Function("sdot", symbols, [ca.jtimes(s, symbols[1], f)])(0.0, x, u, p).full().ravel()
 

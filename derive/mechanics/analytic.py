@@ -14,12 +14,20 @@ from derive.model.records import Model
 
 @dataclass(frozen=True)
 class Lagrangian:
-    """M, h conjugate to v (h holds the potential's forces too), and the energies over (t, q, v)."""
+    """M, h conjugate to v (h holds the potential's forces too), and the energies over (t, q, v).
+
+    T = T₂ + T₁ + T₀ by powers of the rates. What the motion of an autonomous system conserves is
+    Jacobi's integral q̇·∂T/∂q̇ − T + V = T₂ − T₀ + V (Goldstein, Poole, Safko, Classical Mechanics,
+    §2.7), and `missing` = T₁ + 2 T₀ is what it is less than T + V; a zero where T is T₂ alone.
+    `explicit` = ∂T/∂t at held q and q̇ is what it loses where time stands in T.
+    """
 
     M: ca.SX
     h: ca.SX
     T: ca.SX
     V: ca.SX
+    missing: ca.SX
+    explicit: ca.SX
 
 
 def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
@@ -46,7 +54,16 @@ def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
     if nq != nv or not _is_identity(N):
         h = ca.mtimes(N.T, ca.substitute(h, s.qd, qdot) + ca.mtimes(M, turning))
         M = ca.mtimes(N.T, ca.mtimes(M, N))
-    return Lagrangian(M, ca.substitute(h, s.qd, qdot), ca.substitute(T, s.qd, qdot), V)
+    formulas = [h, T, _missing(T, momentum, s), ca.jtimes(T, s.t, ca.SX(1))]
+    h, T, missing, explicit = ca.substitute(formulas, [s.qd], [qdot])
+    return Lagrangian(M, h, T, V, missing, explicit)
+
+
+def _missing(T: ca.SX, momentum: ca.SX, s: Symbols) -> ca.SX:
+    """T₁ + 2 T₀ of a kinetic energy that is at most quadratic in the rates."""
+    still = ca.SX.zeros(s.qd.numel())
+    linear, constant = ca.substitute([momentum, T], [s.qd], [still])
+    return ca.simplify(ca.dot(linear, s.qd) + 2 * constant)
 
 
 def _is_identity(N: ca.SX) -> bool:

@@ -8,7 +8,7 @@ from derive.expressions.tree import Call, Name, Vector
 from derive.joints.records import Turn
 from derive.joints.records import Vector as Numbers
 from derive.joints.rotations import merged
-from derive.mechanics.constraints import IN_PLANE, Scene
+from derive.mechanics.scene import IN_PLANE, Scene
 from derive.mechanics.tree import ground_point, relative_rotation
 from derive.model.records import Output
 from derive.model.rows import row_names

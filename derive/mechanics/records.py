@@ -138,9 +138,11 @@ class System:
     beta: ca.SX
     T: ca.SX
     V: ca.SX
-    power: (
-        ca.SX
-    )  # of what is in Q and not −∂V/∂q, so that d(T + V)/dt = power + λᵀ c + explicit time
+    # what the motion balances: T + V or, where T = T₂ + T₁ + T₀ has terms linear in the rates or
+    # free of them, Jacobi's integral T₂ − T₀ + V
+    energy: ca.SX
+    homogeneous: bool  # T is T₂ alone, and energy = T + V
+    power: ca.SX  # of what is in Q and not −∂V/∂q, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
     outputs: tuple[tuple[str, ca.SX, str], ...]  # name, value, unit
     rows: tuple[Row, ...]
     links: tuple[Link, ...]

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from derive.joints.records import Matrix, Scalar, Vector
-from derive.joints.rotations import cross, dot, is_zero, minus, times
+from derive.joints.rotations import cross, dot, is_zero, minus, plus, times
 
 SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
 BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred
@@ -27,6 +27,9 @@ VANISHES = 1e-8
 ZERO = 1e-6  # a pivot that comes so near zero at a sample, relative to its largest, vanishes there
 SAME = 1e-9  # relative variation that counts as none
 MOST = 200  # candidate blocks looked at
+COFACTORS = 3  # rows up to which a block is inverted by cofactors
+MOST_REFLECTED = 16  # rows up to which all that is left may be solved by reflections
+GROWTH = 6.0  # an elimination that may let entries grow more than this gives way to reflections
 
 
 def scalars(matrix: ca.SX) -> Matrix:
@@ -76,7 +79,7 @@ def _back(b: Vector, A: Matrix, order: Sequence[int], weights: Sequence[dict[int
 
 @dataclass(frozen=True)
 class Block:
-    """A pivot of one to three rows and columns, with |determinant| over the samples; `grade` 0:
+    """A pivot of one to three rows and columns, or all that is left, with |determinant| over the samples; `grade` 0:
     numbers, 1: the same at every sample, 2: varying."""
 
     rows: tuple[int, ...]
@@ -144,8 +147,10 @@ def _substituted(
 
 
 def small_inverse(A: Matrix) -> tuple[Matrix, Scalar]:
-    """Inverse and determinant of a 1 × 1, 2 × 2 or 3 × 3 matrix, by cofactors: regular wherever the
-    determinant is."""
+    """Inverse and determinant of a 1 × 1, 2 × 2 or 3 × 3 matrix, by cofactors, and of a larger one
+    by reflections: regular wherever the determinant is."""
+    if len(A) > COFACTORS:
+        return _inverse_by_reflections(A)
     if len(A) == 1:
         return [[1.0 / A[0][0]]], A[0][0]
     if len(A) == 2:
@@ -160,6 +165,109 @@ def small_inverse(A: Matrix) -> tuple[Matrix, Scalar]:
     determinant = dot(A[0], columns[0])
     weight = 1.0 / determinant
     return [[dot([columns[j][i]], [weight]) for j in range(3)] for i in range(3)], determinant
+
+
+def _inverse_by_reflections(A: Matrix) -> tuple[Matrix, Scalar]:
+    n = len(A)
+    identity: Matrix = [[1.0 if i == k else 0.0 for k in range(n)] for i in range(n)]
+    return reflected_solution(A, identity)
+
+
+def reflected_solution(A: Matrix, sides: Matrix) -> tuple[Matrix, Scalar]:
+    """X of A X = sides, with the determinant of A, by Householder's QR factorisation written out:
+    stable for every regular matrix without any choice of pivots. With more rows than columns X is
+    the least squares solution.
+
+    Columns with few entries come first, so that reflections touch few rows.
+    Source: A. S. Householder, J. ACM 5 (1958) 339–342.
+    """
+    n = len(A[0])
+    rows = [[*row, *side] for row, side in zip(A, sides)]
+    order = list(range(n))
+    determinant: Scalar = 1.0
+    for k in range(n):
+        determinant = times(_sparsest_first(rows, order, k), determinant)
+        if any(not is_zero(row[k]) for row in rows[k + 1 :]):
+            _reflect(rows, k)
+            determinant = -determinant
+        determinant = times(rows[k][k], determinant)
+    X = _upper_solution(rows[:n], n)
+    return [X[order.index(j)] for j in range(n)], determinant
+
+
+def _sparsest_first(rows: Matrix, order: list[int], k: int) -> float:
+    """Bring the column with the fewest entries below row k − 1 to place k, and a row with an entry
+    in it to row k. Returns the sign of the exchange."""
+    n = len(order)
+    counts = {j: sum(not is_zero(row[j]) for row in rows[k:]) for j in range(k, n)}
+    column = min(counts, key=lambda j: (counts[j], j))
+    entries = [i for i in range(k, len(rows)) if not is_zero(rows[i][column])] or [k]
+    pivot = min(entries, key=lambda i: sum(not is_zero(x) for x in rows[i][k:n]))
+    for row in rows:
+        row[k], row[column] = row[column], row[k]
+    order[k], order[column] = order[column], order[k]
+    rows[k], rows[pivot] = rows[pivot], rows[k]
+    return (1.0 if column == k else -1.0) * (1.0 if pivot == k else -1.0)
+
+
+def _reflect(rows: Matrix, k: int) -> None:
+    """Reflect rows k, k + 1, … so that column k vanishes below row k; the sign of what is left in
+    it is chosen so that nothing cancels."""
+    below = range(k, len(rows))
+    column = [rows[i][k] for i in below]
+    left = -ca.copysign(ca.sqrt(dot(column, column)), column[0])
+    normal = [minus(column[0], left), *column[1:]]
+    weight = 1.0 / (left * normal[0])  # −2 / |normal|²
+    for j in range(k + 1, len(rows[0])):
+        along = dot(normal, [rows[i][j] for i in below])
+        if is_zero(along):
+            continue
+        share = times(weight, along)
+        for i, entry in zip(below, normal):
+            if not is_zero(entry):
+                rows[i][j] = plus(rows[i][j], times(share, entry))
+    for i in below:
+        rows[i][k] = left if i == k else 0.0
+
+
+def _upper_solution(rows: Matrix, n: int) -> Matrix:
+    """X of R X = C, the rows being [R, C] with R upper triangular, n × n."""
+    X: Matrix = [[0.0] * (len(rows[0]) - n) for _ in range(n)]
+    for i in reversed(range(n)):
+        inverse = 1.0 / rows[i][i]
+        for k in range(len(X[i])):
+            known = dot(rows[i][i + 1 : n], [X[j][k] for j in range(i + 1, n)])
+            rest = minus(rows[i][n + k], known)
+            X[i][k] = 0.0 if is_zero(rest) else times(inverse, rest)
+    return X
+
+
+def growth(values: np.ndarray, block: Block) -> float:
+    """How much the entries of matrices (samples, rows, columns) may grow when the block is
+    eliminated: the largest weight of another unknown in what is solved for, columns compared by
+    their largest entries over the samples."""
+    sizes = np.maximum(np.max(np.abs(values), axis=(0, 1)), np.finfo(float).tiny)
+    every, rows, columns = range(len(values)), list(block.rows), list(block.columns)
+    others = [j for j in range(values.shape[2]) if j not in columns]
+    if not others:
+        return 1.0
+    scaled = values / sizes
+    solved = np.linalg.pinv(scaled[np.ix_(every, rows, columns)])
+    return float(np.max(np.abs(solved @ scaled[np.ix_(every, rows, others)]), initial=1.0))
+
+
+def steady(values: np.ndarray, fixed: np.ndarray, best: Block) -> Block:
+    """The best block, unless digits may be lost by it: then all that is left, to be solved by
+    reflections.
+
+    With up to three unknowns left the cofactors are regular wherever the matrix is.
+    """
+    _, m, n = values.shape
+    if m != n or not COFACTORS < n <= MOST_REFLECTED or growth(values, best) <= GROWTH:
+        return best
+    everything = tuple(range(n))
+    scale = float(np.max(np.abs(values)))
+    return _block(values, fixed, everything, everything, scale) or best
 
 
 def best_block(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray) -> Block | None:
@@ -227,14 +335,15 @@ def _best_of_size(
     """The best block of that size with the row of a poor single pivot, among rows and columns that
     touch it."""
     scale = np.max(np.abs(values), initial=0.0)
-    found = None
-    for rows, columns in islice(_neighbours(pattern, around.rows[0], size), MOST):
-        block = _block(values, fixed, rows, columns, scale)
-        if block is not None and (
-            found is None or (block.grade, -block.quality) < (found.grade, -found.quality)
-        ):
-            found = block
-    return found
+    candidates = [
+        block
+        for rows, columns in islice(_neighbours(pattern, around.rows[0], size), MOST)
+        if (block := _block(values, fixed, rows, columns, scale)) is not None
+    ]
+    safest = [block for block in candidates if block.grade < 2]
+    if len(safest) > 1:  # none can vanish: what is left to choose is how digits fare
+        return min(safest, key=lambda block: (block.grade, round(growth(values, block), 1)))
+    return min(candidates, key=lambda block: (block.grade, -block.quality), default=None)
 
 
 def _neighbours(
@@ -283,6 +392,8 @@ def pivot_order(samples: np.ndarray, structure: np.ndarray, constant: np.ndarray
         )
         if found is None:
             raise ZeroDivisionError("the matrix is singular at every sampled state")
+        rest = values[np.ix_(range(len(values)), rows, columns)]
+        found = steady(rest, fixed[inside], found)
         r, c = tuple(rows[i] for i in found.rows), tuple(columns[j] for j in found.columns)
         chosen.append(Block(r, c, found.least, found.largest, found.grade))
         rows, columns = [i for i in rows if i not in r], [j for j in columns if j not in c]

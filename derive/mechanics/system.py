@@ -14,7 +14,7 @@ from derive.joints.records import Matrix, Scalar, Vector
 from derive.joints.rotations import is_zero
 from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.analytic import Lagrangian, lagrangian
-from derive.mechanics.constraints import Block, Scene, blocks
+from derive.mechanics.blocks import blocks
 from derive.mechanics.forms import ONE, Form
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
@@ -32,6 +32,7 @@ from derive.mechanics.motion import (
 )
 from derive.mechanics.outputs import outputs
 from derive.mechanics.records import Inertia, Link, RowForm, System
+from derive.mechanics.scene import Block, Scene
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
     gravity_energy,
@@ -112,7 +113,8 @@ def _assembled(
     V = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g)) + extra.V + loads.energy
     N = ca.jacobian(scene.qdot, s.v)
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
-    power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1))
+    energy = T + V if extra.missing.is_zero() else T + V - extra.missing
+    power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
     result = System(
         model=model,
         symbols=s,
@@ -134,6 +136,8 @@ def _assembled(
         beta=beta,
         T=T,
         V=V,
+        energy=energy,
+        homogeneous=extra.missing.is_zero(),
         power=power,
         outputs=outputs(scene),
         rows=tuple(row for block in found for row in block.rows),
@@ -148,7 +152,7 @@ def _assembled(
         h_extra=extra.h,
         gravity=g,
         names=(),
-        assumptions=_assumptions(model, s, extra),
+        assumptions=model.notes,
     )
     return result, nonideal
 
@@ -252,18 +256,6 @@ def _nonideal(scene: Scene, found: list[Block]) -> ca.SX:
         if block.nonideal:
             force = force + ca.vertcat(*block.nonideal)
     return ca.mtimes(ca.jacobian(scene.qdot, scene.symbols.v).T, force)
-
-
-def _assumptions(model: Model, s: Symbols, extra: Lagrangian) -> tuple[str, ...]:
-    if (
-        model.kinetic is not None
-        and not (extra.T - 0.5 * ca.bilin(extra.M, s.v, s.v)).is_zero()
-        and ca.depends_on(extra.T, s.t)
-    ):
-        return (
-            "the kinetic energy depends on time: the energy balance leaves its explicit part out",
-        )
-    return ()
 
 
 def _quaternions(model: Model) -> tuple[int, ...]:

@@ -4,6 +4,7 @@ names."""
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 from derive.diagnostics import listed
 from derive.expressions.dimensions import UNKNOWN, infer
@@ -12,11 +13,14 @@ from derive.expressions.tree import ONE, Expression
 from derive.expressions.units import NUMBER, TIME, Dimension, pretty, product_of, quotient_of
 from derive.model import algebra
 from derive.model.document import Key, Scalar
+from derive.model.entries import InputEntry
 from derive.model.frames import Names
 from derive.model.reader import Reader, dimension_of, force_unit
 from derive.model.records import Armature, Input, Velocity
 from derive.model.scope import INPUT, Symbol
-from derive.model.shape import Document, InputEntry
+
+if TYPE_CHECKING:
+    from derive.model.shape import Document
 
 
 def inputs(

@@ -7,10 +7,10 @@ from derive.expressions import tree
 from derive.expressions.parser import quantity
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.document import Items, Key, Scalar
+from derive.model.entries import ClosureEntry, JointEntry
 from derive.model.placements import numbers
 from derive.model.reader import Reader
 from derive.model.records import Vector3
-from derive.model.shape import ClosureEntry, JointEntry
 from derive.model.space import constant_vector, normalised
 
 _TURN = 6.283185307179586

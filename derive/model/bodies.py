@@ -6,10 +6,10 @@ from __future__ import annotations
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.algebra import Rows, rows, to_centre, turned_tensor
 from derive.model.document import Items, Key, Scalar
+from derive.model.entries import BodyEntry, InertiaEntry
 from derive.model.placements import rotation
 from derive.model.reader import Reader
 from derive.model.records import Body, Span, Vector3
-from derive.model.shape import BodyEntry, InertiaEntry
 
 Inertia = tuple[Expression, Expression, Expression, Expression, Expression, Expression]
 POINT_MASS: Inertia = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)

@@ -9,7 +9,6 @@ from derive.model import (
     definitions,
     extremes,
     frames,
-    loads,
     mechanism,
     motions,
     published,
@@ -17,18 +16,20 @@ from derive.model import (
     ties,
 )
 from derive.model.collisions import check_collisions
-from derive.model.document import Scalar, Source
+from derive.model.document import MOST_BODIES, Key, Scalar, Source
+from derive.model.entries import Entry
 from derive.model.frames import Frame, Names
+from derive.model.loads.expression import generalised_force
+from derive.model.loads.in_joint import in_joint
 from derive.model.massless import check_tips
 from derive.model.names import module_objection
 from derive.model.reader import Reader
-from derive.model.records import Load, Model, Vector3
+from derive.model.records import Constraint, Load, Model, Vector3
 from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME
-from derive.model.shape import Document
+from derive.model.shape import Document, kind_of
 from derive.model.space import Space
 
 LONGEST_TEXT = 64 << 10
-MOST_BODIES = 3_000  # deriving and compiling them takes minutes already
 
 
 def built(document: Document, source: Source) -> Model:
@@ -112,7 +113,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             for key, entry in document.closures.items()
         ),
         constraints=tuple(
-            ties.constraint(reader, document, names, key, entry)
+            _constraint(reader, document, names, key, entry)
             for key, entry in document.constraints.items()
         ),
         loads=_loads(reader, document, joints, names),
@@ -152,19 +153,27 @@ def _gravity(reader: Reader, document: Document) -> Vector3 | None:
     return None if nothing else vector
 
 
+def _constraint(
+    reader: Reader, document: Document, names: Names, key: Key, entry: Entry
+) -> Constraint:
+    reader.name(key)
+    return kind_of("constraints", entry).read(reader, document, names, key, entry)
+
+
+def _load(reader: Reader, document: Document, names: Names, key: Key, entry: Entry) -> Load | None:
+    """None after reporting that the entry says too little."""
+    reader.name(key)
+    return kind_of("loads", entry).read(reader, document, names, key, entry)
+
+
 def _loads(
     reader: Reader, document: Document, joints: list[Frame], names: Names
 ) -> tuple[Load, ...]:
     """Those of the joints first, then `loads:`, `forces:` and what the actuators bring along."""
-    found: list[Load | None] = [
-        load for frame in joints for load in loads.in_joint(reader, names, frame)
-    ]
+    found: list[Load | None] = [load for frame in joints for load in in_joint(reader, names, frame)]
+    found += [_load(reader, document, names, key, entry) for key, entry in document.loads.items()]
     found += [
-        loads.load(reader, document, names, key, entry) for key, entry in document.loads.items()
-    ]
-    found += [
-        loads.generalised_force(reader, names, key, scalar)
-        for key, scalar in document.forces.items()
+        generalised_force(reader, names, key, scalar) for key, scalar in document.forces.items()
     ]
     found += actuators.rotors(reader, document, names)
     return tuple(entry for entry in found if entry is not None)

@@ -14,10 +14,11 @@ from derive.expressions.tree import Expression
 from derive.expressions.units import TIME as TIME_DIMENSION
 from derive.expressions.units import pretty
 from derive.model.document import Key, Scalar
+from derive.model.entries import ParameterEntry
 from derive.model.reader import Reader
 from derive.model.records import Parameter
 from derive.model.scope import ANYTHING, PARAMETER, TIME, Symbol, used
-from derive.model.shape import Document, ParameterEntry
+from derive.model.shape import Document
 
 
 def parameters(reader: Reader, document: Document) -> tuple[Parameter, ...]:

@@ -24,6 +24,7 @@ from derive.model.records import Span
 LARGEST = 4 << 20  # bytes
 HANDED = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 DEEPEST = 32  # levels
+MOST_BODIES = 3_000  # deriving and compiling them takes minutes already
 MOST_VALUES = 300_000  # the largest model that is allowed has about half of that
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
@@ -82,6 +83,9 @@ class Key(str):
         key = super().__new__(cls, text)
         key.span = span
         return key
+
+    def __getnewargs__(self) -> tuple[str, Span]:  # so that it can be copied and pickled
+        return str(self), self.span
 
 
 class Items(list[Any]):

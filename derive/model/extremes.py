@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from derive.expressions.tree import Expression
 from derive.model.document import Key, Scalar
+from derive.model.entries import ExtremeEntry
 from derive.model.motions import state_name
 from derive.model.reader import Reader
 from derive.model.records import Extreme
-from derive.model.shape import ExtremeEntry
 
 INTEGRATOR, REAL = "dop853", "float64"  # where a case says nothing
 RTOL = {"float64": 1e-11, "float32": 1e-6}

@@ -9,10 +9,13 @@ from derive.diagnostics import listed
 from derive.expressions.linearity import Degree
 from derive.expressions.tree import Expression
 from derive.model.document import Items, Key, Scalar
+from derive.model.entries import CoordinateEntry, JointEntry, OrientationEntry
 from derive.model.reader import Reader, dimension_of
 from derive.model.records import Coordinate, Input, Parameter, Span, Velocity
 from derive.model.scope import COORDINATE, VELOCITY, Symbol
-from derive.model.shape import CoordinateEntry, Document, JointEntry, OrientationEntry
+
+if TYPE_CHECKING:
+    from derive.model.shape import Document
 
 if TYPE_CHECKING:  # the joint tables bring casadi along
     from derive.joints.records import JointType
@@ -65,12 +68,13 @@ def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
 
 
 def _orientation(reader: Reader, entry: JointEntry) -> str:
-    """ "quaternion" or a sequence of Euler angles; zyx where the file does not say."""
+    """ "quaternion", also where the file does not say, or a sequence of Euler angles."""
     given = entry.orientation
     if given is None:
-        return "zyx"
+        return QUATERNION
     if isinstance(given, Scalar):
-        return reader.word(given, [QUATERNION], "orientation") or "zyx"
+        reader.word(given, [QUATERNION], "orientation")
+        return QUATERNION
     if given.quaternion is not None:
         for wrong in (given.euler, given.angles):
             if wrong is not None:
@@ -141,10 +145,12 @@ def _counted(
         return names
     slots = [slot.suffix or slot.unit for slot in table.coordinates]
     wanted = f"{len(slots)}: [{', '.join(slots)}]" if slots else "none"
+    angles = table.name == "free" and len(names) == 6
     reader.report(
         span,
         f"{len(names)} coordinate{'s' * (len(names) != 1)} of the {table.name} joint '{key}'",
         wanted,
+        "three angles take orientation: {euler: zyx}" if angles else "",
     )
     return []
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from derive.joints import JOINTS
+from derive.joints import CLOSURES, JOINTS
 from derive.model.shape import about, kinds
-
-CLOSURES = tuple(joint.name for joint in JOINTS if joint.name != "free")
-PLANAR_CLOSURES = ("revolute", "prismatic", "fixed")
 
 
 def known() -> tuple[tuple[str, str, str], ...]:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions.tree import Expression
+from derive.joints import CLOSURES, PLANAR_CLOSURES
 from derive.model.axes import axis, axis2, pitch
 from derive.model.document import Items, Key, Scalar
+from derive.model.entries import ClosureEntry
 from derive.model.frames import Frame
-from derive.model.kinds import CLOSURES, PLANAR_CLOSURES
+from derive.model.kind import Bodies
 from derive.model.placements import placements
 from derive.model.reader import Reader
 from derive.model.records import GROUND, Closure, Joint
-from derive.model.shape import ClosureEntry, Document
+
+if TYPE_CHECKING:
+    from derive.model.shape import Document
 
 
 def ordered(reader: Reader, document: Document, frames: list[Frame]) -> list[Frame]:
@@ -175,7 +181,7 @@ def closure(reader: Reader, document: Document, key: Key, entry: ClosureEntry) -
     )
 
 
-def bodies(reader: Reader, document: Document, key: Key, between: Items) -> tuple[str, str]:
+def bodies(reader: Reader, document: Bodies, key: Key, between: Items) -> tuple[str, str]:
     """Two different bodies, one of which may be the ground."""
     if len(between) != 2:
         reader.report(between.span, f"'{key}' is between {len(between)} bodies", "two bodies")
@@ -186,7 +192,7 @@ def bodies(reader: Reader, document: Document, key: Key, between: Items) -> tupl
     return first, second
 
 
-def some_body(reader: Reader, document: Document, name: Scalar, ground: bool = True) -> str:
+def some_body(reader: Reader, document: Bodies, name: Scalar, ground: bool = True) -> str:
     """The name of a body that exists."""
     known = [*document.bodies, GROUND] if ground else list(document.bodies)
     if name.text not in known:

@@ -11,6 +11,7 @@ from derive.expressions.parser import expression
 from derive.expressions.tree import ZERO, Expression
 from derive.expressions.units import pretty
 from derive.model import quaternions
+from derive.model.constraints.nonideal import velocity_degree
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Frame, Names
 from derive.model.names import identifier
@@ -19,7 +20,6 @@ from derive.model.records import CHOICE_KINDS, Choice, InitialValue, Output, Spa
 from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, VELOCITY
 from derive.model.shape import Document
 from derive.model.space import ORIGIN
-from derive.model.ties import velocity_degree
 
 AUTO = Choice("auto", "auto", (), Span(1, 1))
 Rows = list[tuple[str, Expression, Span]]

@@ -10,9 +10,9 @@ from derive.expressions.evaluate import is_constant
 from derive.expressions.tree import Call, Expression, Number
 from derive.model import algebra
 from derive.model.document import Items, Key, Scalar
+from derive.model.entries import SideEntry, SidesEntry, TurnedEntry
 from derive.model.reader import Reader
 from derive.model.records import Placement, Vector3
-from derive.model.shape import SideEntry, SidesEntry, TurnedEntry
 from derive.model.space import Rotation, snapped, turned_about
 
 TURNS = ("angle", "rpy", "axis_angle", "matrix")

@@ -12,7 +12,7 @@ from functools import cache
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.expressions import tree
-from derive.expressions.dimensions import Inferred, infer
+from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
 from derive.expressions.functions import FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
@@ -134,13 +134,23 @@ class Reader:
         functions: dict[str, Function],
     ) -> Expression:
         plain = quantity(scalar.text)
-        if plain is not None and plain.unit and wanted is not None:
+        bracketed = "(" in scalar.text  # 10 N/(m) may be a unit, or a force by the model's own m
+        if plain is not None and plain.unit and wanted is not None and not bracketed:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
         parsed = expression(text, names=self.scope.usable(allowed), functions=functions)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
+        if functions is FUNCTIONS:
+            self._check_value(resolved, text)
         return resolved
+
+    def _check_value(self, formula: Expression, text: str) -> None:
+        """FormulaError where a formula of parameters alone has no admissible value at their
+        defaults."""
+        leaves = (n for n in tree.walk(formula) if isinstance(n, tree.Name | tree.Rate))
+        if all(isinstance(n, tree.Name) and n.name in self.values for n in leaves):
+            number(formula, self.values, text)
 
     def _of_unit(self, plain: Number, text: str, where: str, wanted: str) -> Number:
         """A number with a unit: where the unit is right its symbols are units, even if the model
@@ -176,12 +186,14 @@ class Reader:
         """FormulaError where a resolved formula does not have the wanted unit, or mixes units."""
         found = infer(resolved, self.scope.dimensions, text)
         if wanted is not None and not _fits(found, dimension_of(wanted)):
-            given = named(found) if isinstance(found, tuple) else ""
+            assert isinstance(found, tuple)  # whatever else fits
+            missing = quotient_of(dimension_of(wanted), found)
             raise FormulaError(
-                f"{where} in {given}",
+                f"{where} in {named(found)}",
                 text,
                 _first_place(text) if at is None else at,
                 _wanted(wanted),
+                _advice(resolved, missing, text) if found == NUMBER else "",
             )
         return found
 
@@ -268,6 +280,14 @@ class Reader:
         if found is None:
             self.report(span, f"{where} of length zero", "a direction")
         return found or self.space.normal
+
+
+def _advice(formula: Expression, missing: Dimension, text: str) -> str:
+    """How a plain number becomes a quantity: by the unit of a factor, or by a factor of one."""
+    if hint := with_unit(formula, missing, text):
+        return hint
+    factor = isinstance(formula, tree.Call | tree.Name | tree.Product) and len(text) <= SHORT
+    return f"with a unit that is (1 {pretty(missing)})*{text.strip()}" if factor else ""
 
 
 @cache

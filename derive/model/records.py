@@ -9,6 +9,7 @@ in a body: `position` in body coordinates, `rotation` body ← joint frame.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from derive.expressions.tree import ONE, ZERO, Expression
 
@@ -124,12 +125,13 @@ class Closure:
 @dataclass(frozen=True)
 class Holonomic:
     """expression(q, t) = 0. `nonideal`: the constraint's own generalised force per coordinate, or
-    () when ideal."""
+    () when ideal. `follower`: of a coupling the coordinate that is said by the other, else ""."""
 
     name: str
     expression: Expression
     nonideal: tuple[Expression, ...]
     span: Span
+    follower: str = ""
 
 
 @dataclass(frozen=True)
@@ -203,7 +205,14 @@ class OnSurface:
     span: Span
 
 
-Constraint = Holonomic | Nonholonomic | NoSlip | Rolling | Distance | OnSurface
+class Constraint(Protocol):
+    """The record of any constraint: those of this file, and of whoever adds one."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def span(self) -> Span: ...
 
 
 @dataclass(frozen=True)
@@ -317,17 +326,14 @@ class Armature:
     span: Span
 
 
-Load = (
-    JointSpring
-    | JointDamper
-    | PointSpring
-    | Force
-    | Torque
-    | GeneralisedForce
-    | Bushing
-    | JointFriction
-    | Armature
-)
+class Load(Protocol):
+    """The record of any load: those of this file, and of whoever adds one."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def span(self) -> Span: ...
 
 
 @dataclass(frozen=True)
@@ -465,6 +471,7 @@ class Model:
     potential: Expression | None
     published: tuple[Published, ...] = ()
     extremes: tuple[Extreme, ...] = ()
+    notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[
         tuple[str, float], ...

@@ -3,12 +3,14 @@ place."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from pydantic import ValidationError
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import unit as unit_of
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source, described
 from derive.model.records import Span
 from derive.model.shape import Document
@@ -44,9 +46,10 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
     elif kind == "union_tag_not_found":
         yield _not_one_of(key, found, details, span, source)
     elif kind == "not_a_mapping":
-        yield source.diagnostic(
-            found.span, _instead(key, found), f"a mapping with {listed(context['keys'])}"
-        )
+        unit = isinstance(found, Scalar) and details["loc"][0] == "inputs" and _is_unit(found.text)
+        hint = f"its unit alone is {{unit: {found.text}}}" if unit else ""
+        expected = f"a mapping with {listed(context['keys'])}"
+        yield source.diagnostic(found.span, _instead(key, found), expected, hint)
     elif kind == "not_a_list" and isinstance(details["loc"][-1], int):
         yield source.diagnostic(
             found.span,
@@ -67,6 +70,14 @@ _EXPECTED: dict[str, str] = {
     "too_short": "two points, [[…], […]]",
     "too_long": "two points, [[…], […]]",
 }
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        unit_of(text)
+    except FormulaError:
+        return False
+    return bool(text)
 
 
 def _walk(node: Node, loc: tuple[Any, ...]) -> tuple[Key | None, Any]:
@@ -100,8 +111,33 @@ def _unknown_keys(found: Any, context: dict[str, Any], source: Source) -> Iterat
             span,
             f"unknown key '{name}'",
             listed(context["keys"], 24),
-            did_you_mean(name, context["keys"]),
+            _meant(name, context["keys"]),
         )
+
+
+# what other tools and textbooks call a key of ours
+_OTHER_WORDS = {
+    "force": "components",
+    "torque": "components",
+    "moment": "components",
+    "vector": "components",
+    "value": "components",
+    "point": "at",
+    "position": "at",
+    "k": "stiffness",
+    "c": "coefficient",
+    "damping": "coefficient",
+    "bodies": "between",
+    "length": "rest",
+    "rest": "length",
+    "formula": "expression",
+    "law": "expression",
+}
+
+
+def _meant(name: str, keys: Collection[str]) -> str:
+    other = _OTHER_WORDS.get(name)
+    return f"did you mean '{other}'?" if other in keys else did_you_mean(name, keys)
 
 
 def _tags(context: dict[str, Any]) -> list[str]:

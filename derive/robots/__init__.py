@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from derive.model import Model
@@ -22,11 +22,17 @@ ROBOTS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 
 @dataclass(frozen=True)
-class Floating:
-    """A robot file taken with its root link moving freely; stands wherever the path of a file
-    does."""
+class RobotFile:
+    """A URDF or MJCF file and how it is read; stands wherever the path of a file does.
+
+    `floating`: the root link moves freely. `exact`: angles are taken to the last digit, else 1.5708
+    is read as a right angle. `include`: folders that MJCF files may include from, beside their own.
+    """
 
     path: str | PathLike[str]
+    floating: bool = False
+    exact: bool = False
+    include: tuple[str, ...] = ()
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -34,40 +40,50 @@ class Floating:
     __str__ = __fspath__
 
 
-File = str | PathLike[str]  # the path of a file, or Floating
+def Floating(path: str | PathLike[str]) -> RobotFile:
+    """A robot file taken with its root link moving freely."""
+    return RobotFile(path, floating=True)
+
+
+File = str | PathLike[str]  # the path of a file, or RobotFile
 
 
 @dataclass(frozen=True)
 class Imported:
-    """A robot as a model's text. `left_out` alters the motion, `changed` does not; `joints`: the
-    file's name → the model's."""
+    """A robot as a model's text. `left_out` alters the motion, `assumed` may, `changed` does not;
+    `joints`: the file's name → the model's."""
 
     model: Model
     text: str
     kind: str
     changed: tuple[str, ...]
+    assumed: tuple[str, ...]
     left_out: tuple[str, ...]
     joints: Mapping[str, str]
 
 
 def load(path: File) -> Model:
     """The Model of a model file or of a robot file; what a robot loses is warned of."""
-    floating = isinstance(path, Floating)
     if Path(path).suffix.lower() not in ROBOTS:
         from derive.model import load
 
-        if floating:
-            from derive.diagnostics import ModelError
-
-            raise ModelError(
-                f"--floating is for URDF and MJCF files, and {path} is neither",
-                "a joint of type free in the model file",
-            )
+        if isinstance(path, RobotFile):
+            _refuse_options(path)
         return load(str(path))
-    found = imported(path, floating)
-    for sentence in found.left_out:
-        warnings.warn(f"{path}: left out: {sentence}", RuntimeWarning, stacklevel=2)
+    found = imported(path)
+    for sentence in found.model.notes:
+        warnings.warn(f"{path}: {sentence}", RuntimeWarning, stacklevel=2)
     return found.model
+
+
+def _refuse_options(file: RobotFile) -> NoReturn:
+    from derive.diagnostics import ModelError
+
+    given = [name for name in ("floating", "exact", "include") if getattr(file, name)]
+    raise ModelError(
+        f"--{(given or ['floating'])[0]} is for URDF and MJCF files, and {file} is neither",
+        "a joint of type free in the model file" if file.floating else "",
+    )
 
 
 def imported(path: File, floating: bool = False) -> Imported:
@@ -76,8 +92,10 @@ def imported(path: File, floating: bool = False) -> Imported:
     from derive.robots.inertias import gather
     from derive.robots.writing import text_of
 
-    robot = _robot(path, floating or isinstance(path, Floating))
+    file = path if isinstance(path, RobotFile) else RobotFile(path)
+    robot = _robot(replace(file, floating=file.floating or floating))
     _check_size(robot)
+    _check_numbers(robot)
     gather(robot)
     made = text_of(robot, Path(path).name)
     joints = {
@@ -85,34 +103,52 @@ def imported(path: File, floating: bool = False) -> Imported:
         for joint in robot.joints
         if joint.place.tag in ("joint", "freejoint")
     }
+    notes = (*robot.assumed, *(f"left out: {sentence}" for sentence in robot.left_out))
     return Imported(
-        _model(made, robot, path),
+        replace(_model(made, robot, path), notes=notes),
         made.text,
         robot.kind,
         tuple(robot.changed),
+        tuple(robot.assumed),
         tuple(robot.left_out),
         joints,
     )
 
 
-def _robot(path: File, floating: bool) -> Robot:
+def _robot(file: RobotFile) -> Robot:
+    from derive.diagnostics import ModelError
     from derive.robots import mjcf, urdf
-    from derive.robots.markup import parsed, read
+    from derive.robots.markup import Budget, parsed, read, unquoted
 
-    root = parsed(read(path))
+    budget, name = Budget(), Path(file).stem
+    root = parsed(read(file), budget)
     if root.tag == "robot":
-        return urdf.robot(root, Path(path).stem, floating)
+        return urdf.robot(root, name, file.floating, file.exact)
     if root.tag == "mujoco":
-        return mjcf.robot(root, Path(path).stem, floating)
-    root.refuse(f"<{root.tag}> is no robot", "<robot> (URDF) or <mujoco> (MJCF)")
+        return mjcf.robot(root, name, file.floating, budget, file.include)
+    raise ModelError(
+        unquoted(root.diagnostic("the file is no robot", "<robot> (URDF) or <mujoco> (MJCF)"))
+    )
 
 
 def _check_size(robot: Robot) -> None:
     """Before anything is made of it: what grows faster than the file does."""
-    from derive.model.build import MOST_BODIES
+    from derive.model.document import MOST_BODIES
 
     if len(robot.bodies) > MOST_BODIES:
         robot.root.refuse(f"the robot has {len(robot.bodies)} bodies", f"at most {MOST_BODIES}")
+
+
+def _check_numbers(robot: Robot) -> None:
+    """Masses and inertias that are made of sizes and densities may leave what a model can have."""
+    from derive.expressions.limits import BELOW, too_large
+
+    for body in robot.bodies:
+        values = {"mass": body.mass, "centre of mass": max(map(abs, body.com))}
+        values |= {"inertia": value for value in body.inertia if too_large(value)}
+        for what, value in values.items():
+            if too_large(value):
+                body.place.refuse(f"the {what} of '{body.name}' comes to {value:g}", BELOW)
 
 
 def _model(made: Written, robot: Robot, path: File) -> Model:

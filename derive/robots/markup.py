@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
 
 from derive.diagnostics import Diagnostic, ModelError
-from derive.model.document import content
+from derive.model.document import MOST_BODIES, content
 
 LARGEST = 64 << 20  # bytes
 DEEPEST = 10_000  # levels; a chain of bodies is one level per body in MJCF
-MOST = 2_000_000  # elements
+MOST = 500_000  # elements; the largest robot that is allowed has a tenth of that
+ROOTS = ("robot", "mujoco", "mujocoinclude")  # what a robot, or a part of one, starts with
 _DECLARATION = re.compile(rb"""\s*<\?xml[^>]*\bencoding\s*=\s*["']([^"']*)["']""")
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
 _UTF8 = frozenset({"utf-8", "utf8", "us-ascii", "ascii"})
@@ -60,6 +61,15 @@ class File:
             hint,
             text,
         )
+
+
+@dataclass
+class Budget:
+    """What may still be read of a robot, over all the files that it includes."""
+
+    bytes: int = LARGEST
+    elements: int = MOST
+    bodies: int = MOST_BODIES
 
 
 @dataclass(eq=False)
@@ -132,8 +142,9 @@ def as_file(content: bytes, name: str, folder: Path) -> File:
     try:
         file.content.decode("utf-8")
     except UnicodeDecodeError as error:
+        problem = "the file is not UTF-8 text"
         raise ModelError(
-            file.diagnostic(error.start, 1, "the file is not UTF-8 text", "text saved as UTF-8")
+            unquoted(file.diagnostic(error.start, 1, problem, "text saved as UTF-8"))
         ) from None
     declared = _DECLARATION.match(file.content)
     if (
@@ -148,42 +159,45 @@ def as_file(content: bytes, name: str, folder: Path) -> File:
     return file
 
 
-def parsed(file: File) -> Element:
-    """The root element of a file."""
+def parsed(file: File, budget: Budget | None = None) -> Element:
+    """The root element of a file; what it needs is taken from the budget before it is built."""
     if not file.content.strip():
         raise ModelError(
             Diagnostic(file.name, message="the file is empty", expected="a URDF or MJCF robot")
         )
-    builder = _Builder(file)
+    builder = _Builder(file, budget or Budget())
     try:
         builder.parser.Parse(file.content, True)
     except expat.ExpatError as error:
-        _refuse_syntax(file, error)
+        _refuse_syntax(file, error, quote=builder.is_robot)
     assert builder.root is not None  # expat refuses a text without elements
     return builder.root
 
 
-def _refuse_syntax(file: File, error: expat.ExpatError) -> NoReturn:
+def _refuse_syntax(file: File, error: expat.ExpatError, quote: bool) -> NoReturn:
+    """`quote`: whether the message may show the line; not of a file that is no robot."""
     problem = expat.errors.messages[error.code]
     start = sum(len(line) for line in file.content.splitlines(keepends=True)[: error.lineno - 1])
     at = min(start + error.offset, len(file.content))
     if not file.content.lstrip().startswith(b"<"):
-        raise ModelError(
-            file.diagnostic(
-                at, 1, "the file is not XML", "a URDF or MJCF robot, which starts with `<`"
-            )
-        )
-    raise ModelError(file.diagnostic(at, 1, f"not valid XML: {problem}"))
+        expected = "a URDF or MJCF robot, which starts with `<`"
+        raise ModelError(unquoted(file.diagnostic(at, 1, "the file is not XML", expected)))
+    problem_there = file.diagnostic(at, 1, f"not valid XML: {problem}")
+    raise ModelError(problem_there if quote else unquoted(problem_there))
+
+
+def unquoted(problem: Diagnostic) -> Diagnostic:
+    """Without the line of the file: a file that is no robot is nobody's to show."""
+    return replace(problem, source_line="")
 
 
 class _Builder:
     """Elements from expat's calls."""
 
-    def __init__(self, file: File) -> None:
-        self.file = file
+    def __init__(self, file: File, budget: Budget) -> None:
+        self.file, self.budget = file, budget
         self.root: Element | None = None
         self.open: list[Element] = []
-        self.count = 0
         self.parser = expat.ParserCreate("utf-8")
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self.start
@@ -194,16 +208,28 @@ class _Builder:
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         element = Element(tag, attributes, self.file, self.parser.CurrentByteIndex)
-        self.count += 1
+        self.budget.elements -= 1
+        self.budget.bodies -= tag == "body"
         if len(self.open) >= DEEPEST:
             element.refuse("the file is nested too deeply", f"at most {DEEPEST} levels")
-        if self.count > MOST:
-            element.refuse("the file has too many elements", f"at most {MOST}")
+        if self.budget.elements < 0:
+            element.refuse(
+                "the file has too many elements", f"at most {MOST}, included files counted"
+            )
+        if self.budget.bodies < 0:
+            element.refuse(
+                f"the robot has more than {MOST_BODIES} bodies",
+                f"at most {MOST_BODIES}, included files counted",
+            )
         if self.open:
             self.open[-1].children.append(element)
         else:
             self.root = element
         self.open.append(element)
+
+    @property
+    def is_robot(self) -> bool:
+        return self.root is not None and self.root.tag in ROOTS
 
     def end(self, tag: str) -> None:
         self.open.pop()

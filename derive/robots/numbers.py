@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 
+from derive.expressions.limits import BELOW, too_large, too_small
 from derive.robots.markup import Element
 from derive.robots.robot import Reading
 from derive.robots.rotations import Vector
@@ -21,13 +22,13 @@ def listing(
     if attribute not in element.attributes:
         return None
     words = element.get(attribute).split()
-    values = [float(word) if _NUMBER.match(word) else math.nan for word in words]
-    bad = next((word for word, value in zip(words, values) if not math.isfinite(value)), None)
+    values = [_number(word) for word in words]
+    bad = next((word for word, value in zip(words, values) if too_large(value)), None)
     if bad is not None:
         reading.report(
             element,
             f"'{bad}' in '{attribute}' of <{element.tag}>",
-            "finite numbers",
+            f"finite numbers, {BELOW}",
             attribute=attribute,
         )
         return None
@@ -38,6 +39,12 @@ def listing(
         reading.report(element, problem, str(count), attribute=attribute)
         return None
     return values
+
+
+def _number(word: str) -> float:
+    """NaN for what is no number. What is too small for a model is rounding of an exporter's zero."""
+    value = float(word) if _NUMBER.match(word) else math.nan
+    return 0.0 if too_small(value) else value
 
 
 def scalar(reading: Reading, element: Element, attribute: str, otherwise: float = 0.0) -> float:

@@ -91,8 +91,9 @@ class Entry:
 
 @dataclass
 class Robot:
-    """`changed` and `left_out` are sentences for the head of the file; only what is left out alters
-    the motion."""
+    """`changed`, `assumed` and `left_out` are sentences for the head of the file. What is assumed
+    differs from the robot as its maker may mean it (friction smoothed, limits without force); what
+    is left out acts on the robot and not on the model."""
 
     name: str
     kind: str
@@ -106,6 +107,7 @@ class Robot:
     inputs: list[Entry] = field(default_factory=list)
     initial: list[Entry] = field(default_factory=list)
     changed: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
 
@@ -176,4 +178,4 @@ def dry_friction(robot: Robot) -> None:
     rubbing = sum(1 for joint in robot.joints if joint.coulomb)
     if rubbing:
         how = f"as coulomb*tanh(v/{SMOOTHING:g}), which creeps where dry friction sticks"
-        robot.changed.append(f"Coulomb friction of {counted(rubbing, 'joint')} is read {how}")
+        robot.assumed.append(f"Coulomb friction of {counted(rubbing, 'joint')} is read {how}")

@@ -8,6 +8,7 @@ only exact right angles give the structural zeros that make equations short.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 Vector = tuple[float, float, float]
@@ -16,6 +17,7 @@ IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 NEAR = 1e-9
 STEP = 1  # degree
+_DECIMAL = re.compile(r"[+-]?[0-9]{1,3}\.([0-9]{2,15})\Z")
 _UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
@@ -25,6 +27,26 @@ def whole_degrees(angle: float) -> int | None:
     if not math.isfinite(steps) or abs(steps) > 1e6:
         return None
     return STEP * round(steps) if abs(angle - math.radians(STEP * round(steps))) <= NEAR else None
+
+
+def unrounded(word: str) -> float | None:
+    """The multiple of 15° that a decimal number in radians is a rounding of; None where it is none,
+    or is one to all digits of `whole_degrees` already.
+
+    Rounded or cut off after at least three decimals; after two decimals only multiples of 90° are
+    meant (0.26 is a number, 1.57 a right angle).
+    """
+    found = _DECIMAL.match(word)
+    if found is None:
+        return None
+    digits, angle = len(found[1]), float(word)
+    grid = math.pi / 12.0 if digits >= 3 else math.pi / 2.0
+    meant = grid * round(angle / grid)
+    cut = math.floor(abs(meant) * 10**digits) / 10**digits
+    roundings = (round(abs(meant), digits), cut)
+    if meant == 0.0 or whole_degrees(angle) is not None:
+        return None
+    return meant if any(math.isclose(abs(angle), r, rel_tol=1e-12) for r in roundings) else None
 
 
 def sine_cosine(angle: float) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from derive.diagnostics import listed
 from derive.robots.markup import Element
 from derive.robots.numbers import listing, scalar, vector, written
 from derive.robots.robot import (
@@ -34,6 +35,7 @@ from derive.robots.rotations import (
     product,
     turned_tensor,
     unit,
+    unrounded,
 )
 
 TYPES = {
@@ -62,12 +64,15 @@ class Tree:
     made: dict[str, Joint] = field(default_factory=dict)
 
 
-def robot(root: Element, name: str, floating: bool) -> Robot:
-    """The robot of a <robot> element; ModelError with everything wrong with it."""
+def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robot:
+    """The robot of a <robot> element; ModelError with everything wrong with it. `exact`: roll,
+    pitch and yaw are taken to the last digit, else as the angles that they are roundings of."""
     _refuse_macros(root)
     reading, tree = Reading(), Tree()
     result = Robot(root.get("name") or name, "URDF", root)
     _old_quaternions(root, result)
+    if not exact:
+        _unrounded(root, result)
     _collect(reading, root, tree)
     base = _root(reading, tree)
     reading.finish()
@@ -111,6 +116,28 @@ def _old_quaternions(root: Element, result: Robot) -> None:
             del origin.attributes["quat_xyzw"]
         result.changed.append(
             f'quat_xyzw of {counted(len(origins), "origin")} is not read: it takes <robot version="1.1">'
+        )
+
+
+def _unrounded(root: Element, result: Robot) -> None:
+    """Roll, pitch and yaw such as 1.5708 in the place of a right angle: only exact right angles
+    give the structural zeros that make equations short."""
+    changed: dict[str, int] = {}
+    for origin in root.walk():
+        if origin.tag != "origin" or "rpy" not in origin.attributes:
+            continue
+        words = origin.get("rpy").split()
+        meant = [unrounded(word) for word in words]
+        for word, angle in zip(words, meant):
+            if angle is not None:
+                changed[word] = round(math.degrees(angle))
+        if any(angle is not None for angle in meant):
+            exact = [word if angle is None else repr(angle) for word, angle in zip(words, meant)]
+            origin.attributes["rpy"] = " ".join(exact)
+    if changed:
+        pairs = [f"{word} as {degrees} deg" for word, degrees in changed.items()]
+        result.assumed.append(
+            f"rounded angles are read as what they round: {listed(pairs)}; --exact keeps them"
         )
 
 
@@ -468,9 +495,9 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
     ignored = sorted({child.tag for child in root.children} - {"link", "joint", "material"})
     if ignored:
         tags = ", ".join(f"<{tag}>" for tag in ignored)
-        result.changed.append(f"not read: {tags}; inputs are forces and torques at the joints")
+        result.assumed.append(f"not read: {tags}; inputs are forces and torques at the joints")
     if any(joint.first("limit") for joint in root.all("joint")):
-        result.changed.append(
+        result.assumed.append(
             "limits are there to read: nothing in the equations stops a joint at them"
         )
     dry_friction(result)

@@ -34,7 +34,7 @@ def _head(robot: Robot, source: str) -> list[Line]:
     said = [
         f"Made from {_one_line(source)} ({robot.kind}) by `hamel import`; numbers without a unit are in SI units."
     ]
-    said += [f"- {note}" for note in robot.changed] + [
+    said += [f"- {note}" for note in (*robot.changed, *robot.assumed)] + [
         f"- LEFT OUT: {note}" for note in robot.left_out
     ]
     comments: list[Line] = [

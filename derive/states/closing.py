@@ -12,7 +12,8 @@ import numpy as np
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 
-CLOSED = 1e-12
+CLOSED = 1e-12  # |φ| against 1 + |q|, or of a row against the sizes of its own terms
+EVEN = 1e-3  # of the largest of these a row has at least that part
 NEWTON = 30  # iterations after which a start counts as hopeless
 LEAP = 0.7  # rad: the largest step taken at once
 
@@ -129,18 +130,33 @@ def normalised(system: System, q: np.ndarray) -> np.ndarray:
     return result
 
 
+def _sizes(J: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Σ |∂φ/∂q| (1 + |q|) of each row, in its own unit, whatever those of the coordinates are."""
+    sizes = np.abs(J) @ (1.0 + np.abs(q))
+    largest = float(np.max(sizes, initial=0.0))
+    return np.maximum(sizes, EVEN * largest) if largest > 0.0 else np.ones(len(sizes))
+
+
 def closed(
-    solver: Kinematics, t: float, q: np.ndarray, p: np.ndarray, free: np.ndarray | None = None
+    solver: Kinematics,
+    t: float,
+    q: np.ndarray,
+    p: np.ndarray,
+    free: np.ndarray | None = None,
+    by_row: bool = False,
 ) -> np.ndarray | None:
     """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that
-    fails."""
+    fails.
+
+    `by_row`: each row is judged in its own unit, which need not be that of the coordinates.
+    """
     weights = np.ones(len(q)) if free is None else free.astype(float)
     for _ in range(NEWTON):
         phi, J = solver.positions(t, q, p)
         if not (np.all(np.isfinite(phi)) and np.all(np.isfinite(J))):
             return None
         scale = 1.0 + float(np.max(np.abs(q), initial=0.0))
-        if np.max(np.abs(phi), initial=0.0) <= CLOSED * scale:
+        if np.all(np.abs(phi) <= CLOSED * (_sizes(J, q) if by_row else scale)):
             return q
         step = -weights * np.linalg.lstsq(J * weights, phi, rcond=1e-10)[0]
         q = q + step * min(1.0, LEAP * scale / (1e-300 + float(np.max(np.abs(step), initial=0.0))))

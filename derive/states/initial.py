@@ -12,6 +12,7 @@ from derive.diagnostics import Diagnostic, ModelError
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.model.records import Span
+from derive.numerics import refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised
 from derive.states.scales import scaled, scales
 
@@ -27,6 +28,7 @@ class Initial:
     moved: tuple[tuple[str, float, float], ...]
 
 
+@refuses_numerically("the initial state")
 def initial_state(
     system: System, changes: Mapping[str, float] | None = None, p: np.ndarray | None = None
 ) -> Initial:
@@ -116,7 +118,7 @@ def _closed(
     """Guesses move, else everything may."""
     free = np.array([c.name not in held for c in system.model.coordinates])
     for choice in (free, np.ones(len(start), dtype=bool)):
-        q = closed(solver, 0.0, start, p, choice)
+        q = closed(solver, 0.0, start, p, choice, by_row=True)
         if q is not None:
             return normalised(system, q)
     return None

@@ -21,6 +21,7 @@ from derive.mechanics.records import Named, System
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
 from derive.mechanics.system import ideal_system
 from derive.model.records import Model
+from derive.numerics import refuses_numerically
 from derive.states.closing import Kinematics
 from derive.states.sampling import states
 
@@ -28,6 +29,7 @@ SAMPLES = 12
 RANK = 1e-9
 
 
+@refuses_numerically("the mechanics")
 def system(model: Model, constants: Collection[str] | str = ()) -> System:
     """The mechanics of a model, nonideal constraint forces included.
 
@@ -83,20 +85,32 @@ def ideal_reactions(system: System, used: list[int]) -> ca.SX:
             scalars(bordered), sides, [*reversed(range(nv)), *range(nv, nv + len(kept))]
         ).x[0]
     else:
-        x = _by_pivots(bordered, sides, solver.values(bordered, found.t, found.q, found.p))
+        values = solver.values(bordered, found.t, found.q, found.p)
+        x = _by_pivots(system, bordered, sides, values)
     result = ca.SX.zeros(len(system.rows))
     for i, y in zip(kept, x[nv:]):
         result[i] = -y
     return result
 
 
-def _by_pivots(matrix: ca.SX, sides: list[Vector], values: np.ndarray) -> Vector:
+def _by_pivots(system: System, matrix: ca.SX, sides: list[Vector], values: np.ndarray) -> Vector:
     """For singular M: Gauss elimination with pivots that stay away from zero over the sampled
-    states."""
+    states. AssumptionError where there are none: a motion that the constraints allow has no mass."""
     rows = scalars(matrix)
     structure = np.array([[not isinstance(x, float) or x != 0 for x in row] for row in rows])
     constant = np.array([[isinstance(x, float) for x in row] for row in rows])
-    return lu_solution(rows, sides, pivot_order(values, structure, constant)).x[0]
+    try:
+        order = pivot_order(values, structure, constant)
+    except ZeroDivisionError:
+        raise AssumptionError(
+            Diagnostic(
+                file=system.model.file,
+                message="the reactions that a nonideal force uses are not determined: the mass "
+                "matrix is singular along a motion that the constraints allow",
+                expected="inertia along every motion that the constraints allow",
+            )
+        ) from None
+    return lu_solution(rows, sides, order).x[0]
 
 
 def _independent(sampled: np.ndarray) -> list[int]:

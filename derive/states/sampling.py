@@ -18,6 +18,7 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import System
+from derive.numerics import refuses_numerically
 from derive.states.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, nominal, normalised
 from derive.states.scales import scaled, scales
 
@@ -45,6 +46,7 @@ class States:
     p: np.ndarray
 
 
+@refuses_numerically("random admissible states")
 def states(
     system: System,
     count: int,
@@ -118,8 +120,11 @@ def _times(system: System, rng: np.random.Generator, many: int) -> np.ndarray:
 
 
 def _parameters(system: System, rng: np.random.Generator, many: int, vary: float) -> np.ndarray:
+    """The first are the file's own."""
     usual = np.array(system.parameters, dtype=float)
-    return usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
+    varied = usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
+    varied[:1] = usual
+    return varied
 
 
 def _scattered(system: System, rng: np.random.Generator, many: int, spread: float) -> np.ndarray:

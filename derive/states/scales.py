@@ -35,6 +35,7 @@ from derive.mechanics.records import System
 from derive.model.records import Model
 
 STEP = 3  # decades
+FARTHEST = 30  # decades: what is beyond is left to the numbers, so that no product overflows
 PLACES = 5  # configurations at which the rows are looked at
 SMALL = 0.75  # decades: the parts that a file gives are smaller than the whole that moves
 INERTIA = product_of(MASS, power_of(LENGTH, Fraction(2)))
@@ -84,7 +85,12 @@ def scales(model: Model) -> Scales:
         return Scales()
     powers = np.array([[float(k) for k in dimension[:3]] for dimension, _ in found])
     decades = np.linalg.lstsq(powers, np.log10([value for _, value in found]), rcond=1e-6)[0]
-    return Scales(*(float(f"1e{STEP * round((x + SMALL) / STEP)}") for x in decades))
+    return Scales(*(_power(x) for x in np.clip(decades, -FARTHEST, FARTHEST)))
+
+
+def _power(decades: float) -> float:
+    """The power of a thousand next above."""
+    return float(f"1e{STEP * round((decades + SMALL) / STEP)}")
 
 
 def scaled(system: System, own: Scales) -> System:

@@ -14,21 +14,21 @@ from derive.joints.records import Matrix, Scalar, Vector
 from derive.joints.rotations import cross
 from derive.mechanics.records import Link, System
 from derive.mechanics.tree import twists
-from derive.textbook.author import Author
+from derive.textbook.manuscript import Manuscript
 
 FEWEST, MOST = 2, 8  # links for which the factors are written out
 
 
-def complement(a: Author) -> None:
+def complement(doc: Manuscript) -> None:
     """N_l, N_d, M = Nᵀ 𝓜 N and its pivots, where the system is a tree of joints with one velocity
     each."""
-    if not _fits(a.system):
+    if not _fits(doc.system):
         return
-    a.section("Decoupled natural orthogonal complement")
-    factors = _Factors(a.system)
-    _twists(a, factors)
-    _mass(a, factors)
-    _pivots(a, factors)
+    doc.section("Decoupled natural orthogonal complement")
+    factors = _Factors(doc.system)
+    _twists(doc, factors)
+    _mass(doc, factors)
+    _pivots(doc, factors)
 
 
 def _fits(system: System) -> bool:
@@ -51,28 +51,32 @@ class _Factors:
         self.p = [_motion(link) for link in self.links]
         self.carried = [_carried(link) for link in self.links]  # B_i,parent
         self.M = [_spatial(link) for link in self.links]
-        n = len(self.links)
-        self.blocks: dict[tuple[int, int], ca.SX] = {}
-        for i in range(n):
-            self.blocks[i, i] = ca.SX.eye(6)
-            above = self.links[i].parent
-            for j in range(i):
-                if above >= 0 and (above, j) in self.blocks:
-                    self.blocks[i, j] = ca.mtimes(self.carried[i], self.blocks[above, j])
-        self.articulated, self.psi, self.pivots = self._eliminated()
+        self.blocks = self._blocks()
+        self.psi, self.pivots = self._eliminated()
 
-    def _eliminated(self) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
-        """M̂_i, ψ_i and m̂_i, tip to base."""
+    def _blocks(self) -> dict[tuple[int, int], ca.SX]:
+        """B_ij of every link i and every link j that carries it, itself among them."""
+        blocks: dict[tuple[int, int], ca.SX] = {}
+        for i, link in enumerate(self.links):
+            blocks[i, i] = ca.SX.eye(6)
+            for j in range(i):
+                if link.parent >= 0 and (link.parent, j) in blocks:
+                    blocks[i, j] = ca.mtimes(self.carried[i], blocks[link.parent, j])
+        return blocks
+
+    def _eliminated(self) -> tuple[list[ca.SX], list[ca.SX]]:
+        """ψ_i and m̂_i, tip to base."""
         hat, n = [ca.SX(m) for m in self.M], len(self.links)
         psi, pivots = [ca.SX()] * n, [ca.SX()] * n
         for i in reversed(range(n)):
             momentum = ca.mtimes(hat[i], self.p[i])
             pivots[i] = ca.mtimes(self.p[i].T, momentum)
             psi[i] = momentum / pivots[i]
-            above, B = self.links[i].parent, self.carried[i]
-            if above >= 0:
-                hat[above] += ca.mtimes([B.T, hat[i] - ca.mtimes(momentum, psi[i].T), B])
-        return hat, psi, pivots
+            parent, B = self.links[i].parent, self.carried[i]
+            if parent >= 0:
+                # what the parent feels of the link once its joint has taken up what it can
+                hat[parent] += ca.mtimes([B.T, hat[i] - ca.mtimes(momentum, psi[i].T), B])
+        return psi, pivots
 
     @property
     def N_l(self) -> ca.SX:
@@ -83,29 +87,28 @@ class _Factors:
 
     @property
     def N_d(self) -> ca.SX:
-        found = ca.SX(6 * len(self.links), self.v.numel())
+        blocks = ca.SX(6 * len(self.links), self.v.numel())
         for i, column in enumerate(self.columns):
-            found[6 * i : 6 * i + 6, column] = self.p[i]
-        return found
+            blocks[6 * i : 6 * i + 6, column] = self.p[i]
+        return blocks
 
     @property
     def U(self) -> ca.SX:
         """U_ij = p_iᵀ B_jiᵀ ψ_j, one on the diagonal."""
-        found = ca.SX.eye(self.v.numel())
+        U = ca.SX.eye(self.v.numel())
         for (j, i), block in self.blocks.items():
             if i != j:
-                found[self.columns[i], self.columns[j]] = ca.mtimes(
-                    [self.p[i].T, block.T, self.psi[j]]
-                )
-        return found
+                entry = ca.mtimes([self.p[i].T, block.T, self.psi[j]])
+                U[self.columns[i], self.columns[j]] = entry
+        return U
 
     @property
     def D(self) -> ca.SX:
         """The pivots, in the order of v."""
-        found = ca.SX(self.v.numel(), 1)
+        pivots = ca.SX(self.v.numel(), 1)
         for column, pivot in zip(self.columns, self.pivots):
-            found[column] = pivot
-        return found
+            pivots[column] = pivot
+        return pivots
 
 
 def _motion(link: Link) -> ca.SX:
@@ -144,65 +147,74 @@ def _skew(vector: Vector) -> ca.SX:
     return _matrix([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
 
 
-def _twists(a: Author, f: _Factors) -> None:
-    a.say(
-        "The twists $!t_i=(!\\omega_i,!v_i)$ of all links, each at its link's origin and in its link's frame, follow from the "
-        "generalized velocities in two decoupled steps (Saha's natural orthogonal complement): the block diagonal $!N_d$ holds the "
-        "motions $!p_i$ of the joints, and the block triangular $!N_l$ holds the matrices $!B_{ij}$ that carry a twist from "
-        "link $j$ out to link $i$:"
+def _twists(doc: Manuscript, factors: _Factors) -> None:
+    """t = N_l N_d v."""
+    doc.say(
+        "The twists $!t_i=(!\\omega_i,!v_i)$ of all links, each at its link's origin and in its "
+        "link's frame, follow from the generalized velocities in two decoupled steps (Saha's "
+        "natural orthogonal complement): the block diagonal $!N_d$ holds the motions $!p_i$ of the "
+        "joints, and the block triangular $!N_l$ holds the matrices $!B_{ij}$ that carry a twist "
+        "from link $j$ out to link $i$:"
     )
-    t = ca.vertcat(
-        *(
-            ca.SX(x)
-            for pair in twists(f.links, [f.v[j] for j in range(f.v.numel())])
-            for part in pair
-            for x in part
-        )
-    )
-    a.law("complement", r"!t", r"!N_l\,!N_d\,!v", t - ca.mtimes([f.N_l, f.N_d, f.v]))
-    a.mean(r"!N_l,\; !N_d", "factors of the natural orthogonal complement: t = N_l N_d v")
-    for i, link in enumerate(f.links):
-        index = i + 1
-        a.say("For {name}", name=link.name)
-        a.matrix(f"p[{index}]", rf"!p_{{{index}}}^T", rf"p^{{{index}}}", f.p[i].T)
-        if link.parent >= 0:
-            pair = f"{index},{link.parent + 1}"
-            a.matrix(f"B[{pair}]", rf"!B_{{{pair}}}", rf"B^{{{pair}}}", f.carried[i])
-    a.state(r"!B_{ij}", r"!B_{i,i-1}\,!B_{i-1,j}")
+    product = ca.mtimes([factors.N_l, factors.N_d, factors.v])
+    doc.law("complement", r"!t", r"!N_l\,!N_d\,!v", _column_of_twists(factors) - product)
+    doc.mean(r"!N_l,\; !N_d", "factors of the natural orthogonal complement: t = N_l N_d v")
+    for i, link in enumerate(factors.links):
+        _link(doc, factors, i, link)
+    doc.state(r"!B_{ij}", r"!B_{i,i-1}\,!B_{i-1,j}")
 
 
-def _mass(a: Author, f: _Factors) -> None:
-    a.say(
-        "With the links' own mass matrices $!M_i$ on the diagonal of $!E$, the mass matrix of the tree is"
+def _column_of_twists(factors: _Factors) -> ca.SX:
+    """(ω, v) of one link after the other, by recursion."""
+    entries: list[Scalar] = []
+    for omega, velocity in twists(factors.links, ca.vertsplit(factors.v)):
+        entries += [*omega, *velocity]
+    return ca.vertcat(*(ca.SX(x) for x in entries))
+
+
+def _link(doc: Manuscript, factors: _Factors, i: int, link: Link) -> None:
+    """p_i and B_i,parent."""
+    index = i + 1
+    doc.say("For {name}", name=link.name)
+    doc.matrix(f"p[{index}]", rf"!p_{{{index}}}^T", rf"p^{{{index}}}", factors.p[i].T)
+    if link.parent >= 0:
+        pair = f"{index},{link.parent + 1}"
+        doc.matrix(f"B[{pair}]", rf"!B_{{{pair}}}", rf"B^{{{pair}}}", factors.carried[i])
+
+
+def _mass(doc: Manuscript, f: _Factors) -> None:
+    doc.say(
+        "With the links' own mass matrices $!M_i$ on the diagonal of $!E$, the mass matrix of the "
+        "tree is"
     )
     whole = ca.diagcat(*f.M)
     N = ca.mtimes(f.N_l, f.N_d)
-    rotors = a.system.M_extra
+    rotors = doc.system.M_extra
     more = r" + !M_r" if rotors.nnz() else ""
-    a.law(
+    doc.law(
         "mass by complement",
         r"!M",
         r"!N_d^T\,!N_l^T\,!E\,!N_l\,!N_d" + more,
-        a.system.M - ca.mtimes([N.T, whole, N]) - rotors,
+        doc.system.M - ca.mtimes([N.T, whole, N]) - rotors,
     )
     if more:
-        a.say("where $!M_r$ is the inertia of rotors and added coordinates.")
+        doc.say("where $!M_r$ is the inertia of rotors and added coordinates.")
 
 
-def _pivots(a: Author, f: _Factors) -> None:
-    if a.system.M_extra.nnz():
+def _pivots(doc: Manuscript, f: _Factors) -> None:
+    if doc.system.M_extra.nnz():
         return
-    a.say(
-        "Eliminated from the tip to the base it is $!U\\,!D\\,!U^T$, whose pivots are the inertias that the joints feel while "
-        "everything beyond them is free (articulated bodies):"
+    doc.say(
+        "Eliminated from the tip to the base it is $!U\\,!D\\,!U^T$, whose pivots are the inertias "
+        "that the joints feel while everything beyond them is free (articulated bodies):"
     )
-    a.state(r"\hat{m}_i", r"!p_i^T\,\hat{!M}_i\,!p_i,\qquad !\psi_i = \hat{!M}_i\,!p_i/\hat{m}_i")
-    a.state(
+    doc.state(r"\hat{m}_i", r"!p_i^T\,\hat{!M}_i\,!p_i,\qquad !\psi_i = \hat{!M}_i\,!p_i/\hat{m}_i")
+    doc.state(
         r"\hat{!M}_{i-1}",
         r"!M_{i-1} + !B_{i,i-1}^T\left(\hat{!M}_i - \hat{m}_i\,!\psi_i\,!\psi_i^T\right)!B_{i,i-1}",
     )
     U, D = f.U, f.D
-    a.law("U D U^T", r"!M", r"!U\,!D\,!U^T", a.system.M - ca.mtimes([U, ca.diag(D), U.T]))
-    a.say("with $U_{ij}=!p_i^T!B_{ji}^T!\\psi_j$ and the pivots, the entries of $!D$,")
-    a.vector("m_hat", r"\hat{m}", D)
-    a.mean(r"!U,\; !D", "factors of the mass matrix, M = U D Uᵀ, tip to base")
+    doc.law("U D U^T", r"!M", r"!U\,!D\,!U^T", doc.system.M - ca.mtimes([U, ca.diag(D), U.T]))
+    doc.say("with $U_{ij}=!p_i^T!B_{ji}^T!\\psi_j$ and the pivots, the entries of $!D$,")
+    doc.vector("m_hat", r"\hat{m}", D)
+    doc.mean(r"!U,\; !D", "factors of the mass matrix, M = U D Uᵀ, tip to base")

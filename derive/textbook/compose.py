@@ -4,6 +4,7 @@ comes first."""
 from __future__ import annotations
 
 from collections import Counter
+from itertools import combinations
 from math import inf
 from typing import Any
 
@@ -44,7 +45,7 @@ class Composer:
 
     def __init__(self, ring: Ring, decimal: bool) -> None:
         self.ring, self.decimal = ring, decimal
-        self.made: dict[int, Expr] = {}
+        self.atoms: dict[int, Expr] = {}
 
     def shortest(self, poly: Poly, most: float = inf) -> Expr:
         """Term by term or over a common denominator, whichever has fewer operations.
@@ -66,23 +67,25 @@ class Composer:
 
     def _polynomial(self, poly: Poly) -> Expr:
         """A sum without divisors, in product or in Fourier form."""
-        found = self.expression(poly)
+        product_form = self.expression(poly)
         if self.ring.fourier or not self._has_products(poly):
-            return found
+            return product_form
         other = Ring(fourier=True)
         try:
-            turned = self.ring.in_fourier_form(poly, other)
+            sum_of_angles = self.ring.in_fourier_form(poly, other)
         except TooBig:
-            return found
-        return min(found, Composer(other, self.decimal).expression(turned), key=operations)
+            return product_form
+        fourier_form = Composer(other, self.decimal).expression(sum_of_angles)
+        return min(product_form, fourier_form, key=operations)
 
     def _has_products(self, poly: Poly) -> bool:
         """Whether some term is a product of sines and cosines, which sums of angles could stand
         for."""
-        return any(
-            sum(abs(e) for k, e in m if self.ring.atoms[k].kind in ("sin", "cos")) > 1
-            for m, _ in poly
-        )
+        return any(self._degree_of_trig(monomial) > 1 for monomial, _ in poly)
+
+    def _degree_of_trig(self, monomial: Monomial) -> int:
+        kinds = [(self.ring.atoms[k].kind, e) for k, e in monomial]
+        return sum(abs(e) for kind, e in kinds if kind in ("sin", "cos"))
 
     def expression(self, poly: Poly) -> Expr:
         if not poly:
@@ -123,11 +126,11 @@ class Composer:
         return [self._atom(k) ** e for k, e in monomial]
 
     def _atom(self, k: int) -> Expr:
-        if k not in self.made:
-            self.made[k] = self._made(self.ring.atoms[k].kind, self.ring.atoms[k].content)
-        return self.made[k]
+        if k not in self.atoms:
+            self.atoms[k] = self._composed(self.ring.atoms[k].kind, self.ring.atoms[k].content)
+        return self.atoms[k]
 
-    def _made(self, kind: str, content: Any) -> Expr:
+    def _composed(self, kind: str, content: Any) -> Expr:
         if kind == "symbol":
             return content
         if kind == "sum":
@@ -155,8 +158,8 @@ def _shared(keys: list[Key]) -> Monomial:
 
 
 def _common_trig(keys: list[Key]) -> tuple:
-    found = {trig for _, trig in keys}
-    return found.pop() if len(found) == 1 else ()
+    trigs = {trig for _, trig in keys}
+    return trigs.pop() if len(trigs) == 1 else ()
 
 
 def _divided(key: Key, monomial: Monomial, trig: tuple) -> Key:
@@ -174,21 +177,23 @@ def _parts(key: Key) -> list[tuple]:
 
 def _square_of(poly: Poly) -> Poly | None:
     """a + b + … of a poly a² + 2ab + b² + …, of two to four symbols."""
-    squares = [
-        (m[0][0], x) for (m, trig), x in poly.items() if not trig and len(m) == 1 and m[0][1] == 2
-    ]
-    if (
-        len(squares) not in (2, 3, 4)
-        or len(poly) != len(squares) * (len(squares) + 1) // 2
-        or any(x != 1 for _, x in squares)
-    ):
+    squares = [key for key in poly if _is_square(key)]
+    n = len(squares)
+    if n not in (2, 3, 4) or len(poly) != n * (n + 1) // 2 or any(poly[k] != 1 for k in squares):
         return None
-    first = min(squares)[0]
-    root = {k: 1 if k == first or poly.get(_crossed(first, k), 0) > 0 else -1 for k, _ in squares}
-    pairs = [(a, b) for a in root for b in root if a < b]
-    if any(poly.get(_crossed(a, b)) != 2 * root[a] * root[b] for a, b in pairs):
-        return None
-    return {(((k, 1),), ()): x for k, x in root.items()}
+    symbols = [monomial[0][0] for monomial, _ in squares]
+    first = min(symbols)
+    signs = {k: -1 if k != first and poly.get(_crossed(first, k), 0) <= 0 else 1 for k in symbols}
+    for a, b in combinations(sorted(symbols), 2):
+        if poly.get(_crossed(a, b)) != 2 * signs[a] * signs[b]:
+            return None
+    return {(((k, 1),), ()): sign for k, sign in signs.items()}
+
+
+def _is_square(key: Key) -> bool:
+    """x² of one atom, without a sine or cosine."""
+    monomial, trig = key
+    return not trig and len(monomial) == 1 and monomial[0][1] == 2
 
 
 def _crossed(a: int, b: int) -> Key:

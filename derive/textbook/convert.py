@@ -3,6 +3,7 @@ get names."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
@@ -52,14 +53,17 @@ class Reader:
         """The same over everything that has a name already; None also where nothing in the term has
         one."""
         roots = self.graph.read(value)
-        met = any(k in self.known for k in self.graph.below(roots))
-        return self._within(roots, self.known, most) if met else None
+        if not any(k in self.known for k in self.graph.below(roots)):
+            return None
+        return self._within(roots, self.known, most)
 
     def _within(self, roots: Sequence[int], names: dict[int, Expr], most: int) -> list[Expr] | None:
-        found = (
-            self._shortest(roots, names, most) if self._unrolled(roots, names) <= LARGEST else None
-        )
-        return found if found is not None and all(operations(x) <= most for x in found) else None
+        if self._unrolled(roots, names) > LARGEST:
+            return None
+        entries = self._shortest(roots, names, most)
+        if entries is None or any(operations(x) > most for x in entries):
+            return None
+        return entries
 
     def _unrolled(self, roots: Sequence[int], names: dict[int, Expr]) -> int:
         """Operations when nothing is shared."""
@@ -96,48 +100,46 @@ class Reader:
 
     def terms(self, nodes: Sequence[int]) -> ca.SX:
         """The CasADi terms of the given nodes, as a column."""
-        built: dict[int, ca.SX] = {}
+        terms: dict[int, ca.SX] = {}
         for k in self.graph.below(nodes):
             node = self.graph.nodes[k]
             if node.op == ca.OP_INPUT:
-                built[k] = self.graph.symbols[int(node.number)]
+                terms[k] = self.graph.symbols[int(node.number)]
             elif node.op == ca.OP_CONST:
-                built[k] = ca.SX(node.number)
+                terms[k] = ca.SX(node.number)
             else:
-                operands = [built[i] for i in node.operands]
-                built[k] = (
-                    ca.SX.unary(node.op, *operands)
-                    if len(operands) == 1
-                    else ca.SX.binary(node.op, *operands)
-                )
-        return ca.vertcat(*[built[k] for k in nodes])
+                apply = ca.SX.unary if len(node.operands) == 1 else ca.SX.binary
+                terms[k] = apply(node.op, *[terms[i] for i in node.operands])
+        return ca.vertcat(*[terms[k] for k in nodes])
 
     def _cuts(self, order: Sequence[int]) -> list[int]:
         """Nodes to name: shared ones worth it, and those that have grown long."""
-        uses: dict[int, int] = {}
-        for k in order:
-            if k not in self.known:
-                for i in self.graph.nodes[k].operands:
-                    uses[i] = uses.get(i, 0) + 1
-        sizes: dict[int, int] = {}
+        uses = self._uses(order)
+        sizes: dict[int, int] = {}  # operations down to the nearest names
         cuts = []
         for k in order:
             node = self.graph.nodes[k]
+            sizes[k] = 0
             if k in self.known or not node.operands:
-                sizes[k] = 0
                 continue
-            sizes[k] = (node.op != ca.OP_NEG) + sum(sizes[i] for i in node.operands)
-            if (uses.get(k, 0) > 1 and sizes[k] >= SHARED) or sizes[k] > PIECE:
+            size = (node.op != ca.OP_NEG) + sum(sizes[i] for i in node.operands)
+            if size > PIECE or (uses[k] > 1 and size >= SHARED):
                 cuts.append(k)
-                sizes[k] = 0
+            else:
+                sizes[k] = size
         return cuts
+
+    def _uses(self, order: Sequence[int]) -> Counter[int]:
+        """How often each node is an operand of those without a name."""
+        unnamed = [self.graph.nodes[k] for k in order if k not in self.known]
+        return Counter(i for node in unnamed for i in node.operands)
 
     def _expressions(self, roots: Sequence[int], names: dict[int, Expr]) -> list[Expr]:
         plain = self._plain(roots, names)
-        found = self._shortest(roots, names)
-        if found is None:
+        shortest = self._shortest(roots, names)
+        if shortest is None:
             return plain
-        return [min(pair, key=operations) for pair in zip(found, plain)]
+        return [min(pair, key=operations) for pair in zip(shortest, plain)]
 
     def _shortest(
         self, roots: Sequence[int], names: dict[int, Expr], most: float = inf
@@ -148,13 +150,11 @@ class Reader:
             self.graph.nodes[k].op in (ca.OP_SIN, ca.OP_COS, ca.OP_TAN)
             for k in self.graph.below(roots)
         )
-        ways = (False, True) if trigonometric else (False,)
-        forms = [
-            x
-            for x in (self._formed(roots, names, fourier, most) for fourier in ways)
-            if x is not None
-        ]
-        return [min(entries, key=operations) for entries in zip(*forms)] if forms else None
+        forms = [self._formed(roots, names, False, most)]
+        if trigonometric:
+            forms.append(self._formed(roots, names, True, most))
+        within = [form for form in forms if form is not None]
+        return [min(entries, key=operations) for entries in zip(*within)] if within else None
 
     def _formed(
         self, roots: Sequence[int], names: dict[int, Expr], fourier: bool, most: float

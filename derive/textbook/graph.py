@@ -12,6 +12,8 @@ from functools import cached_property
 
 import casadi as ca
 
+from derive.expressions.instructions import Instruction, listing, run
+
 _COMMUTES = {ca.OP_ADD, ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX}
 
 
@@ -40,38 +42,22 @@ class Graph:
         used = ca.symvar(entries)
         function = ca.Function("term", [ca.vertcat(*used)], [entries])
         places = [self.places[symbol.element_hash()] for symbol in used]
-        slots: dict[int, int] = {}
-        found = [0] * entries.numel()
-        for k in range(function.n_instructions()):
-            op, inputs = function.instruction_id(k), function.instruction_input(k)
-            if op == ca.OP_OUTPUT:
-                found[function.instruction_output(k)[1]] = slots[inputs[0]]
-            else:
-                slots[function.instruction_output(k)[0]] = self._number(
-                    function, k, op, inputs, slots, places
-                )
-        return found
+        (numbers,) = run(
+            listing(function),
+            entry=lambda _, nonzero: self._entered(Node(ca.OP_INPUT, (), float(places[nonzero]))),
+            number=lambda value: self._entered(Node(ca.OP_CONST, (), value + 0.0)),
+            operation=self._numbered,
+        )
+        return numbers
 
     @cached_property
     def places(self) -> dict[int, int]:
         """Where each symbol stands among the symbols."""
         return {self.symbols[i].element_hash(): i for i in range(self.symbols.numel())}
 
-    def _number(
-        self,
-        function: ca.Function,
-        k: int,
-        op: int,
-        inputs: Sequence[int],
-        slots: dict[int, int],
-        places: Sequence[int],
-    ) -> int:
-        if op == ca.OP_CONST:
-            return self._entered(Node(op, (), function.instruction_constant(k) + 0.0))
-        if op == ca.OP_INPUT:
-            return self._entered(Node(op, (), float(places[inputs[1]])))
-        operands = [slots[i] for i in inputs]
-        return self._entered(Node(op, tuple(sorted(operands) if op in _COMMUTES else operands)))
+    def _numbered(self, read: Instruction, operands: list[int]) -> int:
+        ordered = sorted(operands) if read.code in _COMMUTES else operands
+        return self._entered(Node(read.code, tuple(ordered)))
 
     def _entered(self, node: Node) -> int:
         if node not in self.index:
@@ -81,12 +67,12 @@ class Graph:
 
     def below(self, roots: Sequence[int], stop: frozenset[int] = frozenset()) -> list[int]:
         """Everything the roots are made of down to `stop`, operands first."""
-        seen, waiting = set(roots), list(roots)
+        below, waiting = set(roots), list(roots)
         while waiting:
             k = waiting.pop()
             if k in stop:
                 continue
-            fresh = [i for i in self.nodes[k].operands if i not in seen]
-            seen.update(fresh)
+            fresh = [i for i in self.nodes[k].operands if i not in below]
+            below.update(fresh)
             waiting.extend(fresh)
-        return sorted(seen)
+        return sorted(below)

@@ -9,80 +9,121 @@ are the interaction.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from derive.mechanics.records import Inertia, Link, System
 from derive.mechanics.system import inertial_forces
 from derive.mechanics.tree import mass_matrix
-from derive.textbook.author import Author
+from derive.textbook.manuscript import Manuscript
 
 NOTHING = Inertia(0.0, [0.0] * 3, [[0.0] * 3 for _ in range(3)])
 
 
-def interaction(a: Author) -> None:
+@dataclass(frozen=True)
+class _Parts:
+    """Indices of the generalized velocities in the constraint rows, and of the others."""
+
+    platform: list[int]
+    arm: list[int]
+
+
+@dataclass(frozen=True)
+class _Coupling:
+    """The platform's M and h alone, what the arm adds to them, and what couples the two."""
+
+    M_v: ca.SX
+    dM: ca.SX
+    h_v: ca.SX
+    dh: ca.SX
+    R: ca.SX
+    M_a: ca.SX
+
+
+def interaction(doc: Manuscript) -> None:
     """R, δM and δC, where only the platform of a tree is held by constraints."""
-    found = _parts(a.system)
-    if found is None:
+    parts = _parts(doc.system)
+    if parts is None:
         return
-    v, arm = found  # indices of generalized velocities
-    system = a.system
-    loads = [i for i, link in enumerate(system.links) if _carried(system.links, link, arm)]
-    platform = [NOTHING if i in loads else link.inertia for i, link in enumerate(system.links)]
-    alone = [link.inertia if i in loads else NOTHING for i, link in enumerate(system.links)]
-    a.section("Platform and arm")
-    a.say(
-        "Only velocities $!v_v$ of the platform stand in the constraints, those of the arm, $!v_a$, do not. The equations of the "
-        "platform without an arm, $!M_v$ and $!h_v$, and of the arm on ground that rests are used as they are; what couples them "
-        "is $!R$, $\\delta!M$ and $\\delta!h$ (δC of Yu and Chen):"
+    coupling = _coupling(doc.system, parts)
+    doc.section("Platform and arm")
+    doc.say(
+        "Only velocities $!v_v$ of the platform stand in the constraints, those of the arm, "
+        "$!v_a$, do not. The equations of the platform without an arm, $!M_v$ and $!h_v$, and of "
+        "the arm on ground that rests are used as they are; what couples them is $!R$, $\\delta!M$ "
+        "and $\\delta!h$ (δC of Yu and Chen):"
     )
-    M_v, dM = _mass(system, platform)[v, v], _mass(system, alone)[v, v]
-    R, M_a = system.M[arm, v], system.M[arm, arm]
-    h_v, dh = _bias(system, platform)[v], _bias(system, alone)[v]
-    vdot, Q, h = a.vdot, system.Q, system.h
-    upper = ca.mtimes(M_v + dM, vdot[v]) + ca.mtimes(R.T, vdot[arm]) + h_v + dh - Q[v]
-    lower = ca.mtimes(R, vdot[v]) + ca.mtimes(M_a, vdot[arm]) + h[arm] - Q[arm]
-    forces = ca.mtimes(system.A[:, v].T, a.lam)
-    a.law(
-        "platform",
-        r"\left(!M_v + \delta!M\right)!!v_v + !R^T!!v_a + !h_v + \delta!h",
-        r"!Q_v + !A_v^T!\lambda",
-        upper - forces,
+    _laws(doc, parts, coupling)
+    doc.matrix("M_v", r"!M_v", r"M^{v}", coupling.M_v, symmetric=True)
+    doc.matrix("dM", r"\delta!M", r"\delta M", coupling.dM, symmetric=True)
+    doc.matrix("R_va", r"!R", r"R", coupling.R)
+    doc.matrix("M_a", r"!M_a", r"M^{a}", coupling.M_a, symmetric=True)
+    doc.say(
+        "and, from velocities and gravity, the platform's bias alone and what the arm adds to it"
     )
-    a.law("arm", r"!R\,!!v_v + !M_a\,!!v_a + !h_a", r"!Q_a", lower)
-    a.matrix("M_v", r"!M_v", r"M^{v}", M_v, symmetric=True)
-    a.matrix("dM", r"\delta!M", r"\delta M", dM, symmetric=True)
-    a.matrix("R_va", r"!R", r"R", R)
-    a.matrix("M_a", r"!M_a", r"M^{a}", M_a, symmetric=True)
-    a.say("and, from velocities and gravity, the platform's bias alone and what the arm adds to it")
-    a.vector("h_v", r"h^{v}", h_v)
-    a.vector("dh", r"\delta h", dh)
-    a.mean(
+    doc.vector("h_v", r"h^{v}", coupling.h_v)
+    doc.vector("dh", r"\delta h", coupling.dh)
+    doc.mean(
         r"!R,\; \delta!M,\; \delta!h",
         "interaction of platform and arm: inertia coupling, added mass, added bias",
     )
 
 
-def _parts(system: System) -> tuple[list[int], list[int]] | None:
-    """Generalized velocities in the constraint rows, and the others; None where this is no platform
-    with an arm on it."""
-    more = system.M_extra.nnz() or not ca.SX(system.h_extra).is_zero()
-    if (
-        more
-        or not (system.rows and system.links and system.written)
-        or any(row.position >= 0 for row in system.rows)
-    ):
+def _coupling(system: System, parts: _Parts) -> _Coupling:
+    """From the same tree without the arm's masses, and without the platform's."""
+    v, arm = parts.platform, parts.arm
+    platform, load = [], []
+    for link in system.links:
+        of_arm = _carried(system.links, link, arm)
+        platform.append(NOTHING if of_arm else link.inertia)
+        load.append(link.inertia if of_arm else NOTHING)
+    return _Coupling(
+        M_v=_mass(system, platform)[v, v],
+        dM=_mass(system, load)[v, v],
+        h_v=_bias(system, platform)[v],
+        dh=_bias(system, load)[v],
+        R=system.M[arm, v],
+        M_a=system.M[arm, arm],
+    )
+
+
+def _laws(doc: Manuscript, parts: _Parts, coupling: _Coupling) -> None:
+    """One equation for the platform and one for the arm."""
+    v, arm, c, system = parts.platform, parts.arm, coupling, doc.system
+    vdot, Q, h = doc.terms.vdot, system.Q, system.h
+    motion = ca.mtimes(c.M_v + c.dM, vdot[v]) + ca.mtimes(c.R.T, vdot[arm]) + c.h_v + c.dh
+    forces = ca.mtimes(system.A[:, v].T, doc.terms.lam)
+    doc.law(
+        "platform",
+        r"\left(!M_v + \delta!M\right)!!v_v + !R^T!!v_a + !h_v + \delta!h",
+        r"!Q_v + !A_v^T!\lambda",
+        motion - Q[v] - forces,
+    )
+    motion = ca.mtimes(c.R, vdot[v]) + ca.mtimes(c.M_a, vdot[arm]) + h[arm]
+    doc.law("arm", r"!R\,!!v_v + !M_a\,!!v_a + !h_a", r"!Q_a", motion - Q[arm])
+
+
+def _parts(system: System) -> _Parts | None:
+    """None where this is no platform with an arm on it."""
+    if not _is_plain_tree(system) or any(row.position >= 0 for row in system.rows):
         return None
-    held = {
-        j
-        for j in range(system.v.numel())
-        if system.A[:, j].nnz() and not ca.SX(system.A[:, j]).is_zero()
-    }
-    arm = [j for j in range(system.v.numel()) if j not in held]
-    inner = [link for link in system.links if set(link.columns) & held]
-    hangs_right = all(not _carried(system.links, link, arm) for link in inner)
-    return (sorted(held), arm) if arm and held and hangs_right else None
+    indices = range(system.v.numel())
+    tied = [j for j in indices if not ca.SX(system.A[:, j]).is_zero()]
+    arm = [j for j in indices if j not in tied]
+    if not tied or not arm:
+        return None
+    # an arm that carries part of the platform is none
+    inner = [link for link in system.links if set(link.columns) & set(tied)]
+    if any(_carried(system.links, link, arm) for link in inner):
+        return None
+    return _Parts(tied, arm)
+
+
+def _is_plain_tree(system: System) -> bool:
+    """All inertia is that of links, their equations are written out, and something is tied."""
+    more = system.M_extra.nnz() or not ca.SX(system.h_extra).is_zero()
+    return bool(not more and system.rows and system.links and system.written)
 
 
 def _carried(links: Sequence[Link], link: Link, arm: Sequence[int]) -> bool:

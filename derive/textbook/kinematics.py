@@ -1,5 +1,4 @@
-"""Coordinates, generalized velocities, twists of the links and the constraints: everything that has
-no mass in it."""
+"""Coordinates, generalized velocities, and the twists of the links."""
 
 from __future__ import annotations
 
@@ -14,9 +13,11 @@ from derive.joints.rotations import is_zero
 from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import System
 from derive.mechanics.tree import twists
+from derive.model.records import Coordinate, Velocity
 from derive.textbook import names
-from derive.textbook.author import Author, Extra
-from derive.textbook.records import Math, Text
+from derive.textbook.manuscript import Manuscript
+from derive.textbook.notation import Extra
+from derive.textbook.records import Math, Runs, Text
 
 AXES = "xyz"
 MOST_LINKS = 12  # more links than this are not printed one by one
@@ -52,159 +53,124 @@ def _component(system: System, i: int, k: int, value: ca.SX) -> Component:
     return Component(ca.SX.sym(name), sympy.Symbol(name), f"{letter}_{{{index}}}", value, i, k)
 
 
-def numbers_in_symbols(system: System, found: Sequence[Component]) -> list[Numbers]:
+def components_of(doc: Manuscript) -> list[Component]:
+    """Those that formulas of the manuscript may be written over."""
+    return [x for x in doc.notation.extra if isinstance(x, Component)]
+
+
+def numbers_in_symbols(system: System, twists: Sequence[Component]) -> list[Numbers]:
     """Every link's twist written with the components' symbols."""
     result: list[Numbers] = []
     for i in range(len(system.links)):
         entries: list[Scalar] = [0.0] * 6
-        for x in found:
+        for x in twists:
             if x.link == i:
                 entries[x.place] = x.sx
         result.append((entries[:3], entries[3:]))
     return result
 
 
-def coordinates(a: Author) -> None:
+def coordinates(doc: Manuscript) -> None:
     """q, v and q̇ = N v."""
-    system, model = a.system, a.system.model
-    a.section("Coordinates and generalized velocities")
-    a.say("The configuration is described by the coordinates $!q$:")
-    a.table(
-        ("symbol", "name", "unit", "belongs to"),
-        [_row(a.names[s], c) for s, c in zip(a.q, model.coordinates)],
+    model = doc.system.model
+    doc.section("Coordinates and generalized velocities")
+    doc.say("The configuration is described by the coordinates $!q$:")
+    _declared(doc, doc.q, model.coordinates)
+    doc.say(
+        "The motion is described by the generalized velocities $!v$, which are what joints add to "
+        "the motion of the body that carries them; those of a planar or free joint are components "
+        "in the axes of the moving body:"
     )
-    a.say(
-        "The motion is described by the generalized velocities $!v$, which are what joints add to the motion of the body "
-        "that carries them; those of a planar or free joint are components in the axes of the moving body:"
-    )
-    a.table(
-        ("symbol", "name", "unit", "belongs to"),
-        [_row(a.names[s], x) for s, x in zip(a.v, model.velocities)],
-    )
-    for s, c in (*zip(a.q, model.coordinates), *zip(a.v, model.velocities)):
-        kind = "coordinate" if s in a.q else "generalized velocity"
-        a.mean(a.names[s], f"{kind} {c.name}", c.unit)
-    a.mean(r"!q,\; !v", "coordinates, generalized velocities")
-    if _is_identity(system.N):
-        a.say("Every generalized velocity is the rate of one coordinate, so $!!q=!v$ and $!N=!1$.")
+    _declared(doc, doc.v, model.velocities)
+    for symbol, x in zip(doc.q, model.coordinates):
+        doc.mean(doc.notation.latex[symbol], f"coordinate {x.name}", x.unit)
+    for symbol, x in zip(doc.v, model.velocities):
+        doc.mean(doc.notation.latex[symbol], f"generalized velocity {x.name}", x.unit)
+    doc.mean(r"!q,\; !v", "coordinates, generalized velocities")
+    _rates(doc)
+
+
+def _declared(
+    doc: Manuscript,
+    symbols: Sequence[sympy.Symbol],
+    declarations: Sequence[Coordinate] | Sequence[Velocity],
+) -> None:
+    """The table of coordinates, or of generalized velocities."""
+    rows = [_row(doc.notation.latex[symbol], x) for symbol, x in zip(symbols, declarations)]
+    doc.table(("symbol", "name", "unit", "belongs to"), rows)
+
+
+def _row(latex: str, x: Coordinate | Velocity) -> tuple[Runs, ...]:
+    return (Math(latex),), (Text(x.name),), (Text(names.unit(x.unit)),), (Text(x.owner or "–"),)
+
+
+def _rates(doc: Manuscript) -> None:
+    """N, unless it is the identity."""
+    N = doc.system.N
+    if _is_identity(N):
+        doc.say(
+            "Every generalized velocity is the rate of one coordinate, so $!!q=!v$ and $!N=!1$."
+        )
         return
-    a.say(
+    doc.say(
         "The rates of the coordinates follow from the generalized velocities by $!!q=!N\\,!v$, with"
     )
-    a.matrix("N", r"!N", "N", system.N)
-    a.mean(r"!N", "q̇ = N v")
+    doc.matrix("N", r"!N", "N", N)
+    doc.mean(r"!N", "q̇ = N v")
 
 
 def _is_identity(N: ca.SX) -> bool:
     return N.is_square() and bool((N - ca.SX.eye(N.size1())).is_zero())
 
 
-def _row(latex: str, x) -> tuple:
-    return (Math(latex),), (Text(x.name),), (Text(names.unit(x.unit)),), (Text(x.owner or "–"),)
-
-
-def links(a: Author, found: Sequence[Component]) -> None:
+def links(doc: Manuscript) -> None:
     """Angular and linear velocity of every link, at its origin and in its own axes, from those of
     the link before."""
-    system = a.system
-    if not system.links:
+    count, twists = len(doc.system.links), components_of(doc)
+    if not count:
         return
-    a.section("Kinematics")
-    if not found:
-        a.say(
-            f"The {len(system.links)} links are too many to be listed; their twists follow from base to tip by recursion."
+    doc.section("Kinematics")
+    if not twists:
+        doc.say(
+            f"The {count} links are too many to be listed; their twists follow from "
+            "base to tip by recursion."
         )
         return
-    a.say(
-        "Walking from base to tip, every link hands its motion on: the angular velocity of a link is that of its carrier "
-        "plus the joint's, and the velocity of its origin follows through the joint point. In each link's own axes,"
+    doc.say(
+        "Walking from base to tip, every link hands its motion on: the angular velocity of a link "
+        "is that of its carrier plus the joint's, and the velocity of its origin follows through "
+        "the joint point. In each link's own axes,"
     )
-    known = numbers_in_symbols(system, found)
-    for i, link in enumerate(system.links):
-        parent = known[link.parent] if link.parent >= 0 else STILL
-        by_recursion = child_numbers(link, parent, [system.v[j] for j in link.columns])
-        if not _link(a, [x for x in found if x.link == i], [*by_recursion[0], *by_recursion[1]]):
-            a.say(
-                "The twists of {name} and of what follows are too long to be read here.",
-                name=link.name,
-            )
-            break
-    if len(found) < 6 * len(system.links):
-        a.say("Components that are not listed are zero.")
-    a.mean(
+    _twists(doc, twists)
+    if len(twists) < 6 * count:
+        doc.say("Components that are not listed are zero.")
+    doc.mean(
         r"\omega_{i},\; v_{i}",
         "angular velocity of link i and velocity of its origin, in its own axes",
         "rad/s, m/s",
     )
 
 
-def _link(a: Author, mine: Sequence[Component], entries: Sequence[Scalar]) -> bool:
+def _twists(doc: Manuscript, twists: Sequence[Component]) -> None:
+    """Link by link, as far as they can be read."""
+    system = doc.system
+    known = numbers_in_symbols(system, twists)
+    for i, link in enumerate(system.links):
+        parent = known[link.parent] if link.parent >= 0 else STILL
+        omega, velocity = child_numbers(link, parent, [system.v[j] for j in link.columns])
+        if not _link(doc, [x for x in twists if x.link == i], [*omega, *velocity]):
+            doc.say(
+                "The twists of {name} and of what follows are too long to be read here.",
+                name=link.name,
+            )
+            return
+
+
+def _link(doc: Manuscript, mine: Sequence[Component], entries: Sequence[Scalar]) -> bool:
     """One link's components over those of its carrier. False where they cannot be printed."""
-    shown = a.read(ca.vertcat(*[entries[x.place] for x in mine])) if mine else []
+    shown = doc.read(ca.vertcat(*[entries[x.place] for x in mine])) if mine else []
     if shown:
         values = ca.vertcat(*[x.value for x in mine])
-        a.lines("twist", [x.symbol for x in mine], shown, values)
-        a.reader.name(values, [x.symbol for x in mine])
+        doc.lines("twist", [x.symbol for x in mine], shown, values)
+        doc.reader.name(values, [x.symbol for x in mine])
     return shown is not None
-
-
-def constraints(a: Author) -> None:
-    """φ, A v = c and β."""
-    system = a.system
-    a.section("Constraints")
-    if not system.rows:
-        a.say("There are none: the generalized velocities are independent of each other.")
-        return
-    _positions(a)
-    a.say("On the level of velocities the constraints are the rows of")
-    a.state(r"!A\,!v", r"!c")
-    a.mean(r"!A,\; !c", "constraint rows, A v = c")
-    a.table(("row", "constraint", "kind"), [_named(i, row) for i, row in enumerate(system.rows)])
-    a.say("with the coefficients")
-    a.matrix("A", r"!A", "A", system.A)
-    _moving(a)
-    a.say(
-        "Differentiating once more gives $!A\\,!!v=!\\beta$ with "
-        "$!\\beta=!!c-!!A\\,!v$, a directional derivative along the motion:"
-    )
-    a.mean(r"!\beta", "A v̇ = β")
-    if a.vector("beta", r"\beta", system.beta) and all(row == [0] for row in a.entries["beta"]):
-        a.say("Here $!\\beta=!0$.")
-    if a.has("E"):
-        _combined(a)
-
-
-def _combined(a: Author) -> None:
-    """E, where rows that repeat others are kept."""
-    a.say(
-        "Some rows repeat others, and all are kept. With $!A=!L\\,!A_k$ and $!A_k$ independent rows, the pseudo-inverse "
-        "$!E=!L^+$ makes independent rows of all; $!E\\,!A$, $!E\\,!c$ and $!E\\,!\\beta$ are what is meant by $!A$, $!c$ "
-        "and $!\\beta$ in the following, and multipliers of these rows are those of all by $!E^T$."
-    )
-    a.matrix("E", r"!E", "E", a.named("E"))
-    a.mean(r"!E", "independent combinations of the constraint rows")
-
-
-def _positions(a: Author) -> None:
-    system = a.system
-    if not system.phi.numel():
-        a.say("All constraints are nonholonomic: they tie velocities, not positions.")
-        return
-    a.say("The positions have to satisfy $!\\Phi(!q,t)=!0$ with")
-    a.vector("phi", r"\Phi", system.phi)
-    a.mean(r"!\Phi", "position constraints, Φ = 0")
-
-
-def _named(i: int, row) -> tuple:
-    kind = "holonomic, the rate of " if row.position >= 0 else "nonholonomic"
-    of = (Math(rf"\Phi_{{{row.position + 1}}}"),) if row.position >= 0 else ()
-    return (Text(str(i + 1)),), (Text(row.name),), (Text(kind), *of)
-
-
-def _moving(a: Author) -> None:
-    if a.system.c.is_zero():
-        a.entries["c"] = [[sympy.Integer(0)]] * len(a.system.rows)
-        a.say("No constraint moves by itself: $!c=!0$.")
-        return
-    a.say("Some of them move by themselves:")
-    a.vector("c", "c", a.system.c)

@@ -3,123 +3,147 @@ the coordinates' rates."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import casadi as ca
 
 from derive.diagnostics import AssumptionError, ModelError
-from derive.linearize.records import Linear
 from derive.linearize.study import Study, study
 from derive.textbook import names
-from derive.textbook.author import Author
+from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math
 
 NOTHING = 1e-12  # a coordinate or speed below this is zero along the motion
 ANYTHING = 1.375  # for a free name whose value the file leaves open
 
 
-def linearised(a: Author) -> None:
+@dataclass(frozen=True)
+class _SteadyMotion:
+    """`zeros`: places in x of what vanishes along the motion."""
+
+    doc: Manuscript
+    study: Study
+    zeros: list[int]
+
+    def at(self, value: ca.SX) -> ca.SX:
+        """The term along the motion."""
+        x = self.doc.equations.arguments[1].symbols
+        return ca.substitute(value, x[self.zeros], ca.SX.zeros(len(self.zeros)))
+
+    def latex(self, place: int) -> str:
+        """What an entry of x is called."""
+        symbols = [*self.doc.q, *self.doc.w]
+        return self.doc.notation.latex[symbols[place]]
+
+    @property
+    def minimal(self) -> list[int]:
+        """Places in x of the minimal states that are not cyclic."""
+        return [self.study.linear.independent[k] for k in self.study.kept]
+
+    @property
+    def cyclic(self) -> list[int]:
+        """Places in x of the cyclic coordinates."""
+        return [self.study.linear.independent[k] for k in self.study.cyclic]
+
+
+def linearised(doc: Manuscript) -> None:
     """Nothing where the file names no steady motion, or the formulation is not minimal."""
-    motions = a.system.model.steady_motions
-    if not motions or a.free_velocities or not a.w or not a.has("M_w") or not a.system.written:
+    motion = _steady_motion(doc)
+    if motion is None:
         return
-    try:
-        found = study(a.equations, motions[0], _values(a))
-    except (AssumptionError, ModelError):
-        return  # what is wrong with it is said by `hamel linearize`
-    a.section("Linear equations")
-    zeros = _zeros(a, found)
-    _introduction(a, found, zeros)
-    _forces(a, found.linear, zeros, found)
-    _rates(a, found.linear, zeros, found)
-    a.say(
-        "The multipliers have no part in these equations: what constraint forces add to the stiffness has entered through "
-        "$!f_w$, whose dependent velocities were eliminated before it was differentiated."
+    doc.section("Linear equations")
+    _introduction(motion)
+    _deviations(motion)
+    _forces(motion)
+    _rates(motion)
+    doc.say(
+        "The multipliers have no part in these equations: what constraint forces add to the "
+        "stiffness has entered through $!f_w$, whose dependent velocities were eliminated before "
+        "it was differentiated."
     )
 
 
-def _values(a: Author) -> dict[str, float]:
-    motion = a.system.model.steady_motions[0]
+def _steady_motion(doc: Manuscript) -> _SteadyMotion | None:
+    motions = doc.system.model.steady_motions
+    if not motions or doc.equations.generalized_velocities or not doc.w:
+        return None
+    if not doc.terms.has("M_w") or not doc.system.written:
+        return None
+    try:
+        linear = study(doc.equations, motions[0], _values(doc))
+    except (AssumptionError, ModelError):
+        return None  # what is wrong with it is said by `hamel linearize`
+    x = linear.motions({}).x[0]
+    return _SteadyMotion(doc, linear, [i for i, value in enumerate(x) if abs(value) <= NOTHING])
+
+
+def _values(doc: Manuscript) -> dict[str, float]:
+    """Of the free names that the file gives no range for."""
+    motion = doc.system.model.steady_motions[0]
     known = {name for name, *_ in motion.ranges}
     return {name: ANYTHING for name in motion.sweepable if name not in known}
 
 
-def _zeros(a: Author, found: Study) -> list[int]:
-    """Places in x of what vanishes along the motion."""
-    x = found.motions({}).x[0]
-    return [i for i, value in enumerate(x) if abs(value) <= NOTHING]
-
-
-def _introduction(a: Author, found: Study, zeros: list[int]) -> None:
-    motion = a.system.model.steady_motions[0]
-    symbols = [*a.q, *a.w]
-    vanishing = [
-        a.names[symbols[i]]
-        for i in zeros
-        if i not in {found.linear.independent[k] for k in found.cyclic}
-    ]
-    text = ", ".join(vanishing) + (" = 0" if vanishing else "")
-    a.say(
-        "Along the steady motion “{name}” all quasi-velocities and all coordinates but the cyclic ones are constant"
-        + (", and {zero}." if text else "."),
-        name=motion.name,
-        **({"zero": Math(text)} if text else {}),
+def _introduction(motion: _SteadyMotion) -> None:
+    doc, name = motion.doc, motion.doc.system.model.steady_motions[0].name
+    text = (
+        "Along the steady motion “{name}” all quasi-velocities and all coordinates but the cyclic "
+        "ones are constant"
     )
-    kept = [found.linear.states[k] for k in found.kept]
-    order = Math(_column(a, found))
-    a.say(
-        "Small deviations {order} follow from differentiating the equations along the motions that the constraints allow. There "
-        "are {count} of them: $n_q+n_v$ less the independent position and velocity constraints, and less {cyclic} cyclic "
-        "coordinates.",
-        order=order,
-        count=str(len(kept)),
-        cyclic=str(len(found.cyclic)),
+    vanishing = [motion.latex(i) for i in motion.zeros if i not in motion.cyclic]
+    if vanishing:
+        zero = Math(", ".join(vanishing) + " = 0")
+        doc.say(text + ", and {zero}.", name=name, zero=zero)
+    else:
+        doc.say(text + ".", name=name)
+
+
+def _deviations(motion: _SteadyMotion) -> None:
+    entries = [rf"\delta {motion.latex(i)}" for i in motion.minimal]
+    motion.doc.say(
+        "Small deviations {order} follow from differentiating the equations along the motions that "
+        "the constraints allow. There are {count} of them: $n_q+n_v$ less the independent position "
+        "and velocity constraints, and less {cyclic} cyclic coordinates.",
+        order=Math(r"\left(" + ",\\,".join(entries) + r"\right)"),
+        count=str(len(entries)),
+        cyclic=str(len(motion.cyclic)),
     )
 
 
-def _column(a: Author, found: Study) -> str:
-    symbols = [*a.q, *a.w]
-    entries = [rf"\delta {a.names[symbols[found.linear.independent[k]]]}" for k in found.kept]
-    return r"\left(" + ",\\,".join(entries) + r"\right)"
-
-
-def _at(a: Author, value: ca.SX, zeros: list[int]) -> ca.SX:
-    x = a.equations.arguments[1].symbols
-    return ca.substitute(value, x[zeros], ca.SX.zeros(len(zeros)))
-
-
-def _forces(a: Author, form: Linear, zeros: list[int], found: Study) -> None:
+def _forces(motion: _SteadyMotion) -> None:
     """M_w δẇ = K δx + G δu, where ẇ = 0 along the motion."""
-    x, u = a.equations.arguments[1].symbols, a.equations.arguments[2].symbols
-    f_w = a.named("f_w")
-    a.state(r"!M_w\,\delta !!w", r"!K\,\delta !x" + (r" + !G\,\delta !u" if u.numel() else ""))
-    slopes = _at(a, ca.mtimes(ca.jacobian(f_w, x), form.T[:, list(found.kept)]), zeros)
-    a.say("with the mass matrix and the slopes of the force at the steady motion")
-    _matrix(a, "M_w at", r"!M_w", "M^{0}", _at(a, a.named("M_w"), zeros))
-    _matrix(a, "K at", r"!K", "K", slopes)
+    doc, form = motion.doc, motion.study.linear
+    x, u = doc.equations.arguments[1].symbols, doc.equations.arguments[2].symbols
+    f_w = doc.terms.named("f_w")
+    doc.state(r"!M_w\,\delta !!w", r"!K\,\delta !x" + (r" + !G\,\delta !u" if u.numel() else ""))
+    slopes = ca.mtimes(ca.jacobian(f_w, x), form.T[:, list(motion.study.kept)])
+    slopes = motion.at(slopes)
+    doc.say("with the mass matrix and the slopes of the force at the steady motion")
+    _matrix(doc, "M_w at", r"!M_w", "M^{0}", motion.at(doc.terms.named("M_w")))
+    _matrix(doc, "K at", r"!K", "K", slopes)
     if u.numel():
-        _matrix(a, "G at", r"!G", "G", _at(a, ca.jacobian(f_w, u), zeros))
-    a.mean(
+        _matrix(doc, "G at", r"!G", "G", motion.at(ca.jacobian(f_w, u)))
+    doc.mean(
         r"!K,\; !G", "slopes of f_w over the minimal states and the inputs, along the steady motion"
     )
 
 
-def _rates(a: Author, form: Linear, zeros: list[int], found: Study) -> None:
+def _rates(motion: _SteadyMotion) -> None:
     """δq̇ of the independent coordinates that are not cyclic."""
-    rows = [k for k in found.kept if form.independent[k] < a.system.q.numel()]
+    doc, form, places = motion.doc, motion.study.linear, motion.study.kept
+    rows = [k for k in places if form.independent[k] < doc.system.q.numel()]
     if not rows:
         return
-    symbols = [*a.q, *a.w]
-    a.say(
-        "and the rates of the coordinates {names} are",
-        names=Math(", ".join(a.names[symbols[form.independent[k]]] for k in rows)),
-    )
-    value = _at(a, form.A[rows, list(found.kept)], zeros)
-    _matrix(a, "A rates", r"\delta !!q = !A_q\,\delta !x,\quad !A_q", "A", value)
+    symbols = ", ".join(motion.latex(form.independent[k]) for k in rows)
+    doc.say("and the rates of the coordinates {names} are", names=Math(symbols))
+    value = motion.at(form.A[rows, list(places)])
+    _matrix(doc, "A rates", r"\delta !!q = !A_q\,\delta !x,\quad !A_q", "A", value)
 
 
-def _matrix(a: Author, name: str, bold: str, stem: str, value: ca.SX) -> None:
+def _matrix(doc: Manuscript, name: str, bold: str, stem: str, value: ca.SX) -> None:
     """Printed where all entries can be read as they stand."""
-    found = a.reader.whole(value)
-    if found is None:
-        a.too_long(names.bold(bold))
+    entries = doc.reader.whole(value)
+    if entries is None:
+        doc.too_long(names.bold(bold))
     else:
-        a.matrix(name, bold, stem, value, found)
+        doc.matrix(name, bold, stem, value, entries)

@@ -6,6 +6,8 @@ import re
 from functools import cache
 from html import unescape
 
+from latex2mathml.converter import convert
+
 _UPRIGHT = re.compile(r'<mrow>((?:<mi mathvariant="normal">[^<]+</mi>|<mn>[^<]+</mn>)+)</mrow>')
 _BOLD = re.compile(r'<mi mathvariant="bold-italic">([^<]+)</mi>')
 _NAMES = "sin|cos|tan|sinh|cosh|tanh|ln|exp|arcsin|arccos|arctan|atan2|sign|min|max"
@@ -21,8 +23,6 @@ _BOLD_GREEK_CAPITAL = 0x1D6A8 - 0x391
 @cache
 def mathml(latex: str, display: bool = False) -> str:
     """One <math> element."""
-    from latex2mathml.converter import convert
-
     text = convert(_DIGIT.sub(lambda m: chr(0x1D7CE + int(m[1])), latex))
     text = _UPRIGHT.sub(
         lambda m: f"<mi>{_letters(m[1])}</mi>" if len(_letters(m[1])) > 1 else m[0], text
@@ -50,8 +50,8 @@ def _bold(letter: str) -> str:
     return chr(code + (_BOLD_GREEK if code >= 0x3B1 else _BOLD_GREEK_CAPITAL))
 
 
-def _called(found: re.Match[str]) -> str:
+def _called(call: re.Match[str]) -> str:
     """A function's name is an operator with a thin space on both sides, none before a bracket."""
-    after = found[2] or ""
+    after = call[2] or ""
     space = "0" if after == "<mrow>" else "0.167em"
-    return f'<mo form="prefix" lspace="0.167em" rspace="{space}">{found[1]}</mo>{after}'
+    return f'<mo form="prefix" lspace="0.167em" rspace="{space}">{call[1]}</mo>{after}'

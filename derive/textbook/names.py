@@ -66,8 +66,8 @@ def symbol(name: str) -> str:
     q̇₁."""
     if name.endswith("_dot") and len(name) > 4:
         return dotted(symbol(name[:-4]))
-    found = _parts(name)
-    return upright(name) if _TAKEN.fullmatch(found) else found
+    latex = _parts(name)
+    return upright(name) if _TAKEN.fullmatch(latex) else latex
 
 
 def _parts(name: str) -> str:
@@ -92,8 +92,8 @@ def _stem(latex: str) -> tuple[str, str]:
     if latex.startswith((r"\mathrm{", r"\mathbf{")):
         end = latex.index("}") + 1 if "\\_" not in latex else latex.rindex("}") + 1
         return latex[:end], latex[end:]
-    found = re.match(r"\\?[A-Za-z]+|.", latex)
-    return (found[0], latex[found.end() :]) if found else (latex, "")
+    stem = re.match(r"\\?[A-Za-z]+|.", latex)
+    return (stem[0], latex[stem.end() :]) if stem else (latex, "")
 
 
 def velocity(name: str, rate_of: str) -> str:
@@ -124,5 +124,5 @@ def bold(latex: str) -> str:
 def unit(text: str) -> str:
     """kg*m^2/s → kg·m²/s, as text."""
     powers = {"2": "²", "3": "³", "4": "⁴"}
-    shown = re.sub(r"\^([234])\b", lambda m: powers[m[1]], text).replace("*", "·")
-    return "–" if shown in ("", "1") else shown
+    printed = re.sub(r"\^([234])\b", lambda m: powers[m[1]], text).replace("*", "·")
+    return "–" if printed in ("", "1") else printed

@@ -17,14 +17,12 @@ from typing import Any
 Monomial = tuple[tuple[int, int], ...]  # (atom, exponent), sorted
 Trig = tuple  # () or ("c" | "s", ((atom, coefficient), …))
 Key = tuple[Monomial, Trig]
-Exact = (
-    int | Fraction
-)  # a whole number where it can be: arithmetic with those is many times as fast
+# a whole number where it can be: arithmetic with those is many times as fast
+Exact = int | Fraction
 Poly = dict[Key, Exact]
 UNIT: Key = ((), ())
-PLAIN = frozenset(
-    (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48)
-)  # denominators that read better as fractions
+# denominators that read better as fractions
+PLAIN = frozenset((1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48))
 
 
 class TooBig(Exception):
@@ -169,11 +167,11 @@ class Ring:
             return self.product(
                 {(tuple((k, -e) for k, e in monomial), ()): over(1, factor)}, self.inverse(shorter)
             )
-        turned = tuple((k, -e) for k, e in monomial)
+        reciprocal = tuple((k, -e) for k, e in monomial)
         if rest == {UNIT: 1}:
-            return self.product({(turned, ()): over(1, factor)}, {UNIT: 1})
+            return self.product({(reciprocal, ()): over(1, factor)}, {UNIT: 1})
         below = self.atom("sum", rest, frozen(rest))
-        return {(_merged(turned, ((below, -1),)), ()): over(1, factor)}
+        return {(_merged(reciprocal, ((below, -1),)), ()): over(1, factor)}
 
     def quotient(self, a: Poly, b: Poly) -> Poly:
         ratio = _ratio(a, b)
@@ -208,15 +206,12 @@ class Ring:
     def _pairs(self) -> list[tuple[int, int]]:
         """Atoms sin x and cos x of the same x; there are none in Fourier form."""
         cosines = {name[1]: k for name, k in self.index.items() if name[0] == "cos"}
-        return [
-            (k, cosines[name[1]])
-            for name, k in self.index.items()
-            if name[0] == "sin" and name[1] in cosines
-        ]
+        sines = {name[1]: k for name, k in self.index.items() if name[0] == "sin"}
+        return [(k, cosines[angle]) for angle, k in sines.items() if angle in cosines]
 
     def _replaced(self, poly: Poly, old: int, new: int) -> Poly:
         """Even powers of `old` written with `new`: x² = 1 − y²."""
-        squares = [key for key in poly if any(k == old and e > 1 for k, e in key[0])]
+        squares = [key for key in poly if dict(key[0]).get(old, 0) > 1]
         result = {key: x for key, x in poly.items() if key not in squares}
         square: Poly = {UNIT: 1, (((new, 2),), ()): -1}
         for monomial, trig in squares:
@@ -256,36 +251,33 @@ class Ring:
     def sine(self, a: Poly) -> Poly:
         if not a:
             return {}
-        negative = a[min(a)] < 0
-        turned = self.scaled(a, -1) if negative else a
-        sign = -1 if negative else 1
-        freq = self._frequencies(turned)
+        sign = -1 if a[min(a)] < 0 else 1
+        angle = self.scaled(a, sign)
+        freq = self._frequencies(angle)
         if self.fourier and freq:
             return {((), ("s", freq)): sign}
-        return self.scaled(self.call("sin", (turned,)), sign)
+        return self.scaled(self.call("sin", (angle,)), sign)
 
     def cosine(self, a: Poly) -> Poly:
         if not a:
             return {UNIT: 1}
-        turned = self.scaled(a, -1) if a[min(a)] < 0 else a
-        freq = self._frequencies(turned)
+        angle = self.scaled(a, -1) if a[min(a)] < 0 else a
+        freq = self._frequencies(angle)
         if self.fourier and freq:
             return {((), ("c", freq)): 1}
-        return self.call("cos", (turned,))
+        return self.call("cos", (angle,))
 
     def _frequencies(self, a: Poly) -> tuple:
         """((atom, coefficient), …) of a sum of symbols, () for anything else."""
-        found = []
+        frequencies = []
         for (monomial, trig), x in a.items():
-            if (
-                trig
-                or len(monomial) != 1
-                or monomial[0][1] != 1
-                or self.atoms[monomial[0][0]].kind != "symbol"
-            ):
+            if trig or len(monomial) != 1:
                 return ()
-            found.append((monomial[0][0], x))
-        return _oriented(tuple(sorted(found)))[0]
+            ((atom, exponent),) = monomial
+            if exponent != 1 or self.atoms[atom].kind != "symbol":
+                return ()
+            frequencies.append((atom, x))
+        return _oriented(tuple(sorted(frequencies)))[0]
 
 
 def _merged(a: Monomial, b: Monomial) -> Monomial:
@@ -334,8 +326,8 @@ def _even(freq: tuple, x: Exact) -> tuple[Trig, Exact]:
 
 
 def _odd(freq: tuple, x: Exact) -> list[tuple[Trig, Exact]]:
-    turned, sign = _oriented(freq)
-    return [(("s", turned), sign * x)] if freq else []
+    oriented, sign = _oriented(freq)
+    return [(("s", oriented), sign * x)] if freq else []
 
 
 def parted(a: Poly) -> tuple[Exact, Monomial, Poly]:
@@ -343,12 +335,9 @@ def parted(a: Poly) -> tuple[Exact, Monomial, Poly]:
     the rest positive."""
     monomial = common_monomial(list(a))
     factor = common_factor([a[key] for key in sorted(a)])
-    turned = tuple((k, -e) for k, e in monomial)
-    return (
-        factor,
-        monomial,
-        {(_merged(m, turned), trig): over(x, factor) for (m, trig), x in a.items()},
-    )
+    reciprocal = tuple((k, -e) for k, e in monomial)
+    rest = {(_merged(m, reciprocal), trig): over(x, factor) for (m, trig), x in a.items()}
+    return factor, monomial, rest
 
 
 def common_monomial(keys: list[Key]) -> Monomial:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from html import escape
-from importlib.resources import files
+
+from markupsafe import Markup
 
 from derive.textbook.mathml import mathml
+from derive.textbook.pages import rendered
 from derive.textbook.records import Display, Document, Line, Runs, Text
 
 _SIGN_AFTER = re.compile(r"(<math(?:(?!<math).)*?</math>)([.,:;)]+)")
@@ -14,40 +16,31 @@ _SIGN_AFTER = re.compile(r"(<math(?:(?!<math).)*?</math>)([.,:;)]+)")
 
 def page(document: Document) -> str:
     """MathML and CSS inside; no script, no network, the same bytes every time."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(
-        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    template = environment.from_string(
-        files("derive.textbook").joinpath("page.html.j2").read_text("utf-8")
-    )
-    return template.render(
-        document=document, kind=lambda block: type(block).__name__, runs=_runs, rows=_rows
+    return rendered(
+        "derive.textbook/page.html.j2",
+        title=document.title,
+        version=document.version,
+        document=document,
+        kind=lambda block: type(block).__name__,
+        runs=_runs,
+        rows=_rows,
     )
 
 
-def _runs(runs: Runs):
+def _runs(runs: Runs) -> Markup:
     """Text escaped, mathematics as MathML; a line does not end between a formula and the sign after
     it."""
-    from markupsafe import Markup
-
-    shown = "".join(
-        escape(run.text) if isinstance(run, Text) else mathml(run.latex) for run in runs
-    )
-    return Markup(_SIGN_AFTER.sub(r'<span class="kept">\1\2</span>', shown))
+    text = "".join(escape(x.text) if isinstance(x, Text) else mathml(x.latex) for x in runs)
+    return Markup(_SIGN_AFTER.sub(r'<span class="kept">\1\2</span>', text))
 
 
-def _rows(display: Display):
+def _rows(display: Display) -> list[tuple[Markup, Markup]]:
     """Left side and right side of every line; a right side in pieces fills further lines."""
-    from markupsafe import Markup
-
-    return [
-        (Markup(left), Markup(right)) for line in display.lines for left, right in _pieces(line)
-    ]
+    rows = [row for line in display.lines for row in _pieces(line)]
+    return [(Markup(left), Markup(right)) for left, right in rows]
 
 
 def _pieces(line: Line) -> list[tuple[str, str]]:
     first, *rest = line.right
-    found = [(mathml(line.left, True), mathml(f"{line.relation} {first}", True))]
-    return found + [("", mathml(rf"\quad {piece.strip()}", True)) for piece in rest]
+    rows = [(mathml(line.left, True), mathml(f"{line.relation} {first}", True))]
+    return rows + [("", mathml(rf"\quad {piece.strip()}", True)) for piece in rest]

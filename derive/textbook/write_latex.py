@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib.resources import files
 
+from jinja2 import Environment, StrictUndefined
+
 from derive.textbook.records import Display, Document, Line, Runs, Table, Text
 from derive.textbook.typeset import width
 
 TEXT_WIDTH = 82  # visible characters of mathematics that fit on a line
 LONG_CELL = 24  # characters beyond which a cell of a table is broken into lines
+GAP = 3  # characters between columns
 _SPECIAL = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
@@ -110,8 +113,6 @@ _SPECIAL |= {letter: rf"\ensuremath{{\{name}}}" for letter, name in _GREEK.items
 
 def article(document: Document) -> str:
     """The same sections as the page, numbered by LaTeX."""
-    from jinja2 import Environment, StrictUndefined
-
     environment = Environment(
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -194,22 +195,24 @@ def _columns_wide(latex: str) -> int:
 
 def _columns(table: Table) -> str:
     """Short columns as wide as they are; long ones share what is left of the line."""
-    lengths = [
-        max(len(title), *(_length(row[k]) for row in table.rows))
-        for k, title in enumerate(table.head)
-    ]
-    if sum(lengths) + 3 * len(lengths) <= TEXT_WIDTH:
+    lengths = _lengths(table)
+    if sum(lengths) + GAP * len(lengths) <= TEXT_WIDTH:
         return "l" * len(lengths)
     long = [k for k, n in enumerate(lengths) if n > LONG_CELL] or [lengths.index(max(lengths))]
-    left = (
-        0.97
-        - sum(lengths[k] + 3 for k in range(len(lengths)) if k not in long) / TEXT_WIDTH
-        - 0.03 * len(long)
-    )
-    shares = {k: max(left, 0.2) * lengths[k] / sum(lengths[i] for i in long) for k in long}
-    return "".join(
-        rf"p{{{shares[k]:.2f}\linewidth}}" if k in shares else "l" for k in range(len(lengths))
-    )
+    short = sum(n + GAP for k, n in enumerate(lengths) if k not in long)
+    # three hundredths of the line go to the space between columns, for each long one and at the end
+    left = max(0.97 - short / TEXT_WIDTH - 0.03 * len(long), 0.2)
+    whole = sum(lengths[k] for k in long)
+    columns = ["l"] * len(lengths)
+    for k in long:
+        columns[k] = rf"p{{{left * lengths[k] / whole:.2f}\linewidth}}"
+    return "".join(columns)
+
+
+def _lengths(table: Table) -> list[int]:
+    """Of each column its widest cell, in characters."""
+    columns = zip(table.head, *table.rows)
+    return [max(len(title), *map(_length, cells)) for title, *cells in columns]
 
 
 def _length(runs: Runs) -> int:

@@ -3,6 +3,6 @@ numbers."""
 
 from hamel.draw.axis import Axis, linear, logarithmic
 from hamel.draw.chart import Series, chart
-from hamel.draw.svg import Curve, Panel, draw
+from hamel.draw.panels import Curve, Panel, draw
 
 __all__ = ["Axis", "Curve", "Panel", "Series", "chart", "draw", "linear", "logarithmic"]

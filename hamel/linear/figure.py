@@ -4,6 +4,7 @@ SVG that plays by itself."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -14,12 +15,13 @@ from derive.linearize.study import Study
 from derive.mechanics.records import System
 from derive.mechanics.tree import ground_positions, ground_rotations, link_direction, link_point
 from derive.model.records import Rolling
+from hamel.draw.canvas import COLOURS, coordinates, element
 
 FRAMES = 24
 AROUND = 25  # points on a ring
-WIDTH, HEIGHT, MARGIN = 420.0, 260.0, 24.0
+WIDTH, HEIGHT, MARGIN = 420, 260, 24
+DRAWN = COLOURS[:-1]  # black is for outlines
 SWING = 0.12  # how far the point that moves most is moved, relative to the figure's size
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 AZIMUTH, ELEVATION = math.radians(-35), math.radians(18)
 
 
@@ -28,19 +30,22 @@ def lines(system: System) -> list[ca.SX]:
     round what rolls."""
     rotations = ground_rotations(system.links)
     positions = ground_positions(system.links, rotations)
-    found = []
+    polylines = []
     for i, link in enumerate(system.links):
-        spokes = [child.a for child in system.links if child.parent == i]
-        mass = link.inertia.mass
-        if not (isinstance(mass, float) and mass == 0.0):
-            spokes.append([m / mass for m in link.inertia.moment])
-        found += [_points(positions[i], rotations[i], [link.b, spoke]) for spoke in spokes]
-    found += [
-        _ring(system, constraint, positions, rotations)
-        for constraint in system.model.constraints
-        if isinstance(constraint, Rolling)
-    ]
-    return found
+        for end in _ends(system, i):
+            polylines.append(_points(positions[i], rotations[i], [link.b, end]))
+    for constraint in system.model.constraints:
+        if isinstance(constraint, Rolling):
+            polylines.append(_ring(system, constraint, positions, rotations))
+    return polylines
+
+
+def _ends(system: System, i: int) -> list[Vector]:
+    """Joints that a link carries, and its centre of mass, in its own frame."""
+    ends = [child.a for child in system.links if child.parent == i]
+    inertia = system.links[i].inertia
+    massless = isinstance(inertia.mass, float) and inertia.mass == 0.0
+    return ends if massless else [*ends, [m / inertia.mass for m in inertia.moment]]
 
 
 def _points(position: Vector, rotation: Matrix, points: list[Vector]) -> ca.SX:
@@ -54,43 +59,35 @@ def _ring(
     """The circle of a wheel with two of its spokes, or a great circle of a sphere."""
     s, place = system.symbols, dict(system.places)[constraint.body]
     centre = link_point(place, s.vector(constraint.centre))
-    axis = np.array(
-        [
-            float(x) if not isinstance(x, ca.SX) or x.is_constant() else 0.0
-            for x in link_direction(place, s.vector(constraint.axis))
-        ]
+    radius = s.scalar(constraint.radius)
+    first, second = _across(_numbers(link_direction(place, s.vector(constraint.axis))))
+    rim = []
+    for angle in np.linspace(0, 2 * math.pi, AROUND):
+        direction = math.cos(angle) * first + math.sin(angle) * second
+        rim.append([c + radius * float(d) for c, d in zip(centre, direction)])
+    return _points(positions[place.link], rotations[place.link], [*rim, centre])
+
+
+def _numbers(vector: Vector) -> np.ndarray:
+    """Its entries; zero for those that are no numbers."""
+    return np.array(
+        [0.0 if isinstance(x, ca.SX) and not x.is_constant() else float(x) for x in vector]
     )
+
+
+def _across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors that are perpendicular to the axis and to each other."""
     axis = axis / (np.linalg.norm(axis) or 1.0)
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
-    second, radius = np.cross(axis, first), s.scalar(constraint.radius)
-    turns = [
-        math.cos(a) * first + math.sin(a) * second for a in np.linspace(0, 2 * math.pi, AROUND)
-    ]
-    rim = [[c + radius * float(d) for c, d in zip(centre, turn)] for turn in turns]
-    return _points(positions[place.link], rotations[place.link], [*rim, centre])
+    return first, np.cross(axis, first)
 
 
 def projection(system: System) -> np.ndarray:
     """2 × 3: right and up on the page."""
-    plane = system.model.plane
-    if plane:
-        return np.array(
-            [[1.0 if "xyz"[k] == letter else 0.0 for k in range(3)] for letter in plane]
-        )
-    g = np.array([float(x) if not isinstance(x, ca.SX) else math.nan for x in system.gravity])
-    values = dict(
-        zip((x.name for x in system.model.parameters), (x.value for x in system.model.parameters))
-    )
-    if np.any(np.isnan(g)):
-        symbols = [system.p]
-        g = (
-            ca.Function("g", symbols, [ca.vertcat(*system.gravity)])(
-                [values[x.name] for x in system.model.parameters if x.name not in system.constants]
-            )
-            .full()
-            .ravel()
-        )
+    if system.model.plane:
+        return np.array([np.eye(3)["xyz".index(letter)] for letter in system.model.plane])
+    g = _gravity(system)
     up = -g / np.linalg.norm(g) if np.any(g) else np.array([0.0, 0.0, 1.0])
     ahead = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
     side = np.cross(up, ahead)
@@ -99,33 +96,42 @@ def projection(system: System) -> np.ndarray:
     return np.array([across, math.cos(ELEVATION) * up + math.sin(ELEVATION) * away])
 
 
+def _gravity(system: System) -> np.ndarray:
+    """At the parameters of the file, m/s²."""
+    function = ca.Function("g", [system.p], [ca.vertcat(*system.gravity)])
+    return function(list(system.parameters)).full().ravel()
+
+
 def moving(study: Study, mode: Mode) -> str:
     """An SVG element that repeats the mode: an oscillation over one period, a growth or decay over
     two time constants."""
     system, motions = study.equations.system, study.motions({})
-    drawn = lines(system)
-    if not drawn:
+    polylines = lines(system)
+    if not polylines:
         return ""
-    nq, p = system.q.numel(), motions.p[0]
-    function = ca.Function("lines", [system.q, system.p], drawn)
-    T = ca.Function(
-        "T", [a.symbols for a in study.equations.arguments], [ca.densify(study.linear.T)]
-    )
-    change = (T(0.0, motions.x[0], motions.u[0], p).full() @ mode.vector)[:nq]
-    change = np.where([k in _carried_along(study) for k in range(nq)], 0.0, change)
-    view = projection(system)
+    function = ca.Function("lines", [system.q, system.p], polylines)
+    view, p, q = projection(system), motions.p[0], motions.x[0, : system.q.numel()]
 
     def seen(q: np.ndarray) -> list[np.ndarray]:
         return [view @ x.full() for x in _several(function(q, p))]
 
-    rest = seen(motions.x[0, :nq])
+    rest = seen(q)
+    change = _change(study, mode)
     size = float(np.ptp(np.hstack(rest), axis=1).max()) or 1.0
-    reach = _reach(seen, rest, motions.x[0, :nq], change)
-    factors = _factors(mode.eigenvalue)
-    frames = [
-        seen(motions.x[0, :nq] + (change * f).real * SWING * size / (reach or 1.0)) for f in factors
-    ]
+    swing = SWING * size / (_reach(seen, rest, q, change) or 1.0)
+    frames = [seen(q + (change * f).real * swing) for f in _factors(mode.eigenvalue)]
     return _svg(rest, frames, _seconds(mode.eigenvalue))
+
+
+def _change(study: Study, mode: Mode) -> np.ndarray:
+    """δq of the mode."""
+    motions, nq = study.motions({}), study.equations.system.q.numel()
+    arguments = [a.symbols for a in study.equations.arguments]
+    T = ca.Function("T", arguments, [ca.densify(study.linear.T)])
+    matrix = T(0.0, motions.x[0], motions.u[0], motions.p[0]).full()
+    change = (matrix @ mode.vector)[:nq]
+    change[[k for k in _carried_along(study) if k < nq]] = 0.0
+    return change
 
 
 def _carried_along(study: Study) -> set[int]:
@@ -162,26 +168,33 @@ def _seconds(eigenvalue: complex) -> float:
 
 
 def _svg(rest: list[np.ndarray], frames: list[list[np.ndarray]], seconds: float) -> str:
-    everything = np.hstack([x for frame in (rest, *frames) for x in frame])
-    low, high = everything.min(axis=1), everything.max(axis=1)
-    scale = min(
-        (WIDTH - 2 * MARGIN) / max(high[0] - low[0], 1e-12),
-        (HEIGHT - 2 * MARGIN) / max(high[1] - low[1], 1e-12),
-    )
-    offset = np.array([WIDTH, HEIGHT]) / 2 - scale * (low + high) / 2
-
-    def text(points: np.ndarray) -> str:
-        placed = scale * points + offset[:, np.newaxis]
-        return " ".join(f"{x:.1f},{HEIGHT - y:.1f}" for x, y in placed.T)
-
-    parts = [f'<polyline class="still" points="{text(x)}"/>' for x in rest]
+    place = _fitted(np.hstack([x for frame in (rest, *frames) for x in frame]))
+    parts = [element("polyline", class_="still", points=place(x)) for x in rest]
     for i, still in enumerate(rest):
-        values = ";".join(text(frame[i]) for frame in frames)
-        play = f'<animate attributeName="points" dur="{seconds:.2f}s" repeatCount="indefinite" values="{values}"/>'
-        colour = COLOURS[i % len(COLOURS)]
-        parts.append(
-            f'<polyline fill="none" stroke="{colour}" stroke-width="2" points="{text(still)}">{play}</polyline>'
+        play = element(
+            "animate",
+            attributeName="points",
+            dur=f"{seconds:.2f}s",
+            repeatCount="indefinite",
+            values=";".join(place(frame[i]) for frame in frames),
         )
-    size = f'viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" width="{WIDTH:.0f}"'
+        colour = DRAWN[i % len(DRAWN)]
+        line = {"fill": "none", "stroke": colour, "stroke_width": 2, "points": place(still)}
+        parts.append(element("polyline", play, **line))
+    size = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" class="mode">'
     return "\n".join([head, *parts, "</svg>"])
+
+
+def _fitted(points: np.ndarray) -> Callable[[np.ndarray], str]:
+    """Coordinates on the page, on which all of these points find room."""
+    low, high = points.min(axis=1), points.max(axis=1)
+    room = np.array([WIDTH - 2 * MARGIN, HEIGHT - 2 * MARGIN])
+    scale = float(np.min(room / np.maximum(high - low, 1e-12)))
+    offset = np.array([WIDTH, HEIGHT]) / 2 - scale * (low + high) / 2
+
+    def place(line: np.ndarray) -> str:
+        pixels = scale * line + offset[:, np.newaxis]
+        return coordinates((x, HEIGHT - y) for x, y in pixels.T)
+
+    return place

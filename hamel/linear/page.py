@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 
 import numpy as np
+from markupsafe import Markup
 
+import hamel
 from derive.diagnostics import AssumptionError
 from derive.linearize.sensitivity import Mode, modes
 from derive.linearize.study import Study
 from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.textbook.mathml import mathml
+from derive.textbook.pages import rendered
 from hamel.linear import plots
 from hamel.linear.figure import moving
 from hamel.linear.ranges import Range, own_ranges
@@ -23,63 +25,62 @@ from hamel.records import Linearized
 
 MAP = 25  # values of each name in a map that is made for the page
 STRONGEST = 8  # parameters named for each mode
+NOTHING = 1e-12  # a constant of the motion below this is zero
+ROUNDOFF = 1e-13  # of the largest entry: an entry below this is zero
+REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
 
 
 @dataclass(frozen=True)
 class Section:
     title: str
-    body: object
+    body: Markup
 
 
-def page(study: Study, made: Sweep, ranges: Sequence[Range], record: Linearized) -> str:
+def page(study: Study, sweep: Sweep, ranges: Sequence[Range], record: Linearized) -> str:
     """HTML of the motion, the equations, eigenvalues over the range, stability over pairs of names,
     modes and sensitivities."""
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
-    found = modes(study)
+    shapes = modes(study)
     parts = [
         ("The steady motion", _motion(record)),
         ("The linear equations", _equations(study, record)),
         ("Zeros that are taken out", _zeros(study, record)),
-        *_along(made, record),
-        *_maps(study, made, ranges),
-        ("Modes", _modes(study, found)),
-        ("What the eigenvalues depend on", _sensitivities(found)),
+        *_along(sweep, record),
+        *_maps(study, sweep, ranges),
+        ("Modes", _modes(study, shapes)),
+        ("What the eigenvalues depend on", _sensitivities(shapes)),
     ]
-    environment = Environment(
-        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    template = environment.from_string(
-        files("hamel.linear").joinpath("page.html.j2").read_text("utf-8")
-    )
-    sections = [Section(title, Markup(body)) for title, body in parts if body]
-    title = f"{record.model}: linear equations and stability"
-    return template.render(
-        title=title, subtitle=f"along the steady motion “{record.motion}”", sections=sections
+    return rendered(
+        "hamel.linear/page.html.j2",
+        title=f"{record.model}: linear equations and stability",
+        subtitle=f"along the steady motion “{record.motion}”",
+        version=hamel.__version__,
+        sections=[Section(title, Markup(body)) for title, body in parts if body],
     )
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Cells are HTML already."""
-    top = "".join(f"<th>{escape(x)}</th>" for x in head)
-    body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    return f'<div class="scroll"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+    top = _row("th", [escape(x) for x in head])
+    body = "\n".join(_row("td", row) for row in rows)
+    table = f"<table><thead>{top}</thead><tbody>{body}</tbody></table>"
+    return f'<div class="scroll">{table}</div>'
+
+
+def _row(tag: str, cells: Sequence[str]) -> str:
+    return "<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for cell in cells) + "</tr>"
 
 
 def _motion(record: Linearized) -> str:
+    """What is constant along it."""
     rows = [
         (escape(name), f"{value:.10g}")
         for name, value in record.steady.items()
-        if abs(value) > 1e-12
+        if abs(value) > NOTHING
     ]
     free = ", ".join(f"{escape(name)} = {value:.6g}" for name, value in record.values.items())
+    table = _table(("constant", "value in SI units"), rows) if rows else ""
     rest = "<p>All other coordinates, quasi-velocities and inputs are zero.</p>"
-    return (
-        (_table(("constant", "value in SI units"), rows) if rows else "")
-        + rest
-        + f'<p class="soft">{free}</p>'
-    )
+    return f'{table}{rest}<p class="soft">{free}</p>'
 
 
 def _number(x: float) -> str:
@@ -102,54 +103,60 @@ def _column(names: Sequence[str]) -> str:
 
 def _equations(study: Study, record: Linearized) -> str:
     """Without the cyclic coordinates, where no entry refers to them."""
-    kept = list(study.kept)
-    A, B = (
-        np.array(record.A)[np.ix_(kept, kept)],
-        np.array(record.B).reshape(len(record.states), -1)[kept],
-    )
-    scale = np.max(np.abs(A), initial=0.0)
-    A, B = (
-        np.where(np.abs(A) < 1e-13 * scale, 0.0, A),
-        np.where(np.abs(B) < 1e-13 * np.max(np.abs(B), initial=0.0), 0.0, B),
-    )
-    names = [record.states[k] for k in kept]
-    right = rf"{_matrix(A)} {_column(names)}"
+    places = list(study.kept)
+    A = np.array(record.A)[np.ix_(places, places)]
+    B = np.array(record.B).reshape(len(record.states), -1)[places]
+    states = _column([record.states[k] for k in places])
+    right = f"{_matrix(_without_roundoff(A))} {states}"
     if record.inputs:
-        right += rf" + {_matrix(B)} {_column(record.inputs)}"
-    text = rf"\frac{{d}}{{dt}} {_column(names)} = {right}"
+        right += f" + {_matrix(_without_roundoff(B))} {_column(record.inputs)}"
+    text = rf"\frac{{d}}{{dt}} {states} = {right}"
     return f'<div class="equation">{mathml(text, True)}</div>'
 
 
+def _without_roundoff(matrix: np.ndarray) -> np.ndarray:
+    least = ROUNDOFF * np.max(np.abs(matrix), initial=0.0)
+    return np.where(np.abs(matrix) < least, 0.0, matrix)
+
+
 def _zeros(study: Study, record: Linearized) -> str:
+    """How many states are minimal, which are cyclic, and how many zeros other forms have."""
     system, motions = study.equations.system, study.motions({})
-    holonomic, nonholonomic = constraint_counts(
-        system, motions.x[0, : system.q.numel()], motions.p[0]
-    )
-    n = system.v.numel()
+    q = motions.x[0, : system.q.numel()]
+    holonomic, nonholonomic = constraint_counts(system, q, motions.p[0])
     text = (
-        f"With n = {n} velocities, m<sub>h</sub> = {holonomic} holonomic and m<sub>n</sub> = {nonholonomic} nonholonomic "
-        f"constraints there are {len(record.states)} minimal states: {escape(', '.join(record.states))}. "
+        f"With n = {system.v.numel()} velocities, m<sub>h</sub> = {holonomic} holonomic and "
+        f"m<sub>n</sub> = {nonholonomic} nonholonomic constraints there are {len(record.states)} "
+        f"minimal states: {_listed(record.states)}. "
     )
     if record.cyclic:
-        text += (
-            f"Cyclic coordinates, on which nothing depends: {escape(', '.join(record.cyclic))}. "
-        )
+        text += f"Cyclic coordinates, on which nothing depends: {_listed(record.cyclic)}. "
     if record.families:
-        text += f"The motion is one of a family with {record.families} free value{'s' * (record.families > 1)}, a zero for each. "
-    text += f"The {len(record.reduced)} eigenvalues below belong to {escape(', '.join(record.reduced))}."
-    return f"<p>{text}</p><p>{_check(study, 2 * holonomic + nonholonomic)}</p>"
+        values = "1 free value" if record.families == 1 else f"{record.families} free values"
+        text += f"The motion is one of a family with {values}, a zero for each. "
+    count = len(record.reduced)
+    text += f"The {count} eigenvalues below belong to {_listed(record.reduced)}."
+    return f"<p>{text}</p><p>{_unreduced(study, 2 * holonomic + nonholonomic)}</p>"
 
 
-def _check(study: Study, spurious: int) -> str:
+def _listed(names: Sequence[str]) -> str:
+    return escape(", ".join(names))
+
+
+def _unreduced(study: Study, spurious: int) -> str:
+    """Agreement with the multiplier equations, and the zeros that those have too many."""
     cyclic = tuple(study.linear.independent[k] for k in study.cyclic)
     try:
-        found = unreduced(study.linear, study.motions({}), cyclic)
+        form = unreduced(study.linear, study.motions({}), cyclic)
     except AssumptionError as error:
-        return f"There is no unreduced form to compare with ({escape(str(error).removeprefix('error: '))})."
+        reason = escape(str(error).removeprefix("error: "))
+        return f"There is no unreduced form to compare with ({reason})."
     return (
-        f"The multiplier equations in all {len(found.states)} coordinates and velocities, differentiated on their own, agree on "
-        f"the constraints to {found.difference:.1e} of the largest entry, and have 2 m<sub>h</sub> + m<sub>n</sub> = {spurious} "
-        f"spurious zeros (found: {found.spurious}, in a nilpotent block to {found.nilpotent:.1e})."
+        f"The multiplier equations in all {len(form.states)} coordinates and velocities, "
+        "differentiated on their own, agree on the constraints to "
+        f"{form.difference:.1e} of the largest entry, and have 2 m<sub>h</sub> + m<sub>n</sub> = "
+        f"{spurious} spurious zeros (found: {form.spurious}, in a nilpotent block to "
+        f"{form.nilpotent:.1e})."
     )
 
 
@@ -160,37 +167,36 @@ KINDS = {
 }
 
 
-def _along(made: Sweep, record: Linearized) -> list[tuple[str, str]]:
-    if len(made.names) != 1:
+def _along(sweep: Sweep, record: Linearized) -> list[tuple[str, str]]:
+    """Over the one name that was swept."""
+    if len(sweep.names) != 1:
         return []
-    name = escape(made.names[0])
+    return [
+        (f"Eigenvalues over {sweep.names[0]}", plots.over_range(sweep)),
+        ("Critical values", _critical(sweep.names[0], record)),
+        ("Root locus", plots.root_locus(sweep)),
+    ]
+
+
+def _critical(name: str, record: Linearized) -> str:
+    """Where something happens, and where no mode grows."""
     rows = [
         (KINDS[c.kind], f"{c.value:.15g}", _complex(complex(*c.eigenvalue)))
         for c in record.critical
     ]
-    table = (
-        _table(("what happens", f"at {made.names[0]}", "eigenvalue (1/s)"), rows)
-        if rows
-        else "<p>No change in the range.</p>"
-    )
+    head = ("what happens", f"at {name}", "eigenvalue (1/s)")
+    table = _table(head, rows) if rows else "<p>No change in the range.</p>"
     ranges = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in record.stable)
-    stable = (
-        f"No mode grows for {name} from {ranges}."
-        if ranges
-        else f"At every value of {name} looked at some mode grows."
-    )
-    return [
-        (f"Eigenvalues over {made.names[0]}", plots.over_range(made)),
-        ("Critical values", f"{table}<p>{stable}</p>"),
-        ("Root locus", plots.root_locus(made)),
-    ]
+    if ranges:
+        return f"{table}<p>No mode grows for {escape(name)} from {ranges}.</p>"
+    return f"{table}<p>At every value of {escape(name)} looked at some mode grows.</p>"
 
 
-def _maps(study: Study, made: Sweep, ranges: Sequence[Range]) -> list[tuple[str, str]]:
+def _maps(study: Study, sweep: Sweep, ranges: Sequence[Range]) -> list[tuple[str, str]]:
     """Over the two names that were swept, or over the swept one and each other range of the
     file."""
-    if len(made.names) == 2:
-        return [("Stability", plots.stability_map(made))]
+    if len(sweep.names) == 2:
+        return [("Stability", plots.stability_map(sweep))]
     if len(ranges) != 1:
         return []
     first = _coarse(ranges[0])
@@ -209,39 +215,37 @@ def _complex(x: complex) -> str:
     return f"{x.real:.6g}" if x.imag == 0 else f"{x.real:.6g} ± {abs(x.imag):.6g} i"
 
 
-def _modes(study: Study, found: Sequence[Mode]) -> str:
+def _modes(study: Study, shapes: Sequence[Mode]) -> str:
     figures = [
         f"<figure>{moving(study, mode)}<figcaption>{_caption(study, mode)}</figcaption></figure>"
-        for mode in found
+        for mode in shapes
     ]
     return f'<div class="modes">{"".join(figures)}</div>' if figures else ""
 
 
 def _caption(study: Study, mode: Mode) -> str:
-    value = mode.eigenvalue
-    return f"<strong>{_complex(value)}</strong>: {escape(course(value))}. {escape(shape(study, mode))}."
+    value, words = mode.eigenvalue, escape(shape(study, mode))
+    return f"<strong>{_complex(value)}</strong>: {escape(course(value))}. {words}."
 
 
-def _sensitivities(found: Sequence[Mode]) -> str:
+def _sensitivities(shapes: Sequence[Mode]) -> str:
     """dλ/dθ of the parameters that matter most, relative ones first."""
-    names = list(dict.fromkeys(name for mode in found for name in _strongest(mode)))
+    names = list(dict.fromkeys(name for mode in shapes for name in _strongest(mode)))
     if not names:
         return ""
     rows = [
-        (escape(name), *(_complex_or_none(mode.sensitivity.get(name)) for mode in found))
-        for name in names
+        (escape(name), *(_slope(mode.sensitivity.get(name)) for mode in shapes)) for name in names
     ]
-    return _table(("dλ/d", *(_complex(mode.eigenvalue) for mode in found)), rows)
+    return _table(("dλ/d", *(_complex(mode.eigenvalue) for mode in shapes)), rows)
 
 
-def _complex_or_none(x: complex | None) -> str:
+def _slope(x: complex | None) -> str:
+    """A double eigenvalue has none."""
     if x is None:
         return "double"
-    return (
-        f"{x.real:.4g}"
-        if abs(x.imag) < 1e-9 * (1e-300 + abs(x))
-        else f"{x.real:.4g} {'+' if x.imag > 0 else '−'} {abs(x.imag):.4g} i"
-    )
+    if abs(x.imag) < REAL * abs(x) or x == 0:
+        return f"{x.real:.4g}"
+    return f"{x.real:.4g} {'+' if x.imag > 0 else '−'} {abs(x.imag):.4g} i"
 
 
 def _strongest(mode: Mode) -> list[str]:

@@ -35,7 +35,8 @@ def value(model: Model, motion: SteadyMotion, name: str, given: float | str) -> 
         known = (*motion.sweepable, *(parameter.name for parameter in model.parameters))
         near = did_you_mean(name, known) or f"known: {listed(known)}"
         raise ModelError(
-            f"'{name}' is neither free in the steady motion '{motion.name}' nor a parameter of {model.name}",
+            f"'{name}' is neither free in the steady motion '{motion.name}' nor a parameter of "
+            f"{model.name}",
             near,
         )
     if isinstance(given, str):

@@ -17,12 +17,14 @@ from codegen.integrators import INTEGRATORS, Tableau
 from codegen.runtime.simulation import Status
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.charts import together
+from derive.formulations.frames import based
+from derive.formulations.functions import positions
 from hamel import charts
+from hamel.build.files import staged_file, write_text
 from hamel.draw import Curve, Panel, draw
 from hamel.progress import paced
 from hamel.records import Switch
 from hamel.simulate.libraries import REFERENCES, Problem
-from hamel.staging import staged_file, write_text
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
@@ -61,19 +63,23 @@ class Motion:
     charts: int = 0
     acceleration_violation: float = 0.0
     switches: tuple[Switch, ...] = ()
+    choices: tuple[str, ...] = ()  # that each row was made in, where there is more than one
+    # Jacobi's integral T₂ − T₀ + V, which is in balance where T is not quadratic in the rates
+    jacobi: np.ndarray | None = None
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
-        energies = {"T": self.T, "V": self.V, "work": self.work}
+        integral = {} if self.jacobi is None else {"jacobi": self.jacobi}
+        energies = {"T": self.T, "V": self.V, **integral, "work": self.work}
         violations = {"position_violation": self.phi, "velocity_violation": self.slip}
         return {"t": self.t, **self.q, **self.w, **self.v, **self.outputs, **energies, **violations}
 
     @property
     def balance(self) -> np.ndarray:
-        """T + V − (T + V at 0) − work, relative to the largest energy exchanged (V counts from
+        """Energy − (energy at 0) − work, relative to the largest energy exchanged (V counts from
         wherever it likes)."""
-        total = self.T + self.V
-        scale = max(np.max(self.T), np.ptp(self.V), np.max(np.abs(self.work)))
+        total = self.T + self.V if self.jacobi is None else self.jacobi
+        scale = max(np.max(np.abs(self.T)), np.ptp(self.V), np.max(np.abs(self.work)))
         return (total - total[0] - self.work) / scale if scale > 0 else np.zeros_like(total)
 
     @property
@@ -108,6 +114,7 @@ def integrated(
     library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
     try:
         if library is not None:
+            equations = based(equations)
             found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
             several = {"chart": chart} if equations.charts else {}
@@ -158,6 +165,8 @@ def judged(
     reduced = found if found.reduced is None else replace(found, x=found.reduced.astype(float))
     results = {function.name: function.result for function in equations.functions}
     nq = equations.system.q.numel()
+    p = charts.parameters(found, p)
+    rows = charts.choices(equations, found)
 
     parts = charts.pieces(module, reduced, nq, u, p)
 
@@ -167,8 +176,8 @@ def judged(
 
     energies = charts.at_rows(module, "energy", found, nq, u, p)
     violation = np.abs(charts.at_rows(module, "constraints", reduced, nq, u, p))
-    closed = equations.system.phi.numel()
-    labels = next(argument.labels for argument in equations.arguments if argument.name == "x")
+    closed = positions(equations.system)
+    labels = equations.argument("x").labels
     return Motion(
         title=f"{equations.system.model.name}, choice {together(equations)}",
         t=t,
@@ -179,6 +188,7 @@ def judged(
         units=_units(equations),
         T=energies[:, 0],
         V=energies[:, 1],
+        jacobi=energies[:, 2] if energies.shape[1] > 2 else None,
         work=found.work,
         phi=np.max(violation[:, :closed], axis=1, initial=0.0),
         slip=np.max(violation[:, closed:], axis=1, initial=0.0),
@@ -193,8 +203,15 @@ def judged(
         acceleration_violation=max(
             _acceleration_violation(equations, module, *part, u, p) for part in parts
         ),
-        switches=charts.switches(equations, found),
+        switches=charts.switches(equations, rows, t),
+        choices=rows if len({equations.choice, *rows}) > 1 else (),
     )
+
+
+def balanced(energies: np.ndarray) -> np.ndarray:
+    """What the power changes, of rows of the function `energy`: Jacobi's integral where it is
+    there, else T + V."""
+    return energies[:, 2] if energies.shape[1] > 2 else energies[:, 0] + energies[:, 1]
 
 
 def _acceleration_violation(
@@ -212,9 +229,7 @@ def _acceleration_violation(
     if not system.rows:
         return 0.0
     slots = {argument.name: argument.symbols for argument in equations.arguments}
-    v = next(
-        function for function in equations.functions if function.name == "velocity"
-    ).result.value
+    v = equations.function("velocity").result.value
     xdot = ca.SX.sym("xdot", slots["x"].numel())
     vdot = ca.jtimes(v, slots["x"], xdot) + ca.jacobian(v, slots["t"])
     beta = ca.substitute(system.beta, system.v, v)
@@ -223,14 +238,14 @@ def _acceleration_violation(
     )
     dynamics = charts.in_chart(module, "dynamics", chart)
     assert dynamics is not None  # it was integrated
+    p = charts.parameters(part, p)
     rates = dynamics(t, x, u, p).astype(float)
-    return float(
-        np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, np.tile(p, (len(t), 1)).T, rates.T))))
-    )
+    each = np.broadcast_to(p, (len(t), p.shape[-1]))
+    return float(np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, each.T, rates.T)))))
 
 
 def _units(equations: Equations) -> dict[str, str]:
-    x = next(argument for argument in equations.arguments if argument.name == "x")
+    x = equations.argument("x")
     results = [
         function.result
         for function in equations.functions
@@ -255,19 +270,28 @@ def _writer(place: Path, known: dict[str, Callable[[Motion, Path], None]], optio
     return lambda motion: write(motion, place)
 
 
+def written(motion: Motion) -> dict[str, np.ndarray]:
+    """The columns, with the choice of each row where there is more than one."""
+    return motion.columns() | ({"choice": np.array(motion.choices)} if motion.choices else {})
+
+
 def write_csv(motion: Motion, place: Path) -> None:
     """A line of names, then a line per row; numbers round-trip."""
-    columns = motion.columns()
-    rows = zip(*(column.tolist() for column in columns.values()))
+    columns = {name: _texts(column) for name, column in written(motion).items()}
     with staged_file(place) as made, made.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(columns) + "\n")
-        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+        file.writelines(",".join(row) + "\n" for row in zip(*columns.values()))
+
+
+def _texts(column: np.ndarray) -> list[str]:
+    """Numbers so that they round-trip; names as they are."""
+    return [x if isinstance(x, str) else repr(x) for x in column.tolist()]
 
 
 def write_npz(motion: Motion, place: Path) -> None:
     """One array per name."""
     with staged_file(place) as made, made.open("wb") as file:
-        np.savez(file, **motion.columns())  # type: ignore[arg-type]
+        np.savez(file, **written(motion))  # type: ignore[arg-type]
 
 
 def write_svg(motion: Motion, place: Path) -> None:
@@ -278,7 +302,10 @@ def write_svg(motion: Motion, place: Path) -> None:
         ("outputs", motion.outputs),
     ]
     panels = [panel for about, curves in groups for panel in _by_unit(about, curves, motion.units)]
-    panels.append(_panel("energy (J)", {"T": motion.T, "V": motion.V, "work": motion.work}))
+    energies = {"T": motion.T, "V": motion.V, "work": motion.work}
+    if motion.jacobi is not None:
+        energies["T₂ − T₀ + V"] = motion.jacobi
+    panels.append(_panel("energy (J)", energies))
     errors = {"|φ|": motion.phi, "|A v − c|": motion.slip, "energy, rel.": np.abs(motion.balance)}
     panels.append(
         _panel(

@@ -6,7 +6,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -20,7 +19,8 @@ from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.robots import load
 from derive.states.initial import Initial, initial_state
-from hamel.pipeline import emit, mechanics_of, program_of
+from hamel.build.module import published
+from hamel.build.stages import mechanics_of, program_of
 from hamel.settings import settings
 from hamel.study.plan import OWN
 
@@ -87,7 +87,7 @@ def built(
     program = program_of(
         made, names, integrators=methods, enforcements=[enforcement.name for enforcement in fitting]
     )
-    emit(program, Path(folder), {})
+    published(program, folder)
     yield {
         "operations": program.kernel("dynamics").operations["total"],
         "enforcements": list(program.enforcements),
@@ -106,7 +106,7 @@ def _rate(found: Start, plain: Equations, span: float) -> float:
 
 def first_state(found: Start, made: Equations) -> np.ndarray:
     """x at the start, by the equations' own function."""
-    function = next(function for function in made.functions if function.name == "state")
+    function = made.function("state")
     t, _, u, p = (argument.symbols for argument in made.arguments)
     assert function.x is not None
     state = ca.Function("state", [t, function.x.symbols, u, p], [ca.densify(function.result.value)])

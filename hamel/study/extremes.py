@@ -25,7 +25,8 @@ from derive.model.extremes import REAL
 from derive.model.records import Extreme, Model
 from derive.robots import load
 from derive.states.initial import initial_state
-from hamel.pipeline import mechanics_of, temporary_module
+from hamel.build.module import temporary_module
+from hamel.build.stages import mechanics_of
 from hamel.records import ExtremeRow, Simulated
 from hamel.settings import settings
 from hamel.simulate.exact import Problem, solution, state_of
@@ -232,7 +233,8 @@ def _wanted(model: Model, entry: Extreme) -> Ended:
             )
         problem = f"accelerations differ by {found.agreement:.0e} from the independent derivation"
     raise ModelError(
-        f"{model.name}, case {entry.name}: nothing to judge it by: {problem}; give it an end: in closed form"
+        f"{model.name}, case {entry.name}: nothing to judge it by: {problem}; "
+        "give it an end: in closed form"
     )
 
 

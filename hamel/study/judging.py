@@ -21,7 +21,8 @@ LEAST = 1e-15
 CONTRADICTED = 10.0
 
 COLUMNS = (
-    *("model", "formulation", "choice", "enforcement", "integrator", "rtol", "step", "error", "phi", "velocity", "energy"),
+    *("model", "formulation", "choice", "enforcement", "integrator", "rtol", "step", "error"),
+    *("phi", "velocity", "energy"),
     *("ms", "steps", "rejected", "calls", "operations", "status"),
 )  # fmt: skip
 
@@ -112,7 +113,8 @@ class Judge:
         off = [self._distance(ends[0], self.reference.end) for ends in best]
         apart = max(self._distance(best[0][0], other) for other in (*best[0][1:], *best[1]))
         if min(off) > CONTRADICTED * (self.reference.bound + apart):
-            doubt = f"runs that agree with each other within {apart:.1e} are {min(off):.1e} away from it"
+            agreement = f"runs that agree with each other within {apart:.1e}"
+            doubt = f"{agreement} are {min(off):.1e} away from it"
             return replace(self.reference, doubt=doubt)
         return self.reference
 

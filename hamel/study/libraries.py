@@ -6,16 +6,18 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from derive.formulations.records import Equations
-from hamel.pipeline import load_module
+from hamel.build.module import module_in
 from hamel.simulate.libraries import REFERENCES, Problem, Reference
 from hamel.study.building import Start, plain_equations, start
 from hamel.study.running import TOO_LONG, judged, timed
+
+LIBRARY_LIMIT = 2.0  # seconds of one run after which tighter ones are not tried
+LIBRARY_SHARE = 0.1  # seconds of repeated calls from which a run time is taken
 
 
 def rows(
@@ -26,12 +28,10 @@ def rows(
     unit: Mapping[str, str],
     solver: str,
     runs: Sequence[Mapping[str, Any]],
-    limit: float,
-    share: float,
 ) -> Iterator[dict[str, Any]]:
     """One solver on one unit's equations, loose tolerances first. After a run that took long
     tighter ones are not tried."""
-    found, module = start(path, values), load_module(Path(folder))
+    found, module = start(path, values), module_in(folder)
     equations = plain_equations(found, unit)
     reference = next(each for each in REFERENCES if each.name == solver)
     reason, slow = reference.refusal(equations), False
@@ -39,8 +39,8 @@ def rows(
     for run in runs:
         begin = time.process_time()
         made = {"status": TOO_LONG} if slow else {"status": reason} if reason else {}
-        made = made or _row(reference, module, equations, found, span, run["rtol"], share)
-        slow = slow or time.process_time() - begin > limit
+        made = made or _row(reference, module, equations, found, span, run["rtol"])
+        slow = slow or time.process_time() - begin > LIBRARY_LIMIT
         yield {"run": run["key"], "row": made}
 
 
@@ -51,7 +51,6 @@ def _row(
     found: Start,
     span: float,
     rtol: float,
-    share: float,
 ) -> dict[str, Any]:
     x = module.state(0.0, np.concatenate([found.initial.q, found.initial.v]), found.u, found.p)
     times = np.array([0.0, span])
@@ -59,7 +58,7 @@ def _row(
         module, equations, times, x, found.u, found.p, rtol, rtol / 100, compiled=True
     )
     try:
-        ms, made = timed(reference.prepare(problem), share)
+        ms, made = timed(reference.prepare(problem), LIBRARY_SHARE)
     except (FloatingPointError, RuntimeError) as error:
         flag = re.search(r"\b(?:CV|IDA)_[A-Z_]+", str(error))
         return {

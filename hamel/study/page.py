@@ -7,9 +7,11 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from importlib.resources import files
 from typing import Any
 
+from markupsafe import Markup
+
+from derive.textbook.pages import rendered
 from hamel.records import ExtremeRow
 from hamel.study.front import (
     LEVELS,
@@ -31,51 +33,40 @@ from hamel.study.words import advice
 
 COMPARED = 1e-8  # tolerance of the comparison of formulations and enforcements
 HEADINGS = {
-    "rtol": "rtol", "step": "step (s)", "phi": "|φ|", "velocity": "|A v − c|", "energy": "energy error", "ms": "ms",
-    "operations": "operations of ẋ", "judged_by": "judged by", "fewest": "fewest steps", "scipy": "SciPy's Radau",
+    "rtol": "rtol", "step": "step (s)", "phi": "|φ|", "velocity": "|A v − c|",
+    "energy": "energy error", "ms": "ms",
+    "operations": "operations of ẋ", "judged_by": "judged by", "fewest": "fewest steps",
+    "scipy": "SciPy's Radau",
 }  # fmt: skip
 
 
 def page(studies: Sequence[Study], extremes: Sequence[ExtremeRow], version: str) -> str:
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
-    environment = Environment(
-        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    template = environment.from_string(
-        files("hamel.study").joinpath("page.html.j2").read_text("utf-8")
-    )
-    sections = [_section(study, Markup) for study in studies]
-    title = ", ".join(
-        [*(study.model for study in studies), *(["extreme cases"] if extremes else [])]
-    )
-    tables = {
-        "comparison": _comparison(studies),
-        "extremes": _extremes(extremes),
-        "outcomes": outcomes(extremes),
-    }
-    drawn = Markup(extremes_chart(extremes))
-    return template.render(
-        title=title,
+    """A section for each model, the comparison of all, and the extreme cases."""
+    subjects = [study.model for study in studies]
+    if extremes:
+        subjects.append("extreme cases")
+    return rendered(
+        "hamel.study/page.html.j2",
+        title=f"Error against run time: {', '.join(subjects)}",
         version=version,
-        sections=sections,
+        sections=[_section(study) for study in studies],
         heading=_heading,
-        extremes_chart=drawn,
-        **tables,
+        comparison=_comparison(studies),
+        extremes=_extremes(extremes),
+        extremes_chart=Markup(extremes_chart(extremes)),
+        outcomes=outcomes(extremes),
     )
 
 
-def _section(study: Study, markup: Any) -> dict[str, Any]:
+def _section(study: Study) -> dict[str, Any]:
+    """What the template shows of a study."""
     rows = study.rows
+    over_time = time_charts(study.model, study.tracks, study.reference.exchanged)
     return {
         "study": study,
         "advice": advice(rows, study.reference),
-        "charts": [markup(each) for each in error_charts(study.model, rows)],
-        "over_time": [
-            markup(each)
-            for each in time_charts(study.model, study.tracks, study.reference.exchanged)
-        ],
+        "charts": [Markup(each) for each in error_charts(study.model, rows)],
+        "over_time": [Markup(each) for each in over_time],
         "front": table([*COLUMNS[1:12], "steps", "operations"], front(rows)),
         "levels": _levels(rows),
         "rows": table(COLUMNS[1:], rows),
@@ -101,9 +92,8 @@ def _cell(value: Any) -> Cell:
     if value is None:
         return "–", ""
     if isinstance(value, float):
-        return (f"{value:.3g}" if 1e-3 <= abs(value) < 1e5 or value == 0 else f"{value:.1e}"), repr(
-            value
-        )
+        plain = value == 0 or 1e-3 <= abs(value) < 1e5
+        return f"{value:.3g}" if plain else f"{value:.1e}", repr(value)
     return str(value), str(value)
 
 
@@ -111,48 +101,40 @@ def _levels(rows: Sequence[Row]) -> Table:
     """Per method and level of error the least time; methods that reach none are left out, the
     fastest come first."""
     names = ["method", *(f"{level:.0e}" for level in LEVELS)]
-    made = []
-    for group in families(
-        good(rows), "formulation", "choice", "enforcement", "integrator"
-    ).values():
+    methods = families(good(rows), "formulation", "choice", "enforcement", "integrator")
+    lines = []
+    for group in methods.values():
         best = [cheapest(group, level) for level in LEVELS]
         if any(best):
-            made.append(
-                [_cell(method(group[0])), *(_cell(row["ms"] if row else None) for row in best)]
-            )
-    made.sort(
-        key=lambda cells: [float(cell[1] or "inf") for cell in (cells[3], cells[2], cells[1])]
-    )
-    return names, made
+            times = [_cell(row["ms"] if row else None) for row in best]
+            lines.append([_cell(method(group[0])), *times])
+    lines.sort(key=_times)
+    return names, lines
+
+
+def _times(cells: Sequence[Cell]) -> list[float]:
+    """By which methods are sorted: at 1e-8, then at 1e-6, then at 1e-4."""
+    return [float(cells[k][1] or "inf") for k in (3, 2, 1)]
+
+
+COMPARISON = (
+    *("model", "kind", "formulation", "choice", "enforcement"),
+    *("phi", "velocity", "energy", "error", "ms", "status"),
+)
 
 
 def _comparison(studies: Sequence[Study]) -> Table:
     """Quasi-velocity choices against traditional methods, everything else equal: the tables of the
     paper."""
-    names = [
-        "model",
-        "kind",
-        "formulation",
-        "choice",
-        "enforcement",
-        "phi",
-        "velocity",
-        "energy",
-        "error",
-        "ms",
-        "status",
-    ]
-    made = []
+    lines = []
     for study in studies:
-        wanted = [
-            row
-            for row in study.rows
-            if row["integrator"] == FIRST and row["rtol"] == _compared(study.rows)
-        ]
-        for row in wanted:
-            kind = "traditional" if row["formulation"] in MULTIPLIERS else "quasi-velocities"
-            made.append([_cell({**row, "kind": kind}[name]) for name in names])
-    return names, made
+        rtol = _compared(study.rows)
+        for row in study.rows:
+            if row["integrator"] == FIRST and row["rtol"] == rtol:
+                kind = "traditional" if row["formulation"] in MULTIPLIERS else "quasi-velocities"
+                named = {**row, "kind": kind}
+                lines.append([_cell(named[name]) for name in COMPARISON])
+    return COMPARISON, lines
 
 
 EXTREMES = (
@@ -162,24 +144,20 @@ EXTREMES = (
 
 
 def _extremes(rows: Sequence[ExtremeRow]) -> Table:
-    marked = [
-        {
-            **asdict(row),
-            "outcome": row.outcome if row.passed else f"{row.outcome}, not {row.expected}",
-        }
-        for row in rows
-    ]
-    return table(EXTREMES, marked)
+    return table(EXTREMES, [{**asdict(row), "outcome": _outcome(row)} for row in rows])
+
+
+def _outcome(row: ExtremeRow) -> str:
+    return row.outcome if row.passed else f"{row.outcome}, not {row.expected}"
 
 
 def outcomes(rows: Sequence[ExtremeRow]) -> str:
-    counts = {
-        name: sum(row.outcome == name for row in rows) for name in ("survived", "refused", "wrong")
-    }
-    counts |= {row.outcome: sum(other.outcome == row.outcome for other in rows) for row in rows}
-    return f"{len(rows)} extreme cases: " + ", ".join(
-        f"{count} {name}" for name, count in counts.items()
-    )
+    """How many cases ended in each way."""
+    counts = dict.fromkeys(("survived", "refused", "wrong"), 0)
+    for row in rows:
+        counts[row.outcome] = counts.get(row.outcome, 0) + 1
+    text = ", ".join(f"{count} {name}" for name, count in counts.items())
+    return f"{len(rows)} extreme cases: {text}"
 
 
 def _compared(rows: Sequence[Row]) -> float | None:
@@ -201,19 +179,18 @@ def _left_out(excluded: Sequence[Excluded]) -> list[tuple[str, str]]:
 
 
 def _what(group: Sequence[Excluded]) -> str:
-    units = [
-        f"{each.formulation} ({each.choice})" if each.choice else each.formulation for each in group
+    """Formulations, enforcement and integrator that are left out for one reason."""
+    names = [_equations(each) for each in group]
+    parts = [
+        ", ".join(dict.fromkeys(name for name in names if name)),
+        group[0].enforcement,
+        group[0].integrator,
     ]
-    return "; ".join(
-        filter(
-            None,
-            [
-                ", ".join(dict.fromkeys(filter(None, units))),
-                group[0].enforcement,
-                group[0].integrator,
-            ],
-        )
-    )
+    return "; ".join(part for part in parts if part)
+
+
+def _equations(each: Excluded) -> str:
+    return f"{each.formulation} ({each.choice})" if each.choice else each.formulation
 
 
 def _reference(study: Study) -> str:

@@ -178,7 +178,7 @@ def _choices(system: System, asked: Collection[str]) -> tuple[list[str], list[Ex
 
 def _speeds(system: System, found: Equations, rng: np.random.Generator) -> np.ndarray:
     """w = B v at states that any other choice is shown too."""
-    function = next(function for function in found.functions if function.name == "state")
+    function = found.function("state")
     assert function.x is not None
     made = ca.Function(
         "w", [system.t, function.x.symbols, system.p], [ca.densify(function.result.value)]

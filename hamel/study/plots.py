@@ -21,55 +21,64 @@ def error_charts(model: str, rows: Sequence[Row]) -> list[str]:
     base = _base(rows)
     if base is None:
         return []
-    formulation, choice, enforcement = base["formulation"], base["choice"], base["enforcement"]
-    own, libraries = (
-        [row for row in rows if not is_library(row)],
-        [row for row in rows if is_library(row)],
-    )
-    same = [
-        row
-        for row in own
-        if (row["formulation"], row["choice"], row["enforcement"])
-        == (formulation, choice, enforcement)
-    ]
-    by_integrator = _lines(same, "integrator") + _lines(libraries, "integrator", "formulation")
-    first = [row for row in rows if row["integrator"] == FIRST]
-    by_form = _lines(
-        [row for row in first if row["enforcement"] == enforcement], "formulation", "choice"
-    )
-    by_enforcement = _lines(
-        [row for row in first if (row["formulation"], row["choice"]) == (formulation, choice)],
-        "enforcement",
-    )
-    by_enforcement += _lines(
-        [row for row in first if row["formulation"] == "augmented"], "formulation", "enforcement"
-    )
-    where = choice or formulation
-    titles = [
-        f"{model}: integrators, {where}",
-        f"{model}: formulations and choices, {FIRST}",
-        f"{model}: enforcements, {FIRST}",
-    ]
-    return [
-        _error_chart(title, rows, lines)
-        for title, lines in zip(titles, (by_integrator, by_form, by_enforcement))
-    ]
+    where = base["choice"] or base["formulation"]
+    charts = {
+        f"{model}: integrators, {where}": _by_integrator(rows, base),
+        f"{model}: formulations and choices, {FIRST}": _by_equations(rows, base),
+        f"{model}: enforcements, {FIRST}": _by_enforcement(rows, base),
+    }
+    return [_error_chart(title, rows, lines) for title, lines in charts.items()]
+
+
+def _by_integrator(rows: Sequence[Row], base: Row) -> list[Series]:
+    """Our own on the equations of the base, libraries on all of theirs."""
+    own = [row for row in rows if not is_library(row)]
+    own = _alike(own, base, "formulation", "choice", "enforcement")
+    libraries = [row for row in rows if is_library(row)]
+    return _lines(own, "integrator") + _lines(libraries, "integrator", "formulation")
+
+
+def _by_equations(rows: Sequence[Row], base: Row) -> list[Series]:
+    return _lines(_alike(_of_first(rows), base, "enforcement"), "formulation", "choice")
+
+
+def _by_enforcement(rows: Sequence[Row], base: Row) -> list[Series]:
+    """On the equations of the base, and on the augmented ones."""
+    first = _of_first(rows)
+    own = _lines(_alike(first, base, "formulation", "choice"), "enforcement")
+    augmented = [row for row in first if row["formulation"] == "augmented"]
+    return own + _lines(augmented, "formulation", "enforcement")
+
+
+def _of_first(rows: Sequence[Row]) -> list[Row]:
+    """Runs of the first integrator."""
+    return [row for row in rows if row["integrator"] == FIRST]
+
+
+def _alike(rows: Sequence[Row], base: Row, *names: str) -> list[Row]:
+    """Those that agree with the base in these columns."""
+    return [row for row in rows if all(row[name] == base[name] for name in names)]
 
 
 def _base(rows: Sequence[Row]) -> Row | None:
     """The method most lines are drawn of: the best one in quasi-velocities with the first
     integrator."""
-    first = [row for row in good(rows) if row["integrator"] == FIRST]
+    first = _of_first(good(rows))
     first = [row for row in first if not is_traditional(row)] or first
-    return next((row for level in (1e-8, 1e-6, 1e-4, 1.0) if (row := cheapest(first, level))), None)
+    for level in (1e-8, 1e-6, 1e-4, 1.0):
+        if row := cheapest(first, level):
+            return row
+    return None
 
 
 def _lines(rows: Sequence[Row], *names: str) -> list[Series]:
-    found = families(good(rows), *names)
     return [
-        Series(_label(key), [(row["ms"], row["error"]) for row in group])
-        for key, group in found.items()
+        Series(_label(key), _points(group)) for key, group in families(good(rows), *names).items()
     ]
+
+
+def _points(rows: Sequence[Row]) -> list[tuple[float, float]]:
+    return [(row["ms"], row["error"]) for row in rows]
 
 
 def _label(key: Sequence[str]) -> str:
@@ -80,8 +89,8 @@ def _label(key: Sequence[str]) -> str:
 
 
 def _error_chart(title: str, rows: Sequence[Row], lines: Sequence[Series]) -> str:
-    dots = Series("", [(row["ms"], row["error"]) for row in good(rows)], "dots")
-    best = Series("front of all runs", [(row["ms"], row["error"]) for row in front(rows)], "front")
+    dots = Series("", _points(good(rows)), "dots")
+    best = Series("front of all runs", _points(front(rows)), "front")
     return chart(title, "run time (ms) →", "error at the end", [dots, best, *lines])
 
 
@@ -112,24 +121,23 @@ def time_charts(model: str, tracks: Sequence[Mapping[str, Any]], exchanged: floa
         "velocity": (f"{model}: velocity violation over time", "|A v − c|"),
         "balance": (f"{model}: energy error over time", "|energy error|, relative"),
     }
-    made = [
-        _time_chart(title, about, name, tracks, exchanged)
+    charts = [
+        _time_chart(title, about, _tracks(name, tracks, exchanged if name == "balance" else 0.0))
         for name, (title, about) in titles.items()
     ]
-    return [each for each in made if each]
+    return [each for each in charts if each]
 
 
-def _time_chart(
-    title: str, about: str, name: str, tracks: Sequence[Mapping[str, Any]], exchanged: float
-) -> str:
-    scale = exchanged if name == "balance" and exchanged > 0 else 1.0
-    lines = [
-        Series(
-            track["about"],
-            [(t, max(y / scale, LEAST * 1e-3)) for t, y in zip(track["t"][1:], track[name][1:])],
-            "curve",
-        )
-        for track in tracks
-        if any(track[name])
-    ]
+def _tracks(name: str, tracks: Sequence[Mapping[str, Any]], exchanged: float) -> list[Series]:
+    """One for each track that is not zero throughout, relative to the energy that was exchanged."""
+    scale = exchanged if exchanged > 0 else 1.0
+    lines = []
+    for track in tracks:
+        if any(track[name]):
+            values = [max(y / scale, LEAST * 1e-3) for y in track[name][1:]]
+            lines.append(Series(track["about"], list(zip(track["t"][1:], values)), "curve"))
+    return lines
+
+
+def _time_chart(title: str, about: str, lines: Sequence[Series]) -> str:
     return chart(title, "t (s) →", about, lines, (False, True)) if lines else ""

@@ -5,15 +5,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
+from derive.formulations.functions import positions
+from hamel.build.module import module_in
 from hamel.charts import at_rows
-from hamel.pipeline import load_module
+from hamel.simulate.motion import balanced
 from hamel.study.building import Start, start
 
 MOST_STEPS = 10**9
@@ -32,16 +33,13 @@ def exact(
     values: Mapping[str, float | str],
     folder: str,
     span: float,
-    enforcement: str,
-    integrator: str,
-    rtol: float,
+    run: Mapping[str, Any],
     limit: float,
 ) -> Iterator[dict[str, Any]]:
     """One tight run: the end (q, v), the sizes of all q and v on the way, and the largest energy
     exchanged."""
-    found, module = start(path, values), load_module(Path(folder))
+    found, module = start(path, values), module_in(folder)
     times = np.linspace(0.0, span, POINTS)
-    run = {"enforcement": enforcement, "integrator": integrator, "rtol": rtol}
     try:
         made = _simulated(module, found, times, run, span, limit)
     except (FloatingPointError, TooLong) as problem:
@@ -54,7 +52,7 @@ def exact(
         "end": [*q[-1].tolist(), *v[-1].tolist()],
         "sizes": np.max(np.abs(np.hstack([q, v])), axis=0).tolist(),
         "exchanged": float(
-            max(np.max(energy[:, 0]), np.ptp(energy[:, 1]), np.max(np.abs(made.work)))
+            max(np.max(np.abs(energy[:, 0])), np.ptp(energy[:, 1]), np.max(np.abs(made.work)))
         ),
         "steps": made.steps,
         "violation": made.position_violation,
@@ -72,7 +70,7 @@ def rows(
 ) -> Iterator[dict[str, Any]]:
     """A message per run, in the order given. After a run that took too long, tighter ones of its
     family are not tried."""
-    found, module = start(path, values), load_module(Path(folder))
+    found, module = start(path, values), module_in(folder)
     hopeless: set[tuple[str, str]] = set()
     for run in runs:
         family = (run["enforcement"], run["integrator"])
@@ -110,13 +108,14 @@ def judged(module: ModuleType, found: Start, span: float, ms: float, made: Any) 
         at_rows(module, name, made, found.system.q.numel(), found.u, found.p)[-1]
         for name in ("energy", "velocity")
     )
+    gain = balanced(np.array([after]))[0] - balanced(np.array([before]))[0]
     return {
         "status": "ok",
         "ms": ms,
         "end": [*made.x[-1, : found.system.q.numel()].tolist(), *v.tolist()],
         "phi": made.position_violation,
         "velocity": made.velocity_violation,
-        "balance": float(after.sum() - before.sum() - made.work[-1]),
+        "balance": float(gain - made.work[-1]),
         "steps": made.steps,
         "rejected": made.rejected,
         "calls": made.calls,
@@ -196,7 +195,7 @@ def tracks(
 ) -> Iterator[dict[str, Any]]:
     """Violations and energy error over time, a message per run; without them where it does not come
     to its end."""
-    found, module = start(path, values), load_module(Path(folder))
+    found, module = start(path, values), module_in(folder)
     times = np.linspace(0.0, span, POINTS)
     for run in runs:
         try:
@@ -204,8 +203,8 @@ def tracks(
         except (FloatingPointError, TooLong) as problem:
             yield {"track": run["key"], "failed": _cause(problem)[0]}
             continue
-        closed, nq = found.system.phi.numel(), found.system.q.numel()
-        energy = at_rows(module, "energy", made, nq, found.u, found.p).sum(axis=1)
+        closed, nq = positions(found.system), found.system.q.numel()
+        energy = balanced(at_rows(module, "energy", made, nq, found.u, found.p))
         many = at_rows(module, "constraints", made, nq, found.u, found.p)
         yield {
             "track": run["key"],

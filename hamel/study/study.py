@@ -15,6 +15,7 @@ from codegen.integrators import INTEGRATORS
 from hamel.study import building, plan
 from hamel.study.crew import Crew, Message, Task
 from hamel.study.judging import Judge, Reference, agreed
+from hamel.study.libraries import LIBRARY_LIMIT
 from hamel.study.plan import DEFAULT, Asked, Excluded, Unit
 from hamel.study.running import TOO_LONG
 from hamel.study.storage import Found
@@ -115,7 +116,8 @@ def _built(site: Worksite, units: Sequence[Unit]) -> list[Unit]:
     good = []
     for unit in units:
         late = {
-            "refused": f"not built: the {site.asked.budget:g} s for modules were used up; the same command goes on"
+            "refused": f"not built: the {site.asked.budget:g} s for modules were used up; "
+            "the same command goes on"
         }
         about: dict[str, Any] = site.found.get(_name(unit, "built")) or late
         if "refused" in about:
@@ -189,13 +191,14 @@ def _exact(
     _ensure(site, missing)
     tasks = []
     for unit in missing:
-        how = {
-            "enforcement": _usual(site, unit),
-            "integrator": integrator,
-            "rtol": rtol,
+        run = {"enforcement": _usual(site, unit), "integrator": integrator, "rtol": rtol}
+        arguments = {
+            **site.case.start,
+            "folder": site.ready[unit],
+            "span": site.case.span,
+            "run": run,
             "limit": EXACT_LIMIT,
         }
-        arguments = {**site.case.start, "folder": site.ready[unit], "span": site.case.span, **how}
         tasks.append(Task("exact", arguments, EXACT_LIMIT + GRACE, unit))
     for task, message in site.crew.answers(tasks):
         if "over" not in message:
@@ -320,7 +323,8 @@ def _collected(site: Worksite, wanted: Wanted) -> Made:
         operations = site.found[_name(unit, "built")]["operations"]
         made.append((unit, run, {**row, "operations": operations}))
     for unit, count in late.items():
-        reason = f"{count} runs not done: the {site.asked.budget:g} s for this model were used up; the same command goes on"
+        budget = f"the {site.asked.budget:g} s for this model were used up"
+        reason = f"{count} runs not done: {budget}; the same command goes on"
         site.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", reason))
     return made
 
@@ -355,17 +359,12 @@ def _library_rows(site: Worksite, units: Sequence[Unit]) -> Made:
     ]
 
 
-LIBRARY_LIMIT = 2.0
-
-
 def _run_libraries(
     site: Worksite, groups: Sequence[tuple[Unit, str, list[dict[str, Any]]]]
 ) -> None:
     tasks = []
     for unit, solver, runs in groups:
         how = {
-            "limit": LIBRARY_LIMIT,
-            "share": 0.1,
             "span": site.case.span,
             "unit": unit.about,
             "solver": solver,

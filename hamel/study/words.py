@@ -52,7 +52,8 @@ def _recommended(own: Sequence[Row], level: float) -> list[str]:
     best, loose = cheapest(own, level), cheapest(own, 1e-4)
     assert best is not None
     lines = [
-        f"Use {method(best)}: it reaches an error of {level:.0e} in {_ms(best)} ms at {accuracy(best)}."
+        f"Use {method(best)}: it reaches an error of {level:.0e} in {_ms(best)} ms "
+        f"at {accuracy(best)}."
     ]
     if loose is not None and method(loose) != method(best):
         lines.append(f"For an error of 1e-04 {method(loose)} does with {_ms(loose)} ms.")
@@ -112,7 +113,8 @@ def _held(own: Sequence[Row], level: float) -> list[str]:
     )
     if drifting is not None:
         lines.append(
-            f"With no enforcement at all positions drift by {drifting['phi']:.1e} (error {drifting['error']:.1e})."
+            f"With no enforcement at all positions drift by {drifting['phi']:.1e} "
+            f"(error {drifting['error']:.1e})."
         )
     return lines
 

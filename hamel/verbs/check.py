@@ -12,7 +12,7 @@ import numpy as np
 
 from derive.robots import load
 from derive.states.initial import initial_state
-from hamel.pipeline import mechanics_of, usable_choices
+from hamel.build.stages import mechanics_of, usable_choices
 from hamel.records import Checked
 
 if TYPE_CHECKING:

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from derive.choices.assessment import Assessed, comparison, conditions_along
-from derive.diagnostics import ModelError
+from derive.diagnostics import ModelError, listed
 from derive.formulations import equations
 from derive.robots import load
 from derive.states.sampling import states
+from hamel.build.files import write_text
+from hamel.build.module import temporary_module
+from hamel.build.stages import mechanics_of
 from hamel.draw import Curve, Panel, draw
-from hamel.pipeline import mechanics_of, temporary_module
 from hamel.records import Choices, Ranking
-from hamel.staging import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -96,14 +97,14 @@ def _draw(
 
 
 def show(record: Choices, console: Console) -> None:
-    from hamel.show import refusals, table
+    from hamel.show import refusals, shortened, table
 
     timed = any(r.ns is not None for r in record.choices)
     rows = [
         (
             *(
-                r.name,
-                ", ".join(r.rows),
+                shortened(r.name),
+                listed(r.rows),
                 f"{r.condition:.3g}",
                 f"{r.worst:.3g}",
                 f"{r.least_pivot:.2g}",
@@ -126,7 +127,7 @@ def show(record: Choices, console: Console) -> None:
     )
     table(console, head, rows, right=range(2, len(head) - 1))
     for pivot in record.choices[0].pivots if record.choices else ():
-        console.print(f"{record.choices[0].name}: {pivot}")
+        console.print(f"{shortened(record.choices[0].name)}: {pivot}")
     refusals(record.refused, console)
     console.print(
         "violation: |φ| after a Runge–Kutta step that moves by 0.1, or the roundoff of A v − c where there is no φ"

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.textbook import html, latex
-from hamel.pipeline import equations_of
+from hamel.build.files import write_text
+from hamel.build.stages import equations_of
 from hamel.records import Derived
-from hamel.staging import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -6,7 +6,9 @@ from dataclasses import asdict
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from hamel.pipeline import Constants, equations_of, program_of
+from derive.diagnostics import listed
+from hamel.build.options import Constants
+from hamel.build.stages import equations_of, program_of
 from hamel.records import Explained
 
 if TYPE_CHECKING:
@@ -33,7 +35,7 @@ def show(record: Explained, console: Console) -> None:
     from hamel.show import ledger, operations
 
     console.print(
-        f"{record.model}, choice {record.choice} ({', '.join(record.quasi_velocities)}): {record.reason}"
+        f"{record.model}, choice {record.choice} ({listed(record.quasi_velocities)}): {record.reason}"
     )
     for pivot in record.pivots:
         console.print(f"pivot: {pivot}")

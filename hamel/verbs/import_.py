@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from derive.diagnostics import ModelError
 from derive.robots import imported
 from derive.robots.robot import counted
+from hamel.build.files import write_text
 from hamel.records import Imported
-from hamel.staging import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,7 +32,7 @@ def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Im
         bodies=len(found.model.bodies),
         joints=found.joints,
         velocities=len(found.model.velocities),
-        changed=found.changed,
+        changed=(*found.changed, *found.assumed),
         left_out=found.left_out,
         text=found.text,
     )

@@ -21,16 +21,19 @@ from derive.linearize.sensitivity import Mode, modes
 from derive.linearize.steady import motion_of
 from derive.linearize.study import Study
 from derive.linearize.unreduced import unreduced
+from hamel.build.clock import Clock
+from hamel.build.files import write_text
+from hamel.build.stages import equations_of
 from hamel.linear.page import page
 from hamel.linear.ranges import ranges, values
 from hamel.linear.sweep import Sweep, swept
 from hamel.linear.words import course, shape
-from hamel.pipeline import Clock, equations_of
 from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
-from hamel.staging import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+PAGE = "linearization.html"
 
 
 def run(
@@ -65,9 +68,10 @@ def run(
         record = replace(record, step=step, **_sampled(found, step))
     if out is None:
         return record
+    place = Path(out) if Path(out).suffix.lower() == ".html" else Path(out) / PAGE
     with clock("page"):
-        write_text(Path(out), page(found, made, wanted, record))
-    return replace(record, page=Path(out))
+        write_text(place, page(found, made, wanted, record))
+    return replace(record, page=place)
 
 
 def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:

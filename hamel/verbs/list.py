@@ -13,7 +13,7 @@ from derive.formulations import FORMULATIONS, equations
 from derive.linearize.minimal import with_linearization
 from derive.model import KINDS, load_text
 from derive.robots import load
-from hamel.pipeline import mechanics_of
+from hamel.build.stages import mechanics_of
 from hamel.records import Known, Listed
 from hamel.simulate.libraries import REFERENCES
 

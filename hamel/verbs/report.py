@@ -18,11 +18,11 @@ from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS
 from derive.model.records import Extreme
-from derive.robots import Floating, load
-from hamel.pipeline import mechanics_of
+from derive.robots import RobotFile, load
+from hamel.build.files import write_text
+from hamel.build.stages import mechanics_of
 from hamel.records import ExtremeRow, Reported, as_json
 from hamel.settings import settings, units
-from hamel.staging import write_text
 from hamel.study import page
 from hamel.study.crew import Crew
 from hamel.study.extremes import files, judged
@@ -62,7 +62,7 @@ def run(
 
 
 def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Asked) -> None:
-    floating = next((path for path in paths if isinstance(path, Floating)), None)
+    floating = next((path for path in paths if isinstance(path, RobotFile)), None)
     if floating is not None:
         raise ModelError(
             f"a report is about files as they are: {floating}",

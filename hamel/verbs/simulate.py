@@ -24,7 +24,9 @@ from derive.formulations.charts import charted, together
 from derive.robots import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
-from hamel.pipeline import mechanics_of, temporary_module
+from hamel.build.assurance import assure
+from hamel.build.module import temporary_module
+from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
 from hamel.simulate import motion
@@ -95,23 +97,28 @@ def run(
         with temporary_module(
             by, (method.integrator,) if _own(method) else (), (enforcement.name,), real=real.name
         ) as module:
-            start, chart = charts.start(module, initial.q, initial.v, u, p) if by.charts else (x, 0)
-            return motion.integrated(module, by, times, start, u, p, stepping, progress, chart)
+            assure(plain, by, module)
+            start, chart, given = x, 0, p
+            if by.charts or by.frame:
+                start, chart, given = charts.start(module, initial.q, initial.v, u, p)
+            return motion.integrated(module, by, times, start, u, given, stepping, progress, chart)
 
+    used = chosen
     try:
         found = moved(chosen)
     except AssumptionError as error:
         others = _others(mechanics, chosen, enforcement, options) if _own(method) else []
         if not others:
             raise _explained(error, mechanics, initial, p) from None
+        used = charted([chosen, *others], survey_of(mechanics))
         try:
-            found = moved(charted([chosen, *others], survey_of(mechanics)))
+            found = moved(used)
         except AssumptionError:
             raise _explained(error, mechanics, initial, p) from None
     for write in files:
         write(found)
     return _record(
-        chosen,
+        used,
         replace(method, enforcement=enforcement.name, alpha=alpha),
         initial,
         found,
@@ -321,7 +328,7 @@ def _record(
         final={name: float(values[-1]) for name, values in found.columns().items()},
         file=Path(out) if out else None,
         plot=Path(plot) if plot else None,
-        motion=found.columns(),
+        motion=motion.written(found),
     )
 
 
@@ -340,6 +347,7 @@ def show(record: Simulated, console: Console) -> None:
     console.print(f"  largest |A v̇ − β|   {number(record.acceleration_violation)}")
     console.print(
         f"  energy balance      {number(record.energy_balance)} of the largest energy exchanged"
+        + (", as Jacobi's integral T₂ − T₀ + V" if "jacobi" in record.motion else "")
     )
     if record.crossings:
         console.print(
@@ -349,7 +357,8 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"  charts used         {record.charts}")
     for switch in record.switches:
         console.print(
-            f"  at {switch.time:.6g} s choice {switch.left} came near a singular position; {switch.entered} took over"
+            f"  between {switch.time:.6g} s and {switch.before:.6g} s {switch.left} "
+            f"came near where it fails; {switch.entered} took over"
         )
     for place in (record.file, record.plot):
         if place:

@@ -3,25 +3,35 @@ admissible states."""
 
 from __future__ import annotations
 
+import os
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from codegen.loader import load
 from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.formulations.charts import together
-from derive.robots import load
-from hamel.pipeline import Constants, mechanics_of, temporary_module, usable_choices
+from derive.robots import load as load_model
+from hamel.build.folder import differences, manifest
+from hamel.build.module import temporary_module
+from hamel.build.options import Constants
+from hamel.build.stages import mechanics_of, usable_choices
 from hamel.records import CheckLine, Mutations, Verified
 from hamel.verify import verification
 from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
+from hamel.verify.shipped import shipped_checks
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from derive.formulations.records import Equations
+
+SHOWN = 5  # files that are named at once
 
 
 def run(
@@ -36,7 +46,7 @@ def run(
     for name, value, least in (("states", states, 1), ("seed", seed, 0)):
         if value < least:
             raise ModelError(f"{name} is {value}, which is less than {least}")
-    model = load(path)
+    model = load_model(path)
     mechanics = mechanics_of(model, constants)
     asked = {
         together(e): e
@@ -54,6 +64,32 @@ def run(
         planted is None or planted.caught == planted.planted
     )
     return Verified(model.name, passed, tuple(checks), refused, states, seed, planted)
+
+
+def is_module(path: str | PathLike[str]) -> bool:
+    """Whether this is the folder of a built module, and no model file."""
+    return os.path.isdir(path) and bool(manifest(Path(path)))
+
+
+def run_folder(folder: str | PathLike[str], options: Mapping[str, Any]) -> Verified:
+    """Every file against the manifest, and every backend against the values that were stored when
+    the module was verified. Code that is not what was verified is not run."""
+    for name, value in options.items():
+        if value:
+            raise ModelError(f"{name} is for model files; {folder} is a module that was built")
+    place = Path(folder)
+    lines = differences(place)
+    about = "; ".join(lines[:SHOWN]) or "every file is the one that was built"
+    files = CheckLine(f"files: {about}", float(len(lines)), 0.0, not lines)
+    checks = () if lines else shipped_checks(place, load(place))
+    values = [
+        CheckLine(f"shipped: {c.name}", float(c.value), float(c.tolerance), bool(c.passed))
+        for c in checks
+    ]
+    passed = files.passed and all(check.passed for check in values)
+    said = manifest(place)
+    states = int(said.get("verification", {}).get("states", 0))
+    return Verified(str(said.get("model")), passed, (files, *values), {}, states, 0)
 
 
 def _checks(name: str, candidates: dict[str, Equations], states: int, seed: int) -> list[CheckLine]:

@@ -8,10 +8,10 @@ from types import ModuleType
 import numpy as np
 
 from derive.expressions.evaluate import number
+from derive.formulations.evaluate import Evaluator, evaluator
 from derive.formulations.records import Equations
 from derive.model.records import Published
 from derive.states.initial import initial_state
-from hamel.verify.checks.evidence import Graph, graph
 from hamel.verify.records import CheckResult
 from hamel.verify.reference.vectors import Array
 
@@ -30,11 +30,11 @@ def published_checks(equations: Equations, module: ModuleType) -> tuple[CheckRes
     wanted = equations.system.model.published
     if not wanted:
         return ()
-    seen = graph(equations)
+    seen = evaluator(equations)
     return tuple(_check(entry, _found(seen, module, entry)) for entry in wanted)
 
 
-def _found(seen: Graph, module: ModuleType, entry: Published) -> dict[str, float]:
+def _found(seen: Evaluator, module: ModuleType, entry: Published) -> dict[str, float]:
     """By the tightest tolerance at which the motion comes to the entry's time; nothing where none
     does."""
     for rtol in RTOLS:
@@ -45,7 +45,7 @@ def _found(seen: Graph, module: ModuleType, entry: Published) -> dict[str, float
     return {}
 
 
-def _state(seen: Graph, module: ModuleType, time: float, rtol: float) -> Array:
+def _state(seen: Evaluator, module: ModuleType, time: float, rtol: float) -> Array:
     """x at the time."""
     system = seen.equations.system
     start, u, p = initial_state(system), np.zeros(system.u.numel()), np.array(system.parameters)
@@ -59,7 +59,7 @@ def _state(seen: Graph, module: ModuleType, time: float, rtol: float) -> Array:
     return np.array(found.x[-1])
 
 
-def _values(seen: Graph, entry: Published, x: Array) -> dict[str, float]:
+def _values(seen: Evaluator, entry: Published, x: Array) -> dict[str, float]:
     """Everything that can be quoted, by name."""
     system, results = seen.equations.system, {f.name: f.result for f in seen.equations.functions}
     place = (entry.time, x, np.zeros(system.u.numel()), np.array(system.parameters))

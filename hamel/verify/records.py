@@ -22,7 +22,8 @@ class CheckResult:
 class Verification:
     """All checks of one choice of quasi-velocities at `states` random admissible states.
 
-    `rank` is that of A there, `region` the least and the largest value of whatever varied.
+    `rank` is that of A there, `region` the least and the largest value of whatever varied, `varied`
+    the parameters among them.
     """
 
     model: str
@@ -33,6 +34,7 @@ class Verification:
     seed: int
     rank: int = 0
     region: tuple[tuple[str, float, float], ...] = ()
+    varied: tuple[str, ...] = ()
 
     @property
     def failed(self) -> tuple[CheckResult, ...]:

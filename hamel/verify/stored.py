@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from derive.formulations.records import Equations
@@ -22,8 +23,9 @@ ROUNDING = frozenset(check.name for check in CHECKS if check.rounding)
 ROUNDOFF = 1e-12
 
 
-def stored(found: Verification, equations: Equations) -> str:
-    """The text of verification.json."""
+def stored(found: Verification, equations: Equations, states: Mapping[str, Any]) -> str:
+    """The text of verification.json; `states` are those of `shipped`, on one line for each
+    function."""
     margins = [_margin(check) for check in found.checks]
     summary = {
         "states": found.states,
@@ -41,13 +43,14 @@ def stored(found: Verification, equations: Equations) -> str:
         {"name": check.name, "tolerance": check.tolerance, "margin": margin, "about": check.about}
         for check, margin in zip(found.checks, margins)
     ]
-    about = "margin: the worst error is below tolerance / 10^margin (3 stands for 3 or more); region: of the sampled states"
-    return (
-        json.dumps(
-            {"about": about, "summary": summary, "checks": checks}, indent=1, ensure_ascii=False
-        )
-        + "\n"
+    about = (
+        "margin: the worst error is below tolerance / 10^margin (3 stands for 3 or more); "
+        "region: of the sampled states; functions: rows of arguments and the values expected there"
     )
+    said = {"about": about, "summary": summary, "checks": checks}
+    text = json.dumps(said, indent=1, ensure_ascii=False).removesuffix("\n}")
+    lines = [f"  {json.dumps(name)}: {json.dumps(rows)}" for name, rows in states.items()]
+    return text + ',\n "functions": {\n' + ",\n".join(lines) + "\n }\n}\n"
 
 
 def _margin(check: CheckResult) -> int | None:

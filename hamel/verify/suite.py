@@ -10,14 +10,15 @@ from types import ModuleType
 import numpy as np
 
 from derive.formulations.charts import together
+from derive.formulations.evaluate import evaluator
 from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import CHECKS, LOADED, QUICK
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.evidence import Evidence, Sample, graph, samples, terms
+from hamel.verify.checks.evidence import Evidence, Sample, evidence, varied
 from hamel.verify.checks.linear import with_linearization
 from hamel.verify.records import CheckResult, Verification
-from hamel.verify.reference.outcome import Reference, reference
+from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.vectors import Array
 
 NOTHING = 1e-9  # in the model's own units
@@ -75,7 +76,7 @@ def _in_charts(seen: Evidence, checks: Sequence[Check]) -> tuple[CheckResult, ..
     """The same for every further chart of the module."""
     found: list[CheckResult] = []
     for number, chart in enumerate(seen.graph.equations.charts, 1):
-        there = replace(seen, graph=graph(chart), others=(seen.graph,), chart=number)
+        there = replace(seen, graph=evaluator(chart), others=(seen.graph,), chart=number)
         found += [
             replace(check, name=f"{check.name}; chart {number}, {chart.choice}")
             for check in results(there, checks)
@@ -91,8 +92,9 @@ def _verdict(
     passed = all(c.passed for c in found)
     rank = max((s.outcome.rank for s in seen.samples), default=0)
     return Verification(
-        seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank, _region(seen)
-    )
+        seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank,
+        _region(seen), varied(seen.samples, seen.system),
+    )  # fmt: skip
 
 
 def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:
@@ -122,28 +124,6 @@ def _without_roundoff(seen: Evidence, s: Sample) -> Array:
     return np.where(np.abs(values) < NOTHING * seen.units.both, 0.0, values)
 
 
-def evidence(
-    ref: Reference,
-    equations: Equations,
-    module: ModuleType | None = None,
-    states: int = 100,
-    seed: int = 0,
-    others: Collection[Equations] = (),
-) -> Evidence:
-    """What the checks look at."""
-    system = equations.system
-    seen = samples(system, ref, states, seed)
-    return Evidence(
-        system,
-        ref,
-        seen,
-        terms(system),
-        graph(equations),
-        tuple(graph(other) for other in others),
-        module,
-    )
-
-
 def results(seen: Evidence, checks: Sequence[Check] = CHECKS) -> tuple[CheckResult, ...]:
     """Every check that applies, at the states of the evidence."""
     outcomes = [_check(check, seen) for check in checks if seen.samples]
@@ -162,7 +142,10 @@ def _enough(found: int, wanted: int) -> CheckResult:
 
 
 def _check(check: Check, seen: Evidence) -> CheckResult | None:
-    error = check.error(seen)
+    try:
+        error = check.error(seen)
+    except np.linalg.LinAlgError:  # what the check solves has no solution: no number comes of it
+        error = math.inf
     if error is None:
         return None
     value = math.inf if math.isnan(error) else float(error)

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
 from codegen.passes import program
+from hamel.build.module import published
 from tests.toy import toy
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -26,7 +27,7 @@ def module(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
     base = tmp_path_factory.mktemp("arguments")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        return loader.load(build.build(program(toy()), base / "toy").folder)
+        return loader.load(published(program(toy()), base / "toy").folder)
 
 
 @pytest.fixture(params=BACKENDS)

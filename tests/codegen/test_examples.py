@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen import build, compiler
+from codegen import compiler
+from codegen.emit import emit
 from codegen.passes import program
 from codegen.program import Program
 from derive.diagnostics import HamelError
@@ -40,7 +41,7 @@ def printed(folder: Path, place: Path) -> str:
 
 
 def emitted(made: Program, place: Path) -> Path:
-    for name, content in build.emit(made).items():
+    for name, content in emit(made).items():
         (place / name).write_text(content, encoding="utf-8")
     return place
 

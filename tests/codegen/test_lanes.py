@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen import build, compiler, loader
+from codegen import compiler, loader
 from codegen.integrators import INTEGRATORS, Tableau
 from codegen.passes import program
 from codegen.passes.lanes import side_by_side
 from derive.enforcement import ENFORCEMENTS
+from hamel.build.module import published
 from tests.scenes import derived
 from tests.toy import circle
 
@@ -43,7 +44,7 @@ def modules(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ModuleType]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         return {
-            name: loader.load(build.build(program(e, None, (*EXPLICIT,)), base / name).folder)
+            name: loader.load(published(program(e, None, (*EXPLICIT,)), base / name).folder)
             for name, e in {**programs, "circle": circle()}.items()
         }
 
@@ -190,7 +191,7 @@ def test_what_goes_one_by_one_is_the_same(tmp_path: Any, monkeypatch: pytest.Mon
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     names = tuple(e.name for e in ENFORCEMENTS if e.name in ("projection", "partitioning"))
     made = program(derived("four_bar"), None, ("radau", "dop853"), names)
-    module, x = loader.load(build.build(made, tmp_path / "four_bar").folder), starts("four_bar", 5)
+    module, x = loader.load(published(made, tmp_path / "four_bar").folder), starts("four_bar", 5)
     for how in ({"integrator": "radau"}, {"integrator": "dop853", "enforcement": "partitioning"}):
         found = module.simulate((0.0, 0.4), x, rtol=1e-7, **how)
         rows = [module.simulate((0.0, 0.4), row, rtol=1e-7, **how).x for row in x]

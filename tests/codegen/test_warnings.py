@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen import build
+from codegen.emit import emit
 from codegen.integrators import INTEGRATORS
 from codegen.passes import program
 from codegen.passes.precision import in_precision
@@ -53,7 +53,7 @@ PROGRAMS: dict[str, Callable[[], Program]] = {
 @pytest.fixture(scope="module", params=PROGRAMS)
 def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp(request.param)
-    for name, content in build.emit(PROGRAMS[request.param]()).items():
+    for name, content in emit(PROGRAMS[request.param]()).items():
         (place / name).write_text(content, encoding="utf-8")
     return place
 

@@ -47,7 +47,7 @@ def _inverted(survey: Survey, given: Reduction) -> tuple[ca.SX, Reduction]:
     Y = ca.vertcat(rows.A, given.B)
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(n)] for k in range(n)]
     try:
-        found = solved(survey, Y, sides)
+        found = solved(survey, Y, sides, given)
     except ZeroDivisionError:
         name = survey.system.model.name
         raise AssumptionError(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.choices.named import carried_through
-from derive.choices.pivots import solved
+from derive.choices.pivots import by_reflections, solved
 from derive.choices.reduction import Reduction
 from derive.choices.resolution import Survey
 from derive.formulations.assembly import entries, reduced
@@ -14,6 +14,7 @@ from derive.formulations.fitness import undetermined
 from derive.formulations.formulation import Formulation
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
+from derive.mechanics.solve import reflected_solution, scalars
 from derive.mechanics.system import inertial_forces
 from derive.model.records import Choice
 
@@ -34,13 +35,21 @@ def _missing(system: System, reduction: Reduction, vdot: ca.SX) -> ca.SX:
 
 
 def _multipliers(survey: Survey, reduction: Reduction, missing: ca.SX) -> ca.SX:
-    """λ from Yᵀ [λ; 0] = M v̇ + h − Q, Y = [A; B]."""
+    """λ from Yᵀ [λ; 0] = M v̇ + h − Q, Y = [A; B].
+
+    Where Y has no safe pivots it may be far worse conditioned than A alone: then λ is the least
+    squares solution of Aᵀ λ = M v̇ + h − Q, which the choice has no part in.
+    """
     rows = survey.independent_rows
     if not survey.rank:
         return rows.spread([])
-    return rows.spread(
-        solved(survey, ca.vertcat(rows.A, reduction.B).T, [entries(missing)]).columns[0]
-    )
+    Y = ca.vertcat(rows.A, reduction.B)
+    result = solved(survey, Y.T, [entries(missing)], reduction)
+    if by_reflections(result):
+        sides = [[x] for x in entries(missing)]
+        column, _ = reflected_solution(scalars(ca.SX(rows.A).T), sides)
+        return rows.spread([x for (x,) in column])
+    return rows.spread(result.columns[0])
 
 
 FORMULATION = Formulation(

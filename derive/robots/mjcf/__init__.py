@@ -3,8 +3,10 @@ left out, and that is said."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from derive.diagnostics import did_you_mean
-from derive.robots.markup import Element
+from derive.robots.markup import Budget, Element
 from derive.robots.mjcf.actuators import actuators, tendons
 from derive.robots.mjcf.bodies import Scene, walk
 from derive.robots.mjcf.settings import included, settings
@@ -16,9 +18,12 @@ NOT_NEEDED = ("asset", "contact", "custom", "keyframe", "sensor", "size", "stati
 REFUSED = {"deformable": "deformable bodies", "extension": "plugins"}
 
 
-def robot(root: Element, name: str, floating: bool) -> Robot:
-    """The robot of a <mujoco> element; ModelError with everything wrong with it."""
-    included(root)
+def robot(
+    root: Element, name: str, floating: bool, budget: Budget, folders: Sequence[str] = ()
+) -> Robot:
+    """The robot of a <mujoco> element; ModelError with everything wrong with it. `folders`: where
+    included files may be, beside the model's own."""
+    included(root, budget, folders)
     reading = Reading()
     _check_sections(reading, root)
     found = settings(reading, root)
@@ -72,7 +77,7 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
     if ignored:
         result.changed.append(f"not read: {', '.join(f'<{tag}>' for tag in ignored)}")
     if any(joint.limits for joint in result.joints):
-        result.changed.append(
+        result.assumed.append(
             "limits are there to read: nothing in the equations stops a joint at them"
         )
     fluid = [

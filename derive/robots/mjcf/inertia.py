@@ -114,8 +114,12 @@ def _placed(
     reading: Reading, geom: Element, kind: str, found: Settings
 ) -> tuple[Vector, Matrix, list[float] | None]:
     """Centre, orientation and half sizes; `fromto` gives the ends of the long axis."""
-    size = listing(reading, geom, "size") or []
+    size = listing(reading, geom, "size")
     ends = listing(reading, geom, "fromto", 6) if kind != "sphere" else None
+    unread = (size is None, ends is None and kind != "sphere")
+    if any(n and name in geom.attributes for n, name in zip(unread, ("size", "fromto"))):
+        return ORIGIN, IDENTITY, None  # reported
+    size = size or []
     if ends:
         along = minus(ends[3:], ends[:3])
         turn = along_z(along)

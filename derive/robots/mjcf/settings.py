@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from derive.diagnostics import did_you_mean, listed
-from derive.robots.markup import Element, parsed, read
+from derive.robots.markup import LARGEST, ROOTS, Budget, Element, parsed, read
 from derive.robots.numbers import listing, scalar, vector
 from derive.robots.robot import Reading
 from derive.robots.rotations import (
@@ -58,9 +59,14 @@ class Settings:
         return math.radians(value) if self.degrees else value
 
 
-def included(root: Element) -> Element:
-    """The root with the children of every included file in the place of its <include>."""
+def included(root: Element, budget: Budget, folders: Sequence[str] = ()) -> Element:
+    """The root with the children of every included file in the place of its <include>.
+
+    Bytes, elements and bodies of all files together come out of the budget. Files stay inside the
+    folder of the root's file, or inside one of `folders`.
+    """
     waiting, count = [root], 0
+    homes = [place.resolve() for place in (root.file.folder, *map(Path, folders))]
     while waiting:
         parent = waiting.pop()
         children: list[Element] = []
@@ -74,7 +80,7 @@ def included(root: Element) -> Element:
                         "more than 100 files are included",
                         "files that do not include each other in a circle",
                     )
-                queue += _content(child)[::-1]
+                queue += _content(child, budget, homes)[::-1]
             else:
                 children.append(child)
         parent.children = children
@@ -82,11 +88,14 @@ def included(root: Element) -> Element:
     return root
 
 
-def _content(include: Element) -> list[Element]:
+def _content(include: Element, budget: Budget, homes: Sequence[Path]) -> list[Element]:
     name = include.get("file")
     if not name:
         include.refuse("an include without a file", '<include file="…"/>')
-    place = include.file.folder / name
+    place = next(
+        (folder / name for folder in (include.file.folder, *homes) if (folder / name).is_file()),
+        include.file.folder / name,
+    )
     if (
         place.suffix.lower() not in KINDS
     ):  # a robot from elsewhere must not make us read, and quote, whatever file it likes
@@ -97,7 +106,29 @@ def _content(include: Element) -> list[Element]:
         include.refuse(
             f"the file {name!r} is not there", "a file beside this one", attribute="file"
         )
-    return parsed(read(place)).children
+    if not any(place.resolve().is_relative_to(home) for home in homes):
+        include.refuse(
+            f"the file {name!r} is outside the model's folder",
+            "a file beside this one or below",
+            "--include DIR allows files in another folder",
+            "file",
+        )
+    file = read(place)
+    budget.bytes -= len(file.content)
+    if budget.bytes < 0:
+        include.refuse(
+            "the included files are too large",
+            f"at most {LARGEST >> 20} MiB in all",
+            attribute="file",
+        )
+    root = parsed(file, budget)
+    if root.tag not in ROOTS:
+        include.refuse(
+            f"the file {name!r} is no part of an MJCF model",
+            "<mujoco> or <mujocoinclude> around its elements",
+            attribute="file",
+        )
+    return root.children
 
 
 def settings(reading: Reading, root: Element) -> Settings:

@@ -19,6 +19,8 @@ from typing import Any
 import casadi as ca
 import mpmath
 
+from derive.expressions.instructions import listing, run
+
 Rule = Callable[[int], int]  # k → term k
 
 
@@ -69,22 +71,12 @@ class Graph:
     ) -> None:
         self.fixed, self.bits, self.one = fixed, fixed.bits, 1 << fixed.bits
         self.growing: list[tuple[list[int], Rule]] = []
-        self.outputs = [[Series([0], True)] * function.nnz_out(i) for i in range(function.n_out())]
-        work = [Series([0], True)] * function.sz_w()
-        for k in range(function.n_instructions()):
-            code, source, target = (
-                function.instruction_id(k),
-                function.instruction_input(k),
-                function.instruction_output(k),
-            )
-            if code == ca.OP_INPUT:
-                work[target[0]] = inputs[source[0]][source[1]]
-            elif code == ca.OP_OUTPUT:
-                self.outputs[target[0]][target[1]] = work[source[0]]
-            elif code == ca.OP_CONST:
-                work[target[0]] = self.number(function.instruction_constant(k))
-            else:
-                work[target[0]] = self._made(code, [work[i] for i in source])
+        self.outputs = run(
+            listing(function),
+            entry=lambda argument, nonzero: inputs[argument][nonzero],
+            number=self.number,
+            operation=lambda read, operands: self._made(read.code, operands),
+        )
 
     def grow(self, k: int) -> None:
         """Term k of everything; the inputs must have theirs."""

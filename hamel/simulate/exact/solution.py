@@ -8,7 +8,6 @@ the independent derivation in maximal coordinates.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from decimal import Decimal, localcontext
@@ -18,18 +17,21 @@ from math import ceil
 import casadi as ca
 import numpy as np
 
-from codegen import cache
+from derive.expressions.instructions import listing
+from derive.formulations.evaluate import evaluator, function_of
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics
 from derive.states.initial import Initial
+from hamel.build import store
 from hamel.simulate.exact.series import Fixed, Graph, Series
 from hamel.simulate.exact.taylor import Problem as Flow
 from hamel.simulate.exact.taylor import integrated
-from hamel.verify.checks.evidence import all_parameters, graph, slots_of
+from hamel.verify.checks.evidence import all_parameters
 from hamel.verify.reference.outcome import evaluate, reference
 from hamel.verify.reference.outcome import state_of as spelled_out
 
 VERSION = 2
+KIND = "reference"  # of entries in the store
 MORE = 4  # digits carried beyond those asked for
 FIRST_CORRECTIONS = 6  # each gains as many digits as a double holds
 
@@ -79,7 +81,7 @@ def written(value: float) -> Fraction:
 
 def state_of(e: Equations, initial: Initial, p: np.ndarray) -> np.ndarray:
     """x from (q, v) by the equations' own function."""
-    found = _function(e, "state")(
+    found = function_of(e, "state")(
         0.0, np.concatenate([initial.q, initial.v]), np.zeros(e.system.u.numel()), p
     )
     return np.asarray(found).ravel()
@@ -99,7 +101,7 @@ def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solu
 def _computed(problem: Problem, times: Sequence[float], digits: int) -> Solution:
     e = problem.equations
     flow = Flow(
-        _function(e, "dynamics"),
+        function_of(e, "dynamics"),
         _consistent(problem),
         tuple(map(written, problem.u)),
         tuple(map(written, problem.p)),
@@ -124,11 +126,6 @@ def _effort(digits: int) -> tuple[int, int]:
     """Order and bits: terms fall by a factor of about eight, and numbers a hundred digits below one
     still count."""
     return ceil(1.1 * digits) + 2, ceil(3.33 * (2 * digits + 40))
-
-
-def _function(e: Equations, name: str) -> ca.Function:
-    function = next(f for f in e.functions if f.name == name)
-    return ca.Function(name, slots_of(e, function), [ca.densify(function.result.value)])
 
 
 def _evaluated(
@@ -179,7 +176,7 @@ def _with_velocities(
     """(q, v) from (q, w)."""
     arguments = [[Fraction(time)], list(x), [*map(written, problem.u)], [*map(written, problem.p)]]
     velocity = _evaluated(
-        _function(problem.equations, "velocity"), Fixed(_effort(digits + MORE)[1]), arguments
+        function_of(problem.equations, "velocity"), Fixed(_effort(digits + MORE)[1]), arguments
     )
     return [*x[: problem.equations.system.q.numel()], *velocity]
 
@@ -187,7 +184,7 @@ def _with_velocities(
 def _agreement(problem: Problem, time: float, x: Sequence[float]) -> float:
     """How far v̇ is from that of the independent derivation, relative to the largest entry of v̇ or
     of v in a second."""
-    s, seen, p = problem.equations.system, graph(problem.equations), np.array(problem.p)
+    s, seen, p = problem.equations.system, evaluator(problem.equations), np.array(problem.p)
     place = (time, np.array(x), np.array(problem.u), p)
     own, v = seen.acceleration(*place), seen("velocity", *place)
     ref = reference(s.model)
@@ -225,49 +222,26 @@ def _fingerprint(problem: Problem, times: Sequence[float], digits: int) -> str:
     text = "|".join(
         [
             *map(repr, parts),
-            *(_listing(_function(problem.equations, name)) for name in ("dynamics", "velocity")),
+            *(_listing(function_of(problem.equations, name)) for name in ("dynamics", "velocity")),
         ]
     )
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _listing(function: ca.Function) -> str:
-    """Every instruction."""
-    lines = []
-    for k in range(function.n_instructions()):
-        code = function.instruction_id(k)
-        number = function.instruction_constant(k) if code == ca.OP_CONST else ""
-        lines.append(
-            f"{code} {function.instruction_input(k)} {function.instruction_output(k)} {number!r}"
-        )
-    return "\n".join(lines)
+    """Every instruction, and where the results come from."""
+    program = listing(function)
+    return "\n".join(map(repr, (*program.instructions, program.outputs)))
 
 
 def _kept(name: str) -> Solution | None:
-    root = cache.folder("references")
-    try:
-        stored = json.loads((root / name / "solution.json").read_text()) if root else None
-        if stored is None or set(stored) != {field.name for field in fields(Solution)}:
-            return None
-        cache.used(root / name)  # type: ignore[operator]
-        values = tuple(tuple(row) for row in stored.pop("values"))
-        return Solution(
-            **stored
-            | {"names": tuple(stored["names"]), "times": tuple(stored["times"]), "values": values}
-        )
-    except (OSError, ValueError, TypeError):
+    entry = store.stored(KIND, name)
+    if entry is None or set(entry.data) != {field.name for field in fields(Solution)}:
         return None
+    lists = {"names": tuple(entry.data["names"]), "times": tuple(entry.data["times"])}
+    values = tuple(tuple(row) for row in entry.data["values"])
+    return Solution(**{**entry.data, **lists, "values": values})
 
 
 def _keep(name: str, found: Solution) -> None:
-    root = cache.folder("references")
-    if root is None:
-        return
-    try:
-        cache.prune(root)
-        (root / name).mkdir(exist_ok=True)
-        part = root / name / "solution.part"
-        part.write_text(json.dumps(asdict(found)))
-        part.replace(root / name / "solution.json")
-    except OSError:
-        return
+    store.put(KIND, name, store.Entry(data=asdict(found)))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from codegen.runtime.simulation import Simulation, Status, Stopped
+from derive.formulations.functions import positions
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
@@ -53,12 +54,12 @@ def simulation(
 ) -> Simulation:
     """As the module's own simulate() gives it, with the violations that the module's own functions
     see at the output times."""
-    module, positions = problem.module, problem.equations.system.phi.numel()
+    module, closed = problem.module, positions(problem.equations.system)
     if not hasattr(module, "constraints"):
         return Simulation(problem.times, x, work, steps, rejected, calls, 0.0, 0.0)
     size = np.abs(module.constraints(problem.times, x, problem.u, problem.p))
     position, velocity = (
-        float(np.max(part, initial=0.0)) for part in (size[:, :positions], size[:, positions:])
+        float(np.max(part, initial=0.0)) for part in (size[:, :closed], size[:, closed:])
     )
     return Simulation(problem.times, x, work, steps, rejected, calls, position, velocity)
 

@@ -59,7 +59,7 @@ def _idas(problem: Problem) -> Run:
     dae = {
         "x": ca.vertcat(system.q, system.v), "z": ca.vertcat(mu, lam), "t": system.t, "u": system.u, "p": system.p,
         "ode": ca.vertcat(qdot, vdot), "alg": ca.vertcat(phi, ca.mtimes(A, system.v) - system.c[kept]),
-        "quad": next(function.result.value for function in equations.functions if function.name == "power"),
+        "quad": equations.function("power").result.value,
     }  # fmt: skip
     t, module = float(problem.times[0]), problem.module
     z = np.concatenate([np.zeros(len(closing)), _multipliers(problem, kept)])
@@ -103,7 +103,7 @@ def _multipliers(problem: Problem, kept: list[int]) -> np.ndarray:
 def _kept(equations: Equations) -> list[int]:
     """The independent rows, by the names that their own function shows."""
     names = [row.name for row in equations.system.rows]
-    slip = next(request for request in equations.requests if request.name == "slip").make()
+    slip = equations.request("slip").make()
     return [names.index(label) for label in slip.result.labels]
 
 

@@ -7,9 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from derive.expressions.tree import Call
+from derive.formulations.evaluate import Evaluator
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.compare import FLOOR, SMALL, deviation, sizes, worst
-from hamel.verify.checks.evidence import Evidence, Graph, Sample, Terms
+from hamel.verify.checks.compare import Sums, deviation, sizes, worst
+from hamel.verify.checks.evidence import Evidence, Sample, Terms
+from hamel.verify.limits import (
+    CANCELLING,
+    ENERGIES,
+    FLOOR,
+    OWN_ENERGIES,
+    ROUNDING,
+    SMALL,
+    SOLVED,
+    TERMS,
+)
 from hamel.verify.reference.outcome import Kinematics, Outcome, state_of
 from hamel.verify.reference.outputs import nearest_turn, outputs
 from hamel.verify.reference.saddle import RANK, rank_of, saddle, solved
@@ -32,69 +43,73 @@ def violated(e: Evidence, k: Kinematics, q: Array, v: Array) -> float:
 
 def rates(e: Evidence) -> float:
     """q̇, N, and the first half of ẋ."""
+    sums, unit = e.of_speeds(TERMS), e.units.qdot
     matrices = deviation(
         [t.N for t in e.terms], [s.outcome.kinematics.N for s in e.samples], unit=e.units.N
     )
-    terms = deviation(
-        [t.qdot for t in e.terms], [s.outcome.qdot for s in e.samples], unit=e.units.qdot
-    )
+    wanted = [s.outcome.qdot for s in e.samples]
+    terms = deviation([t.qdot for t in e.terms], wanted, unit=unit, sums=sums)
     own = [state.rates for state in e.own]
     ours = [xdot[: len(rates)] for xdot, rates in zip(e.results("dynamics"), own)]
-    return max(matrices, terms, deviation(ours, own, unit=e.units.qdot))
+    return max(matrices, terms, deviation(ours, own, unit=unit, sums=sums))
 
 
 def mass(e: Evidence) -> float:
     """|M − M_ref|ᵢⱼ against √(Mᵢᵢ Mⱼⱼ), so that light parts count as much as heavy ones."""
-    unit = e.units.M
-    found = worst([mass_error(t.M / unit, s.outcome.M / unit) for t, s in zip(e.terms, e.samples)])
-    if not e.graph.has("mass"):
-        return found
-    return max(
-        found,
-        worst(
-            [mass_error(M / unit, s.outcome.M / unit) for M, s in zip(e.results("mass"), e.samples)]
-        ),
-    )
+    errors = mass_errors(e, [t.M for t in e.terms], TERMS)
+    if e.graph.has("mass"):
+        errors += mass_errors(e, e.results("mass"), TERMS)
+    return worst(errors)
 
 
-def mass_error(got: Array, wanted: Array) -> float:
+def mass_errors(e: Evidence, got: Sequence[Array], tolerance: float) -> list[float]:
+    """Per state. Where a part has no inertia about its joint, what it is compared with is the sum
+    that cancels."""
+    given = zip(got, e.samples, e.of_masses(tolerance))
+    return [mass_error(M / e.units.M, s.outcome.M / e.units.M, least) for M, s, least in given]
+
+
+def mass_error(got: Array, wanted: Array, least: Array) -> float:
     root = np.sqrt(np.abs(np.diag(wanted)))
-    size = np.maximum(np.outer(root, root), 1e-12 * np.max(np.abs(wanted), initial=1e-300))
-    return worst((got - wanted) / size)
+    return worst((got - wanted) / np.maximum(np.maximum(np.outer(root, root), least), 1e-300))
 
 
 def bias(e: Evidence) -> float:
     """h: velocity products, gravity and the model's own potential; also the function `bias`."""
-    found = deviation([t.h for t in e.terms], [s.outcome.h for s in e.samples], unit=e.units.force)
+    sums, unit = e.of_forces(CANCELLING), e.units.force
+    wanted = [s.outcome.h for s in e.samples]
+    error = deviation([t.h for t in e.terms], wanted, unit=unit, sums=sums)
     if not e.graph.has("bias"):
-        return found
-    return max(
-        found,
-        deviation(e.results("bias"), [outcome.h for outcome in e.outcomes], unit=e.units.force),
-    )
+        return error
+    own = [outcome.h for outcome in e.outcomes]
+    return max(error, deviation(e.results("bias"), own, unit=unit, sums=sums))
 
 
 def applied(e: Evidence) -> float:
     """Q: loads, inputs and nonideal forces."""
-    return deviation([t.Q for t in e.terms], [s.outcome.Q for s in e.samples], unit=e.units.force)
+    wanted, sums = [s.outcome.Q for s in e.samples], e.of_forces(CANCELLING)
+    return deviation([t.Q for t in e.terms], wanted, unit=e.units.force, sums=sums)
 
 
 def power(e: Evidence) -> float:
-    """Of all forces without a potential; the function `power` adds λᵀ c and is held to the energy
-    balance."""
+    """Of all forces without a potential, and ∂(V − T)/∂t; the function `power` adds λᵀ c and is
+    held to the energy balance."""
     wanted = [np.array([s.outcome.power]) for s in e.samples]
-    return deviation([np.array([t.power]) for t in e.terms], wanted, unit=e.units.power)
+    ours = [np.array([t.power]) for t in e.terms]
+    return deviation(ours, wanted, unit=e.units.power, sums=e.of_powers(CANCELLING))
 
 
 def positions(e: Evidence) -> float:
     """φ off the constraint surface, where it is not zero."""
     got = [e.terms_at(d.t, d.q, d.v, s.u, s.p).phi for d, s in zip(e.disturbed, e.samples)]
-    return deviation(got, [e.kinematics(d).phi for d in e.disturbed], unit=e.units.positions)
+    sums = Sums(TERMS, [1.0 + worst(d.q / e.units.q) for d in e.disturbed])
+    wanted = [e.kinematics(d).phi for d in e.disturbed]
+    return deviation(got, wanted, unit=e.units.positions, sums=sums)
 
 
 def violation(e: Evidence) -> float | None:
-    """The function `constraints`, φ above A v − c, on and off the constraint surface, at the
-    choice's own velocities."""
+    """The function `constraints`, φ above the lengths of quaternions above A v − c, on and off the
+    constraint surface, at the choice's own velocities."""
     if not e.graph.has("constraints"):
         return None
     places = zip((s.state for s in e.samples), e.disturbed)
@@ -107,25 +122,41 @@ def _violation_error(e: Evidence, s: Sample, x: Array, at: State) -> float:
     moved = np.concatenate([at.q, x[len(s.q) :]])
     there = state_of(e.reference, s.t, at.q, e.graph("velocity", s.t, moved, s.u, s.p), s.u, s.full)
     k = e.kinematics(there)
-    wanted = np.concatenate([k.phi, k.violation(there.v)])
+    lengths = np.array([at.q[i : i + 4] @ at.q[i : i + 4] - 1.0 for i in e.system.quaternions])
+    wanted = np.concatenate([k.phi, lengths, k.violation(there.v)])
     size = np.concatenate(
-        [1e-2 * e.units.positions + np.abs(k.phi), e.units.rows + np.abs(k.A) @ np.abs(there.v)]
+        [
+            np.maximum(1e-2 * e.units.positions + np.abs(k.phi), _reach(e, at)),
+            1e-2 + np.abs(lengths),
+            np.maximum(e.units.rows + np.abs(k.A) @ np.abs(there.v), _products(e, k.A, there.v)),
+        ]
     )
     return worst((e.graph("constraints", s.t, moved, s.u, s.p) - wanted) / size)
+
+
+def _products(e: Evidence, A: Array, v: Array) -> float:
+    """What an error in A v is at least held against: ROUNDING of |A| |v| over all rows and
+    columns."""
+    return ROUNDING / TERMS * worst(A * e.units.v) * float(np.abs(v / e.units.v).sum())
+
+
+def _reach(e: Evidence, at: State) -> float:
+    """The same of φ: the way from where the coordinates are zero."""
+    largest = float(np.max(e.units.positions, initial=0.0))
+    return ROUNDING / TERMS * largest * (1.0 + worst(at.q / e.units.q))
 
 
 def velocities(e: Evidence) -> float:
     """A and c, so that λ means the same on both sides."""
     rows = [s.outcome.kinematics for s in e.samples]
     directions = deviation([t.A for t in e.terms], [k.A for k in rows], unit=e.units.A)
-    return max(
-        directions, deviation([t.c for t in e.terms], [k.c for k in rows], unit=e.units.rows)
-    )
+    ours, wanted = [t.c for t in e.terms], [k.c for k in rows]
+    return max(directions, deviation(ours, wanted, unit=e.units.rows, sums=e.of_speeds(TERMS)))
 
 
 def accelerations(e: Evidence) -> float:
     """β against its own size or, where it cancels, against 1e-3 of the products |A| |v| |v| that it
-    is the sum of."""
+    is the sum of, and what rounding leaves of them over all columns."""
     unit = e.units
     wanted = np.array([s.outcome.kinematics.beta for s in e.samples]) / unit.beta
     got = np.array([t.beta for t in e.terms]) / unit.beta
@@ -135,11 +166,10 @@ def accelerations(e: Evidence) -> float:
         )
         / unit.rows
     )
-    return (
-        worst((got - wanted) / np.maximum(sizes(wanted), 1e-3 * summed))
-        if got.shape == wanted.shape
-        else float("inf")
-    )
+    if got.shape != wanted.shape:
+        return float("inf")
+    least = np.maximum(1e-3 * summed, e.of_rows(CANCELLING).floors[:, None])
+    return worst((got - wanted) / np.maximum(sizes(wanted), least))
 
 
 def independent(e: Evidence) -> float:
@@ -154,20 +184,31 @@ def independent(e: Evidence) -> float:
 
 
 def energies(e: Evidence) -> float:
-    """T and V of the system."""
-    return _energies(e, [np.array([t.T, t.V]) for t in e.terms], [s.outcome for s in e.samples])
+    """T, V and what the motion balances, of the system."""
+    own = [np.array([t.T, t.V, t.energy]) for t in e.terms]
+    return _energies(e, own, [s.outcome for s in e.samples], ENERGIES)
 
 
 def energy(e: Evidence) -> float | None:
-    """The function `energy`."""
-    return _energies(e, e.results("energy"), e.outcomes) if e.graph.has("energy") else None
+    """The function `energy`: T, V and Jacobi's integral, or what stands for it, T + V."""
+    if not e.graph.has("energy"):
+        return None
+    own = [y if len(y) > 2 else np.append(y, y.sum()) for y in e.results("energy")]
+    return _energies(e, own, e.outcomes, OWN_ENERGIES)
 
 
-def _energies(e: Evidence, got: Sequence[Array], outcomes: Sequence[Outcome]) -> float:
-    """T and V each against its own size: where one is a thousand times the other, it would hide
-    what is wrong there."""
-    wanted = [np.array([outcome.T, outcome.V]) for outcome in outcomes]
-    return worst([deviation(_only(got, k), _only(wanted, k), unit=e.units.energy) for k in (0, 1)])
+def _energies(
+    e: Evidence, got: Sequence[Array], outcomes: Sequence[Outcome], tolerance: float
+) -> float:
+    """Each against its own size: where one is a thousand times the other, it would hide what is
+    wrong there. A sum that cancels is held against its parts."""
+    wanted = [np.array([o.T, o.V, o.energy]) for o in outcomes]
+    unit, sums = e.units.energy, e.of_energies(tolerance)
+    single = [deviation(_only(got, k), _only(wanted, k), unit=unit, sums=sums) for k in (0, 1)]
+    sizes = [abs(o.T) + abs(o.V) + abs(o.energy) for o in outcomes]
+    parts = np.maximum(SMALL * unit + np.array(sizes), unit * sums.floors)
+    totals = np.array(_only(got, 2)) - np.array(_only(wanted, 2))
+    return worst([*single, worst(totals[:, 0] / parts)])
 
 
 def _only(rows: Sequence[Array], k: int) -> list[Array]:
@@ -176,9 +217,15 @@ def _only(rows: Sequence[Array], k: int) -> list[Array]:
 
 def motion(e: Evidence) -> float:
     """The choice's v̇, per condition number of the augmented system."""
-    return deviation(
-        e.vdot, [s.outcome.vdot for s in e.samples], e.conditions, e.small, e.units.vdot
-    )
+    return acceleration_error(e, [s.outcome.vdot for s in e.samples], e.conditions)
+
+
+def acceleration_error(
+    e: Evidence, wanted: Sequence[Array], relax: Sequence[float] | Array
+) -> float:
+    """The choice's v̇ against another one, per condition number."""
+    sums = e.of_accelerations(SOLVED)
+    return deviation(e.vdot, wanted, relax, e.small, e.units.vdot, sums)
 
 
 def multipliers(e: Evidence) -> float | None:
@@ -194,9 +241,8 @@ def multipliers(e: Evidence) -> float | None:
         np.array([np.maximum(np.max(np.abs(t.A / e.units.A), axis=1), 1e-300) for t in e.terms]),
     )
     found, wanted = np.array(e.results("reactions")), np.array([s.outcome.lam for s in e.samples])
-    largest = np.array(
-        [np.max(_summed(t, vdot) / own.force, initial=0.0) for t, vdot in zip(e.terms, e.vdot)]
-    )[:, None]
+    balance = [worst(_summed(t, vdot) / own.force) for t, vdot in zip(e.terms, e.vdot)]
+    largest = np.maximum(balance, FLOOR * e.forces)[:, None]
     if not e.redundant:
         return _unbalanced(e, found / own.lam, wanted / own.lam, largest / of_row)
     forces = np.array([s.outcome.constraint_force for s in e.samples])
@@ -228,9 +274,7 @@ def _summed(t: Terms, vdot: Array) -> Array:
 
 def augmented(e: Evidence) -> float:
     """v̇ against [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] of the System's own terms."""
-    return deviation(
-        e.vdot, [_augmented(t)[: len(t.M)] for t in e.terms], e.conditions, e.small, e.units.vdot
-    )
+    return acceleration_error(e, [_augmented(t)[: len(t.M)] for t in e.terms], e.conditions)
 
 
 def _augmented(t: Terms) -> Array:
@@ -240,23 +284,33 @@ def _augmented(t: Terms) -> Array:
 
 def balance(e: Evidence) -> float | None:
     """M v̇ + h = Q + Aᵀ λ row by row, against the sizes of what is summed: no condition number
-    excuses a wrong λ or v̇ here.
+    excuses a wrong λ here.
+
+    v̇ = S ẇ + σ is known to n·2⁻⁵² cond [A; B] of the largest force at best: where [A; B] is nearly
+    singular S ẇ and σ nearly cancel. What is summed in a row counts as at least that.
 
     Where nothing pulls at all, what is summed is roundoff, and is not compared with itself: no more
     than what is left of velocity products, each of the size of T, that cancel.
     """
     if not e.graph.has("reactions"):
         return None
-    given = zip(e.terms, e.vdot, e.results("reactions"))
+    given = zip(e.terms, e.vdot, e.results("reactions"), e.forces, e.own_conditions(e.graph))
     return worst(
-        [_imbalance(t, vdot, lam, e.units.force, t.T / e.units.energy) for t, vdot, lam in given]
+        [
+            worst(_imbalance(t, a, lam, e.units.force, size, growth))
+            for t, a, lam, size, growth in given
+        ]
     )
 
 
-def _imbalance(t: Terms, vdot: Array, lam: Array, unit: Array, products: float) -> Array:
+def _imbalance(
+    t: Terms, vdot: Array, lam: Array, unit: Array, forces: float, growth: float
+) -> Array:
     summed = (_summed(t, vdot) + np.abs(t.A.T) @ np.abs(lam)) / unit
     left = (t.M @ vdot + t.h - t.Q - t.A.T @ lam) / unit
-    return left / np.maximum(summed, 1e-6 * max(SMALL, products, summed.max(initial=0.0)))
+    largest = max(SMALL, summed.max(initial=0.0))
+    known = ROUNDING / SOLVED * max(forces, len(vdot) * growth * largest)
+    return left / np.maximum(summed, max(1e-6 * largest, known))
 
 
 def choices(e: Evidence) -> float | None:
@@ -266,9 +320,9 @@ def choices(e: Evidence) -> float | None:
     return worst([_between(e, other) for other in e.others])
 
 
-def _between(e: Evidence, other: Graph) -> float:
+def _between(e: Evidence, other: Evaluator) -> float:
     relax = [a * b for a, b in zip(e.conditions, e.conditions_of(other))]
-    return deviation(e.accelerations_of(other), e.vdot, relax, e.small, e.units.vdot)
+    return acceleration_error(e, e.accelerations_of(other), relax)
 
 
 def results(e: Evidence) -> float | None:
@@ -284,10 +338,11 @@ def results(e: Evidence) -> float | None:
         isinstance(x.expression, Call) and x.expression.function == "reaction"
         for x in model.outputs
     )
-    labels = next(f.result.units for f in e.graph.equations.functions if f.name == "outputs")
-    return deviation(
-        got, wanted, e.conditions if uses_multipliers else None, unit=e.units.own.all_of(labels)
-    )
+    labels = e.graph.equations.function("outputs").result.units
+    relax = e.conditions if uses_multipliers else None
+    largest = [1.0 + worst(s.q / e.units.q) for s in e.samples] + e.speeds
+    sums = Sums(SOLVED, largest + e.forces if uses_multipliers else largest)
+    return deviation(got, wanted, relax, unit=e.units.own.all_of(labels), sums=sums)
 
 
 def _reactions(e: Evidence) -> Sequence[Array]:
@@ -303,53 +358,58 @@ CHECKS = (
         "reference: φ = 0 and A v = c, relative; Newton stops at 1e-12",
         admissible,
     ),
-    Check("q̇ = N v", 1e-11, "reference: rates of the coordinates, in the system and in ẋ", rates),
+    Check("q̇ = N v", TERMS, "reference: rates of the coordinates, in the system and in ẋ", rates),
     Check(
-        "M", 1e-11, "reference: Jᵀ K J of the maximal coordinates, entries against √(Mᵢᵢ Mⱼⱼ)", mass
+        "M", TERMS, "reference: Jᵀ K J of the maximal coordinates, entries against √(Mᵢᵢ Mⱼⱼ)", mass
     ),
     Check(
-        "h", 1e-9, "reference: velocity products, gravity, potential; sums that may cancel", bias
+        "h",
+        CANCELLING,
+        "reference: velocity products, gravity, potential; sums that may cancel",
+        bias,
     ),
-    Check("Q", 1e-9, "reference: loads, inputs, nonideal forces; sums that may cancel", applied),
-    Check("φ", 1e-11, "reference: positions off the constraint surface", positions),
-    Check("constraints", 1e-11, "reference: φ and A v − c off the constraint surface", violation),
-    Check("A, c", 1e-11, "reference: constraint rows", velocities),
+    Check(
+        "Q", CANCELLING, "reference: loads, inputs, nonideal forces; sums that may cancel", applied
+    ),
+    Check("φ", TERMS, "reference: positions off the constraint surface", positions),
+    Check("constraints", TERMS, "reference: φ and A v − c off the constraint surface", violation),
+    Check("A, c", TERMS, "reference: constraint rows", velocities),
     Check(
         "rank A",
         0.0,
         "reference: number of independent rows, and of the quasi-velocities they leave",
         independent,
     ),
-    Check("β", 1e-9, "reference: A v̇ = β; sums that may cancel", accelerations),
-    Check("T, V", 1e-10, "reference: energies; V may cancel", energies),
-    Check("energy", 1e-12, "reference: energies at the choice's own velocities", energy),
-    Check("power", 1e-9, "reference: force times velocity; sums that may cancel", power),
+    Check("β", CANCELLING, "reference: A v̇ = β; sums that may cancel", accelerations),
+    Check("T, V", ENERGIES, "reference: energies, and T₂ − T₀ + V; V may cancel", energies),
+    Check("energy", OWN_ENERGIES, "reference: energies at the choice's own velocities", energy),
+    Check("power", CANCELLING, "reference: force times velocity; sums that may cancel", power),
     Check(
-        "v̇", 1e-10, "reference: Newton–Euler in maximal coordinates, per condition number", motion
+        "v̇", SOLVED, "reference: Newton–Euler in maximal coordinates, per condition number", motion
     ),
     Check(
         "λ",
-        1e-10,
+        SOLVED,
         "reference: multipliers (Aᵀ λ when rows are redundant), per condition number",
         multipliers,
     ),
     Check(
         "M v̇ + h = Q + Aᵀ λ",
-        1e-10,
+        SOLVED,
         "the choice's v̇ and λ in the system's own terms, against what is summed",
         balance,
     ),
     Check(
         "v̇ augmented",
-        1e-10,
+        SOLVED,
         "the system's own terms solved with multipliers, per condition number",
         augmented,
     ),
     Check(
         "v̇ of other choices",
-        1e-10,
+        SOLVED,
         "the other quasi-velocities of the model, per condition number",
         choices,
     ),
-    Check("outputs", 1e-10, "reference: positions, velocities, angles and formulas", results),
+    Check("outputs", SOLVED, "reference: positions, velocities, angles and formulas", results),
 )

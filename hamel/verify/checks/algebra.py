@@ -7,7 +7,9 @@ import numpy as np
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import deviation, worst
 from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.limits import TERMS, UNDONE
 from hamel.verify.reference.outcome import energies, state_of
+from hamel.verify.reference.saddle import least_eigenvalue
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
@@ -18,14 +20,10 @@ def symmetric(e: Evidence) -> float:
 
 
 def semidefinite(e: Evidence) -> float:
-    """How far the smallest eigenvalue of M, scaled to a unit diagonal, is below zero."""
-    return worst([max(0.0, -_least_eigenvalue(t.M)) for t in e.terms])
-
-
-def _least_eigenvalue(M: Array) -> float:
-    size = np.sqrt(np.maximum(np.diag(M), 0.0))
-    size = np.where(size > 0.0, size, 1.0)
-    return float(np.linalg.eigvalsh((M + M.T) / np.outer(size, size) / 2.0).min(initial=0.0))
+    """How far the smallest eigenvalue of M, scaled to a unit diagonal, is below zero. A diagonal
+    entry that cancels counts as what rounding may leave of it."""
+    given = zip(e.terms, e.samples)
+    return worst([max(0.0, -least_eigenvalue(t.M, s.outcome.least_inertia)) for t, s in given])
 
 
 def kinetic(e: Evidence) -> float | None:
@@ -33,12 +31,14 @@ def kinetic(e: Evidence) -> float | None:
     if not _quadratic(e):
         return None
     ours = [np.array([0.5 * s.v @ t.M @ s.v]) for s, t in zip(e.samples, e.terms)]
-    return deviation(ours, [np.array([t.T]) for t in e.terms], unit=e.units.energy)
+    wanted, sums = [np.array([t.T]) for t in e.terms], e.of_energies(TERMS)
+    return deviation(ours, wanted, unit=e.units.energy, sums=sums)
 
 
 def _quadratic(e: Evidence) -> bool:
     for s in e.samples[:3]:
-        T, _ = energies(e.reference, state_of(e.reference, s.t, s.q, 2.0 * s.v, s.u, s.full))
+        twice = state_of(e.reference, s.t, s.q, 2.0 * s.v, s.u, s.full)
+        T = energies(e.reference, twice).T
         if abs(T - 4.0 * s.outcome.T) > 1e-9 * (e.units.energy + abs(T)):
             return False
     return True
@@ -75,10 +75,9 @@ def roundtrip(e: Evidence) -> float:
     """(q, v) → x → (q, v); and x = (q, B v) off the constraints as well, where B is shown: no
     condition number excuses that."""
     forth = [_forth(e, s, at) for s, d in zip(e.samples, e.disturbed) for at in (s.state, d)]
-    return max(
-        worst(forth),
-        deviation(e.velocities, [s.v for s in e.samples], e.conditions, unit=e.units.v),
-    )
+    wanted, sums = [s.v for s in e.samples], e.of_speeds(UNDONE)
+    back = deviation(e.velocities, wanted, e.conditions, unit=e.units.v, sums=sums)
+    return max(worst(forth), back)
 
 
 def _forth(e: Evidence, s: Sample, at: State) -> float:
@@ -95,7 +94,7 @@ def _product_check(left: str, right: str) -> Check:
     name = f"{left} {right} = {int((left, right) in (('A', 'R'), ('B', 'S')))}"
     return Check(
         name,
-        1e-12,
+        UNDONE,
         "block inverse of Y = [A; B], per condition number",
         lambda e: inverse(e, left, right),
     )
@@ -103,12 +102,12 @@ def _product_check(left: str, right: str) -> Check:
 
 CHECKS = (
     Check("M symmetric", 1e-13, "M = Mᵀ", symmetric),
-    Check("M semidefinite", 1e-12, "no negative eigenvalue", semidefinite),
-    Check("T = ½ vᵀ M v", 1e-11, "kinetic energy is the mass matrix's quadratic form", kinetic),
+    Check("M semidefinite", UNDONE, "no negative eigenvalue", semidefinite),
+    Check("T = ½ vᵀ M v", TERMS, "kinetic energy is the mass matrix's quadratic form", kinetic),
     *(_product_check(left, right) for left in "AB" for right in "SR"),
     Check(
         "x ↔ (q, v)",
-        1e-12,
+        UNDONE,
         "state and velocity undo each other on A v = c, per condition number",
         roundtrip,
     ),

@@ -8,11 +8,12 @@ from itertools import permutations
 
 import numpy as np
 
+from derive.formulations.evaluate import Evaluator, evaluator
 from hamel.charts import in_chart
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import NEARLY
 from hamel.verify.checks.compare import worst
-from hamel.verify.checks.evidence import Evidence, Graph, Sample, graph
+from hamel.verify.checks.evidence import Evidence, Sample, margins
 from hamel.verify.reference.saddle import row_condition
 from hamel.verify.reference.vectors import Array
 
@@ -23,7 +24,7 @@ def transformation(e: Evidence) -> float | None:
     equations = e.graph.equations
     if e.module is None or not equations.charts:
         return None
-    charts = [e.graph, *(graph(chart) for chart in equations.charts)]
+    charts = [e.graph, *(evaluator(chart) for chart in equations.charts)]
     return worst(
         [
             error
@@ -33,7 +34,7 @@ def transformation(e: Evidence) -> float | None:
     )
 
 
-def _errors(e: Evidence, charts: list[Graph], a: int, b: int) -> Iterator[float]:
+def _errors(e: Evidence, charts: list[Evaluator], a: int, b: int) -> Iterator[float]:
     conditions = [_conditions(e, charts[k]) for k in (a, b)]
     states = [e.states_of(charts[k]) for k in (a, b)]
     regular = [_regular(e, charts[k], states_) for k, states_ in zip((a, b), states)]
@@ -42,15 +43,15 @@ def _errors(e: Evidence, charts: list[Graph], a: int, b: int) -> Iterator[float]
             yield worst(_gap(e, s, x, y, a, b)) / max(growth)
 
 
-def _regular(e: Evidence, chart: Graph, states: tuple[Array, ...]) -> Array:
+def _regular(e: Evidence, chart: Evaluator, states: tuple[Array, ...]) -> Array:
     """Where the guards of v let a state pass, in the precision of the module."""
     return (
-        chart.margins("velocity", [(s.t, x, s.u, s.p) for s, x in zip(e.samples, states)], e.real)
+        margins(chart, "velocity", [(s.t, x, s.u, s.p) for s, x in zip(e.samples, states)], e.real)
         > NEARLY
     )
 
 
-def _conditions(e: Evidence, chart: Graph) -> list[float]:
+def _conditions(e: Evidence, chart: Evaluator) -> list[float]:
     """cond [A; B] of the chart alone: how much roundoff may grow."""
     return [max(1.0, row_condition(Y)) for Y in e.named("Y", chart) or [np.eye(1)] * len(e.samples)]
 

@@ -17,7 +17,7 @@ from codegen.loader import load
 from hamel.charts import in_chart
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import sizes, worst
-from hamel.verify.checks.evidence import Evidence, Row
+from hamel.verify.checks.evidence import Evidence, Row, margins
 from hamel.verify.reference.vectors import Array
 
 Call = Callable[..., Array]
@@ -127,7 +127,7 @@ def _error(e: Evidence, name: str, got: Array) -> float:
     kept = ~_rightly_refused(e, name, got)
     if 2 * kept.sum() < len(kept):
         return float("inf")
-    unit = e.units.of(next(f for f in e.graph.equations.functions if f.name == name))
+    unit = e.units.of(e.graph.equations.function(name))
     got, wanted, roundoff = (y[kept] / unit for y in (got, wanted, roundoff))
     return worst((got - wanted) / np.maximum(sizes(wanted, floor=0.0), MANY * roundoff / EXACT))
 
@@ -136,7 +136,7 @@ def _rightly_refused(e: Evidence, name: str, got: Array) -> Array:
     """Which states have no result and come too close to a guard."""
     missing = np.asarray(np.isnan(got).all(axis=1))
     return (
-        missing & (e.graph.margins(name, e.rows_of(name), e.real) < NEARLY)
+        missing & (margins(e.graph, name, e.rows_of(name), e.real) < NEARLY)
         if missing.any()
         else missing
     )

@@ -4,16 +4,13 @@ size."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from hamel.verify.limits import FLOOR, ROUNDING, SMALL
 from hamel.verify.reference.vectors import Array
-
-FLOOR = 1e-3  # a component counts as at least this part of the largest component's typical size …
-# … and as at least this in its unit, so that the roundoff of a quantity that is zero is not
-# compared with itself
-SMALL = 1e-6
 
 
 def sizes(values: Array, floor: float = FLOOR, small: float = SMALL) -> Array:
@@ -32,12 +29,27 @@ def worst(errors: Array | Sequence[Any]) -> float:
     return float("inf") if np.isnan(errors).any() else float(errors.max())
 
 
+@dataclass(frozen=True)
+class Sums:
+    """Per state the size of what the result is a sum of, in its units, and the tolerance that the
+    result is held to: where the sum cancels, what rounding leaves of it is no error."""
+
+    tolerance: float
+    sizes: Sequence[float] | Array
+
+    @property
+    def floors(self) -> Array:
+        """What an error is at least compared with, so that ROUNDING of the sizes is tolerated."""
+        return ROUNDING / self.tolerance * np.asarray(self.sizes, dtype=float)
+
+
 def deviation(
     got: Sequence[Array],
     wanted: Sequence[Array],
     relax: Sequence[float] | Array | None = None,
     small: float = SMALL,
     unit: Array | float = 1.0,
+    sums: Sums | None = None,
 ) -> float:
     """Worst relative error over the states, each state's error divided by `relax` (a condition
     number).
@@ -50,8 +62,11 @@ def deviation(
         return float("inf")
     left, right = left / np.ravel(unit), right / np.ravel(unit)
     weights = np.ones(len(left)) if relax is None else np.asarray(relax, dtype=float)
+    size = sizes(right, small=small)
+    if sums is not None:
+        size = np.maximum(size, sums.floors[:, None])
     with np.errstate(invalid="ignore"):
-        return worst((left - right) / sizes(right, small=small) / weights[:, None])
+        return worst((left - right) / size / weights[:, None])
 
 
 def slope(function: Callable[[float], Array | float], step: float) -> tuple[Array, Array]:

@@ -9,20 +9,23 @@ import numpy as np
 
 from derive.states.sampling import normalised
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.compare import deviation
+from hamel.verify.checks.compare import Sums, deviation, worst
 from hamel.verify.checks.evidence import Evidence
+from hamel.verify.limits import SOLVED, TERMS
 from hamel.verify.reference.vectors import Array, quaternion_product
 
 
 def coordinate_rates(e: Evidence) -> float | None:
     """The function `qdot`."""
-    return _against(e, "qdot", [s.outcome.qdot for s in e.samples], e.units.qdot)
+    wanted, sums = [s.outcome.qdot for s in e.samples], e.of_speeds(TERMS)
+    return _against(e, "qdot", wanted, e.units.qdot, sums)
 
 
 def displaced(e: Evidence) -> float | None:
     """The function `integrate` at d = v times a unit of time."""
     there = [_moved(e, s.q, s.outcome.kinematics.N, e.units.time * s.v) for s in e.samples]
-    return _against(e, "integrate", there, e.units.q)
+    sizes = [1.0 + worst(s.q / e.units.q) for s in e.samples] + e.speeds
+    return _against(e, "integrate", there, e.units.q, Sums(TERMS, sizes))
 
 
 def between(e: Evidence) -> float | None:
@@ -36,7 +39,9 @@ def between(e: Evidence) -> float | None:
     reached = [_moved(e, s.q, s.outcome.kinematics.N, d) for s, d in zip(e.samples, steps)]
     ends = [x[nq:] for x in places]
     signed = [_signed(e, x, like) for x, like in zip(reached, ends)]
-    return max(_longest(e, steps), deviation(signed, ends, e.conditions, unit=e.units.q))
+    sums = Sums(SOLVED, [1.0 + worst(x / e.units.q) for x in ends])
+    error = deviation(signed, ends, e.conditions, unit=e.units.q, sums=sums)
+    return max(_longest(e, steps), error)
 
 
 def lengths(e: Evidence) -> float | None:
@@ -46,11 +51,13 @@ def lengths(e: Evidence) -> float | None:
     )
 
 
-def _against(e: Evidence, name: str, wanted: Sequence[Array], unit: Array) -> float | None:
+def _against(
+    e: Evidence, name: str, wanted: Sequence[Array], unit: Array, sums: Sums | None = None
+) -> float | None:
     if not e.graph.has(name):
         return None
     got = [e.graph(name, s.t, x, s.u, s.p) for s, x in zip(e.samples, e.arguments_of(name))]
-    return deviation(got, wanted, e.conditions, unit=unit)
+    return deviation(got, wanted, e.conditions, unit=unit, sums=sums)
 
 
 def _moved(e: Evidence, q: Array, N: Array, d: Array) -> Array:
@@ -86,13 +93,13 @@ def _longest(e: Evidence, steps: Sequence[Array]) -> float:
 
 
 CHECKS = (
-    Check("qdot", 1e-11, "reference: N v", coordinate_rates),
+    Check("qdot", TERMS, "reference: N v", coordinate_rates),
     Check(
-        "integrate", 1e-11, "q + N d, quaternions times exp(d/2), with the reference's N", displaced
+        "integrate", TERMS, "q + N d, quaternions times exp(d/2), with the reference's N", displaced
     ),
     Check(
         "difference",
-        1e-10,
+        SOLVED,
         "the reference's q₀ ⊕ d comes out at q₁, the shorter way round; per condition number",
         between,
     ),

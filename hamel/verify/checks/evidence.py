@@ -3,7 +3,7 @@ the equations' functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
@@ -12,13 +12,15 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import FLOAT64, Real, real_of
-from derive.formulations.records import Equations, Function
+from derive.formulations.evaluate import Evaluator, evaluator, slots_of
+from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
 from derive.states import sampling
-from hamel.verify.checks.compare import SMALL
+from hamel.verify.checks.compare import Sums, worst
 from hamel.verify.checks.roundoff import bound
 from hamel.verify.checks.units import Units, units
+from hamel.verify.limits import ROUNDING, SMALL
 from hamel.verify.reference.outcome import (
     Kinematics,
     Outcome,
@@ -31,13 +33,16 @@ from hamel.verify.reference.saddle import condition_of, rank_of, row_condition, 
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
-VARIED = 0.2  # parameters that are arguments vary by this part of their value
+# Parameters that are arguments vary by this part of their value; where that is no machine, for its
+# mass matrix has a negative eigenvalue, by less, and at last not at all.
+VARIED = (0.2, 0.02, 0.0)
 STEPS = ("step", "step_sensitivity")  # x, then the length of the step
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
-TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "power")
+TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power")
 VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
 MATRICES = ("N", "M", "A")
+NUMBERS = ("T", "V", "energy", "power")
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,7 @@ class Terms:
     beta: Array
     T: float
     V: float
+    energy: float
     power: float
 
 
@@ -95,18 +101,40 @@ def terms(system: System) -> TermsAt:
         if not system.written:
             found["M"] = mass(t, q, p)
         flat = {name: found[name].ravel() for name in VECTORS}
-        T, V, power = (float(found[name][0, 0]) for name in ("T", "V", "power"))
-        return Terms(**{name: found[name] for name in MATRICES}, **flat, T=T, V=V, power=power)
+        single = {name: float(found[name][0, 0]) for name in NUMBERS}
+        return Terms(**{name: found[name] for name in MATRICES}, **flat, **single)
 
     return at
 
 
 def samples(system: System, reference: Reference, count: int, seed: int) -> tuple[Sample, ...]:
-    """Random admissible states of derive.states.sampling, each evaluated by the reference."""
-    found = sampling.states(system, count, seed, parameters=VARIED)
-    return tuple(
-        _sample(system, reference, *row) for row in zip(found.t, found.q, found.v, found.u, found.p)
-    )
+    """Random admissible states of derive.states.sampling, each evaluated by the reference.
+
+    The first has the file's own parameters. They are varied one by one, and the reference says
+    whether what comes of it is a machine; at their own values nothing is left out.
+    """
+    drawn: list[Sample] = []
+    for share in VARIED:
+        some = _drawn(system, reference, count, seed, share)
+        drawn += [s for s in some if share == 0.0 or s.outcome.admissible]
+        if len(drawn) >= len(some):
+            return tuple(drawn[: max(len(some), 1)])
+    return tuple(drawn[:count])
+
+
+def _drawn(
+    system: System, reference: Reference, count: int, seed: int, share: float
+) -> list[Sample]:
+    found = sampling.states(system, count, seed, parameters=share)
+    rows = zip(found.t, found.q, found.v, found.u, found.p)
+    return [_sample(system, reference, *row) for row in rows]
+
+
+def varied(samples: Sequence[Sample], system: System) -> tuple[str, ...]:
+    """The parameters that differ between the samples."""
+    free = [x.name for x in system.model.parameters if x.name not in system.constants]
+    columns = zip(free, zip(*(s.p for s in samples)))
+    return tuple(name for name, column in columns if len(set(column)) > 1)
 
 
 def _sample(
@@ -127,96 +155,21 @@ def all_parameters(system: System, p: Array) -> Array:
     )
 
 
-@dataclass(frozen=True)
-class Graph:
-    """The functions of one choice as CasADi evaluates them, and v with its rate along ẋ."""
-
-    equations: Equations
-    functions: Mapping[str, ca.Function]
-    named: Mapping[str, ca.Function]  # S, R, Y, B … as functions of (t, x, u, p)
-    residuals: Mapping[str, ca.Function]  # of the functions that are iterated
-    rate: ca.Function  # (t, x, u, p, ẋ) → v̇
-
-    def __call__(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
-        """The result of a function at one state, as the generated module shapes it."""
-        return shaped(np.array(self.functions[name](t, x, u, p)))
-
-    def iterated(self, name: str, t: float, x: Array, u: Array, p: Array) -> Array:
-        """The result of a function that is one Newton step, repeated as the generated module
-        repeats it."""
-        function = next(function for function in self.equations.functions if function.name == name)
-        if function.iteration is None:
-            return self(name, t, x, u, p)
-        for _ in range(function.iteration.most):
-            x, residual = self(name, t, x, u, p), float(self.residuals[name](t, x, u, p))
-            if residual <= function.iteration.tolerance:
-                break
-        return x
-
-    def roundoff(self, name: str, rows: Sequence[Row], real: Real) -> Array:
-        """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries,
-        in units of double."""
-        function = next(function for function in self.equations.functions if function.name == name)
-        arguments = slots_of(self.equations, function)
-        states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
-        return bound(arguments, ca.densify(function.result.value), states, real)
-
-    def margins(self, name: str, rows: Sequence[Row], real: Real) -> Array:
-        """How far the function's guards are from refusing each (t, x, u, p): below one they do."""
-        function = next(function for function in self.equations.functions if function.name == name)
-        ratios = [
-            guard.value / (guard.tolerance * real.wider(guard.part)) for guard in function.guards
-        ]
-        at = ca.Function("margins", slots_of(self.equations, function), [ca.vertcat(*ratios)])
-        return np.array([np.min(np.abs(np.array(at(*row))), initial=np.inf) for row in rows])
-
-    def acceleration(self, t: float, x: Array, u: Array, p: Array) -> Array:
-        """v̇ as the derivative of v(t, x) along ẋ."""
-        return np.array(self.rate(t, x, u, p, self.functions["dynamics"](t, x, u, p))).ravel()
-
-    def has(self, name: str) -> bool:
-        return name in self.functions
+def roundoff(graph: Evaluator, name: str, rows: Sequence[Row], real: Real) -> Array:
+    """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries, in
+    units of double."""
+    function = graph.equations.function(name)
+    states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
+    value = ca.densify(function.result.value)
+    return bound(slots_of(graph.equations, function), value, states, real)
 
 
-def shaped(value: Array) -> Array:
-    """n × 1 as (n,)."""
-    return value[:, 0] if value.shape[1] == 1 else value
-
-
-def graph(equations: Equations) -> Graph:
-    """Compile nothing: CasADi's virtual machine runs the graph itself."""
-    arguments = slots_of(equations)
-    results = {f.name: ca.densify(f.result.value) for f in equations.functions}
-    functions = {
-        f.name: ca.Function(f.name, slots_of(equations, f), [results[f.name]])
-        for f in equations.functions
-    }
-    named = {
-        item.name: ca.Function(item.name, arguments, [ca.densify(item.value)])
-        for item in equations.named
-    }
-    stops = {
-        f.name: ca.Function(f.name, slots_of(equations, f), [f.residual])
-        for f in equations.functions
-        if f.residual is not None
-    }
-    return Graph(equations, functions, named, stops, _rate(arguments, results["velocity"]))
-
-
-def _rate(arguments: list[ca.SX], velocity: ca.SX) -> ca.Function:
-    t, x, _, _ = arguments
-    xdot = ca.SX.sym("xdot", x.numel())
-    along = ca.jtimes(velocity, ca.vertcat(t, x), ca.vertcat(1, xdot))
-    return ca.Function("rate", [*arguments, xdot], [ca.densify(along)])
-
-
-def slots_of(equations: Equations, function: Function | None = None) -> list[ca.SX]:
-    """t, x, u, p as columns, empty ones for what the model has not; x as the function wants it."""
-    slots = {argument.name: argument.symbols for argument in equations.arguments}
-    columns = [slots.get(name, ca.SX(0, 1)) for name in ("t", "x", "u", "p")]
-    if function is not None and function.x is not None:
-        columns[1] = function.x.symbols
-    return columns
+def margins(graph: Evaluator, name: str, rows: Sequence[Row], real: Real) -> Array:
+    """How far the function's guards are from refusing each (t, x, u, p): below one they do."""
+    function = graph.equations.function(name)
+    ratios = [guard.value / (guard.tolerance * real.wider(guard.part)) for guard in function.guards]
+    at = ca.Function("margins", slots_of(graph.equations, function), [ca.vertcat(*ratios)])
+    return np.array([np.min(np.abs(np.array(at(*row))), initial=np.inf) for row in rows])
 
 
 @dataclass(frozen=True)
@@ -228,8 +181,8 @@ class Evidence:
     reference: Reference
     samples: tuple[Sample, ...]
     terms_at: TermsAt
-    graph: Graph
-    others: tuple[Graph, ...]
+    graph: Evaluator
+    others: tuple[Evaluator, ...]
     module: ModuleType | None
     chart: int = 0  # of the module, that the graph is of
 
@@ -280,14 +233,16 @@ class Evidence:
     def conditions(self) -> list[float]:
         return self.conditions_of(self.graph)
 
-    def conditions_of(self, graph: Graph) -> list[float]:
+    def conditions_of(self, graph: Evaluator) -> list[float]:
         """Condition of the augmented system times that of the choice's own Y = [A; B]: how much
         roundoff may grow."""
+        own = self.own_conditions(graph)
+        return [self._condition(s.outcome) * growth for s, growth in zip(self.samples, own)]
+
+    def own_conditions(self, graph: Evaluator) -> list[float]:
+        """That of the choice's own Y alone, in the model's own units."""
         own = self.named("Y", graph) or [np.eye(1)] * len(self.samples)
-        return [
-            self._condition(s.outcome) * max(1.0, row_condition(Y * self._columns(Y)))
-            for s, Y in zip(self.samples, own)
-        ]
+        return [max(1.0, row_condition(Y * self._columns(Y))) for Y in own]
 
     def _condition(self, o: Outcome) -> float:
         """Of [M Aᵀ; A 0] in the model's own units."""
@@ -346,16 +301,63 @@ class Evidence:
         size = [float(np.linalg.norm(s.state.vector(gravity))) for s in self.samples[:1] if gravity]
         return max(SMALL, *(1e-4 * g * own.time**2 / own.length for g in size), 0.0)
 
+    @cached_property
+    def speeds(self) -> Array:
+        """Σ |v| of each state in the model's own units."""
+        return np.array([np.abs(s.v / self.units.v).sum() for s in self.samples])
+
+    @cached_property
+    def forces(self) -> Array:
+        """Per state the largest of the forces that h and Q are sums of, velocity products too, in
+        the model's own units."""
+        own = [worst(s.outcome.summed.force / self.units.force) for s in self.samples]
+        inertia = [worst(s.outcome.M / self.units.M) for s in self.samples]
+        return np.array(own) + np.array(inertia) * self.speeds**2
+
+    def of_speeds(self, tolerance: float) -> Sums:
+        """Sums of velocities; those of the samples are of the order of one before the constraints
+        leave what they leave."""
+        return Sums(tolerance, 1.0 + self.speeds)
+
+    def of_forces(self, tolerance: float) -> Sums:
+        return Sums(tolerance, self.forces)
+
+    def of_accelerations(self, tolerance: float) -> Sums:
+        """Velocity products, and forces on the largest inertia."""
+        inertia = np.array([worst(s.outcome.M / self.units.M) for s in self.samples])
+        given = np.where(inertia > 0.0, self.forces / np.where(inertia > 0.0, inertia, 1.0), 0.0)
+        return Sums(tolerance, self.speeds**2 + given)
+
+    def of_rows(self, tolerance: float) -> Sums:
+        """|A| |v|² over all columns: where a loop turns as a whole, its rows are zero in what turns
+        it, and the products of β cancel."""
+        size = [worst(s.outcome.kinematics.A / self.units.A) for s in self.samples]
+        return Sums(tolerance, np.array(size) * self.speeds**2)
+
+    def of_energies(self, tolerance: float) -> Sums:
+        """T and the parts of V."""
+        size = [abs(s.outcome.T) + s.outcome.summed.V for s in self.samples]
+        return Sums(tolerance, np.array(size) / self.units.energy)
+
+    def of_powers(self, tolerance: float) -> Sums:
+        return Sums(tolerance, self.forces * self.speeds)
+
+    def of_masses(self, tolerance: float) -> list[Array]:
+        """Per state √(sᵢ sⱼ), s the sizes that the diagonal of M is a sum of, as floors of what its
+        entries are compared with."""
+        roots = [np.sqrt(s.outcome.summed.M / np.diag(self.units.M)) for s in self.samples]
+        return [ROUNDING / tolerance * np.outer(root, root) for root in roots]
+
     @property
     def redundant(self) -> bool:
         return any(s.outcome.rank < len(s.outcome.lam) for s in self.samples)
 
-    def states_of(self, graph: Graph) -> tuple[Array, ...]:
+    def states_of(self, graph: Evaluator) -> tuple[Array, ...]:
         return tuple(
             graph("state", s.t, np.concatenate([s.q, s.v]), s.u, s.p) for s in self.samples
         )
 
-    def accelerations_of(self, graph: Graph) -> tuple[Array, ...]:
+    def accelerations_of(self, graph: Evaluator) -> tuple[Array, ...]:
         rows = zip(self.samples, self.states_of(graph))
         return tuple(graph.acceleration(s.t, x, s.u, s.p) for s, x in rows)
 
@@ -385,13 +387,13 @@ class Evidence:
 
     def _with_seeds(self, name: str) -> tuple[Array, ...]:
         """The state, and behind it random directions where the function takes some."""
-        taken = next((f.x for f in self.graph.equations.functions if f.name == name), None)
+        taken = self.graph.equations.function(name).x
         if taken is None:
             return self.x
         rng = np.random.default_rng(5)
         return tuple(np.append(x, rng.normal(size=taken.symbols.numel() - len(x))) for x in self.x)
 
-    def named(self, name: str, graph: Graph | None = None) -> list[Array] | None:
+    def named(self, name: str, graph: Evaluator | None = None) -> list[Array] | None:
         """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of
         that name."""
         graph = graph or self.graph
@@ -411,8 +413,30 @@ class Evidence:
     def _expected(self, name: str) -> tuple[Array, Array]:
         rows = self.rows_of(name)
         values = [np.ravel(self.graph.iterated(name, *row)) for row in rows]
-        return np.array(values), self.graph.roundoff(name, rows, self.real)
+        return np.array(values), roundoff(self.graph, name, rows, self.real)
 
     def results(self, name: str) -> tuple[Array, ...]:
         """A function of this choice at every state."""
         return tuple(self.graph(name, s.t, x, s.u, s.p) for s, x in zip(self.samples, self.x))
+
+
+def evidence(
+    ref: Reference,
+    equations: Equations,
+    module: ModuleType | None = None,
+    states: int = 100,
+    seed: int = 0,
+    others: Collection[Equations] = (),
+) -> Evidence:
+    """What the checks look at."""
+    system = equations.system
+    seen = samples(system, ref, states, seed)
+    return Evidence(
+        system,
+        ref,
+        seen,
+        terms(system),
+        evaluator(equations),
+        tuple(evaluator(other) for other in others),
+        module,
+    )

@@ -8,8 +8,9 @@ import numpy as np
 from derive.states.closing import normalised
 from hamel.verify.checks.agreement import violated
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.compare import deviation, slope, worst
+from hamel.verify.checks.compare import Sums, deviation, slope, worst
 from hamel.verify.checks.evidence import Evidence, Sample, Terms
+from hamel.verify.limits import SOLVED
 from hamel.verify.reference.outcome import energies, mass, state_of
 from hamel.verify.reference.saddle import condition_of, saddle, solved
 from hamel.verify.reference.vectors import Array
@@ -17,7 +18,7 @@ from hamel.verify.reference.vectors import Array
 # tolerance of what is differentiated by differences; what two step sizes disagree by counts as no
 # error
 DIFFERENCES = 1e-8
-ROUNDING = 1e-15  # of a quantity, in its differences: two step sizes may by chance agree on it
+TWO_STEPS = 1e-15  # of a quantity, in its differences: two step sizes may by chance agree on it
 
 
 def step(e: Evidence, s: Sample, vdot: Array) -> float:
@@ -28,8 +29,8 @@ def step(e: Evidence, s: Sample, vdot: Array) -> float:
 
 
 def energy_rate(e: Evidence) -> float:
-    """d(T + V)/dt of the reference's energies along (q̇, v̇) against power + λᵀ c, relative to the
-    powers at work."""
+    """d(T₂ − T₀ + V)/dt of the reference's energies along (q̇, v̇) against power + λᵀ c, relative to
+    the powers at work."""
     names = ("power",) if e.graph.has("power") else ()
     ours = [t.power + s.outcome.lam @ s.outcome.kinematics.c for s, t in zip(e.samples, e.terms)]
     claims = [ours, *([float(y[0]) for y in e.results(name)] for name in names)]
@@ -38,30 +39,21 @@ def energy_rate(e: Evidence) -> float:
 
 def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float, ...]) -> float:
     def energy(time: float) -> Array:
-        return np.array(
-            sum(
-                energies(
-                    e.reference,
-                    state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full),
-                )
-            )
-        )
+        there = state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full)
+        return np.array(energies(e.reference, there).total)
 
     o = s.outcome
     span = step(e, s, vdot)
     if span == 0.0:  # v̇ is infinite
         return np.inf
     gain, doubt = slope(energy, span)
-    doubt = doubt + ROUNDING * (abs(t.T) + abs(t.V)) / span
+    doubt = doubt + TWO_STEPS * (abs(t.T) + o.summed.V) / span
     flows = (
         np.abs(o.force) @ np.abs(s.v)
         + np.abs(o.constraint_force) @ np.abs(s.v)
         + np.abs(s.v) @ np.abs(t.M @ vdot)
     )
-    return worst(
-        (gain - o.explicit - np.array(claims))
-        / (1e-6 * e.units.power + flows + doubt / DIFFERENCES)
-    )
+    return worst((gain - np.array(claims)) / (1e-6 * e.units.power + flows + doubt / DIFFERENCES))
 
 
 def _moved(s: Sample, vdot: Array, time: float) -> tuple[Array, Array]:
@@ -158,7 +150,8 @@ def projected_already(e: Evidence) -> float | None:
     if not e.graph.has("project"):
         return None
     there = [e.graph.iterated("project", s.t, x, s.u, s.p) for s, x in zip(e.samples, e.x)]
-    return deviation(there, e.x, e.conditions, unit=e.units.x)
+    sums = Sums(SOLVED, [1.0 + worst(x / e.units.x) for x in e.x])
+    return deviation(there, e.x, e.conditions, unit=e.units.x, sums=sums)
 
 
 def newton_step(e: Evidence) -> float | None:
@@ -189,12 +182,14 @@ def _newton(e: Evidence, by_mass: bool) -> float:
         got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
         wanted.append(normalised(e.system, x[: len(s.q)] + k.N @ step[: len(s.v)]) - x[: len(s.q)])
         conditions.append(condition_of(saddle(metric / unit, k.A[closing] / e.units.A[closing])))
-    return deviation(got, wanted, np.maximum(conditions, e.conditions), unit=e.units.q)
+    sums = Sums(SOLVED, [1.0 + worst(x[: len(e.units.q)] / e.units.q) for x in e.astray])
+    relax = np.maximum(conditions, e.conditions)
+    return deviation(got, wanted, relax, unit=e.units.q, sums=sums)
 
 
 CHECKS = (
     Check(
-        "d(T + V)/dt",
+        "d(T₂ − T₀ + V)/dt",
         DIFFERENCES,
         "power balance with the reference's energies; differences of fourth order",
         energy_rate,
@@ -216,19 +211,19 @@ CHECKS = (
     ),
     Check(
         "project, one step",
-        1e-10,
+        SOLVED,
         "Newton step of least length in the metric of M (or 1), per condition number",
         newton_step,
     ),
     Check(
         "project, nothing to do",
-        1e-10,
+        SOLVED,
         "an admissible state stays where it is, per condition number",
         projected_already,
     ),
     Check(
         "project",
-        1e-10,
+        SOLVED,
         "φ = 0 and A v = c after a disturbance of 1e-3, by the reference's rows",
         projection,
     ),

@@ -9,6 +9,7 @@ import numpy as np
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import worst
 from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.limits import FLOOR, SMALL, SOLVED, TERMS
 from hamel.verify.reference.outcome import evaluate, state_of
 from hamel.verify.reference.vectors import Array
 
@@ -18,7 +19,10 @@ def any_motion(e: Evidence) -> float | None:
     if not e.graph.has("inverse_dynamics"):
         return None
     return worst(
-        [_error(e, s, a, s.outcome.M @ a + s.outcome.h - idle) for s, a, idle in _asked(e)]
+        [
+            _error(e, k, a, s.outcome.M @ a + s.outcome.h - idle, TERMS)
+            for k, (s, a, idle) in enumerate(_asked(e))
+        ]
     )
 
 
@@ -38,25 +42,25 @@ def own_motion(e: Evidence) -> float | None:
     if not e.graph.has("inverse_dynamics"):
         return None
     driven = (s.outcome.Q - _idle(e, s) + s.outcome.constraint_force for s in e.samples)
-    errors = [_error(e, s, a, force) for s, a, force in zip(e.samples, e.vdot, driven)]
+    errors = [_error(e, k, a, f, SOLVED) for k, (a, f) in enumerate(zip(e.vdot, driven))]
     return worst([error / condition for error, condition in zip(errors, e.conditions)])
 
 
-def _error(e: Evidence, s: Sample, a: Array, wanted: Array) -> float:
+def _error(e: Evidence, k: int, a: Array, wanted: Array, tolerance: float) -> float:
     """Against the sizes of what is summed, |M| |a| + |h| + |Q| and the forces themselves."""
-    o = s.outcome
+    s, o = e.samples[k], e.samples[k].outcome
     got = e.graph("inverse_dynamics", s.t, np.concatenate([s.q, s.v, a]), s.u, s.p)
     size = (np.abs(o.M) @ np.abs(a) + np.abs(o.h) + np.abs(o.Q) + np.abs(wanted)) / e.units.force
-    return worst(
-        (got - wanted) / e.units.force / np.maximum(size, 1e-6 + 1e-3 * size.max(initial=0.0))
-    )
+    least = SMALL + FLOOR * size.max(initial=0.0)
+    least = max(least, float(e.of_forces(tolerance).floors[k]))
+    return worst((got - wanted) / e.units.force / np.maximum(size, least))
 
 
 CHECKS = (
-    Check("inverse dynamics", 1e-11, "reference: M v̇ + h − Q at u = 0, for any v̇", any_motion),
+    Check("inverse dynamics", TERMS, "reference: M v̇ + h − Q at u = 0, for any v̇", any_motion),
     Check(
         "dynamics ∘ inverse",
-        1e-10,
+        SOLVED,
         "the forces of the choice's own v̇ are those it came from, per condition number",
         own_motion,
     ),

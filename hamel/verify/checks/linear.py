@@ -1,4 +1,4 @@
-"""The linear equations [A B; C D] in minimal states: against differences along the constraints, and
+"""The linear equations [A B; C D] in minimal states: against derivatives along the constraints, and
 against the unreduced ones.
 
 The equations hold along every motion, so they are looked at wherever the states are. Tangents of
@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.evaluate import slots_of
 from derive.formulations.records import Equations, Function
 from derive.linearize import linear, study
 from derive.linearize.minimal import linearization
@@ -24,9 +25,11 @@ from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.states.initial import initial_state
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import NEARLY
-from hamel.verify.checks.compare import FLOOR, slope, worst
-from hamel.verify.checks.evidence import Evidence, Row, Sample
+from hamel.verify.checks.compare import worst
+from hamel.verify.checks.duals import tangents
+from hamel.verify.checks.evidence import Evidence, Row, Sample, margins
 from hamel.verify.checks.motion import best_conditioned
+from hamel.verify.limits import FLOOR
 from hamel.verify.reference.vectors import Array
 
 NAME = "linearization"
@@ -38,10 +41,11 @@ JACOBIANS = {
 }  # of ẋ by which argument
 MOST = 80  # states of a model that is linearised without being asked
 SEEN = 5  # of the sampled states
-STEP = 1e-3  # in the model's own units
-# tolerance of what is differentiated by differences; ten times what two step sizes disagree by is
-# no error
-DIFFERENCES = 1e-7
+# Relative to the column or to a thousandth of what is differentiated: both sides are exact
+# derivatives, and rounding is all that they differ by.
+EXACT = 1e-9
+PER_CONDITION = 1e-3  # … for a condition number of a thousand, and in proportion beyond
+UNREDUCED = 1e-7  # two eliminations of the multipliers, each with the condition of M and A in it
 NEXT_TO_NOTHING = 1e-3
 # in the model's own units: a steady motion there says nothing, for rounding is all that is left of
 # a length
@@ -69,7 +73,7 @@ def with_linearization(equations: Equations) -> Equations:
 
 
 def along_constraints(e: Evidence) -> float | None:
-    """Each column of [A B; C D] against differences of (ẋ, y) along the tangent that moves one
+    """Each column of [A B; C D] against the derivative of (ẋ, y) along the tangent that moves one
     state, or one input."""
     if not e.graph.has(NAME):
         return None
@@ -77,52 +81,58 @@ def along_constraints(e: Evidence) -> float | None:
     return worst(errors) if errors else None
 
 
+def _growth(e: Evidence, k: int) -> float:
+    """How much rounding may grow beyond what the tolerance is given for."""
+    return max(1.0, e.conditions[k] * PER_CONDITION)
+
+
 def _regular(e: Evidence, name: str) -> list[int]:
     """Some states that no guard refuses, the best conditioned ones."""
-    margins = e.graph.margins(name, e.rows_of(name), e.real)
-    return [k for k in best_conditioned(e) if margins[k] > NEARLY][:SEEN]
+    left = margins(e.graph, name, e.rows_of(name), e.real)
+    return [k for k in best_conditioned(e) if left[k] > NEARLY][:SEEN]
 
 
 def _columns(e: Evidence, k: int) -> Iterator[float]:
     function, s, x = _function(e), e.samples[k], e.x[k]
     argument = e.graph.equations.arguments[1]
     independent = [argument.labels.index(name) for name in _states(function, argument.labels)]
-    directions = [
-        (_tangent(e, s, independent, j), np.zeros_like(s.u), e.units.x[j]) for j in independent
-    ]
-    directions += [
-        (np.zeros_like(x), row, unit) for row, unit in zip(np.eye(len(s.u)), _input_units(e))
-    ]
-    found = np.array(e.graph.functions[NAME](s.t, x, s.u, s.p))
+    moves = [_tangent(e, s, independent, j) * e.units.x[j] for j in independent]
+    inputs = np.diag(_input_units(e))
+    directions = np.zeros((len(moves) + len(inputs), 1 + len(x) + len(s.u) + len(s.p)))
+    directions[: len(moves), 1 : 1 + len(x)] = np.reshape(moves, (len(moves), len(x)))
+    directions[len(moves) :, 1 + len(x) : 1 + len(x) + len(s.u)] = inputs
+    rates, results = _along(e, "dynamics", k, directions), _along(e, "outputs", k, directions)
+    wanted = np.vstack([rates[independent], results])
+    here = e.graph("dynamics", s.t, x, s.u, s.p)[independent]
+    if e.graph.has("outputs"):
+        here = np.append(here, e.graph("outputs", s.t, x, s.u, s.p))
     rows = np.concatenate([e.units.x[independent] / e.units.time, _output_units(e)])
-
-    def values(dx: Array, du: Array) -> Array:
-        xdot = e.graph("dynamics", s.t, x + dx, s.u + du, s.p)[independent]
-        return np.append(
-            xdot, e.graph("outputs", s.t, x + dx, s.u + du, s.p) if e.graph.has("outputs") else []
-        )
-
-    here = values(np.zeros_like(x), np.zeros_like(s.u))
-    for column, (dx, du, unit) in zip(found.T, directions):
-        wanted, doubt = slope(
-            lambda h, dx=dx, du=du, unit=unit: values(h * unit * dx, h * unit * du), STEP
-        )
-        yield _error(column * unit / rows, wanted / rows, doubt / rows, here / rows)
+    units = np.concatenate([e.units.x[independent], _input_units(e)])
+    found = np.array(e.graph.functions[NAME](s.t, x, s.u, s.p))
+    for got, column, unit in zip(found.T, wanted.T, units):
+        yield _error(got * unit / rows, column / rows, here / rows) / _growth(e, k)
 
 
-def _error(got: Array, wanted: Array, doubt: Array, here: Array) -> float:
+def _along(e: Evidence, name: str, k: int, directions: Array) -> Array:
+    """The exact derivative of a function of (t, x, u, p) along each direction, one per column."""
+    if not e.graph.has(name):
+        return np.zeros((0, len(directions)))
+    s, equations = e.samples[k], e.graph.equations
+    function = equations.function(name)
+    place = (np.array([s.t]), e.x[k], s.u, s.p)
+    return tangents(slots_of(equations, function), function.result.value, place, directions)
+
+
+def _error(got: Array, wanted: Array, here: Array) -> float:
     """Against the size of the column or, where that is next to nothing, of what is differentiated:
     `here`."""
-    size = (
-        np.abs(wanted)
-        + FLOOR * np.max(np.abs(wanted), initial=0.0)
-        + NEXT_TO_NOTHING * (1.0 + np.abs(here))
-    )
-    return worst((got - wanted) / (size + 10.0 * doubt / DIFFERENCES))
+    largest = np.max(np.abs(wanted), initial=0.0)
+    size = np.abs(wanted) + FLOOR * largest + NEXT_TO_NOTHING * (1.0 + np.abs(here))
+    return worst((got - wanted) / size)
 
 
 def _function(e: Evidence) -> Function:
-    return next(f for f in e.graph.equations.functions if f.name == NAME)
+    return e.graph.equations.function(NAME)
 
 
 def _states(function: Function, labels: tuple[str, ...]) -> list[str]:
@@ -137,8 +147,8 @@ def _input_units(e: Evidence) -> Array:
 
 
 def _output_units(e: Evidence) -> Array:
-    function = next((f for f in e.graph.equations.functions if f.name == "outputs"), None)
-    return np.zeros(0) if function is None else e.units.of(function)
+    equations = e.graph.equations
+    return e.units.of(equations.function("outputs")) if equations.has("outputs") else np.zeros(0)
 
 
 def _tangent(e: Evidence, s: Sample, independent: list[int], j: int) -> Array:
@@ -159,34 +169,25 @@ def _tangent(e: Evidence, s: Sample, independent: list[int], j: int) -> Array:
 
 
 def along_axes(e: Evidence) -> float | None:
-    """Jacobians of ẋ by t, x, u and p, where the module has them, against differences."""
+    """Jacobians of ẋ by t, x, u and p, where the module has them, against dual numbers."""
     names = [name for name in JACOBIANS if e.graph.has(name)]
     errors = [_jacobian(e, name, k) for name in names for k in _regular(e, name)]
     return worst(errors) if errors else None
 
 
 def _jacobian(e: Evidence, name: str, k: int) -> float:
-    s, x = e.samples[k], e.x[k]
-    place = [np.array([s.t]), x, s.u, s.p]
-    slot = JACOBIANS[name]
-    units = (
-        np.array([e.units.time]),
-        e.units.x,
-        _input_units(e),
-        np.where(s.p == 0.0, 1.0, np.abs(s.p)),
-    )[slot]
+    s, x, slot = e.samples[k], e.x[k], JACOBIANS[name]
+    parameters = np.where(s.p == 0.0, 1.0, np.abs(s.p))
+    units = (np.array([e.units.time]), e.units.x, _input_units(e), parameters)
+    first = sum(len(each) for each in units[:slot])
+    directions = np.zeros((len(units[slot]), sum(map(len, units))))
+    directions[:, first : first + len(units[slot])] = np.diag(units[slot])
     found = e.graph(name, s.t, x, s.u, s.p).reshape(len(x), -1)
-    rows = e.units.x / e.units.time
-
-    def values(direction: Array) -> Array:
-        moved = [*place[:slot], place[slot] + direction, *place[slot + 1 :]]
-        return e.graph("dynamics", float(moved[0][0]), *moved[1:])
-
-    errors, here = [], values(np.zeros_like(units))
-    for column, direction, unit in zip(found.T, np.diag(units), units):
-        wanted, doubt = slope(lambda h, direction=direction: values(h * direction), STEP)
-        errors.append(_error(column * unit / rows, wanted / rows, doubt / rows, here / rows))
-    return worst(errors)
+    wanted, rows = _along(e, "dynamics", k, directions), e.units.x / e.units.time
+    here = e.graph("dynamics", s.t, x, s.u, s.p) / rows
+    errors = zip((found * units[slot]).T, wanted.T)
+    worst_error = worst([_error(got / rows, column / rows, here) for got, column in errors])
+    return worst_error / _growth(e, k)
 
 
 def unreduced_form(e: Evidence) -> float | None:
@@ -206,7 +207,7 @@ def unreduced_form(e: Evidence) -> float | None:
         along = found.motions({})
         place = (0.0, along.x[0], along.u[0], along.p[0])
         if (
-            e.graph.margins(NAME, [place], e.real)[0] <= NEARLY
+            margins(e.graph, NAME, [place], e.real)[0] <= NEARLY
             or worst(along.x[0] / e.units.x) > FAR
         ):
             return None
@@ -232,17 +233,15 @@ def _with_numbers(form: Linear, e: Evidence, place: Row) -> Linear:
 CHECKS = (
     Check(
         "linearization",
-        DIFFERENCES,
-        "differences of (ẋ, y) along the reference's tangents, of fourth order",
+        EXACT,
+        "(ẋ, y) differentiated by dual numbers along the reference's tangents",
         along_constraints,
     ),
     Check(
         "linearization, unreduced",
-        1e-7,
+        UNREDUCED,
         "the multiplier equations linearised, 2 m_h + m_n more zeros",
         unreduced_form,
     ),
-    Check(
-        "Jacobians", DIFFERENCES, "differences of ẋ by t, x, u and p, of fourth order", along_axes
-    ),
+    Check("Jacobians", EXACT, "ẋ differentiated by dual numbers by t, x, u and p", along_axes),
 )

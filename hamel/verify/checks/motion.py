@@ -90,13 +90,8 @@ def _slopes(e: Evidence) -> Iterator[list[float]]:
 
 
 def work(e: Evidence) -> float | None:
-    """What the module counts as work is what T + V gained, by the reference's energies."""
-    return None if _explicit(e) else worst_of(e, _unbalanced)
-
-
-def _explicit(e: Evidence) -> bool:
-    """Energies that change by themselves: no force does it."""
-    return any(s.outcome.explicit for s in e.samples)
+    """What the module counts as work is what T₂ − T₀ + V gained, by the reference's energies."""
+    return worst_of(e, _unbalanced)
 
 
 def _unbalanced(e: Evidence, k: int) -> float:
@@ -104,9 +99,12 @@ def _unbalanced(e: Evidence, k: int) -> float:
     span = time_scale(e, s)
     run = _run(e, s, e.x[k], span)
     q, v = np.split(_end(e, s, run, s.t + span), [len(s.q)])
-    T, V = energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full))
-    size = e.units.energy + abs(T) + s.outcome.T + abs(V - s.outcome.V) + abs(run.work[-1])
-    return float(abs(T + V - s.outcome.T - s.outcome.V - run.work[-1]) / size)
+    end, start = (
+        energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full)),
+        s.outcome,
+    )
+    size = e.units.energy + abs(end.T) + abs(start.T) + abs(end.V - start.V) + abs(run.work[-1])
+    return float(abs(end.total - start.energy - run.work[-1]) / size)
 
 
 def backwards(e: Evidence) -> float | None:
@@ -286,7 +284,7 @@ CHECKS = (
         "what the slope of the error of halved steps lacks, as a part of the order",
         order,
     ),
-    Check("work = Δ(T + V)", 1e-8, "along short motions, by the reference's energies", work),
+    Check("work = Δ(T₂ − T₀ + V)", 1e-8, "along short motions, by the reference's energies", work),
     Check(
         "there and back",
         1e-8,

@@ -17,23 +17,24 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import FLOAT64, Real
+from derive.expressions.instructions import listing, run
 
 Array = np.ndarray
 EPSILON = float(np.finfo(float).eps) / 2
 EXACT = (ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_ASSIGN)
 
-# operands → z, then |∂z/∂operand| of each; the rest is differentiated by CasADi
+# operands → z, then ∂z/∂operand of each; the rest is differentiated by CasADi
 COMMON: dict[int, Callable[..., tuple]] = {
     ca.OP_ADD: lambda a, b: (a + b, 1.0, 1.0),
-    ca.OP_SUB: lambda a, b: (a - b, 1.0, 1.0),
+    ca.OP_SUB: lambda a, b: (a - b, 1.0, -1.0),
     ca.OP_MUL: lambda a, b: (a * b, b, a),
-    ca.OP_DIV: lambda a, b: (a / b, 1.0 / b, a / b**2),
-    ca.OP_NEG: lambda a: (-a, 1.0),
+    ca.OP_DIV: lambda a, b: (a / b, 1.0 / b, -a / b**2),
+    ca.OP_NEG: lambda a: (-a, -1.0),
     ca.OP_SQ: lambda a: (a * a, 2.0 * a),
     ca.OP_TWICE: lambda a: (2.0 * a, 2.0),
-    ca.OP_INV: lambda a: (1.0 / a, 1.0 / a**2),
+    ca.OP_INV: lambda a: (1.0 / a, -1.0 / a**2),
     ca.OP_SIN: lambda a: (np.sin(a), np.cos(a)),
-    ca.OP_COS: lambda a: (np.cos(a), np.sin(a)),
+    ca.OP_COS: lambda a: (np.cos(a), -np.sin(a)),
     ca.OP_SQRT: lambda a: (np.sqrt(a), 0.5 / np.sqrt(a)),
 }
 
@@ -45,35 +46,33 @@ def bound(arguments: list[ca.SX], value: ca.SX, states: Array, real: Real = FLOA
     arguments, and counts as exact. The bound is in terms of double's unit of rounding, whatever the
     precision `real`; constants that it rounds carry one unit.
     """
-    program = ca.Function("program", [ca.vertcat(*arguments)], [value.T])
+    program = listing(ca.Function("program", [ca.vertcat(*arguments)], [value.T]))
     columns, nothing = states.T, np.zeros(len(states))
-    work: dict[int, tuple[Array, Array]] = {}
-    result = np.zeros((value.numel(), len(states)))
+
+    def number(constant: float) -> tuple[Array, Array]:
+        carried = EPSILON * abs(constant) if real.nearest(constant) != constant else 0.0
+        return np.full(len(states), constant), nothing + carried
+
     with np.errstate(all="ignore"):
-        for index in range(program.n_instructions()):
-            operation, into = program.instruction_id(index), program.instruction_output(index)
-            operands = program.instruction_input(index)
-            if operation == ca.OP_OUTPUT:
-                result[into[1]] = work[operands[0]][1]
-            elif operation == ca.OP_INPUT:
-                work[into[0]] = columns[operands[1]], nothing
-            elif operation == ca.OP_CONST:
-                constant = program.instruction_constant(index)
-                carried = EPSILON * abs(constant) if real.nearest(constant) != constant else 0.0
-                work[into[0]] = np.full(len(states), constant), nothing + carried
-            else:
-                work[into[0]] = _operation(operation, [work[i] for i in operands])
-    return result.T
+        (results,) = run(
+            program,
+            entry=lambda _, nonzero: (columns[nonzero], nothing),
+            number=number,
+            operation=lambda read, operands: _operation(read.code, operands),
+        )
+    bounds = [error for _, error in results]
+    return np.array(bounds).reshape(len(bounds), len(states)).T
 
 
 def _operation(operation: int, operands: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     """z and the bound of its error."""
-    z, *slopes = _formula(operation, len(operands))(*(value for value, _ in operands))
+    z, *slopes = formula(operation, len(operands))(*(value for value, _ in operands))
     passed = np.sum([np.abs(slope) * error for slope, (_, error) in zip(slopes, operands)], axis=0)
     return z, passed if operation in EXACT else passed + EPSILON * np.abs(z)
 
 
-def _formula(operation: int, count: int) -> Callable[..., tuple]:
+def formula(operation: int, count: int) -> Callable[..., tuple]:
+    """Operands → z and its derivative by each, as arrays."""
     return COMMON.get(operation) or _differentiated(operation, count)
 
 

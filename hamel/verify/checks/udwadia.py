@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hamel.verify.checks.agreement import acceleration_error
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.compare import deviation
 from hamel.verify.checks.evidence import Evidence, Terms
-from hamel.verify.reference.saddle import RANK, condition_of
+from hamel.verify.limits import SOLVED
+from hamel.verify.reference.saddle import RANK, condition_of, left_over
 from hamel.verify.reference.vectors import Array
 
 REGULAR = 1e12  # condition of a mass matrix that has an inverse
@@ -29,7 +30,7 @@ def udwadia_kalaba(e: Evidence) -> float | None:
         wanted = [D * _udwadia_kalaba(*rest) for D, *rest in map(_scaled, e.terms)]
     except np.linalg.LinAlgError:  # M is not positive
         return np.inf
-    return deviation(e.vdot, wanted, np.maximum(growth, e.conditions), e.small, e.units.vdot)
+    return acceleration_error(e, wanted, np.maximum(growth, e.conditions))
 
 
 def _udwadia_kalaba(M: Array, force: Array, A: Array, beta: Array) -> Array:
@@ -41,7 +42,7 @@ def _udwadia_kalaba(M: Array, force: Array, A: Array, beta: Array) -> Array:
 def udwadia_phohomsiri(e: Evidence) -> float:
     """v̇ against [(1 − A⁺A) M; A]⁺ [(1 − A⁺A) (Q − h); β], which needs no inverse of M."""
     wanted = [D * _udwadia_phohomsiri(*rest) for D, *rest in map(_scaled, e.terms)]
-    return deviation(e.vdot, wanted, e.conditions, e.small, e.units.vdot)
+    return acceleration_error(e, wanted, e.conditions)
 
 
 def _udwadia_phohomsiri(M: Array, force: Array, A: Array, beta: Array) -> Array:
@@ -55,8 +56,10 @@ def _scaled(t: Terms) -> tuple[Array, Array, Array, Array, Array]:
     size = np.diag(t.M)
     D = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
     A = t.A * D
-    lengths = np.maximum(np.linalg.norm(A, axis=1), 1e-300)
-    return D, D[:, None] * t.M * D, D * (t.Q - t.h), A / lengths[:, None], t.beta / lengths
+    zero = left_over(t.A)
+    A, beta = np.where(zero[:, None], 0.0, A), np.where(zero, 0.0, t.beta)
+    lengths = np.where(zero, 1.0, np.linalg.norm(A, axis=1))
+    return D, D[:, None] * t.M * D, D * (t.Q - t.h), A / lengths[:, None], beta / lengths
 
 
 def _pseudo_inverse(matrix: Array) -> Array:
@@ -66,13 +69,13 @@ def _pseudo_inverse(matrix: Array) -> Array:
 CHECKS = (
     Check(
         "v̇ Udwadia–Kalaba",
-        1e-10,
+        SOLVED,
         "the same terms by a pseudo-inverse, per condition number, that of M or of all",
         udwadia_kalaba,
     ),
     Check(
         "v̇ Udwadia–Phohomsiri",
-        1e-10,
+        SOLVED,
         "the same without an inverse of M, per condition number",
         udwadia_phohomsiri,
     ),

@@ -30,6 +30,7 @@ class Units:
     w: Array
     rows: Array
     positions: Array
+    lengths: Array  # ones, of the lengths of quaternions
 
     @property
     def time(self) -> float:
@@ -104,7 +105,7 @@ class Units:
             "mass": self.M,
             "bias": self.force,
             "inverse_dynamics": self.force,
-            "constraints": np.concatenate([self.positions, self.rows]),
+            "constraints": np.concatenate([self.positions, self.lengths, self.rows]),
             "reactions": self.lam,
             "project": self.x,
         }
@@ -130,4 +131,4 @@ def units(system: System, A: Sequence[Array], w: Sequence[Array]) -> Units:
     speeds[speeds < LEFT_OVER * np.max(v, initial=0.0)] = (
         1.0  # the constraints leave nothing but roundoff of it
     )
-    return Units(own, q, v, speeds, rows, positions)
+    return Units(own, q, v, speeds, rows, positions, np.ones(len(system.quaternions)))

@@ -9,6 +9,7 @@ from functools import partial
 
 import casadi as ca
 
+from derive.expressions.instructions import Instruction, Listing, listing, run
 from derive.formulations.records import Equations, Function
 from derive.mechanics.records import System
 
@@ -16,7 +17,7 @@ SWAPPED = {
     ca.OP_ADD: ca.OP_SUB, ca.OP_SUB: ca.OP_ADD, ca.OP_MUL: ca.OP_DIV, ca.OP_DIV: ca.OP_MUL,
     ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN, ca.OP_SQ: ca.OP_TWICE, ca.OP_TWICE: ca.OP_SQ,
 }  # fmt: skip
-LEAVES = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
+LEAVES = (ca.OP_CONST, ca.OP_INPUT)
 
 
 def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
@@ -100,7 +101,7 @@ def wrong_matrices(equations: Equations) -> Iterator[tuple[str, Equations]]:
 def wrong_functions(equations: Equations, name: str) -> Iterator[tuple[str, Equations]]:
     """The equations with one operation of one function changed: + for −, × for ÷, sine for cosine,
     x² for 2 x."""
-    function = next(function for function in equations.functions if function.name == name)
+    function = equations.function(name)
     for index, wrong in mutants(function.result.value):
         changed = replace(function, result=replace(function.result, value=wrong))
         yield f"{name}, instruction {index}", _with_function(equations, changed)
@@ -117,8 +118,8 @@ def mutants(value: ca.SX) -> Iterator[tuple[int, ca.SX]]:
     """(instruction index, the expression with that operation swapped), for every operation that has
     a counterpart."""
     tape = recorded(value)
-    for index, step in enumerate(tape.steps):
-        if step.operation in SWAPPED:
+    for index, step in enumerate(tape.program.instructions):
+        if step.code in SWAPPED:
             yield index, tape.replayed(index, _swapped)
 
 
@@ -137,10 +138,10 @@ def changes(value: ca.SX) -> list[Change]:
     tape = recorded(value)
     found = [
         Change(f"operation {index}: {about}", partial(tape.replayed, index, change))
-        for index, step in enumerate(tape.steps)
+        for index, step in enumerate(tape.program.instructions)
         for about, change, operations in _OPERATIONS
-        if step.operation in operations
-        or (operations == () and step.operation not in (*LEAVES, ca.OP_ASSIGN))
+        if step.code in operations
+        or (operations == () and step.code not in (*LEAVES, ca.OP_ASSIGN))
     ]
     places = [k for k in range(value.numel()) if not ca.SX(value[k]).is_zero()]
     return found + [
@@ -177,61 +178,35 @@ def _with_entry(value: ca.SX, place: int, factor: float) -> ca.SX:
 
 
 @dataclass(frozen=True)
-class Step:
-    """One instruction of an expression's evaluation: the work slot it writes and those it reads."""
-
-    operation: int
-    into: list[int]
-    operands: list[int]
-    constant: float
-
-
-@dataclass(frozen=True)
 class Tape:
     """An expression as the instructions that evaluate it, to be replayed with one of them
     changed."""
 
     symbols: ca.SX
-    steps: tuple[Step, ...]
+    program: Listing
     rows: int
     columns: int
 
     def replayed(self, wrong: int, change: Callable[[int, list[ca.SX]], ca.SX]) -> ca.SX:
         """The expression rebuilt instruction by instruction, number `wrong` changed."""
-        work: dict[int, ca.SX] = {}
-        results = ca.SX.zeros(self.rows * self.columns)
-        for index, step in enumerate(self.steps):
-            operation, into, operands = step.operation, step.into, step.operands
-            if operation == ca.OP_OUTPUT:
-                results[into[1]] = work[operands[0]]
-            elif operation == ca.OP_INPUT:
-                work[into[0]] = self.symbols[operands[1]]
-            elif operation == ca.OP_CONST:
-                work[into[0]] = ca.SX(step.constant)
-            else:
-                work[into[0]] = (change if index == wrong else _applied)(
-                    operation, [work[i] for i in operands]
-                )
-        return ca.reshape(results, self.rows, self.columns)
+        changed = self.program.instructions[wrong]
+
+        def operation(read: Instruction, operands: list[ca.SX]) -> ca.SX:
+            return (change if read is changed else _applied)(read.code, operands)
+
+        (entries,) = run(
+            self.program,
+            entry=lambda _, nonzero: self.symbols[nonzero],
+            number=ca.SX,
+            operation=operation,
+        )
+        return ca.reshape(ca.vertcat(ca.SX(0, 1), *entries), self.rows, self.columns)
 
 
 def recorded(value: ca.SX) -> Tape:
     symbols = ca.vertcat(*ca.symvar(value))
-    program = ca.Function("program", [symbols], [ca.densify(value)])
-    return Tape(
-        symbols,
-        tuple(_step(program, i) for i in range(program.n_instructions())),
-        value.size1(),
-        value.size2(),
-    )
-
-
-def _step(program: ca.Function, index: int) -> Step:
-    operation = program.instruction_id(index)
-    constant = program.instruction_constant(index) if operation == ca.OP_CONST else 0.0
-    return Step(
-        operation, program.instruction_output(index), program.instruction_input(index), constant
-    )
+    program = listing(ca.Function("program", [symbols], [ca.densify(value)]))
+    return Tape(symbols, program, value.size1(), value.size2())
 
 
 def _applied(operation: int, operands: list[ca.SX]) -> ca.SX:

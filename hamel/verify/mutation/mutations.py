@@ -16,6 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from derive.formulations.evaluate import Evaluator, evaluator, function_of, slots_of
 from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.records import Mutation, Mutations
@@ -26,17 +27,14 @@ from hamel.verify.checks.evidence import (
     TERMS,
     VECTORS,
     Evidence,
-    Graph,
     Terms,
-    graph,
-    slots_of,
+    evidence,
 )
 from hamel.verify.checks.linear import with_linearization
 from hamel.verify.checks.roundoff import bound
 from hamel.verify.mutation.errors import Change, changes
 from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.vectors import Array
-from hamel.verify.suite import evidence
 
 STATES = 4  # an error shows at any state; a fifth would only take longer
 MOST = 200  # changes that are tried per choice
@@ -168,10 +166,8 @@ def _with_function(seen: Evidence, name: str, wrong: ca.SX) -> Evidence:
     )
     spoiled = replace(equations, functions=changed)
     if name == "velocity":  # v̇ is its derivative
-        return replace(seen, graph=graph(spoiled))
-    function = next(f for f in changed if f.name == name)
-    made = ca.Function(name, slots_of(equations, function), [ca.densify(wrong)])
-    functions = {**seen.graph.functions, name: made}
+        return replace(seen, graph=evaluator(spoiled))
+    functions = {**seen.graph.functions, name: function_of(spoiled, name)}
     return replace(seen, graph=replace(seen.graph, equations=spoiled, functions=functions))
 
 
@@ -207,7 +203,7 @@ def _noting(seen: Evidence, read: set[str]) -> Evidence:
         read.add(_called("velocity"))
         return seen.graph.rate(*place)
 
-    noted: Graph = replace(seen.graph, functions=Functions(seen.graph.functions), rate=rate)
+    noted: Evaluator = replace(seen.graph, functions=Functions(seen.graph.functions), rate=rate)
     return replace(seen, terms_at=terms_at, graph=noted)
 
 

@@ -182,14 +182,14 @@ def _inside(item: OnSurface, place: Layout, state: State) -> list[Jet]:
 def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
     """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·).
 
-    d(T + V)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t + dG/dt with G = 2 T − q̇·∂T/∂q̇, which vanishes for an
+    d(T + V − G)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t with G = 2 T − q̇·∂T/∂q̇, which vanishes for an
     ordinary quadratic T.
     """
     n = len(s.q)
     at = s.function(_entries(model, s))
 
     def evaluate(state: State) -> Lagrange:
-        mass, force, odd, (T, V, power, explicit) = np.split(at(state), np.cumsum([n * n, n, n]))
+        mass, force, (T, V, power, odd) = np.split(at(state), np.cumsum([n * n, n]))
         mass, N = mass.reshape(n, n), state.N
         return Lagrange(
             N.T @ mass @ N,
@@ -197,15 +197,14 @@ def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
             T,
             V,
             power,
-            explicit + odd @ state.drift,
-            N.T @ odd,
+            odd,
         )
 
     return evaluate
 
 
 def _entries(model: Model, s: Symbols) -> list[Any]:
-    """mass (nq²), force (nq), ∂G/∂q̇ (nq), T, V, ∂V/∂t and dG/dt − ∂T/∂t less its part in q̈."""
+    """mass (nq²), force (nq), T, V, ∂V/∂t − ∂T/∂t and G."""
     T = s.read(model.kinetic) if model.kinetic is not None else sympy.Integer(0)
     V = s.read(model.potential) if model.potential is not None else sympy.Integer(0)
     momenta = [sympy.diff(T, r) for r in s.r]
@@ -215,9 +214,8 @@ def _entries(model: Model, s: Symbols) -> list[Any]:
     return [
         *mass,
         *force,
-        *(sympy.diff(G, r) for r in s.r),
         T,
         V,
-        sympy.diff(V, s.t),
-        s.along(G) - sympy.diff(T, s.t),
+        sympy.diff(V, s.t) - sympy.diff(T, s.t),
+        G,
     ]

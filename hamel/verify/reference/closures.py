@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from derive.diagnostics import AssumptionError
 from derive.model.records import GROUND, Closure
 from hamel.verify.reference.jets import Jet, direction, dot, joint_frame, stays
 from hamel.verify.reference.layout import Layout, Rows, stacked
@@ -46,7 +47,11 @@ class Loop:
 def closure_rows(closure: Closure, plane: str, place: Layout, state: State) -> Rows:
     """The rows of one closure; NotImplementedError for a type the reference does not know."""
     if closure.type not in _ROWS:
-        raise NotImplementedError(f"the reference has no closure of type {closure.type!r}")
+        raise AssumptionError(
+            f"verify cannot derive the closure '{closure.name}' again: its reference does not know "
+            f"{closure.type}",
+            "it takes a derivation of its own in hamel/verify/reference/closures.py",
+        )
     turned = triad(state.vector(closure.axis), plane)
     pairs = zip(closure.bodies, closure.placements)
     first, second = (joint_frame(place, state, body, at, turned) for body, at in pairs)

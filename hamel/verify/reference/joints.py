@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from derive.diagnostics import AssumptionError
 from hamel.verify.reference.vectors import (
     UNIT,
     Array,
@@ -162,5 +163,8 @@ def joint_motion(
     if kind == "universal" and axis2 is not None:
         return universal(axis2)
     if kind not in _TABLE:
-        raise NotImplementedError(f"the reference has no joint of type {kind!r}")
+        raise AssumptionError(
+            f"verify cannot derive joints of type {kind} again: its reference does not know them",
+            "they take a derivation of their own in hamel/verify/reference/joints.py",
+        )
     return _TABLE[kind]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from derive.diagnostics import AssumptionError
 from derive.model.records import (
     GROUND,
     Armature,
@@ -32,30 +33,32 @@ from hamel.verify.reference.vectors import Array, cross, skew
 @dataclass(frozen=True)
 class Applied:
     """Forces along z (nz): `weight` and `springs` follow from V (J), `other` do not; power = other
-    · z (W)."""
+    · z (W). `summed` (J): the sizes of what V is a sum of, which may cancel."""
 
     weight: Array
     springs: Array
     other: Array
     V: float
+    summed: float
 
     @property
     def total(self) -> Array:
         return self.weight + self.springs + self.other
 
 
-def _only(place: Layout, V: float = 0.0, **forces: Array) -> Applied:
+def _only(place: Layout, V: float = 0.0, summed: float | None = None, **forces: Array) -> Applied:
     """The forces named, zeros for the rest."""
     zero = np.zeros(place.size)
-    return Applied(**{"weight": zero, "springs": zero, "other": zero} | forces, V=V)
+    named = {"weight": zero, "springs": zero, "other": zero} | forces
+    return Applied(**named, V=V, summed=abs(V) if summed is None else summed)
 
 
 @dataclass(frozen=True)
 class Lagrange:
     """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
 
-    `power` is ∂V/∂t; `explicit` + `odd` · v̇ is what T gains by itself: explicit time, and terms
-    not quadratic in the rates.
+    `power` is ∂(V − T)/∂t at held q and q̇; `odd` = T₁ + 2 T₀ (J) is what Jacobi's integral
+    q̇·∂T/∂q̇ − T + V is less than T + V.
     """
 
     inertia: Array
@@ -63,8 +66,7 @@ class Lagrange:
     T: float
     V: float
     power: float
-    explicit: float
-    odd: Array
+    odd: float
 
 
 def applied(model: Model, place: Layout, state: State, nonideal: bool = True) -> Applied:
@@ -81,7 +83,8 @@ def applied(model: Model, place: Layout, state: State, nonideal: bool = True) ->
         np.sum([getattr(part, name) for part in parts], axis=0)
         for name in ("weight", "springs", "other")
     )
-    return Applied(weight, springs, other, sum(part.V for part in parts))
+    V, summed = sum(part.V for part in parts), sum(part.summed for part in parts)
+    return Applied(weight, springs, other, V, summed)
 
 
 def _at_rest(model: Model) -> set[str]:
@@ -99,7 +102,8 @@ def _weight(gravity: Array, body: Body, place: Layout, state: State) -> Applied:
     arm = frame.point(state.vector(body.com))
     force = np.zeros(place.size)
     force[place.twist(body.name)] = _wrench(arm, weight)
-    return _only(place, -float(weight @ (frame.origin + arm)), weight=force)
+    summed = float(np.abs(weight).sum() * (np.abs(frame.origin).sum() + np.abs(arm).sum()))
+    return _only(place, -float(weight @ (frame.origin + arm)), summed, weight=force)
 
 
 def _wrench(arm: Array, force: Array) -> Array:
@@ -156,7 +160,11 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
             )
-    raise NotImplementedError(f"the reference does not know loads of type {type(load).__name__}")
+    raise AssumptionError(
+        f"verify cannot derive the load '{load.name}' again: its reference does not know "
+        f"{type(load).__name__}",
+        "it takes a derivation of its own in hamel/verify/reference/loads.py",
+    )
 
 
 def _along(place: Layout, force: Array) -> Applied:

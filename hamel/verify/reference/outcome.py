@@ -16,17 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
 from derive.expressions import tree
 from derive.model.records import GROUND, Armature, Holonomic, Model, Nonholonomic, OnSurface
 from derive.model.rows import row_names
+from hamel.verify.limits import ROUNDING, UNDONE
 from hamel.verify.reference.layout import Layout, Rows, layout, stacked
 from hamel.verify.reference.loads import Applied, Lagrange, applied, body_inertia
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
-from hamel.verify.reference.saddle import rank_of, saddle, solved
+from hamel.verify.reference.saddle import least_eigenvalue, rank_of, saddle, solved
 from hamel.verify.reference.states import STILL, State, state
 from hamel.verify.reference.vectors import Array
 
@@ -62,6 +63,24 @@ class Kinematics:
         return self.A @ v - self.c
 
 
+class Energies(NamedTuple):
+    """In J; `total` is T + V or, with terms not quadratic in the rates, T₂ − T₀ + V."""
+
+    T: float
+    V: float
+    total: float
+
+
+@dataclass(frozen=True)
+class Summed:
+    """The sizes of what some results are sums of: where these cancel, rounding of this size is
+    left."""
+
+    M: Array  # nv, of the diagonal
+    force: Array  # nv, of h and Q but for velocity products
+    V: float
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What the reference says at one state. vdot nv, lam nc."""
@@ -75,12 +94,22 @@ class Outcome:
     Q: Array  # nv, everything else that is applied: M v̇ + h = Q + Aᵀ λ
     T: float
     V: float
-    power: (
-        float  # of all forces without a potential, and ∂V/∂t: d(T + V)/dt = power + λᵀ c + explicit
-    )
-    explicit: float  # what T gains by itself: explicit time, terms not quadratic in the rates
+    energy: float  # T + V or, with terms not quadratic in the rates, Jacobi's integral T₂ − T₀ + V
+    power: float  # of forces without a potential, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
     rank: int  # of A
     residual: float  # of the solved system, relative
+    summed: Summed
+
+    @property
+    def least_inertia(self) -> Array:
+        """What rounding may leave of the diagonal of M, per unit of the tolerance that definiteness
+        is held to."""
+        return ROUNDING / UNDONE * self.summed.M
+
+    @property
+    def admissible(self) -> bool:
+        """Whether M has no negative eigenvalue: parameters varied one by one may be no machine's."""
+        return least_eigenvalue(self.M, self.least_inertia) >= -UNDONE
 
     @property
     def force(self) -> Array:
@@ -127,7 +156,7 @@ def _no_formulas(item: object) -> NoReturn:
 
 
 def _no_energies(nv: int) -> Lagrange:
-    return Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, 0.0, np.zeros(nv))
+    return Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, 0.0)
 
 
 def defaults(model: Model) -> Array:
@@ -166,15 +195,17 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
     )
 
 
-def energies(ref: Reference, s: State) -> tuple[float, float]:
+def energies(ref: Reference, s: State) -> Energies:
     """T and V (J): ½ m |v_com|² + ½ ω · I ω of every body, rotors and the analytic T; gravity,
-    springs and the analytic V."""
+    springs and the analytic V. And what is in balance with the power, T₂ − T₀ + V."""
     return _energies(ref, s, ref.lagrange(s), _bodies(ref, s))
 
 
-def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> tuple[float, float]:
+def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> Energies:
     T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in bodies) + 0.5 * rotors(ref, s) @ s.v**2
-    return float(T) + analytic.T, applied(ref.model, ref.place, s, nonideal=False).V + analytic.V
+    T = float(T) + analytic.T
+    V = applied(ref.model, ref.place, s, nonideal=False).V + analytic.V
+    return Energies(T, V, T + V - analytic.odd)
 
 
 def evaluate(ref: Reference, s: State) -> Outcome:
@@ -219,15 +250,26 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     )
     vdot, lam = solution[:nv], -solution[nv:]
     z = np.concatenate([s.v, kin.J @ s.v])
-    power, explicit = (
-        float(loads.other @ z) + analytic.power,
-        float(analytic.explicit + analytic.odd @ vdot),
-    )
-    T, V = _energies(ref, s, analytic, bodies)
+    power = float(loads.other @ z) + analytic.power
+    T, V, energy = _energies(ref, s, analytic, bodies)
     return Outcome(
         vdot=vdot, qdot=s.rates, lam=lam, kinematics=kin, M=M, h=h, Q=Q,
-        T=T, V=V, power=power, explicit=explicit, rank=rank, residual=residual,
+        T=T, V=V, energy=energy, power=power, rank=rank, residual=residual,
+        summed=_summed(ref, analytic, loads, kin, bodies),
     )  # fmt: skip
+
+
+def _summed(
+    ref: Reference, analytic: Lagrange, loads: Applied, kin: Kinematics, bodies: Bodies
+) -> Summed:
+    J, nv = np.abs(kin.J), ref.place.nv
+    sizes = [(abs(twist), abs(inertia), abs(wrench)) for twist, inertia, wrench in bodies]
+    mass = np.einsum("ij,ij->j", J, _inertial(sizes, J)) + np.abs(np.diag(analytic.inertia))
+    forces = np.abs(loads.weight) + np.abs(loads.springs) + np.abs(loads.other)
+    inertial = _inertial(sizes, np.abs(kin.drift)[:, None])[:, 0]
+    turning = np.concatenate([wrench for _, _, wrench in sizes]) if sizes else np.zeros(0)
+    force = forces[:nv] + np.abs(analytic.force) + J.T @ (forces[nv:] + inertial + turning)
+    return Summed(mass, force, loads.summed + abs(analytic.V))
 
 
 def _over_v(kin: Kinematics, force: Array) -> Array:

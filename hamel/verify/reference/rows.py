@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from derive.diagnostics import AssumptionError
 from derive.expressions import tree
 from derive.model.records import (
     Closure,
@@ -113,7 +114,11 @@ def _physical_rows(item: object, model: Model, place: Layout, state: State) -> R
             return rolling_rows(item, model.plane, place, state)
         case Distance():
             return distance_row(item, place, state)
-    raise NotImplementedError(f"the reference does not know constraints such as {item}")
+    raise AssumptionError(
+        f"verify cannot derive the constraint '{getattr(item, 'name', item)}' again: its reference "
+        f"does not know {type(item).__name__}",
+        "it takes a derivation of its own in hamel/verify/reference/rows.py",
+    )
 
 
 def embedded(row: Callable[[State], ConstraintRow], place: Layout) -> RowsOf:

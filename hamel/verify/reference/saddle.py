@@ -10,9 +10,18 @@ from hamel.verify.reference.vectors import Array
 SWEEPS = 20  # each halves the decades between them
 RANK = 1e-9  # singular values below this times the largest (rows scaled to like size) count as zero
 
+LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
+
+
+def left_over(G: Array) -> Array:
+    """Which rows are what rounding has left of zeros: no scaling may bring them up."""
+    lengths = np.linalg.norm(G, axis=1)
+    return np.asarray(lengths <= LEFT_OVER * lengths.max(initial=0.0))
+
 
 def saddle(K: Array, G: Array) -> Array:
-    """[K Gᵀ; G 0]."""
+    """[K Gᵀ; G 0]; rows of G that rounding has left of zeros are zeros."""
+    G = np.where(left_over(G)[:, None], 0.0, G)
     return np.block([[K, G.T], [G, np.zeros((len(G), len(G)))]])
 
 
@@ -43,12 +52,20 @@ def solved(matrix: Array, right: Array, redundant: bool) -> tuple[Array, float]:
     )
 
 
+def least_eigenvalue(M: Array, least: Array) -> float:
+    """Of a symmetric M, scaled to a unit diagonal; a diagonal entry below `least` is scaled by
+    that, for what stands there is left over from sums that cancel."""
+    size = np.sqrt(np.maximum(np.diag(M), least))
+    size = np.where(size > 0.0, size, 1.0)
+    return float(np.linalg.eigvalsh((M + M.T) / np.outer(size, size) / 2.0).min(initial=0.0))
+
+
 def rank_of(A: Array) -> int:
-    """Rank of A, its rows scaled to unit length."""
+    """Rank of A, its rows scaled to unit length but for those that rounding has left of zeros."""
     if not A.size:
         return 0
-    lengths = np.linalg.norm(A, axis=1)
-    singular = np.linalg.svd(A / np.where(lengths > 0.0, lengths, 1.0)[:, None], compute_uv=False)
+    lengths = np.where(left_over(A), 1.0, np.linalg.norm(A, axis=1))
+    singular = np.linalg.svd(A / lengths[:, None], compute_uv=False)
     return int(np.sum(singular > RANK * singular[0]))
 
 

@@ -1,0 +1,88 @@
+"""Equations whose directions are data of the generated module, with the usual numbers in their
+place: what everything but the generated module looks at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import casadi as ca
+
+from derive.choices.records import Frame, Guard
+from derive.formulations.records import Equations, Function, Request
+from derive.mechanics.records import Named
+
+
+def in_numbers(expressions: Sequence[ca.SX], frame: Frame) -> list[ca.SX]:
+    """Expressions with the usual numbers in the place of the frame, together: what they share they
+    go on sharing."""
+    if not expressions:
+        return []
+    return ca.substitute(
+        [ca.SX(x) for x in expressions], [frame.symbols], [ca.DM(list(frame.values))]
+    )
+
+
+def based(equations: Equations) -> Equations:
+    """The equations for the usual frame: over the parameters of the model alone."""
+    frame = equations.frame
+    if frame is None:
+        return equations
+    first = equations.system.p.numel()
+    slots = tuple(
+        replace(
+            slot,
+            symbols=slot.symbols[:first],
+            labels=slot.labels[:first],
+            units=slot.units[:first],
+        )
+        if slot.name == "p"
+        else slot
+        for slot in equations.arguments
+    )
+    return replace(
+        equations,
+        arguments=slots,
+        functions=tuple(_function(function, frame) for function in equations.functions),
+        named=_named(equations.named, frame),
+        parameters=equations.system.parameters,
+        requests=tuple(_request(request, frame) for request in equations.requests),
+        charts=tuple(based(chart) for chart in equations.charts),
+        frame=None,
+    )
+
+
+def _request(request: Request, frame: Frame) -> Request:
+    return replace(request, make=lambda: _function(request.make(), frame))
+
+
+def _function(function: Function, frame: Frame) -> Function:
+    """Result, guards, residual and named intermediates in one substitution."""
+    residual = [] if function.residual is None else [function.residual]
+    values = in_numbers(
+        [
+            function.result.value,
+            *residual,
+            *(guard.value for guard in function.guards),
+            *(item.value for item in function.named),
+        ],
+        frame,
+    )
+    result, rest = values[0], values[1 + len(residual) :]
+    count = len(function.guards)
+    return replace(
+        function,
+        result=replace(function.result, value=result),
+        residual=values[1] if residual else None,
+        guards=tuple(_guard(guard, x) for guard, x in zip(function.guards, rest[:count])),
+        named=tuple(replace(item, value=x) for item, x in zip(function.named, rest[count:])),
+    )
+
+
+def _guard(guard: Guard, value: ca.SX) -> Guard:
+    return replace(guard, value=value)
+
+
+def _named(named: tuple[Named, ...], frame: Frame) -> tuple[Named, ...]:
+    values = in_numbers([item.value for item in named], frame)
+    return tuple(replace(item, value=x) for item, x in zip(named, values))

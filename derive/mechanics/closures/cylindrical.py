@@ -1,0 +1,17 @@
+"""Cylinders that close a loop."""
+
+from __future__ import annotations
+
+from derive.mechanics.closures.parts import PARALLEL, right_angles, shifts
+from derive.mechanics.closures.records import Closing
+from derive.mechanics.scene import Block, Scene
+from derive.model.records import (
+    Closure,
+)
+
+
+def cylindrical(scene: Scene, closure: Closure) -> list[Block]:
+    return [shifts(scene, closure, (0, 1)), right_angles(scene, closure, PARALLEL)]
+
+
+CYLINDRICAL = Closing("cylindrical", cylindrical)

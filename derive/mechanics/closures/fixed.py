@@ -1,0 +1,20 @@
+"""Welds that close a loop."""
+
+from __future__ import annotations
+
+from derive.mechanics.closures.parts import LOCKED, meeting, right_angles
+from derive.mechanics.closures.records import Closing
+from derive.mechanics.scene import Block, Scene
+from derive.model.records import (
+    Closure,
+)
+
+
+def fixed(scene: Scene, closure: Closure) -> list[Block]:
+    return [
+        meeting(scene, closure),
+        right_angles(scene, closure, ((0, 1),) if scene.model.plane else LOCKED),
+    ]
+
+
+FIXED = Closing("fixed", fixed)

@@ -1,0 +1,81 @@
+"""Rows that several closures share: points that coincide, directions at right angles, shifts along axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from derive.joints.records import Vector
+from derive.joints.rotations import (
+    matrix,
+)
+from derive.mechanics.frames import (
+    closure_frames,
+)
+from derive.mechanics.links import placement
+from derive.mechanics.records import Place, Row, RowForm, TwistTerm
+from derive.mechanics.rows import block_of_positions
+from derive.mechanics.scene import IN_PLANE, NOTHING, Block, Scene
+from derive.mechanics.tree import ground_point, link_point, relative_rotation
+from derive.model.records import (
+    Closure,
+)
+
+PARALLEL = ((0, 2), (1, 2))  # the second axis stays at right angles to the first frame's other two
+LOCKED = (*PARALLEL, (1, 0))
+
+
+def meeting(scene: Scene, closure: Closure) -> Block:
+    """The two points coincide."""
+    axes = IN_PLANE[scene.model.plane]
+    points = [placement(scene.symbols, at)[1] for at in closure.placements]
+    where = [scene.places[body] for body in closure.bodies]
+    ground = [ground_point(w, p, scene.positions, scene.rotations) for w, p in zip(where, points)]
+    names = [f"{closure.name}.{'xyz'[k]}" for k in axes]
+    phi = tuple(ca.SX(ground[1][k] - ground[0][k]) for k in axes)
+    frames = dict.fromkeys((-1, where[0].link, where[1].link))
+    ways = tuple(_closure_rows(scene, names, where, points, frame, axes) for frame in frames)
+    return Block(tuple(Row(name, i, "m/s") for i, name in enumerate(names)), phi, ways)
+
+
+def _closure_rows(
+    scene: Scene,
+    names: Sequence[str],
+    where: Sequence[Place],
+    points: Sequence[Vector],
+    frame: int,
+    axes: Sequence[int],
+) -> tuple[RowForm, ...]:
+    turned = [matrix(relative_rotation(scene.links, place.link, frame)) for place in where]
+    terms: list[list[TwistTerm]] = []
+    for k in axes:
+        directions = [[sign * row[k] for row in R] for sign, R in zip((-1.0, 1.0), turned)]
+        terms.append(
+            [
+                TwistTerm(w.link, d, link_point(w, p), NOTHING, "ground")
+                for w, d, p in zip(where, directions, points)
+            ]
+        )
+    return tuple(
+        RowForm(name, tuple(x for x in pair if x.link >= 0)) for name, pair in zip(names, terms)
+    )
+
+
+def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]]) -> Block:
+    """φ = bⱼ · aᵢ for the given axes i of the first and j of the second joint frame."""
+    frames = closure_frames(scene, closure)
+    phi = [ca.dot(frames.axes[1][j], frames.axes[0][i]) for i, j in pairs]
+    return block_of_positions(
+        scene, [f"{closure.name}.turn{k + 1}" for k in range(len(pairs))], phi, "rad/s"
+    )
+
+
+def shifts(scene: Scene, closure: Closure, axes: Sequence[int]) -> Block:
+    """φ = aᵢ · (p₂ − p₁) along axes of the first joint frame."""
+    frames = closure_frames(scene, closure)
+    gap = frames.origins[1] - frames.origins[0]
+    phi = [ca.dot(frames.axes[0][i], gap) for i in axes]
+    return block_of_positions(
+        scene, [f"{closure.name}.shift{k + 1}" for k in range(len(axes))], phi, "m/s"
+    )

@@ -1,0 +1,20 @@
+"""Slides that close a loop."""
+
+from __future__ import annotations
+
+from derive.mechanics.closures.parts import LOCKED, right_angles, shifts
+from derive.mechanics.closures.records import Closing
+from derive.mechanics.scene import Block, Scene
+from derive.model.records import (
+    Closure,
+)
+
+
+def prismatic(scene: Scene, closure: Closure) -> list[Block]:
+    """Across the axis nothing shifts and nothing turns."""
+    if scene.model.plane:
+        return [shifts(scene, closure, (0,)), right_angles(scene, closure, ((0, 2),))]
+    return [shifts(scene, closure, (0, 1)), right_angles(scene, closure, LOCKED)]
+
+
+PRISMATIC = Closing("prismatic", prismatic)

@@ -1,0 +1,20 @@
+"""Hinges that close a loop."""
+
+from __future__ import annotations
+
+from derive.mechanics.closures.parts import PARALLEL, meeting, right_angles
+from derive.mechanics.closures.records import Closing
+from derive.mechanics.scene import Block, Scene
+from derive.model.records import (
+    Closure,
+)
+
+
+def revolute(scene: Scene, closure: Closure) -> list[Block]:
+    return [
+        meeting(scene, closure),
+        *([] if scene.model.plane else [right_angles(scene, closure, PARALLEL)]),
+    ]
+
+
+REVOLUTE = Closing("revolute", revolute)

@@ -1,0 +1,29 @@
+"""Formulas of the coordinates that stay zero."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.mechanics.constraints.records import Tie
+from derive.mechanics.records import Row
+from derive.mechanics.rows import nonideal_forces, row_form
+from derive.mechanics.scene import Block, Scene
+from derive.model.records import (
+    Holonomic,
+)
+
+
+def holonomic(scene: Scene, constraint: Holonomic) -> Block:
+    s = scene.symbols
+    phi = ca.SX(s.scalar(constraint.expression))
+    velocity = scene.rate(phi)
+    row = row_form(scene, constraint.name, velocity)
+    return Block(
+        (Row(constraint.name, 0, ""),),
+        (phi,),
+        ((row,),),
+        nonideal_forces(scene, constraint.nonideal),
+    )
+
+
+HOLONOMIC = Tie(Holonomic, holonomic)

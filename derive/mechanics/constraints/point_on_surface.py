@@ -1,0 +1,37 @@
+"""Points that stay on surfaces."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.expressions.evaluate import casadi_functions, value
+from derive.expressions.tree import ZERO
+from derive.joints.rotations import (
+    rotated,
+    transpose,
+)
+from derive.mechanics.constraints.records import Tie
+from derive.mechanics.frames import (
+    ground_rotation,
+    on_ground,
+)
+from derive.mechanics.rows import block_of_positions
+from derive.mechanics.scene import Block, Scene
+from derive.model.records import (
+    OnSurface,
+)
+
+
+def on_surface(scene: Scene, constraint: OnSurface) -> Block:
+    """φ = surface(x, y, z) at the point, in the frame of the body that carries the surface."""
+    s, carrier = scene.symbols, scene.places[constraint.frame_body]
+    gap = on_ground(scene, constraint.body, constraint.point) - on_ground(
+        scene, constraint.frame_body, (ZERO, ZERO, ZERO)
+    )
+    inside = rotated(transpose(ground_rotation(scene, carrier)), [gap[k] for k in range(3)])
+    names = s.names | dict(zip("xyz", inside))
+    phi = ca.SX(value(constraint.surface, names, s.rates, casadi_functions()))
+    return block_of_positions(scene, [constraint.name], [phi], "")
+
+
+POINT_ON_SURFACE = Tie(OnSurface, on_surface)

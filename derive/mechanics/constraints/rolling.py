@@ -1,0 +1,110 @@
+"""Disks, spheres and tori that roll without slip."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from derive.joints.records import Vector
+from derive.joints.rotations import (
+    IDENTITY,
+    cross,
+    difference,
+    dot,
+    matrix,
+    rotated,
+    sum_of,
+    transpose,
+)
+from derive.mechanics.constraints.records import Tie
+from derive.mechanics.frames import (
+    triad,
+)
+from derive.mechanics.records import Place, Row, RowForm, TwistTerm
+from derive.mechanics.scene import IN_PLANE, NORMAL, NOTHING, Block, Scene
+from derive.mechanics.symbols import Symbols
+from derive.mechanics.tree import link_direction, link_point
+from derive.model.records import (
+    Rolling,
+)
+
+
+def rolling(scene: Scene, constraint: Rolling) -> Block:
+    """A round body on a plane: φ = n·(P − origin) at the contact P, and the material point there
+    does not move.
+
+    Disk: P = centre + r d with d = −(n − (n·e) e)/|…|, the steepest way down in the disk; torus: P
+    = centre + r d − tube n; sphere: P = centre − r n. Directions: n, t₁ = e × n/|…| (forward), t₂ =
+    n × t₁; or, which is the same, the axes of the body's own frame. In the plane a wheel has n and
+    t₁ only.
+    """
+    s = scene.symbols
+    place = scene.places[constraint.body]
+    normal = s.vector(constraint.normal)
+    n = rotated(transpose(scene.rotations[place.link]), normal)
+    e = link_direction(place, s.vector(constraint.axis))
+    point = sum_of(
+        link_point(place, s.vector(constraint.centre)),
+        _to_contact(s, constraint, scene.model.plane, n, e),
+    )
+    phi = _height(scene, place, point, normal, s.vector(constraint.origin))
+    directions = _directions(scene, constraint, place, n, e)
+    names = [f"{constraint.name}.{k}" for k in ("normal", "forward", "sideways")]
+    rows = tuple(
+        _moving_row(scene, name, place.link, d, point) for name, d in zip(names, directions)
+    )
+    own = [IDENTITY[k] for k in IN_PLANE[scene.model.plane]]
+    along_body = tuple(
+        _moving_row(scene, f"{constraint.name} {k}", place.link, d, point)
+        for k, d in zip("xyz", own)
+    )
+    marks = tuple(Row(row.name, 0 if i == 0 else -1, "m/s") for i, row in enumerate(rows))
+    return Block(marks, (phi,), (rows, along_body))
+
+
+def _to_contact(s: Symbols, constraint: Rolling, plane: str, n: Vector, e: Vector) -> Vector:
+    """From the centre to the lowest point, in the link's frame."""
+    radius = s.scalar(constraint.radius)
+    if plane or constraint.shape == "sphere":
+        return [dot([-radius], [x]) for x in n]
+    across = dot(n, e)
+    down = [-(x - across * y) for x, y in zip(n, e)]
+    length = ca.sqrt(dot(down, down))
+    tube = s.scalar(constraint.tube)
+    return [radius * x / length - tube * y for x, y in zip(down, n)]
+
+
+def _directions(
+    scene: Scene, constraint: Rolling, place: Place, n: Vector, e: Vector
+) -> list[Vector]:
+    """n, forward and sideways; a sphere has no axis to tell forward by, the ground's axes do."""
+    if scene.model.plane:
+        return [n, cross(NORMAL[scene.model.plane], n)]
+    if constraint.shape == "sphere":
+        unit = np.array([float(x) for x in scene.symbols.vector(constraint.normal)])
+        first, second, _ = np.array(matrix(triad(unit.tolist(), ""))).T.tolist()
+        back = transpose(scene.rotations[place.link])
+        return [n, rotated(back, first), rotated(back, second)]
+    forward = cross(e, n)
+    length = ca.sqrt(dot(forward, forward))
+    unit_forward = [x / length for x in forward]
+    return [n, unit_forward, cross(n, unit_forward)]
+
+
+def _height(scene: Scene, place: Place, point: Vector, normal: Vector, origin: Vector) -> ca.SX:
+    inside = rotated(scene.rotations[place.link], point)
+    ground = sum_of(scene.positions[place.link], inside)
+    return ca.SX(dot(normal, difference(ground, origin)))
+
+
+def _moving_row(scene: Scene, name: str, link: int, direction: Vector, point: Vector) -> RowForm:
+    """A row whose direction and point move in the link: their rates by differentiation along the
+    motion."""
+    rates = scene.rate(ca.vertcat(*direction, *point))
+    parts = [rates[i] for i in range(6)]
+    return RowForm(
+        name, (TwistTerm(link, direction, point, NOTHING, "state", parts[:3], parts[3:], NOTHING),)
+    )
+
+
+ROLLING = Tie(Rolling, rolling)

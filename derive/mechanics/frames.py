@@ -1,0 +1,85 @@
+"""Frames placed on bodies, in the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from derive.joints.records import Matrix, Rotation, Still, Vector
+from derive.joints.rotations import (
+    matrix,
+    merged,
+    product,
+    rotated,
+)
+from derive.mechanics.links import placement
+from derive.mechanics.records import Place
+from derive.mechanics.scene import NORMAL, NOTHING, Scene
+from derive.mechanics.tree import ground_point
+from derive.model.records import (
+    Closure,
+    Placement,
+    Vector3,
+)
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The joint frames of a closure in the ground: origins, and axes as columns; the axis is the
+    third where there is one."""
+
+    origins: tuple[ca.SX, ca.SX]
+    axes: tuple[tuple[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX, ca.SX]]
+
+
+def closure_frames(scene: Scene, closure: Closure) -> Frames:
+    turned = triad(scene.symbols.vector(closure.axis), scene.model.plane)
+    found = [
+        joint_frame(scene, body, at, turned) for body, at in zip(closure.bodies, closure.placements)
+    ]
+    return Frames((found[0][0], found[1][0]), (found[0][1], found[1][1]))
+
+
+def triad(axis: Vector, plane: str) -> Rotation:
+    """A frame whose third axis is the given one; in the plane its first axis lies in the plane
+    too."""
+    unit = np.array([float(x) for x in axis])
+    normal = np.array(NORMAL[plane])
+    if not unit.any():
+        unit = normal
+    across = np.cross(normal, unit)
+    if not plane or not across.any():
+        across = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+    x = across / np.linalg.norm(across)
+    return (Still(np.column_stack([x, np.cross(unit, x), unit]).tolist()),)
+
+
+def joint_frame(
+    scene: Scene, body: str, at: Placement, turned: Rotation
+) -> tuple[ca.SX, tuple[ca.SX, ca.SX, ca.SX]]:
+    """Origin and axes, in the ground, of a frame placed on a body and turned there."""
+    place = scene.places[body]
+    on_body, origin = placement(scene.symbols, at)
+    R = product(ground_rotation(scene, place), matrix(merged(on_body, turned)))
+    axes = [ca.vertcat(*[row[k] for row in R]) for k in range(3)]
+    point = ca.vertcat(*ground_point(place, origin, scene.positions, scene.rotations))
+    return point, (axes[0], axes[1], axes[2])
+
+
+def ground_rotation(scene: Scene, place: Place) -> Matrix:
+    own = matrix(place.rotation)
+    return own if place.link < 0 else product(scene.rotations[place.link], own)
+
+
+def angular_velocity(scene: Scene, place: Place) -> Vector:
+    """In ground axes."""
+    if place.link < 0:
+        return NOTHING
+    return rotated(scene.rotations[place.link], scene.omegas[place.link])
+
+
+def on_ground(scene: Scene, body: str, point: Vector3) -> ca.SX:
+    inside = scene.symbols.vector(point)
+    return ca.vertcat(*ground_point(scene.places[body], inside, scene.positions, scene.rotations))

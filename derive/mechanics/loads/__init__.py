@@ -1,0 +1,48 @@
+"""Applied forces: potentials of springs and the generalised forces of everything else, conjugate to
+the generalized velocities.
+
+One file each, one line each in LAWS. The language half of a load is one file in derive/model/loads.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.mechanics.loads.armature import ARMATURE, armatures
+from derive.mechanics.loads.bushing import BUSHING
+from derive.mechanics.loads.damper import JOINT_DAMPER
+from derive.mechanics.loads.expression import EXPRESSION
+from derive.mechanics.loads.force import FORCE
+from derive.mechanics.loads.friction import JOINT_FRICTION
+from derive.mechanics.loads.records import Applied, Law, along
+from derive.mechanics.loads.spring import JOINT_SPRING, POINT_SPRING
+from derive.mechanics.loads.torque import TORQUE
+from derive.mechanics.scene import Scene
+
+__all__ = ["LAWS", "Applied", "Law", "along", "applied", "armatures"]
+
+LAWS = (
+    JOINT_SPRING,
+    JOINT_DAMPER,
+    POINT_SPRING,
+    FORCE,
+    TORQUE,
+    BUSHING,
+    JOINT_FRICTION,
+    ARMATURE,
+    EXPRESSION,
+)
+LAW_OF = {law.record: law.applied for law in LAWS}
+
+
+def applied(scene: Scene) -> Applied:
+    """Sum over the loads and inputs of the model."""
+    energy, force = ca.SX(0), ca.SX.zeros(scene.symbols.v.numel())
+    for load in scene.model.loads:
+        one = LAW_OF[type(load)](scene, load)
+        energy, force = energy + one.energy, force + one.force
+    for item in scene.model.inputs:
+        if item.velocity:
+            gear = scene.symbols.scalar(item.gear)
+            force = force + along(scene, item.velocity, gear * scene.symbols.names[item.name])
+    return Applied(energy, scene.over_v(force))

@@ -1,0 +1,29 @@
+"""Rotors as the joints feel them: inertias, no forces."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.mechanics.loads.records import Applied, Law, force_alone
+from derive.mechanics.scene import Scene
+from derive.model.records import Armature
+
+
+def nothing(scene: Scene, load: Armature) -> Applied:
+    """No force: the inertia is in `armatures`."""
+    return force_alone(scene, ca.SX.zeros(scene.symbols.v.numel()))
+
+
+def armatures(scene: Scene) -> ca.SX:
+    """Rotor inertias on the diagonal of M: the rotor turns with the joint's generalized
+    velocity."""
+    result = ca.SX(scene.symbols.v.numel(), scene.symbols.v.numel())
+    names = [v.name for v in scene.model.velocities]
+    for load in scene.model.loads:
+        if isinstance(load, Armature):
+            j = names.index(load.velocity)
+            result[j, j] += scene.symbols.scalar(load.inertia)
+    return result
+
+
+ARMATURE = Law(Armature, nothing)

@@ -1,0 +1,68 @@
+"""What a load contributes, and the helpers that several share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from derive.joints.records import Vector
+from derive.joints.rotations import rotated
+from derive.mechanics.scene import Scene
+from derive.mechanics.tree import ground_point, link_direction
+
+
+@dataclass(frozen=True)
+class Applied:
+    """`energy` is a potential; `force` (nv × 1) is conjugate to v and has no potential."""
+
+    energy: ca.SX
+    force: ca.SX
+
+
+@dataclass(frozen=True)
+class Law:
+    """`applied` gives what a load of the type `record` (derive.model) contributes."""
+
+    record: type
+    applied: Callable[[Scene, Any], Applied]
+
+
+def along(scene: Scene, velocity: str, force: ca.SX) -> ca.SX:
+    """A force conjugate to one generalized velocity or, for a coordinate whose rate is none, to
+    that rate: Nᵀ e f."""
+    for j, v in enumerate(scene.model.velocities):
+        if v.name == velocity or (v.rate_of and velocity == f"der({v.rate_of})"):
+            return _unit(scene.symbols.v.numel(), j, force)
+    name = velocity.removeprefix("der(").removesuffix(")")
+    i = next(i for i, c in enumerate(scene.model.coordinates) if c.name == name)
+    return ca.jacobian(scene.qdot[i], scene.symbols.v).T * force
+
+
+def _unit(n: int, j: int, x: ca.SX) -> ca.SX:
+    result = ca.SX.zeros(n)
+    result[j] = x
+    return result
+
+
+def force_alone(scene: Scene, force: ca.SX) -> Applied:
+    return Applied(ca.SX(0), force)
+
+
+def rate_of(scene: Scene, velocity: str) -> ca.SX:
+    """A generalized velocity, or the rate of a coordinate, by name."""
+    rate = scene.symbols.rates.get(velocity.removeprefix("der(").removesuffix(")"))
+    return scene.symbols.names[velocity] if rate is None else rate
+
+
+def in_ground(scene: Scene, body: str, point: Vector) -> Vector:
+    return ground_point(scene.places[body], point, scene.positions, scene.rotations)
+
+
+def components_in_ground(scene: Scene, body: str, frame: str, components: Vector) -> Vector:
+    place = scene.places[body]
+    if frame != "body" or place.link < 0:
+        return components
+    return rotated(scene.rotations[place.link], link_direction(place, components))

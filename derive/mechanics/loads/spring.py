@@ -1,0 +1,39 @@
+"""Springs at joints and between points."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.mechanics.loads.records import Applied, Law, in_ground
+from derive.mechanics.scene import Scene
+from derive.model.records import JointSpring, PointSpring
+
+
+def joint_spring(scene: Scene, load: JointSpring) -> Applied:
+    """½ k (q − rest)²."""
+    s = scene.symbols
+    stretch = s.names[load.coordinate] - s.scalar(load.rest)
+    return Applied(
+        ca.SX(0.5 * s.scalar(load.stiffness) * stretch * stretch), ca.SX.zeros(s.v.numel())
+    )
+
+
+def point_spring(scene: Scene, load: PointSpring) -> Applied:
+    """½ k (d − length)² and, through d = |p₂ − p₁|, the damping force −damping ḋ ∂d/∂q."""
+    s = scene.symbols
+    ends = [
+        in_ground(scene, body, s.vector(point)) for body, point in zip(load.bodies, load.points)
+    ]
+    gap = ca.vertcat(*[b - a for a, b in zip(*ends)])
+    distance = ca.sqrt(ca.dot(gap, gap))
+    stretch = distance - s.scalar(load.length)
+    energy = 0.5 * s.scalar(load.stiffness) * stretch * stretch
+    damping = s.scalar(load.damping)
+    if not isinstance(damping, ca.SX) and damping == 0:
+        return Applied(energy, ca.SX.zeros(s.v.numel()))
+    rate = scene.rate(distance)
+    return Applied(energy, -damping * rate * ca.jacobian(rate, s.v).T)
+
+
+JOINT_SPRING = Law(JointSpring, joint_spring)
+POINT_SPRING = Law(PointSpring, point_spring)

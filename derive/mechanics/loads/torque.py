@@ -1,0 +1,27 @@
+"""Torques on bodies."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.joints.rotations import rotated
+from derive.mechanics.loads.records import Applied, Law, components_in_ground, force_alone
+from derive.mechanics.scene import Scene
+from derive.model.records import Torque
+
+
+def torque(scene: Scene, load: Torque) -> Applied:
+    """Conjugate to the body's angular velocity: Σ columns of Jω, found from the links' own
+    recursion."""
+    s = scene.symbols
+    place = scene.places[load.body]
+    if place.link < 0:
+        return force_alone(scene, ca.SX.zeros(s.v.numel()))
+    applied = ca.vertcat(
+        *components_in_ground(scene, load.body, load.frame, s.vector(load.components))
+    )
+    omega = ca.vertcat(*rotated(scene.rotations[place.link], scene.omegas[place.link]))
+    return force_alone(scene, ca.jtimes(omega, s.v, applied, True))
+
+
+TORQUE = Law(Torque, torque)

@@ -1,0 +1,41 @@
+"""Massless rods."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.model.constraints.lengths import length
+from derive.model.document import Key
+from derive.model.entries import Entry, Formula, Pair, Point
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.mechanism import bodies
+from derive.model.reader import Reader
+from derive.model.records import Distance
+
+
+class DistanceEntry(Entry):
+    """Two points of two bodies keep their distance: a massless rod."""
+
+    type: Formula
+    between: Point = Field(description="Two bodies.")
+    at: Pair = Field(description="A point of each.")
+    length: Formula = Field(description="The distance.")
+    about: Formula | None = None
+
+
+def distance(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: DistanceEntry
+) -> Distance:
+    pair = bodies(reader, document, key, entry.between)
+    points = (reader.point(entry.at[0], "a point"), reader.point(entry.at[1], "a point"))
+    return Distance(
+        str(key),
+        pair,
+        points,
+        length(reader, entry.length, "a length", f"the length of '{key}'"),
+        key.span,
+    )
+
+
+DISTANCE = Kind("distance", DistanceEntry, distance)

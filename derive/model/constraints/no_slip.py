@@ -1,0 +1,42 @@
+"""Knife edges and wheel pairs."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.model.document import Key
+from derive.model.entries import Direction, Entry, Formula, Point
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.mechanism import some_body
+from derive.model.reader import Reader
+from derive.model.records import NoSlip
+
+
+class NoSlipEntry(Entry):
+    """A point of a body does not move along a direction of the body: a knife edge, a wheel pair."""
+
+    type: Formula
+    body: Formula = Field(description="The body.")
+    at: Point | None = Field(
+        None, description="The point, in the body's frame; its origin when left out."
+    )
+    direction: Direction = Field(
+        description="The direction in which it does not slip, in the body's frame."
+    )
+    about: Formula | None = None
+
+
+def no_slip(reader: Reader, document: Bodies, names: Names, key: Key, entry: NoSlipEntry) -> NoSlip:
+    body = some_body(reader, document, entry.body, ground=False)
+    point = reader.point(entry.at, "a point")
+    return NoSlip(
+        str(key),
+        body,
+        point,
+        reader.direction(entry.direction, "a direction", constant=False),
+        key.span,
+    )
+
+
+NO_SLIP = Kind("no_slip", NoSlipEntry, no_slip)

@@ -1,0 +1,63 @@
+"""Formulas, linear in the rates, that stay zero."""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import Field
+
+from derive.expressions.tree import Expression
+from derive.model.constraints.nonideal import nonideal, velocity_degree
+from derive.model.document import Key, Scalar
+from derive.model.entries import Entry, Formula, PerCoordinate
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.reader import Reader
+from derive.model.records import Nonholonomic
+from derive.model.scope import MOTION
+
+
+class NonholonomicEntry(Entry):
+    """A formula, linear in the rates, that stays zero."""
+
+    nonholonomic: Formula = Field(description="Formula that is zero, linear in the rates der(q).")
+    nonideal: PerCoordinate | None = Field(
+        None,
+        description="The constraint's own generalised force, per coordinate; reaction.NAME is an ideal multiplier.",
+    )
+    about: Formula | None = None
+
+
+def nonholonomic(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: NonholonomicEntry
+) -> Nonholonomic:
+    """A(q, t) q̇ = c(q, t)."""
+    formula = _formula(reader, entry.nonholonomic)
+    return Nonholonomic(str(key), formula, nonideal(reader, names, key, entry.nonideal), key.span)
+
+
+def _formula(reader: Reader, scalar: Scalar) -> Expression:
+    before = len(reader.problems)
+    formula = reader.formula(scalar, "a nonholonomic constraint", MOTION)
+    highest = velocity_degree(reader, formula).highest
+    if len(reader.problems) > before:
+        return formula
+    if highest <= 0:
+        hint = "a formula without rates goes under `holonomic:`"
+        reader.report(
+            scalar.span,
+            "a nonholonomic constraint without rates",
+            "a formula linear in the rates der(q)",
+            hint,
+        )
+    elif highest > 1:
+        how = "not linear" if math.isinf(highest) else f"of degree {highest:g}"
+        reader.report(
+            scalar.span,
+            f"the constraint is {how} in the rates",
+            "a formula linear in the rates der(q)",
+        )
+    return formula
+
+
+NONHOLONOMIC = Kind("nonholonomic", NonholonomicEntry, nonholonomic, by_key=True)

@@ -1,0 +1,78 @@
+"""Points that stay on surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from pydantic import Field
+
+from derive.expressions import tree
+from derive.expressions.tree import Expression
+from derive.expressions.units import LENGTH
+from derive.model.document import Key, Scalar
+from derive.model.entries import Entry, Formula, Point
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.mechanism import some_body
+from derive.model.reader import Reader
+from derive.model.records import GROUND, OnSurface
+from derive.model.scope import COORDINATE, PARAMETER, TIME, Symbol
+
+
+class OnSurfaceEntry(Entry):
+    """A point of a body stays on a surface (a curve in a planar model) given by a formula of x, y,
+    z."""
+
+    type: Formula
+    body: Formula = Field(description="The body.")
+    at: Point | None = Field(
+        None, description="The point, in the body's frame; its origin when left out."
+    )
+    surface: Formula = Field(
+        description="Formula that is zero on the surface; x, y, z are coordinates in the frame of `of`."
+    )
+    of: Formula | None = Field(
+        None, description="The body the surface is fixed to; ground when left out."
+    )
+    about: Formula | None = None
+
+
+def on_surface(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: OnSurfaceEntry
+) -> OnSurface:
+    body = some_body(reader, document, entry.body, ground=False)
+    carrier = GROUND if entry.of is None else some_body(reader, document, entry.of)
+    if entry.of is not None and body == carrier:
+        reader.report(entry.of.span, f"'{key}' is between '{body}' and itself", "two bodies")
+    point = reader.point(entry.at, "a point")
+    return OnSurface(str(key), body, point, carrier, _surface(reader, entry.surface), key.span)
+
+
+def _surface(reader: Reader, scalar: Scalar) -> Expression:
+    letters = reader.space.letters
+    before = len(reader.problems)
+    with _local(reader, letters):
+        formula = reader.formula(scalar, "a surface", frozenset({PARAMETER, COORDINATE, TIME}))
+    names = {node.name for node in tree.walk(formula) if isinstance(node, tree.Name)}
+    if len(reader.problems) == before and not names & set(letters):
+        wanted = f"a formula of {', '.join(letters)} that is zero on the surface"
+        reader.report(scalar.span, f"a surface without {', '.join(letters)}", wanted)
+    return formula
+
+
+@contextmanager
+def _local(reader: Reader, letters: str) -> Iterator[None]:
+    """While a surface is read its letters are a point's coordinates, and the model's own
+    coordinates are out of sight."""
+    outside = reader.scope
+    reader.scope = outside.only(frozenset({PARAMETER, TIME}))
+    for letter in letters:
+        reader.scope.put(letter, Symbol(frozenset({COORDINATE}), LENGTH, unit="m"))
+    try:
+        yield
+    finally:
+        reader.scope = outside
+
+
+POINT_ON_SURFACE = Kind("point_on_surface", OnSurfaceEntry, on_surface)

@@ -1,0 +1,55 @@
+"""Coordinates that follow formulas of t."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.expressions.tree import ZERO, Expression, Name, Sum
+from derive.model.algebra import negated
+from derive.model.constraints.places import of_joint, of_name
+from derive.model.document import Key
+from derive.model.entries import Entry, Formula
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.reader import Reader
+from derive.model.records import Coordinate, Holonomic
+from derive.model.scope import PARAMETER, TIME
+
+
+class PrescribedEntry(Entry):
+    """A coordinate follows a formula of t."""
+
+    type: Formula
+    joint: Formula | None = Field(None, description="A joint with one coordinate.")
+    coordinate: Formula | None = Field(None, description="A coordinate.")
+    motion: Formula = Field(description="The coordinate as a formula of t and parameters.")
+    about: Formula | None = None
+
+
+def prescribed(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: PrescribedEntry
+) -> Holonomic:
+    """coordinate − motion(t) = 0."""
+    target = _target(reader, names, key, entry)
+    if target is None:
+        return Holonomic(str(key), ZERO, (), key.span)
+    motion = reader.formula(
+        entry.motion, "a prescribed motion", frozenset({PARAMETER, TIME}), target.unit
+    )
+    return Holonomic(str(key), _difference(target.name, motion), (), key.span)
+
+
+def _difference(name: str, motion: Expression) -> Expression:
+    return Name(name) if motion == ZERO else Sum((Name(name), negated(motion)))
+
+
+def _target(reader: Reader, names: Names, key: Key, entry: PrescribedEntry) -> Coordinate | None:
+    if (entry.joint is None) == (entry.coordinate is None):
+        reader.report(key.span, f"'{key}' does not say what it moves", "one of joint, coordinate")
+        return None
+    if entry.joint is not None:
+        return of_joint(reader, names, entry.joint)
+    return of_name(reader, names, entry.coordinate) if entry.coordinate is not None else None
+
+
+PRESCRIBED = Kind("prescribed", PrescribedEntry, prescribed)

@@ -1,0 +1,139 @@
+"""Disks, spheres and tori that roll without slip."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.diagnostics import listed
+from derive.expressions.tree import ZERO
+from derive.model.constraints.lengths import length
+from derive.model.document import Key
+from derive.model.entries import Direction, Entry, Formula, Point
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.mechanism import some_body
+from derive.model.reader import Reader
+from derive.model.records import Rolling, Vector3
+
+
+class DiskEntry(Entry):
+    """A thin disk, a wheel."""
+
+    radius: Formula = Field(description="Radius.")
+    axis: Direction | None = Field(None, description="Its axis in the body's frame.")
+
+
+class SphereEntry(Entry):
+    """A sphere."""
+
+    radius: Formula = Field(description="Radius.")
+
+
+class TorusEntry(DiskEntry):
+    """A torus: a tube about a circle, such as a tyre."""
+
+    radius: Formula = Field(description="Radius of the circle in the middle of the tube.")
+    tube: Formula = Field(description="Radius of the tube.")
+
+
+class ShapeEntry(Entry):
+    """One of the keys."""
+
+    disk: DiskEntry | None = Field(None, description="A thin disk.")
+    wheel: DiskEntry | None = Field(None, description="The same as a disk.")
+    knife_edge: DiskEntry | None = Field(
+        None, description="The same as a disk: a wheel with a sharp rim."
+    )
+    sphere: SphereEntry | None = Field(None, description="A sphere.")
+    torus: TorusEntry | None = Field(None, description="A torus.")
+
+
+class PlaneEntry(Entry):
+    normal: Direction = Field(
+        description="Normal of the plane (in a planar model of the line), in the ground frame."
+    )
+    origin: Point | None = Field(None, description="A point of the plane, in the ground frame.")
+
+
+class RollingEntry(Entry):
+    """A disk, sphere or torus rolls without slip on a plane; a wheel on a line in a planar
+    model."""
+
+    type: Formula
+    body: Formula = Field(description="The body.")
+    at: Point | None = Field(
+        None, description="Centre of the shape, in the body's frame; its origin when left out."
+    )
+    shape: ShapeEntry = Field(description="What rolls.")
+    plane: PlaneEntry = Field(description="What it rolls on.")
+    about: Formula | None = None
+
+
+SHAPES = {
+    "disk": "disk",
+    "wheel": "disk",
+    "knife_edge": "disk",
+    "sphere": "sphere",
+    "torus": "torus",
+}
+
+
+def rolling(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: RollingEntry
+) -> Rolling:
+    kind, shape = _shape(reader, key, entry.shape)
+    radius = (
+        ZERO
+        if shape is None
+        else length(reader, shape.radius, "a radius", f"the radius of '{key}'")
+    )
+    tube = (
+        length(reader, shape.tube, "a radius", f"the tube of '{key}'")
+        if isinstance(shape, TorusEntry)
+        else ZERO
+    )
+    return Rolling(
+        name=str(key),
+        body=some_body(reader, document, entry.body, ground=False),
+        centre=reader.point(entry.at, "a point"),
+        radius=radius,
+        axis=_rolling_axis(reader, key, kind, shape),
+        origin=reader.point(entry.plane.origin, "a point"),
+        normal=reader.direction(entry.plane.normal, "a normal"),
+        span=key.span,
+        shape=SHAPES[kind],
+        tube=tube,
+    )
+
+
+def _shape(
+    reader: Reader, key: Key, entry: ShapeEntry
+) -> tuple[str, DiskEntry | SphereEntry | None]:
+    given = [(name, getattr(entry, name)) for name in SHAPES if getattr(entry, name) is not None]
+    if len(given) != 1:
+        reader.report(
+            key.span, f"the shape of '{key}' is {len(given)} shapes", f"one of {listed(SHAPES)}"
+        )
+        return "disk", None
+    kind, shape = given[0]
+    if reader.space.plane and kind == "torus":
+        reader.report(key.span, f"the shape of '{key}' is a torus in a planar model", "wheel")
+    return kind, shape
+
+
+def _rolling_axis(
+    reader: Reader, key: Key, kind: str, shape: DiskEntry | SphereEntry | None
+) -> Vector3:
+    axis = shape.axis if isinstance(shape, DiskEntry) else None
+    if axis is not None and reader.space.plane:
+        reader.report(axis.span, f"an axis of the {kind} '{key}' in a planar model", "no axis")
+    elif axis is not None:
+        return reader.direction(axis, "an axis")
+    elif isinstance(shape, DiskEntry) and not reader.space.plane:
+        reader.report(
+            key.span, f"the {kind} of '{key}' has no axis", "axis: x, y, z or a list of numbers"
+        )
+    return reader.space.normal
+
+
+ROLLING = Kind("rolling", RollingEntry, rolling)

@@ -1,0 +1,33 @@
+"""What an entry of `loads:` or `constraints:` is to the language: its keys, and how a record is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+from derive.model.document import Key
+from derive.model.entries import BodyEntry, Entry
+from derive.model.frames import Names
+from derive.model.reader import Reader
+
+Record = TypeVar("Record", covariant=True)
+
+
+class Bodies(Protocol):
+    """The part of a file that entries may look at."""
+
+    @property
+    def bodies(self) -> Mapping[Any, BodyEntry]: ...
+
+
+@dataclass(frozen=True)
+class Kind(Generic[Record]):
+    """`entry` holds the keys, and its docstring is what `hamel list` says of the kind. `read` gives
+    the record, or None after reporting that the entry says too little. An entry is told by `type:
+    name`, or, with `by_key`, by having `name` as a key."""
+
+    name: str
+    entry: type[Entry]
+    read: Callable[[Reader, Bodies, Names, Key, Any], Record]
+    by_key: bool = False

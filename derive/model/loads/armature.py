@@ -1,0 +1,46 @@
+"""Rotors as the joints feel them."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.model.actuators import per_acceleration, velocity_of
+from derive.model.document import Key, Scalar
+from derive.model.entries import Entry, Formula
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.loads.places import not_negative
+from derive.model.reader import Reader
+from derive.model.records import Armature, Velocity
+
+
+class ArmatureEntry(Entry):
+    """Inertia of a rotor as the joint feels it."""
+
+    type: Formula
+    joint: Formula | None = Field(None, description="A joint with one coordinate.")
+    coordinate: Formula | None = Field(None, description="A coordinate.")
+    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.w.")
+    inertia: Formula = Field(description="Inertia of the rotor times the square of the gear ratio.")
+    about: Formula | None = None
+
+
+def armature(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: ArmatureEntry
+) -> Armature | None:
+    """The record; None after reporting."""
+    target = velocity_of(reader, key, entry, names.velocities)
+    return None if target is None else armature_at(reader, key, str(key), entry.inertia, target)
+
+
+def armature_at(reader: Reader, key: Key, name: str, inertia: Scalar, target: Velocity) -> Armature:
+    unit = per_acceleration(target.unit)
+    return Armature(
+        name,
+        target.name,
+        not_negative(reader, inertia, f"the armature of '{key}'", "an inertia", unit),
+        key.span,
+    )
+
+
+ARMATURE = Kind("armature", ArmatureEntry, armature)

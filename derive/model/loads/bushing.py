@@ -1,0 +1,99 @@
+"""Bushings: soft welds between frames on two bodies."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.expressions.tree import ZERO, Expression
+from derive.model.document import Items, Key, Scalar
+from derive.model.entries import Entry, Formula, FormulaOrList, Point, Sides
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.mechanism import bodies
+from derive.model.placements import placements
+from derive.model.reader import Reader
+from derive.model.records import Bushing, Vector3
+from derive.model.space import ORIGIN
+
+
+class BushingEntry(Entry):
+    """A soft weld: springs and dampers along and about the three axes of a frame placed on two
+    bodies."""
+
+    type: Formula
+    between: Point = Field(description="Two bodies; the axes are the first one's.")
+    at: Sides | None = Field(
+        None, description="Where the frame sits in each of the two; their origins when left out."
+    )
+    stiffness: FormulaOrList | None = Field(
+        None, description="Force per displacement, one number or one for each axis."
+    )
+    torsion: FormulaOrList | None = Field(
+        None, description="Torque per small angle, one number or one for each axis."
+    )
+    damping: FormulaOrList | None = Field(
+        None, description="Force per velocity, one number or one for each axis."
+    )
+    torsion_damping: FormulaOrList | None = Field(
+        None, description="Torque per rate, one number or one for each axis."
+    )
+    about: Formula | None = None
+
+
+_COEFFICIENTS = (
+    ("stiffness", "a stiffness", "N/m"),
+    ("torsion", "a stiffness", "N*m/rad"),
+    ("damping", "a damping coefficient", "N*s/m"),
+    ("torsion_damping", "a damping coefficient", "N*m*s/rad"),
+)
+
+
+def bushing(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: BushingEntry
+) -> Bushing:
+    """Four sets of coefficients, each one number for all axes or a list of one for each."""
+    if all(getattr(entry, name) is None for name, _, _ in _COEFFICIENTS):
+        reader.report(
+            key.span,
+            f"the bushing '{key}' is empty",
+            "stiffness, torsion, damping or torsion_damping",
+        )
+    found = {
+        name: _along_axes(reader, getattr(entry, name), where, unit)
+        for name, where, unit in _COEFFICIENTS
+    }
+    return Bushing(
+        name=str(key),
+        bodies=bodies(reader, document, key, entry.between),
+        placements=placements(reader, key, entry.at),
+        span=key.span,
+        **found,
+    )
+
+
+def _along_axes(reader: Reader, node: Scalar | Items | None, where: str, unit: str) -> Vector3:
+    if node is None:
+        return ORIGIN
+    turns = unit.startswith("N*m")
+    size = (1 if turns else 2) if reader.space.plane else 3
+    entries = list(node) if isinstance(node, Items) else [node]
+    if len(entries) not in (1, size):
+        reader.report(
+            node.span, f"{where} with {len(entries)} components", f"one number, or {size} in a list"
+        )
+        return ORIGIN
+    entries = entries * size if len(entries) == 1 else entries
+    formulas = [reader.formula(entry, where, unit=unit) for entry in entries]
+    return (
+        _about_normal(reader, formulas[0])
+        if turns and reader.space.plane
+        else reader.space.embedded(formulas)
+    )
+
+
+def _about_normal(reader: Reader, formula: Expression) -> Vector3:
+    found = [formula if index == reader.space.normal_index else ZERO for index in range(3)]
+    return (found[0], found[1], found[2])
+
+
+BUSHING = Kind("bushing", BushingEntry, bushing)

@@ -1,0 +1,68 @@
+"""Force laws by formula: entries of `loads:` and of `forces:`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from derive.expressions.tree import Expression
+from derive.model.actuators import velocity_of
+from derive.model.document import Key, Scalar
+from derive.model.entries import Entry, Formula
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.reader import Reader, force_unit
+from derive.model.records import GeneralisedForce, Velocity
+from derive.model.scope import ANYTHING
+
+
+class ExpressionEntry(Entry):
+    """A formula added to the force of one joint, coordinate or generalized velocity."""
+
+    type: Formula
+    joint: Formula | None = Field(None, description="A joint with one coordinate.")
+    coordinate: Formula | None = Field(None, description="A coordinate.")
+    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.vx.")
+    expression: Formula = Field(description="The force or torque.")
+    about: Formula | None = None
+
+
+@dataclass(frozen=True)
+class At:
+    """Where something acts that the file says by its place instead of by a key."""
+
+    joint: Scalar | None = None
+    coordinate: Scalar | None = None
+
+
+def law(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: ExpressionEntry
+) -> GeneralisedForce | None:
+    target = velocity_of(reader, key, entry, names.velocities)
+    if target is None:
+        return None
+    return GeneralisedForce(
+        str(key), target.name, _conjugate(reader, entry.expression, target), key.span
+    )
+
+
+def generalised_force(
+    reader: Reader, names: Names, key: Key, scalar: Scalar
+) -> GeneralisedForce | None:
+    """An entry of `forces:`, added to the force along one coordinate."""
+    target = velocity_of(
+        reader, key, At(coordinate=Scalar(str(key), key.span, True, True)), names.velocities
+    )
+    if target is None:
+        return None
+    return GeneralisedForce(
+        f"force_{key}", target.name, _conjugate(reader, scalar, target), key.span
+    )
+
+
+def _conjugate(reader: Reader, scalar: Scalar, target: Velocity) -> Expression:
+    return reader.formula(scalar, "a force", ANYTHING, force_unit(target.unit))
+
+
+EXPRESSION = Kind("expression", ExpressionEntry, law)

@@ -1,0 +1,48 @@
+"""Forces on points of bodies."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.model.document import Key
+from derive.model.entries import Entry, Formula, Point
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.loads.places import frame
+from derive.model.mechanism import some_body
+from derive.model.reader import Reader
+from derive.model.records import Force
+from derive.model.scope import ANYTHING
+
+
+class ForceEntry(Entry):
+    """A force on a point of a body."""
+
+    type: Formula
+    body: Formula = Field(description="The body.")
+    at: Point | None = Field(
+        None, description="The point, in the body's frame; its origin when left out."
+    )
+    components: Point = Field(
+        description="The force's components; formulas of inputs, coordinates, velocities and t."
+    )
+    frame: Formula | None = Field(
+        None, description="Frame of the components: ground (when left out) or body."
+    )
+    about: Formula | None = None
+
+
+def force(reader: Reader, document: Bodies, names: Names, key: Key, entry: ForceEntry) -> Force:
+    body = some_body(reader, document, entry.body, ground=False)
+    components = reader.point(entry.components, "a force", "N", ANYTHING)
+    return Force(
+        str(key),
+        body,
+        reader.point(entry.at, "a point"),
+        components,
+        frame(reader, entry.frame),
+        key.span,
+    )
+
+
+FORCE = Kind("force", ForceEntry, force)

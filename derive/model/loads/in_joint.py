@@ -1,0 +1,43 @@
+"""Spring, damper, friction and armature that a joint itself is given."""
+
+from __future__ import annotations
+
+from derive.model.actuators import velocity_of
+from derive.model.document import Scalar
+from derive.model.frames import Frame, Names
+from derive.model.loads.armature import armature_at
+from derive.model.loads.damper import damper_at
+from derive.model.loads.expression import At
+from derive.model.loads.friction import friction_at
+from derive.model.loads.spring import spring_at
+from derive.model.reader import Reader
+from derive.model.records import Load
+
+
+def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
+    """Spring, damper, friction and armature that the joint itself is given, named after it."""
+    entry, key = frame.entry, frame.name
+    given = [name for name in IN_JOINT if getattr(entry, name) is not None]
+    if not given:
+        return []
+    if len(frame.velocities) != 1:
+        velocity_of(
+            reader, key, At(joint=Scalar(str(key), key.span, True, True)), names.velocities
+        )  # says what is wrong
+        return []
+    return [_in_joint(reader, frame, name) for name in given]
+
+
+def _in_joint(reader: Reader, frame: Frame, kind: str) -> Load:
+    key, target = frame.name, frame.velocities[0]
+    name, given = f"{key}_{kind}", getattr(frame.entry, kind)
+    if kind == "spring":
+        return spring_at(reader, key, name, given, frame.coordinates[0])
+    if kind == "damper":
+        return damper_at(reader, key, name, given, target)
+    if kind == "friction":
+        return friction_at(reader, key, name, given, target)
+    return armature_at(reader, key, name, given, target)
+
+
+IN_JOINT = ("spring", "damper", "friction", "armature")

@@ -1,0 +1,88 @@
+"""Springs: at a joint or a coordinate, or along the line between two points."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.model.actuators import velocity_of
+from derive.model.document import Key
+from derive.model.entries import Entry, Formula, JointSpringEntry, Pair, Point
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.loads.places import optional, per, refuse_keys, two_points
+from derive.model.reader import Reader, force_unit
+from derive.model.records import Coordinate, JointSpring, PointSpring
+
+
+class SpringEntry(Entry):
+    """At a joint or a coordinate: -stiffness (q - rest). Between two points: along their line."""
+
+    type: Formula
+    joint: Formula | None = Field(None, description="A joint with one coordinate.")
+    coordinate: Formula | None = Field(None, description="A coordinate.")
+    rest: Formula | None = Field(
+        None, description="Where the joint's spring is slack; 0 when left out."
+    )
+    between: Point | None = Field(None, description="Two bodies.")
+    at: Pair | None = Field(None, description="A point of each.")
+    stiffness: Formula = Field(description="Stiffness.")
+    length: Formula | None = Field(
+        None, description="Where the spring between points is slack; 0 when left out."
+    )
+    damping: Formula | None = Field(
+        None, description="Force per velocity of stretching, for a spring between points."
+    )
+    about: Formula | None = None
+
+
+def spring(
+    reader: Reader, document: Bodies, names: Names, key: Key, entry: SpringEntry
+) -> JointSpring | PointSpring | None:
+    """The record; None after reporting."""
+    if entry.between:
+        return _between_points(reader, document, key, entry)
+    return _at_joint(reader, names, key, entry)
+
+
+def _at_joint(reader: Reader, names: Names, key: Key, entry: SpringEntry) -> JointSpring | None:
+    refuse_keys(reader, key, entry, ("at", "length", "damping"), "between two points")
+    if entry.coordinate is not None and entry.joint is None:
+        name = reader.word(
+            entry.coordinate, [coordinate.name for coordinate in names.coordinates], "coordinate"
+        )
+    else:
+        target = velocity_of(reader, key, entry, names.velocities)
+        name = target.rate_of if target else None
+    found = next((coordinate for coordinate in names.coordinates if coordinate.name == name), None)
+    return None if found is None else spring_at(reader, key, str(key), entry, found)
+
+
+def spring_at(
+    reader: Reader,
+    key: Key,
+    name: str,
+    entry: SpringEntry | JointSpringEntry,
+    coordinate: Coordinate,
+) -> JointSpring:
+    unit = coordinate.unit
+    stiffness = reader.formula(
+        entry.stiffness, "a stiffness", unit=per(force_unit(f"{unit or '1'}/s"), unit)
+    )
+    return JointSpring(
+        name,
+        coordinate.name,
+        stiffness,
+        optional(reader, entry.rest, "a rest position", unit),
+        key.span,
+    )
+
+
+def _between_points(reader: Reader, document: Bodies, key: Key, entry: SpringEntry) -> PointSpring:
+    pair, points = two_points(reader, document, key, entry, ("joint", "coordinate", "rest"))
+    stiffness = reader.formula(entry.stiffness, "a stiffness", unit="N/m")
+    length = optional(reader, entry.length, "a length", "m")
+    damping = optional(reader, entry.damping, "a damping coefficient", "N*s/m")
+    return PointSpring(str(key), pair, points, stiffness, length, damping, key.span)
+
+
+SPRING = Kind("spring", SpringEntry, spring)

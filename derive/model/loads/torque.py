@@ -1,0 +1,68 @@
+"""Torques on bodies."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from derive.expressions.tree import ZERO, Expression, Negative
+from derive.model.document import Items, Key, Scalar
+from derive.model.entries import Entry, Formula, FormulaOrList
+from derive.model.frames import Names
+from derive.model.kind import Bodies, Kind
+from derive.model.loads.places import frame
+from derive.model.mechanism import some_body
+from derive.model.reader import Reader
+from derive.model.records import Torque, Vector3
+from derive.model.scope import ANYTHING
+
+
+class TorqueEntry(Entry):
+    """A torque on a body."""
+
+    type: Formula
+    body: Formula = Field(description="The body.")
+    components: FormulaOrList = Field(
+        description="The torque: one formula in a planar model, three in space."
+    )
+    frame: Formula | None = Field(
+        None, description="Frame of the components: ground (when left out) or body."
+    )
+    about: Formula | None = None
+
+
+def torque(reader: Reader, document: Bodies, names: Names, key: Key, entry: TorqueEntry) -> Torque:
+    body = some_body(reader, document, entry.body, ground=False)
+    return Torque(
+        str(key),
+        body,
+        _torque_components(reader, entry.components),
+        frame(reader, entry.frame),
+        key.span,
+    )
+
+
+def _torque_components(reader: Reader, node: Scalar | Items) -> Vector3:
+    """One number about the normal in a planar model (its sign in the normal's sense), three
+    components in space."""
+    entries = [node] if isinstance(node, Scalar) else list(node)
+    size = 1 if reader.space.plane else 3
+    if len(entries) != size:
+        reader.report(
+            node.span,
+            f"a torque with {len(entries)} component{'s' * (len(entries) != 1)}",
+            f"{size}",
+        )
+        return reader.point(None, "")
+    formulas = [reader.formula(entry, "a torque", ANYTHING, "N*m") for entry in entries]
+    if size == 3:
+        return (formulas[0], formulas[1], formulas[2])
+    return _about_normal(reader, formulas[0])
+
+
+def _about_normal(reader: Reader, formula: Expression) -> Vector3:
+    signed = Negative(formula) if reader.space.plane == "xz" else formula
+    found = [signed if index == reader.space.normal_index else ZERO for index in range(3)]
+    return (found[0], found[1], found[2])
+
+
+TORQUE = Kind("torque", TorqueEntry, torque)

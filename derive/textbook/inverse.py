@@ -1,0 +1,237 @@
+"""The block inverse that turns w into v = S w + R c, and what follows for v and v̇.
+
+Source: Mirtaheri, Zohoor, Quasi-velocities definition in Lagrangian multibody dynamics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import sympy
+
+from derive.textbook.choice import orthonormal, product_entry
+from derive.textbook.dependent import dependent_columns
+from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.records import Math
+
+SHORT = 20  # operations of an entry of σ that is printed whole
+
+
+def inverse(doc: Manuscript) -> None:
+    """Y = [A; B], its block inverse [R S], and what follows for v and v̇."""
+    if doc.equations.generalized_velocities or not doc.w:
+        return
+    doc.section("Block inverse")
+    if not doc.terms.has("Y"):
+        doc.say("There are no constraint rows, so $!v=!S\\,!w$ with $!S=!B^{-1}$:")
+        doc.matrix("S", r"!S", "S", doc.terms.named("S"))
+    else:
+        _stacked(doc)
+        _repeated_rows(doc)
+        _blocks(doc)
+        _entries(doc)
+        _multiplied_out(doc)
+    doc.mean(r"!S", "velocities per quasi-velocity (partial velocities), A S = 0, B S = 1")
+    _velocities(doc)
+    _accelerations(doc)
+
+
+def _stacked(doc: Manuscript) -> None:
+    doc.say(
+        "Following Mirtaheri and Zohoor, the constraint rows and the speed rows are stacked into "
+        "one square matrix and inverted by blocks. It is regular where the pivots above are not "
+        "zero:"
+    )
+    doc.state(
+        r"!Y\,!v",
+        r"\begin{bmatrix} !A \\ !B \end{bmatrix} !v = \begin{bmatrix} !c \\ !w \end{bmatrix},"
+        r" \qquad !Y^{-1} = \begin{bmatrix} !R & !S \end{bmatrix}",
+    )
+    doc.mean(r"!Y", "constraint rows over speed rows, [A; B]")
+
+
+def _repeated_rows(doc: Manuscript) -> None:
+    """How many rows of A are not in Y."""
+    dropped = len(doc.system.rows) - doc.terms.named("A").size1()
+    if not dropped or doc.terms.has("E"):
+        return
+    if dropped == 1:
+        doc.say("(1 row of A repeats the others and is left out here.)")
+    else:
+        doc.say(f"({dropped} rows of A repeat the others and are left out here.)")
+
+
+def _blocks(doc: Manuscript) -> None:
+    """The partition and the Schur complement, in matrices."""
+    dependent = dependent_columns(doc)
+    free = [j for j in range(len(doc.v)) if j not in dependent]
+    doc.say(
+        "Let {d} be the dependent velocities and {i} the others, and let the columns of "
+        "$!A=[!A_1\\;!A_2]$ and $!B=[!B_1\\;!B_2]$ be sorted accordingly. With the Schur "
+        "complement of $!A_1$,",
+        d=Math(r"\mathbf{v}_1=" + _listing(doc, dependent)),
+        i=Math(r"\mathbf{v}_2=" + _listing(doc, free)),
+    )
+    doc.state(r"!S'", r"!B_2 - !B_1\,!A_1^{-1}!A_2")
+    doc.mean(r"!S'", "Schur complement of A₁ in Y")
+    doc.say("the blocks of the inverse are, for the velocities in this order,")
+    _block_laws(doc, dependent, free)
+
+
+def _block_laws(doc: Manuscript, dependent: list[int], free: list[int]) -> None:
+    """S and R over the blocks, rows sorted like the velocities."""
+    A, B = doc.terms.named("A"), doc.terms.named("B")
+    A1, A2, B1, B2 = A[:, dependent], A[:, free], B[:, dependent], B[:, free]
+    order = [*dependent, *free]
+    schur = B2 - ca.mtimes(B1, ca.solve(A1, A2))
+    S = ca.vertcat(-ca.mtimes(ca.solve(A1, A2), ca.inv(schur)), ca.inv(schur))
+    doc.law(
+        "S by blocks",
+        r"!S",
+        r"\begin{bmatrix} -!A_1^{-1}!A_2 \\ !1 \end{bmatrix} !S'^{-1}",
+        doc.terms.named("S")[order, :] - S,
+    )
+    first = ca.vertcat(ca.inv(A1), ca.SX(len(free), len(dependent)))
+    doc.law(
+        "R by blocks",
+        r"!R",
+        r"\begin{bmatrix} !A_1^{-1} \\ !0 \end{bmatrix} - !S\,!B_1\,!A_1^{-1}",
+        doc.terms.named("R")[order, :] - first + ca.mtimes(S, ca.mtimes(B1, ca.inv(A1))),
+    )
+
+
+def _listing(doc: Manuscript, columns: Sequence[int]) -> str:
+    symbols = [doc.notation.latex[doc.v[j]] for j in columns]
+    return r"\left(" + r",\, ".join(symbols) + r"\right)"
+
+
+def _entries(doc: Manuscript) -> None:
+    """S and R as the elimination gives them."""
+    if "S" not in doc.entries:
+        doc.say("Carried out one row at a time with the pivots above, this gives")
+        doc.matrix("S", r"!S", "S", doc.terms.named("S"))
+    doc.say("and, for the multipliers and for constraints that move,")
+    doc.matrix("R", r"!R", "R", doc.terms.named("R"))
+    doc.mean(r"!R", "velocities per unit of c, A R = 1, B R = 0")
+
+
+def _multiplied_out(doc: Manuscript) -> None:
+    """Y Y⁻¹ = 1, block by block."""
+    A, B, S, R = (doc.terms.named(x) for x in "ABSR")
+    nc, nw = A.size1(), B.size1()
+    both, Y_inverse = r"\begin{bmatrix}!R & !S\end{bmatrix}", ca.horzcat(R, S)
+    doc.say("The inverse can be checked by multiplying out:")
+    doc.law(
+        "A Y⁻¹",
+        rf"!A{both}",
+        r"\begin{bmatrix}!1 & !0\end{bmatrix}",
+        ca.mtimes(A, Y_inverse) - ca.horzcat(ca.SX.eye(nc), ca.SX(nc, nw)),
+    )
+    doc.law(
+        "B Y⁻¹",
+        rf"!B{both}",
+        r"\begin{bmatrix}!0 & !1\end{bmatrix}",
+        ca.mtimes(B, Y_inverse) - ca.horzcat(ca.SX(nw, nc), ca.SX.eye(nw)),
+    )
+
+
+def _velocities(doc: Manuscript) -> None:
+    """v = S w + R c, row by row."""
+    still = doc.system.c.is_zero()
+    if "S" not in doc.entries or ("R" not in doc.entries and not still):
+        return
+    if doc.terms.has("E") and "E" not in doc.entries:
+        return
+    rows = [product_entry(doc, "S", j, doc.w) for j in range(len(doc.v))]
+    c = doc.entries_of_independent("c") if doc.terms.has("Y") else []
+    if any(c):
+        rows = [x + sum_of(doc.entries["R"][j], c) for j, x in enumerate(rows)]
+    own = [j for j, x in enumerate(rows) if x != doc.v[j]]
+    if own:
+        moving = "" if still else " + !R\\,!c"
+        doc.say(f"So the generalized velocities are $!v=!S\\,!w{moving}$, that is")
+        symbols = [doc.v[j] for j in own]
+        doc.lines("v", symbols, [rows[j] for j in own], doc.terms.named("v")[own])
+
+
+def _accelerations(doc: Manuscript) -> None:
+    """v̇ = S ẇ + σ, where σ solves Y σ = [β; γ]."""
+    sigma = doc.terms.named("sigma")
+    doc.mean(r"!\sigma", "v̇ where ẇ = 0: v̇ = S ẇ + σ")
+    if sigma.is_zero():
+        doc.entries["sigma"] = [[sympy.Integer(0)]] * len(doc.v)
+        doc.say("$!S$ is constant, so the accelerations are $!!v=!S\\,!!w$.")
+        return
+    gamma = -_along(doc, ca.mtimes(doc.terms.named("B"), doc.system.v))
+    turning = not (ca.simplify(gamma).is_zero() or _unit_vector(doc))
+    _sigma_in_words(doc, turning)
+    _sigma_by_blocks(doc, gamma, turning)
+    _sigma_entries(doc, gamma if turning else None)
+
+
+def _sigma_in_words(doc: Manuscript, turning: bool) -> None:
+    text = (
+        "No inverse has to be differentiated for the accelerations: $!!v=!S\\,!!w+!\\sigma$, where "
+        "$!\\sigma$ follows from $!A\\,!!v=!\\beta$ with the same inverse"
+    )
+    if _unit_vector(doc):
+        text += (
+            " (a vector of unit length turns at right angles to itself, so the basis adds nothing)"
+        )
+    if turning:
+        text += " and from the rates of the speed rows, $!\\gamma=-!!B\\,!v$,"
+    doc.say(text)
+
+
+def _sigma_by_blocks(doc: Manuscript, gamma: ca.SX, turning: bool) -> None:
+    """σ = R β + S γ."""
+    parts, total = [], ca.mtimes(doc.terms.named("S"), gamma)
+    if doc.terms.has("Y"):
+        parts.append(r"!R\,!\beta")
+        beta = doc.terms.of_independent(doc.system.beta)
+        total = total + ca.mtimes(doc.terms.named("R"), beta)
+    if turning:
+        parts.append(r"!S\,!\gamma")
+    residual = doc.terms.named("sigma") - total
+    doc.law("sigma by blocks", r"!\sigma", " + ".join(parts), residual)
+
+
+def _unit_vector(doc: Manuscript) -> bool:
+    """One orthonormal basis vector and constraints at rest: B v = |s|² w, so Ḃ v is zero."""
+    return orthonormal(doc) and len(doc.w) == 1 and doc.system.c.is_zero()
+
+
+def _along(doc: Manuscript, expression: ca.SX) -> ca.SX:
+    """d/dt along the motion."""
+    s = doc.system
+    return ca.jtimes(expression, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qdot))
+
+
+def _sigma_entries(doc: Manuscript, gamma: ca.SX | None) -> None:
+    """Entries of σ: whole where short, else over the entries of R, β, S and γ."""
+    sigma = doc.terms.named("sigma")
+    short = doc.reader.whole(sigma, SHORT)
+    if short is not None:
+        doc.say("Its entries are")
+        doc.vector("sigma", r"\sigma", sigma, short)
+        return
+    if gamma is not None:
+        doc.say("Here the rates of the speed rows are")
+        if not doc.vector("gamma", r"\gamma", gamma):
+            return
+        doc.mean(r"!\gamma", "rates of the speed rows, −Ḃ v")
+    needed = {"S", "beta"}
+    needed |= {"R"} if doc.terms.has("Y") else set()
+    needed |= {"E"} if doc.terms.has("E") else set()
+    if needed <= doc.entries.keys():
+        doc.say("that is")
+        entries = [_sigma_entry(doc, j, gamma is not None) for j in range(len(doc.v))]
+        doc.vector("sigma", r"\sigma", sigma, entries)
+
+
+def _sigma_entry(doc: Manuscript, j: int, turning: bool) -> sympy.Expr:
+    gamma = [row[0] for row in doc.entries["gamma"]] if turning else []
+    beta = doc.entries_of_independent("beta") if doc.terms.has("Y") else []
+    of_rows = sum_of(doc.entries["R"][j], beta) if beta else 0
+    return of_rows + sum_of(doc.entries["S"][j], gamma)

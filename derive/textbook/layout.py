@@ -1,0 +1,60 @@
+"""What fits on a line: which entries of a matrix are written in it and which beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy
+
+from derive.textbook.compose import operations
+
+CELL = 26  # a wider entry gets a line of its own before the matrix
+COLUMN = 44  # the same where the matrix has one column
+ROW = 66  # a wider matrix shows its widest entries by their symbols
+SYMBOL = 5  # the width of an entry's symbol, with the gap after it
+
+Rows = list[list[sympy.Expr]]
+Places = set[tuple[int, int]]
+
+
+def wide_entries(widths: Sequence[Sequence[int]]) -> Places:
+    """Places of the entries that get a line of their own: too wide ones, then the widest until the
+    matrix fits."""
+    cells = {(i, j): w for i, row in enumerate(widths) for j, w in enumerate(row)}
+    most = CELL if len(widths[0]) > 1 else COLUMN
+    listed = {place for place, w in cells.items() if w > most}
+    for place in sorted(cells, key=lambda place: (-cells[place], place)):
+        if _across(widths, listed) <= ROW or cells[place] <= SYMBOL:
+            break
+        listed.add(place)
+    return listed
+
+
+def _across(widths: Sequence[Sequence[int]], listed: Places) -> int:
+    """The width of the matrix, its columns as wide as their widest entries."""
+    columns = [list(column) for column in zip(*widths)]
+    for i, j in listed:
+        columns[j][i] = SYMBOL
+    return sum(max(column) for column in columns)
+
+
+def plain(x: sympy.Expr) -> bool:
+    """A number, a symbol or its negative."""
+    return bool(x.is_Number or x.is_Symbol or (-x).is_Symbol)
+
+
+def simple(x: sympy.Expr) -> bool:
+    """Short enough to be written instead of a symbol for it."""
+    return operations(x) <= 1 and not x.has(sympy.Function)
+
+
+def entry_index(stem: str, i: int, j: int) -> str:
+    """stem with row and column below, from one; a comma where one of them has two digits."""
+    comma = "," if max(i, j) > 8 else ""
+    return f"{stem}_{{{i + 1}{comma}{j + 1}}}"
+
+
+def rows_of(entries: Sequence[sympy.Expr], shape: tuple[int, int]) -> Rows:
+    """Entries given row by row, as rows."""
+    n, m = shape
+    return [list(entries[i * m : (i + 1) * m]) for i in range(n)]

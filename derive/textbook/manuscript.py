@@ -1,0 +1,365 @@
+"""The manuscript of a derivation: its sections so far, and how a term is put on the page.
+
+A term is printed whole where it is short, over named sub-terms where it is not, and not at all
+where even that would be unreadable. Later formulas are written over the entries' symbols, which is
+why they stay short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import sympy
+
+from derive.expressions.tree import Expression
+from derive.formulations.records import Equations
+from derive.mechanics.records import System
+from derive.textbook import names
+from derive.textbook.compose import operations
+from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece
+from derive.textbook.layout import Rows, entry_index, plain, rows_of, simple, wide_entries
+from derive.textbook.notation import Extra, Notation
+from derive.textbook.records import (
+    Block,
+    Display,
+    Document,
+    Items,
+    Law,
+    Line,
+    Math,
+    Paragraph,
+    Printed,
+    Run,
+    Runs,
+    Section,
+    Table,
+    Text,
+)
+from derive.textbook.terms import Terms
+from derive.textbook.typeset import Typesetter, width
+
+BROAD = 12  # more columns than this are not shown as a matrix
+MOST_ENTRIES = 4000  # a larger matrix is not read at all
+MUCH_SHORTER = 0.6  # of the operations over the basic symbols
+WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """A line of the table of symbols."""
+
+    latex: str
+    about: str
+    unit: str = ""
+
+
+class Manuscript:
+    """Collects sections.
+
+    `entries` holds, for each printed matrix or vector, what later formulas write for its entries (a
+    symbol, or the entry itself where it is short); `exact` the entries of matrices as they were
+    printed; `rates` the symbols of ẇ once these are printed.
+    """
+
+    def __init__(self, equations: Equations, extra: Sequence[Extra] = ()) -> None:
+        self.terms = Terms(equations)
+        self.notation = Notation(self.terms, extra)
+        self.q, self.v = self.notation.q, self.notation.v  # symbols, in the order of the arrays
+        self.w, self.u = self.notation.w, self.notation.u
+        self.typesetter = Typesetter(self.notation.latex, len(self.notation.p))
+        self.reader = self.notation.reader()
+        self.entries: dict[str, Rows] = {}
+        self.exact: dict[str, Rows] = {}
+        self.meanings: list[Meaning] = []
+        self.printed: list[Printed] = []
+        self.rates: list[sympy.Symbol] = []
+        self._laws: list[Law] = []
+        self._sections: list[Section] = []
+        self._title, self._blocks = "", list[Block]()
+        self._number = 0  # of the last display
+
+    @property
+    def equations(self) -> Equations:
+        return self.terms.equations
+
+    @property
+    def system(self) -> System:
+        return self.terms.system
+
+    # prose
+
+    def section(self, title: str) -> None:
+        """Closes the running section and opens the next."""
+        self._close()
+        self._title, self._blocks = title, []
+
+    def _close(self) -> None:
+        if self._blocks:
+            anchor = f"section-{len(self._sections) + 1}"
+            self._sections.append(Section(self._title, anchor, tuple(self._blocks)))
+
+    def document(self, title: str, subtitle: str, version: str) -> Document:
+        """All sections, formulas and laws so far."""
+        self._close()
+        return Document(
+            title,
+            subtitle,
+            tuple(self._sections),
+            tuple(self.printed),
+            tuple(self._laws),
+            version,
+        )
+
+    def say(self, template: str, **given: str | Math) -> None:
+        """A paragraph. `$…$` in our own text is mathematics (see names.bold); `{name}` in it is the
+        user's text, or Math."""
+        self._blocks.append(Paragraph(runs(template, **given)))
+
+    def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
+        self._blocks.append(Table(tuple(head), tuple(tuple(row) for row in rows)))
+
+    def items(self, items: Iterable[Runs]) -> None:
+        self._blocks.append(Items(tuple(items)))
+
+    def mean(self, latex: str, about: str, unit: str = "") -> None:
+        """A line for the table of symbols, in the short hand of names.bold."""
+        self.meanings.append(Meaning(names.bold(latex), about, unit))
+
+    def too_long(self, latex: str) -> None:
+        self.say(
+            "The entries of {term} are too long to be read here; the generated code has them.",
+            term=Math(latex),
+        )
+
+    # displays
+
+    def _display(self, lines: Sequence[Line]) -> None:
+        self._number += 1
+        self._blocks.append(Display(tuple(lines), self._number))
+
+    def law(self, name: str, left: str, right: str, residual: ca.SX) -> None:
+        """A matrix equation, checked as a whole; in the short hand of names.bold."""
+        left, right = names.bold(left), names.bold(right)
+        self._laws.append(Law(name, f"{left} = {right}", residual))
+        self._display([Line(left, (right,))])
+
+    def state(self, left: str, right: str) -> None:
+        """An equation that says how things are called; there is nothing to evaluate."""
+        self._display([Line(names.bold(left), (names.bold(right),))])
+
+    def lines(
+        self,
+        name: str,
+        symbols: Sequence[sympy.Symbol],
+        expressions: Sequence[sympy.Expr],
+        value: ca.SX,
+    ) -> None:
+        """One line per entry, symbol = expression; `value` is the column of the same terms."""
+        lines = [
+            Line(self.notation.latex[symbol], self.typesetter.lines(x))
+            for symbol, x in zip(symbols, expressions)
+        ]
+        text = r" \\ ".join(f"{line.left} = {''.join(line.right)}" for line in lines)
+        self._record(name, text, symbols, [[x] for x in expressions], value)
+        self._display(lines)
+
+    def _record(
+        self, name: str, latex: str, left: Sequence[sympy.Symbol | None], right: Rows, value: ca.SX
+    ) -> None:
+        """What is printed, for the test that evaluates it."""
+        value = self.notation.in_basic_symbols(value)
+        entries = sympy.ImmutableDenseMatrix(right)
+        self.printed.append(Printed(name, latex, tuple(left), entries, value))
+
+    def formula(self, expression: Expression | float, about: str) -> Math:
+        """A formula of the model inside a table; it too is evaluated by the test."""
+        symbols = self.system.symbols
+        number = isinstance(expression, float | int)
+        value = ca.SX(expression if number else symbols.scalar(expression))
+        value = ca.substitute(value, symbols.qd, self.system.qdot)
+        entries = self.reader.whole(value)
+        if entries is None:
+            return Math(r"\ldots")
+        latex = self.typesetter.latex(entries[0])
+        self._record(about, latex, (None,), [entries], value)
+        return Math(latex)
+
+    # terms
+
+    def read(self, value: ca.SX, most: int = READABLE) -> list[sympy.Expr] | None:
+        """Entries row by row, whole or over abbreviations, which are then printed; None where
+        neither can be read."""
+        bearable = self._whole(value, max(most, BEARABLE))
+        if bearable is not None and all(operations(x) <= most for x in bearable):
+            return bearable
+        few = FEW_PIECES if bearable else MOST_PIECES
+        abbreviated = self.reader.in_pieces(value, self._abbreviation, few)
+        if abbreviated is None:
+            return bearable
+        pieces, entries = abbreviated
+        self._abbreviations(pieces)
+        return entries
+
+    def _whole(self, value: ca.SX, most: int) -> list[sympy.Expr] | None:
+        """Over the basic symbols, or over everything that has a name where that is much shorter."""
+        whole, over_names = self.reader.whole(value, most), self.reader.over_names(value, most)
+        if over_names is not None and (whole is None or _much_shorter(over_names, whole)):
+            return over_names
+        return whole
+
+    def _abbreviation(self, k: int) -> sympy.Symbol:
+        return self.notation.fresh(f"z[{k}]", f"z_{{{k}}}")
+
+    def _abbreviations(self, pieces: Sequence[Piece]) -> None:
+        if pieces:
+            self.say("With the abbreviations")
+            symbols, expressions = zip(*[(x.symbol, x.expression) for x in pieces])
+            value = self.reader.terms([x.node for x in pieces])
+            self.lines("abbreviations", symbols, expressions, value)
+
+    def scalar(self, name: str, latex: str, value: ca.SX, about: str, unit: str = "") -> None:
+        """symbol = expression."""
+        entries = self.read(ca.SX(value))
+        symbol = self.notation.fresh(name, latex)
+        self.mean(self.notation.latex[symbol], about, unit)
+        if entries is None:
+            self.too_long(latex)
+        else:
+            self.lines(name, [symbol], entries, ca.SX(value))
+
+    def vector(
+        self, name: str, stem: str, value: ca.SX, entries: Sequence[sympy.Expr] | None = None
+    ) -> bool:
+        """The entries that are not zero, one line each. False where they could not be printed."""
+        entries = self.read(value) if entries is None else entries
+        if entries is None:
+            self.too_long(stem)
+            return False
+        symbols = [
+            self.notation.fresh(f"{name}[{i}]", f"{stem}_{{{i}}}")
+            for i in range(1, len(entries) + 1)
+        ]
+        self.entries[name] = [[x if plain(x) else s] for s, x in zip(symbols, entries)]
+        shown = [i for i, x in enumerate(entries) if x != 0]
+        if shown:
+            column = ca.densify(value)[shown]
+            self.lines(name, [symbols[i] for i in shown], [entries[i] for i in shown], column)
+        return True
+
+    def matrix(
+        self,
+        name: str,
+        bold: str,
+        stem: str,
+        value: ca.SX,
+        entries: Sequence[sympy.Expr] | None = None,
+        symmetric: bool = False,
+    ) -> bool:
+        """Wide entries line by line, then the matrix. False where it could not be printed."""
+        bold = names.bold(bold)
+        if value.numel() > MOST_ENTRIES:
+            entries = None
+        elif entries is None:
+            entries = self.read(value)
+        if entries is None:
+            self.too_long(bold)
+            return False
+        rows = rows_of(entries, value.shape)
+        symbols = self._entry_symbols(name, stem, value, symmetric)
+        shown = self._listed(name, rows, symbols, value, symmetric)
+        self.exact[name] = rows
+        self.entries[name] = [_short_or_symbol(*pair) for pair in zip(rows, symbols)]
+        self.reader.name(value, [x for row in self.entries[name] for x in row])
+        self._matrix(name, bold, symbols, shown, value)
+        return True
+
+    def _entry_symbols(
+        self, name: str, stem: str, value: ca.SX, symmetric: bool
+    ) -> list[list[sympy.Symbol]]:
+        n, m = value.shape
+        symbols = [
+            [
+                self.notation.fresh(f"{name}[{i + 1},{j + 1}]", entry_index(stem, i, j))
+                for j in range(m)
+            ]
+            for i in range(n)
+        ]
+        if not symmetric:
+            return symbols
+        return [[symbols[min(i, j)][max(i, j)] for j in range(m)] for i in range(n)]
+
+    def _matrix(
+        self, name: str, bold: str, symbols: list[list[sympy.Symbol]], shown: Rows, value: ca.SX
+    ) -> None:
+        """As what it shows; a matrix of one entry as a line, unless that stands there already."""
+        if value.numel() == 1:
+            if shown[0][0] != symbols[0][0]:
+                self.lines(name, [symbols[0][0]], [shown[0][0]], value)
+        elif value.size2() <= BROAD:
+            left = [symbol for row in symbols for symbol in row]
+            latex = self.typesetter.matrix(shown)
+            self._record(name, f"{bold} = {latex}", left, shown, value)
+            self._display([Line(bold, (latex,))])
+
+    def _listed(
+        self,
+        name: str,
+        rows: Rows,
+        symbols: list[list[sympy.Symbol]],
+        value: ca.SX,
+        symmetric: bool,
+    ) -> Rows:
+        """Prints the entries that do not fit into the matrix; returns what the matrix shows."""
+        wide = wide_entries([[width(self.typesetter.latex(x)) for x in row] for row in rows])
+        listed = [(i, j) for i, j in sorted(wide) if not symmetric or i <= j]
+        if listed:
+            self.say("With the entries")
+            column = ca.vertcat(*[ca.densify(value)[i, j] for i, j in listed])
+            left, right = zip(*[(symbols[i][j], rows[i][j]) for i, j in listed])
+            self.lines(f"{name} entries", left, right, column)
+        shown = [list(row) for row in rows]
+        for i, j in wide:
+            shown[i][j] = symbols[i][j]
+        return shown
+
+    def entries_of_independent(self, name: str) -> list[sympy.Expr]:
+        """c or β of the rows of Y, as they are printed."""
+        column = [row[0] for row in self.entries[name]]
+        if self.terms.has("E"):
+            return [sum_of(row, column) for row in self.entries["E"]]
+        return [column[i] for i in self.terms.independent]
+
+
+def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:
+    """Σ weight · term."""
+    return sympy.Add(*[x * y for x, y in zip(weights, terms)])
+
+
+def _short_or_symbol(
+    row: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]
+) -> list[sympy.Expr]:
+    return [x if simple(x) else symbol for x, symbol in zip(row, symbols)]
+
+
+def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
+    total = sum(map(operations, y))
+    return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
+
+
+def runs(template: str, **given: str | Math) -> Runs:
+    """Text and mathematics in turn: `$…$` is our own, `{name}` is the user's text, or Math."""
+    parts: list[Run] = []
+    for i, part in enumerate(template.split("$")):
+        parts += [Math(names.bold(part))] if i % 2 else _filled(part, given)
+    return tuple(part for part in parts if part != Text(""))
+
+
+def _filled(template: str, given: dict[str, str | Math]) -> list[Run]:
+    """Text around {name} places."""
+    runs: list[Run] = []
+    for i, part in enumerate(template.replace("{", "}").split("}")):
+        value = given[part] if i % 2 else part
+        runs.append(value if isinstance(value, Math) else Text(value))
+    return runs

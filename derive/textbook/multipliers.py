@@ -1,0 +1,94 @@
+"""Multipliers, recovered after the motion: λ = Rᵀ (M v̇ + h − Q)."""
+
+from __future__ import annotations
+
+import casadi as ca
+import sympy
+
+from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.records import Math, Runs, Text
+
+
+def multipliers(doc: Manuscript) -> None:
+    """What they are, whose they are, and their entries."""
+    rows = doc.system.rows
+    if not rows:
+        return
+    doc.section("Multipliers")
+    doc.mean(r"!\lambda", "multipliers, forces along the constraint rows: M v̇ + h = Q + Aᵀ λ")
+    if doc.equations.generalized_velocities:
+        doc.say("The multipliers are part of the solution of the bordered system.")
+        return
+    _law(doc)
+    doc.table(("multiplier", "constraint row"), [_row(i, x.name) for i, x in enumerate(rows)])
+    if doc.terms.has("E"):
+        doc.say(
+            "Of rows that repeat each other these are, of all multipliers with the same "
+            "$!A^T!\\lambda$, the least."
+        )
+        return
+    if len(doc.terms.independent) < len(rows):
+        doc.say("The multipliers of rows that repeat others are zero.")
+    accelerations = doc.rates or not doc.w
+    if {"M", "S", "R", "h", "Q", "sigma"} <= doc.entries.keys() and accelerations:
+        _recovered(doc)
+
+
+def _missing(doc: Manuscript) -> ca.SX:
+    """ρ = M v̇ + h − Q: what the constraints have to add to the applied forces."""
+    s = doc.system
+    return ca.mtimes(s.M, doc.terms.vdot) + s.h - s.Q
+
+
+def _law(doc: Manuscript) -> None:
+    doc.say(
+        "The multipliers are not needed for the motion; they are recovered afterwards. What the "
+        "constraints have to add is $!\\rho=!M\\,!!v+!h-!Q$, and since $!A\\,!R=!1$,"
+    )
+    terms = doc.terms
+    along_rows = ca.mtimes(terms.named("R").T, _missing(doc))
+    if terms.has("E"):
+        residual = terms.lam - ca.mtimes(terms.named("E").T, along_rows)
+        doc.law("lambda", r"!\lambda", r"!E^T!R^T!\rho", residual)
+    else:
+        residual = terms.lam[terms.independent] - along_rows
+        doc.law("lambda", r"!\lambda", r"!R^T!\rho", residual)
+
+
+def _row(i: int, name: str) -> tuple[Runs, Runs]:
+    return (Math(rf"\lambda_{{{i + 1}}}"),), (Text(name),)
+
+
+def _recovered(doc: Manuscript) -> None:
+    """v̇, ρ and λ, entry by entry."""
+    accelerations = _accelerations(doc)
+    doc.say("the forces that are missing are")
+    h, Q = ([row[0] for row in doc.entries[name]] for name in ("h", "Q"))
+    forces = [
+        sum_of(row, accelerations) + bias - force
+        for row, bias, force in zip(doc.entries["M"], h, Q)
+    ]
+    doc.vector("rho", r"\rho", _missing(doc), forces)
+    doc.mean(r"!\rho", "forces of the constraints on the generalized velocities, M v̇ + h − Q")
+    doc.say("and the multipliers are")
+    forces = [row[0] for row in doc.entries["rho"]]
+    rows = doc.terms.independent
+    symbols = [doc.notation.fresh(f"lam[{i + 1}]", rf"\lambda_{{{i + 1}}}") for i in rows]
+    along_rows = [sum_of(column, forces) for column in zip(*doc.entries["R"])]
+    doc.lines("lam", symbols, along_rows, doc.terms.lam[rows])
+
+
+def _accelerations(doc: Manuscript) -> list[sympy.Expr]:
+    """Prints those that are no ẇ; the symbols of all, zero for those that are zero."""
+    sigma = [row[0] for row in doc.entries["sigma"]]
+    expressions = [sum_of(row, doc.rates) + x for row, x in zip(doc.entries["S"], sigma)]
+    rates = [doc.notation.rate(symbol) for symbol in doc.v]
+    own = [j for j, rate in enumerate(rates) if rate not in doc.rates]
+    if own:
+        doc.say("Written out, the accelerations are")
+        symbols = [rates[j] for j in own]
+        doc.lines("vdot", symbols, [expressions[j] for j in own], doc.terms.vdot[own])
+    return [
+        rate if rate in doc.rates or x != 0 else sympy.Integer(0)
+        for rate, x in zip(rates, expressions)
+    ]

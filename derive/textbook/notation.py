@@ -1,0 +1,124 @@
+"""The symbols of a page: what each is called in SymPy and in LaTeX, so that no two look alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import sympy
+
+from derive.textbook import names
+from derive.textbook.convert import Reader
+from derive.textbook.terms import Terms
+
+
+@dataclass(frozen=True, eq=False)
+class Extra:
+    """A symbol that stands for a term before it is read: formulas may be written over `sx`, whose
+    value is `value`."""
+
+    sx: ca.SX
+    symbol: sympy.Symbol
+    latex: str
+    value: ca.SX
+
+
+class Notation:
+    """`latex` has every symbol of the page in the order in which it was introduced, which is the
+    order of symbols in a product: parameters first, then q, v, w, u and t."""
+
+    def __init__(self, terms: Terms, extra: Sequence[Extra] = ()) -> None:
+        self.terms, self.extra = terms, extra
+        self.latex: dict[sympy.Symbol, str] = {}
+        self._taken: set[str] = set()  # in LaTeX
+        model = terms.system.model
+        self.p = [self._declared(name) for name in self._free_parameters()]
+        self.q = [self._declared(c.name) for c in model.coordinates]
+        self.v = [self._symbol(x.name, names.velocity(x.name, x.rate_of)) for x in model.velocities]
+        self.w = self._quasi_velocities()
+        self.u = [self._declared(x.name) for x in model.inputs]
+        self.t = self._symbol("t", "t")
+        for x in extra:
+            self._call(x.symbol, self._untaken(x.latex))
+
+    def _free_parameters(self) -> list[str]:
+        system = self.terms.system
+        return [x.name for x in system.model.parameters if x.name not in system.constants]
+
+    def _quasi_velocities(self) -> list[sympy.Symbol]:
+        """Of w; a speed that is one generalized velocity shares its symbol."""
+        equations = self.terms.equations
+        if equations.generalized_velocities:
+            return list(self.v)
+        return [self._speed(k, name) for k, name in enumerate(equations.w)]
+
+    def _speed(self, k: int, name: str) -> sympy.Symbol:
+        j = _only_one(self.terms.named("B")[k, :])
+        if j is not None:
+            velocity = self.terms.system.model.velocities[j]
+            if name in (f"{velocity.rate_of}_dot", velocity.name.replace(".", "_")):
+                return self.v[j]
+        return self._declared(name)
+
+    def _declared(self, name: str) -> sympy.Symbol:
+        """A name of the model, set as its spelling suggests."""
+        return self._symbol(name, names.symbol(name))
+
+    def _symbol(self, name: str, latex: str) -> sympy.Symbol:
+        """A new symbol; one whose LaTeX is taken already is printed upright, as it is spelled."""
+        symbol = sympy.Symbol(name)
+        while symbol in self.latex:
+            symbol = sympy.Symbol(symbol.name + "'")
+        self._call(symbol, names.upright(name) if latex in self._taken else latex)
+        return symbol
+
+    def _call(self, symbol: sympy.Symbol, latex: str) -> None:
+        self.latex[symbol] = latex
+        self._taken.add(latex)
+
+    def _untaken(self, latex: str) -> str:
+        """With a tilde where the model has a symbol that looks the same."""
+        while latex in self._taken:
+            latex = rf"\tilde{{{latex}}}"
+        return latex
+
+    def fresh(self, name: str, latex: str) -> sympy.Symbol:
+        """A symbol for a term of the page; its name is in brackets, so that no identifier of the
+        model has it."""
+        symbol = sympy.Symbol(name if "[" in name else f"{name}[]")
+        if symbol not in self.latex:
+            self._call(symbol, self._untaken(latex))
+        return symbol
+
+    def rate(self, symbol: sympy.Symbol) -> sympy.Symbol:
+        """The symbol of its time derivative, with a dot."""
+        return self.fresh(f"rate[{symbol.name}]", names.dotted(self.latex[symbol]))
+
+    def reader(self) -> Reader:
+        """Reads terms over these symbols."""
+        s = self.terms.system
+        tied = not self.terms.equations.generalized_velocities  # w has symbols of its own
+        columns = [s.t, s.q, s.v, *([self.terms.w] if tied else []), s.u, s.p]
+        symbols = [self.t, *self.q, *self.v, *(self.w if tied else []), *self.u, *self.p]
+        return Reader(
+            ca.vertcat(*columns, *[x.sx for x in self.extra]),
+            [*symbols, *[x.symbol for x in self.extra]],
+            bool(s.constants) and not self.p,
+        )
+
+    def in_basic_symbols(self, value: ca.SX) -> ca.SX:
+        """The term without the extra symbols."""
+        if not self.extra:
+            return value
+        symbols = ca.vertcat(*[x.sx for x in self.extra])
+        return ca.substitute(value, symbols, ca.vertcat(*[x.value for x in self.extra]))
+
+
+def _only_one(row: ca.SX) -> int | None:
+    """The column of the only entry of a row, where that is the number one."""
+    columns = row.sparsity().get_triplet()[1]
+    if len(columns) != 1:
+        return None
+    entry = row[0, columns[0]]
+    return columns[0] if entry.is_constant() and float(entry) == 1.0 else None

@@ -1,0 +1,55 @@
+"""The model's outputs."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.textbook import names
+from derive.textbook.manuscript import Manuscript
+
+
+def outputs(doc: Manuscript) -> None:
+    """Every output, or which multipliers it is."""
+    if not doc.system.outputs:
+        return
+    doc.section("Outputs")
+    doc.say("The model's outputs are")
+    for name, value, unit in doc.system.outputs:
+        reactions = _reactions_in(doc, value)
+        if reactions:
+            doc.say(
+                "{name}: the multipliers $!\\lambda$ of {rows};",
+                name=name,
+                rows=", ".join(reactions),
+            )
+        else:
+            _formula(doc, name, value, unit)
+
+
+def _reactions_in(doc: Manuscript, value: ca.SX) -> list[str]:
+    """Names of the constraint rows whose reactions stand in it."""
+    symbols = doc.system.symbols
+    return [
+        row.name for row in doc.system.rows if ca.depends_on(value, symbols.reactions([row.name]))
+    ]
+
+
+def _formula(doc: Manuscript, name: str, value: ca.SX, unit: str) -> None:
+    labels = _labels(name, value.numel())
+    symbols = [
+        doc.notation.fresh(f"output {name}[{k}]", latex) for k, latex in enumerate(labels, 1)
+    ]
+    entries = doc.read(value)
+    if entries is None:
+        doc.too_long(labels[0])
+    else:
+        doc.lines(f"output {name}", symbols, entries, ca.densify(value))
+    for latex in labels:
+        doc.mean(latex, f"output {name}", unit)
+
+
+def _labels(name: str, count: int) -> list[str]:
+    """The output's name, with an index where it has several entries."""
+    if count == 1:
+        return [names.symbol(name)]
+    return [f"{names.upright(name)}_{{{k}}}" for k in range(1, count + 1)]

@@ -1,0 +1,241 @@
+"""What a constraint or a load of the model says, in a sentence each.
+
+A kind without a sentence of its own is listed field by field.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from typing import Any
+
+from derive.expressions.tree import ONE, Expression
+from derive.model.records import (
+    Closure,
+    Distance,
+    Force,
+    GeneralisedForce,
+    Holonomic,
+    Input,
+    JointDamper,
+    JointSpring,
+    Nonholonomic,
+    NoSlip,
+    Placement,
+    PointSpring,
+    Rolling,
+    Torque,
+)
+from derive.textbook import names
+from derive.textbook.manuscript import Manuscript, runs
+from derive.textbook.records import Math, Run, Runs, Text
+
+AXES = "xyz"
+NAMES = ("body", "bodies", "velocity", "coordinate", "frame_body")  # fields that name something
+UNSAID = ("surface",)  # formulas that stand in the constraint rows anyway
+
+
+def constraint(doc: Manuscript, x: Any) -> Runs:
+    """What a constraint says."""
+    write = CONSTRAINTS.get(type(x), _listed)
+    return write(doc, x)
+
+
+def load(doc: Manuscript, x: Any) -> Runs:
+    """What a load does."""
+    write = LOADS.get(type(x))
+    return write(doc, x) if write else (Text(f"{kind(x)} of "), *_listed(doc, x))
+
+
+def kind(x: object) -> str:
+    """NoSlip → no slip."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(x).__name__).lower()
+
+
+def point(doc: Manuscript, entries: Sequence[Expression], about: str) -> Math:
+    """Components in the plane, or all three."""
+    axes = doc.system.model.plane or AXES
+    return _vector(doc, [entries[AXES.index(axis)] for axis in axes], about)
+
+
+def _vector(doc: Manuscript, entries: Sequence[Expression], about: str) -> Math:
+    return Math("(" + r",\; ".join(doc.formula(x, about).latex for x in entries) + ")")
+
+
+def place(doc: Manuscript, at: Placement) -> Math:
+    """Where a joint or closure sits in a body."""
+    return point(doc, at.position, "joint point")
+
+
+def closure(doc: Manuscript, x: Closure) -> Runs:
+    """What a closure says."""
+    first, second = (place(doc, at) for at in x.placements)
+    return runs(
+        "a point of {one} at {first} stays on a point of {other} at {second}",
+        one=x.bodies[0],
+        first=first,
+        other=x.bodies[1],
+        second=second,
+    )
+
+
+def driven(doc: Manuscript, x: Input) -> Runs:
+    """What an input acts along, with its gear where it has one."""
+    unit = names.unit(x.unit)
+    measured = "" if unit == "–" else f" in {unit}"
+    where = f"acts along {x.velocity}" if x.velocity else "occurs in the formulas"
+    text: list[Run] = [Text(f"input{measured}, {where}")]
+    if x.gear != ONE:
+        text += [Text(", times "), doc.formula(x.gear, x.name)]
+    if x.about:
+        text.append(Text(f": {x.about}"))
+    return tuple(text)
+
+
+def _no_slip(doc: Manuscript, x: NoSlip) -> Runs:
+    return runs(
+        "the point of {body} at {point} has no velocity along its direction {direction}",
+        body=x.body,
+        point=point(doc, x.point, x.name),
+        direction=point(doc, x.direction, x.name),
+    )
+
+
+def _rolling(doc: Manuscript, x: Rolling) -> Runs:
+    radius, normal = doc.formula(x.radius, x.name), point(doc, x.normal, x.name)
+    axis = point(doc, x.axis, x.name)
+    about = "" if x.shape == "sphere" else " about its axis {axis}"
+    return runs(
+        "{body}, a {shape} of radius {radius}"
+        + about
+        + ", rolls without slip on the plane normal to {normal}",
+        body=x.body,
+        shape=x.shape,
+        radius=radius,
+        axis=axis,
+        normal=normal,
+    )
+
+
+def _formula(doc: Manuscript, x: Holonomic | Nonholonomic) -> Runs:
+    left = doc.formula(x.expression, x.name)
+    if x.nonideal:
+        return left, Math("=0"), Text("; the constraint does work of its own")
+    return left, Math("=0")
+
+
+def _distance(doc: Manuscript, x: Distance) -> Runs:
+    first, second = (point(doc, entries, x.name) for entries in x.points)
+    return runs(
+        "the points of {one} at {first} and of {other} at {second} stay apart by {length}",
+        one=x.bodies[0],
+        first=first,
+        other=x.bodies[1],
+        second=second,
+        length=doc.formula(x.length, x.name),
+    )
+
+
+def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
+    return runs(
+        "spring on {coordinate}: stiffness {stiffness}, at rest at {rest}",
+        coordinate=x.coordinate,
+        stiffness=doc.formula(x.stiffness, x.name),
+        rest=doc.formula(x.rest, x.name),
+    )
+
+
+def _joint_damper(doc: Manuscript, x: JointDamper) -> Runs:
+    return runs(
+        "damper on {velocity}: coefficient {coefficient}",
+        velocity=x.velocity,
+        coefficient=doc.formula(x.coefficient, x.name),
+    )
+
+
+def _point_spring(doc: Manuscript, x: PointSpring) -> Runs:
+    return runs(
+        "spring between {one} and {other}: stiffness {stiffness}, length {length}, damping "
+        "{damping}",
+        one=x.bodies[0],
+        other=x.bodies[1],
+        stiffness=doc.formula(x.stiffness, x.name),
+        length=doc.formula(x.length, x.name),
+        damping=doc.formula(x.damping, x.name),
+    )
+
+
+def _force(doc: Manuscript, x: Force) -> Runs:
+    return runs(
+        "force on {body} at {point}: {force} N in {axes}",
+        body=x.body,
+        point=point(doc, x.point, x.name),
+        force=point(doc, x.components, x.name),
+        axes=_axes(x),
+    )
+
+
+def _torque(doc: Manuscript, x: Torque) -> Runs:
+    return runs(
+        "torque on {body}: {torque} N·m in {axes}",
+        body=x.body,
+        torque=_vector(doc, x.components, x.name),
+        axes=_axes(x),
+    )
+
+
+def _axes(x: Force | Torque) -> str:
+    return "its own axes" if x.frame == "body" else "ground axes"
+
+
+def _generalised(doc: Manuscript, x: GeneralisedForce) -> Runs:
+    force = doc.formula(x.expression, x.name)
+    return runs("generalised force along {velocity}: {force}", velocity=x.velocity, force=force)
+
+
+def _listed(doc: Manuscript, x: Any) -> Runs:
+    """Any other declaration: what it names, then every formula in it that is a quantity."""
+    parts = [_field(doc, field.name, getattr(x, field.name)) for field in fields(x)]
+    text: list[Run] = []
+    for part in filter(None, parts):
+        text += [Text("; ")] if text else []
+        text += part
+    return tuple(text)
+
+
+def _field(doc: Manuscript, name: str, value: Any) -> Runs:
+    """One field of a declaration; nothing where it is neither a name nor a quantity."""
+    label = name.replace("_", " ")
+    if name in NAMES:
+        return (Text(value if isinstance(value, str) else ", ".join(value)),)
+    if name in UNSAID:
+        return ()
+    if isinstance(value, Expression):
+        return Text(f"{label} "), doc.formula(value, label)
+    if _is_vector(value):
+        return Text(f"{label} "), _vector(doc, value, label)
+    return ()
+
+
+def _is_vector(value: object) -> bool:
+    if not isinstance(value, tuple) or len(value) != 3:
+        return False
+    return all(isinstance(x, Expression) for x in value)
+
+
+CONSTRAINTS: dict[type, Callable[[Manuscript, Any], Runs]] = {
+    NoSlip: _no_slip,
+    Rolling: _rolling,
+    Holonomic: _formula,
+    Nonholonomic: _formula,
+    Distance: _distance,
+}
+LOADS: dict[type, Callable[[Manuscript, Any], Runs]] = {
+    JointSpring: _joint_spring,
+    JointDamper: _joint_damper,
+    PointSpring: _point_spring,
+    Force: _force,
+    Torque: _torque,
+    GeneralisedForce: _generalised,
+}

@@ -1,0 +1,50 @@
+"""What a build is asked for, in one record."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from derive.formulations.records import Equations
+
+Constants = Collection[str] | Literal["all"]
+Fixed = Mapping[str, float | str]  # inputs and parameters that become numbers
+
+QUICK_STATES = 20  # what a build verifies at; `verify` does more
+FEWEST = 2  # states it looks at in any case
+MANY = 2000  # bodies, over all states
+
+
+@dataclass(frozen=True)
+class BuildOptions:
+    """How a module is derived, what it holds, and how it is compiled and verified."""
+
+    choice: str | None = None  # of the quasi-velocities: the file's first when None
+    constants: Constants = ()  # parameters that are baked in as numbers
+    functions: Collection[str] | None = None  # the usual ones when None
+    formulation: str = "quasi_velocities"
+    integrators: Collection[str] = ()  # of the module's simulate(): the default one when empty
+    numpy: bool = False  # without a compiler, a module that runs on NumPy will do
+    tune: bool = False  # take what is fastest on this machine
+    header: bool = False  # also NAME_inline.h
+    fix: Fixed = field(default_factory=dict)  # inputs and parameters with these values
+    real: str = "float64"  # what the code computes in
+    states: int = QUICK_STATES  # random admissible states of the verification
+
+    def said(self) -> dict[str, Any]:
+        """The options as plain values that print the same whenever they are the same."""
+        plain = {option.name: getattr(self, option.name) for option in fields(self)}
+        lists = {
+            name: tuple(plain[name])
+            for name in ("functions", "integrators")
+            if plain[name] is not None
+        }
+        constants = "all" if self.constants == "all" else tuple(self.constants)
+        return plain | lists | {"constants": constants, "fix": sorted(self.fix.items())}
+
+
+def affordable(equations: Equations, states: int) -> int:
+    """Fewer states where there are many bodies: the reference is not made for speed."""
+    return max(FEWEST, min(states, MANY // max(1, len(equations.system.model.bodies))))

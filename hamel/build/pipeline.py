@@ -1,0 +1,158 @@
+"""The build on one page: from a model file to a verified module in its place.
+
+    file        → Model       the text is read and checked          derive.robots, hamel.build.fix
+    Model       → System      mechanics in named terms              derive.states
+    System      → Equations   one formulation, one choice           derive.formulations
+    Equations   → Program     straight-line statements, counted     codegen.passes
+    Program     → texts       every target                          codegen.emit
+    texts       → binaries    the compiler, or the store            hamel.build.module
+    binaries    → verified    against the independent reference     hamel.verify
+    Equations   → pages       the derivation to read                derive.textbook
+    verified    → folder      everything appears at once            hamel.build.folder
+
+The compiler works while the derivation is verified. Nothing is written to the place of the module
+before all of it went well. `-v` shows every stage with its seconds.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
+from os import PathLike
+from pathlib import Path
+from types import ModuleType
+
+from codegen.compiler import shared_library
+from codegen.emit import emit, sealed
+from codegen.program import Program
+from codegen.seal import DERIVATION, VERIFICATION
+from derive.diagnostics import ToolchainError
+from derive.formulations.charts import BETWEEN
+from derive.formulations.records import Equations
+from derive.textbook import html
+from hamel.build.assurance import check_all
+from hamel.build.clock import Clock
+from hamel.build.folder import check_place, publish, resolved
+from hamel.build.keys import file_key
+from hamel.build.module import Compiled, compiling, drafted
+from hamel.build.options import BuildOptions, affordable
+from hamel.build.reuse import remember
+from hamel.build.stages import equations_of, program_of, with_emitted
+from hamel.build.tune import fastest, with_fastest_flags
+from hamel.records import Built
+from hamel.verify import Verification, quick_verification
+from hamel.verify.shipped import shipped
+from hamel.verify.stored import stored
+
+
+def build(
+    path: str | PathLike[str], out: str | Path | None = None, options: BuildOptions | None = None
+) -> Built:
+    """Derive, emit, compile, compare with the independent derivation, and only then publish.
+
+    `out` is the folder of the module, generated/<model> when None. Raises ModelError,
+    AssumptionError, ToolchainError and VerificationError.
+    """
+    options = options or BuildOptions()
+    clock = Clock()
+    key = file_key(path, options.said())
+
+    equations, program = _program(path, options, clock)
+    place = Path(out) if out else Path("generated") / program.name
+    check_place(resolved(place))
+
+    with clock("code", "Program → texts"):
+        texts = emit(program)
+    with drafted(program.name, texts) as draft, compiling(draft) as finished:
+        if not (draft.command or options.numpy):
+            raise _without_compiler(finished())
+        with clock("textbook", "Equations → derivation"):
+            derivation = html(equations)
+        with clock("verify", "binaries → verified, at random states"):
+            checked = with_emitted(equations, program)
+            found = _verification(checked, _waiting(finished, clock), options.states)
+            states = stored(found, equations, shipped(checked, found.seed))
+        compiled = finished()
+        if compiled.message:
+            warnings.warn(compiled.message, RuntimeWarning, stacklevel=2)
+
+    with clock("publish", f"verified → {place}"):
+        pages = {DERIVATION: derivation, VERIFICATION: states}
+        files = {**compiled.files, **_bytes(sealed(texts, pages))}
+        publish(place, files)
+    record = _record(program, place, compiled, files, clock)
+    if key == file_key(path, options.said()):  # it was not edited meanwhile
+        remember(key, record, files)
+    return record
+
+
+def _program(
+    path: str | PathLike[str], options: BuildOptions, clock: Clock
+) -> tuple[Equations, Program]:
+    """File → Equations → Program; with `tune` of the choice and formulation fastest here."""
+    times: dict[str, float] = {}
+    if options.tune:
+        equations, times = fastest(path, options, clock)
+    else:
+        equations = equations_of(
+            path, options.choice, options.constants, options.formulation, clock, options.fix
+        )
+    with clock("passes", "Equations → Program"):
+        program = program_of(equations, options.functions, options.integrators, real=options.real)
+        program = replace(program, inline=options.header)
+    if options.tune:
+        with clock("tune", "Program → Program with the fastest flags"):
+            program = with_fastest_flags(program, times)
+    return equations, program
+
+
+def _waiting(finished: Callable[[], Compiled], clock: Clock) -> Callable[[], ModuleType]:
+    """The compiled module, when it is needed; the time until it is there is the compiler's."""
+
+    def module() -> ModuleType:
+        with clock("compile", "texts → binaries, waited for"):
+            return finished().module
+
+    return module
+
+
+def _without_compiler(compiled: Compiled) -> ToolchainError:
+    hint = "or build with --numpy: the module then runs on NumPy until it is compiled"
+    return ToolchainError(compiled.message.replace(", so the module runs on NumPy", ""), hint)
+
+
+def _verification(
+    equations: Equations, module: Callable[[], ModuleType], states: int
+) -> Verification:
+    """Raises VerificationError unless equations and module agree with the independent
+    derivation."""
+    model = equations.system.model
+    found = quick_verification(model, equations, module, affordable(equations, states))
+    check_all(equations, found.checks, "nothing is written")
+    return found
+
+
+def _bytes(texts: Mapping[str, str]) -> dict[str, bytes]:
+    return {name: text.encode() for name, text in texts.items()}
+
+
+def _record(
+    program: Program, place: Path, compiled: Compiled, files: Mapping[str, bytes], clock: Clock
+) -> Built:
+    return Built(
+        model=program.name,
+        choice=BETWEEN.join(chart.choice for chart in program.charts) or program.choice,
+        reason=program.reason,
+        folder=place,
+        verified=True,
+        operations={kernel.name: kernel.operations["total"] for kernel in program.kernels},
+        seconds=clock.seconds,
+        quasi_velocities=program.quasi_velocities,
+        left_out=program.left_out,
+        ledger=tuple(asdict(entry) for entry in program.ledger),
+        compiled=compiled.compiled,
+        size=len(files.get(shared_library(program.name), b"")),
+        tuned=dict(program.timings),
+        real=program.real.name,
+    )

@@ -1,0 +1,164 @@
+"""States and expected values that are shipped beside the module, and the comparison of the shipped
+code with them, on any machine and without the model.
+
+Both are rounded to fewer digits than a double has: the last ones differ between machines, and the
+bytes of a generated folder do not. The values are those of the equations at the rounded arguments.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from codegen.reals import FLOAT64
+from codegen.seal import VERIFICATION
+from derive.diagnostics import VerificationError
+from derive.formulations.records import Equations
+from hamel.verify.checks.evidence import Evidence, Row, roundoff
+from hamel.verify.records import CheckResult
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
+
+STATES = 3
+MOST = 20_000  # numbers, over all functions
+ARGUMENT = 8  # digits of arguments
+VALUE = 11  # digits of values
+MANY = 8.0  # times the running error bound: every other order of operations stays within
+TOLERANCE = 1e-10  # relative to the largest entry: ten times what rounding the values does
+COARSE = 1e-4  # of a module in float32, whose arguments are rounded once more
+BACKENDS = {"extension": "extension", "_library": "ctypes", "_numpy": "NumPy"}
+
+
+def shipped(equations: Equations, seed: int) -> dict[str, Any]:
+    """Function → {"t", "x", "u", "p", "expected", "size"}, a row for each state, of every chart.
+
+    `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there.
+
+    Functions of very large models are left out from where there would be too many numbers.
+    """
+    seen = evidence(reference(equations.system.model), equations, None, STATES, seed)
+    found: dict[str, Any] = {}
+    numbers = 0
+    for suffix, chart in _charts(seen):
+        for name in chart.graph.functions:
+            rows = _rows(chart, name)
+            numbers += _size(rows)
+            if rows and numbers <= MOST:
+                found[name + suffix] = rows
+    return found
+
+
+def _charts(seen: Evidence) -> Iterator[tuple[str, Evidence]]:
+    yield "", seen
+    for number, chart in enumerate(seen.graph.equations.charts, 1):
+        there = evidence(seen.reference, chart, None, len(seen.samples), 0)
+        yield f"_chart{number}", there
+
+
+def _rows(seen: Evidence, name: str) -> dict[str, Any]:
+    """Arguments and values of one function; nothing where a value is not finite."""
+    places = [_argument(row) for row in seen.rows_of(name)]
+    rows = []
+    for (t, x, u, p), errors in zip(places, roundoff(seen.graph, name, places, FLOAT64)):
+        value = np.ravel(seen.graph.iterated(name, t, x, u, p))
+        size = max(_largest(value), MANY * _largest(errors) / TOLERANCE)
+        if np.isfinite(value).all() and math.isfinite(size):
+            expected = _rounded(value, VALUE, size)
+            rows.append((t, x.tolist(), u.tolist(), p.tolist(), expected, float(f"{size:.2g}")))
+    return dict(zip(("t", "x", "u", "p", "expected", "size"), zip(*rows)))
+
+
+def _argument(row: Row) -> Row:
+    """To fewer digits, each by itself."""
+    t, *others = row
+    x, u, p = (
+        np.array([float(f"{value:.{ARGUMENT}g}") for value in np.ravel(part)]) for part in others
+    )
+    return float(f"{t:.{ARGUMENT}g}"), x, u, p
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(np.max(np.abs(values), initial=0.0))
+
+
+def _rounded(values: np.ndarray, digits: int, size: float) -> list[float]:
+    """To so many digits of `size`; what is less than that is zero."""
+    if size == 0.0:
+        return [0.0] * len(values)
+    least = 10.0 ** (math.floor(math.log10(size)) + 1 - digits)
+    return [float(f"{round(value / least) * least:.{digits}g}") + 0.0 for value in values.tolist()]
+
+
+def _size(rows: Mapping[str, Any]) -> int:
+    return sum(np.size(column) for column in rows.values())
+
+
+# ---- the shipped code
+
+
+def shipped_checks(folder: Path, module: ModuleType) -> tuple[CheckResult, ...]:
+    """Every backend of the module that is there, at the states in its verification.json."""
+    try:
+        functions = json.loads((folder / VERIFICATION).read_text(encoding="utf-8"))["functions"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise VerificationError(
+            f"{folder} holds no verification states", hint="build it again with hamel"
+        ) from error
+    return tuple(_check(name, backend, functions) for name, backend in _backends(module))
+
+
+def _backends(module: ModuleType) -> Iterator[tuple[str, Any]]:
+    """By the names that people know them by, those first that are used first."""
+    if module.backend == "extension":
+        yield "extension", module
+    for name in ("_library", "_numpy"):
+        try:
+            yield BACKENDS[name], importlib.import_module(f"{module.__name__}.{name}")
+        except (ImportError, OSError):
+            continue  # what was not compiled cannot be wrong
+
+
+def _check(name: str, backend: Any, functions: Mapping[str, Any]) -> CheckResult:
+    errors = [
+        _error(getattr(backend, function, None), rows) for function, rows in functions.items()
+    ]
+    value = max((math.inf if math.isnan(error) else error for error in errors), default=math.inf)
+    tolerance = TOLERANCE if _is_double(functions, backend) else COARSE
+    about = "every function at the states that were shipped, against the values expected there"
+    return CheckResult(f"{name} = shipped values", value, tolerance, value <= tolerance, about)
+
+
+def _is_double(functions: Mapping[str, Any], backend: Any) -> bool:
+    call = next((getattr(backend, name, None) for name in functions), None)
+    rows = next(iter(functions.values()), None)
+    return call is None or rows is None or _called(call, rows, 0).dtype == np.float64
+
+
+def _error(call: Any, rows: Mapping[str, Any]) -> float:
+    """The worst difference at any row, relative to the size of the result there."""
+    if call is None:
+        return math.inf
+    worst = 0.0
+    for k, expected in enumerate(rows["expected"]):
+        value = np.ravel(_called(call, rows, k))
+        if value.shape != np.shape(expected):
+            return math.inf
+        size = max(rows["size"][k], 1e-300)
+        worst = max(worst, float(np.max(np.abs(value - expected), initial=0.0)) / size)
+    return worst
+
+
+def _called(call: Any, rows: Mapping[str, Any], k: int) -> np.ndarray:
+    """One result; not a number where the code refuses the state."""
+    t, x, u, p = (rows[name][k] for name in "txup")
+    try:
+        return np.asarray(call(t, x, u, p))
+    except FloatingPointError:
+        return np.array([np.nan])

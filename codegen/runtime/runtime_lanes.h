@@ -309,18 +309,34 @@ static inline void slopes(Lanes *w, const double *t, const double *z, int weight
     (void)weighted;
 }
 
-/* z = y + h * (the sum of row n over the slopes), or h times the sum alone. */
-static inline void combine(const Tableau *m, int n, const Lanes *w, const double *y, double *z)
+/* Entries i to i + count of z = y + h * (the sum of row n over the slopes), or of h times the sum alone; `count` is a constant where this
+   is called, at most 4. */
+static inline void combine_some(const Tableau *m, int n, const Lanes *w, const double *y, double *z, int i, int count)
 {
     const Vector h = vector(w->h);
-    const int from = m->row[n], to = m->row[n + 1];
-    int i, j;
-    for (i = 0; i < MOVING; i++) {
-        Vector sum = m->weight[from] * vector(w->k[m->at[from]] + i * LANES);
-        for (j = from + 1; j < to; j++)
-            sum += m->weight[j] * vector(w->k[m->at[j]] + i * LANES);
-        store(z + i * LANES, y ? vector(y + i * LANES) + h * sum : h * sum);
+    Vector sum[4];
+    int j, k;
+    for (k = 0; k < count; k++)
+        sum[k] = m->weight[m->row[n]] * vector(w->k[m->at[m->row[n]]] + (i + k) * LANES);
+    for (j = m->row[n] + 1; j < m->row[n + 1]; j++) {
+        const double weight = m->weight[j], *const from = w->k[m->at[j]] + i * LANES;
+        for (k = 0; k < count; k++)
+            sum[k] += weight * vector(from + k * LANES);
     }
+    for (k = 0; k < count; k++)
+        store(z + (i + k) * LANES, y ? vector(y + (i + k) * LANES) + h * sum[k] : h * sum[k]);
+}
+
+/* All of them: several sums at a time, for each addition waits for the one before. */
+static inline void combine(const Tableau *m, int n, const Lanes *w, const double *y, double *z)
+{
+    int i;
+    for (i = 0; i + 4 <= MOVING; i += 4)
+        combine_some(m, n, w, y, z, i, 4);
+    for (; i + 2 <= MOVING; i += 2)
+        combine_some(m, n, w, y, z, i, 2);
+    for (; i < MOVING; i++)
+        combine_some(m, n, w, y, z, i, 1);
 }
 
 /* Root mean square of the values relative to the tolerance at y and z, squared. */

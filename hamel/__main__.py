@@ -3,7 +3,7 @@
 An interrupt is quiet from the first moment on: while the command line is imported, too.
 """
 
-import _signal  # `signal` takes a while to import: time in which an interrupt would be loud
+import _signal  # pyright: ignore[reportMissingImports]  # `signal` takes a while to import: time in which an interrupt would be loud
 import os
 from types import FrameType
 

@@ -116,7 +116,7 @@ def test_a_constraint_force_without_mass_along_it_is_refused() -> None:
     ],
 )
 def test_failures_of_arithmetic_name_the_stage_and_the_cause(failure) -> None:
-    with pytest.raises(AssumptionError, match="the stage cannot be computed .*: .+"):
+    with pytest.raises(AssumptionError, match=r"the stage cannot be computed .*: .+"):
         refuses_numerically("the stage")(failure)()
 
 

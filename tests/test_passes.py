@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -228,9 +228,9 @@ def test_guard_tolerance_follows_the_scale() -> None:
 def test_names_that_would_clash() -> None:
     equations = toy()
     labels = ("sin", "x", "while", "der(q1)")
-    argument = SimpleNamespace(**{**vars(equations.arguments[1]), "labels": labels})
+    argument = replace(equations.arguments[1], labels=labels)
     arguments = (equations.arguments[0], argument, *equations.arguments[2:])
-    renamed: Any = SimpleNamespace(**{**vars(equations), "arguments": arguments})
+    renamed = replace(equations, arguments=arguments)
     names = program(renamed, ["dynamics", "odd"]).argument("x").names
     assert len(set(names)) == 4 and not {"sin", "x", "while"} & set(names)
 

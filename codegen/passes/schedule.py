@@ -154,7 +154,8 @@ def _fitting(code: Code, home: dict[int, int], once: Callable[[int], bool]) -> s
     size: dict[int, int] = {}
     nested: set[int] = set()
     for i in sorted(home):
-        size[i] = 1 + sum(size.get(operand, 1) for operand in code.operations[i].operands)
+        operands = code.operations[i].operands
+        size[i] = 1 + sum(size.get(x, 1) if isinstance(x, int) else 1 for x in operands)
         if once(i) and size[i] <= _NESTED:
             nested.add(i)
         else:

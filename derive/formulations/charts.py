@@ -21,6 +21,7 @@ from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations.frames import in_numbers
 from derive.formulations.functions import with_frame
 from derive.formulations.records import Equations, Function
+from derive.states.sampling import States
 
 BETWEEN = "+"  # of the names of choices that are charts of one module
 BY_ROWS = (
@@ -99,17 +100,23 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
 
     Candidates are the partitions that `auto` ranks and the choices of the file; `made` gives the
     equations of one by name. The next chart is the one that takes the worst state farthest from
-    singular. A pivot that is of both signs over the states vanishes between them: then a choice
+    singular. Where the file leaves the choice open, a pivot that is of both signs over the states,
+    and so vanishes between them, is a reason, too: then a choice
     that is safe alone is a chart, too, and where no few are safe together the orthonormal choice,
     which goes wherever A has full rank.
     """
     guards = _at_frame(first, _guards(first))
     here = _margins(guards, survey)
-    turns = _changes_sign(guards, survey)
+    left_open = survey.system.model.choices[0].kind == "auto"
+    turns = left_open and _changes_sign(guards, survey)
     if first.generalized_velocities or (np.min(here, initial=np.inf) >= SAFE and not turns):
         return first
     others = {x.ranking.name: _guards_of(x) for x in _candidates(survey)}
-    alone = [name for name, them in others.items() if _is_safe(them, survey)]
+    alone = [
+        name
+        for name, them in others.items()
+        if np.min(_margins(them, survey)) >= SAFE and not (turns and _changes_sign(them, survey))
+    ]
     if alone:
         return charted([first, made(alone[0])], survey) if turns else first
     names = _together_safe(here, {k: _margins(x, survey) for k, x in others.items()})
@@ -131,15 +138,10 @@ def _together_safe(here: np.ndarray, others: dict[str, np.ndarray]) -> list[str]
     return names if np.min(here) >= SAFE else []
 
 
-def _is_safe(guards: Sequence[Guard], survey: Survey) -> bool:
-    margins = _margins(guards, survey)
-    return bool(np.min(margins, initial=np.inf) >= SAFE) and not _changes_sign(guards, survey)
-
-
 def _changes_sign(guards: Sequence[Guard], survey: Survey) -> bool:
     if not guards:
         return False
-    values = _values(guards, survey)
+    values = _values(guards, survey, survey.many)
     return bool(np.any(np.min(values, axis=0) * np.max(values, axis=0) < 0.0))
 
 
@@ -165,27 +167,25 @@ def _guards(equations: Equations) -> tuple[Guard, ...]:
     )
 
 
-def _values(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
-    """value / tolerance at the many sampled states, states × guards."""
-    s = survey.many
+def _values(guards: Sequence[Guard], survey: Survey, s: States) -> np.ndarray:
+    """value / tolerance at states, states × guards."""
     values = ca.vertcat(*[guard.value / guard.tolerance for guard in guards])
     return survey.solver.values(values, s.t, s.q, s.p)[:, :, 0]
 
 
 def _largest(guards: Sequence[Guard], survey: Survey) -> tuple[float, ...]:
     """To three digits."""
-    return (
-        tuple(float(f"{x:.3g}") for x in np.max(np.abs(_values(guards, survey)), axis=0))
-        if guards
-        else ()
-    )
+    if not guards:
+        return ()
+    sizes = np.abs(_values(guards, survey, survey.sampled))
+    return tuple(float(f"{x:.3g}") for x in np.max(sizes, axis=0))
 
 
 def _margins(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
     """The smallest guard at each sampled state, relative to its largest value over all of them."""
     if not guards:
-        return np.full(len(survey.many.t), np.inf)
-    sizes = np.abs(_values(guards, survey))
+        return np.full(len(survey.sampled.t), np.inf)
+    sizes = np.abs(_values(guards, survey, survey.sampled))
     return np.min(sizes / np.maximum(np.max(sizes, axis=0), 1e-300), axis=1)
 
 

@@ -84,7 +84,7 @@ class Key(str):
         key.span = span
         return key
 
-    def __getnewargs__(self) -> tuple[str, Span]:  # so that it can be copied and pickled
+    def __getnewargs__(self) -> tuple[str, Span]:  # pyright: ignore[reportIncompatibleMethodOverride] so that it can be copied and pickled
         return str(self), self.span
 
 

@@ -145,7 +145,7 @@ def _check_numbers(robot: Robot) -> None:
 
     for body in robot.bodies:
         values = {"mass": body.mass, "centre of mass": max(map(abs, body.com))}
-        values |= {"inertia": value for value in body.inertia if too_large(value)}
+        values["inertia"] = next(filter(too_large, body.inertia), 0.0)
         for what, value in values.items():
             if too_large(value):
                 body.place.refuse(f"the {what} of '{body.name}' comes to {value:g}", BELOW)

@@ -1,9 +1,12 @@
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ._simulation import Simulation as Simulation
+from ._simulation import Status as Status
+from ._simulation import Stopped as Stopped
 
 name: str
 formulation: str
@@ -90,20 +93,10 @@ def guards(
 ) -> NDArray[np.float64]:
     """what must not change its sign or vanish on the way: pivots, and how independent the rows of A are: shape (..., 1)."""
 
-@dataclass(frozen=True)
-class Simulation:
-    t: NDArray[np.float64]
-    x: NDArray[np.float64]
-    work: NDArray[np.float64]
-    steps: int
-    rejected: int
-    calls: int
-    position_violation: float
-    velocity_violation: float
-    crossings: int
-    charts: int
-    status: str
-    reduced: NDArray[np.float64]
+def constraint_rows(
+    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """entries of A that are not zero by structure, independent rows of A v = c, row by row: shape (..., 6)."""
 
 def simulate(
     t_span: ArrayLike,

@@ -159,3 +159,8 @@ def state(t, x, u=None, p=None, out=None):
 def guards(t, x, u=None, p=None, out=None):
     """what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"""
     return _evaluate("guards", t, x, u, p, out)
+
+
+def constraint_rows(t, x, u=None, p=None, out=None):
+    """entries of A that are not zero by structure, independent rows of A v = c, row by row"""
+    return _evaluate("constraint_rows", t, x, u, p, out)

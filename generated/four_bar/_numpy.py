@@ -630,6 +630,44 @@ def _guards(t, x, u, p, out):
     return status
 
 
+def _constraint_rows(t, x, u, p, out):
+    q1 = x[..., 0]
+    q2 = x[..., 1]
+    q3 = x[..., 2]
+    l1 = p[..., 0]
+    l2 = p[..., 1]
+    l3 = p[..., 2]
+
+    # angles: their sines and cosines, all together
+    z1 = q1 + q2
+    cos_z1 = np.cos(z1)
+    sin_q2 = np.sin(q2)
+    sin_z1 = np.sin(z1)
+    cos_q2 = np.cos(q2)
+    sin_q3 = np.sin(q3)
+    cos_q3 = np.cos(q3)
+
+    # A: entries of A that are not zero by structure, independent rows of A v = c, row by row
+    z2 = l2 + l1 * cos_q2
+    z3 = sin_q2 * l1
+    z4 = sin_z1 * z2 - cos_z1 * z3
+    z5 = sin_z1 * l2
+    z6 = -(sin_q3 * l3)
+    z7 = -(cos_z1 * z2 + z3 * sin_z1)
+    z8 = -(cos_z1 * l2)
+    z9 = l3 * cos_q3
+
+    out[..., 0] = z4
+    out[..., 1] = z5
+    out[..., 2] = z6
+    out[..., 3] = z7
+    out[..., 4] = z8
+    out[..., 5] = z9
+    singular = False
+    status = _status(singular, out, x, p)
+    return status
+
+
 def dynamics(t, x, u=None, p=None, out=None):
     """state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)"""
     return _evaluate("dynamics", _dynamics, t, x, u, p, out)
@@ -693,3 +731,8 @@ def state(t, x, u=None, p=None, out=None):
 def guards(t, x, u=None, p=None, out=None):
     """what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"""
     return _evaluate("guards", _guards, t, x, u, p, out)
+
+
+def constraint_rows(t, x, u=None, p=None, out=None):
+    """entries of A that are not zero by structure, independent rows of A v = c, row by row"""
+    return _evaluate("constraint_rows", _constraint_rows, t, x, u, p, out)

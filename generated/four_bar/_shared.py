@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "ece44b17eec578e7a2ba9b500eca021c"
+PROGRAM = "bb9a27013a0c52ad24da82a8f2c29e14"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)
@@ -28,6 +28,7 @@ FUNCTIONS = {
     "velocity": ((3,), 4, "xp", "singular: |pivot of C.x| < 3.99989e-10", "not converged"),
     "state": ((4,), 6, "x", "singular:", "not converged"),
     "guards": ((1,), 4, "xp", "singular:", "not converged"),
+    "constraint_rows": ((6,), 4, "xp", "singular:", "not converged"),
 }
 
 

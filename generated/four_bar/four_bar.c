@@ -811,6 +811,51 @@ int four_bar_guards(double t, const double *x, const double *u, const double *p,
     return FOUR_BAR_OK;
 }
 
+/* entries of A that are not zero by structure, independent rows of A v = c, row by row: 20 operations */
+int four_bar_constraint_rows(double t, const double *x, const double *u, const double *p, double *restrict out)
+{
+    const double q1 = x[0];
+    const double q2 = x[1];
+    const double q3 = x[2];
+    const double l1 = p[0];
+    const double l2 = p[1];
+    const double l3 = p[2];
+
+    /* angles: their sines and cosines, all together */
+    const double z1 = q1 + q2;
+    double sines[4], cosines[4];
+    four_bar_turns(z1, q2, q3, 0.0, sines, cosines);
+    const double cos_z1 = cosines[0];
+    const double sin_z1 = sines[0];
+    const double sin_q2 = sines[1];
+    const double cos_q2 = cosines[1];
+    const double sin_q3 = sines[2];
+    const double cos_q3 = cosines[2];
+
+    /* A: entries of A that are not zero by structure, independent rows of A v = c, row by row */
+    const double z2 = l2 + l1 * cos_q2;
+    const double z3 = sin_q2 * l1;
+    const double z4 = sin_z1 * z2 - cos_z1 * z3;
+    const double z5 = sin_z1 * l2;
+    const double z6 = -(sin_q3 * l3);
+    const double z7 = -(cos_z1 * z2 + z3 * sin_z1);
+    const double z8 = -(cos_z1 * l2);
+    const double z9 = l3 * cos_q3;
+
+    out[0] = z4; /* C.x by der(q1) */
+    out[1] = z5; /* C.x by der(q2) */
+    out[2] = z6; /* C.x by der(q3) */
+    out[3] = z7; /* C.y by der(q1) */
+    out[4] = z8; /* C.y by der(q2) */
+    out[5] = z9; /* C.y by der(q3) */
+    (void)t;
+    (void)u;
+
+    if (!((0.0 * x[3] + 0.0 * p[5] + 0.0 * out[1] + 0.0 * out[4]) + (0.0 * p[3] + 0.0 * p[6] + 0.0 * out[2] + 0.0 * out[5]) + (0.0 * p[4] + 0.0 * out[0] + 0.0 * out[3]) == 0.0))
+        return FOUR_BAR_NOT_FINITE;
+    return FOUR_BAR_OK;
+}
+
 /* constants of dynamics, from parameters alone: 17 operations */
 int four_bar_dynamics_precompute(const double *p, double *restrict c)
 {

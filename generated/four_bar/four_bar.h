@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "ece44b17eec578e7a2ba9b500eca021c"
+#define FOUR_BAR_PROGRAM "bb9a27013a0c52ad24da82a8f2c29e14"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1
@@ -36,6 +36,7 @@ extern "C" {
 #define FOUR_BAR_N_VELOCITY 3
 #define FOUR_BAR_N_STATE 4
 #define FOUR_BAR_N_GUARDS 1
+#define FOUR_BAR_N_CONSTRAINT_ROWS 6
 
 /* What a function returns. After anything but FOUR_BAR_OK the result must not be used. */
 enum {
@@ -129,6 +130,10 @@ int four_bar_state(double t, const double *x, const double *u, const double *p, 
 /* what must not change its sign or vanish on the way: pivots, and how independent the rows of A are: out[1].
    5 operations; reads x, p. */
 int four_bar_guards(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
+
+/* entries of A that are not zero by structure, independent rows of A v = c, row by row: out[6].
+   20 operations; reads x, p. */
+int four_bar_constraint_rows(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* Evaluates a function with n results on many rows. A stride is the distance between rows in doubles, 0 to use one row for all.
    Rows that fail become NaN; status (one per row) may be NULL. Returns how many failed. */

@@ -91,6 +91,9 @@ static Function functions[] = {
     {"guards", four_bar_guards, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {1}, 1,
      "singular:", "not converged",
      "(),(4),(1),(7)->(1),()", "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are", NULL, {NULL}, 0},
+    {"constraint_rows", four_bar_constraint_rows, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {6}, 6,
+     "singular:", "not converged",
+     "(),(4),(1),(7)->(6),()", "entries of A that are not zero by structure, independent rows of A v = c, row by row", NULL, {NULL}, 0},
 };
 enum { FUNCTIONS = sizeof functions / sizeof functions[0] };
 
@@ -510,12 +513,12 @@ done:
 
 /* ---- motions */
 
-/* advance(simulation, times, u, p, rtol, atol, budget, x, work, reduced): arrays of doubles without gaps, as _simulate.py makes them. */
+/* advance(simulation, times, u, p, rtol, atol, budget, x, work, reduced): arrays without gaps, as _simulate.py makes them. */
 static PyObject *call_advance(PyObject *self, PyObject *args)
 {
     enum { SIMULATION, TIMES, INPUTS, PARAMETERS, STATES, WORK, REDUCED, ARRAYS };
     PyArrayObject *a[ARRAYS];
-    double *d[ARRAYS], rtol, atol;
+    double *d[ARRAYS], rtol, atol; /* of the first one the structure */
     long budget;
     int status, i;
     (void)self;
@@ -523,19 +526,19 @@ static PyObject *call_advance(PyObject *self, PyObject *args)
             &PyArray_Type, &a[PARAMETERS], &rtol, &atol, &budget, &PyArray_Type, &a[STATES], &PyArray_Type, &a[WORK], &PyArray_Type, &a[REDUCED]))
         return NULL;
     for (i = 0; i < ARRAYS; i++) {
-        if (PyArray_TYPE(a[i]) != NPY_DOUBLE || !PyArray_ISCARRAY_RO(a[i])) {
+        if ((i != SIMULATION && PyArray_TYPE(a[i]) != NPY_DOUBLE) || !PyArray_ISCARRAY_RO(a[i])) {
             PyErr_SetString(PyExc_TypeError, "advance() needs arrays of doubles without gaps");
             return NULL;
         }
         d[i] = (double *)PyArray_DATA(a[i]);
     }
-    if (PyArray_SIZE(a[SIMULATION]) != FOUR_BAR_SIM_SIZE || PyArray_SIZE(a[INPUTS]) != FOUR_BAR_NU || PyArray_SIZE(a[PARAMETERS]) != FOUR_BAR_NP ||
+    if (PyArray_NBYTES(a[SIMULATION]) != (npy_intp)sizeof(four_bar_simulation) || PyArray_SIZE(a[INPUTS]) != FOUR_BAR_NU || PyArray_SIZE(a[PARAMETERS]) != FOUR_BAR_NP ||
         PyArray_SIZE(a[STATES]) != PyArray_SIZE(a[TIMES]) * FOUR_BAR_NX || PyArray_SIZE(a[WORK]) != PyArray_SIZE(a[TIMES]) || PyArray_SIZE(a[REDUCED]) != PyArray_SIZE(a[STATES])) {
         PyErr_SetString(PyExc_ValueError, "advance() got arrays of the wrong size");
         return NULL;
     }
     Py_BEGIN_ALLOW_THREADS
-    status = four_bar_simulate(d[SIMULATION], (size_t)PyArray_SIZE(a[TIMES]), d[TIMES], d[INPUTS], d[PARAMETERS], rtol, atol, budget, d[STATES], d[WORK], d[REDUCED]);
+    status = four_bar_simulate((four_bar_simulation *)PyArray_DATA(a[SIMULATION]), (size_t)PyArray_SIZE(a[TIMES]), d[TIMES], d[INPUTS], d[PARAMETERS], rtol, atol, budget, d[STATES], d[WORK], d[REDUCED]);
     Py_END_ALLOW_THREADS
     return PyLong_FromLong(status);
 }
@@ -620,6 +623,12 @@ static PyObject *call_guards(PyObject *self, PyObject *const *args, Py_ssize_t n
     return call(&functions[12], args, n, keywords);
 }
 
+static PyObject *call_constraint_rows(PyObject *self, PyObject *const *args, Py_ssize_t n, PyObject *keywords)
+{
+    (void)self;
+    return call(&functions[13], args, n, keywords);
+}
+
 static PyMethodDef methods[] = {
     {"dynamics", (PyCFunction)(void (*)(void))call_dynamics, METH_FASTCALL | METH_KEYWORDS,
      "dynamics(t, x, u=None, p=None, out=None)\n--\n\n" "state derivative: q\314\207 = N v, \341\272\207 from (S\341\265\200 M S) \341\272\207 = S\341\265\200 (Q \342\210\222 h \342\210\222 M \317\203)"},
@@ -647,6 +656,8 @@ static PyMethodDef methods[] = {
      "state(t, x, u=None, p=None, out=None)\n--\n\n" "state x = (q, w) from (q, v): w = B v"},
     {"guards", (PyCFunction)(void (*)(void))call_guards, METH_FASTCALL | METH_KEYWORDS,
      "guards(t, x, u=None, p=None, out=None)\n--\n\n" "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"},
+    {"constraint_rows", (PyCFunction)(void (*)(void))call_constraint_rows, METH_FASTCALL | METH_KEYWORDS,
+     "constraint_rows(t, x, u=None, p=None, out=None)\n--\n\n" "entries of A that are not zero by structure, independent rows of A v = c, row by row"},
     {"advance", call_advance, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},
 };

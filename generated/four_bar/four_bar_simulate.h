@@ -16,7 +16,8 @@ enum {
     FOUR_BAR_STEP_TOO_SMALL = 4, /* the tolerance cannot be met, or the motion ends in a singular position */
     FOUR_BAR_MORE = 5,           /* the budget of steps is used up: call again to go on */
     FOUR_BAR_NO_METHOD = 6,      /* no such integrator or enforcement, or an integrator without step control and no fixed step */
-    FOUR_BAR_SINGULAR_POSITION = 7 /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
+    FOUR_BAR_SINGULAR_POSITION = 7, /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
+    FOUR_BAR_SINGULAR_CHOICE = 8 /* this choice of quasi-velocities is singular here, the constraints are not: another one goes on */
 };
 
 /* Integrators: */
@@ -31,35 +32,36 @@ enum {
     FOUR_BAR_ENFORCEMENTS = 2
 };
 
-/* A simulation is an array of doubles. To start: zeros, then time and state, and what is not to be 0 of the first three. */
-enum {
-    FOUR_BAR_SIM_INTEGRATOR = 0, /* which integrator, by number */
-    FOUR_BAR_SIM_ENFORCEMENT = 1, /* which enforcement, by number */
-    FOUR_BAR_SIM_FIXED = 2, /* the size of equal steps; 0 lets the tolerance decide */
-    FOUR_BAR_SIM_T = 3, /* time */
-    FOUR_BAR_SIM_DONE = 4, /* output times reached */
-    FOUR_BAR_SIM_STEPS = 5, /* accepted steps */
-    FOUR_BAR_SIM_REJECTED = 6, /* rejected steps */
-    FOUR_BAR_SIM_CALLS = 7, /* evaluations of dynamics */
-    FOUR_BAR_SIM_POSITION = 8, /* largest violation of a position constraint after a step */
-    FOUR_BAR_SIM_VELOCITY = 9, /* largest violation of a velocity constraint after a step */
-    FOUR_BAR_SIM_PASSED = 10, /* singular positions that were crossed */
-    FOUR_BAR_SIM_CHARTS = 11, /* charts that were used */
-    FOUR_BAR_SIM_STEP = 12, /* size of the next step */
-    FOUR_BAR_SIM_ERROR = 13, /* error of the last step, for the step control */
-    FOUR_BAR_SIM_X = 14, /* the state, then the work done by forces without potential since the start */
-    FOUR_BAR_SIM_SLOPE = FOUR_BAR_SIM_X + FOUR_BAR_NX + 1,
-    FOUR_BAR_SIM_GUARDS = FOUR_BAR_SIM_SLOPE + FOUR_BAR_NX + 1, /* what tells the branch: last values, largest sizes, rates */
-    FOUR_BAR_SIM_TURNS = FOUR_BAR_SIM_GUARDS + 3, /* whole turns that were taken out of each coordinate */
-    FOUR_BAR_SIM_SIZE = FOUR_BAR_SIM_TURNS + 3
-};
+/* A motion on its way. To start: all zero, then the integrator, the enforcement, t and x as they are wanted. */
+typedef struct {
+    int integrator; /* which integrator, by number */
+    int enforcement; /* which enforcement, by number */
+    double step_size; /* of equal steps; 0 lets the tolerance decide */
+    double t; /* time */
+    long done; /* output times reached */
+    long steps; /* accepted steps */
+    long rejected; /* rejected steps */
+    long calls; /* evaluations of dynamics */
+    long crossings; /* singular positions that were crossed */
+    long charts; /* charts that an enforcement used */
+    double position_violation; /* the largest of a position constraint after a step */
+    double velocity_violation; /* the largest of a velocity constraint after a step */
+    double next_step; /* size of the next step */
+    double error; /* of the last step, for the step control; negative where it must not grow */
+    double x[5]; /* the state, then the work of forces without potential since the start */
+    double slope[5]; /* its time derivative */
+    double guard[1]; /* what must not vanish on the way, at the last step */
+    double guard_size[1]; /* the largest sizes of these */
+    double guard_rate[1]; /* the rates of their sizes */
+    double turns[3]; /* whole turns that were taken out of each coordinate */
+} four_bar_simulation;
 
 /* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each. Returns a status; the array always holds the last good step.
+   entry of work_out for each. Returns a status; the structure always holds the last good step.
    q1, q2, q3 go round: nothing that is computed on the way sees their whole turns, so that beyond a turn these are taken
    out, counted and put back in x_out. Angles of many turns have few digits left for the constraints: reduced_out, where it is not
    NULL, gets the rows as they were integrated, without the whole turns. */
-int four_bar_simulate(double *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
+int four_bar_simulate(four_bar_simulation *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
     double atol, long budget, double *x_out, double *work_out, double *reduced_out);
 
 #ifdef __cplusplus

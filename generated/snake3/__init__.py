@@ -27,6 +27,7 @@ defaults = _shared.DEFAULTS  # of the parameters
 status = _shared.STATUS  # what the C functions return, by number
 functions = tuple(_shared.FUNCTIONS)
 threaded = _shared.threaded
+Simulation, Status, Stopped = _simulate.Simulation, _simulate.Status, _simulate.Stopped
 integrators = _simulate.INTEGRATORS
 enforcements = _simulate.ENFORCEMENTS
 
@@ -72,7 +73,7 @@ def simulate(
     integrator is one of dop853; enforcement, how to stay on the constraints, one of
     none (the first ones when omitted). Steps follow the tolerances rtol and atol, or are equal and
     at most step_size. Rows come out at the entries of t_span, or at `times` where given. progress is called with the time covered so far. Raises
-    FloatingPointError where the motion cannot go on; the error's `partial` holds the rows up to there.
+    Stopped, a FloatingPointError, where the motion cannot go on: its `partial` holds the rows up to there and the status.
     """
     u = [0.0] * nu if u is None else u
     advance = getattr(_binding, "advance", _simulate.advance)
@@ -82,7 +83,7 @@ def simulate(
 
 __all__ = [
     "backend", "choice", "defaults", "formulation", "functions", "inputs", "name", "np_", "nu", "nx", "parameters", "states",
-    "status", "threaded", "units", "integrators", "enforcements",
+    "status", "threaded", "units", "Simulation", "Status", "Stopped", "integrators", "enforcements",
     "dynamics",
     "mass",
     "bias",

@@ -1,9 +1,12 @@
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ._simulation import Simulation as Simulation
+from ._simulation import Status as Status
+from ._simulation import Stopped as Stopped
 
 name: str
 formulation: str
@@ -89,21 +92,6 @@ def difference(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁): shape (..., 5)."""
-
-@dataclass(frozen=True)
-class Simulation:
-    t: NDArray[np.float64]
-    x: NDArray[np.float64]
-    work: NDArray[np.float64]
-    steps: int
-    rejected: int
-    calls: int
-    position_violation: float
-    velocity_violation: float
-    crossings: int
-    charts: int
-    status: str
-    reduced: NDArray[np.float64]
 
 def simulate(
     t_span: ArrayLike,

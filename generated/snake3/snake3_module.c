@@ -510,12 +510,12 @@ done:
 
 /* ---- motions */
 
-/* advance(simulation, times, u, p, rtol, atol, budget, x, work, reduced): arrays of doubles without gaps, as _simulate.py makes them. */
+/* advance(simulation, times, u, p, rtol, atol, budget, x, work, reduced): arrays without gaps, as _simulate.py makes them. */
 static PyObject *call_advance(PyObject *self, PyObject *args)
 {
     enum { SIMULATION, TIMES, INPUTS, PARAMETERS, STATES, WORK, REDUCED, ARRAYS };
     PyArrayObject *a[ARRAYS];
-    double *d[ARRAYS], rtol, atol;
+    double *d[ARRAYS], rtol, atol; /* of the first one the structure */
     long budget;
     int status, i;
     (void)self;
@@ -523,19 +523,19 @@ static PyObject *call_advance(PyObject *self, PyObject *args)
             &PyArray_Type, &a[PARAMETERS], &rtol, &atol, &budget, &PyArray_Type, &a[STATES], &PyArray_Type, &a[WORK], &PyArray_Type, &a[REDUCED]))
         return NULL;
     for (i = 0; i < ARRAYS; i++) {
-        if (PyArray_TYPE(a[i]) != NPY_DOUBLE || !PyArray_ISCARRAY_RO(a[i])) {
+        if ((i != SIMULATION && PyArray_TYPE(a[i]) != NPY_DOUBLE) || !PyArray_ISCARRAY_RO(a[i])) {
             PyErr_SetString(PyExc_TypeError, "advance() needs arrays of doubles without gaps");
             return NULL;
         }
         d[i] = (double *)PyArray_DATA(a[i]);
     }
-    if (PyArray_SIZE(a[SIMULATION]) != SNAKE3_SIM_SIZE || PyArray_SIZE(a[INPUTS]) != SNAKE3_NU || PyArray_SIZE(a[PARAMETERS]) != SNAKE3_NP ||
+    if (PyArray_NBYTES(a[SIMULATION]) != (npy_intp)sizeof(snake3_simulation) || PyArray_SIZE(a[INPUTS]) != SNAKE3_NU || PyArray_SIZE(a[PARAMETERS]) != SNAKE3_NP ||
         PyArray_SIZE(a[STATES]) != PyArray_SIZE(a[TIMES]) * SNAKE3_NX || PyArray_SIZE(a[WORK]) != PyArray_SIZE(a[TIMES]) || PyArray_SIZE(a[REDUCED]) != PyArray_SIZE(a[STATES])) {
         PyErr_SetString(PyExc_ValueError, "advance() got arrays of the wrong size");
         return NULL;
     }
     Py_BEGIN_ALLOW_THREADS
-    status = snake3_simulate(d[SIMULATION], (size_t)PyArray_SIZE(a[TIMES]), d[TIMES], d[INPUTS], d[PARAMETERS], rtol, atol, budget, d[STATES], d[WORK], d[REDUCED]);
+    status = snake3_simulate((snake3_simulation *)PyArray_DATA(a[SIMULATION]), (size_t)PyArray_SIZE(a[TIMES]), d[TIMES], d[INPUTS], d[PARAMETERS], rtol, atol, budget, d[STATES], d[WORK], d[REDUCED]);
     Py_END_ALLOW_THREADS
     return PyLong_FromLong(status);
 }

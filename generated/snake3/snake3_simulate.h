@@ -16,7 +16,8 @@ enum {
     SNAKE3_STEP_TOO_SMALL = 4, /* the tolerance cannot be met, or the motion ends in a singular position */
     SNAKE3_MORE = 5,           /* the budget of steps is used up: call again to go on */
     SNAKE3_NO_METHOD = 6,      /* no such integrator or enforcement, or an integrator without step control and no fixed step */
-    SNAKE3_SINGULAR_POSITION = 7 /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
+    SNAKE3_SINGULAR_POSITION = 7, /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
+    SNAKE3_SINGULAR_CHOICE = 8 /* this choice of quasi-velocities is singular here, the constraints are not: another one goes on */
 };
 
 /* Integrators: */
@@ -30,34 +31,33 @@ enum {
     SNAKE3_ENFORCEMENTS = 1
 };
 
-/* A simulation is an array of doubles. To start: zeros, then time and state, and what is not to be 0 of the first three. */
-enum {
-    SNAKE3_SIM_INTEGRATOR = 0, /* which integrator, by number */
-    SNAKE3_SIM_ENFORCEMENT = 1, /* which enforcement, by number */
-    SNAKE3_SIM_FIXED = 2, /* the size of equal steps; 0 lets the tolerance decide */
-    SNAKE3_SIM_T = 3, /* time */
-    SNAKE3_SIM_DONE = 4, /* output times reached */
-    SNAKE3_SIM_STEPS = 5, /* accepted steps */
-    SNAKE3_SIM_REJECTED = 6, /* rejected steps */
-    SNAKE3_SIM_CALLS = 7, /* evaluations of dynamics */
-    SNAKE3_SIM_POSITION = 8, /* largest violation of a position constraint after a step */
-    SNAKE3_SIM_VELOCITY = 9, /* largest violation of a velocity constraint after a step */
-    SNAKE3_SIM_PASSED = 10, /* singular positions that were crossed */
-    SNAKE3_SIM_CHARTS = 11, /* charts that were used */
-    SNAKE3_SIM_STEP = 12, /* size of the next step */
-    SNAKE3_SIM_ERROR = 13, /* error of the last step, for the step control */
-    SNAKE3_SIM_X = 14, /* the state, then the work done by forces without potential since the start */
-    SNAKE3_SIM_SLOPE = SNAKE3_SIM_X + SNAKE3_NX + 1,
-    SNAKE3_SIM_TURNS = SNAKE3_SIM_SLOPE + SNAKE3_NX + 1, /* whole turns that were taken out of each coordinate */
-    SNAKE3_SIM_SIZE = SNAKE3_SIM_TURNS + 5
-};
+/* A motion on its way. To start: all zero, then the integrator, the enforcement, t and x as they are wanted. */
+typedef struct {
+    int integrator; /* which integrator, by number */
+    int enforcement; /* which enforcement, by number */
+    double step_size; /* of equal steps; 0 lets the tolerance decide */
+    double t; /* time */
+    long done; /* output times reached */
+    long steps; /* accepted steps */
+    long rejected; /* rejected steps */
+    long calls; /* evaluations of dynamics */
+    long crossings; /* singular positions that were crossed */
+    long charts; /* charts that an enforcement used */
+    double position_violation; /* the largest of a position constraint after a step */
+    double velocity_violation; /* the largest of a velocity constraint after a step */
+    double next_step; /* size of the next step */
+    double error; /* of the last step, for the step control; negative where it must not grow */
+    double x[8]; /* the state, then the work of forces without potential since the start */
+    double slope[8]; /* its time derivative */
+    double turns[5]; /* whole turns that were taken out of each coordinate */
+} snake3_simulation;
 
 /* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each. Returns a status; the array always holds the last good step.
+   entry of work_out for each. Returns a status; the structure always holds the last good step.
    th, phi1, phi2 go round: nothing that is computed on the way sees their whole turns, so that beyond a turn these are taken
    out, counted and put back in x_out. Angles of many turns have few digits left for the constraints: reduced_out, where it is not
    NULL, gets the rows as they were integrated, without the whole turns. */
-int snake3_simulate(double *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
+int snake3_simulate(snake3_simulation *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
     double atol, long budget, double *x_out, double *work_out, double *reduced_out);
 
 #ifdef __cplusplus

@@ -34,8 +34,11 @@ def assure(plain: Equations, held: Equations, module: ModuleType) -> None:
     store.put(VERIFIED, key, store.Entry(data={"model": plain.system.model.name}))
 
 
-def check_all(equations: Equations, checks: tuple[CheckResult, ...], then: str) -> None:
-    """Raise VerificationError where one of the checks failed; `then` says what does not happen."""
+def check_all(
+    equations: Equations, checks: tuple[CheckResult, ...], then: str, where: str = ""
+) -> None:
+    """Raise VerificationError where one of the checks failed; `then` says what does not happen,
+    `where` which state is the hardest."""
     failed = [
         f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}"
         for check in checks
@@ -44,7 +47,7 @@ def check_all(equations: Equations, checks: tuple[CheckResult, ...], then: str) 
     if failed:
         raise VerificationError(
             f"{equations.system.model.name}, choice {together(equations)}: "
-            f"verification failed, {then}: {'; '.join(failed)}"
+            f"verification failed, {then}: {'; '.join([*failed, where] if where else failed)}"
         )
 
 

@@ -148,11 +148,11 @@ def _difference(place: Path, name: str, known: str) -> str:
 
 def check_module(place: Path) -> None:
     """VerificationError unless every file of the module is the one that was verified."""
-    found = differences(place)
-    if found:
-        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+    first, *others = (*differences(place), "")
+    if first:
+        more = f", and {len(others) - 1} more" if len(others) > 1 else ""
         raise VerificationError(
-            f"{place} is not what was built and verified: {found[0]}{more}",
+            f"{place} is not what was built and verified: {first}{more}",
             hint="build it again; Python's own `import` does not look at this",
         )
 

@@ -129,7 +129,7 @@ def _verification(
     derivation."""
     model = equations.system.model
     found = quick_verification(model, equations, module, affordable(equations, states))
-    check_all(equations, found.checks, "nothing is written")
+    check_all(equations, found.checks, "nothing is written", found.hardest)
     return found
 
 

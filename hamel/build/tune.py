@@ -102,7 +102,7 @@ def _candidates(
     for choice in choices:
         for formulation in fitting:
             try:
-                found = with_linearization(equations(mechanics, choice, formulation))
+                found = with_linearization(equations(mechanics, choice, formulation, moving=True))
             except AssumptionError as error:
                 refusal = error
                 continue

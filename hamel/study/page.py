@@ -153,7 +153,7 @@ def _outcome(row: ExtremeRow) -> str:
 
 def outcomes(rows: Sequence[ExtremeRow]) -> str:
     """How many cases ended in each way."""
-    counts = dict.fromkeys(("survived", "refused", "wrong"), 0)
+    counts: dict[str, int] = dict.fromkeys(("survived", "refused", "wrong"), 0)
     for row in rows:
         counts[row.outcome] = counts.get(row.outcome, 0) + 1
     text = ", ".join(f"{count} {name}" for name, count in counts.items())

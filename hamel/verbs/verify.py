@@ -50,11 +50,13 @@ def run(
     mechanics = mechanics_of(model, constants)
     asked = {
         together(e): e
-        for e in ([] if choice is None else [equations(mechanics, choice, formulation)])
+        for e in (
+            [] if choice is None else [equations(mechanics, choice, formulation, moving=True)]
+        )
     }
     usable, refused = usable_choices(mechanics, formulation)
     built = equations(
-        mechanics, choice, formulation, charts=True
+        mechanics, choice, formulation, charts=True, moving=True
     )  # what `build` makes of the same options
     wanted = asked or (usable | {together(built): built} if built.charts else usable)
     checks = [check for name in wanted for check in _checks(name, usable | wanted, states, seed)]

@@ -35,6 +35,7 @@ class Verification:
     rank: int = 0
     region: tuple[tuple[str, float, float], ...] = ()
     varied: tuple[str, ...] = ()
+    hardest: str = ""  # where checks fail: the state at which the choice is nearest to singular
 
     @property
     def failed(self) -> tuple[CheckResult, ...]:

@@ -21,6 +21,7 @@ from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.vectors import Array
 
+SHOWN = 8  # coordinates of a state that a message quotes
 NOTHING = 1e-9  # in the model's own units
 ENOUGH = 0.5  # at least this part of the states asked for must be found
 
@@ -93,8 +94,26 @@ def _verdict(
     rank = max((s.outcome.rank for s in seen.samples), default=0)
     return Verification(
         seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank,
-        _region(seen), varied(seen.samples, seen.system),
+        _region(seen), varied(seen.samples, seen.system), "" if passed else _hardest(seen),
     )  # fmt: skip
+
+
+def _hardest(seen: Evidence) -> str:
+    """The state where the choice is nearest to singular, its condition, and what else to try."""
+    conditions = seen.own_conditions(seen.graph)
+    if not conditions:
+        return ""
+    worst_place = int(np.argmax(conditions))
+    names = [x.name for x in seen.system.model.coordinates][:SHOWN]
+    values = [f"{n} = {x:.4g}" for n, x in zip(names, seen.samples[worst_place].q)]
+    more = ", …" if len(seen.system.model.coordinates) > SHOWN else ""
+    own = seen.graph.equations.choice
+    others = [f"--choice {x.name}" for x in seen.system.model.choices if x.name != own]
+    return (
+        f"cond [A; B] is largest, {conditions[worst_place]:.2g}, at state {worst_place} "
+        f"({', '.join(values)}{more}); where that is the cause, "
+        f"{' or '.join([*others[:3], '--formulation maggi'])} may hold"
+    )
 
 
 def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -101,8 +102,9 @@ def terms(system: System) -> TermsAt:
         if not system.written:
             found["M"] = mass(t, q, p)
         flat = {name: found[name].ravel() for name in VECTORS}
-        single = {name: float(found[name][0, 0]) for name in NUMBERS}
-        return Terms(**{name: found[name] for name in MATRICES}, **flat, **single)
+        single: dict[str, Any] = {name: float(found[name][0, 0]) for name in NUMBERS}
+        values: dict[str, Any] = {name: found[name] for name in MATRICES}
+        return Terms(**values, **flat, **single)
 
     return at
 

@@ -1,0 +1,85 @@
+"""What `simulate` of a generated module gives back.
+
+The same file in every generated folder. No claim of licence is made on it: 0BSD, see LICENSE.txt.
+"""
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+
+class Status(enum.IntEnum):
+    """How a motion ended; the numbers are those of the C functions."""
+
+    OK = 0
+    SINGULAR = 1
+    NOT_CONVERGED = 2
+    NOT_FINITE = 3
+    STEP_TOO_SMALL = 4
+    MORE = 5
+    NO_METHOD = 6
+    SINGULAR_POSITION = 7
+    SINGULAR_CHOICE = 8
+
+    @property
+    def cause(self) -> str:
+        """In words."""
+        return _CAUSES[self]
+
+
+_CAUSES = {
+    Status.OK: "ok",
+    Status.SINGULAR: "singular",
+    Status.NOT_CONVERGED: "the state could not be projected on the constraints",
+    Status.NOT_FINITE: "not finite: an argument or a result is infinite or not a number",
+    Status.STEP_TOO_SMALL: "the step became too small for the tolerance",
+    Status.MORE: "too many steps",
+    Status.NO_METHOD: "the integrator or the enforcement needs compiled code",
+    Status.SINGULAR_POSITION: "the motion came to a singular position, or ways across it disagree: "
+    "its branch cannot be told",
+    Status.SINGULAR_CHOICE: "this choice of quasi-velocities is singular here, though the "
+    "constraints are independent: another choice, or a module of several, goes on",
+}
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A motion: one row of x and one entry of work per time. `work` is that of all forces without
+    potential since the start.
+
+    position_violation and velocity_violation are the largest that a constraint showed after any
+    step; crossings counts the singular positions that were crossed, charts those that an
+    enforcement used. With several choices of quasi-velocities v are the generalized velocities,
+    chart the number of the choice at each time, switches their changes. Where angles go round,
+    reduced is x without whole turns, as it was integrated: the violations are of that. Where the
+    directions that w is measured along are based anew on the way, `bases` times, p has the
+    parameters of each row, with the frame in force behind them, which all functions take:
+    velocity(t, x, u, p).
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    work: np.ndarray
+    steps: int
+    rejected: int
+    calls: int
+    position_violation: float
+    velocity_violation: float
+    crossings: int = 0
+    charts: int = 0
+    status: Status = Status.OK
+    v: np.ndarray | None = None
+    chart: np.ndarray | None = None
+    switches: int = 0
+    reduced: np.ndarray | None = None
+    p: np.ndarray | None = None
+    bases: int = 0
+
+
+class Stopped(FloatingPointError):
+    """A motion that could not go on: `partial` holds the rows up to there and the status."""
+
+    def __init__(self, message: str, partial: Simulation) -> None:
+        super().__init__(message)
+        self.partial = partial

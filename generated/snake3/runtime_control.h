@@ -1,0 +1,177 @@
+/* Steps in time, the part that is the same for every model: what a step needs, and how long it may be.
+
+   Plain C99 without allocation. The file that includes this one defines the model first:
+
+       Simulation          the structure of NAME_simulate.h
+       NX, NQ, N, MOVING   numbers of states, of coordinates among them, NX + 1 (the work), and how many of these move
+       MODEL_dynamics(r)   the function f(t, x, u, p, out) that stands for dynamics, and so for power, project, constraints,
+                           guards, closure, slip, manifold, jacobian and jacobian_t where there are such functions
+       HAS_POWER ...       1 where there is one, else 0; TURNING how many coordinates go round
+       FRAME               how many values of p, the last ones, are a frame that is based anew on the way; HAS_ROWS whether the
+                           independence of the constraint rows can be asked for
+       PROJECTION ...      the numbers of the enforcements, -1 of those that the module does not have
+
+   No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
+
+#include <float.h>
+#include <math.h>
+#include <stddef.h>
+
+/* What functions return; the same numbers as in NAME.h and NAME_simulate.h. */
+enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION, SINGULAR_CHOICE };
+
+/* A tolerance in units of rounding, given for a precision of 53 bits; and one that leaves the same share of the digits in that
+   precision and in one of 24 bits. */
+#define ROUNDED(tolerance) ((tolerance) * (DBL_EPSILON / 2.220446049250313e-16))
+#define SHARED(many, few) (sizeof(double) > 4 ? (many) : (few))
+
+/* What every part of a step needs. */
+typedef struct {
+    Simulation *s;
+    const double *u, *p;
+#if HAS_CONSTANTS
+    const double *c; /* constants of dynamics, from p, which stays as it is */
+#endif
+    double rtol, atol;
+#if FRAME
+    double *data; /* p with the frame in force, which p points to */
+#endif
+#if HAS_COORDINATES
+    int rounds; /* that the last solution of the position constraints took */
+#endif
+} Run;
+
+#if HAS_CHOICES
+static const struct Chart *here(const Run *r);
+#endif
+#if HAS_COORDINATES
+static int on_coordinates(const Run *r);
+static int on_chart(Run *r, double t, double *z);
+#endif
+
+/* Time derivative of the state; an enforcement by coordinates first puts y on the constraints. */
+static int rates(Run *r, double t, double *y, double *k)
+{
+#if HAS_COORDINATES
+    int status;
+    if (on_coordinates(r) && (status = on_chart(r, t, y)) != OK)
+        return status;
+#endif
+    r->s->calls++;
+    k[NX] = 0.0;
+#if HAS_CONSTANTS
+    return MODEL_dynamics(r)(t, y, r->u, r->c, k);
+#else
+    return MODEL_dynamics(r)(t, y, r->u, r->p, k);
+#endif
+}
+
+/* The same and that of the work. */
+static int slope(Run *r, double t, double *y, double *k)
+{
+#if HAS_POWER
+    const int status = rates(r, t, y, k);
+    return status == OK ? MODEL_power(r)(t, y, r->u, r->p, k + NX) : status;
+#else
+    return rates(r, t, y, k);
+#endif
+}
+
+#if TURNING
+/* Takes whole turns out of the state where an angle is beyond one: `turning` are the angles that go round, `turn` and
+   `rest_of_turn` a turn in two parts. */
+static void unwind(Simulation *s)
+{
+    int j;
+    for (j = 0; j < TURNING; j++) {
+        const int i = turning[j];
+        const double whole = s->x[i], left = remainder(whole, turn), turns = rint((whole - left) / turn);
+        if (!(fabs(whole) > turn))
+            continue;
+        s->x[i] = left - turns * rest_of_turn;
+        s->turns[i] += turns;
+#if COLLOCATION_STAGES
+        s->collocated[i] -= whole - s->x[i];
+#endif
+    }
+}
+
+/* Puts the whole turns into a row; `reduced` gets it as it was. */
+static void wind(const Simulation *s, double *row, double *reduced)
+{
+    int i, j;
+    for (i = 0; reduced && i < NX; i++)
+        reduced[i] = row[i];
+    for (j = 0; j < TURNING; j++)
+        if (s->turns[i = turning[j]] != 0.0)
+            row[i] = (row[i] + s->turns[i] * rest_of_turn) + s->turns[i] * turn;
+}
+#endif
+
+/* What the relative tolerance of entry i is relative to: of an angle that went round, a turn at least. */
+static inline double magnitude(const Run *r, int i, double y, double z)
+{
+    const double size = fmax(fabs(y), fabs(z));
+#if TURNING
+    return i < NQ && r->s->turns[i] != 0.0 ? fmax(turn, size) : size;
+#else
+    (void)r, (void)i;
+    return size;
+#endif
+}
+
+/* Root mean square of the values relative to the tolerance at y and z. */
+static double norm(const Run *r, const double *values, const double *y, const double *z)
+{
+    double sum = 0.0;
+    int i;
+    for (i = 0; i < MOVING; i++) {
+        const double scaled = values[i] / (r->atol + r->rtol * magnitude(r, i, y[i], z[i]));
+        sum += scaled * scaled;
+    }
+    return sqrt(sum / N);
+}
+
+/* A first step that makes an Euler step's error small (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, II.4). */
+static double first_step(Run *r, double order, double span)
+{
+    const double t = r->s->t, *y = r->s->x, *k = r->s->slope;
+    const double size = norm(r, y, y, y), speed = norm(r, k, y, y);
+    double h = size < 1e-5 || speed < 1e-5 ? 1e-6 : 0.01 * size / speed, bend, next[N], other[N];
+    int i;
+    h = fmin(h, span);
+    for (i = 0; i < N; i++)
+        next[i] = y[i] + h * k[i];
+    if (slope(r, t + h, next, other) != OK)
+        return h;
+    for (i = 0; i < N; i++)
+        other[i] -= k[i];
+    bend = fmax(norm(r, other, y, y) / h, speed);
+    return fmin(span, fmin(100.0 * h, bend <= 1e-15 ? fmax(1e-6, 1e-3 * h) : pow(0.01 / bend, 1.0 / order)));
+}
+
+/* An integrator: its step from y with slope `own` by h to z, which gives the slope there in `next` and the error in units of the
+   tolerance (0 where it has no estimate); its coefficients; and its step control, the exponents of the error of this step and of
+   the one before. */
+typedef struct Method {
+    int (*step)(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error);
+    const void *coefficients;
+    double order, grow, damp, safety;
+    int adaptive;
+} Method;
+
+/* The size of the next step, `left` before the next output time, which is hit exactly. */
+static double next_size(const Simulation *s, double left)
+{
+    const double h = s->next_step;
+    if (s->step_size > 0.0) /* equal steps that are no longer than wanted */
+        return left / fmax(1.0, ceil(left / s->step_size * (1.0 - SHARED(1e-9, 1.1e-4))));
+    return h >= left ? left : h > 0.5 * left ? 0.5 * left : h; /* two equal steps instead of a long and a short one */
+}
+
+/* How much shorter the next step has to be, from the error of this one (Gustafsson's proportional-integral control). */
+static double shrinkage(const Simulation *s, double error, const Method *method)
+{
+    const double factor = pow(error, method->grow) / pow(fabs(s->error), method->damp) / method->safety;
+    return fmax(s->error < 0.0 ? 1.0 : 0.1, fmin(5.0, factor));
+}

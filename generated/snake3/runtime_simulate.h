@@ -1,0 +1,377 @@
+/* The motion: step after step to the output times.
+
+   No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
+
+#if HAS_CHOICES
+static const struct Chart *here(const Run *r)
+{
+    return charts + r->s->choice;
+}
+
+/* The generalized velocities v at y, and the state in the coordinates of chart 0. */
+static int deliver(const Run *r, const double *y, double *x, double *v)
+{
+    int i, status = here(r)->velocity(r->s->t, y, r->u, r->p, v);
+    if (status == OK && here(r) != charts)
+        return MODEL_transform(r->s->choice, 0, r->s->t, y, r->u, r->p, x);
+    for (i = 0; i < NX; i++)
+        x[i] = y[i];
+    return status;
+}
+
+/* Goes on in chart `to`: the state is carried over exactly; its slope is made anew, as is what belongs to the old coordinates: what the
+   guards remember and the error that the step control compares with. Changes nothing but the count of calls and returns 0 where that
+   fails. */
+static int enter(Run *r, int to)
+{
+    Simulation *const s = r->s, old;
+    int ok;
+#if HAS_GUARDS
+    double seen[GUARDS];
+    int crossed, i;
+#endif
+    if (to == s->choice)
+        return 0;
+    old = *s;
+    ok = MODEL_transform(s->choice, to, s->t, old.x, r->u, r->p, s->x) == OK;
+    s->choice = to;
+#if HAS_GUARDS
+    for (i = 0; i < GUARDS; i++)
+        s->guard[i] = s->guard_size[i] = s->guard_rate[i] = 0.0;
+    ok = ok && looked(r, s->t, 0.0, s->x, seen, &crossed) == OK;
+#endif
+    ok = ok && slope(r, s->t, s->x, s->slope) == OK;
+    if (!ok) {
+        const long calls = s->calls;
+        *s = old;
+        s->calls = calls;
+        return 0;
+    }
+#if HAS_GUARDS
+    remember(r, 0.0, seen);
+#endif
+#if COLLOCATION_STAGES
+    s->collocated_h = 0.0; /* no polynomial to go on along */
+#endif
+    s->error = 1e-4;
+    s->switches++;
+    return 1;
+}
+
+/* Where a step failed: goes on in the best chart if that is so much better here. */
+static int rescued(Run *r)
+{
+    const Simulation *const s = r->s;
+    const int best = MODEL_chart(-1, s->t, s->x, r->u, r->p);
+    return MODEL_margin(best, s->t, s->x, r->u, r->p) > MARGIN_BETTER * MODEL_margin(s->choice, s->t, s->x, r->u, r->p) && enter(r, best);
+}
+#endif
+
+#if HAS_GUARDS
+/* Whether the motion from y to z may be believed. A step over a singular position is made again in two other steps, cut in up to
+   three places, for one of these could come too close: on the right branch, where the motion is smooth, two ways agree within the
+   tolerance and velocities do not jump. Rates of coordinates have to agree, too, to ten times that and to 1e-7: small errors
+   of quasi-velocities are large ones of these where the choice is singular, and passages add up. */
+static int passed(Run *r, const Method *method, double t, double h, double end, const double *y, const double *own, const double *z, const double *next, double *seen)
+{
+    static const double cuts[] = {0.37, 0.61, 0.23};
+    double middle[N], bend[N], again[N], last[N], error, differ, jump = 0.0, speed = 0.0;
+    int i, n, crossed, status = looked(r, end, h, z, seen, &crossed);
+    if (status != OK || !crossed)
+        return status;
+    for (i = 0; i < NQ; i++) {
+        jump = fmax(jump, fabs(next[i] - own[i]));
+        speed = fmax(speed, fabs(own[i]));
+    }
+    for (n = 0; n < 3 && jump <= 0.8 * speed; n++) {
+        const double cut = t + cuts[n] * h;
+        if (method->step(r, method->coefficients, t, cut - t, y, own, middle, bend, &error) != OK || settled(r, cut, middle, bend) != OK ||
+            method->step(r, method->coefficients, cut, end - cut, middle, bend, again, last, &error) != OK || settled(r, end, again, last) != OK)
+            continue;
+        for (i = 0; i < N; i++)
+            again[i] -= z[i];
+        differ = 0.0;
+        for (i = 0; i < NQ; i++)
+            differ = fmax(differ, fabs(last[i] - next[i]));
+        if (norm(r, again, y, z) <= 1.0 && differ <= fmin(10.0 * r->rtol, ROUNDED(1e-7)) * speed) {
+            r->s->crossings++;
+            return OK;
+        }
+    }
+    return SINGULAR_POSITION;
+}
+#endif
+
+#if FRAME
+/* v at y in `moving`, which begins with q, is the same along the frame in `fresh`: w' = N'^T v. */
+static int carried(const Run *r, const double *before, const double *fresh, double *y)
+{
+    double moving[NQ + VELOCITY_ROWS];
+    int i, status;
+    for (i = 0; i < NQ; i++)
+        moving[i] = y[i];
+    status = MODEL_velocity_framed(r->s->t, y, r->u, before, moving + NQ);
+    return status == OK ? MODEL_state_framed(r->s->t, moving, r->u, fresh, y) : status;
+}
+
+/* Bases the frame anew where a direction of it has less than `bound` left on the allowed motions. A state that is measured along it goes
+   with it: v is the same, w' = N'^T v. Changes nothing but the count of calls and returns 0 where that fails. */
+static int rebased(Run *r, double bound)
+{
+    Simulation *const s = r->s, old;
+    double fresh[PARAMETERS], before[PARAMETERS];
+    const int measured = IS_FRAMED(r);
+    int i, ok;
+#if HAS_GUARDS
+    double seen[GUARDS];
+    int crossed;
+#endif
+    if (!(MODEL_frame(s->t, s->x, r->u, r->p) < bound) || MODEL_rebase(s->t, s->x, r->u, r->p, fresh) != OK)
+        return 0;
+    old = *s;
+    for (i = 0; i < PARAMETERS; i++)
+        before[i] = r->data[i];
+    ok = !measured || carried(r, before, fresh, s->x) == OK;
+    for (i = 0; i < PARAMETERS; i++)
+        r->data[i] = fresh[i];
+#if HAS_GUARDS
+    for (i = 0; measured && i < GUARDS; i++)
+        s->guard[i] = s->guard_size[i] = s->guard_rate[i] = 0.0;
+    ok = ok && (!measured || looked(r, s->t, 0.0, s->x, seen, &crossed) == OK);
+#endif
+    ok = ok && (!measured || slope(r, s->t, s->x, s->slope) == OK);
+    if (!ok) {
+        const long calls = s->calls;
+        *s = old;
+        s->calls = calls;
+        for (i = 0; i < PARAMETERS; i++)
+            r->data[i] = before[i];
+        return 0;
+    }
+#if HAS_GUARDS
+    if (measured)
+        remember(r, 0.0, seen);
+#endif
+#if COLLOCATION_STAGES
+    s->collocated_h = 0.0; /* no polynomial to go on along */
+#endif
+    for (i = 0; i < FRAME; i++)
+        s->frame[i] = r->data[PARAMETERS - FRAME + i];
+    s->bases++;
+    return 1;
+}
+
+/* The frame in force: that of p at the start, later that of the simulation. */
+static void framed(Run *r, const double *p)
+{
+    Simulation *const s = r->s;
+    const int fresh = s->next_step == 0.0 && s->done == 0;
+    int i;
+    for (i = 0; i < PARAMETERS; i++)
+        r->data[i] = p[i];
+    for (i = 0; i < FRAME; i++)
+        if (fresh)
+            s->frame[i] = p[PARAMETERS - FRAME + i];
+        else
+            r->data[PARAMETERS - FRAME + i] = s->frame[i];
+}
+#endif
+
+/* A status with more to say: whether the choice alone is singular where the motion stopped. */
+static int told(const Run *r, int status)
+{
+#if HAS_ROWS
+    const Simulation *const s = r->s;
+    if ((status == SINGULAR_POSITION || status == SINGULAR) && MODEL_independence(s->t, s->x, r->u, r->p) > INDEPENDENT)
+        return SINGULAR_CHOICE;
+#else
+    (void)r;
+#endif
+    return status;
+}
+
+/* The slope at the start and the first step size. */
+static int start(Run *r, const Method *method, double span)
+{
+    Simulation *const s = r->s;
+    int status;
+#if HAS_GUARDS
+    double seen[GUARDS];
+    int crossed;
+    if ((status = looked(r, s->t, 0.0, s->x, seen, &crossed)) != OK)
+        return status;
+    remember(r, 0.0, seen);
+#endif
+#if FRAME
+    rebased(r, FRAME_WORN);
+#endif
+#if HAS_COORDINATES
+    if (on_coordinates(r) && (status = charted(r, s->t, s->x)) != OK)
+        return status;
+#endif
+#if HAS_MANIFOLD
+    {
+        double F[MANIFOLD * WIDE];
+        int i;
+        if ((status = missed(r, s->t, s->x, F)) != OK)
+            return status;
+        for (i = 0; i < HELD; i++)
+            s->held[i] = F[(MANIFOLD - HELD + i) * WIDE];
+    }
+#endif
+    if ((status = slope(r, s->t, s->x, s->slope)) != OK)
+        return status;
+    s->next_step = s->step_size > 0.0 ? s->step_size : first_step(r, method->order, span);
+    s->error = 1e-4;
+    watch(r);
+    return OK;
+}
+
+/* A step that met the tolerance becomes the state. */
+static void accept(Run *r, double h, double end, const double *z, const double *next, const double *seen)
+{
+    Simulation *const s = r->s;
+    int i;
+    s->steps++;
+    s->t = end;
+#if HAS_GUARDS
+    remember(r, h, seen);
+#else
+    (void)h, (void)seen;
+#endif
+    for (i = 0; i < N; i++) {
+        s->x[i] = z[i];
+        s->slope[i] = next[i];
+    }
+#if TURNING
+    unwind(s);
+#endif
+    watch(r);
+#if HAS_COORDINATES
+    if (on_coordinates(r))
+        renewed(r, s->t, s->x);
+#endif
+#if FRAME
+    rebased(r, FRAME_WORN);
+#endif
+#if HAS_CHOICES
+    enter(r, MODEL_chart(s->choice, s->t, s->x, r->u, r->p));
+#endif
+}
+
+/* One step towards an output time, `left` away, of size h: accepted, or next_step becomes shorter. Returns why a step by equal
+   steps failed; `failed` becomes the status of the last step that had to be made shorter. */
+static int advance(Run *r, const Method *method, double time, double left, double h, int *failed)
+{
+    Simulation *const s = r->s;
+    const int fixed = s->step_size > 0.0, last = h >= left;
+    const double t = s->t, end = last ? time : t + h;
+    double z[N], next[N], error, ratio;
+#if HAS_GUARDS
+    double seen[GUARDS];
+#else
+    const double *const seen = NULL;
+#endif
+    int status = method->step(r, method->coefficients, t, h, s->x, s->slope, z, next, &error);
+    if (fixed)
+        error = 0.0;
+    if (status == OK && error <= 1.0)
+        status = settled(r, end, z, next);
+#if HAS_GUARDS
+    if (status == OK && error <= 1.0)
+        status = passed(r, method, t, h, end, s->x, s->slope, z, next, seen);
+#endif
+#if FRAME
+    if (status != OK && rebased(r, NEARLY_BASED)) {
+        s->rejected++;
+        return OK;
+    }
+#endif
+#if HAS_CHOICES
+    if (status != OK && rescued(r)) {
+        s->rejected++;
+        return OK;
+    }
+#endif
+    if (fixed && status != OK)
+        return status;
+    *failed = status;
+    if (status != OK || !(error <= 1.0)) { /* too long, or a place without a value on the way */
+        ratio = status == OK ? pow(error, method->grow) / method->safety : 4.0;
+        s->next_step = h / (ratio < 5.0 ? ratio : 5.0);
+        s->rejected++;
+        s->error = -fabs(s->error); /* the next step must not grow */
+        return OK;
+    }
+    if (!fixed) {
+        ratio = shrinkage(s, error, method);
+        if (!last || h / ratio > s->next_step)
+            s->next_step = h / ratio;
+        s->error = fmax(error, 1e-4);
+    }
+    accept(r, h, end, z, next, seen);
+    return OK;
+}
+
+/* Where the rows at the output times go; v and chart only where the module has several charts, reduced where angles go round (it may
+   be NULL), frame where it has one. */
+typedef struct {
+    double *x, *work, *v, *chart, *reduced, *frame;
+} Rows;
+
+static int deliver_row(const Run *r, const Rows *rows, size_t row)
+{
+    const Simulation *const s = r->s;
+    double *const x = rows->x + row * NX;
+#if FRAME
+    int k;
+    for (k = 0; k < FRAME; k++)
+        rows->frame[row * FRAME + (size_t)k] = s->frame[k];
+#endif
+#if HAS_CHOICES
+    const int status = deliver(r, s->x, x, rows->v + row * VELOCITY_ROWS);
+    if (status != OK)
+        return status;
+    rows->chart[row] = s->choice;
+#else
+    int i;
+    for (i = 0; i < NX; i++)
+        x[i] = s->x[i];
+#endif
+#if TURNING
+    wind(s, x, rows->reduced ? rows->reduced + row * NX : NULL);
+#endif
+    rows->work[row] = s->x[NX];
+    return OK;
+}
+
+/* Goes on to n increasing output times for at most `budget` steps. */
+static int run_to(Run *r, const Method *method, size_t n, const double *times, long budget, const Rows *rows)
+{
+    Simulation *const s = r->s;
+    int status, failed = OK;
+#if TURNING
+    unwind(s);
+#endif
+    for (; (size_t)s->done < n; s->done++) {
+        const double time = times[s->done];
+        while (s->t < time) {
+            const double left = time - s->t;
+            double h;
+            if (s->next_step == 0.0 && (status = start(r, method, times[n - 1] - s->t)) != OK)
+                return told(r, status);
+            if (budget-- <= 0)
+                return MORE;
+            h = next_size(s, left);
+            if (h < left && h < fmax(SHARED(16.0, 2.0) * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(times[n - 1])))
+                return failed ? told(r, failed) : STEP_TOO_SMALL;
+            if (sizeof(double) < 8 && h < left)
+                h = (s->t + h) - s->t; /* what time really moves by: its last digit may be no small part of h */
+            if ((status = advance(r, method, time, left, h, &failed)) != OK)
+                return told(r, status);
+        }
+        if ((status = deliver_row(r, rows, (size_t)s->done)) != OK)
+            return status;
+    }
+    return OK;
+}

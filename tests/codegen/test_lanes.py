@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import warnings
 from types import ModuleType
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from codegen import compiler, loader
+from codegen.emit import emit
 from codegen.integrators import INTEGRATORS, Tableau
 from codegen.passes import program
 from codegen.passes.lanes import side_by_side
@@ -196,3 +198,22 @@ def test_what_goes_one_by_one_is_the_same(tmp_path: Any, monkeypatch: pytest.Mon
         found = module.simulate((0.0, 0.4), x, rtol=1e-7, **how)
         rows = [module.simulate((0.0, 0.4), row, rtol=1e-7, **how).x for row in x]
         np.testing.assert_array_equal(found.x, rows)
+
+
+@pytest.mark.parametrize("width", [2, 8])
+def test_other_widths_give_the_same_rows(
+    modules: dict[str, ModuleType], tmp_path: Any, width: int
+) -> None:
+    """As on processors with longer and shorter vectors: the compiler makes several of one."""
+    for name, text in emit(program(derived("four_bar"), None, EXPLICIT)).items():
+        if name.endswith("_lanes.h"):
+            text = re.sub(r"LANES = \d+", f"LANES = {width}", text)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    command = compiler.find_compiler()
+    assert command
+    compiler.compile_folder(tmp_path, "four_bar", command)
+    module, x = loader.load(tmp_path), starts("four_bar", 13)
+    for how in ({}, {"enforcement": "none", "integrator": "dopri5"}):
+        wide, usual = (m.simulate((0.0, 1.0), x, **how) for m in (module, modules["four_bar"]))
+        assert module.backend == "extension" and not wide.status.any()
+        np.testing.assert_allclose(wide.x, usual.x, rtol=1e-9, atol=1e-10)

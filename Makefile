@@ -71,13 +71,15 @@ report-page: $(VENV)/.test
 whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
 
-# Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: half an hour.
+# Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: half an hour;
+# a part of it as in make matrix KINDS="joints mechanisms" COUNT=20.
 matrix: trials
-	$(TRIALS)/venv/bin/python tests/trials/matrix.py $(or $(COUNT),300)
+	$(TRIALS)/venv/bin/python tests/trials/matrix.py $(KINDS) $(if $(COUNT),--count $(COUNT))
 
-# Files spoiled, builds killed, many at once, full disks, odd compilers: a right module or a clear refusal, in half an hour.
+# Files spoiled, builds killed, many at once, full disks, odd compilers: a right module or a clear refusal, in half an hour;
+# a part of it as in make faults KINDS="kills corruptions" COUNT=20.
 faults: trials
-	$(TRIALS)/venv/bin/python tests/trials/faults.py
+	$(TRIALS)/venv/bin/python tests/trials/faults.py $(KINDS) $(if $(COUNT),--count $(COUNT))
 
 # Spoiled model and robot files for some time, as in make fuzz SECONDS=1200; what broke before comes first.
 fuzz: trials

@@ -390,7 +390,8 @@ def test_order_nine_shows_in_short_steps(model: str) -> None:
     few, many = 16, 20
     exact, coarse, fine = (
         long_rows(model, "augmented", "projection", *by)
-        for by in (("dop853", 240), ("verner9", few), ("verner9", many))
+        # more steps of the former and what they round adds up to a share of the latter's errors
+        for by in (("dop853", 90), ("verner9", few), ("verner9", many))
     )
     scale = np.maximum(np.abs(exact).max(axis=0), 1e-2)
     off = [float(np.sqrt(np.mean(((found - exact) / scale) ** 2))) for found in (coarse, fine)]

@@ -36,7 +36,7 @@ from derive.expressions.counting import alternatives
 from derive.joints.rotations import is_one
 from derive.mechanics.records import RowForm, System
 from derive.mechanics.rows import velocity_row
-from derive.model.records import Choice, Holonomic, Span, Velocity
+from derive.model.records import Choice, Holonomic, Velocity
 from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
 from derive.states.sampling import States, states
@@ -633,12 +633,4 @@ def _qualities(ranking: Ranking) -> str:
 
 
 def _refused(system: System, choice: Choice, message: str, expected: str) -> AssumptionError:
-    return AssumptionError(_at(system, choice.span, message, expected))
-
-
-def _at(system: System, span: Span, message: str, expected: str) -> Diagnostic:
-    lines = system.model.text.splitlines()
-    source = lines[span.line - 1] if 0 < span.line <= len(lines) else ""
-    return Diagnostic(
-        system.model.file, span.line, span.column, span.length, message, expected, "", source
-    )
+    return AssumptionError(system.model.diagnostic(choice.span, message, expected))

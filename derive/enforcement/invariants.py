@@ -106,7 +106,7 @@ def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) 
     system = found.system
     x = found.argument("x").symbols
     nq = system.q.numel()
-    w = x[nq:]
+    w = x[nq:, 0]
     made = {request.name: request for request in found.requests}
     closure = made["closure"].make().result if "closure" in made else None
     slip = made["slip"].make().result if "slip" in made and keeps_velocities(found) else None

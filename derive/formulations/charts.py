@@ -194,11 +194,11 @@ def differs(equations: Equations, function: Function) -> bool:
     or is made of B."""
     x = equations.argument("x").symbols
     nq, value = equations.system.q.numel(), function.result.value
-    w = x[nq:]
+    w = x[nq:, 0]
     if (
         function.iteration
         and value.numel() == x.numel()
         and all(ca.is_equal(value[nq + k], w[k]) for k in range(w.numel()))
     ):
-        value = value[:nq]
+        value = value[:nq, 0]
     return bool(function.name in BY_ROWS or function.guards or ca.depends_on(value, w))

@@ -32,7 +32,7 @@ def based(equations: Equations) -> Equations:
     slots = tuple(
         replace(
             slot,
-            symbols=slot.symbols[:first],
+            symbols=slot.symbols[:first, 0],
             labels=slot.labels[:first],
             units=slot.units[:first],
         )

@@ -68,7 +68,7 @@ def _closure(found: Equations, closing: Sequence[int]) -> Function:
 def _slip(found: Equations, kept: Sequence[int], x: Argument) -> Function:
     system = found.system
     order = sorted(kept, key=lambda i: system.rows[i].position < 0)  # holonomic rows first
-    w = x.symbols[system.q.numel() :]
+    w = x.symbols[system.q.numel() :, 0]
     violation = ca.substitute(
         ca.mtimes(system.A[order, :], system.v) - system.c[order], system.v, w
     )
@@ -109,7 +109,7 @@ def speed_rows(found: Equations) -> ca.SX:
     state = found.function("state")
     assert state.x is not None
     nq = found.system.q.numel()
-    return ca.jacobian(state.result.value[nq:], state.x.symbols[nq:])
+    return ca.jacobian(state.result.value[nq:, 0], state.x.symbols[nq:, 0])
 
 
 def _with_jacobian(psi: ca.SX, q: ca.SX) -> ca.SX:

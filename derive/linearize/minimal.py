@@ -112,7 +112,7 @@ def pivoted(matrix: np.ndarray, rank: int) -> list[tuple[int, int]]:
 def _spared(equations: Equations) -> list[bool]:
     """Coordinates whose rate is a quasi-velocity: a reader wants to keep those."""
     system, t = equations.system, equations.arguments[0].symbols
-    w = equations.arguments[1].symbols[system.q.numel() :]
+    w = equations.arguments[1].symbols[system.q.numel() :, 0]
     rates = _value(equations, "dynamics")[: system.q.numel()]
     pattern = ca.jacobian(rates, ca.vertcat(t, system.q, w)).sparsity()
     used: dict[int, list[int]] = {}

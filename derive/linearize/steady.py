@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from derive.diagnostics import AssumptionError, Diagnostic, did_you_mean, listed
+from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.expressions.evaluate import casadi_functions, number, value
 from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
@@ -350,20 +350,12 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionErr
     missed = f"is missed by {R[k]:.3g}{unit}"
     if found.rows[k].startswith("der(") and found.rows[k] not in dict(motion.values):
         missed = f"would have to vanish and is {R[k]:.3g}{unit}"
-    lines = model.text.splitlines()
-    span = motion.span
-    return AssumptionError(
-        Diagnostic(
-            file=model.file,
-            line=span.line,
-            column=span.column,
-            length=span.length,
-            message=f"{what}: {found.rows[k]} {missed}",
-            expected="held values that can be kept for ever; other guesses, an input that is "
-            "`free`, or another --choice",
-            source_line=lines[span.line - 1] if 0 < span.line <= len(lines) else "",
-        )
+    advice = (
+        "held values that can be kept for ever; other guesses, an input that is `free`, "
+        "or another --choice"
     )
+    message = f"{what}: {found.rows[k]} {missed}"
+    return AssumptionError(model.diagnostic(motion.span, message, advice))
 
 
 def family(found: Problem, p: np.ndarray, s: np.ndarray) -> Steady:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from derive.diagnostics import Diagnostic
 from derive.expressions.tree import ONE, ZERO, Expression
 
 Vector3 = tuple[Expression, Expression, Expression]
@@ -476,3 +477,18 @@ class Model:
     fixed: tuple[
         tuple[str, float], ...
     ] = ()  # inputs and parameters of the file that are numbers here, in SI units
+
+    def diagnostic(self, span: Span | None, message: str, expected: str = "") -> Diagnostic:
+        """The problem at a place of the file; of the file as a whole where it has no such line."""
+        lines = self.text.splitlines()
+        if span is None or not 0 < span.line <= len(lines):
+            return Diagnostic(file=self.file, message=message, expected=expected)
+        return Diagnostic(
+            file=self.file,
+            line=span.line,
+            column=span.column,
+            length=span.length,
+            message=message,
+            expected=expected,
+            source_line=lines[span.line - 1],
+        )

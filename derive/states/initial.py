@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from derive.diagnostics import Diagnostic, ModelError
+from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.model.records import Span
@@ -188,17 +188,5 @@ def _held_rows(
 def _problem(system: System, message: str) -> ModelError:
     model = system.model
     span = model.initial[0].span if model.initial else Span(0, 0)
-    lines = model.text.splitlines()
-    source = lines[span.line - 1] if 0 < span.line <= len(lines) else ""
-    return ModelError(
-        Diagnostic(
-            file=model.file,
-            line=span.line,
-            column=span.column,
-            length=span.length,
-            message=message,
-            expected="initial values that can be met; free some of them by moving them under "
-            "`guess:`",
-            source_line=source,
-        )
-    )
+    advice = "initial values that can be met; free some of them by moving them under `guess:`"
+    return ModelError(model.diagnostic(span, message, advice))

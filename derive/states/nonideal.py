@@ -143,22 +143,7 @@ def _check_unique(system: System, sampled: np.ndarray, i: int) -> None:
         (c.span for c in (*system.model.closures, *system.model.constraints) if c.name == owner),
         None,
     )
-    lines = system.model.text.splitlines()
-    if span is None or not 0 < span.line <= len(lines):
-        raise AssumptionError(Diagnostic(file=system.model.file, message=message))
-    source = lines[span.line - 1]
-    raise AssumptionError(
-        Diagnostic(
-            system.model.file,
-            span.line,
-            span.column,
-            span.length,
-            message,
-            "independent constraints",
-            "",
-            source,
-        )
-    )
+    raise AssumptionError(system.model.diagnostic(span, message, "independent constraints"))
 
 
 def _entries(column: ca.SX) -> Vector:

@@ -76,7 +76,7 @@ def _there(doc: Manuscript, chart: Equations) -> ca.SX:
     state = _function(chart, "state")
     assert state.x is not None  # (q, v)
     nq = len(doc.q)
-    value = state.result.value[nq:]
+    value = state.result.value[nq:, 0]
     return ca.substitute(value, state.x.symbols, ca.vertcat(doc.system.q, doc.terms.named("v")))
 
 

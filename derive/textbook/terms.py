@@ -44,14 +44,14 @@ class Terms:
     def w(self) -> ca.SX:
         """The symbols of the quasi-velocities: what follows q in x."""
         x = next(argument for argument in self.equations.arguments if argument.name == "x")
-        return x.symbols[self.system.q.numel() :]
+        return x.symbols[self.system.q.numel() :, 0]
 
     @cached_property
     def wdot(self) -> ca.SX:
         """ẇ, as `dynamics` computes it."""
         dynamics = self.function("dynamics")
         assert dynamics is not None  # every formulation has it
-        return dynamics.result.value[self.system.q.numel() :]
+        return dynamics.result.value[self.system.q.numel() :, 0]
 
     @cached_property
     def vdot(self) -> ca.SX:

@@ -104,8 +104,9 @@ def _column(names: Sequence[str]) -> str:
 def _equations(study: Study, record: Linearized) -> str:
     """Without the cyclic coordinates, where no entry refers to them."""
     places = list(study.kept)
-    A = np.array(record.A)[np.ix_(places, places)]
-    B = np.array(record.B).reshape(len(record.states), -1)[places]
+    n = len(record.states)
+    A = np.array(record.A).reshape(n, n)[np.ix_(places, places)]
+    B = np.array(record.B).reshape(n, len(record.inputs))[places]
     states = _column([record.states[k] for k in places])
     right = f"{_matrix(_without_roundoff(A))} {states}"
     if record.inputs:

@@ -12,8 +12,8 @@ import numpy as np
 
 import hamel
 from derive.choices.assessment import Assessed, comparison, conditions_along
-from derive.diagnostics import ModelError, listed
-from derive.formulations import equations
+from derive.diagnostics import AssumptionError, ModelError, listed
+from derive.formulations import equations, misfits
 from derive.robots import load
 from derive.states.sampling import states
 from hamel.build.files import write_text
@@ -37,6 +37,9 @@ def run(path: str | PathLike[str], time: bool, plot: Path | None, until: float) 
         raise ModelError(f"--plot {plot}: the file must end in .svg")
     model = load(path)
     mechanics = mechanics_of(model)
+    reason = misfits(mechanics)["quasi_velocities"]
+    if reason:
+        raise AssumptionError(f"{model.name}: {reason}")
     found = comparison(mechanics)
     ranked = tuple(
         _ranking(x, measured(mechanics, x.ranking.name) if time else None) for x in found.assessed

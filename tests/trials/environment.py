@@ -7,6 +7,7 @@ public functions alone.
 
 from __future__ import annotations
 
+import argparse
 import atexit
 import json
 import os
@@ -31,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CORPUS = Path(__file__).parent / "corpus"
 ROBOTS = ROOT / "tests" / "robots"
 LIMIT = 180.0  # seconds of one process
-PROCESSES = 2
+PROCESSES = int(os.environ.get("PROCESSES", "2"))
 KILLED = -1000
 PATHS: dict[str, str] = {}  # more variables for every process; none where hamel is installed
 
@@ -136,6 +137,18 @@ def unreadable(outcome: Outcome) -> str:
     except json.JSONDecodeError as error:
         return f"--json printed no JSON ({error}): {outcome.out[:100]!r}"
     return ""
+
+
+def asked(about: str, kinds: Sequence[str], count: int) -> argparse.Namespace:
+    """What a command line wants of trials: `kinds`, all when none is named, and `count`."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("kinds", nargs="*", metavar="KIND", help=", ".join(kinds))
+    parser.add_argument("--count", type=int, default=count, help="of what is drawn at random")
+    wanted = parser.parse_args()
+    if unknown := [kind for kind in wanted.kinds if kind not in kinds]:
+        parser.error(f"no kind of trial: {', '.join(unknown)}")
+    wanted.kinds = wanted.kinds or list(kinds)
+    return wanted
 
 
 @dataclass

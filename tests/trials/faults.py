@@ -28,6 +28,7 @@ from environment import (
     KILLED,
     Outcome,
     Record,
+    asked,
     complaint,
     ended,
     python,
@@ -36,7 +37,7 @@ from environment import (
     two_at_a_time,
 )
 
-CORRUPTIONS, KILLS, TOGETHER = 200, 60, 16
+CORRUPTIONS, KILLS, TOGETHER = 200, 60, 16  # at most --count of each
 REFUSALS = (1, 2, 3, 4, 64)
 PATIENCE = 400.0  # seconds for a build whose compiler never ends
 
@@ -236,7 +237,7 @@ def told(good: Good, folder: Path) -> str:
     return wrong and f"hamel verify out: {wrong}"
 
 
-def corruptions(record: Record, good: Good) -> None:
+def corruptions(record: Record, good: Good, count: int) -> None:
     template = place()
     run(BUILD, template, more=cache_in(template))
     outcome = run(["verify", "out"], template, more=cache_in(template))
@@ -245,7 +246,7 @@ def corruptions(record: Record, good: Good) -> None:
         f"hamel verify out refuses a good module: {outcome.words}" if outcome.code else "",
     )
     for kind, wrong in two_at_a_time(
-        lambda number: spoiled(good, template, number), range(CORRUPTIONS)
+        lambda number: spoiled(good, template, number), range(min(count, CORRUPTIONS))
     ):
         record.note(kind, wrong)
 
@@ -291,12 +292,12 @@ def killed(good: Good, folder: Path, number: int, duration: float) -> str:
     return wrong or (f"left behind: {strange}" if strange else "")
 
 
-def kills(record: Record, good: Good) -> None:
+def kills(record: Record, good: Good, count: int) -> None:
     folder = place()
     start = time.monotonic()
     run(BUILD, folder, more=cache_in(folder))
     duration = time.monotonic() - start
-    for number in range(KILLS):
+    for number in range(min(count, KILLS)):
         wrong = killed(good, folder, number, duration)
         record.note("kills", wrong and f"kill {number}: {wrong}")
         if wrong.startswith("left behind"):  # told once each
@@ -307,10 +308,10 @@ def kills(record: Record, good: Good) -> None:
 # ---- side by side -------------------------------------------------------------------------------------------------------
 
 
-def together(record: Record, good: Good) -> None:
+def together(record: Record, good: Good, count: int) -> None:
     """Half of the builds go into one folder, half into one each; none finds anything in the cache they share."""
-    shared = place()
-    folders = [shared] * (TOGETHER // 2) + [place() for _ in range(TOGETHER - TOGETHER // 2)]
+    shared, most = place(), min(count, TOGETHER)
+    folders = [shared] * (most // 2) + [place() for _ in range(most - most // 2)]
     command = [sys.executable, "-m", "hamel", *BUILD]
     processes = [started(command, folder, cache_in(shared)) for folder in folders]
     for folder, process in zip(folders, processes, strict=True):
@@ -460,17 +461,33 @@ def noted(record: Record, tried: Callable[[], Iterator[tuple[str, str]]]) -> Non
         record.note(kind, wrong)
 
 
-def main() -> int:
-    record, good = Record("faults"), Good()
-    for kind, wrong in two_at_a_time(lambda job: compiled(good, job), list(compilers(HOME))):
+def odd_compilers(record: Record, good: Good, count: int) -> None:
+    jobs = list(compilers(HOME))[:count]
+    for kind, wrong in two_at_a_time(lambda job: compiled(good, job), jobs):
         record.note(kind, wrong)
+
+
+def disks(record: Record, good: Good, count: int) -> None:
     for size in ("64k", "300k", "1m"):
         noted(record, lambda size=size: full(good, size))
     noted(record, lambda: short_files(good))
     noted(record, lambda: unwritable(good))
-    together(record, good)
-    kills(record, good)
-    corruptions(record, good)
+
+
+FAULTS = {
+    "compilers": odd_compilers,
+    "disks": disks,
+    "together": together,
+    "kills": kills,
+    "corruptions": corruptions,
+}
+
+
+def main() -> int:
+    given = asked(__doc__ or "", list(FAULTS), max(CORRUPTIONS, KILLS, TOGETHER))
+    record, good = Record("faults"), Good()
+    for kind in given.kinds:
+        FAULTS[kind](record, good, given.count)
     return record.write()
 
 

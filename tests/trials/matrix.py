@@ -12,13 +12,13 @@ import json
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import cache
 from pathlib import Path
 
 import environment
 import mechanisms
-from environment import Outcome, Record, Worker, complaint, documented, run, two_at_a_time
+from environment import Outcome, Record, Worker, asked, complaint, documented, run, two_at_a_time
 from scenes import File, Schema, files
 
 # What a verb is given beside the file so that it ends soon and writes where we look; any other verb is run with the file alone.
@@ -153,20 +153,31 @@ def oracle(worker: Worker, record: Record) -> Callable[[dict], str]:
     return refusal
 
 
-def all_jobs(record: Record, refusal: Callable[[dict], str]) -> Iterator[tuple]:
+def kinds_of_trial() -> list[str]:
+    """Verbs alone, sections of a model file, the keys of the file itself, robots, mechanisms."""
+    schema = Schema(run(["schema"], environment.HOME).out)
+    sections = dict.fromkeys(kind.section for kind in schema.kinds())
+    return ["verbs", *sections, "keys", "robots", "mechanisms"]
+
+
+def all_jobs(
+    record: Record, refusal: Callable[[dict], str], wanted: Collection[str]
+) -> Iterator[tuple]:
     turn = itertools.count()
     schema = Schema(run(["schema"], environment.HOME).out)
     seen: set[str] = set()
-    for file in files(schema, refusal):
+    for file in files(schema, refusal, wanted):
         seen.add(file.kind.partition(",")[0])
         yield from jobs_of(named(file), ".yaml", file.text, not file.key, file.legal, turn)
     for kind in schema.kinds():
-        record.note(
-            "kinds",
-            ""
-            if kind.name in seen
-            else f"no legal file of {kind.name} could be written from the schema",
-        )
+        if kind.section in wanted:
+            missing = f"no legal file of {kind.name} could be written from the schema"
+            record.note("kinds", "" if kind.name in seen else missing)
+    if "robots" in wanted:
+        yield from robot_jobs(turn)
+
+
+def robot_jobs(turn: Iterator[int]) -> Iterator[tuple]:
     for kind, suffix, text, small in robots():
         yield from jobs_of(kind, suffix, text, small, True, turn)
         if suffix in ROBOTS:
@@ -177,14 +188,18 @@ def named(file: File) -> str:
     return f"{file.kind}, {file.key} given" if file.key else file.kind
 
 
-def matrix(record: Record) -> None:
+def alone(record: Record) -> None:
+    """Every verb without a file."""
     for verb, usage in verbs().items():
-        alone = [] if "MODEL" in usage or "ROBOT" in usage else [verb]
-        for arguments in ([verb], [verb, "--help"], *([[*alone, "--json"]] if alone else [])):
+        json_too = [] if "MODEL" in usage or "ROBOT" in usage else [[verb, "--json"]]
+        for arguments in ([verb], [verb, "--help"], *json_too):
             outcome = run(arguments, environment.HOME)
             record.note(f"{verb} {outcome.code}", fault(arguments, complaint(outcome)))
+
+
+def matrix(record: Record, wanted: Collection[str]) -> None:
     worker = Worker()
-    for _, end, wrong in two_at_a_time(tried, all_jobs(record, oracle(worker, record))):
+    for _, end, wrong in two_at_a_time(tried, all_jobs(record, oracle(worker, record), wanted)):
         record.note(end, wrong)
     worker.stop()
 
@@ -193,13 +208,17 @@ def fault(arguments: list[str], wrong: str) -> str:
     return wrong and f"hamel {' '.join(arguments)}: {wrong}"
 
 
-def main(count: int) -> int:
+def main() -> int:
+    given = asked(__doc__ or "", kinds_of_trial(), 300)
     record = Record("matrix")
     assert 70 not in documented() and 1 in documented()
-    matrix(record)
-    mechanisms.tried_all(record, count)
+    if "verbs" in given.kinds:
+        alone(record)
+    matrix(record, given.kinds)
+    if "mechanisms" in given.kinds:
+        mechanisms.tried_all(record, given.count)
     return record.write()
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 300))
+    sys.exit(main())

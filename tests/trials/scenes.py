@@ -11,7 +11,7 @@ import itertools
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -471,9 +471,11 @@ def of_top(schema: Schema, refusal: Oracle) -> Iterator[File]:
                 yield File(f"{key}, {scene.family}", key, models[0], False)
 
 
-def files(schema: Schema, refusal: Oracle) -> Iterator[File]:
-    """All of them."""
+def files(schema: Schema, refusal: Oracle, wanted: Collection[str]) -> Iterator[File]:
+    """Those of the wanted sections; `keys` are the keys of the model file itself."""
     for kind in schema.kinds():
-        for family in dict.fromkeys(scene.family for scene in SCENES):
-            yield from of_kind(schema, kind, family, refusal)
-    yield from of_top(schema, refusal)
+        if kind.section in wanted:
+            for family in dict.fromkeys(scene.family for scene in SCENES):
+                yield from of_kind(schema, kind, family, refusal)
+    if "keys" in wanted:
+        yield from of_top(schema, refusal)

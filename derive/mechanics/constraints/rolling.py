@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from derive.diagnostics import AssumptionError, Diagnostic
 from derive.joints.records import Vector
 from derive.joints.rotations import (
     IDENTITY,
@@ -22,11 +23,12 @@ from derive.mechanics.frames import (
 )
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.scene import IN_PLANE, NORMAL, NOTHING, Block, Scene
-from derive.mechanics.symbols import Symbols
 from derive.mechanics.tree import link_direction, link_point
 from derive.model.records import (
     Rolling,
 )
+
+FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
 
 
 def rolling(scene: Scene, constraint: Rolling) -> Block:
@@ -45,7 +47,7 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
     e = link_direction(place, s.vector(constraint.axis))
     point = sum_of(
         link_point(place, s.vector(constraint.centre)),
-        _to_contact(s, constraint, scene.model.plane, n, e),
+        _to_contact(scene, constraint, n, e),
     )
     phi = _height(scene, place, point, normal, s.vector(constraint.origin))
     directions = _directions(scene, constraint, place, n, e)
@@ -62,16 +64,30 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
     return Block(marks, (phi,), (rows, along_body))
 
 
-def _to_contact(s: Symbols, constraint: Rolling, plane: str, n: Vector, e: Vector) -> Vector:
-    """From the centre to the lowest point, in the link's frame."""
+def _to_contact(scene: Scene, constraint: Rolling, n: Vector, e: Vector) -> Vector:
+    """From the centre to the lowest point, in the link's frame. AssumptionError for a disk that
+    lies flat on the plane however the body moves: it has no lowest point."""
+    s = scene.symbols
     radius = s.scalar(constraint.radius)
-    if plane or constraint.shape == "sphere":
+    if scene.model.plane or constraint.shape == "sphere":
         return [dot([-radius], [x]) for x in n]
     across = dot(n, e)
     down = [-(x - across * y) for x, y in zip(n, e)]
-    length = ca.sqrt(dot(down, down))
+    size = dot(down, down)
+    if isinstance(size, float) and size < FLAT**2:
+        raise AssumptionError(_flat(scene, constraint))
+    length = ca.sqrt(size)
     tube = s.scalar(constraint.tube)
     return [radius * x / length - tube * y for x, y in zip(down, n)]
+
+
+def _flat(scene: Scene, constraint: Rolling) -> Diagnostic:
+    return scene.model.diagnostic(
+        constraint.span,
+        f"{constraint.name}: the {constraint.shape} lies flat on the plane at every position of "
+        f"{constraint.body}, so that no point of it is the lowest",
+        "an axis that is not the normal of the plane, or a joint that tilts it",
+    )
 
 
 def _directions(

@@ -1,0 +1,81 @@
+"""The smallest models, and those that leave nothing to move, through every verb: each does its work
+or says in words of mechanics why there is none."""
+
+import json
+from pathlib import Path
+
+import casadi as ca
+import pytest
+
+import hamel
+from derive.diagnostics import AssumptionError
+
+SLIDER = {
+    "model": "m",
+    "bodies": {"c": {"mass": 1}},
+    "joints": {"C": {"type": "prismatic", "parent": "ground", "child": "c", "axis": "x"}},
+}
+COORDINATE = {
+    "model": "m",
+    "coordinates": {"q": "m"},
+    "kinetic": "(1 kg)*der(q)^2/2",
+}
+AT_REST = {
+    "no slip": SLIDER
+    | {"constraints": {"e": {"type": "no_slip", "body": "c", "at": [0, 0, 0], "direction": "x"}}},
+    "ball": SLIDER
+    | {
+        "closures": {
+            "e": {"type": "ball", "between": ["ground", "c"], "at": [[0, 0, 0], [0, 0, 0]]}
+        }
+    },
+    "rate": COORDINATE | {"constraints": {"e": {"nonholonomic": "der(q)"}}},
+    "position": COORDINATE | {"constraints": {"e": {"holonomic": "q"}}},
+}
+
+
+def written(folder: Path, model: dict) -> str:
+    path = folder / "m.yaml"
+    path.write_text(json.dumps(model, indent=1))
+    return str(path)
+
+
+def test_what_is_left_of_a_single_symbol_is_an_empty_column():
+    """What casadi makes of x[1:] for one symbol is a row, which vertcat counts as an entry."""
+    x = ca.SX.sym("x")
+    assert x[1:].shape == (1, 0) and ca.vertcat(x, x[1:]).numel() == 2
+    assert x[1:, 0].shape == (0, 1)
+
+
+@pytest.mark.parametrize("kind", AT_REST)
+def test_a_model_without_freedom_is_derived_and_linearised(kind, tmp_path):
+    path = written(tmp_path, AT_REST[kind])
+    assert hamel.check(path).degrees_of_freedom == 0
+    hamel.derive(path, out=str(tmp_path / "pages"))
+    hamel.linearize(path, out=str(tmp_path / "page.html"))
+    assert hamel.choices(path).choices
+
+
+@pytest.mark.parametrize("kind", ["ball", "rate"])
+def test_a_model_without_freedom_is_built_and_verified(kind, tmp_path):
+    path = written(tmp_path, AT_REST[kind])
+    module = hamel.load(hamel.build(path, out=str(tmp_path / "m")).folder)
+    assert module.nx == 1 and module.dynamics(0.0, [0.0], [], []) == 0.0
+
+
+def test_a_disk_that_lies_flat_is_told_by_name(tmp_path):
+    shape = {"disk": {"radius": 0.5, "axis": [0, 1, 0]}}
+    rolling = {"type": "rolling", "body": "c", "shape": shape, "plane": {"normal": "y"}}
+    path = written(tmp_path, SLIDER | {"constraints": {"e": rolling}})
+    with pytest.raises(AssumptionError, match="e: the disk lies flat") as error:
+        hamel.check(path)
+    assert error.value.diagnostics[0].line
+
+
+def test_choices_of_a_body_without_inertia_say_that_it_has_none(tmp_path):
+    """As `check` and `build` say it."""
+    point = SLIDER | {
+        "joints": {"C": {"type": "revolute", "parent": "ground", "child": "c", "axis": "z"}}
+    }
+    with pytest.raises(AssumptionError, match="nothing determines the acceleration of body c"):
+        hamel.choices(written(tmp_path, point))

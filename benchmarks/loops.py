@@ -22,7 +22,7 @@ from derive.model import Model, load
 from derive.states import system
 from derive.states.initial import initial_state
 from hamel.build.module import temporary_module
-from hamel.simulate.motion import Stepping, integrated
+from hamel.simulate.motion import Start, Stepping, integrated
 from hamel.verify.reference.engines import exudyn
 from hamel.verify.reference.outcome import Reference, reference, state_of
 
@@ -76,7 +76,7 @@ def _ours(mechanics: Any, ref: Reference, start: Any) -> np.ndarray:
     with temporary_module(derived) as module:
         x = module.state(0.0, np.concatenate([start.q, start.v]), u, p)
         by = Stepping("dop853", None, None, 1e-12, 1e-14)
-        end = integrated(module, derived, np.array([0.0, TIME]), x, u, p, by, None)
+        end = integrated(module, derived, Start(np.array([0.0, TIME]), x, u, p), by)
         q = np.array([values[-1] for values in end.q.values()])
         v = np.array([values[-1] for values in end.v.values()])
     there = state_of(ref, TIME, q, v)

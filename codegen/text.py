@@ -43,6 +43,8 @@ C = Language(
     "INFINITY",
     "NAN",
 )  # fmt: skip
+# In loops over lanes: fmin and fmax of C are calls there.
+LANES = replace(C, calls={**C.calls, "fmin": "SMALLER({0}, {1})", "fmax": "LARGER({0}, {1})"})
 NUMPY = Language(
     {
         **{name: f"np.{name}({{0}})" for name in

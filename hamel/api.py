@@ -159,7 +159,8 @@ def simulate(
     `values` sets initial values, parameters and (constant) inputs by name. `real` is what the code
     computes in, float64 or float32.
     """
-    from hamel.verbs.simulate import Method, run
+    from hamel.simulate.compiled import Places, Rows, simulation
+    from hamel.simulate.method import Method
 
     method = Method(
         formulation,
@@ -173,7 +174,8 @@ def simulate(
         _names(conserve),
         real,
     )
-    return run(path, method, time, step, values or {}, out, plot, progress)
+    rows, places = Rows(time, step), Places(out, plot)
+    return simulation(path, method, rows, values or {}, places, progress)
 
 
 def linearize(
@@ -232,11 +234,11 @@ def report(
     runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes
     on where it was. Raises ToolchainError without a C compiler.
     """
-    from hamel.study.plan import Asked
+    from hamel.study.plan import Restrictions
     from hamel.verbs.report import run
 
     names = (_names(each) for each in (formulations, choices, enforcements, integrators))
-    asked = Asked(*names, tolerances=tuple(tolerances), budget=budget)
+    asked = Restrictions(*names, tolerances=tuple(tolerances), budget=budget)
     return run(_models(paths), out, time, values or {}, asked, _models(extremes), progress)
 
 

@@ -18,6 +18,7 @@ from derive.formulations import equations
 from derive.model import load_text
 from derive.states import system
 from derive.states.initial import initial_state
+from hamel.simulate import compiled
 from hamel.simulate.exact import state_of
 from tests.points import LOSSES, quickly_built
 from tests.scenes import MODELS
@@ -63,9 +64,7 @@ def test_the_euclidean_metric_leads_to_the_same_motion() -> None:
 def test_refused_before_anything_is_built(
     options: dict[str, str], why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "hamel.verbs.simulate.temporary_module", lambda *given: pytest.fail("built")
-    )
+    monkeypatch.setattr(compiled, "temporary_module", lambda *given: pytest.fail("built"))
     with pytest.raises(AssumptionError, match=why) as caught:
         hamel.simulate(MODELS / "four_bar.yaml", time=0.1, **options)  # type: ignore[arg-type]
     assert caught.value.exit_code == 2

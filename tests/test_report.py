@@ -5,7 +5,11 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -19,9 +23,8 @@ import hamel
 from codegen import compiler
 from hamel.draw import Series, chart
 from hamel.records import Reported
-from hamel.study import front, judging, study, words
-from hamel.study.crew import Crew, Task
-from hamel.study.judging import COLUMNS, Judge, Reference
+from hamel.study import advice, front, judgement, modules, pool, study
+from hamel.study.judgement import COLUMNS, Judge, Reference
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
@@ -141,22 +144,22 @@ def test_nothing_is_computed_twice(
 ) -> None:
     started = []
 
-    def refuse(crew: Crew, seat: int) -> None:
-        started.append(seat)
+    def refuse(*task: Any) -> None:
+        started.append(task)
         raise OSError("no more workers")
 
-    monkeypatch.setattr(Crew, "_process", refuse)
+    monkeypatch.setattr(pool, "_begin", refuse)
     again = hamel.report([place / "swing.yaml"], out=place / "again", **ASKED)
     assert again.rows == record.rows and not started
-    with pytest.raises(OSError, match="no more"):
-        Crew(1)._process(0)
+    with pool.workers(1) as workers, pytest.raises(OSError, match="no more"):
+        next(pool.outcomes(workers, [[pool.Task(abs, {}, 1.0)]]))
 
 
 def test_a_wrong_reference_is_noticed(
     record: Reported, place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Planted twice: in one of the two runs, which then disagree, and in both."""
-    agreed = judging.agreed
+    agreed = judgement.agreed
 
     def off(by: float) -> Any:
         def planted(found: Any) -> Reference:
@@ -177,17 +180,52 @@ def test_a_wrong_reference_is_noticed(
     assert not both.passed and "agree with each other" in both.models[0]["advice"][0]
 
 
-def test_a_call_without_end_is_killed() -> None:
-    with Crew(1) as crew:
-        task = Task(
-            "build", {"path": "no.yaml", "values": {}, "unit": {}, "span": 1.0, "folder": ""}, 30.0
-        )
-        ((_, message),) = crew.answers([task])
-        assert message["exit_code"] == 1, message
-        assert [m for _, m in crew.answers([replace(task, patience=0.0)])][-1] in (
-            {"over": "killed"},
-            message,
-        )
+def test_a_task_without_end_is_ended_and_the_work_goes_on() -> None:
+    """Refused, too long, dead, done: the pool says which, and the rest of a series is left out
+    only where that is asked for."""
+    missing = {"path": "no.yaml", "values": {}, "unit": {}, "span": 1.0, "folder": ""}
+    with pool.workers(1) as workers:
+        series = [
+            [pool.Task(modules.module, missing, 60.0, "refused")],
+            [pool.Task(endless, {}, 1.0, "too long")],
+            [pool.Task(fatal, {}, 60.0, "died")],
+        ]
+        series[-1].append(pool.Task(fine, {}, 60.0, "done"))
+        found = [*pool.outcomes(workers, series)]
+        assert [each.status for each in found] == [each.task.subject for each in found]
+        assert len(found) == 4 and found[-1].value == {"x": [1.0, None]}
+        assert found[0].reason.startswith("cannot be read")
+        assert len([*pool.outcomes(workers, [series[-1]], lambda each: each.status == "died")]) == 1
+
+
+def endless() -> None:
+    time.sleep(600.0)
+
+
+def fatal() -> None:
+    os._exit(1)
+
+
+def fine() -> dict[str, Any]:
+    return {"x": (1.0, float("nan"))}
+
+
+def test_a_script_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
+    """Workers are started afresh; a script that calls the library at its top level runs once."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import math\n"
+        "from hamel.study import pool\n"
+        "print('once')\n"
+        "with pool.workers(2) as workers:\n"
+        "    task = pool.Task(dict, {'x': math.inf}, 60.0)\n"
+        "    print(*[each.value for each in pool.outcomes(workers, [[task], [task]])])\n",
+        encoding="utf-8",
+    )
+    made = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert made.stdout.split("\n") == ["once", "{'x': None} {'x': None}", ""]
 
 
 def test_the_front_is_what_none_beats() -> None:
@@ -215,9 +253,9 @@ def test_causes_lose_their_numbers() -> None:
     rows = [{**base, "status": f"singular: |pivot of C| < 2e-10 (at {t} s)"} for t in (1, 2.5)] + [
         {**base, "status": "ok"}
     ]
-    assert words.broken(rows) == ["maggi (a): 2 of 3 runs: singular: |pivot of C| < 2e-10."]
+    assert advice.broken(rows) == ["maggi (a): 2 of 3 runs: singular: |pivot of C| < 2e-10."]
     rows.append({**base, "status": "ok", "enforcement": "projection"})
-    assert words.broken(rows) == ["maggi (a), none: 2 of 3 runs: singular: |pivot of C| < 2e-10."]
+    assert advice.broken(rows) == ["maggi (a), none: 2 of 3 runs: singular: |pivot of C| < 2e-10."]
 
 
 def test_a_chart_is_drawn_with_both_axes_logarithmic() -> None:
@@ -241,7 +279,7 @@ def test_a_chart_is_drawn_with_both_axes_logarithmic() -> None:
 
 
 def test_scales_are_those_of_the_motion(place: Path) -> None:
-    system = study.building.start(str(place / "swing.yaml"), {}).system
+    system = modules.start(str(place / "swing.yaml"), {}).system
     reference = Reference(
         ("a", "b"),
         (1e-6, 0.0, 0.0, 2.0),

@@ -235,7 +235,6 @@ def test_progress_is_told(module: ModuleType) -> None:
         {"t_span": (1.0, 0.0)},
         {"t_span": (0.0, np.inf)},
         {"t_span": (0.0, 1.0), "x": [1.0]},
-        {"t_span": (0.0, 1.0), "x": [[1.0, 0.0]] * 2},
         {"t_span": (0.0, 1.0), "rtol": 0.0},
         {"t_span": (0.0, 1.0), "times": [-1.0, 1.0]},
     ],

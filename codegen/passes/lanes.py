@@ -2,30 +2,46 @@
 
 from __future__ import annotations
 
-from codegen.program import Expression, Kernel
+from codegen.passes.split import is_long
+from codegen.program import Expression, Kernel, Program
 
 BATCHED = ("dynamics",)  # worth the time to compile them twice
+STEPPED = ("power", "project", "constraints", "guards")  # what a step calls besides
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
     "and", "or", "not", "where",
 })  # fmt: skip
+LARGEST = frozenset({"fmin", "fmax"})  # of functions that a step calls: in lanes by comparison
 # statements, inputs and outputs together: longer loops over lanes take compilers too long
 WIDEST = 1_500
 
 
 def is_batched(kernel: Kernel) -> bool:
-    """No iteration, no calls of the C library, not too long: compilers make vector instructions of
-    it."""
+    """Worth it, no iteration, no calls of the C library, not too long: compilers make vector
+    instructions of it."""
+    return kernel.name in BATCHED and kernel.loop is None and _is_straight(kernel)
+
+
+def side_by_side(program: Program) -> tuple[Kernel, ...]:
+    """What a step of several motions side by side calls; nothing where motions have to go one by
+    one: in another precision, in several charts, where a function is not plain."""
+    kernels = tuple(k for k in program.kernels if k.name in (*BATCHED, *STEPPED))
+    if not program.simulates or program.charts or program.frame or program.real.words:
+        return ()
+    plain = all(map(_is_straight, kernels)) and is_batched(program.kernel("dynamics"))
+    short = all(kernel.name in BATCHED or not is_long(kernel) for kernel in kernels)
+    return kernels if plain and short else ()
+
+
+def _is_straight(kernel: Kernel) -> bool:
     values = [s.value for section in kernel.sections for s in section.statements]
     values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]
     size = len(kernel.x.names) + len(values)
-    return (
-        kernel.name in BATCHED
-        and kernel.loop is None
-        and size <= WIDEST
-        and all(map(_is_plain, values))
-    )
+    plain = PLAIN if kernel.name in BATCHED else PLAIN | LARGEST
+    return size <= WIDEST and all(_is_plain(value, plain) for value in values)
 
 
-def _is_plain(value: Expression) -> bool:
-    return not isinstance(value, tuple) or (value[0] in PLAIN and all(map(_is_plain, value[1:])))
+def _is_plain(value: Expression, plain: frozenset[str]) -> bool:
+    if not isinstance(value, tuple):
+        return True
+    return value[0] in plain and all(_is_plain(operand, plain) for operand in value[1:])

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from codegen import text
-from codegen.passes.lanes import is_batched
+from codegen.passes.lanes import is_batched, side_by_side
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Part, names, split
 from codegen.program import Expression, Kernel, Program, Section, Statement
@@ -61,6 +61,7 @@ class _Style:
     cosines stands."""
 
     entry: str
+    language: text.Language
     turns: Callable[[str, Section, set[str]], dict[str, _Step]]
 
 
@@ -80,6 +81,9 @@ def files(program: Program) -> dict[str, str]:
         (k, _body(program, h.precompute, _ONE), _body(program, h.rest, _ONE)) for k, h in hoisted
     ]
     batches = [_batch(program, kernel) for kernel in program.kernels if is_batched(kernel)]
+    stepped = [
+        _body(program, kernel, _MANY) for kernel in side_by_side(program) if not is_batched(kernel)
+    ]
     short = [body for body in bodies if len(body.pieces) == 1]
     long = {
         f"{program.name}_{body.kernel.name}.c": text.render("long.c.j2", bodies=[body], **data)
@@ -96,12 +100,30 @@ def files(program: Program) -> dict[str, str]:
             else {}
         ),
         **(
-            {f"{program.name}_batch.c": text.render("batch.c.j2", bodies=batches, **data)}
+            {
+                f"{program.name}_batch.c": text.render(
+                    "batch.c.j2",
+                    bodies=batches,
+                    stepped=stepped,
+                    compared=_compared(stepped),
+                    **data,
+                ),
+                f"{program.name}_lanes.h": text.render(
+                    "lanes.h.j2", bodies=batches, stepped=stepped, **data
+                ),
+            }
             if batches
             else {}
         ),
         **long,
     }
+
+
+def _compared(bodies: Sequence[Body]) -> set[str]:
+    """Which of the comparisons of text.LANES occur."""
+    lines = [line for body in bodies for piece in body.pieces for line in piece.lines]
+    written = " ".join([*lines, *(body.residual for body in bodies)])
+    return {name for name in ("LARGER", "SMALLER") if f"{name}(" in written}
 
 
 def _batch(program: Program, kernel: Kernel) -> Body:
@@ -121,7 +143,7 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
         pieces=tuple(_piece(program, kernel, part, style, lines) for part in parts.parts),
         workspace=parts.size,
         stray=_stray(program, kernel, style),
-        residual=_value(kernel.loop.residual) if kernel.loop else "",
+        residual=_value(kernel.loop.residual, style) if kernel.loop else "",
         turns=any(
             _is_turn(s)
             for part in parts.parts
@@ -142,14 +164,15 @@ def _piece(
     return Piece(
         lines=tuple(lines(program, kernel, part, style)),
         guards=tuple(
-            (_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in part.guards
+            (_value(g.value, style), text.number(g.tolerance), text.comment(g.name))
+            for g in part.guards
         ),
         unused=tuple(name for name in given if name not in uses),
     )
 
 
-def _value(value: Expression) -> str:
-    return text.expression(value, text.C)
+def _value(value: Expression, style: _Style) -> str:
+    return text.expression(value, style.language)
 
 
 def _far(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterator[str]:
@@ -221,7 +244,7 @@ def _steps(program: Program, part: Part, style: _Style) -> Iterator[_Step]:
         turns = style.turns(program.name, section, taken)
         for statement in section.statements:
             if not _is_turn(statement):
-                line = f"const double {statement.name} = {_value(statement.value)};"
+                line = f"const double {statement.name} = {_value(statement.value, style)};"
                 yield _Step([line], list(names(statement.value)), [statement.name])
             elif statement.name in turns:
                 yield turns.pop(statement.name)
@@ -247,7 +270,7 @@ def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step
     for angle, found in _angles(section).items():
         first = next(iter(found.values()))
         sin, cos = (found.get(name) or _fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
-        call = f"bad += {prefix}_sincos({_value(angle)}, &{sin}, &{cos});"
+        call = f"bad += {prefix}_sincos({text.expression(angle, text.C)}, &{sin}, &{cos});"
         steps[first] = _Step([f"double {sin}, {cos};", call], list(names(angle)), [sin, cos])
     return steps
 
@@ -269,7 +292,7 @@ def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step
             if any(s.name in found.values() for _, found in group)
         ]
         sines, cosines = _fresh("sines", taken), _fresh("cosines", taken)
-        values = [*(_value(angle) for angle, _ in group), "0.0", "0.0", "0.0"][:4]
+        values = [*(text.expression(angle, text.C) for angle, _ in group), "0.0", "0.0", "0.0"][:4]
         made = [
             f"double {sines}[4], {cosines}[4];",
             f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});",
@@ -293,15 +316,15 @@ def _fresh(wanted: str, taken: set[str]) -> str:
     return wanted
 
 
-_ONE = _Style("{0}[{1}]", _by_fours)
-_MANY = _Style("{0}[{1} * LANES + lane]", _by_lanes)
+_ONE = _Style("{0}[{1}]", text.C, _by_fours)
+_MANY = _Style("{0}[{1} * LANES + lane]", text.LANES, _by_lanes)
 
 
 def _output(kernel: Kernel, i: int, style: _Style) -> str:
     label = kernel.labels[i] if i < len(kernel.labels) else ""
     unit = kernel.units[i] if i < len(kernel.units) else ""
     note = text.comment(", ".join(part for part in (label, unit) if part))
-    return f"{style.entry.format('out', i)} = {_value(kernel.outputs[i])};" + (
+    return f"{style.entry.format('out', i)} = {_value(kernel.outputs[i], style)};" + (
         f" /* {note} */" if note else ""
     )
 

@@ -19,6 +19,7 @@ from codegen.integrators import (
     Rosenbrock,
     Tableau,
 )
+from codegen.passes.lanes import side_by_side
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
@@ -136,6 +137,7 @@ def _data(program: Program) -> dict[str, Any]:
         "calls": _calls(program, sizes, tabled, has["constants"]),
         "enforcements": _numbered(program.enforcements),
         "rows": rows,
+        "lanes": side_by_side(program),
         "nq": nq,
         "turn": _turn(program.real),
         "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
@@ -184,6 +186,7 @@ def _flags(
         "HAS_MANIFOLD": int(has["manifold"]),
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),
+        "HAS_LANES": int(bool(side_by_side(program))),
         "HAS_ROWS": int(has["rows"]),
         "FRAME": program.frame,
         "HAS_MIDPOINT": int(any(isinstance(x, Midpoint) for x in chosen)),
@@ -211,7 +214,7 @@ def _calls(
 def _numbered(enforcements: Sequence[str]) -> list[str]:
     """Constants of an enumeration."""
     numbers = {name: i for i, name in enumerate(enforcements)}
-    known = ("projection", *MANIFOLDS, *CHARTS)
+    known = ("projection", "none", *MANIFOLDS, *CHARTS)
     return [f"{name.upper()} = {numbers.get(name, -1)}" for name in known]
 
 

@@ -112,5 +112,6 @@ def simulate(
     integrator: Literal["dop853", ] | None = None,
     enforcement: Literal["projection", "none", ] | None = None,
     step_size: float | None = None,
+    threads: int = 1,
 ) -> Simulation:
     """The motion from state x at t_span[0] with constant inputs u, at the entries of t_span or at times."""

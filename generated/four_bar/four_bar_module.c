@@ -543,6 +543,26 @@ static PyObject *call_advance(PyObject *self, PyObject *args)
     return PyLong_FromLong(status);
 }
 
+/* simulate_batch(motions, workspace): the structure and the room of four_bar_simulate_batch, as _simulate.py makes them. */
+static PyObject *call_simulate_batch(PyObject *self, PyObject *args)
+{
+    Py_buffer motions, workspace;
+    int status = -1;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*w*", &motions, &workspace))
+        return NULL;
+    if (motions.len == (Py_ssize_t)sizeof(four_bar_motions) && (size_t)workspace.len >= four_bar_workspace()) {
+        Py_BEGIN_ALLOW_THREADS
+        status = four_bar_simulate_batch((const four_bar_motions *)motions.buf, workspace.buf);
+        Py_END_ALLOW_THREADS
+    }
+    PyBuffer_Release(&motions);
+    PyBuffer_Release(&workspace);
+    if (status < 0)
+        PyErr_SetString(PyExc_ValueError, "simulate_batch() got arrays of the wrong size");
+    return status < 0 ? NULL : PyLong_FromLong(status);
+}
+
 /* ---- the module */
 
 static PyObject *call_dynamics(PyObject *self, PyObject *const *args, Py_ssize_t n, PyObject *keywords)
@@ -659,6 +679,7 @@ static PyMethodDef methods[] = {
     {"constraint_rows", (PyCFunction)(void (*)(void))call_constraint_rows, METH_FASTCALL | METH_KEYWORDS,
      "constraint_rows(t, x, u=None, p=None, out=None)\n--\n\n" "entries of A that are not zero by structure, independent rows of A v = c, row by row"},
     {"advance", call_advance, METH_VARARGS, NULL},
+    {"simulate_batch", call_simulate_batch, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},
 };
 
@@ -686,6 +707,8 @@ static int prepare(PyObject *module)
         if (!functions[k].batch)
             return -1;
     }
+    if (PyModule_AddIntConstant(module, "workspace", (long)four_bar_workspace()) < 0)
+        return -1;
     return PyModule_AddStringConstant(module, "program", FOUR_BAR_PROGRAM);
 }
 

@@ -64,6 +64,39 @@ typedef struct {
 int four_bar_simulate(four_bar_simulation *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
     double atol, long budget, double *x_out, double *work_out, double *reduced_out);
 
+/* How a motion ended. */
+typedef struct {
+    int status;
+    long steps, rejected, calls, crossings, charts, switches, bases;
+    double t, position_violation, velocity_violation;
+} four_bar_end;
+
+/* Many motions. A stride is the distance between rows in doubles, 0 to use one row for all. */
+typedef struct {
+    size_t rows, n; /* motions, output times of each */
+    const double *t0; /* where each starts */
+    ptrdiff_t t0_stride;
+    const double *times; /* n output times that do not decrease */
+    ptrdiff_t times_stride;
+    const double *x;
+    ptrdiff_t x_stride;
+    const double *u;
+    ptrdiff_t u_stride;
+    const double *p;
+    ptrdiff_t p_stride;
+    int integrator, enforcement, chart; /* the chart that x is in where there are several */
+    double step_size, rtol, atol;
+    long budget; /* most steps of each */
+    double *x_out, *work_out, *v_out, *chart_out, *reduced_out, *frame_out; /* n rows of each motion; the last four as for four_bar_simulate, or NULL */
+    four_bar_end *ends; /* one of each motion */
+} four_bar_motions;
+
+/* Integrates them all. Explicit methods with the enforcements projection and none go several side by side, each with its own step size and its own end; others one by one.
+   Rows that a motion does not reach become NaN, and its end says why. Nothing is allocated: workspace has room for
+   four_bar_workspace() bytes. Returns FOUR_BAR_OK or FOUR_BAR_NO_METHOD. */
+int four_bar_simulate_batch(const four_bar_motions *motions, void *workspace);
+size_t four_bar_workspace(void);
+
 #ifdef __cplusplus
 }
 #endif

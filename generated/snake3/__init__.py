@@ -66,7 +66,7 @@ difference = _binding.difference
 
 def simulate(
     t_span, x, u=None, p=None, *, rtol=1e-9, atol=1e-11, times=None, max_steps=1_000_000, progress=None,
-    integrator=None, enforcement=None, step_size=None,
+    integrator=None, enforcement=None, step_size=None, threads=1,
 ):  # fmt: skip
     """The motion from state x at t_span[0] with constant inputs u (zero when omitted).
 
@@ -74,11 +74,17 @@ def simulate(
     none (the first ones when omitted). Steps follow the tolerances rtol and atol, or are equal and
     at most step_size. Rows come out at the entries of t_span, or at `times` where given. progress is called with the time covered so far. Raises
     Stopped, a FloatingPointError, where the motion cannot go on: its `partial` holds the rows up to there and the status.
+
+    Many motions at a time where x, u, p, t_span or times have leading axes, which broadcast: t_span (..., 2) gives each its own
+    start and end. Every entry of the result has these axes. They go several side by side (explicit integrators, enforcements
+    projection and none), on `threads` threads; progress is called with how many are finished. Those that cannot go on have NaN
+    from there and a `status` that says why; a RuntimeWarning counts them. Ctrl-C returns what is finished.
     """
     u = [0.0] * nu if u is None else u
     advance = getattr(_binding, "advance", _simulate.advance)
+    batch = _binding if hasattr(_binding, "simulate_batch") else None
     return _simulate.run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator,
-                         enforcement, step_size)
+                         enforcement, step_size, threads=threads, batch=batch)
 
 
 __all__ = [

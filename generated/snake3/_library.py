@@ -96,6 +96,16 @@ def advance(state, times, u, p, rtol, atol, budget, x, work, reduced):
     return _simulate(_at(state), times.size, *given[:3], rtol, atol, budget, *given[3:])
 
 
+_library.snake3_workspace.restype = ctypes.c_size_t
+workspace = _library.snake3_workspace()
+_library.snake3_simulate_batch.argtypes = [_address, _address]
+
+
+def simulate_batch(motions, room):
+    """snake3_simulate_batch of the C code."""
+    return _library.snake3_simulate_batch(motions.ctypes.data, room.ctypes.data)
+
+
 def dynamics(t, x, u=None, p=None, out=None):
     """state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)"""
     return _evaluate("dynamics", t, x, u, p, out)

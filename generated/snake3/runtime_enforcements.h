@@ -210,7 +210,7 @@ static int charted(Run *r, double t, const double *z)
     double J[MOST * (1 + NX) + 1];
     const int tangent = s->enforcement == TANGENT;
     int i, j;
-    s->charts += 1.0;
+    s->charts++;
 #if CLOSURE_ROWS
     {
         double W[POSITIONS * POSITIONS];

@@ -540,6 +540,26 @@ static PyObject *call_advance(PyObject *self, PyObject *args)
     return PyLong_FromLong(status);
 }
 
+/* simulate_batch(motions, workspace): the structure and the room of snake3_simulate_batch, as _simulate.py makes them. */
+static PyObject *call_simulate_batch(PyObject *self, PyObject *args)
+{
+    Py_buffer motions, workspace;
+    int status = -1;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*w*", &motions, &workspace))
+        return NULL;
+    if (motions.len == (Py_ssize_t)sizeof(snake3_motions) && (size_t)workspace.len >= snake3_workspace()) {
+        Py_BEGIN_ALLOW_THREADS
+        status = snake3_simulate_batch((const snake3_motions *)motions.buf, workspace.buf);
+        Py_END_ALLOW_THREADS
+    }
+    PyBuffer_Release(&motions);
+    PyBuffer_Release(&workspace);
+    if (status < 0)
+        PyErr_SetString(PyExc_ValueError, "simulate_batch() got arrays of the wrong size");
+    return status < 0 ? NULL : PyLong_FromLong(status);
+}
+
 /* ---- the module */
 
 static PyObject *call_dynamics(PyObject *self, PyObject *const *args, Py_ssize_t n, PyObject *keywords)
@@ -648,6 +668,7 @@ static PyMethodDef methods[] = {
     {"difference", (PyCFunction)(void (*)(void))call_difference, METH_FASTCALL | METH_KEYWORDS,
      "difference(t, x, u=None, p=None, out=None)\n--\n\n" "q\342\202\201 \342\212\226 q\342\202\200: the displacement over v from q\342\202\200 to q\342\202\201, from (q\342\202\200, q\342\202\201)"},
     {"advance", call_advance, METH_VARARGS, NULL},
+    {"simulate_batch", call_simulate_batch, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},
 };
 
@@ -675,6 +696,8 @@ static int prepare(PyObject *module)
         if (!functions[k].batch)
             return -1;
     }
+    if (PyModule_AddIntConstant(module, "workspace", (long)snake3_workspace()) < 0)
+        return -1;
     return PyModule_AddStringConstant(module, "program", SNAKE3_PROGRAM);
 }
 

@@ -60,6 +60,39 @@ typedef struct {
 int snake3_simulate(snake3_simulation *simulation, size_t n, const double *times, const double *u, const double *p, double rtol,
     double atol, long budget, double *x_out, double *work_out, double *reduced_out);
 
+/* How a motion ended. */
+typedef struct {
+    int status;
+    long steps, rejected, calls, crossings, charts, switches, bases;
+    double t, position_violation, velocity_violation;
+} snake3_end;
+
+/* Many motions. A stride is the distance between rows in doubles, 0 to use one row for all. */
+typedef struct {
+    size_t rows, n; /* motions, output times of each */
+    const double *t0; /* where each starts */
+    ptrdiff_t t0_stride;
+    const double *times; /* n output times that do not decrease */
+    ptrdiff_t times_stride;
+    const double *x;
+    ptrdiff_t x_stride;
+    const double *u;
+    ptrdiff_t u_stride;
+    const double *p;
+    ptrdiff_t p_stride;
+    int integrator, enforcement, chart; /* the chart that x is in where there are several */
+    double step_size, rtol, atol;
+    long budget; /* most steps of each */
+    double *x_out, *work_out, *v_out, *chart_out, *reduced_out, *frame_out; /* n rows of each motion; the last four as for snake3_simulate, or NULL */
+    snake3_end *ends; /* one of each motion */
+} snake3_motions;
+
+/* Integrates them all. Explicit methods with the enforcements projection and none go several side by side, each with its own step size and its own end; others one by one.
+   Rows that a motion does not reach become NaN, and its end says why. Nothing is allocated: workspace has room for
+   snake3_workspace() bytes. Returns SNAKE3_OK or SNAKE3_NO_METHOD. */
+int snake3_simulate_batch(const snake3_motions *motions, void *workspace);
+size_t snake3_workspace(void);
+
 #ifdef __cplusplus
 }
 #endif

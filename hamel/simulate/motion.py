@@ -98,26 +98,35 @@ class Stepping:
     atol: float
 
 
+@dataclass(frozen=True)
+class Start:
+    """From x, in the coordinates of `chart`, at times[0]; inputs u and parameters p are constant.
+    The rows of the motion are at `times`."""
+
+    times: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+    p: np.ndarray
+    chart: int = 0
+
+
 def integrated(
     module: ModuleType,
     equations: Equations,
-    times: np.ndarray,
-    x: np.ndarray,
-    u: np.ndarray,
-    p: np.ndarray,
+    start: Start,
     by: Stepping,
-    progress: Callable[[float], None] | None,
-    chart: int = 0,
+    progress: Callable[[float], None] | None = None,
 ) -> Motion:
-    """The motion from x, in the coordinates of `chart`, at times[0] with constant inputs u."""
-    start = time.perf_counter()
+    """The motion from its start."""
+    begin = time.perf_counter()
+    times, x, u, p = start.times, start.x, start.u, start.p
     library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
     try:
         if library is not None:
             equations = based(equations)
             found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
-            several = {"chart": chart} if equations.charts else {}
+            several = {"chart": start.chart} if equations.charts else {}
             watch = paced(progress, float(times[-1] - times[0]), _haste(by))
             found = module.simulate(
                 times, x, u, p, max_steps=MOST_STEPS, progress=watch, **asdict(by), **several
@@ -126,12 +135,13 @@ def integrated(
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         coarse = by.step_size is not None or by.rtol >= FINEST
         if not coarse and _status(error) is Status.SINGULAR_POSITION:
-            hint += f"; across a singular position an rtol of {FINEST:g} is about the finest that can be checked"
+            finest = f"an rtol of {FINEST:g} is about the finest that can be checked"
+            hint += f"; across a singular position {finest}"
         raise AssumptionError(str(error), hint) from None
     found = replace(
         found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float)
     )
-    return judged(module, equations, found, u, p, time.perf_counter() - start)
+    return judged(module, equations, found, u, p, time.perf_counter() - begin)
 
 
 def _status(error: FloatingPointError) -> Status:

@@ -29,10 +29,10 @@ from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of
 from hamel.records import ExtremeRow, Simulated
 from hamel.settings import settings
+from hamel.simulate.compiled import Rows, simulation
 from hamel.simulate.exact import Problem, solution, state_of
 from hamel.simulate.exact.series import NotAnalytic
-from hamel.verbs.simulate import Method
-from hamel.verbs.simulate import run as simulated
+from hamel.simulate.method import Method
 from hamel.verify.checks import strange
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
@@ -122,7 +122,7 @@ def _run(path: Path, entry: Extreme) -> Simulated:
     method = Method(
         "quasi_velocities", *named, entry.integrator, None, entry.rtol, None, real=entry.real
     )
-    return simulated(path, method, entry.time, entry.time, dict(entry.values), None, None, None)
+    return simulation(path, method, Rows(entry.time, entry.time), dict(entry.values))
 
 
 def _steps(

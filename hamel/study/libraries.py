@@ -5,60 +5,55 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from derive.formulations.records import Equations
-from hamel.build.module import module_in
 from hamel.simulate.libraries import REFERENCES, Problem, Reference
-from hamel.study.building import Start, plain_equations, start
-from hamel.study.running import TOO_LONG, judged, timed
+from hamel.study.modules import Start, plain_equations, start
+from hamel.study.runs import judged, loaded, timed
 
 LIBRARY_LIMIT = 2.0  # seconds of one run after which tighter ones are not tried
 LIBRARY_SHARE = 0.1  # seconds of repeated calls from which a run time is taken
 
 
-def rows(
+def row(
     path: str,
     values: Mapping[str, float | str],
     folder: str,
     span: float,
     unit: Mapping[str, str],
-    solver: str,
-    runs: Sequence[Mapping[str, Any]],
-) -> Iterator[dict[str, Any]]:
-    """One solver on one unit's equations, loose tolerances first. After a run that took long
-    tighter ones are not tried."""
-    found, module = start(path, values), module_in(folder)
-    equations = plain_equations(found, unit)
-    reference = next(each for each in REFERENCES if each.name == solver)
-    reason, slow = reference.refusal(equations), False
-    yield {"ready": solver}
-    for run in runs:
-        begin = time.process_time()
-        made = {"status": TOO_LONG} if slow else {"status": reason} if reason else {}
-        made = made or _row(reference, module, equations, found, span, run["rtol"])
-        slow = slow or time.process_time() - begin > LIBRARY_LIMIT
-        yield {"run": run["key"], "row": made}
+    run: Mapping[str, Any],
+) -> dict[str, Any]:
+    """One run of a solver on one unit's equations, and whether tighter ones would take too long."""
+    begin, module = start(path, values), loaded(folder)
+    equations = plain_equations(begin, unit)
+    reference = next(each for each in REFERENCES if each.name == run["integrator"])
+    reason = reference.refusal(equations)
+    if reason:
+        return {"status": reason, "slow": False}
+    before = time.process_time()
+    result = _row(reference, module, equations, begin, span, run["rtol"])
+    return {**result, "slow": time.process_time() - before > LIBRARY_LIMIT}
 
 
 def _row(
     reference: Reference,
     module: Any,
     equations: Equations,
-    found: Start,
+    begin: Start,
     span: float,
     rtol: float,
 ) -> dict[str, Any]:
-    x = module.state(0.0, np.concatenate([found.initial.q, found.initial.v]), found.u, found.p)
+    x = module.state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
     times = np.array([0.0, span])
     problem = Problem(
-        module, equations, times, x, found.u, found.p, rtol, rtol / 100, compiled=True
+        module, equations, times, x, begin.u, begin.p, rtol, rtol / 100, compiled=True
     )
     try:
-        ms, made = timed(reference.prepare(problem), LIBRARY_SHARE)
+        ms, motion = timed(reference.prepare(problem), LIBRARY_SHARE)
     except (FloatingPointError, RuntimeError) as error:
         flag = re.search(r"\b(?:CV|IDA)_[A-Z_]+", str(error))
         return {
@@ -66,6 +61,6 @@ def _row(
             if flag
             else str(error).partition(": ")[2] or str(error)
         }
-    if not np.isfinite(made.x[-1]).all():
+    if not np.isfinite(motion.x[-1]).all():
         return {"status": "not finite"}
-    return judged(module, found, span, ms, made)
+    return judged(module, begin, span, ms, motion)

@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from derive.textbook.pages import rendered
 from hamel.records import ExtremeRow
+from hamel.study.advice import advice
 from hamel.study.front import (
     LEVELS,
     MULTIPLIERS,
@@ -25,11 +26,10 @@ from hamel.study.front import (
     is_library,
     method,
 )
-from hamel.study.judging import COLUMNS
+from hamel.study.judgement import COLUMNS
 from hamel.study.plan import Excluded
 from hamel.study.plots import FIRST, error_charts, extremes_chart, time_charts
 from hamel.study.study import Study
-from hamel.study.words import advice
 
 COMPARED = 1e-8  # tolerance of the comparison of formulations and enforcements
 HEADINGS = {

@@ -35,7 +35,7 @@ SOLVERS = (
 
 
 @dataclass(frozen=True)
-class Asked:
+class Restrictions:
     """Restrictions (all when empty) and the seconds that the runs of one model may take
     together."""
 
@@ -78,7 +78,7 @@ class Plan:
     excluded: tuple[Excluded, ...]
 
 
-def plan(system: System, asked: Asked) -> Plan:
+def plan(system: System, asked: Restrictions) -> Plan:
     """Units in the order in which they matter."""
     choices, excluded = _choices(system, asked.choices)
     formulations = asked.formulations
@@ -192,7 +192,7 @@ def _speeds(system: System, found: Equations, rng: np.random.Generator) -> np.nd
 
 
 def runs(
-    asked: Asked, enforcements: Sequence[str], every: bool, scale: int
+    asked: Restrictions, enforcements: Sequence[str], every: bool, scale: int
 ) -> list[dict[str, Any]]:
     """Of one module, family by family, loose tolerances and few steps first. `scale`: steps that
     dop853 takes at rtol 1e-6.

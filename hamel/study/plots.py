@@ -9,7 +9,7 @@ from codegen.integrators import INTEGRATORS
 from hamel.draw import Series, chart
 from hamel.records import ExtremeRow
 from hamel.study.front import Row, cheapest, families, front, good, is_library, is_traditional
-from hamel.study.judging import LEAST
+from hamel.study.judgement import LEAST
 from hamel.study.plan import DEFAULT
 
 FIRST = INTEGRATORS[0].name

@@ -1,5 +1,5 @@
-"""One model: what is planned is built, run by the workers, and judged by a reference solution that
-two tight runs agree on."""
+"""One model: what is planned is built, run by worker processes, and judged by a reference solution
+that two tight runs agree on."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from codegen.integrators import INTEGRATORS
-from hamel.study import building, plan
-from hamel.study.crew import Crew, Message, Task
-from hamel.study.judging import Judge, Reference, agreed
-from hamel.study.libraries import LIBRARY_LIMIT
-from hamel.study.plan import DEFAULT, Asked, Excluded, Unit
-from hamel.study.running import TOO_LONG
-from hamel.study.storage import Found
+from hamel.study import libraries, modules, plan, runs
+from hamel.study.judgement import Judge, Reference, agreed
+from hamel.study.plan import DEFAULT, Excluded, Restrictions, Unit
+from hamel.study.pool import Outcome, Task, Workers, outcomes
+from hamel.study.results import Results
+from hamel.study.runs import TOO_LONG
 
 # Of the two runs of the reference: two integrators on two formulations, so that they share no error
 # of discretisation. The second pair is tried where the first takes too long.
@@ -26,6 +26,7 @@ TIGHT = ((("dop853", 1e-14), ("dopri5", 1e-14)), (("radau", 1e-11), ("dop853", 1
 EXACT_LIMIT = 20.0  # seconds of a tight run
 BUILD_LIMIT = 120.0
 GRACE = 60.0  # seconds on top of what a message should take, for machines that are busy otherwise
+TRACK_LIMIT = 5.0  # seconds of one of them
 TRACKED = 1e-8  # tolerance of the motions whose violations are drawn over time
 
 
@@ -57,13 +58,13 @@ class Study:
 
 
 @dataclass
-class Worksite:
+class Progress:
     """What is known so far of a model's units."""
 
     case: Case
-    asked: Asked
-    crew: Crew
-    found: Found
+    asked: Restrictions
+    workers: Workers
+    results: Results
     folder: Path
     advance: Callable[[float, float], None]  # done, of
     excluded: list[Excluded] = field(default_factory=list)
@@ -71,31 +72,35 @@ class Worksite:
     places: Iterator[int] = field(default_factory=itertools.count)  # each folder is used once
 
 
-def studied(
-    case: Case, asked: Asked, crew: Crew, folder: Path, advance: Callable[[float, float], None]
+def study(
+    case: Case,
+    asked: Restrictions,
+    workers: Workers,
+    folder: Path,
+    advance: Callable[[float, float], None],
 ) -> Study:
     """All of it; what was found before is not computed again. `folder` is for the modules."""
-    begin = time.monotonic()
-    started = building.start(case.path, case.values)
-    planned = plan.plan(started.system, asked)
+    before = time.monotonic()
+    start = modules.start(case.path, case.values)
+    planned = plan.plan(start.system, asked)
     options = {"report": 1, "values": sorted(case.values.items()), "span": case.span}
-    site = Worksite(
-        case, asked, crew, Found(case.path, options), folder, advance, [*planned.excluded]
+    so_far = Progress(
+        case, asked, workers, Results(case.path, options), folder, advance, [*planned.excluded]
     )
-    units = _built(site, planned.units)
-    judge = Judge(started.system, _reference(site, units), case.span)
-    made = _measured(site, units, _runs(site, units, judge.reference.scale))
-    made += _library_rows(site, units)
-    rows = judge.rows(started.system.model.name, made)
+    units = _built(so_far, planned.units)
+    judge = Judge(start.system, _reference(so_far, units), case.span)
+    measured = _measured(so_far, units, _runs(so_far, units, judge.reference.scale))
+    measured += _library_rows(so_far, units)
+    rows = judge.rows(start.system.model.name, measured)
     return Study(
-        model=started.system.model.name,
+        model=start.system.model.name,
         file=case.path,
         span=case.span,
-        reference=judge.confirmed(made),
+        reference=judge.confirmed(measured),
         rows=tuple(rows),
-        excluded=tuple(site.excluded),
-        tracks=tuple(_tracks(site, units)),
-        seconds=time.monotonic() - begin,
+        excluded=tuple(so_far.excluded),
+        tracks=tuple(_tracks(so_far, units)),
+        seconds=time.monotonic() - before,
     )
 
 
@@ -106,56 +111,62 @@ def _name(unit: Unit, *more: str) -> str:
     return "|".join((unit.formulation, unit.choice, unit.own, *more))
 
 
-def _built(site: Worksite, units: Sequence[Unit]) -> list[Unit]:
+def _built(so_far: Progress, units: Sequence[Unit]) -> list[Unit]:
     """The units that can be built, known or built now; the others are noted with their reasons."""
     _ensure(
-        site,
-        [unit for unit in units if _name(unit, "built") not in site.found],
-        time.monotonic() + site.asked.budget,
+        so_far,
+        [unit for unit in units if _name(unit, "built") not in so_far.results],
+        time.monotonic() + so_far.asked.budget,
     )
     good = []
     for unit in units:
         late = {
-            "refused": f"not built: the {site.asked.budget:g} s for modules were used up; "
+            "refused": f"not built: the {so_far.asked.budget:g} s for modules were used up; "
             "the same command goes on"
         }
-        about: dict[str, Any] = site.found.get(_name(unit, "built")) or late
+        about: dict[str, Any] = so_far.results.get(_name(unit, "built")) or late
         if "refused" in about:
-            site.excluded.append(
+            so_far.excluded.append(
                 Excluded(unit.formulation, unit.choice, unit.own, "", about["refused"])
             )
         else:
             good.append(unit)
-            site.excluded += [
+            so_far.excluded += [
                 Excluded(unit.formulation, unit.choice, k, "", why)
                 for k, why in about["misfits"].items()
             ]
     return good
 
 
-def _ensure(site: Worksite, units: Sequence[Unit], end: float = math.inf) -> None:
+def _ensure(so_far: Progress, units: Sequence[Unit], end: float = math.inf) -> None:
     """Modules on disk for these units; those that are not ready at the time `end` are left, but for
     two."""
-    missing = [unit for unit in dict.fromkeys(units) if unit not in site.ready]
-    tasks = []
-    for unit in missing:
-        place = str(site.folder / f"unit{next(site.places)}" / "module")
-        arguments = {**site.case.start, "unit": unit.about, "span": site.case.span, "folder": place}
-        tasks.append(Task("build", arguments, BUILD_LIMIT + GRACE, unit))
-    for task, message in site.crew.answers(tasks):
-        if "operations" in message:
-            site.ready[task.about] = task.arguments["folder"]
-            site.found.put(_name(task.about, "built"), message)
-        elif "error" in message:
-            site.found.put(_name(task.about, "built"), {"refused": message["error"]})
-        if time.monotonic() > end and len(site.ready) >= 2:
-            break
+    missing = [unit for unit in dict.fromkeys(units) if unit not in so_far.ready]
+    series = [[_building(so_far, unit)] for unit in missing]
+    with closing(outcomes(so_far.workers, series)) as finished:
+        for outcome in finished:
+            unit, name = outcome.task.subject, _name(outcome.task.subject, "built")
+            if outcome.status == "done":
+                so_far.ready[unit] = outcome.task.arguments["folder"]
+                so_far.results.put(name, outcome.value)
+            elif outcome.reason:
+                so_far.results.put(name, {"refused": outcome.reason})
+            if time.monotonic() > end and len(so_far.ready) >= 2:
+                break
+
+
+def _building(so_far: Progress, unit: Unit) -> Task:
+    """Builds the module of a unit, in a folder of its own."""
+    place = str(so_far.folder / f"unit{next(so_far.places)}" / "module")
+    case = so_far.case
+    arguments = {**case.start, "unit": unit.about, "span": case.span, "folder": place}
+    return Task(modules.module, arguments, BUILD_LIMIT + GRACE, unit)
 
 
 # ---- reference
 
 
-def _reference(site: Worksite, units: Sequence[Unit]) -> Reference:
+def _reference(so_far: Progress, units: Sequence[Unit]) -> Reference:
     """Two tight runs of different formulations where there are two, else of different choices or
     integrators."""
     plain = [unit for unit in units if not unit.own]
@@ -163,60 +174,59 @@ def _reference(site: Worksite, units: Sequence[Unit]) -> Reference:
     own = [unit for unit in plain if unit.choice]
     found: list[tuple[str, dict[str, Any]]] = []
     for first, second in TIGHT:
-        found = _first_exact(site, own or others, *first)
+        found = _first_exact(so_far, own or others, *first)
         used = [unit for unit in plain if found and found[0][0].startswith(_title(unit))]
         rest = [unit for unit in (*others, *own) if unit not in used]
-        found += _first_exact(site, rest or plain, *second)
+        found += _first_exact(so_far, rest or plain, *second)
         if len(found) == 2:
             break
     return agreed(found)
 
 
 def _first_exact(
-    site: Worksite, units: Sequence[Unit], integrator: str, rtol: float
+    so_far: Progress, units: Sequence[Unit], integrator: str, rtol: float
 ) -> list[tuple[str, dict[str, Any]]]:
     """The first unit's run that comes to its end."""
     for unit in units:
-        found = _exact(site, [unit], integrator, rtol)
+        found = _exact(so_far, [unit], integrator, rtol)
         if found:
             return found
     return []
 
 
 def _exact(
-    site: Worksite, units: Sequence[Unit], integrator: str, rtol: float
+    so_far: Progress, units: Sequence[Unit], integrator: str, rtol: float
 ) -> list[tuple[str, dict[str, Any]]]:
     names = {unit: _name(unit, "exact", integrator, f"{rtol:.0e}") for unit in units}
-    missing = [unit for unit in units if names[unit] not in site.found]
-    _ensure(site, missing)
-    tasks = []
+    missing = [unit for unit in units if names[unit] not in so_far.results]
+    _ensure(so_far, missing)
+    series = []
     for unit in missing:
-        run = {"enforcement": _usual(site, unit), "integrator": integrator, "rtol": rtol}
-        arguments = {
-            **site.case.start,
-            "folder": site.ready[unit],
-            "span": site.case.span,
-            "run": run,
-            "limit": EXACT_LIMIT,
-        }
-        tasks.append(Task("exact", arguments, EXACT_LIMIT + GRACE, unit))
-    for task, message in site.crew.answers(tasks):
-        if "over" not in message:
-            site.found.put(names[task.about], message)
-    answers = [(unit, site.found.get(names[unit]) or {}) for unit in units]
+        run = {"enforcement": _usual(so_far, unit), "integrator": integrator, "rtol": rtol}
+        arguments = {**_simulation(so_far, unit, run), "limit": EXACT_LIMIT}
+        series.append([Task(runs.exact, arguments, EXACT_LIMIT + GRACE, unit)])
+    for outcome in outcomes(so_far.workers, series):
+        if outcome.status in ("done", "refused"):
+            value = outcome.value or {"failed": outcome.reason}
+            so_far.results.put(names[outcome.task.subject], value)
+    ends = [(unit, so_far.results.get(names[unit]) or {}) for unit in units]
     return [
-        (f"{_title(unit)}, {integrator} at {rtol:.0e}", answer)
-        for unit, answer in answers
-        if answer.get("sizes")
+        (f"{_title(unit)}, {integrator} at {rtol:.0e}", end) for unit, end in ends if "sizes" in end
     ]
+
+
+def _simulation(so_far: Progress, unit: Unit, run: Mapping[str, Any]) -> dict[str, Any]:
+    """What every run of a unit's module is told."""
+    case = so_far.case
+    return {**case.start, "folder": so_far.ready[unit], "span": case.span, "run": run}
 
 
 def _title(unit: Unit) -> str:
     return f"{unit.formulation} ({unit.choice})" if unit.choice else unit.formulation
 
 
-def _usual(site: Worksite, unit: Unit) -> str:
-    return site.found[_name(unit, "built")]["enforcements"][0]
+def _usual(so_far: Progress, unit: Unit) -> str:
+    return so_far.results[_name(unit, "built")]["enforcements"][0]
 
 
 # ---- rows
@@ -225,15 +235,15 @@ Wanted = list[tuple[Unit, dict[str, Any]]]
 Made = list[tuple[Unit, dict[str, Any], dict[str, Any]]]
 
 
-def _runs(site: Worksite, units: Sequence[Unit], scale: int) -> Wanted:
+def _runs(so_far: Progress, units: Sequence[Unit], scale: int) -> Wanted:
     """Every run of every unit; those of the first integrator come first, then those that are
     compared with every enforcement."""
-    asked, wanted = site.asked, []
+    asked, wanted = so_far.asked, []
     compared = (
         {units[0], *(unit for unit in units if unit.formulation == "augmented")} if units else set()
     )
     for unit in units:
-        enforcements = site.found[_name(unit, "built")]["enforcements"]
+        enforcements = so_far.results[_name(unit, "built")]["enforcements"]
         wanted += [(unit, run) for run in plan.runs(asked, enforcements, unit in compared, scale)]
     return sorted(
         wanted,
@@ -241,32 +251,26 @@ def _runs(site: Worksite, units: Sequence[Unit], scale: int) -> Wanted:
     )
 
 
-def _measured(site: Worksite, units: Sequence[Unit], wanted: Wanted) -> Made:
+def _measured(so_far: Progress, units: Sequence[Unit], wanted: Wanted) -> Made:
     """The rows of all runs, from the cache or made now; those the budget has no time for are
     noted."""
-    each = site.crew.size * site.asked.budget / max(1, len(wanted))
+    each = so_far.workers.size * so_far.asked.budget / max(1, len(wanted))
     limit, share = min(30.0, max(0.3, 20 * each)), min(0.05, max(0.002, each / 4))
     missing = [
         (unit, run)
         for unit, run in wanted
-        if not _is_known(site.found.get(_name(unit, run["key"])), limit)
+        if not _is_known(so_far.results.get(_name(unit, run["key"])), limit)
     ]
-    _ensure(site, [unit for unit, _ in missing])
-    done, end = len(wanted) - len(missing), time.monotonic() + site.asked.budget
-    tasks = list(_tasks(site, missing, limit, share))
-    while tasks and time.monotonic() < end:
-        late = []
-        for task, message in site.crew.answers(tasks):
-            if "run" in message:
-                _put(site, task.about[0], message, limit)
-                done += 1
-                site.advance(done, len(wanted))
-            else:
-                late += _left(site, task, message, limit)
+    _ensure(so_far, [unit for unit, _ in missing])
+    done, end = len(wanted) - len(missing), time.monotonic() + so_far.asked.budget
+    series = _families(so_far, missing, limit, share)
+    with closing(outcomes(so_far.workers, series, _is_hopeless)) as finished:
+        for outcome in finished:
+            done += _put(so_far, outcome, limit)
+            so_far.advance(done, len(wanted))
             if time.monotonic() > end:
                 break
-        tasks = list(_tasks(site, late, limit, share))
-    return _collected(site, wanted)
+    return _collected(so_far, wanted)
 
 
 def _is_known(row: Mapping[str, Any] | None, limit: float) -> bool:
@@ -274,165 +278,145 @@ def _is_known(row: Mapping[str, Any] | None, limit: float) -> bool:
     return row is not None and (row["status"] != TOO_LONG or row.get("limit", 0.0) >= 0.99 * limit)
 
 
-def _tasks(site: Worksite, missing: Wanted, limit: float, share: float) -> Iterator[Task]:
-    """One for the runs of a unit by the first integrator, one for those by the others."""
-    groups: dict[tuple[Unit, bool], list[dict[str, Any]]] = {}
+def _families(so_far: Progress, missing: Wanted, limit: float, share: float) -> list[list[Task]]:
+    """The runs of a unit with one enforcement and one integrator follow each other, loose
+    tolerances first. Each knows the keys of those behind it."""
+    families: dict[tuple[Unit, str, str], list[dict[str, Any]]] = {}
     for unit, run in missing:
-        groups.setdefault((unit, run["integrator"] == INTEGRATORS[0].name), []).append(run)
-    for (unit, _), runs in groups.items():
-        about = {
-            "span": site.case.span,
-            "folder": site.ready[unit],
-            "runs": runs,
-            "limit": limit,
-            "share": share,
-        }
-        yield Task("run", {**site.case.start, **about}, GRACE + 10 * limit, (unit, runs))
+        family = (unit, run["enforcement"], run["integrator"])
+        families.setdefault(family, []).append(run)
+    series = []
+    for (unit, _, _), members in families.items():
+        keys, tasks = [run["key"] for run in members], []
+        for number, run in enumerate(members):
+            arguments = {**_simulation(so_far, unit, run), "limit": limit, "share": share}
+            tasks.append(Task(runs.row, arguments, GRACE + 10 * limit, (unit, keys[number:])))
+        series.append(tasks)
+    return series
 
 
-def _put(site: Worksite, unit: Unit, message: Message, limit: float) -> None:
-    row = message["row"]
-    site.found.put(
-        _name(unit, message["run"]), {**row, "limit": limit} if row["status"] == TOO_LONG else row
-    )
+def _is_hopeless(outcome: Outcome) -> bool:
+    """After it tighter runs of its family are not tried."""
+    return _row(outcome)["status"] == TOO_LONG or outcome.status != "done"
 
 
-def _left(site: Worksite, task: Task, message: Message, limit: float) -> Wanted:
-    """What is left of a task that came to its end: nothing, unless its worker was killed in the
-    middle of a run."""
-    unit, runs = task.about
-    left = [run for run in runs if _name(unit, run["key"]) not in site.found]
-    if message.get("over") == "done" or not left:
-        return []
-    status = TOO_LONG if "over" in message else message["error"]
-    family = (left[0]["enforcement"], left[0]["integrator"])
-    lost = [run for run in left if (run["enforcement"], run["integrator"]) == family]
-    for run in lost:
-        _put(site, unit, {"run": run["key"], "row": {"status": status}}, limit)
-    return [(unit, run) for run in left if run not in lost]
+def _row(outcome: Outcome) -> dict[str, Any]:
+    if outcome.status == "done":
+        return outcome.value
+    return {"status": outcome.reason or TOO_LONG}
 
 
-def _collected(site: Worksite, wanted: Wanted) -> Made:
+def _put(so_far: Progress, outcome: Outcome, limit: float) -> int:
+    """Stores the row of a run, and of those of its family that are not tried after it; how many."""
+    unit, keys = outcome.task.subject
+    row = _row(outcome)
+    if not _is_hopeless(outcome):
+        so_far.results.put(_name(unit, keys[0]), row)
+        return 1
+    rest = {"status": row["status"]}
+    for key, value in zip(keys, [row, *[rest] * (len(keys) - 1)]):
+        late = {"limit": limit} if row["status"] == TOO_LONG else {}
+        so_far.results.put(_name(unit, key), {**value, **late})
+    return len(keys)
+
+
+def _collected(so_far: Progress, wanted: Wanted) -> Made:
     made: Made = []
     late: dict[Unit, int] = {}
     for unit, run in wanted:
-        row = site.found.get(_name(unit, run["key"]))
+        row = so_far.results.get(_name(unit, run["key"]))
         if row is None:
             late[unit] = late.get(unit, 0) + 1
             continue
-        operations = site.found[_name(unit, "built")]["operations"]
+        operations = so_far.results[_name(unit, "built")]["operations"]
         made.append((unit, run, {**row, "operations": operations}))
     for unit, count in late.items():
-        budget = f"the {site.asked.budget:g} s for this model were used up"
+        budget = f"the {so_far.asked.budget:g} s for this model were used up"
         reason = f"{count} runs not done: {budget}; the same command goes on"
-        site.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", reason))
+        so_far.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", reason))
     return made
 
 
-def _library_rows(site: Worksite, units: Sequence[Unit]) -> Made:
+def _library_rows(so_far: Progress, units: Sequence[Unit]) -> Made:
     """CVODES, IDAS, and SciPy's solvers on the default choice and on the augmented equations."""
-    if site.asked.integrators and "libraries" not in site.asked.integrators:
+    if so_far.asked.integrators and "libraries" not in so_far.asked.integrators:
         return []
-    missing, wanted, tasks = plan.missing_libraries(), [], []
+    missing, wanted = plan.missing_libraries(), []
     for formulation, solvers in plan.SOLVERS:
-        unit = next(
-            (unit for unit in units if unit.formulation == formulation and not unit.own), None
-        )
+        fitting = (unit for unit in units if unit.formulation == formulation and not unit.own)
+        unit = next(fitting, None)
         for solver in solvers if unit is not None else ():
             assert unit is not None
             if solver in missing:
-                site.excluded.append(
-                    Excluded(formulation, unit.choice, "", solver, missing[solver])
-                )
-                continue
-            own = [(unit, run) for run in plan.library_runs(solver, site.asked.tolerances)]
-            wanted += own
-            late = [run for _, run in own if _name(unit, run["key"]) not in site.found]
-            if late:
-                tasks.append((unit, solver, late))
-    _ensure(site, [unit for unit, _, _ in tasks])
-    _run_libraries(site, tasks)
+                reason = missing[solver]
+                so_far.excluded.append(Excluded(formulation, unit.choice, "", solver, reason))
+            else:
+                tolerances = so_far.asked.tolerances
+                wanted += [(unit, run) for run in plan.library_runs(solver, tolerances)]
+    _run_libraries(so_far, [(u, r) for u, r in wanted if _name(u, r["key"]) not in so_far.results])
     return [
-        (unit, run, site.found[_name(unit, run["key"])])
+        (unit, run, so_far.results[_name(unit, run["key"])])
         for unit, run in wanted
-        if _name(unit, run["key"]) in site.found
+        if _name(unit, run["key"]) in so_far.results
     ]
 
 
-def _run_libraries(
-    site: Worksite, groups: Sequence[tuple[Unit, str, list[dict[str, Any]]]]
-) -> None:
-    tasks = []
-    for unit, solver, runs in groups:
-        how = {
-            "span": site.case.span,
-            "unit": unit.about,
-            "solver": solver,
-            "runs": runs,
-        }
-        arguments = {**site.case.start, "folder": site.ready[unit], **how}
-        tasks.append(Task("library", arguments, GRACE, (unit, runs)))
-    for task, message in site.crew.answers(tasks):
-        if "run" in message:
-            _put(site, task.about[0], message, LIBRARY_LIMIT)
-        elif "ready" not in message:
-            unit, runs = task.about
-            for run in [run for run in runs if _name(unit, run["key"]) not in site.found]:
-                status = (
-                    TOO_LONG if message.get("over") == "killed" else message.get("error", "not run")
-                )
-                _put(site, unit, {"run": run["key"], "row": {"status": status}}, LIBRARY_LIMIT)
+def _run_libraries(so_far: Progress, missing: Wanted) -> None:
+    """One solver on one unit's equations after the other, loose tolerances first."""
+    _ensure(so_far, [unit for unit, _ in missing])
+    families: dict[tuple[Unit, str], list[dict[str, Any]]] = {}
+    for unit, run in missing:
+        families.setdefault((unit, run["integrator"]), []).append(run)
+    series = []
+    for (unit, _), members in families.items():
+        keys, tasks = [run["key"] for run in members], []
+        for number, run in enumerate(members):
+            arguments = {**_simulation(so_far, unit, run), "unit": unit.about}
+            tasks.append(Task(libraries.row, arguments, GRACE, (unit, keys[number:])))
+        series.append(tasks)
+    for outcome in outcomes(so_far.workers, series, _is_slow):
+        unit, (key, *rest) = outcome.task.subject
+        so_far.results.put(_name(unit, key), _row(outcome))
+        for other in rest if _is_slow(outcome) else ():
+            status = TOO_LONG if outcome.status == "done" else _row(outcome)["status"]
+            so_far.results.put(_name(unit, other), {"status": status})
+
+
+def _is_slow(outcome: Outcome) -> bool:
+    return outcome.status != "done" or outcome.value["slow"]
 
 
 # ---- over time
 
 
-def _tracks(site: Worksite, units: Sequence[Unit]) -> list[dict[str, Any]]:
+def _tracks(so_far: Progress, units: Sequence[Unit]) -> list[dict[str, Any]]:
     """Violations over time: the default unit with every enforcement, the other formulations without
     any."""
     wanted = []
     for unit in units:
-        known = site.found[_name(unit, "built")]["enforcements"]
+        known = so_far.results[_name(unit, "built")]["enforcements"]
         enforcements = [
             enforcement
             for enforcement in known
-            if not site.asked.enforcements or enforcement in site.asked.enforcements
+            if not so_far.asked.enforcements or enforcement in so_far.asked.enforcements
         ]
         if unit == units[0] or unit.own:
             wanted += [(unit, enforcement) for enforcement in enforcements]
         elif unit.formulation == "augmented":
             wanted += [(unit, enforcement) for enforcement in enforcements if enforcement == "none"]
-    made = {(unit, enforcement): _name(unit, "track", enforcement) for unit, enforcement in wanted}
-    missing: dict[Unit, list[dict[str, Any]]] = {}
-    for (unit, enforcement), name in made.items():
-        if name not in site.found:
-            run = {
-                "enforcement": enforcement,
-                "integrator": INTEGRATORS[0].name,
-                "rtol": TRACKED,
-                "key": name,
-            }
-            missing.setdefault(unit, []).append(run)
-    _ensure(site, [*missing])
-    tasks = [
-        Task(
-            "track",
-            {
-                **site.case.start,
-                "folder": site.ready[unit],
-                "span": site.case.span,
-                "runs": runs,
-                "limit": 5.0,
-            },
-            GRACE,
-        )
-        for unit, runs in missing.items()
-    ]
-    for _, message in site.crew.answers(tasks):
-        if "track" in message:
-            site.found.put(message["track"], message)
+    names = {key: _name(key[0], "track", key[1]) for key in wanted}
+    missing = {key: name for key, name in names.items() if name not in so_far.results}
+    _ensure(so_far, [unit for unit, _ in missing])
+    series = []
+    for (unit, enforcement), name in missing.items():
+        run = {"enforcement": enforcement, "integrator": INTEGRATORS[0].name, "rtol": TRACKED}
+        arguments = {**_simulation(so_far, unit, run), "limit": TRACK_LIMIT}
+        series.append([Task(runs.track, arguments, GRACE, name)])
+    for outcome in outcomes(so_far.workers, series):
+        if outcome.status == "done":
+            so_far.results.put(outcome.task.subject, outcome.value)
     known = [
-        (unit, enforcement, site.found.get(name)) for (unit, enforcement), name in made.items()
+        (unit, enforcement, so_far.results.get(name)) for (unit, enforcement), name in names.items()
     ]
     return [
         {**track, "about": _label(unit, enforcement)}

@@ -24,10 +24,10 @@ from hamel.build.stages import mechanics_of
 from hamel.records import ExtremeRow, Reported, as_json
 from hamel.settings import settings, units
 from hamel.study import page
-from hamel.study.crew import Crew
 from hamel.study.extremes import files, judged
-from hamel.study.plan import Asked
-from hamel.study.study import Case, Study, studied
+from hamel.study.plan import Restrictions
+from hamel.study.pool import workers
+from hamel.study.study import Case, Study, study
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,7 +40,7 @@ def run(
     out: str | Path,
     time: float,
     values: Mapping[str, float | str],
-    asked: Asked,
+    asked: Restrictions,
     extremes: Sequence[str | PathLike[str]],
     progress: Callable[[float], None] | None,
 ) -> Reported:
@@ -48,7 +48,7 @@ def run(
     cases = _cases(paths, time, values)
     studies = []
     with (
-        Crew(os.cpu_count() or 1) as crew,
+        workers(os.cpu_count() or 1) as processes,
         tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder,
     ):
         for number, case in enumerate(cases):
@@ -57,11 +57,11 @@ def run(
                 if progress is not None:
                     progress((number + done / of) / len(cases))
 
-            studies.append(studied(case, asked, crew, Path(folder) / f"model{number}", advance))
+            studies.append(study(case, asked, processes, Path(folder) / f"model{number}", advance))
     return _written(studies, _extremes(extremes), Path(out))
 
 
-def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Asked) -> None:
+def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Restrictions) -> None:
     floating = next((path for path in paths if isinstance(path, RobotFile)), None)
     if floating is not None:
         raise ModelError(
@@ -180,9 +180,6 @@ def show(record: Reported, console: Console) -> None:
             console.print(f"  {line}")
     if record.extremes:
         console.print(page.outcomes(record.extremes))
-    runs = (
-        f"{len(record.rows)} runs, {sum(row['status'] == 'ok' for row in record.rows)} of them to the end; "
-        if record.rows
-        else ""
-    )
+    complete = sum(row["status"] == "ok" for row in record.rows)
+    runs = f"{len(record.rows)} runs, {complete} of them to the end; " if record.rows else ""
     console.print(f"{runs}wrote {record.html}, {record.csv.name} and {record.json.name}")

@@ -24,6 +24,8 @@ enum { NX = 2, NQ = 1, N = 3, MOVING = 2 };
 #define HAS_COORDINATES 0
 #define HAS_CHOICES 0
 #define HAS_MIDPOINT 1
+#define HAS_ROWS 0
+#define FRAME 0
 #define TURNING 1
 #define EXPLICIT_STAGES 4
 #define ROSENBROCK_STAGES 0

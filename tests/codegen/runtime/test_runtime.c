@@ -31,7 +31,7 @@ static const double gravity[] = {9.81};
 static int moved(const Method *method, double step, double time, double *x, Simulation *s)
 {
     double rows[2], work[1];
-    const Rows to = {rows, work, NULL, NULL, NULL};
+    const Rows to = {rows, work, NULL, NULL, NULL, NULL};
     Run r = {s, NULL, gravity, 1e-9, 1e-11};
     int status;
     s->step_size = step;
@@ -111,7 +111,7 @@ static void statuses(void)
 {
     Simulation s = {0}, slow = {0};
     double x[] = {0.0, 2000.0}, rows[2], work[1], time = 1.0;
-    const Rows to = {rows, work, NULL, NULL, NULL};
+    const Rows to = {rows, work, NULL, NULL, NULL, NULL};
     Run r = {&slow, NULL, gravity, 1e-9, 1e-11};
     check(moved(&by_rk4, 0.1, 1.0, x, &s) == NOT_FINITE, "what dynamics says ends the motion");
     slow.step_size = 0.01;

@@ -4,7 +4,7 @@ with all integrators in it."""
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS
 from derive.diagnostics import AssumptionError
-from derive.enforcement import ENFORCEMENTS, Options, kept_equations, usual_rate
+from derive.enforcement import ENFORCEMENTS, Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
@@ -58,37 +58,25 @@ def _start(path: str, values: tuple[tuple[str, float | str], ...]) -> Start:
     return Start(system, initial_state(system, given.initial, p), u, p)
 
 
-def built(
+def module(
     path: str, values: Mapping[str, float | str], unit: Mapping[str, str], span: float, folder: str
-) -> Iterator[dict[str, Any]]:
-    """What runs need to know of the module that is in `folder` now."""
-    found = start(path, values)
-    plain = plain_equations(found, unit)
-    known = {
-        enforcement.name: enforcement
-        for enforcement in ENFORCEMENTS
-        if (enforcement.name == unit["own"] if unit["own"] else enforcement.name not in OWN)
-    }
-    alpha = _rate(found, plain, span) if unit["own"] else None
-    options = Options(alpha, (), tuple(found.u), tuple(found.p))
-    refused = {name: enforcement.refusal(plain, options) for name, enforcement in known.items()}
-    fitting = [enforcement for enforcement in known.values() if not refused[enforcement.name]]
+) -> dict[str, Any]:
+    """Builds the module of a unit into `folder`; what runs need to know of it."""
+    begin = start(path, values)
+    plain = plain_equations(begin, unit)
+    alpha = _rate(begin, plain, span) if unit["own"] else None
+    options = Options(alpha, (), tuple(begin.u), tuple(begin.p))
+    refused = {each.name: each.refusal(plain, options) for each in _candidates(unit)}
+    fitting = [each for each in _candidates(unit) if not refused[each.name]]
     if not fitting:
         raise AssumptionError("; ".join(refused.values()))
-    made = (
-        kept_equations(found.system, unit["choice"] or None, plain.formulation, fitting[0], options)
-        if unit["own"]
-        else plain
-    )
-    for enforcement in fitting if not unit["own"] else ():
-        made = enforcement.equations(made, options)
-    names = [function.name for function in made.functions if function.name in FUNCTIONS]
+    formed = _formed(begin, unit, plain, fitting, options)
+    names = [function.name for function in formed.functions if function.name in FUNCTIONS]
     methods = [method.name for method in INTEGRATORS]
-    program = program_of(
-        made, names, integrators=methods, enforcements=[enforcement.name for enforcement in fitting]
-    )
+    enforcements = [enforcement.name for enforcement in fitting]
+    program = program_of(formed, names, integrators=methods, enforcements=enforcements)
     published(program, folder)
-    yield {
+    return {
         "operations": program.kernel("dynamics").operations["total"],
         "enforcements": list(program.enforcements),
         "misfits": {name: reason for name, reason in refused.items() if reason},
@@ -96,20 +84,44 @@ def built(
     }
 
 
-def plain_equations(found: Start, unit: Mapping[str, str]) -> Equations:
-    return equations(found.system, unit["choice"] or None, unit["formulation"])
+def _candidates(unit: Mapping[str, str]) -> list[Enforcement]:
+    """The enforcement that the unit is made for, else all that leave the equations as they are."""
+    if unit["own"]:
+        return [each for each in ENFORCEMENTS if each.name == unit["own"]]
+    return [each for each in ENFORCEMENTS if each.name not in OWN]
 
 
-def _rate(found: Start, plain: Equations, span: float) -> float:
-    return usual_rate(plain, 0.0, first_state(found, plain), found.u, found.p, span)
+def _formed(
+    begin: Start,
+    unit: Mapping[str, str],
+    plain: Equations,
+    fitting: Sequence[Enforcement],
+    options: Options,
+) -> Equations:
+    """The equations with what the enforcements add."""
+    if unit["own"]:
+        choice = unit["choice"] or None
+        return kept_equations(begin.system, choice, plain.formulation, fitting[0], options)
+    for enforcement in fitting:
+        plain = enforcement.equations(plain, options)
+    return plain
 
 
-def first_state(found: Start, made: Equations) -> np.ndarray:
+def plain_equations(begin: Start, unit: Mapping[str, str]) -> Equations:
+    """Without an enforcement."""
+    return equations(begin.system, unit["choice"] or None, unit["formulation"])
+
+
+def _rate(begin: Start, plain: Equations, span: float) -> float:
+    return usual_rate(plain, 0.0, first_state(begin, plain), begin.u, begin.p, span)
+
+
+def first_state(begin: Start, equations: Equations) -> np.ndarray:
     """x at the start, by the equations' own function."""
-    function = made.function("state")
-    t, _, u, p = (argument.symbols for argument in made.arguments)
+    function = equations.function("state")
+    t, _, u, p = (argument.symbols for argument in equations.arguments)
     assert function.x is not None
     state = ca.Function("state", [t, function.x.symbols, u, p], [ca.densify(function.result.value)])
     return np.asarray(
-        state(0.0, np.concatenate([found.initial.q, found.initial.v]), found.u, found.p)
+        state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
     ).ravel()

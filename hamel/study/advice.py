@@ -17,8 +17,8 @@ from hamel.study.front import (
     is_traditional,
     method,
 )
-from hamel.study.judging import Reference
-from hamel.study.running import TOO_LONG
+from hamel.study.judgement import Reference
+from hamel.study.runs import TOO_LONG
 
 WORTH = 1e-8  # the error the advice is about, where it is reached
 MOST_BROKEN = 6

@@ -1,4 +1,4 @@
-"""What was found before: finished runs are stored under a hash of all they depend on, a line
+"""Results of earlier runs: finished runs are stored under a hash of all they depend on, a line
 each."""
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from hamel.build import keys, store
 KIND = "report"  # of entries in the store
 
 
-class Found:
+class Results:
     """By name; what is put in is on disk at once, so that an interrupted report goes on where it
     was."""
 

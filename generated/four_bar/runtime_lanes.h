@@ -1,0 +1,641 @@
+/* Many motions, LANES of them side by side: each lane has its own step size, its own acceptance and its own end, and is refilled from
+   the queue. What is seldom (an angle that is too large, a pivot near zero, a guard that is crossed) is done by the loop for one
+   motion, a step at a time, so that rows are those of that loop to rounding.
+
+   Entry i of lane l stands at [i * LANES + l]. Functions NAME_lanes take arrays of that kind and add to stray[l] where a lane is not
+   plain.
+
+   No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
+
+#include <stdint.h>
+#include <string.h>
+
+/* The motions from rows of x, u and p; strides are distances between rows, 0 to use one row for all. */
+typedef struct {
+    Simulation s;
+    Run run;
+    const double *times;
+    Rows rows; /* of this motion */
+    int failed; /* status of the last step that had to be made shorter */
+#if FRAME
+    double data[PARAMETERS];
+#endif
+} Motion;
+
+/* The start of motion number `row`. Returns a status. */
+static int begin(const Motions *all, size_t row, Motion *m, double *c)
+{
+    const double *const x = all->x + (ptrdiff_t)row * all->x_stride;
+    const size_t place = row * all->n;
+    const Simulation empty = {0};
+    int i;
+    m->s = empty;
+    m->s.integrator = all->integrator;
+    m->s.enforcement = all->enforcement;
+    m->s.step_size = all->step_size;
+    m->s.t = all->t0[(ptrdiff_t)row * all->t0_stride];
+    for (i = 0; i < NX; i++)
+        m->s.x[i] = x[i];
+    m->run.s = &m->s;
+    m->run.u = all->u ? all->u + (ptrdiff_t)row * all->u_stride : NULL;
+    m->run.p = all->p ? all->p + (ptrdiff_t)row * all->p_stride : NULL;
+    m->run.rtol = all->rtol;
+    m->run.atol = all->atol;
+    m->times = all->times + (ptrdiff_t)row * all->times_stride;
+    m->failed = OK;
+    m->rows.x = all->x_out + place * NX;
+    m->rows.work = all->work_out + place;
+    m->rows.v = all->v_out ? all->v_out + place * VELOCITY_ROWS : NULL;
+    m->rows.chart = all->chart_out ? all->chart_out + place : NULL;
+    m->rows.reduced = all->reduced_out ? all->reduced_out + place * NX : NULL;
+    m->rows.frame = all->frame_out ? all->frame_out + place * FRAME : NULL;
+#if HAS_CHOICES
+    m->s.choice = all->chart;
+#endif
+#if FRAME
+    m->run.data = m->data;
+    framed(&m->run, m->run.p);
+    m->run.p = m->data;
+#endif
+#if HAS_CONSTANTS
+    m->run.c = c;
+    return MODEL_precompute(m->run.p, c);
+#else
+    (void)c;
+    return OK;
+#endif
+}
+
+/* The end of motion number `row`: its counts, and rows that are not reached become NaN. */
+static void finish(const Motions *all, size_t row, const Motion *m, int status)
+{
+    const Simulation *const s = &m->s;
+    End *const end = all->ends + row;
+    size_t k;
+    int i;
+    end->status = status;
+    end->t = s->t;
+    end->steps = s->steps;
+    end->rejected = s->rejected;
+    end->calls = s->calls;
+    end->crossings = s->crossings;
+    end->charts = s->charts;
+    end->position_violation = s->position_violation;
+    end->velocity_violation = s->velocity_violation;
+    end->switches = end->bases = 0;
+#if HAS_CHOICES
+    end->switches = s->switches;
+#endif
+#if FRAME
+    end->bases = s->bases;
+#endif
+    for (k = (size_t)s->done; k < all->n; k++) {
+        m->rows.work[k] = NAN;
+        for (i = 0; i < NX; i++)
+            m->rows.x[k * NX + (size_t)i] = NAN;
+        for (i = 0; m->rows.reduced && i < NX; i++)
+            m->rows.reduced[k * NX + (size_t)i] = NAN;
+        for (i = 0; m->rows.v && i < VELOCITY_ROWS; i++)
+            m->rows.v[k * VELOCITY_ROWS + (size_t)i] = NAN;
+        if (m->rows.chart)
+            m->rows.chart[k] = -1.0;
+        for (i = 0; m->rows.frame && i < FRAME; i++)
+            m->rows.frame[k * FRAME + (size_t)i] = NAN;
+    }
+}
+
+/* All motions one by one. */
+static void one_by_one(const Motions *all, const Method *method)
+{
+    size_t row;
+    for (row = 0; row < all->rows; row++) {
+        Motion m;
+        double c[CONSTANTS + 1];
+        int status = begin(all, row, &m, c);
+        if (status == OK)
+            status = run_to(&m.run, method, all->n, m.times, all->budget, &m.rows);
+        finish(all, row, &m, status);
+    }
+}
+
+#if HAS_LANES && EXPLICIT_STAGES
+
+#pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed between functions of this file alone */
+
+typedef double Vector __attribute__((vector_size(8 * LANES), may_alias));
+typedef uint64_t Bits __attribute__((vector_size(8 * LANES), may_alias)); /* all or none in every lane, where it says which */
+
+/* The state of LANES motions. */
+typedef struct {
+    double y[N * LANES], own[N * LANES], z[N * LANES], next[N * LANES], k[EXPLICIT_STAGES + 1][N * LANES], e[N * LANES], other[N * LANES];
+    double u[(INPUTS + 1) * LANES], p[(PARAMETERS + 1) * LANES], c[(CONSTANTS + 1) * LANES];
+    double t[LANES], h[LANES], end[LANES], at[LANES], error[LANES], last[LANES], stray[LANES], residual[LANES], before[LANES];
+    double position_violation[LANES], velocity_violation[LANES];
+    double bad[LANES]; /* not zero where a lane has to be done alone */
+    double floor[(NQ + 1) * LANES]; /* a turn where an angle went round, for the tolerance */
+    double guard[(GUARDS + 1) * LANES], guard_size[(GUARDS + 1) * LANES], guard_rate[(GUARDS + 1) * LANES], seen[(GUARDS + 1) * LANES];
+    double violation[(CONSTRAINT_ROWS + 1) * LANES];
+    double constants[LANES][CONSTANTS + 1]; /* the same for the loop of one motion */
+    uint64_t good[LANES], moved[LANES], active[LANES];
+    int busy[LANES];
+    size_t row[LANES];
+    Motion motion[LANES];
+} Lanes;
+
+static inline void store(double *to, Vector v)
+{
+    *(Vector *)to = v;
+}
+
+static inline Vector vector(const double *from)
+{
+    return *(const Vector *)from;
+}
+
+static inline Bits bits(const uint64_t *from)
+{
+    return *(const Bits *)from;
+}
+
+static inline Vector either(Bits which, Vector a, Vector b)
+{
+    return (Vector)((which & (Bits)a) | (~which & (Bits)b));
+}
+
+static inline Vector size_of(Vector v)
+{
+    return (Vector)((Bits)v & UINT64_C(0x7fffffffffffffff));
+}
+
+static inline Vector larger(Vector a, Vector b)
+{
+    return either((Bits)(a > b), a, b);
+}
+
+static inline int any(Bits which)
+{
+    uint64_t all = 0;
+    int lane;
+    for (lane = 0; lane < LANES; lane++)
+        all |= which[lane];
+    return all != 0;
+}
+
+/* log2 of positive numbers to 1e-12, of zero something far below, of what is not finite something far above. */
+static inline Vector quick_log2(Vector x)
+{
+    const Bits exponent = ((Bits)x + UINT64_C(0x95f619980c433)) >> 52; /* the mantissa lies between the roots of 1/2 and 2 */
+    const Vector m = (Vector)((Bits)x - ((exponent - 1023) << 52)), s = (m - 1.0) / (m + 1.0), q = s * s;
+    const Vector whole = (Vector)(exponent | UINT64_C(0x4330000000000000)) - 4503599627371519.0; /* 2^52 + 1023 */
+    return whole + s * 2.8853900817779268 * (1.0 + q * (1.0 / 3 + q * (0.2 + q * (1.0 / 7 + q * (1.0 / 9 + q * (1.0 / 11 + q * (1.0 / 13)))))));
+}
+
+/* 2^x for |x| < 1000 to 1e-12. */
+static inline Vector quick_exp2(Vector x)
+{
+    const Vector near = x + 6755399441055744.0, r = (x - (near - 6755399441055744.0)) * 0.6931471805599453; /* 3/2 2^52 */
+    const Vector power = (Vector)(((Bits)near + 1023) << 52);
+    return power * (1.0 + r * (1.0 + r * (1.0 / 2 + r * (1.0 / 6 + r * (1.0 / 24 + r * (1.0 / 120 + r * (1.0 / 720 + r * (1.0 / 5040 + r * (1.0 / 40320 + r * (1.0 / 362880 + r * (1.0 / 3628800)))))))))));
+}
+
+/* Into the lane from its motion, and back. */
+static void enter_lane(Lanes *w, int lane)
+{
+    const Simulation *const s = &w->motion[lane].s;
+    int i;
+    for (i = 0; i < N; i++) {
+        w->y[i * LANES + lane] = s->x[i];
+        w->own[i * LANES + lane] = s->slope[i];
+    }
+    w->t[lane] = s->t;
+    w->error[lane] = s->error;
+    w->position_violation[lane] = s->position_violation;
+    w->velocity_violation[lane] = s->velocity_violation;
+    w->last[lane] = log2(fabs(s->error));
+#if TURNING
+    for (i = 0; i < TURNING; i++)
+        w->floor[turning[i] * LANES + lane] = s->turns[turning[i]] != 0.0 ? turn : 0.0;
+#endif
+#if HAS_GUARDS
+    for (i = 0; i < GUARDS; i++) {
+        w->guard[i * LANES + lane] = s->guard[i];
+        w->guard_size[i * LANES + lane] = s->guard_size[i];
+        w->guard_rate[i * LANES + lane] = s->guard_rate[i];
+    }
+#endif
+}
+
+static void leave_lane(Lanes *w, int lane)
+{
+    Simulation *const s = &w->motion[lane].s;
+    int i;
+    for (i = 0; i < N; i++) {
+        s->x[i] = w->y[i * LANES + lane];
+        s->slope[i] = w->own[i * LANES + lane];
+    }
+    s->error = w->error[lane];
+    s->position_violation = w->position_violation[lane];
+    s->velocity_violation = w->velocity_violation[lane];
+#if HAS_GUARDS
+    for (i = 0; i < GUARDS; i++) {
+        s->guard[i] = w->guard[i * LANES + lane];
+        s->guard_size[i] = w->guard_size[i * LANES + lane];
+        s->guard_rate[i] = w->guard_rate[i * LANES + lane];
+    }
+#endif
+}
+
+/* Rows at the output times that the motion has reached; OK, or the status that ends it, MORE where times are left. */
+static int reached(const Motions *all, Motion *m)
+{
+    for (; (size_t)m->s.done < all->n && !(m->s.t < m->times[m->s.done]); m->s.done++) {
+        const int status = deliver_row(&m->run, &m->rows, (size_t)m->s.done);
+        if (status != OK)
+            return status;
+    }
+    return (size_t)m->s.done < all->n ? MORE : OK;
+}
+
+/* The next motion of the queue into a lane; those that end at once are left behind. */
+static void refill(const Motions *all, const Method *method, Lanes *w, int lane, size_t *queue)
+{
+    Motion *const m = w->motion + lane;
+    int i;
+    w->busy[lane] = 0;
+    while (*queue < all->rows && !w->busy[lane]) {
+        const size_t row = (*queue)++;
+        int status = begin(all, row, m, w->constants[lane]);
+        if (status == OK) {
+#if TURNING
+            unwind(&m->s);
+#endif
+            status = reached(all, m);
+        }
+        if (status == MORE)
+            status = start(&m->run, method, m->times[all->n - 1] - m->s.t);
+        else if (status == OK) {
+            finish(all, row, m, OK);
+            continue;
+        }
+        if (status != OK) {
+            finish(all, row, m, told(&m->run, status));
+            continue;
+        }
+        w->busy[lane] = 1;
+        w->row[lane] = row;
+        for (i = 0; i < INPUTS; i++)
+            w->u[i * LANES + lane] = m->run.u[i];
+        for (i = 0; i < PARAMETERS; i++)
+            w->p[i * LANES + lane] = m->run.p[i];
+        for (i = 0; i < CONSTANTS; i++)
+            w->c[i * LANES + lane] = w->constants[lane][i];
+        enter_lane(w, lane);
+    }
+}
+
+/* The slope at states z, of the work too where it is `weighted`; lanes that are not plain become bad. */
+static inline void slopes(Lanes *w, const double *t, const double *z, int weighted, double *k)
+{
+    const Vector zero = {0.0};
+    LANES_dynamics(t, z, w->u, HAS_CONSTANTS ? w->c : w->p, k, w->stray);
+    store(w->bad, vector(w->bad) + vector(w->stray));
+    store(k + NX * LANES, zero);
+#if HAS_POWER
+    if (weighted) {
+        LANES_power(t, z, w->u, w->p, k + NX * LANES, w->stray);
+        store(w->bad, vector(w->bad) + vector(w->stray));
+    }
+#endif
+    (void)weighted;
+}
+
+/* Entries i to i + count of z = y + h * (the sum of row n over the slopes), or of h times the sum alone; `count` is a constant where this
+   is called, at most 4. */
+static inline void combine_some(const Tableau *m, int n, const Lanes *w, const double *y, double *z, int i, int count)
+{
+    const Vector h = vector(w->h);
+    Vector sum[4];
+    int j, k;
+    for (k = 0; k < count; k++)
+        sum[k] = m->weight[m->row[n]] * vector(w->k[m->at[m->row[n]]] + (i + k) * LANES);
+    for (j = m->row[n] + 1; j < m->row[n + 1]; j++) {
+        const double weight = m->weight[j], *const from = w->k[m->at[j]] + i * LANES;
+        for (k = 0; k < count; k++)
+            sum[k] += weight * vector(from + k * LANES);
+    }
+    for (k = 0; k < count; k++)
+        store(z + (i + k) * LANES, y ? vector(y + (i + k) * LANES) + h * sum[k] : h * sum[k]);
+}
+
+/* All of them: several sums at a time, for each addition waits for the one before. */
+static inline void combine(const Tableau *m, int n, const Lanes *w, const double *y, double *z)
+{
+    int i;
+    for (i = 0; i + 4 <= MOVING; i += 4)
+        combine_some(m, n, w, y, z, i, 4);
+    for (; i + 2 <= MOVING; i += 2)
+        combine_some(m, n, w, y, z, i, 2);
+    for (; i < MOVING; i++)
+        combine_some(m, n, w, y, z, i, 1);
+}
+
+/* Root mean square of the values relative to the tolerance at y and z, squared. */
+static inline Vector norms(const Motions *all, const Lanes *w, const double *values)
+{
+    Vector squares = {0.0};
+    int i;
+    for (i = 0; i < MOVING; i++) {
+        Vector size = larger(size_of(vector(w->y + i * LANES)), size_of(vector(w->z + i * LANES))), scaled;
+#if TURNING
+        if (i < NQ)
+            size = larger(size, vector(w->floor + i * LANES));
+#endif
+        scaled = vector(values + i * LANES) / (all->atol + all->rtol * size);
+        squares += scaled * scaled;
+    }
+    return squares / (double)N;
+}
+
+/* One step of an explicit method in all lanes: z, next, and the error in units of the tolerance. */
+static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *w, double *error)
+{
+    double squares[LANES], sizes[LANES];
+    int n, lane;
+    memcpy(w->k[0], w->own, sizeof w->own);
+#if !HAS_POWER
+    memcpy(w->z + NX * LANES, w->y + NX * LANES, LANES * sizeof(double));
+#endif
+    for (n = 1; n <= m->stages; n++) {
+        combine(m, n - 1, w, w->y, w->z);
+        store(w->at, vector(w->t) + m->c[n - 1] * vector(w->h));
+        slopes(w, w->at, w->z, m->weighted >> n & 1, w->k[n]);
+    }
+    memcpy(w->next, w->k[m->stages], sizeof w->next);
+    memset(error, 0, LANES * sizeof(double));
+    if (m->errors == 0 || all->step_size > 0.0)
+        return;
+    combine(m, m->stages, w, NULL, w->e);
+    {
+        const Vector first = norms(all, w, w->e);
+        Vector size = first;
+        if (m->errors == 2) {
+            combine(m, m->stages + 1, w, NULL, w->other);
+            size = first + 0.01 * norms(all, w, w->other);
+        }
+        memcpy(squares, &first, sizeof squares);
+        memcpy(sizes, &size, sizeof sizes);
+    }
+    for (lane = 0; lane < LANES; lane++)
+        error[lane] = squares[lane] == 0.0 ? 0.0 : squares[lane] / sqrt(sizes[lane]);
+}
+
+#if HAS_PROJECT
+/* Puts z of good lanes back on the constraints; slopes are computed again where that moved it. What does not converge becomes bad. */
+static inline void lanes_projected(Lanes *w)
+{
+    double *const point = w->e, *const close = w->other;
+    Bits active = bits(w->good), moved = active ^ active;
+    Vector before = (Vector){0.0} + INFINITY;
+    int i, n, lane;
+    memcpy(point, w->z, sizeof w->z);
+    for (n = 0; n < PROJECT_MOST && any(active); n++) {
+        Vector residual;
+        Bits plain;
+        LANES_project(w->end, point, w->u, w->p, close, w->stray, w->residual);
+        residual = vector(w->residual);
+        plain = (Bits)(vector(w->stray) == 0.0);
+        store(w->bad, vector(w->bad) + either(active, vector(w->stray), residual - residual));
+        active &= plain;
+        for (i = 0; i < NX; i++)
+            store(point + i * LANES, either(active, vector(close + i * LANES), vector(point + i * LANES)));
+        active &= ~((Bits)(residual <= PROJECT_TOLERANCE) | ((Bits)(residual >= 0.5 * before) & (Bits)(residual <= 1000.0 * PROJECT_TOLERANCE)));
+        before = residual;
+    }
+    store(w->bad, vector(w->bad) + either(active, (Vector){0.0} + 1.0, (Vector){0.0})); /* not converged */
+    for (i = 0; i < NX; i++)
+        moved |= (Bits)(vector(point + i * LANES) != vector(w->z + i * LANES));
+    moved &= bits(w->good);
+    *(Bits *)w->moved = moved;
+    if (!any(moved))
+        return;
+    memcpy(w->z, point, NX * LANES * sizeof(double)); /* lanes that are not good are not looked at any more */
+    slopes(w, w->end, w->z, 1, w->k[0]);
+    for (i = 0; i < N; i++)
+        store(w->next + i * LANES, either(moved, vector(w->k[0] + i * LANES), vector(w->next + i * LANES)));
+    for (lane = 0; lane < LANES; lane++)
+        w->motion[lane].s.calls += w->moved[lane] != 0;
+}
+#endif
+
+/* What constraints and guards say about z: violations, and lanes that the loop of one motion has to look at. */
+static inline void lanes_looked(Lanes *w)
+{
+#if HAS_CONSTRAINTS
+    LANES_constraints(w->end, w->z, w->u, w->p, w->violation, w->stray);
+    store(w->bad, vector(w->bad) + vector(w->stray));
+#endif
+#if HAS_GUARDS
+    const Vector one = (Vector){0.0} + 1.0;
+    Vector drift = {0.0}, bad;
+    int i;
+    for (i = 0; HAS_CONSTRAINTS && i < POSITION_ROWS; i++)
+        drift = larger(drift, size_of(vector(w->violation + i * LANES)));
+    LANES_guards(w->end, w->z, w->u, w->p, w->seen, w->stray);
+    bad = vector(w->bad) + vector(w->stray);
+    for (i = 0; i < GUARDS; i++) {
+        const Vector value = vector(w->seen + i * LANES), old = vector(w->guard + i * LANES), rate = vector(w->guard_rate + i * LANES);
+        const Vector size = vector(w->guard_size + i * LANES), part = size_of(value) / larger(size, size_of(value));
+        const Vector before = size_of(old) + 1.2 * vector(w->h) * (rate - larger(rate, rate - rate));
+        const Bits near = ~(Bits)(part > 1e-6) | ((Bits)(part < 0.1) & (Bits)(drift > 1e-4 * part * part));
+        const Bits crossed = (Bits)(size > 0.0) & ((Bits)(value * old < 0.0) | (Bits)(before < 0.0));
+        bad += either(near | crossed, one, one - one);
+    }
+    store(w->bad, bad);
+#endif
+    (void)w;
+}
+
+/* Good lanes take their step. */
+static inline void lanes_accept(Lanes *w)
+{
+    const Bits good = bits(w->good);
+    int i;
+#if HAS_GUARDS
+    for (i = 0; i < GUARDS; i++) {
+        const Vector value = vector(w->seen + i * LANES), old = vector(w->guard + i * LANES), size = vector(w->guard_size + i * LANES);
+        const Vector rate = either((Bits)(value * old > 0.0), (size_of(value) - size_of(old)) / vector(w->h), old - old);
+        store(w->guard_rate + i * LANES, either(good, rate, vector(w->guard_rate + i * LANES)));
+        store(w->guard + i * LANES, either(good, value, old));
+        store(w->guard_size + i * LANES, either(good, larger(size_of(value), size), size));
+    }
+#endif
+    for (i = 0; i < N; i++) {
+        store(w->y + i * LANES, either(good, vector(w->z + i * LANES), vector(w->y + i * LANES)));
+        store(w->own + i * LANES, either(good, vector(w->next + i * LANES), vector(w->own + i * LANES)));
+    }
+#if HAS_CONSTRAINTS
+    {
+        Vector position = vector(w->position_violation), velocity = vector(w->velocity_violation);
+        for (i = 0; i < CONSTRAINT_ROWS; i++) {
+            const Vector size = either(good, size_of(vector(w->violation + i * LANES)), position - position);
+            if (i < POSITION_ROWS)
+                position = larger(size, position);
+            else
+                velocity = larger(size, velocity);
+        }
+        store(w->position_violation, position);
+        store(w->velocity_violation, velocity);
+    }
+#endif
+}
+
+/* After a good step of one lane: counts, time, the next size by `factor`, turns; rows where an output time is reached. */
+static int stepped(const Motions *all, Lanes *w, int lane, double error, double factor, int last)
+{
+    Motion *const m = w->motion + lane;
+    Simulation *const s = &m->s;
+    if (!(all->step_size > 0.0)) {
+        const double ratio = fmax(w->error[lane] < 0.0 ? 1.0 : 0.1, fmin(5.0, factor));
+        if (!last || w->h[lane] / ratio > s->next_step)
+            s->next_step = w->h[lane] / ratio;
+        w->error[lane] = error > 1e-4 ? error : 1e-4;
+    }
+    s->steps++;
+    s->t = w->t[lane] = w->end[lane];
+    m->failed = OK;
+#if TURNING
+    {
+        int i, far = 0;
+        for (i = 0; i < TURNING; i++)
+            far |= fabs(w->y[turning[i] * LANES + lane]) > turn;
+        if (far) {
+            leave_lane(w, lane);
+            unwind(s);
+            enter_lane(w, lane);
+        }
+    }
+#endif
+    if (s->t < m->times[s->done])
+        return MORE;
+    leave_lane(w, lane);
+    return reached(all, m);
+}
+
+/* Sizes of the next steps. Lanes that may not go on are ended and refilled. Returns how many are busy. */
+static int lanes_sizes(const Motions *all, const Method *method, Lanes *w, size_t *queue, double *left)
+{
+    int lane, count = 0;
+    for (lane = 0; lane < LANES; lane++)
+        while (w->busy[lane]) {
+            Motion *const m = w->motion + lane;
+            const Simulation *const s = &m->s;
+            const double time = m->times[s->done];
+            double h;
+            int status = OK;
+            left[lane] = time - s->t;
+            h = next_size(s, left[lane]);
+            if (s->steps + s->rejected >= all->budget)
+                status = MORE;
+            else if (h < left[lane] && h < fmax(16.0 * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(m->times[all->n - 1])))
+                status = m->failed ? m->failed : STEP_TOO_SMALL;
+            if (status == OK) {
+                w->h[lane] = h;
+                w->end[lane] = h >= left[lane] ? time : s->t + h;
+                count++;
+                break;
+            }
+            leave_lane(w, lane);
+            finish(all, w->row[lane], m, status == MORE ? MORE : told(&m->run, status));
+            refill(all, method, w, lane, queue);
+        }
+    return count;
+}
+
+/* Takes the step of one lane again, by the loop of one motion. */
+static int alone(const Motions *all, const Method *method, Lanes *w, int lane, double left)
+{
+    Motion *const m = w->motion + lane;
+    int status;
+    leave_lane(w, lane);
+    m->s.calls -= ((const Tableau *)method->coefficients)->stages + (w->moved[lane] != 0);
+    status = advance(&m->run, method, m->times[m->s.done], left, w->h[lane], &m->failed);
+    enter_lane(w, lane);
+    if (status != OK)
+        return told(&m->run, status);
+    return m->s.t < m->times[m->s.done] ? MORE : reached(all, m);
+}
+
+static void side_by_side(const Motions *all, const Method *method, Lanes *w)
+{
+    const Tableau *const tableau = (const Tableau *)method->coefficients;
+    const double floor_of_log = -13.287712379549449; /* log2 of 1e-4 */
+    double left[LANES] = {0.0}, error[LANES], shorter[LANES], factor[LANES], logs[LANES], stray[LANES];
+    size_t queue = 0;
+    int lane;
+    memset(w, 0, sizeof *w);
+    for (lane = 0; lane < LANES; lane++)
+        refill(all, method, w, lane, &queue);
+    while (lanes_sizes(all, method, w, &queue, left)) {
+        memset(w->bad, 0, sizeof w->bad);
+        memset(w->moved, 0, sizeof w->moved);
+        lanes_step(all, tableau, w, error);
+        memcpy(stray, w->bad, sizeof stray);
+        {
+            Vector log, part;
+            memcpy(&log, error, sizeof log);
+            log = quick_log2(log);
+            part = quick_exp2(method->grow * log) / method->safety;
+            memcpy(shorter, &part, sizeof part);
+            part = quick_exp2(method->grow * log - method->damp * vector(w->last)) / method->safety;
+            memcpy(factor, &part, sizeof part);
+            memcpy(logs, &log, sizeof log);
+        }
+        for (lane = 0; lane < LANES; lane++)
+            w->good[lane] = w->busy[lane] && w->bad[lane] == 0.0 && error[lane] <= 1.0 ? UINT64_MAX : 0;
+#if HAS_PROJECT
+        if (all->enforcement == PROJECTION)
+            lanes_projected(w);
+#endif
+        lanes_looked(w);
+        *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
+        lanes_accept(w);
+        for (lane = 0; lane < LANES; lane++) {
+            Motion *const m = w->motion + lane;
+            int status = MORE;
+            if (!w->busy[lane])
+                continue;
+            m->s.calls += tableau->stages;
+            if (w->good[lane]) {
+                status = stepped(all, w, lane, error[lane], factor[lane], w->h[lane] >= left[lane]);
+                w->last[lane] = logs[lane] > floor_of_log ? logs[lane] : floor_of_log;
+            } else if (!(error[lane] > 1.0) || !(stray[lane] == 0.0)) {
+                status = alone(all, method, w, lane, left[lane]);
+            } else {
+                m->s.next_step = w->h[lane] / (shorter[lane] < 5.0 ? shorter[lane] : 5.0);
+                m->s.rejected++;
+                m->failed = OK;
+                w->error[lane] = -fabs(w->error[lane]);
+            }
+            if (status != MORE) {
+                finish(all, w->row[lane], m, status);
+                refill(all, method, w, lane, &queue);
+            }
+        }
+    }
+}
+#endif
+
+/* All motions; `workspace` has room for Lanes and begins at a multiple of 64 where motions run side by side. */
+static void run_all(const Motions *all, const Method *method, void *workspace)
+{
+#if HAS_LANES && EXPLICIT_STAGES
+    const int plain = all->enforcement == PROJECTION || all->enforcement == NONE;
+    if (plain && method->step == explicit_step) {
+        const uintptr_t place = ((uintptr_t)workspace + 63) / 64 * 64;
+        side_by_side(all, method, (Lanes *)place);
+        return;
+    }
+#endif
+    (void)workspace;
+    one_by_one(all, method);
+}

@@ -1,0 +1,249 @@
+"""A simulation: the module of a model is built, integrated from the consistent initial state, and
+what it says of itself becomes a record."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from codegen.reals import real_of
+from derive.choices.redundancy import lost
+from derive.choices.resolution import survey_of
+from derive.diagnostics import AssumptionError, ModelError
+from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
+from derive.formulations import equations
+from derive.formulations.charts import charted, together
+from derive.formulations.records import Equations
+from derive.mechanics.records import System
+from derive.robots import load
+from derive.states.initial import Initial, initial_state
+from hamel import charts
+from hamel.build.assurance import assure
+from hamel.build.module import temporary_module
+from hamel.build.stages import mechanics_of
+from hamel.records import Simulated
+from hamel.settings import settings
+from hamel.simulate import motion
+from hamel.simulate.exact import state_of
+from hamel.simulate.method import (
+    Method,
+    check_method,
+    check_numbers,
+    check_options,
+    check_positive,
+    fitting_enforcement,
+    own_integrator,
+    tolerances,
+)
+
+ROWS = 500  # of the output when no step is given
+MOST_ROWS = 10_000_000  # of the output: 80 MB a column
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The times of the output: 0, step, 2 step … and `time` itself, in seconds; about 500 rows when
+    `step` is None."""
+
+    time: float
+    step: float | None = None
+
+
+@dataclass(frozen=True)
+class Places:
+    """Files that the motion is written to and drawn in."""
+
+    out: str | Path | None = None
+    plot: str | Path | None = None
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A model with its consistent initial state, inputs u and parameters p; `plain` has no
+    enforcement, `options` are those of the enforcement."""
+
+    system: System
+    initial: Initial
+    u: np.ndarray
+    p: np.ndarray
+    plain: Equations
+    enforcement: Enforcement
+    options: Options
+
+    def equations(self, choice: str | None) -> Equations:
+        """With the enforcement, in a choice of quasi-velocities."""
+        formulation = self.plain.formulation
+        return kept_equations(self.system, choice, formulation, self.enforcement, self.options)
+
+
+def simulation(
+    path: str | PathLike[str],
+    method: Method,
+    rows: Rows,
+    values: Mapping[str, float | str],
+    places: Places = Places(),
+    progress: Progress | None = None,
+) -> Simulated:
+    """Integrate from the consistent initial state, with steps as `method` says; where the choice
+    fails on the way the other choices of the file take over.
+
+    Raises ModelError where what is asked for cannot be, AssumptionError where it does not fit the
+    model or the motion cannot go on.
+    """
+    check_method(method)
+    times = _times(rows, method.step_size)
+    writers = motion.writers(places.out, places.plot)
+    problem = _problem(path, method, rows.time, values)
+    chosen, course = _integrated(problem, method, times, progress)
+    for write in writers:
+        write(course)
+    used = replace(method, enforcement=problem.enforcement.name, alpha=problem.options.alpha)
+    return _record(chosen, used, problem.initial, course, places)
+
+
+def _problem(
+    path: str | PathLike[str], method: Method, time: float, values: Mapping[str, float | str]
+) -> Problem:
+    real = real_of(method.real)
+    tolerances(method, real)
+    system = mechanics_of(load(path))
+    given = settings(system.model, values)
+    u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
+    initial = initial_state(system, given.initial, p)
+    plain = equations(system, method.choice, method.formulation)
+    enforcement = fitting_enforcement(method, plain)
+    check_options(method, enforcement)
+    x = state_of(plain, initial, p)
+    check_numbers(real, system, x, u, p)
+    alpha = method.alpha
+    if alpha is None and enforcement.level == "rates":
+        alpha = usual_rate(plain, 0.0, x, u, p, time)
+    options = Options(alpha, method.conserve, tuple(u), tuple(p))
+    return Problem(system, initial, u, p, plain, enforcement, options)
+
+
+def _integrated(
+    problem: Problem, method: Method, times: np.ndarray, progress: Progress | None
+) -> tuple[Equations, motion.Motion]:
+    """The motion, and the equations it was made with: those of the choice, or charts of all choices
+    where that one comes to a singular position."""
+    chosen = problem.equations(method.choice)
+    try:
+        return chosen, _motion(problem, chosen, method, times, progress)
+    except AssumptionError as error:
+        others = _others(problem, chosen) if own_integrator(method) else []
+        if not others:
+            raise _explained(error, problem) from None
+        several = charted([chosen, *others], survey_of(problem.system))
+        try:
+            return several, _motion(problem, several, method, times, progress)
+        except AssumptionError:
+            raise _explained(error, problem) from None
+
+
+def _motion(
+    problem: Problem,
+    by: Equations,
+    method: Method,
+    times: np.ndarray,
+    progress: Progress | None,
+) -> motion.Motion:
+    """Built as a module that is dropped afterwards, and integrated."""
+    u, p, initial, enforcement = problem.u, problem.p, problem.initial, problem.enforcement.name
+    integrators = (method.integrator,) if own_integrator(method) else ()
+    accuracy = tolerances(method, real_of(method.real))
+    stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
+    with temporary_module(by, integrators, (enforcement,), real=method.real) as module:
+        assure(problem.plain, by, module)
+        if by.charts or by.frame:
+            x, chart, p = charts.start(module, initial.q, initial.v, u, p)
+        else:
+            x, chart = state_of(problem.plain, initial, p), 0
+        start = motion.Start(times, x, u, p, chart)
+        return motion.integrated(module, by, start, stepping, progress)
+
+
+def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
+    """The error, or what is behind it: constraint rows that depend on each other at the start and
+    with these parameters."""
+    system = problem.system
+    if not system.rows:
+        return error
+    survey = survey_of(system)
+    A = survey.solver.velocities(0.0, problem.initial.q, problem.p)[0]
+    repeats = lost(system, A, survey.kept) if np.isfinite(A).all() else ""
+    if not repeats:
+        return error
+    start = f"{system.model.name}: at the start, with these parameters"
+    return AssumptionError(
+        f"{start}, {repeats}: {error.diagnostics[0].message}",
+        "another start, or these values in the file: what repeats is found and dropped there",
+    )
+
+
+def _others(problem: Problem, chosen: Equations) -> list[Equations]:
+    """Other choices that can take over where the chosen one is singular."""
+    system = problem.system
+    alone = chosen.generalized_velocities or chosen.charts
+    if not system.rows or alone or problem.enforcement.level not in ("none", "steps"):
+        return []
+    names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))
+    others = []
+    for name in names:
+        if name != chosen.choice:
+            with contextlib.suppress(AssumptionError):
+                others.append(problem.equations(name))
+    return others
+
+
+def _times(rows: Rows, step_size: float | None) -> np.ndarray:
+    """0, step, 2 step … and the last time itself. Rows do not shorten equal steps unless asked
+    for."""
+    time, step = rows.time, rows.step
+    check_positive("time", time)
+    usual = time / ROWS if step_size is None else math.ceil(time / ROWS / step_size) * step_size
+    step = usual if step is None else step
+    check_positive("step", step)
+    if time / step > MOST_ROWS:
+        raise ModelError(f"a step of {step:g} s makes more than {MOST_ROWS} rows in {time:g} s")
+    count = math.floor(time / step * (1 + 1e-12))
+    inner = np.arange(count + 1) * step
+    return np.append(inner[inner < time * (1 - 1e-12)], time)
+
+
+def _record(
+    chosen: Equations, method: Method, initial: Initial, course: motion.Motion, places: Places
+) -> Simulated:
+    return Simulated(
+        model=chosen.system.model.name,
+        formulation=chosen.formulation,
+        choice=together(chosen),
+        enforcement=method.enforcement or "",
+        integrator=method.integrator,
+        alpha=method.alpha,
+        time=float(course.t[-1]),
+        steps=course.steps,
+        rejected=course.rejected,
+        calls=course.calls,
+        seconds=course.seconds,
+        position_violation=course.position_violation,
+        velocity_violation=course.velocity_violation,
+        acceleration_violation=course.acceleration_violation,
+        energy_balance=course.energy_balance,
+        crossings=course.crossings,
+        charts=course.charts,
+        switches=course.switches,
+        moved={name: {"given": wanted, "used": used} for name, wanted, used in initial.moved},
+        final={name: float(values[-1]) for name, values in course.columns().items()},
+        file=Path(places.out) if places.out else None,
+        plot=Path(places.plot) if places.plot else None,
+        motion=motion.written(course),
+    )

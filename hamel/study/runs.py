@@ -1,0 +1,194 @@
+"""Runs in the compiled loop of a module: whole simulations with the end time as their only output,
+timed and judged."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable, Mapping
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from codegen.integrators import INTEGRATORS
+from derive.formulations.functions import positions
+from hamel.build.module import module_in
+from hamel.charts import at_rows
+from hamel.simulate.motion import balanced
+from hamel.study.modules import Start, start
+
+MOST_STEPS = 10**9
+POINTS = 240  # of a track
+MOST_REPEATS = 15
+TOO_LONG = "too long"
+ADAPTIVE = {method.name for method in INTEGRATORS if method.adaptive}
+
+
+class TooLong(Exception):
+    """The run used more than its share of time."""
+
+
+def exact(
+    path: str,
+    values: Mapping[str, float | str],
+    folder: str,
+    span: float,
+    run: Mapping[str, Any],
+    limit: float,
+) -> dict[str, Any]:
+    """One tight run: the end (q, v), the sizes of all q and v on the way, and the largest energy
+    exchanged."""
+    begin, module = start(path, values), loaded(folder)
+    times = np.linspace(0.0, span, POINTS)
+    try:
+        motion = _simulated(module, begin, times, run, span, limit)
+    except (FloatingPointError, TooLong) as problem:
+        return {"failed": _cause(problem)[0]}
+    v = module.velocity(times, motion.x, begin.u, begin.p)
+    q = motion.x[:, : begin.system.q.numel()]
+    energy = module.energy(times, motion.x, begin.u, begin.p)
+    return {
+        "end": [*q[-1].tolist(), *v[-1].tolist()],
+        "sizes": np.max(np.abs(np.hstack([q, v])), axis=0).tolist(),
+        "exchanged": float(
+            max(np.max(np.abs(energy[:, 0])), np.ptp(energy[:, 1]), np.max(np.abs(motion.work)))
+        ),
+        "steps": motion.steps,
+        "violation": motion.position_violation,
+    }
+
+
+def row(
+    path: str,
+    values: Mapping[str, float | str],
+    folder: str,
+    span: float,
+    run: Mapping[str, Any],
+    limit: float,
+    share: float,
+) -> dict[str, Any]:
+    """One run, repeated while that takes no more than `share` seconds."""
+    begin, module, times = start(path, values), loaded(folder), np.array([span])
+    try:
+        ms, motion = timed(lambda: _simulated(module, begin, times, run, span, limit), share)
+    except (FloatingPointError, TooLong) as problem:
+        status, reached = _cause(problem)
+        return {"status": status, "stopped": reached}
+    return judged(module, begin, span, ms, motion)
+
+
+@functools.lru_cache(maxsize=4)
+def loaded(folder: str) -> ModuleType:
+    """The module in a folder that is used for no other."""
+    return module_in(folder)
+
+
+def judged(module: ModuleType, begin: Start, span: float, ms: float, motion: Any) -> dict[str, Any]:
+    """The row of a run that came to its end."""
+    before = module.energy(0.0, _state(module, begin), begin.u, begin.p)
+    after, v = (
+        at_rows(module, name, motion, begin.system.q.numel(), begin.u, begin.p)[-1]
+        for name in ("energy", "velocity")
+    )
+    gain = balanced(np.array([after]))[0] - balanced(np.array([before]))[0]
+    return {
+        "status": "ok",
+        "ms": ms,
+        "end": [*motion.x[-1, : begin.system.q.numel()].tolist(), *v.tolist()],
+        "phi": motion.position_violation,
+        "velocity": motion.velocity_violation,
+        "balance": float(gain - motion.work[-1]),
+        "steps": motion.steps,
+        "rejected": motion.rejected,
+        "calls": motion.calls,
+    }
+
+
+def timed(call: Callable[[], Any], share: float) -> tuple[float, Any]:
+    """Milliseconds of processor time, the least of as many calls as fit in `share` seconds; and
+    what a call returned."""
+    best, spent, motion = np.inf, 0.0, None
+    for repeat in range(MOST_REPEATS):
+        before = time.process_time()
+        motion = call()
+        took = time.process_time() - before
+        best, spent = min(best, took), spent + took
+        if repeat and spent + took > share:
+            break
+        if spent > 5 * share:
+            break
+    return 1e3 * best, motion
+
+
+def _simulated(
+    module: ModuleType,
+    begin: Start,
+    times: np.ndarray,
+    run: Mapping[str, Any],
+    span: float,
+    limit: float,
+) -> Any:
+    end = time.process_time() + limit
+
+    def watch(reached: float) -> None:
+        if time.process_time() > end:
+            raise TooLong(reached)
+
+    rtol = run.get("rtol") or 1e-6
+    return module.simulate(
+        (0.0, span),
+        _state(module, begin),
+        begin.u,
+        begin.p,
+        rtol=rtol,
+        atol=rtol / 100,
+        times=times,
+        max_steps=MOST_STEPS,
+        progress=watch,
+        integrator=run["integrator"],
+        enforcement=run["enforcement"],
+        step_size=span / run["count"] if run.get("count") else None,
+    )
+
+
+def _state(module: ModuleType, begin: Start) -> np.ndarray:
+    return module.state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
+
+
+def _cause(problem: Exception) -> tuple[str, float | None]:
+    """A status in a few words, and the time that was reached."""
+    if isinstance(problem, TooLong):
+        return TOO_LONG, float(problem.args[0])
+    place, _, why = str(problem).partition(": ")
+    reached = place.rpartition("t = ")[2]
+    try:
+        return why or place, float(reached)
+    except ValueError:
+        return str(problem), None
+
+
+def track(
+    path: str,
+    values: Mapping[str, float | str],
+    folder: str,
+    span: float,
+    run: Mapping[str, Any],
+    limit: float,
+) -> dict[str, Any]:
+    """Violations and energy error over time; without them where it does not come to its end."""
+    begin, module = start(path, values), loaded(folder)
+    times = np.linspace(0.0, span, POINTS)
+    try:
+        motion = _simulated(module, begin, times, run, span, limit)
+    except (FloatingPointError, TooLong) as problem:
+        return {"failed": _cause(problem)[0]}
+    closed, nq = positions(begin.system), begin.system.q.numel()
+    energy = balanced(at_rows(module, "energy", motion, nq, begin.u, begin.p))
+    violations = np.abs(at_rows(module, "constraints", motion, nq, begin.u, begin.p))
+    return {
+        "t": times.tolist(),
+        "phi": np.max(violations[:, :closed], axis=1, initial=0.0).tolist(),
+        "velocity": np.max(violations[:, closed:], axis=1, initial=0.0).tolist(),
+        "balance": np.abs(energy - energy[0] - motion.work).tolist(),
+    }

@@ -1,0 +1,219 @@
+"""Motions side by side: rows are those of the loop for one motion, whatever goes beside them."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import warnings
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from codegen import compiler, loader
+from codegen.emit import emit
+from codegen.integrators import INTEGRATORS, Tableau
+from codegen.passes import program
+from codegen.passes.lanes import side_by_side
+from derive.enforcement import ENFORCEMENTS
+from hamel.build.module import published
+from tests.scenes import derived
+from tests.toy import circle
+
+pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+EXPLICIT = tuple(x.name for x in INTEGRATORS if isinstance(x, Tableau))
+STEPS = {"rk4": 0.01}
+# The weights of verner9's error estimate are large: in short steps it is rounding, and moves the
+# sizes of the steps after it, so that two loops agree to the tolerance only.
+AGREES = {"verner9": (1e-6, 1e-8)}
+PAIRS = [
+    (name, enforcement)
+    for name, enforcements in {
+        "circle": ("projection", "none"),
+        "four_bar": ("projection", "none"),
+        "pendulum": ("none",),
+        "snake3": ("none",),
+    }.items()
+    for enforcement in enforcements
+]
+
+
+@pytest.fixture(scope="module")
+def modules(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ModuleType]:
+    base = tmp_path_factory.mktemp("lanes")
+    programs = {name: derived(name) for name in ("four_bar", "pendulum", "snake3")}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
+        return {
+            name: loader.load(published(program(e, None, (*EXPLICIT,)), base / name).folder)
+            for name, e in {**programs, "circle": circle()}.items()
+        }
+
+
+def starts(name: str, count: int) -> np.ndarray:
+    """Consistent states with velocities spread out."""
+    random = np.random.default_rng(3)
+    if name == "circle":
+        angle = random.uniform(0.0, 6.0, count)
+        return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    made = program(derived(name))
+    x = np.tile(made.nominal, (count, 1))
+    x[:, -len(made.quasi_velocities) :] += random.normal(
+        scale=3.0, size=(count, len(made.quasi_velocities))
+    )
+    return x
+
+
+def tolerances(integrator: str) -> dict[str, Any]:
+    step = {"step_size": STEPS[integrator]} if integrator in STEPS else {}
+    return {"integrator": integrator, "rtol": 1e-8, "atol": 1e-10, **step}
+
+
+@pytest.mark.parametrize(("name", "enforcement"), PAIRS)
+@pytest.mark.parametrize("integrator", EXPLICIT)
+def test_rows_are_those_of_one_motion(
+    modules: dict[str, ModuleType], name: str, enforcement: str, integrator: str
+) -> None:
+    module, x = modules[name], starts(name, 21)
+    how = {**tolerances(integrator), "enforcement": enforcement, "times": [0.2, 0.2, 1.7]}
+    many = module.simulate((0.0, 1.7), x, **how)
+    assert many.x.shape == (21, 3, module.nx) and many.work.shape == (21, 3)
+    assert not many.status.any()
+    for k in range(21):
+        one = module.simulate((0.0, 1.7), x[k], **how)
+        rtol, atol = AGREES.get(integrator, (1e-9, 1e-10))
+        np.testing.assert_allclose(many.x[k], one.x, rtol=rtol, atol=atol)
+        np.testing.assert_allclose(many.work[k], one.work, rtol=rtol, atol=10 * atol)
+        assert abs(many.steps[k] - one.steps) <= 2 and abs(many.rejected[k] - one.rejected) <= 2
+        # an error estimate of the size of rounding moves the step sizes a little
+        for violation in ("position_violation", "velocity_violation"):
+            wanted = pytest.approx(getattr(one, violation), rel=0.3, abs=1e-12)
+            assert getattr(many, violation)[k] == wanted
+
+
+def test_these_go_side_by_side() -> None:
+    """Else the tests above compare a loop with itself."""
+    for name in ("four_bar", "pendulum", "snake3"):
+        assert side_by_side(program(derived(name)))
+    assert side_by_side(program(circle()))
+
+
+def test_neighbours_do_not_matter(modules: dict[str, ModuleType]) -> None:
+    """To the bit, in another order, on threads, and through ctypes."""
+    module, x = modules["four_bar"], starts("four_bar", 50)
+    order = np.random.default_rng(1).permutation(50)
+    first = module.simulate((0.0, 1.0), x)
+    np.testing.assert_array_equal(module.simulate((0.0, 1.0), x[order]).x, first.x[order])
+    np.testing.assert_array_equal(module.simulate((0.0, 1.0), x, threads=3).x, first.x)
+    simulate, library = (
+        importlib.import_module(f"{module.__name__}.{name}") for name in ("_simulate", "_library")
+    )
+    given = ((0.0, 1.0), x, [0.0], None, 1e-9, 1e-11, None, 10**6, None)
+    other = simulate.run(library.advance, "ctypes", *given, batch=library)
+    np.testing.assert_array_equal(other.x, first.x)
+    slow = simulate.run(simulate.advance, "numpy", *given[:1], x[:3], *given[2:])
+    np.testing.assert_allclose(slow.x, first.x[:3], rtol=1e-8, atol=1e-9)
+
+
+def test_a_motion_that_fails_fails_alone(modules: dict[str, ModuleType]) -> None:
+    module, x = modules["four_bar"], starts("four_bar", 11)
+    good = module.simulate((0.0, 0.5), x)
+    x[4, 1] = np.nan
+    with pytest.warns(RuntimeWarning, match="1 of 11 motions ended early, .*; motion 4: "):
+        found = module.simulate((0.0, 0.5), x)
+    assert found.status[4] == module.Status.NOT_FINITE or found.status[4] in (1, 7)
+    assert np.isnan(found.x[4]).sum() >= module.nx
+    others = np.arange(11) != 4
+    np.testing.assert_array_equal(found.x[others], good.x[others])
+    assert not found.status[others].any()
+
+
+def test_each_has_its_own_end(modules: dict[str, ModuleType]) -> None:
+    """Start and end by row, and states, inputs and parameters that broadcast."""
+    module = modules["circle"]
+    x, p = starts("circle", 3)[:, None, :], np.array([[1.0], [2.0]])
+    ends = np.array([[0.0, 0.5], [0.25, 2.0], [1.0, 1.0]])[:, None, :]
+    found = module.simulate(ends, x, [0.3], p)
+    assert found.x.shape == (3, 2, 2, 2) and found.t.shape == (3, 1, 2)
+    for i, k in np.ndindex(3, 2):
+        one = module.simulate(ends[i, 0], x[i, 0], [0.3], p[k])
+        np.testing.assert_allclose(found.x[i, k], one.x, rtol=1e-11, atol=1e-12)
+        np.testing.assert_allclose(found.work[i, k], one.work, rtol=1e-9, atol=1e-11)
+
+
+def test_each_has_its_own_status(modules: dict[str, ModuleType]) -> None:
+    """A wall in time that only some come to; a budget of steps."""
+    module, x = modules["circle"], starts("circle", 5)
+    ends = np.array([[0.0, end] for end in (1.0, 20.0, 2.0, 8.0, 30.0)])
+    with pytest.warns(RuntimeWarning, match="2 of 5 motions ended early"):
+        found = module.simulate(ends, x)
+    assert (found.status != 0).tolist() == [False, True, False, False, True]
+    with pytest.warns(RuntimeWarning, match="too many steps"):
+        few = module.simulate((0.0, 5.0), x, max_steps=7)
+    assert (few.status == module.Status.MORE).all() and (few.steps + few.rejected == 7).all()
+
+
+def test_bad_arguments(modules: dict[str, ModuleType]) -> None:
+    module, x = modules["circle"], starts("circle", 4)
+    for given in (
+        {"t_span": [[0.0, 1.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]},
+        {"t_span": np.zeros((3, 2))},
+        {"t_span": (0.0, np.nan)},
+        {"t_span": np.zeros((4, 0))},
+        {"t_span": (0.0, 1.0), "times": np.full((4, 2), -1.0)},
+        {"t_span": (0.0, 1.0), "u": np.zeros((5, 1))},
+    ):
+        with pytest.raises(ValueError, match=r"needs|broadcast"):
+            module.simulate(**{"x": x, **given})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert module.simulate((0.0, 1.0), x[:0]).x.shape == (0, 2, 2)
+
+
+def test_progress_and_interrupts(modules: dict[str, ModuleType]) -> None:
+    module, x = modules["circle"], starts("circle", 300)
+    seen: list[int] = []
+    module.simulate((0.0, 0.1), x, progress=seen.append)
+    assert len(seen) > 1 and seen == sorted(seen) and seen[-1] == 300
+
+    def stop(done: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.warns(RuntimeWarning, match="interrupted after|ended early"):
+        part = module.simulate((0.0, 0.1), x, progress=stop)
+    done = part.status == 0
+    assert (
+        0 < done.sum() < 300 and np.isfinite(part.x[done]).all() and np.isnan(part.x[~done]).all()
+    )
+
+
+def test_what_goes_one_by_one_is_the_same(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Implicit methods and other enforcements behind the same call: to the bit."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    names = tuple(e.name for e in ENFORCEMENTS if e.name in ("projection", "partitioning"))
+    made = program(derived("four_bar"), None, ("radau", "dop853"), names)
+    module, x = loader.load(published(made, tmp_path / "four_bar").folder), starts("four_bar", 5)
+    for how in ({"integrator": "radau"}, {"integrator": "dop853", "enforcement": "partitioning"}):
+        found = module.simulate((0.0, 0.4), x, rtol=1e-7, **how)
+        rows = [module.simulate((0.0, 0.4), row, rtol=1e-7, **how).x for row in x]
+        np.testing.assert_array_equal(found.x, rows)
+
+
+@pytest.mark.parametrize("width", [2, 8])
+def test_other_widths_give_the_same_rows(
+    modules: dict[str, ModuleType], tmp_path: Any, width: int
+) -> None:
+    """As on processors with longer and shorter vectors: the compiler makes several of one."""
+    for name, text in emit(program(derived("four_bar"), None, EXPLICIT)).items():
+        if name.endswith("_lanes.h"):
+            text = re.sub(r"LANES = \d+", f"LANES = {width}", text)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    command = compiler.find_compiler()
+    assert command
+    compiler.compile_folder(tmp_path, "four_bar", command)
+    module, x = loader.load(tmp_path), starts("four_bar", 13)
+    for how in ({}, {"enforcement": "none", "integrator": "dopri5"}):
+        wide, usual = (m.simulate((0.0, 1.0), x, **how) for m in (module, modules["four_bar"]))
+        assert module.backend == "extension" and not wide.status.any()
+        np.testing.assert_allclose(wide.x, usual.x, rtol=1e-9, atol=1e-10)

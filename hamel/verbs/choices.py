@@ -133,6 +133,7 @@ def show(record: Choices, console: Console) -> None:
         console.print(f"{shortened(record.choices[0].name)}: {pivot}")
     refusals(record.refused, console)
     console.print(
-        "violation: |φ| after a Runge–Kutta step that moves by 0.1, or the roundoff of A v − c where there is no φ"
+        "violation: |φ| after a Runge–Kutta step that moves by 0.1, or the roundoff of A v − c "
+        "where there is no φ"
     )
     console.print(f"{record.model}: '{record.default}' is built when no choice is given")

@@ -195,7 +195,10 @@ answer, sys.stdout = sys.stdout, sys.stderr
 for line in sys.stdin:
     verb, arguments, options = json.loads(line)
     said = []
-    warnings.showwarning = lambda message, category, *place, **more: said.append(f"{category.__name__}: {message}")
+    def shown(message, category, *place, **more):
+        if not str(message).startswith(tuple(arguments)):  # hamel's own begin with the file
+            said.append(f"{category.__name__}: {message}")
+    warnings.showwarning = shown
     warnings.simplefilter("always")
     try:
         getattr(hamel, verb)(*arguments, **options)

@@ -94,3 +94,11 @@ def test_slips_change_files_and_repeat_by_their_seed():
     originals = set(given)
     assert first == second and sum(one in originals for one in first) < 10
     assert len(list(itertools.chain(given))) > 20
+
+
+@pytest.mark.parametrize("robot", ["arm.urdf", "hand.xml"])
+def test_what_hamel_says_of_a_robot_file_is_no_warning_of_a_library(here, robot):
+    worker = environment.Worker()
+    end = worker.call("check", str(environment.ROBOTS / robot), limit=60.0)
+    worker.stop()
+    assert end["code"] == 0 and not end["warnings"]

@@ -295,14 +295,53 @@ def test_a_constraint_formulation_integrator_and_target_are_built_and_verified(
     assert "dynamics" in (extended / "out/note.txt").read_text()
 
 
-def test_a_joint_load_and_enforcement_are_simulated(extended: Path) -> None:
+# what a new joint and a new load are checked against: a second derivation, written apart on purpose
+DERIVED_AGAIN = {
+    "hamel/verify/reference/joints.py": (
+        '    "revolute": revolute,',
+        """    "rail": lambda q, v, axis: Motion(
+        np.eye(3), 2 * q[0] * axis, np.append(np.zeros(3), 2 * axis)[:, None], np.eye(1), np.zeros(1)
+    ),
+""",
+    ),
+    "hamel/verify/reference/loads.py": (
+        "        case JointSpring():",
+        """        case Magnet():
+            s = state.q[[c.name for c in model.coordinates].index(load.coordinate)]
+            direction = _conjugate(model, state, load.velocity)
+            return _along(place, -state.value(load.strength) * s**3 * direction)
+""",
+    ),
+}
+MAGNET_KNOWN = "from derive.model.loads.magnet import Magnet\n"
+
+
+@pytest.fixture(scope="module")
+def known(extended: Path, tmp_path_factory) -> Path:
+    """The same with the toys in the reference of verify, too."""
+    place = tmp_path_factory.mktemp("known")
+    shutil.copytree(extended, place, dirs_exist_ok=True)
+    for file, (before, text) in DERIVED_AGAIN.items():
+        source = (place / file).read_text()
+        assert source.count(before) == 1, file
+        (place / file).write_text(source.replace(before, text + before))
+    loads = place / "hamel/verify/reference/loads.py"
+    loads.write_text(
+        loads.read_text().replace(
+            "from derive.model.records", MAGNET_KNOWN + "from derive.model.records", 1
+        )
+    )
+    return place
+
+
+def test_a_joint_load_and_enforcement_are_simulated(known: Path) -> None:
     """4 m s̈ = −k s³, whose energy 2 m ṡ² + k s⁴/4 stays: ṡ² = k (1 − s⁴)/(8 m)."""
-    moved = run(extended, "simulate", "pulled.yaml", "--time", "1")
+    moved = run(known, "simulate", "pulled.yaml", "--time", "1")
     assert moved.returncode == 0, moved.stderr + moved.stdout
     end = json.loads(moved.stdout)["final"]
     assert abs(end["der(s)"] ** 2 - 8 * (1 - end["s"] ** 4) / 16) < 1e-8 and end["s"] < 0.9
     options = ("--enforcement", "careless", "--integrator", "heun", "--step-size", "1e-3")
-    held = run(extended, "simulate", "cart.yaml", "--time", "0.1", *options)
+    held = run(known, "simulate", "cart.yaml", "--time", "0.1", *options)
     assert held.returncode == 0, held.stderr + held.stdout
     assert json.loads(held.stdout)["enforcement"] == "careless"
 

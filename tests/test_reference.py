@@ -4,6 +4,7 @@ the motion."""
 import numpy as np
 import pytest
 
+from derive.diagnostics import AssumptionError
 from derive.model import load_text
 from hamel.verify.checks.compare import slope
 from hamel.verify.reference.joints import joint_motion
@@ -458,7 +459,7 @@ def test_joint_tables_are_derivatives(name):
 
 
 def test_what_the_reference_does_not_know_it_refuses():
-    with pytest.raises(NotImplementedError, match="hovering"):
+    with pytest.raises(AssumptionError, match="hovering"):
         joint_motion("hovering")
 
 

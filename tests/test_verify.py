@@ -542,7 +542,7 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
         "no number from none",
         "simulate",
         "order of the integrator",
-        "work = Δ(T + V)",
+        "work = Δ(T₂ − T₀ + V)",
         "there and back",
     }
     by_code |= {"momenta"}
@@ -579,8 +579,8 @@ def test_the_result_is_kept_beside_the_module(seen):
     """Twice the same bytes; a failure is told as one."""
     chosen = seen.graph.equations
     found = verification(chosen.system.model, chosen, states=FEW)
-    text = stored(found, chosen)
-    assert text == stored(verification(chosen.system.model, chosen, states=FEW), chosen)
+    text = stored(found, chosen, {})
+    assert text == stored(verification(chosen.system.model, chosen, states=FEW), chosen, {})
     summary = json.loads(text)["summary"]
     assert summary["passed"] == summary["checks"] == len(found.checks)
     assert summary["rank"] == 2 and summary["margin"] >= 1
@@ -589,7 +589,7 @@ def test_the_result_is_kept_beside_the_module(seen):
     assert "dynamics" in summary["guards"]
     _, wrong = next(iter(wrong_systems(chosen.system)))
     bad = verification(chosen.system.model, replace(chosen, system=wrong), states=FEW)
-    assert json.loads(stored(bad, chosen))["summary"]["margin"] < 0
+    assert json.loads(stored(bad, chosen, {}))["summary"]["margin"] < 0
 
 
 SLOT = """

@@ -20,7 +20,7 @@ from hamel.verify.suite import evidence
 
 MODELS = Path(__file__).parent.parent / "models"
 TOLERANCES = {check.name: check.tolerance for check in CHECKS}
-MOTION = ("simulate", "order of the integrator", "work = Δ(T + V)", "there and back")
+MOTION = ("simulate", "order of the integrator", "work = Δ(T₂ − T₀ + V)", "there and back")
 DAMPED = """
 model: damped
 gravity: [0, 0, -9.81 m/s^2]
@@ -72,7 +72,7 @@ def with_simulate(seen, change):
 def test_sound_motions_are_green(seen):
     found = {name: value(seen, name) for name in MOTION}
     assert all(error is None or error <= TOLERANCES[name] for name, error in found.items()), found
-    assert found["simulate"] is not None and found["work = Δ(T + V)"] is not None
+    assert found["simulate"] is not None and found["work = Δ(T₂ − T₀ + V)"] is not None
 
 
 def test_an_end_that_is_off_is_caught(seen):
@@ -100,7 +100,7 @@ def test_momenta_that_nothing_changes_are_found_and_their_change_is_caught(name,
 
 
 def test_work_that_is_off_is_caught(seen):
-    assert is_red(with_simulate(seen, lambda x, work, h: (x, work + 1e-6)), "work = Δ(T + V)")
+    assert is_red(with_simulate(seen, lambda x, work, h: (x, work + 1e-6)), "work = Δ(T₂ − T₀ + V)")
 
 
 def test_an_integrator_of_lower_order_is_caught(free):

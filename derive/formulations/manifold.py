@@ -6,12 +6,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import casadi as ca
+import numpy as np
 
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Equations, Function, Pattern, Request, Result
 from derive.joints.records import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
+from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
+from derive.states.closing import Kinematics
+from derive.states.sampling import states
+
+SAMPLES = 12  # states that the usual size of a row is the median over
 
 CLOSURE = (
     "position constraints with Jacobian: [ψ, ∂ψ/∂q] row by row, ψ = independent φ and "
@@ -22,7 +28,10 @@ PULL = (
     "what, added to q̇, takes violations of positions to zero at the rate 1/s: N R (−φ), R "
     "from v = S w + R c"
 )
-ROWS = "entries of A that are not zero by structure, independent rows of A v = c, row by row"
+ROWS = (
+    "entries of A that are not zero by structure, independent rows of A v = c, row by row, over "
+    "the usual length of each"
+)
 GUARDS = (
     "what must not change its sign or vanish on the way: pivots, and how independent the "
     "rows of A are"
@@ -79,7 +88,8 @@ def _slip(found: Equations, kept: Sequence[int], x: Argument) -> Function:
 
 
 def _rows(found: Equations, kept: Sequence[int]) -> Function:
-    A = ca.sparsify(found.system.A[list(kept), :])
+    sizes = _usual_lengths(found.system, kept)
+    A = ca.sparsify(ca.mtimes(ca.diag(ca.DM(1.0 / sizes)), found.system.A[list(kept), :]))
     columns, rows = A.T.sparsity().get_triplet()
     names = [found.system.rows[i].name for i in kept]
     velocities = [velocity.name for velocity in found.system.model.velocities]
@@ -87,6 +97,18 @@ def _rows(found: Equations, kept: Sequence[int]) -> Function:
     pattern = Pattern(A.shape, tuple(rows), tuple(columns))
     value = ca.densify(ca.vertcat(*[A[i, j] for i, j in zip(rows, columns)]))
     return Function("constraint_rows", ROWS, Result("A", value, labels, (), pattern=pattern))
+
+
+def _usual_lengths(system: System, kept: Sequence[int]) -> np.ndarray:
+    """The median length of each row of A over sampled states, as a power of two: dividing by it
+    rounds nothing. A row that vanishes at a singular position stays short beside it."""
+    solver = Kinematics(system)
+    sample = states(system, SAMPLES, solver=solver)
+    if not len(sample.t):
+        return np.ones(len(kept))
+    rows = solver.rows(sample.t, sample.q, sample.p)[0][:, list(kept)]
+    lengths = np.median(np.linalg.norm(rows, axis=2), axis=0)
+    return 2.0 ** np.round(np.log2(np.where(lengths > 0, lengths, 1.0)))
 
 
 def _pull(found: Equations, kept: Sequence[int]) -> Function:

@@ -96,7 +96,7 @@ def guards(
 def constraint_rows(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """entries of A that are not zero by structure, independent rows of A v = c, row by row: shape (..., 6)."""
+    """entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each: shape (..., 6)."""
 
 def simulate(
     t_span: ArrayLike,

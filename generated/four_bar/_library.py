@@ -172,5 +172,5 @@ def guards(t, x, u=None, p=None, out=None):
 
 
 def constraint_rows(t, x, u=None, p=None, out=None):
-    """entries of A that are not zero by structure, independent rows of A v = c, row by row"""
+    """entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each"""
     return _evaluate("constraint_rows", t, x, u, p, out)

@@ -13,8 +13,7 @@ def factored(binding, t, x, u, p):
     """Normals and weights of the reflections, and the smallest pivot."""
     V, weights, least = np.zeros((ROWS, NV)), np.zeros(ROWS), 1.0
     V[PLACES] = binding.constraint_rows(t, x, u, p)
-    lengths = np.linalg.norm(V, axis=1, keepdims=True)
-    V /= np.where(lengths > 0, lengths, 1.0)
+    V /= np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1.0)  # a row that vanishes stays short
     for k in range(ROWS):
         best = k + int(np.argmax(np.sum(V[k:, k:] ** 2, axis=1)))
         V[[k, best]] = V[[best, k]]

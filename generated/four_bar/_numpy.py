@@ -647,22 +647,24 @@ def _constraint_rows(t, x, u, p, out):
     sin_q3 = np.sin(q3)
     cos_q3 = np.cos(q3)
 
-    # A: entries of A that are not zero by structure, independent rows of A v = c, row by row
+    # A: entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each
     z2 = l2 + l1 * cos_q2
     z3 = sin_q2 * l1
-    z4 = sin_z1 * z2 - cos_z1 * z3
-    z5 = sin_z1 * l2
-    z6 = -(sin_q3 * l3)
-    z7 = -(cos_z1 * z2 + z3 * sin_z1)
-    z8 = -(cos_z1 * l2)
-    z9 = l3 * cos_q3
+    z4 = 2.0 * (sin_z1 * z2 - cos_z1 * z3)
+    z5 = 2.0 * l2
+    z6 = sin_z1 * z5
+    z7 = 2.0 * l3
+    z8 = -(sin_q3 * z7)
+    z9 = -2.0 * (cos_z1 * z2 + z3 * sin_z1)
+    z10 = -(cos_z1 * z5)
+    z11 = z7 * cos_q3
 
     out[..., 0] = z4
-    out[..., 1] = z5
-    out[..., 2] = z6
-    out[..., 3] = z7
-    out[..., 4] = z8
-    out[..., 5] = z9
+    out[..., 1] = z6
+    out[..., 2] = z8
+    out[..., 3] = z9
+    out[..., 4] = z10
+    out[..., 5] = z11
     singular = False
     status = _status(singular, out, x, p)
     return status
@@ -734,5 +736,5 @@ def guards(t, x, u=None, p=None, out=None):
 
 
 def constraint_rows(t, x, u=None, p=None, out=None):
-    """entries of A that are not zero by structure, independent rows of A v = c, row by row"""
+    """entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each"""
     return _evaluate("constraint_rows", _constraint_rows, t, x, u, p, out)

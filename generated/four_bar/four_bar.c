@@ -811,7 +811,7 @@ int four_bar_guards(double t, const double *x, const double *u, const double *p,
     return FOUR_BAR_OK;
 }
 
-/* entries of A that are not zero by structure, independent rows of A v = c, row by row: 20 operations */
+/* entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each: 24 operations */
 int four_bar_constraint_rows(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -832,22 +832,24 @@ int four_bar_constraint_rows(double t, const double *x, const double *u, const d
     const double sin_q3 = sines[2];
     const double cos_q3 = cosines[2];
 
-    /* A: entries of A that are not zero by structure, independent rows of A v = c, row by row */
+    /* A: entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each */
     const double z2 = l2 + l1 * cos_q2;
     const double z3 = sin_q2 * l1;
-    const double z4 = sin_z1 * z2 - cos_z1 * z3;
-    const double z5 = sin_z1 * l2;
-    const double z6 = -(sin_q3 * l3);
-    const double z7 = -(cos_z1 * z2 + z3 * sin_z1);
-    const double z8 = -(cos_z1 * l2);
-    const double z9 = l3 * cos_q3;
+    const double z4 = 2.0 * (sin_z1 * z2 - cos_z1 * z3);
+    const double z5 = 2.0 * l2;
+    const double z6 = sin_z1 * z5;
+    const double z7 = 2.0 * l3;
+    const double z8 = -(sin_q3 * z7);
+    const double z9 = -2.0 * (cos_z1 * z2 + z3 * sin_z1);
+    const double z10 = -(cos_z1 * z5);
+    const double z11 = z7 * cos_q3;
 
     out[0] = z4; /* C.x by der(q1) */
-    out[1] = z5; /* C.x by der(q2) */
-    out[2] = z6; /* C.x by der(q3) */
-    out[3] = z7; /* C.y by der(q1) */
-    out[4] = z8; /* C.y by der(q2) */
-    out[5] = z9; /* C.y by der(q3) */
+    out[1] = z6; /* C.x by der(q2) */
+    out[2] = z8; /* C.x by der(q3) */
+    out[3] = z9; /* C.y by der(q1) */
+    out[4] = z10; /* C.y by der(q2) */
+    out[5] = z11; /* C.y by der(q3) */
     (void)t;
     (void)u;
 

@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "bb9a27013a0c52ad24da82a8f2c29e14"
+#define FOUR_BAR_PROGRAM "f56d0995ac14a7275df1fb78591bf7fc"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1
@@ -131,8 +131,8 @@ int four_bar_state(double t, const double *x, const double *u, const double *p, 
    5 operations; reads x, p. */
 int four_bar_guards(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
-/* entries of A that are not zero by structure, independent rows of A v = c, row by row: out[6].
-   20 operations; reads x, p. */
+/* entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each: out[6].
+   24 operations; reads x, p. */
 int four_bar_constraint_rows(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
 /* Evaluates a function with n results on many rows. A stride is the distance between rows in doubles, 0 to use one row for all.

@@ -93,7 +93,7 @@ static Function functions[] = {
      "(),(4),(1),(7)->(1),()", "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are", NULL, {NULL}, 0},
     {"constraint_rows", four_bar_constraint_rows, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 4, FOUR_BAR_NU, FOUR_BAR_NP}, 1, {6}, 6,
      "singular:", "not converged",
-     "(),(4),(1),(7)->(6),()", "entries of A that are not zero by structure, independent rows of A v = c, row by row", NULL, {NULL}, 0},
+     "(),(4),(1),(7)->(6),()", "entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each", NULL, {NULL}, 0},
 };
 enum { FUNCTIONS = sizeof functions / sizeof functions[0] };
 
@@ -677,7 +677,7 @@ static PyMethodDef methods[] = {
     {"guards", (PyCFunction)(void (*)(void))call_guards, METH_FASTCALL | METH_KEYWORDS,
      "guards(t, x, u=None, p=None, out=None)\n--\n\n" "what must not change its sign or vanish on the way: pivots, and how independent the rows of A are"},
     {"constraint_rows", (PyCFunction)(void (*)(void))call_constraint_rows, METH_FASTCALL | METH_KEYWORDS,
-     "constraint_rows(t, x, u=None, p=None, out=None)\n--\n\n" "entries of A that are not zero by structure, independent rows of A v = c, row by row"},
+     "constraint_rows(t, x, u=None, p=None, out=None)\n--\n\n" "entries of A that are not zero by structure, independent rows of A v = c, row by row, over the usual length of each"},
     {"advance", call_advance, METH_VARARGS, NULL},
     {"simulate_batch", call_simulate_batch, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},

@@ -12,7 +12,7 @@ enum { ROWS = 2, NV = 3, ENTRIES = 6 };
 static const int row_of[] = {0, 0, 0, 1, 1, 1};
 static const int column_of[] = {0, 1, 2, 0, 1, 2};
 
-/* Rows of A, scaled to length one, in orthogonal factors: reflection k has the normal V[k] from entry k on and the weight -2 / |V[k]|^2.
+/* Rows of A, of length one at most, in orthogonal factors: reflection k has the normal V[k] from entry k on and the weight -2 / |V[k]|^2.
    The longest remaining row goes first (Businger, Golub: Numer. Math. 7, 1965). Returns the smallest pivot. */
 static double factored(double t, const double *x, const double *u, const double *p, double V[ROWS][NV], double *weights)
 {
@@ -30,7 +30,7 @@ static double factored(double t, const double *x, const double *u, const double 
         for (j = 0; j < NV; j++)
             length = hypot(length, V[i][j]);
         for (j = 0; j < NV; j++)
-            V[i][j] /= length > 0.0 ? length : 1.0;
+            V[i][j] /= length > 1.0 ? length : 1.0; /* a row that vanishes stays short */
     }
     for (k = 0; k < ROWS; k++) {
         double longest = -1.0, left;

@@ -18,7 +18,7 @@ from derive.choices.resolution import survey_of
 from derive.diagnostics import AssumptionError, ModelError
 from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations
-from derive.formulations.charts import charted, together
+from derive.formulations.charts import BETWEEN, charted, together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.robots import load
@@ -225,7 +225,7 @@ def _record(
     return Simulated(
         model=chosen.system.model.name,
         formulation=chosen.formulation,
-        choice=together(chosen),
+        choice=together(chosen) if BETWEEN in (method.choice or "") else chosen.choice,
         enforcement=method.enforcement or "",
         integrator=method.integrator,
         alpha=method.alpha,

@@ -164,27 +164,18 @@ def float_functions() -> Functions:
     return _FLOAT
 
 
+# what CasADi and SymPy call as we do
+_SAME_NAME = (
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log",
+    "sqrt", "sign",
+)  # fmt: skip
+
+
 def casadi_functions() -> Functions:
     """The table for casadi.SX."""
     import casadi as ca
 
-    same = (
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "atan2",
-        "sinh",
-        "cosh",
-        "tanh",
-        "exp",
-        "log",
-        "sqrt",
-        "sign",
-    )
-    return {name: getattr(ca, name) for name in same} | {
+    return {name: getattr(ca, name) for name in _SAME_NAME} | {
         "abs": ca.fabs,
         "min": lambda *x: _folded_over(ca.fmin, x),
         "max": lambda *x: _folded_over(ca.fmax, x),
@@ -202,23 +193,7 @@ def sympy_functions() -> Functions:
     """The table for SymPy, with short decimals as exact fractions."""
     import sympy as sp
 
-    same = (
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "atan2",
-        "sinh",
-        "cosh",
-        "tanh",
-        "exp",
-        "log",
-        "sqrt",
-        "sign",
-    )
-    return {name: getattr(sp, name) for name in same} | {
+    return {name: getattr(sp, name) for name in _SAME_NAME} | {
         "abs": sp.Abs,
         "min": sp.Min,
         "max": sp.Max,

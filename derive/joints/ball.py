@@ -8,7 +8,7 @@ motion.
 
 from collections.abc import Sequence
 
-from derive.joints.records import JointType, Matrix, Rotation, Scalar, Slot, Still, Vector
+from derive.joints.records import JointType, Matrix, Rotation, Scalar, Slot, Still, Vector, meeting
 from derive.joints.rotations import dot
 
 UNIT_VECTORS = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
@@ -66,4 +66,5 @@ BALL = JointType(
     motion=lambda q, axis: [[*e, 0.0, 0.0, 0.0] for e in UNIT_VECTORS],
     rates=lambda q, v, axis: quaternion_rates(q, v),
     unit_from=0,
+    closing=meeting,
 )

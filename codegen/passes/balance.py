@@ -63,8 +63,8 @@ class _Made:
     """New operations, when each is known, and where the old ones are."""
 
     code: Code = field(default_factory=Code)
-    known: dict[int, int] = field(default_factory=dict)
-    moved: dict[int, int] = field(default_factory=dict)
+    known: dict[int, int] = field(default_factory=dict[int, int])
+    moved: dict[int, int] = field(default_factory=dict[int, int])
 
     def there(self, operand: Operand) -> Operand:
         return operand if isinstance(operand, float) else self.moved[operand]

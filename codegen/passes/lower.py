@@ -50,8 +50,8 @@ class Code:
     """Operations in an order that computes operands first. Inputs and repeated operations occur
     once."""
 
-    operations: list[Operation] = field(default_factory=list)
-    _places: dict[tuple[object, ...], int] = field(default_factory=dict)
+    operations: list[Operation] = field(default_factory=list[Operation])
+    _places: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
 
     def input(self, argument: str, entry: int) -> int:
         """The index of the operation that is an entry of an argument."""

@@ -136,8 +136,8 @@ class _Turning:
     their turns there."""
 
     count: int
-    round: set[int] = field(default_factory=set)
-    seen: set[int] = field(default_factory=set)
+    round: set[int] = field(default_factory=set[int])
+    seen: set[int] = field(default_factory=set[int])
 
     def look(self, function: Function, tape: Tape) -> None:
         """At the result and the guards: a residual only says when an iteration may stop."""

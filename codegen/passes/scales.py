@@ -255,9 +255,11 @@ class _Surroundings:
     the node that is wanted, and the sizes of the other terms with the only term of each, or −1.
     """
 
-    steady: dict[Key, int] = field(default_factory=dict)
-    sums: list[tuple[int, float, dict[float, int]]] = field(default_factory=list)
-    products: list[int] = field(default_factory=list)
+    steady: dict[Key, int] = field(default_factory=dict[Key, int])
+    sums: list[tuple[int, float, dict[float, int]]] = field(
+        default_factory=list[tuple[int, float, dict[float, int]]]
+    )
+    products: list[int] = field(default_factory=list[int])
 
 
 class _Balance:

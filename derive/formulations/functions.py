@@ -10,10 +10,10 @@ import numpy as np
 
 from derive.choices.records import Frame, Guard
 from derive.choices.redundancy import keeps
+from derive.expressions.scalars import Vector
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Iteration, Result
-from derive.joints.records import Vector
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
 from derive.states.closing import Kinematics, nominal
@@ -266,7 +266,7 @@ def _sizes(system: System) -> list[float]:
     sizes = np.nan_to_num(J) @ [
         longest if v.unit == "m/s" else 1.0 for v in system.model.velocities
     ]
-    powers = np.round(np.log10(np.maximum(sizes, 1e-300)))
+    powers: np.ndarray = np.round(np.log10(np.maximum(sizes, 1e-300)))
     return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
 
 
@@ -373,7 +373,9 @@ def _power(system: System, motion: Motion) -> Function:
 def _outputs(system: System, motion: Motion) -> Function | None:
     if not system.outputs:
         return None
-    labels, units, values = [], [], []
+    labels: list[str] = []
+    units: list[str] = []
+    values: list[ca.SX] = []
     for name, value, unit in system.outputs:
         count = value.numel()
         labels += [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]

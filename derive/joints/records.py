@@ -9,11 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-Scalar = Any  # casadi.SX scalar or float
-Vector = list[Scalar]
-Matrix = list[Vector]
+from derive.expressions.scalars import Matrix, Scalar, Vector
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ def _velocities(
     wanted = guess + _least(
         np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess
     )
-    v = wanted + _least(A, c - A @ wanted)
+    v: np.ndarray = wanted + _least(A, c - A @ wanted)
     residual = float(np.max(np.abs(A @ v - c), initial=0.0))
     if residual > AGREES * (1 + float(np.max(np.abs(v), initial=0.0))):
         raise _problem(
@@ -169,7 +169,10 @@ def _velocities(
 
 
 def _least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.linalg.lstsq(A, b, rcond=1e-10)[0] if len(b) else np.zeros(A.shape[1])
+    if not len(b):
+        return np.zeros(A.shape[1])
+    solution: np.ndarray = np.linalg.lstsq(A, b, rcond=1e-10)[0]
+    return solution
 
 
 def _held_rows(

@@ -259,7 +259,19 @@ static void accept(Run *r, double h, double end, const double *z, const double *
 #endif
 }
 
-/* One step towards an output time, `left` away, of size h: accepted, or next_step becomes shorter. Returns why a step by equal
+/* A start, or what goes on with other inputs. */
+static int ready(Run *r, const Method *method, double span)
+{
+    if (r->s->next_step == 0.0)
+        return start(r, method, span);
+#if HAS_INPUTS
+    if (r->s->stale)
+        return resumed(r);
+#endif
+    return OK;
+}
+
+/* One step towards a time, `left` away, of size h: accepted, or next_step becomes shorter. Returns why a step by equal
    steps failed; `failed` becomes the status of the last step that had to be made shorter. */
 static int advance(Run *r, const Method *method, double time, double left, double h, int *failed)
 {
@@ -273,6 +285,10 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
     const double *const seen = NULL;
 #endif
     int status = method->step(r, method->coefficients, t, h, s->x, s->slope, z, next, &error);
+#if HAS_INPUTS
+    if (r->inputs && r->refused)
+        return NO_INPUT;
+#endif
     if (fixed)
         error = 0.0;
     if (status == OK && error <= 1.0)
@@ -356,9 +372,13 @@ static int run_to(Run *r, const Method *method, size_t n, const double *times, l
     for (; (size_t)s->done < n; s->done++) {
         const double time = times[s->done];
         while (s->t < time) {
-            const double left = time - s->t;
+#if HAS_INPUTS
+            const double end = until(r, time), left = end - s->t;
+#else
+            const double end = time, left = end - s->t;
+#endif
             double h;
-            if (s->next_step == 0.0 && (status = start(r, method, times[n - 1] - s->t)) != OK)
+            if ((status = ready(r, method, times[n - 1] - s->t)) != OK)
                 return told(r, status);
             if (budget-- <= 0)
                 return MORE;
@@ -367,8 +387,12 @@ static int run_to(Run *r, const Method *method, size_t n, const double *times, l
                 return failed ? told(r, failed) : STEP_TOO_SMALL;
             if (sizeof(double) < 8 && h < left)
                 h = (s->t + h) - s->t; /* what time really moves by: its last digit may be no small part of h */
-            if ((status = advance(r, method, time, left, h, &failed)) != OK)
+            if ((status = advance(r, method, end, left, h, &failed)) != OK)
                 return told(r, status);
+#if HAS_INPUTS
+            if ((status = behind_knot(r)) != OK)
+                return told(r, status);
+#endif
         }
         if ((status = deliver_row(r, rows, (size_t)s->done)) != OK)
             return status;

@@ -21,6 +21,7 @@ class Status(enum.IntEnum):
     NO_METHOD = 6
     SINGULAR_POSITION = 7
     SINGULAR_CHOICE = 8
+    NO_INPUT = 9
 
     @property
     def cause(self) -> str:
@@ -40,6 +41,7 @@ _CAUSES = {
     "its branch cannot be told",
     Status.SINGULAR_CHOICE: "this choice of quasi-velocities is singular here, though the "
     "constraints are independent: another choice, or a module of several, goes on",
+    Status.NO_INPUT: "an input could not be had: its function failed, or gave what is not finite",
 }
 
 
@@ -55,7 +57,7 @@ class Simulation:
     reduced is x without whole turns, as it was integrated: the violations are of that. Where the
     directions that w is measured along are based anew on the way, `bases` times, p has the
     parameters of each row, with the frame in force behind them, which all functions take:
-    velocity(t, x, u, p).
+    velocity(t, x, u, p). Where inputs change, u has those of each row; at a jump the new ones.
     """
 
     t: np.ndarray
@@ -75,6 +77,7 @@ class Simulation:
     reduced: np.ndarray | None = None
     p: np.ndarray | None = None
     bases: int = 0
+    u: np.ndarray | None = None
 
 
 class Stopped(FloatingPointError):

@@ -42,7 +42,12 @@ ENTRIES = (
     ("double", "next_step", "size of the next step"),
     ("double", "error", "of the last step, for the step control; negative where it must not grow"),
 )
-# More of it where the module has several charts.
+# More of it where there are inputs.
+OF_INPUTS = (
+    ("int", "stale", "1 where u is another than in the call before: the slope is computed again"),
+    ("{name}_inputs", "inputs", "what changes u on the way, NULL where nothing does"),
+)
+# Where the module has several charts.
 OF_CHARTS = (
     ("int", "choice", "the chart that the state is in, by number"),
     ("long", "switches", "changes of the chart"),
@@ -56,7 +61,7 @@ NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
-RECORD = FOLDER / "simulation.py"
+SHARED = ("simulation", "inputs")  # Python files that are the same in every folder
 KINDS: dict[type, str] = {
     Tableau: "explicit",
     Rosenbrock: "rosenbrock",
@@ -99,7 +104,7 @@ def files(program: Program) -> dict[str, str]:
         f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
         f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
         "_simulate.py": text.render("simulate.py.j2", tableaux=_tableaux(data["chosen"]), **data),
-        "_simulation.py": RECORD.read_text("utf-8"),
+        **{f"_{name}.py": (FOLDER / f"{name}.py").read_text("utf-8") for name in SHARED},
         **{path.name: recast(path.read_text("utf-8"), program.real) for path in RUNTIME},
     }
 
@@ -177,6 +182,7 @@ def _flags(
     explicit = [len(x.c) - 1 for x in chosen if isinstance(x, Tableau)]
     rosenbrock = [len(x.alpha) for x in chosen if isinstance(x, Rosenbrock)]
     return {
+        "HAS_INPUTS": int(bool(program.argument("u").names)),
         "HAS_POWER": int(has["power"]),
         "HAS_CONSTANTS": int(has["constants"]),
         "HAS_PROJECT": int(has["project"]),
@@ -274,10 +280,11 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
         blocks.append(("turns", nx - nw, "whole turns that were taken out of each coordinate"))
     entries = (
         *ENTRIES,
+        *(OF_INPUTS if program.argument("u").names else ()),
         *(OF_CHARTS if program.charts else ()),
         *(OF_FRAMES if program.frame else ()),
     )
-    head = [(kind, name, 0, about) for kind, name, about in entries]
+    head = [(kind.format(name=program.name), name, 0, about) for kind, name, about in entries]
     scalars = ("collocated_t", "collocated_h", "side")
     body = [("double", *block) for block in blocks if block[1] or block[0] in scalars]
     return [*head, *body]

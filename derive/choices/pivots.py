@@ -42,7 +42,7 @@ def pivot_blocks(survey: Survey, matrix: ca.SX, given: Reduction | None = None) 
     """Raises ZeroDivisionError where the matrix is singular at every sampled state."""
     values = sampled(survey, matrix if given is None else given.at_frame(matrix))
     rows = scalars(matrix)
-    structure = np.array([[bool(isinstance(x, float)) or x != 0.0 for x in row] for row in rows])
+    structure = np.array([[not isinstance(x, float) or x != 0.0 for x in row] for row in rows])
     constant = np.array([[isinstance(x, float) for x in row] for row in rows])
     return pivot_order(values, structure, constant)
 

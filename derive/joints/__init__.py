@@ -14,9 +14,12 @@ from derive.joints.universal import UNIVERSAL
 
 JOINTS = (REVOLUTE, PRISMATIC, SCREW, CYLINDRICAL, UNIVERSAL, BALL, PLANAR, FREE, FIXED)
 
-# joints that can also close a loop, in space and in the plane
-CLOSURES = tuple(joint.name for joint in JOINTS if joint.name != "free")
-PLANAR_CLOSURES = ("revolute", "prismatic", "fixed")
+# joints of planar models; joints that can also close a loop, in space and in the plane
+PLANAR_JOINTS = tuple(joint.name for joint in JOINTS if joint.planar)
+CLOSURES = tuple(joint.name for joint in JOINTS if joint.closing)
+PLANAR_CLOSURES = tuple(
+    joint.name for joint in JOINTS if joint.planar and joint.closing and joint.closing("xy")
+)
 
 
 def joint_type(name: str, orientation: str = "", pitch: Scalar = 1.0) -> JointType:

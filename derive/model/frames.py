@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 if TYPE_CHECKING:  # the joint tables bring casadi along
     from derive.joints.records import JointType
 
-PLANAR_JOINTS = ("revolute", "prismatic", "planar", "fixed")
 QUATERNION = "quaternion"
 
 
@@ -49,7 +48,7 @@ class Names:
 
 def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
     """Names and table of one joint; None after reporting that its type is unknown."""
-    from derive.joints import JOINTS, joint_type
+    from derive.joints import JOINTS, PLANAR_JOINTS, joint_type
 
     reader.name(key)
     kind = reader.word(entry.type, [joint.name for joint in JOINTS], "type of joint")

@@ -155,13 +155,13 @@ def about(entry: type[Entry]) -> str:
     return " ".join((entry.__doc__ or "").split())
 
 
-def json_schema(joint_types: tuple[str, ...]) -> dict[str, Any]:
-    """JSON Schema of a model file, for editors. Every joint but the free one can close a loop."""
+def json_schema(joints: tuple[str, ...], closures: tuple[str, ...]) -> dict[str, Any]:
+    """JSON Schema of a model file, for editors; the names of the types of joints and closures."""
     schema = Document.model_json_schema()
     definitions = schema["$defs"]
     for owner, types in (
-        ("JointEntry", joint_types),
-        ("ClosureEntry", [kind for kind in joint_types if kind != "free"]),
+        ("JointEntry", joints),
+        ("ClosureEntry", closures),
     ):
         definitions[owner]["properties"]["type"] |= {"type": "string", "enum": list(types)}
     for kind, entry in (*kinds("constraints"), *kinds("loads")):

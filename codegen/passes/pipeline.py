@@ -23,6 +23,7 @@ from codegen.passes.plain import plain
 from codegen.passes.schedule import reachable, schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
+from codegen.passes.taylor import check_series
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
@@ -103,7 +104,7 @@ def program(
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
-    return Program(
+    made = Program(
         name=identifier(model.name),
         description=model.description,
         formulation=equations.formulation,
@@ -128,6 +129,9 @@ def program(
         if len(charts) > 1
         else (),
     )
+    if "taylor" in made.integrators:
+        check_series(made)
+    return made
 
 
 @dataclass

@@ -168,10 +168,11 @@ static double first_step(Run *r, double order, double span)
 }
 
 /* An integrator: its step from y with slope `own` by h to z, which gives the slope there in `next` and the error in units of the
-   tolerance (0 where it has no estimate); its coefficients; and its step control, the exponents of the error of this step and of
+   tolerance (0 where it has no estimate); what it does first at a state, which says how long the step may be, or NULL; its coefficients; and its step control, the exponents of the error of this step and of
    the one before. */
 typedef struct Method {
     int (*step)(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error);
+    int (*prepare)(Run *r);
     const void *coefficients;
     double order, grow, damp, safety;
     int adaptive;

@@ -286,6 +286,7 @@ def nearly_sum(a: float, b: float) -> float:
     return 0.0 if abs(total) <= NEARLY * max(abs(a), abs(b)) else total
 
 
+@functools.lru_cache(maxsize=1 << 16)
 def snapped(factor: float) -> float:
     """The factor, or the short decimal or fraction it differs from by rounding only: 14.715 for
     14.715000000000002."""

@@ -303,8 +303,10 @@ class Balance:
         groups = _groups(self.structure.terms[node], self._sizes(node))
         return sum(
             only < 0
-            or (size not in self.needed[only]
-            and ((only, size) not in near.steady or (only, size) in left))
+            or (
+                size not in self.needed[only]
+                and ((only, size) not in near.steady or (only, size) in left)
+            )
             for size, only in groups.items()
         )
 

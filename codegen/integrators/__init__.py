@@ -5,7 +5,14 @@ from codegen.integrators.dop853 import DOP853
 from codegen.integrators.dopri5 import DOPRI5
 from codegen.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
 from codegen.integrators.radau import RADAU
-from codegen.integrators.records import Collocation, Integrator, Midpoint, Rosenbrock, Tableau
+from codegen.integrators.records import (
+    Collocation,
+    Dense,
+    Integrator,
+    Midpoint,
+    Rosenbrock,
+    Tableau,
+)
 from codegen.integrators.rk4 import RK4
 from codegen.integrators.rkf45 import RKF45
 from codegen.integrators.rosenbrock import ROSENBROCK
@@ -22,4 +29,4 @@ INTEGRATORS: tuple[Integrator, ...] = (
     IMPLICIT_MIDPOINT,
 )
 
-__all__ = ["INTEGRATORS", "Collocation", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]
+__all__ = ["INTEGRATORS", "Collocation", "Dense", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]

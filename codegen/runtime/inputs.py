@@ -79,9 +79,7 @@ def source(u: Any, names: Sequence[str], real: Callable[[Any], np.ndarray]) -> S
     return Source(real(zero if u is None else u), {})
 
 
-def _named(
-    u: Mapping[str, Any], names: Sequence[str], real: Callable[[Any], np.ndarray]
-) -> Source:
+def _named(u: Mapping[str, Any], names: Sequence[str], real: Callable[[Any], np.ndarray]) -> Source:
     unknown = [name for name in u if name not in names]
     if unknown:
         raise ValueError(

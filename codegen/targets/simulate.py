@@ -14,11 +14,13 @@ from codegen import text
 from codegen.integrators import (
     INTEGRATORS,
     Collocation,
+    Dense,
     Integrator,
     Midpoint,
     Rosenbrock,
     Tableau,
 )
+from codegen.integrators.records import centred, collocated
 from codegen.passes.lanes import side_by_side
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
@@ -47,6 +49,7 @@ OF_INPUTS = (
     ("int", "stale", "1 where u is another than in the call before: the slope is computed again"),
     ("{name}_inputs", "inputs", "what changes u on the way, NULL where nothing does"),
 )
+OF_EVENTS = (("{name}_events", "events", "what is looked for on the way, NULL where nothing is"),)
 # Where the module has several charts.
 OF_CHARTS = (
     ("int", "choice", "the chart that the state is in, by number"),
@@ -61,7 +64,7 @@ NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
-SHARED = ("simulation", "inputs")  # Python files that are the same in every folder
+SHARED = ("simulation", "inputs", "events")  # Python files that are the same in every folder
 KINDS: dict[type, str] = {
     Tableau: "explicit",
     Rosenbrock: "rosenbrock",
@@ -200,7 +203,14 @@ def _flags(
         "EXPLICIT_STAGES": max(explicit, default=0),
         "ROSENBROCK_STAGES": max(rosenbrock, default=0),
         "COLLOCATION_STAGES": _stages(chosen),
+        "EVENTS": len(program.events),
+        "DENSE_DEGREE": max(3, _stages(chosen), *(len(dense.powers) for dense in _dense(chosen))),
+        "DENSE_STAGES": max(0, 0, *(len(dense.c) for dense in _dense(chosen))),
     }
+
+
+def _dense(chosen: Sequence[Integrator]) -> list[Dense]:
+    return [x.dense for x in chosen if isinstance(x, Tableau) and x.dense]
 
 
 def _stages(chosen: Sequence[Integrator]) -> int:
@@ -281,12 +291,11 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
     entries = (
         *ENTRIES,
         *(OF_INPUTS if program.argument("u").names else ()),
+        *OF_EVENTS,
         *(OF_CHARTS if program.charts else ()),
         *(OF_FRAMES if program.frame else ()),
     )
-    head = [
-        (kind.format(name=program.name), name, 0, about) for kind, name, about in entries
-    ]
+    head = [(kind.format(name=program.name), name, 0, about) for kind, name, about in entries]
     scalars = ("collocated_t", "collocated_h", "side")
     body = [("double", *block) for block in blocks if block[1] or block[0] in scalars]
     return [*head, *body]
@@ -335,7 +344,13 @@ def _initialised(kind: str, name: str, values: Sequence[str]) -> list[str]:
 
 def _tableau(method: Tableau) -> list[str]:
     """Rows without their zeros, one after the other."""
-    rows = [*method.a[1:], *method.errors]
+    dense = method.dense or Dense(0, (), (), ())
+    powers = (
+        centred(((Fraction(0),) * len(dense.powers[0]), *dense.powers))
+        if dense.c or dense.powers
+        else ()
+    )
+    rows = [*method.a[1:], *method.errors, *dense.a, *powers]
     terms = [[(j, weight) for j, weight in enumerate(row) if weight] for row in rows]
     starts = [sum(map(len, terms[:n])) for n in range(len(terms) + 1)]
     used = {j for row in (method.a[-1], *method.errors) for j, weight in enumerate(row) if weight}
@@ -343,12 +358,12 @@ def _tableau(method: Tableau) -> list[str]:
     weighted = sum(1 << n for n in used | {stages})
     weights = [number(weight) for row in terms for _, weight in row]
     return [
-        f"static const double {name}_c[] = {_list(method.c[1:])};",
+        f"static const double {name}_c[] = {_list((*method.c[1:], *dense.c))};",
         f"static const int {name}_row[] = {_listed(starts)};",
         f"static const unsigned char {name}_at[] = {_listed(j for row in terms for j, _ in row)};",
         f"static const double {name}_weight[] = {_listed(weights)};",
         f"static const Tableau {name} = {{{stages}, {len(method.errors)}, {weighted}ul, "
-        f"{name}_c, {name}_row, {name}_at, {name}_weight}};",
+        f"{name}_c, {name}_row, {name}_at, {name}_weight, {len(dense.c)}, {len(dense.powers)}}};",
     ]
 
 
@@ -364,6 +379,7 @@ def _rosenbrock(method: Rosenbrock) -> list[str]:
         _list(method.gammas),
         _table(method.a, width),
         _table(method.c, width),
+        _table(method.dense, width),
     ]
 
 
@@ -377,6 +393,7 @@ def _collocation(method: Collocation) -> list[str]:
         number(method.real),
         _table(method.pairs, 2),
         _list(method.error),
+        _table(centred(collocated(method.c)), width),
     ]
 
 
@@ -417,6 +434,12 @@ def _python(tableau: Tableau) -> dict[str, object]:
         "c": numbers(tableau.c),
         "a": [numbers(row) for row in tableau.a],
         "errors": [numbers(row) for row in tableau.errors],
+        "dense": tableau.dense
+        and {
+            "c": numbers(tableau.dense.c),
+            "a": [numbers(row) for row in tableau.dense.a],
+            "powers": [numbers(row) for row in tableau.dense.powers],
+        },
     }
 
 

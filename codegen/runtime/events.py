@@ -13,7 +13,7 @@ import numpy as np
 EIGHTHS, MOST = 8, 64  # as in runtime_events.h
 ROOM = 64  # steps' worth of events that compiled code keeps until they are taken out
 GOLDEN = 0.3819660112501051
-# NAME_events of NAME_simulate.h
+# NAME_watch of NAME_simulate.h
 EVENTS = np.dtype(
     [
         ("count", "i"),

@@ -49,7 +49,7 @@ OF_INPUTS = (
     ("int", "stale", "1 where u is another than in the call before: the slope is computed again"),
     ("{name}_inputs", "inputs", "what changes u on the way, NULL where nothing does"),
 )
-OF_EVENTS = (("{name}_events", "events", "what is looked for on the way, NULL where nothing is"),)
+OF_EVENTS = (("{name}_watch", "events", "what is looked for on the way, NULL where nothing is"),)
 # Where the module has several charts.
 OF_CHARTS = (
     ("int", "choice", "the chart that the state is in, by number"),

@@ -35,8 +35,8 @@ def initial_state(
     p: np.ndarray | None = None,
     t: float = 0.0,
 ) -> Initial:
-    """The state at time t. Held values are kept, guesses and unnamed ones move; where that has no solution everything
-    may move, and is reported.
+    """The state at time t. Held values are kept, guesses and unnamed ones move; where that has no
+    solution everything may move, and is reported.
 
     `changes` overrides values by name and holds them. Raises ModelError where no consistent state
     is found.

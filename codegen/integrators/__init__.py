@@ -31,4 +31,12 @@ INTEGRATORS: tuple[Integrator, ...] = (
     TAYLOR,
 )
 
-__all__ = ["INTEGRATORS", "Collocation", "Integrator", "Midpoint", "Rosenbrock", "Tableau", "Taylor"]
+__all__ = [
+    "INTEGRATORS",
+    "Collocation",
+    "Integrator",
+    "Midpoint",
+    "Rosenbrock",
+    "Tableau",
+    "Taylor",
+]

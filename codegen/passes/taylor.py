@@ -26,7 +26,22 @@ PIECES = frozenset({
 })  # fmt: skip
 FLAT = PIECES - {"fabs", "fmin", "fmax", "copysign", "fmod", "where"}  # constant, piece by piece
 # What the code around the recurrences is called.
-_TAKEN = "L R S l r n i order order_n part next x_n x_next sums".split()
+_TAKEN = [
+    "L",
+    "R",
+    "S",
+    "l",
+    "r",
+    "n",
+    "i",
+    "order",
+    "order_n",
+    "part",
+    "next",
+    "x_n",
+    "x_next",
+    "sums",
+]
 _PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _MOST_MULTIPLIED = 64  # whole powers up to this are products
 
@@ -184,12 +199,11 @@ class _Tape:
     def _value(
         self, value: Expression, local: dict[str, Expression], wanted: str = "z"
     ) -> Expression:
-        if isinstance(value, float):
-            return value
-        if isinstance(value, str):
-            return local[value]
-        operands = [self._value(operand, local) for operand in value[1:]]
-        return self.put(value[0], *operands, wanted=wanted)
+        if not isinstance(value, tuple):
+            return local[value] if isinstance(value, str) else value
+        name, *inside = value
+        operands = [self._value(operand, local) for operand in inside]
+        return self.put(str(name), *operands, wanted=wanted)
 
     def put(self, operation: str, *operands: Expression, wanted: str = "z") -> Expression:
         """The value of an operation, with its coefficients."""
@@ -278,9 +292,7 @@ class _Tape:
         half = self.begin(("div", 0.5, name))
         self.grow(name, "root", self.coefficient(a), slot=self.slot(name, name), factor=half)
 
-    def integral(
-        self, name: str, slope: Expression, a: Expression, rule: str = "integral"
-    ) -> None:
+    def integral(self, name: str, slope: Expression, a: Expression, rule: str = "integral") -> None:
         """name' = slope · a'; the slope may be one that gets its own coefficients later."""
         slot = self.slot(a, slope, True)
         self.grow(name, rule, self.coefficient(a), slot=slot)
@@ -363,20 +375,22 @@ class _Tape:
     def atan2(self, name: str, y: Expression, x: Expression) -> None:
         """(x y' − y x')/(x² + y²)."""
         size = self.put("add", self._square(x), self._square(y))
-        parts = []
-        for part, along in ((self.put("div", x, size), y), (self.put("div", y, size), x)):
-            if self.varies(along):
-                parts.append(self.begin(0.0))
-                self.integral(parts[-1], part, along)
-            else:
-                parts.append(0.0)
-        self.sub(name, *parts)
+        by_y, by_x = self.put("div", x, size), self.put("div", y, size)
+        self.sub(name, self._along(by_y, y), self._along(by_x, x))
+
+    def _along(self, part: Expression, along: Expression) -> Expression:
+        """∫ part d(along) from zero."""
+        if not self.varies(along):
+            return 0.0
+        total = self.begin(0.0)
+        self.integral(total, part, along)
+        return total
 
     def hypot(self, name: str, a: Expression, b: Expression) -> None:
         self.sqrt(name, self.put("add", self._square(a), self._square(b)))
 
     def pow(self, name: str, a: Expression, b: Expression) -> None:
-        if isinstance(b, float) and b == round(b) and 0 < abs(b) <= _MOST_MULTIPLIED:
+        if isinstance(b, float) and b.is_integer() and 0 < abs(b) <= _MOST_MULTIPLIED:
             whole = self._whole_power(a, round(abs(b)))
             self.linear(name, self.coefficient(whole if b > 0 else self.put("div", 1.0, whole)))
         elif not self.varies(b):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from codegen import text
 from codegen.passes.taylor import HIGHEST, Series, Step, histories, series, suffixes
@@ -45,7 +46,11 @@ def files(program: Program) -> dict[str, str]:
     if INTEGRATOR not in program.integrators or not program.simulates:
         return {}
     bodies = [_body(program, suffix) for suffix in suffixes(program)]
-    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
+    data: dict[str, Any] = {
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+    }
     return {
         f"{program.name}_taylor.h": text.render(
             "taylor.h.j2", bodies=bodies, highest=HIGHEST, **data
@@ -100,8 +105,8 @@ def _start(program: Program, statements: Sequence[Statement]) -> Iterator[str]:
     k = 0
     while k < len(statements):
         statement = statements[k]
-        if _is_turn(statement):
-            pair = {s.value[0]: s.name for s in statements[k : k + 2]}
+        if isinstance(statement.value, tuple) and _is_turn(statement):
+            pair = {s.value[0]: s.name for s in statements[k : k + 2] if isinstance(s.value, tuple)}
             angle, sin, cos = _value(statement.value[1]), pair["sin"], pair["cos"]
             yield f"double {sin}, {cos};"
             yield f"if ({program.name}_sincos({angle}, &{sin}, &{cos}) != 0.0)"
@@ -173,9 +178,7 @@ def _rule(step: Step, depth: dict[str, int]) -> str:
     first, second = (term for term, _ in sorted(terms, key=lambda item: item[1]))
     if step.rule == "quotient" and step.a == 0.0:
         return f"(S[{k}] + {b} * R[{k}]) * {step.factor}"
-    return _FORMS[step.rule].format(
-        k=k, a=a, b=b, factor=step.factor, first=first, second=second
-    )
+    return _FORMS[step.rule].format(k=k, a=a, b=b, factor=step.factor, first=first, second=second)
 
 
 TAYLOR = Target("taylor", "Taylor series of the solution in C", files)

@@ -20,7 +20,7 @@ from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
 from codegen.passes.plain import plain
-from codegen.passes.schedule import reachable, schedule
+from codegen.passes.schedule import schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
 from codegen.passes.taylor import check_series
@@ -496,8 +496,8 @@ def _written(
 
 def needed(lowered: Lowered) -> list[Operation]:
     """The operations that the roots need."""
-    wanted = reachable(lowered.code, [root for root in lowered.roots if isinstance(root, int)])
-    return [lowered.code.operations[i] for i in sorted(wanted)]
+    operations = lowered.code.operations
+    return [operations[i] for i in lowered.wanted]
 
 
 def count(operations: Iterable[Operation]) -> dict[str, int]:

@@ -11,37 +11,23 @@ order are the terms j = 0 and j = n.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from codegen.passes.names import RESERVED, Names
 from codegen.program import Expression, Kernel, Load, Pivot, Program, Statement
 from derive.diagnostics import AssumptionError
 
-MOST_SLOTS = 1_400  # what a step keeps of them stands on the stack: at most half a megabyte
-HIGHEST = 20  # order: what a tolerance of one unit of rounding asks for
+MOST_SLOTS = 1_200  # what a step keeps of them stands on the stack: at most half a megabyte
+HIGHEST = 24  # order: what a tolerance near rounding asks for
 PIECES = frozenset({
     "fabs", "sign", "floor", "ceil", "fmin", "fmax", "copysign", "fmod", "lt", "le", "eq", "ne",
     "and", "or", "not", "where",
 })  # fmt: skip
 FLAT = PIECES - {"fabs", "fmin", "fmax", "copysign", "fmod", "where"}  # constant, piece by piece
 # What the code around the recurrences is called.
-_TAKEN = [
-    "L",
-    "R",
-    "S",
-    "l",
-    "r",
-    "n",
-    "i",
-    "order",
-    "order_n",
-    "part",
-    "next",
-    "x_n",
-    "x_next",
-    "sums",
-]
+TAKEN = ["L", "R", "S", "T", "L1", "R1", "l", "r", "l_late", "r_late", "n", "i", "order", "order_n", "part", "next", "now", "x_next", "sums", "early"]
 _PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _MOST_MULTIPLIED = 64  # whole powers up to this are products
 
@@ -60,19 +46,27 @@ class Slot:
 
 
 @dataclass(frozen=True)
-class Step:
-    """Coefficient n of `name`, with S the sum of slot `slot`, and l, r its first terms:
+class Term:
+    """sign · factor · coefficient n of `of`; of a number: the sum of that slot, over n where it is
+    weighted. The factor is a value at the start of the step."""
 
-    linear: a · product: S + l b + a r · quotient: (S − a + b r) factor · root: (a − S) factor ·
-    integral: S/n + a r · minus: minus that.
-    """
+    of: str | int
+    factor: Expression = 1.0
+    sign: int = 1
+
+    def times(self, other: Term, factor: Expression) -> Term:
+        """This term of what `other` takes, `factor` being the product of both factors."""
+        return Term(self.of, factor, self.sign * other.sign)
+
+
+@dataclass(frozen=True)
+class Step:
+    """Coefficient n of `name`: the sum of its terms, of which there is one alone, counted only
+    where `condition` (a value at the start) is not zero, if there is a condition."""
 
     name: str
-    rule: str
-    a: Expression
-    b: Expression = 0.0
-    slot: int = -1
-    factor: str = ""
+    terms: tuple[Term, ...]
+    condition: Expression | None = None
 
 
 @dataclass(frozen=True)
@@ -87,13 +81,13 @@ class Series:
     slots: tuple[Slot, ...]
     states: tuple[tuple[str, int], ...]  # local names of the state's entries
     time: str  # local name of t; empty where it does not occur
-    coefficients: dict[str, Expression] = field(repr=False)
+    coefficients: dict[str, str] = field(repr=False)
     rates: tuple[tuple[Expression, Expression], ...] = ()
     in_pieces: bool = False  # not analytic everywhere
 
-    def coefficient(self, name: str) -> Expression:
-        """Coefficient n of a value, where n > 0."""
-        return self.coefficients.get(name, 0.0)
+    def coefficient(self, name: str) -> str:
+        """The local that is coefficient n > 0 of a value that varies."""
+        return self.coefficients[name]
 
 
 def suffixes(program: Program) -> tuple[str, ...]:
@@ -139,26 +133,28 @@ class _Tape:
     operations are one."""
 
     def __init__(self) -> None:
-        self.names = Names([*RESERVED, *_TAKEN])
+        self.names = Names([*RESERVED, *TAKEN])
         self.loads: dict[tuple[str, int], Load] = {}
         self.start: list[Statement] = []
         self.steps: list[Step] = []
         self.slots: dict[Slot, int] = {}
-        self.coefficients: dict[str, Expression] = {}
+        self.coefficients: dict[str, str] = {}
         self.guards: list[Pivot] = []
         self.in_pieces = False
         self._places: dict[tuple[Expression, ...], Expression] = {}
+        self._held: dict[tuple[Expression, ...], str] = {}
 
     def made(self, rates: Sequence[Expression]) -> Series:
         states = tuple(
             (load.name, load.index) for load in self.loads.values() if load.argument == "x"
         )
         time = next((load.name for load in self.loads.values() if load.argument == "t"), "")
+        steps = _Flattening(self, rates).steps()
         return Series(
             loads=tuple(self.loads.values()),
             start=tuple(self.start),
             guards=tuple(self.guards),
-            steps=tuple(self.steps),
+            steps=steps,
             slots=tuple(self.slots),
             states=states,
             time=time,
@@ -234,6 +230,13 @@ class _Tape:
         self.start.append(Statement(name, value))
         return name
 
+    def held(self, operation: str, *operands: Expression) -> str:
+        """A value at the start that is needed as a factor; nobody asks for its coefficients."""
+        key = (operation, *operands)
+        if key not in self._held:
+            self._held[key] = self.begin(key)
+        return self._held[key]
+
     # ---- coefficients
 
     def slot(self, left: Expression, right: Expression, weighted: bool = False) -> int:
@@ -241,61 +244,58 @@ class _Tape:
         made = Slot(str(left), str(right), weighted)
         return self.slots.setdefault(made, len(self.slots))
 
-    def grow(
-        self, name: str, rule: str, a: Expression, b: Expression = 0.0, slot: int = -1,
-        factor: str = "",
-    ) -> None:  # fmt: skip
-        """`name` gets its coefficients by a rule."""
-        self.coefficients[name] = name
-        self.steps.append(Step(name, rule, a, b, slot, factor))
+    def term(self, value: Expression, factor: Expression = 1.0, sign: int = 1) -> list[Term]:
+        """Of coefficient n of a value, if it has any."""
+        of = self.coefficient(value)
+        return [Term(of, factor, sign)] if isinstance(of, str) else []
 
-    def linear(self, name: str, value: Expression) -> None:
-        """One that is another's, or a sum or multiple of others'."""
-        if isinstance(value, str):
-            self.coefficients[name] = value
-        else:
-            self.grow(name, "linear", value)
+    def grow(self, name: str, *terms: Term, condition: Expression | None = None) -> None:
+        """`name` gets its coefficients: those of another where there is nothing to compute."""
+        alone = len(terms) == 1 and condition is None and terms[0] == Term(terms[0].of)
+        if alone and isinstance(terms[0].of, str):
+            self.coefficients[name] = terms[0].of
+        elif terms:
+            self.coefficients[name] = name
+            self.steps.append(Step(name, terms, condition))
 
     def add(self, name: str, a: Expression, b: Expression) -> None:
-        terms = [x for x in (self.coefficient(a), self.coefficient(b)) if x != 0.0]
-        self.linear(name, terms[0] if len(terms) == 1 else ("add", *terms))
+        self.grow(name, *self.term(a), *self.term(b))
 
     def sub(self, name: str, a: Expression, b: Expression) -> None:
-        if not self.varies(a):
-            self.neg(name, b)
-        elif not self.varies(b):
-            self.linear(name, self.coefficient(a))
-        else:
-            self.linear(name, ("sub", self.coefficient(a), self.coefficient(b)))
+        self.grow(name, *self.term(a), *self.term(b, sign=-1))
 
     def neg(self, name: str, a: Expression) -> None:
-        self.linear(name, ("neg", self.coefficient(a)))
+        self.grow(name, *self.term(a, sign=-1))
 
     def mul(self, name: str, a: Expression, b: Expression) -> None:
         if not (self.varies(a) and self.varies(b)):
-            constant, other = (b, a) if self.varies(a) else (a, b)
-            self.linear(name, ("mul", constant, self.coefficient(other)))
+            self.grow(name, *self.term(a, b), *self.term(b, a))
+            return
+        slot = Term(self.slot(a, b))
+        if a == b:
+            self.grow(name, slot, *self.term(a, self.held("mul", 2.0, a)))
         else:
-            slot = self.slot(a, b)
-            self.grow(name, "product", self.coefficient(a), self.coefficient(b), slot)
+            self.grow(name, slot, *self.term(a, b), *self.term(b, a))
 
     def div(self, name: str, a: Expression, b: Expression) -> None:
+        """b q = a: q_n b_0 = a_n − S − b_n q_0."""
+        inverse = name if a == 1.0 else self.held("div", 1.0, b)
         if not self.varies(b):
-            inverse = self.begin(("div", 1.0, b))
-            self.linear(name, ("mul", inverse, self.coefficient(a)))
+            self.grow(name, *self.term(a, inverse))
             return
-        inverse = self.begin(("div", -1.0, b))
-        slot = self.slot(b, name)
-        self.grow(name, "quotient", self.coefficient(a), self.coefficient(b), slot, inverse)
+        slot = Term(self.slot(b, name), inverse, -1)
+        ratio = self.held("mul", name, inverse)
+        self.grow(name, slot, *self.term(a, inverse), *self.term(b, ratio, -1))
 
     def sqrt(self, name: str, a: Expression) -> None:
-        half = self.begin(("div", 0.5, name))
-        self.grow(name, "root", self.coefficient(a), slot=self.slot(name, name), factor=half)
+        """r² = a: 2 r_n r_0 = a_n − S."""
+        half = self.held("div", 0.5, name)
+        self.grow(name, Term(self.slot(name, name), half, -1), *self.term(a, half))
 
-    def integral(self, name: str, slope: Expression, a: Expression, rule: str = "integral") -> None:
-        """name' = slope · a'; the slope may be one that gets its own coefficients later."""
-        slot = self.slot(a, slope, True)
-        self.grow(name, rule, self.coefficient(a), slot=slot)
+    def integral(self, name: str, slope: Expression, a: Expression, sign: int = 1) -> None:
+        """name' = ± slope · a'; the slope may be one that gets its own coefficients later."""
+        slot = Term(self.slot(a, slope, True), 1.0, sign)
+        self.grow(name, slot, *self.term(a, slope, sign))
 
     def exp(self, name: str, a: Expression) -> None:
         self.integral(name, name, a)
@@ -316,7 +316,7 @@ class _Tape:
         self._places[partner, a] = other
         sine, cosine = (name, other) if operation.startswith("sin") else (other, name)
         self.integral(sine, cosine, a)
-        self.integral(cosine, sine, a, "integral" if operation.endswith("h") else "minus")
+        self.integral(cosine, sine, a, 1 if operation.endswith("h") else -1)
 
     def sin(self, name: str, a: Expression) -> None:
         self._pair(name, "sin", a)
@@ -342,7 +342,7 @@ class _Tape:
         slope = self.begin((sign, 1.0, square))
         self.integral(name, slope, a)
         self.mul(square, name, name)
-        self.linear(slope, square if sign == "add" else ("neg", square))
+        self.grow(slope, *self.term(square, sign=1 if sign == "add" else -1))
 
     def _over_root(self, name: str, a: Expression, under: Expression, above: float = 1.0) -> None:
         self.integral(name, self.put("div", above, self.put("sqrt", under)), a)
@@ -375,16 +375,15 @@ class _Tape:
     def atan2(self, name: str, y: Expression, x: Expression) -> None:
         """(x y' − y x')/(x² + y²)."""
         size = self.put("add", self._square(x), self._square(y))
-        by_y, by_x = self.put("div", x, size), self.put("div", y, size)
-        self.sub(name, self._along(by_y, y), self._along(by_x, x))
-
-    def _along(self, part: Expression, along: Expression) -> Expression:
-        """∫ part d(along) from zero."""
-        if not self.varies(along):
-            return 0.0
-        total = self.begin(0.0)
-        self.integral(total, part, along)
-        return total
+        parts: list[Expression] = []
+        for part, along in ((self.put("div", x, size), y), (self.put("div", y, size), x)):
+            if self.varies(along):
+                total = self.begin(0.0)
+                self.integral(total, part, along)
+                parts.append(total)
+            else:
+                parts.append(0.0)
+        self.sub(name, parts[0], parts[1])
 
     def hypot(self, name: str, a: Expression, b: Expression) -> None:
         self.sqrt(name, self.put("add", self._square(a), self._square(b)))
@@ -392,7 +391,7 @@ class _Tape:
     def pow(self, name: str, a: Expression, b: Expression) -> None:
         if isinstance(b, float) and b.is_integer() and 0 < abs(b) <= _MOST_MULTIPLIED:
             whole = self._whole_power(a, round(abs(b)))
-            self.linear(name, self.coefficient(whole if b > 0 else self.put("div", 1.0, whole)))
+            self.grow(name, *self.term(whole if b > 0 else self.put("div", 1.0, whole)))
         elif not self.varies(b):
             over = self.begin(("div", name, a))
             slope = self.begin(("mul", b, over))
@@ -413,41 +412,30 @@ class _Tape:
     # ---- in pieces: as it is at the start of the step
 
     def fabs(self, name: str, a: Expression) -> None:
-        sign = self.begin(("copysign", 1.0, a))
-        self.linear(name, ("mul", sign, self.coefficient(a)))
+        self.grow(name, *self.term(a, self.begin(("copysign", 1.0, a))))
 
     def copysign(self, name: str, a: Expression, b: Expression) -> None:
         sign = self.begin(("mul", ("copysign", 1.0, a), ("copysign", 1.0, b)))
-        if self.varies(a):
-            self.linear(name, ("mul", sign, self.coefficient(a)))
+        self.grow(name, *self.term(a, sign))
 
     def where(self, name: str, condition: Expression, a: Expression) -> None:
-        if self.varies(a):
-            self.linear(name, ("where", condition, self.coefficient(a)))
+        self.grow(name, *self.term(a), condition=condition)
 
     def fmin(self, name: str, a: Expression, b: Expression) -> None:
-        self._either(name, self.begin(("le", a, b)), a, b)
+        self._either(name, ("le", a, b), a, b)
 
     def fmax(self, name: str, a: Expression, b: Expression) -> None:
-        self._either(name, self.begin(("le", b, a)), a, b)
+        self._either(name, ("le", b, a), a, b)
 
-    def _either(self, name: str, first: str, a: Expression, b: Expression) -> None:
+    def _either(self, name: str, holds: Expression, a: Expression, b: Expression) -> None:
+        first = self.begin(holds)
         second = self.begin(("not", first))
-        terms = [
-            ("where", condition, self.coefficient(value))
-            for condition, value in ((first, a), (second, b))
-            if self.varies(value)
-        ]
-        self.linear(name, terms[0] if len(terms) == 1 else ("add", *terms))
+        one, other = self.put("where", first, a), self.put("where", second, b)
+        self.grow(name, *self.term(one), *self.term(other))
 
     def fmod(self, name: str, a: Expression, b: Expression) -> None:
         whole = self.begin(("div", ("sub", a, name), b))
-        if not self.varies(b):
-            self.linear(name, self.coefficient(a))
-            return
-        multiple = ("mul", whole, self.coefficient(b))
-        varying = ("sub", self.coefficient(a), multiple)
-        self.linear(name, varying if self.varies(a) else ("neg", multiple))
+        self.grow(name, *self.term(a), *self.term(b, whole, -1))
 
 
 _RULES: dict[str, Callable[..., None]] = {
@@ -462,7 +450,60 @@ _RULES: dict[str, Callable[..., None]] = {
 }  # fmt: skip
 
 
-def histories(made: Series) -> Iterator[tuple[int, Slot, Expression, Expression]]:
-    """Of each slot what it keeps of order n: a coefficient on the left and one on the right."""
-    for number, slot in enumerate(made.slots):
-        yield number, slot, made.coefficient(slot.left), made.coefficient(slot.right)
+class _Flattening:
+    """Sums of sums become one where nothing is computed twice by that: each addition and
+    multiplication on the way from one order to the next takes its time, and they are one after the
+    other."""
+
+    def __init__(self, tape: _Tape, rates: Sequence[Expression]) -> None:
+        self.tape = tape
+        self.flat: dict[str, Step] = {}
+        self.shown = {str(tape.coefficient(rate)) for rate in rates}
+        for slot in tape.slots:
+            self.shown |= {str(tape.coefficient(slot.left)), str(tape.coefficient(slot.right))}
+        self.users = Counter(term.of for step in tape.steps for term in step.terms)
+
+    def steps(self) -> tuple[Step, ...]:
+        for step in self.tape.steps:
+            terms = [inner for term in step.terms for inner in self._terms(term)]
+            self.flat[step.name] = Step(step.name, tuple(self._merged(terms)), step.condition)
+        wanted = set(self.shown)
+        kept: list[Step] = []
+        for step in reversed(self.flat.values()):
+            if step.name in wanted:
+                kept.append(step)
+                wanted |= {term.of for term in step.terms if isinstance(term.of, str)}
+        return tuple(reversed(kept))
+
+    def _terms(self, term: Term) -> list[Term]:
+        """A term, or what it consists of."""
+        inner = self.flat.get(term.of) if isinstance(term.of, str) else None
+        if inner is None or inner.condition is not None:
+            return [term]
+        scaled = len(inner.terms) == 1 and isinstance(inner.terms[0].of, str)
+        alone = self.users[inner.name] == 1 and inner.name not in self.shown
+        if not (scaled or alone):
+            return [term]
+        return [
+            part.times(term, self._product(part.factor, term.factor)) for part in inner.terms
+        ]
+
+    def _product(self, a: Expression, b: Expression) -> Expression:
+        if a == 1.0 or b == 1.0:
+            return b if a == 1.0 else a
+        if isinstance(a, float) and isinstance(b, float):
+            return a * b
+        return self.tape.held("mul", a, b)
+
+    def _merged(self, terms: Sequence[Term]) -> list[Term]:
+        """One term of each coefficient."""
+        found: dict[str | int, Term] = {}
+        for term in terms:
+            before = found.get(term.of)
+            if before is None:
+                found[term.of] = term
+            else:
+                operation = "add" if before.sign == term.sign else "sub"
+                factor = self.tape.held(operation, before.factor, term.factor)
+                found[term.of] = Term(term.of, factor, before.sign)
+        return list(found.values())

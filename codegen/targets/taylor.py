@@ -7,19 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from codegen import text
-from codegen.passes.taylor import HIGHEST, Series, Step, histories, series, suffixes
+from codegen.passes.names import RESERVED, Names
+from codegen.passes.taylor import HIGHEST, TAKEN, Series, Term, series, suffixes
 from codegen.program import Expression, Program, Statement
 from codegen.targets.records import Target
 
 INTEGRATOR = "taylor"
 WIDEST = 64  # bytes of a vector
-_FORMS = {
-    "product": "S[{k}] + {first} + {second}",
-    "quotient": "(S[{k}] - {a} + {b} * R[{k}]) * {factor}",
-    "root": "({a} - S[{k}]) * {factor}",
-    "integral": "S[{k}] * part + {a} * R[{k}]",
-    "minus": "-(S[{k}] * part) - {a} * R[{k}]",
-}
+ADDED = 4  # cycles that a multiplication and an addition take together
 
 
 @dataclass(frozen=True)
@@ -86,7 +81,7 @@ def _body(program: Program, suffix: str) -> Body:
             (_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in made.guards
         ),
         first=tuple(_first(made)),
-        step=tuple(_step(made)),
+        step=tuple(_Order(made).lines()),
         unused=tuple(name for name in "tupc" if name not in used),
         rates=len(made.rates),
     )
@@ -126,59 +121,83 @@ def _first(made: Series) -> Iterator[str]:
         yield f"out[ROW + {i}] = {_value(rate)};"
 
 
-def _step(made: Series) -> Iterator[str]:
-    """Order n > 0; a coefficient goes to the slots that need it as soon as there is one."""
-    stores = _stores(made)
-    depth = _depths(made)
-    if made.time:
-        yield f"const double {made.time} = n == 1 ? 1.0 : 0.0;"
-        yield from stores.pop(made.time, ())
-    for name, i in made.states:
-        yield f"const double {name} = x_n[{i}];"
-        yield from stores.pop(name, ())
-    for step in made.steps:
-        yield f"const double {step.name} = {_rule(step, depth)};"
-        yield from stores.pop(step.name, ())
-    for i, (_, rate) in enumerate(made.rates):
-        yield f"x_next[{i}] = {_value(rate)} * next;" if rate != 0.0 else f"x_next[{i}] = 0.0;"
+class _Order:
+    """Lines of order n > 0. Coefficients have names of their own beside the values at the start,
+    which are their factors."""
+
+    def __init__(self, made: Series) -> None:
+        self.made = made
+        taken = {*(load.name for load in made.loads), *(s.name for s in made.start)}
+        self._free, self._names = Names([*RESERVED, *TAKEN, *taken]), {}
+        self.stores = self._stores()
+        self.ready: dict[str | int, int] = {}  # cycles after which a coefficient is there
+
+    def lines(self) -> Iterator[str]:
+        """A coefficient goes to the slots that need it as soon as there is one."""
+        yield from self._sums()
+        if self.made.time:
+            yield from self._put(self.made.time, "n == 1 ? 1.0 : 0.0")
+        for name, i in self.made.states:
+            yield from self._put(name, f"now[{i}]")
+        for step in self.made.steps:
+            value, self.ready[step.name] = self._sum(step.terms)
+            if step.condition is not None:
+                value = f"{_value(step.condition)} != 0.0 ? {value} : 0.0"
+            yield from self._put(step.name, value)
+        for i, (_, rate) in enumerate(self.made.rates):
+            value = f"{self._name(rate)} * next" if isinstance(rate, str) else "0.0"
+            yield f"x_next[{i}] = now[{i}] = {value};"
+
+    def _name(self, coefficient: str) -> str:
+        if coefficient not in self._names:
+            self._names[coefficient] = self._free(f"{coefficient}_n")
+        return self._names[coefficient]
+
+    def _put(self, coefficient: str, value: str) -> Iterator[str]:
+        yield f"const double {self._name(coefficient)} = {value};"
+        yield from self.stores.get(coefficient, ())
+
+    def _stores(self) -> dict[str, list[str]]:
+        """Where coefficients go."""
+        found: dict[str, list[str]] = {}
+        for k, slot in enumerate(self.made.slots):
+            left, right = self.made.coefficient(slot.left), self.made.coefficient(slot.right)
+            weight = "order_n * " if slot.weighted else ""
+            found.setdefault(left, []).append(f"l[{k}] = {weight}{self._name(left)};")
+            found.setdefault(right, []).append(f"r[{k}] = {self._name(right)};")
+        return found
+
+    def _sums(self) -> Iterator[str]:
+        for k, slot in enumerate(self.made.slots):
+            yield f"const double s{k} = S[{k}]{' * part' if slot.weighted else ''};"
+
+    def _sum(self, terms: Sequence[Term]) -> tuple[str, int]:
+        """Terms added one after the other as their coefficients get known, or in two such chains
+        where that is sooner; and when it is done."""
+        order = sorted(terms, key=self._time)
+        one, two = self._chain(order), [self._chain(order[k::2]) for k in (0, 1)]
+        both = max(time for _, time in two) + ADDED
+        if len(terms) < 4 or one[1] <= both:
+            return one
+        return f"({two[0][0]}) + ({two[1][0]})", both
+
+    def _time(self, term: Term) -> int:
+        return self.ready.get(term.of, 0)
+
+    def _chain(self, terms: Sequence[Term]) -> tuple[str, int]:
+        line, time = "", 0
+        for term in terms:
+            of = f"s{term.of}" if isinstance(term.of, int) else self._name(term.of)
+            factor = "" if term.factor == 1.0 else f"{_bracketed(term.factor)} * "
+            plus = " + " if line else ""
+            line += f"{plus if term.sign > 0 else ' - ' if line else '-'}{factor}{of}"
+            time = max(time, self._time(term)) + ADDED
+        return line, time
 
 
-def _stores(made: Series) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for k, slot, left, right in histories(made):
-        weighted = f"order_n * {left}" if slot.weighted else left
-        found.setdefault(str(left), []).append(f"l[{k}] = {weighted};")
-        found.setdefault(str(right), []).append(f"r[{k}] = {right};")
-    return found
-
-
-def _depths(made: Series) -> dict[str, int]:
-    """How many steps one after the other it takes to a coefficient."""
-    found: dict[str, int] = {}
-    for step in made.steps:
-        operands = [*_names(step.a), *_names(step.b)]
-        found[step.name] = 1 + max((found.get(name, 0) for name in operands), default=0)
-    return found
-
-
-def _names(value: Expression) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, tuple):
-        for operand in value[1:]:
-            yield from _names(operand)
-
-
-def _rule(step: Step, depth: dict[str, int]) -> str:
-    """The coefficient as C; what comes latest is added last."""
-    if step.rule == "linear":
-        return _value(step.a)
-    k, a, b = step.slot, _value(step.a), _value(step.b)
-    terms = [(f"{a} * R[{k}]", depth.get(a, 0)), (f"L[{k}] * {b}", depth.get(b, 0))]
-    first, second = (term for term, _ in sorted(terms, key=lambda item: item[1]))
-    if step.rule == "quotient" and step.a == 0.0:
-        return f"(S[{k}] + {b} * R[{k}]) * {step.factor}"
-    return _FORMS[step.rule].format(k=k, a=a, b=b, factor=step.factor, first=first, second=second)
+def _bracketed(factor: Expression) -> str:
+    value = _value(factor)
+    return f"({value})" if value.startswith("-") else value
 
 
 TAYLOR = Target("taylor", "Taylor series of the solution in C", files)

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, listed
 from derive.mechanics.records import System
 from derive.numerics import refuses_numerically
 from derive.states.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, nominal, normalised
@@ -33,6 +33,7 @@ NEAR = (
 PROBES = 6  # configurations looked at to learn the rank
 STARTS = 40  # random starts where the nominal one cannot be closed
 CONTRADICTION = 1e-6  # what A v = c may be off by, in rows of length one, relative to 1 + |v|
+LOCKED = 1e6  # entries of N from which q̇ = N v runs away; away from gimbal lock they are about one
 SPARE = 4  # walkers more than states asked for, and a fifth of these
 
 
@@ -417,8 +418,21 @@ def _steady(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> 
     rates = solver.rates(t, q, p)
     if rates is None or not rates.size:
         return np.ones(len(t), dtype=bool)
+    _refuse_gimbal_lock(solver.system, rates)
     size = np.max(np.abs(rates), axis=(1, 2))
     return np.isfinite(size) & (size <= float(np.median(size)) / NEAR)
+
+
+def _refuse_gimbal_lock(system: System, rates: np.ndarray) -> None:
+    """Raises AssumptionError where q̇ = N v runs away at most states: no motion can start there."""
+    usual = np.median(np.nan_to_num(np.max(np.abs(rates), axis=2), nan=np.inf), axis=0)
+    runaway = [x.name for x, size in zip(system.model.coordinates, usual) if size > LOCKED]
+    if runaway:
+        raise AssumptionError(
+            f"{listed(runaway)} change without bound wherever the constraints hold: Euler angles "
+            "are in gimbal lock there",
+            hint="take `orientation: quaternion` for this joint, or angles about other axes",
+        )
 
 
 def _determined(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -47,6 +47,8 @@ from hamel.simulate.method import (
 
 ROWS = 500  # of the output when no step is given
 MOST_ROWS = 10_000_000  # of the output: 80 MB a column
+# what a motion and its judgement call, beside what enforcement and integrator need
+CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "outputs")
 
 Progress = Callable[[float], None]
 
@@ -186,7 +188,8 @@ def _motion(
     integrators = (method.integrator,) if own_integrator(method) else ()
     accuracy = tolerances(method, real_of(method.real))
     stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
-    with temporary_module(by, integrators, (enforcement,), real=method.real) as module:
+    functions = _called(by, method)
+    with temporary_module(by, integrators, (enforcement,), functions, method.real) as module:
         assure(problem.plain, by, module)
         if by.charts or by.frame:
             x, chart, p = charts.start(module, initial.q, initial.v, u, p, problem.t)
@@ -194,6 +197,13 @@ def _motion(
             x, chart = state_of(problem.plain, initial, p, problem.t), 0
         start = motion.Start(times, x, u, p, chart, problem.changes)
         return motion.integrated(module, by, start, stepping, progress)
+
+
+def _called(by: Equations, method: Method) -> tuple[str, ...] | None:
+    """The functions that a motion calls; all of them where a library integrates."""
+    if not own_integrator(method):
+        return None
+    return tuple(function.name for function in by.functions if function.name in CALLED)
 
 
 def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:

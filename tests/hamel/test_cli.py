@@ -139,6 +139,18 @@ def test_verify_prefixes_checks_with_the_choice(hamel):
         "tangent",
     }
     assert all({"name", "value", "tolerance", "passed"} <= set(check) for check in found["checks"])
+    assert {"l1", "m3"} <= set(found["varied"])
+
+
+def test_verify_says_which_parameters_it_varied(hamel, tmp_path):
+    (tmp_path / "m.yaml").write_text(
+        "model: m\ncoordinates: {x: m}\nparameters: {a: 1 kg, k: 1 N/m}\n"
+        "kinetic: a/2*der(x)^2\npotential: k/2*x^2\n"
+    )
+    _, out, _ = hamel("verify", "m.yaml", "--states", "3")
+    assert "varied with the states: a, k\n" in out
+    _, out, _ = hamel("verify", "m.yaml", "--states", "3", "--constants", "a")
+    assert "varied with the states: k\n" in out
 
 
 # Mistakes

@@ -195,7 +195,12 @@ class Record:
         for failure in failures:
             print(f"FAILED {failure}", flush=True)
 
-    def all(self, work: Callable[[Item], Ends], items: Iterable[tuple[str, Item]]) -> None:
+    def all(
+        self,
+        work: Callable[[Item], Ends],
+        items: Iterable[tuple[str, Item]],
+        processes: int = PROCESSES,
+    ) -> None:
         """Try each item, which has a name of its own; the work itself is done by processes."""
 
         def named(item: tuple[str, Item]) -> tuple[str, Ends]:
@@ -203,7 +208,7 @@ class Record:
             return name, (self.earlier[name], []) if name in self.earlier else work(given)
 
         self.journal.parent.mkdir(parents=True, exist_ok=True)
-        with ThreadPoolExecutor(PROCESSES) as pool, self.journal.open("a") as journal:
+        with ThreadPoolExecutor(processes) as pool, self.journal.open("a") as journal:
             for name, (kinds, failures) in pool.map(named, items):
                 self._count(kinds, failures)
                 if name not in self.earlier:

@@ -15,7 +15,7 @@ import pytest
 import sympy
 
 from derive.formulations import FORMULATIONS, equations
-from derive.model import load
+from derive.model import load, load_text
 from derive.states import system
 from derive.states.sampling import states
 from derive.textbook import html, laws, printed
@@ -460,3 +460,14 @@ def test_text_is_escaped_for_latex():
     assert escape("a_b 50% ẇ ≥ é 𝔘 \\x{y}") == (
         r"a\_b 50\% \ensuremath{\dot{w}} \ensuremath{\ge} é \texttt{U+1D518} \textbackslash{}x\{y\}"
     )
+
+
+def test_rows_that_say_nothing_have_no_multipliers_to_recover():
+    """A surface through the joint's own axis: its row vanishes everywhere, and nothing is named
+    after it."""
+    text = (
+        "model: m\nplane: xy\nbodies: {c: {mass: 1, inertia: 0.1}}\n"
+        "joints: {C: {type: revolute, parent: ground, child: c}}\n"
+        "constraints: {e: {type: point_on_surface, body: c, surface: x + 2*y, of: ground}}\n"
+    )
+    assert "No constraint row restricts the motion" in html(equations(system(load_text(text))))

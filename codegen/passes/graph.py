@@ -415,14 +415,17 @@ def _evaluate(function: str, values: Sequence[float]) -> float | None:
         return None
 
 
-_LOGIC: dict[str, Callable[..., float]] = {
+_OF_ONE: dict[str, Callable[[float], float]] = {
     "sign": lambda a: (a > 0) - (a < 0),
+    "not": lambda a: not a,
+}
+_OF_TWO: dict[str, Callable[[float, float], float]] = {
     "lt": lambda a, b: a < b,
     "le": lambda a, b: a <= b,
     "eq": lambda a, b: a == b,
     "ne": lambda a, b: a != b,
     "and": lambda a, b: bool(a and b),
     "or": lambda a, b: bool(a or b),
-    "not": lambda a: not a,
     "where": lambda a, b: b if a else 0.0,
 }
+_LOGIC: dict[str, Callable[..., float]] = {**_OF_ONE, **_OF_TWO}

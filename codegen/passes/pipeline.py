@@ -20,9 +20,10 @@ from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
 from codegen.passes.plain import plain
-from codegen.passes.schedule import reachable, schedule
+from codegen.passes.schedule import schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
+from codegen.passes.taylor import check_series
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
@@ -32,6 +33,7 @@ from codegen.program import (
     Argument,
     Chart,
     Entry,
+    Event,
     Hoisted,
     Kernel,
     Loop,
@@ -96,14 +98,15 @@ def program(
         for number, chart in enumerate(charts[1:], 1)
         for f in _in_chart(equations, chosen, chart, number)
     ]
-    kernels, ledger = [], []
+    kernels: list[Kernel] = []
+    ledger: list[Entry] = []
     turning = _Turning(len(arguments[1].names) - len(equations.w) if simulates else 0)
     for source, function in emitted:
         kernel, entries = _kernel(source, function, turning)
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
-    return Program(
+    made = Program(
         name=identifier(model.name),
         description=model.description,
         formulation=equations.formulation,
@@ -124,10 +127,14 @@ def program(
         enforcements=tuple(enforcements or ()) if simulates else (),
         turning=turning.found,
         frame=len(equations.frame.labels) if equations.frame and simulates else 0,
+        events=_events(equations) if simulates else (),
         charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts))
         if len(charts) > 1
         else (),
     )
+    if "taylor" in made.integrators:
+        check_series(made)
+    return made
 
 
 @dataclass
@@ -136,8 +143,8 @@ class _Turning:
     their turns there."""
 
     count: int
-    round: set[int] = field(default_factory=set)
-    seen: set[int] = field(default_factory=set)
+    round: set[int] = field(default_factory=set[int])
+    seen: set[int] = field(default_factory=set[int])
 
     def look(self, function: Function, tape: Tape) -> None:
         """At the result and the guards: a residual only says when an iteration may stop."""
@@ -157,12 +164,20 @@ class _Turning:
         return tuple(sorted(self.round - self.seen))
 
 
+def _events(equations: Equations) -> tuple[Event, ...]:
+    """What the entries of the function `events` are, where there is one."""
+    if not any(function.name == "events" for function in equations.functions):
+        return ()
+    return tuple(Event(x.name, x.direction, x.stop) for x in equations.system.model.events)
+
+
 def _watched(equations: Equations) -> list[str]:
     """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
-    then."""
+    then; and events."""
     known = [request.name for request in equations.requests]
     guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
-    return [x for x in ("guards", "constraint_rows") if guarded and x in known]
+    events = [function.name for function in equations.functions if function.name == "events"]
+    return [x for x in ("guards", "constraint_rows") if guarded and x in known] + events
 
 
 def _names_of(equations: Equations) -> list[str]:
@@ -260,7 +275,7 @@ def _arguments(
     slots: Sequence[records.Argument], parameters: tuple[float, ...]
 ) -> tuple[Argument, ...]:
     names = Names()
-    found = []
+    found: list[Argument] = []
     for slot in slots:
         local = tuple(
             names(identifier(label)) if slot.name != "t" else "t" for label in slot.labels
@@ -491,8 +506,8 @@ def _written(
 
 def needed(lowered: Lowered) -> list[Operation]:
     """The operations that the roots need."""
-    wanted = reachable(lowered.code, [root for root in lowered.roots if isinstance(root, int)])
-    return [lowered.code.operations[i] for i in sorted(wanted)]
+    operations = lowered.code.operations
+    return [operations[i] for i in lowered.wanted]
 
 
 def count(operations: Iterable[Operation]) -> dict[str, int]:

@@ -1,12 +1,13 @@
 """Joint types: one file each, one line each in JOINTS."""
 
+from derive.expressions.scalars import Scalar
 from derive.joints.ball import BALL
 from derive.joints.cylindrical import CYLINDRICAL
 from derive.joints.fixed import FIXED
 from derive.joints.free import FLOATING, FREE, free_joint
 from derive.joints.planar import PLANAR
 from derive.joints.prismatic import PRISMATIC
-from derive.joints.records import JointType, Scalar
+from derive.joints.records import JointType
 from derive.joints.revolute import REVOLUTE
 from derive.joints.screw import SCREW, screw_joint
 from derive.joints.universal import UNIVERSAL

@@ -8,7 +8,8 @@ motion.
 
 from collections.abc import Sequence
 
-from derive.joints.records import JointType, Matrix, Rotation, Scalar, Slot, Still, Vector, meeting
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.records import JointType, Rotation, Slot, Still, meeting
 from derive.joints.rotations import dot
 
 UNIT_VECTORS = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])

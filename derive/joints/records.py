@@ -9,12 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-Scalar = Any  # casadi.SX scalar or float
-Vector = list[Scalar]
-Matrix = list[Vector]
-
+from derive.expressions.scalars import Matrix, Scalar, Vector
 
 # Rows of a closure: an axis that stays parallel, and the third that keeps the frames from turning.
 PARALLEL = ("turn1", "turn2")

@@ -3,7 +3,8 @@ velocity = the rate of the angle."""
 
 from math import pi
 
-from derive.joints.records import PARALLEL, JointType, Scalar, Slot
+from derive.expressions.scalars import Scalar
+from derive.joints.records import PARALLEL, JointType, Slot
 from derive.joints.turns import turn
 
 

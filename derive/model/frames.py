@@ -184,7 +184,7 @@ def _named(
 def _velocities(
     key: Key, table: JointType, coordinates: tuple[Coordinate, ...]
 ) -> tuple[Velocity, ...]:
-    found = []
+    found: list[Velocity] = []
     for index, slot in enumerate(table.velocities):
         rate_of = "" if slot.suffix else coordinates[index].name
         name = f"der({rate_of})" if rate_of else f"{key}.{slot.suffix}"
@@ -196,7 +196,8 @@ def analytic_coordinates(
     reader: Reader, document: Document
 ) -> tuple[tuple[Coordinate, ...], tuple[Velocity, ...]]:
     """Coordinates of the analytic form and their rates."""
-    coordinates, velocities = [], []
+    coordinates: list[Coordinate] = []
+    velocities: list[Velocity] = []
     for key, entry in document.coordinates.items():
         given = reader.unit(entry.unit if isinstance(entry, CoordinateEntry) else entry)
         name = reader.name(key)

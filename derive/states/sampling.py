@@ -15,6 +15,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError, listed
 from derive.mechanics.records import System
@@ -159,12 +160,12 @@ class View:
         if rank == self.J.shape[1]:
             along = self.inverse @ right[:, :, None]
         else:
-            squares, U = self.parts
-            U, squares = U[:, :, -rank:], squares[:, -rank:, None]
+            squares, vectors = self.parts
+            vectors, squares = vectors[:, :, -rank:], squares[:, -rank:, None]
             weights = np.where(squares > 1e-14 * squares[:, -1:], 1.0, 0.0) / np.maximum(
                 squares, 1e-300
             )
-            along = U @ (weights * (U.transpose(0, 2, 1) @ right[:, :, None]))
+            along = vectors @ (weights * (vectors.transpose(0, 2, 1) @ right[:, :, None]))
         return (self.J.transpose(0, 2, 1) @ along)[:, :, 0]
 
     def strength(self, rank: int) -> np.ndarray:
@@ -191,7 +192,8 @@ class View:
         """(J Jᵀ)⁻¹, kept finite where rows depend on each other."""
         m = self.J.shape[1]
         small = 1e-14 * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + 1e-300
-        return np.linalg.inv(self.gram + small * np.eye(m))
+        regular: NDArray[np.float64] = self.gram + small * np.eye(m)
+        return np.linalg.inv(regular)
 
     @cached_property
     def parts(self) -> tuple[np.ndarray, np.ndarray]:
@@ -211,8 +213,8 @@ class Walk:
     floor: float = 0.0  # strength below which a walker turns round
 
     def view(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
-        phi, J = self.solver.closing(t, q, p)
-        J = np.ascontiguousarray(np.nan_to_num(J) * self.width / self.lengths[:, None])
+        phi, slopes = self.solver.closing(t, q, p)
+        J = np.ascontiguousarray(np.nan_to_num(slopes) * self.width / self.lengths[:, None])
         return View(phi / self.lengths, J)
 
     def moved(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
@@ -377,10 +379,10 @@ def _velocities(
     v = rng.normal(size=(len(t), solver.system.v.numel()))
     if not solver.system.rows or not v.size:
         return v, np.ones(len(t), dtype=bool)
-    A, c = solver.rows(t, q, p)
-    lengths = np.max(np.linalg.norm(A, axis=2), axis=0)
+    rows, sides = solver.rows(t, q, p)
+    lengths = np.max(np.linalg.norm(rows, axis=2), axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
-    A, c = A / lengths[:, None], c / lengths
+    A, c = rows / lengths[:, None], sides / lengths
     view = View(c, np.ascontiguousarray(A))
     rank = int(np.max(view.ranks))
     if rank == 0:

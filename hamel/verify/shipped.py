@@ -37,7 +37,8 @@ BACKENDS = {"extension": "extension", "_library": "ctypes", "_numpy": "NumPy"}
 
 
 def shipped(equations: Equations, emitted: Collection[str], seed: int) -> dict[str, Any]:
-    """Emitted function → {"t", "x", "u", "p", "expected", "size"}, a row for each state, of every chart.
+    """Emitted function → {"t", "x", "u", "p", "expected", "size"}, a row for
+    each state, of every chart.
 
     `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there.
 

@@ -1,0 +1,111 @@
+/* Steps along Taylor series.
+
+   Until the next step is made, the solution between `series_t` and the state is the polynomial with the coefficients series[n * N + i]
+   of (t - series_t)^n, 0 <= n <= series_order.
+
+   No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
+
+#if HIGHEST_ORDER
+/* The order that costs least at this tolerance. Where the cost of a step grows with the square of its order that is 1 - ln(rtol) / 2, where
+   it grows with the order, 1 - ln(rtol) (A. Jorba, M. Zou: A software package for the numerical integration of ODEs by means of
+   high-order Taylor methods, Exp. Math. 14, 2005). With sums side by side it is between these (measured). */
+static int order_of(const Run *r)
+{
+    const double order = ceil(1.0 - 0.65 * log(r->rtol));
+    return order < 2.0 ? 2 : order < HIGHEST_ORDER ? (int)order : HIGHEST_ORDER;
+}
+
+/* The step at which the last term is a fifteenth of the tolerance and the one before it half of that. */
+static double longest_step(const Run *r, int order, const double *series)
+{
+    const double *const last = series + order * N, *const before = last - N;
+    double e = 0.0, f = 0.0;
+    int i;
+    for (i = 0; i < MOVING; i++) {
+        const double scale = 1.0 / (r->atol + r->rtol * magnitude(r, i, series[i], series[i]));
+        e += last[i] * scale * (last[i] * scale);
+        f += before[i] * scale * (before[i] * scale);
+    }
+    e = (log(0.0042) - log(e / N)) / (2 * order);
+    f = (log(0.25) - log(f / N)) / (2 * order - 2);
+    return exp(fmin(fmin(e, f), 600.0));
+}
+
+/* The series from y on. */
+static int expanded(Run *r, double t, const double *y, int order, double *series)
+{
+    int n;
+    r->s->calls++;
+    for (n = 0; n <= order; n++)
+        series[n * N + NX] = 0.0;
+    series[NX] = y[NX];
+#if HAS_CONSTANTS
+    return MODEL_taylor(r)(t, y, r->u, r->p, r->c, order, series);
+#else
+    return MODEL_taylor(r)(t, y, r->u, r->p, NULL, order, series);
+#endif
+}
+
+/* The series from the state on, unless it is there already, and the next step. */
+static int expand(Run *r)
+{
+    Simulation *const s = r->s;
+    int status;
+    if (s->expanded)
+        return OK;
+    s->series_order = order_of(r);
+    s->series_t = s->t;
+    if ((status = expanded(r, s->t, s->x, s->series_order, s->series)) != OK)
+        return status;
+    s->expanded = 1;
+    if (!(s->step_size > 0.0))
+        s->next_step = longest_step(r, s->series_order, s->series);
+    return OK;
+}
+
+/* The polynomial and its derivative at h. */
+static void along(int order, const double *series, double h, double *z, double *next)
+{
+    int n, i;
+    for (i = 0; i < N; i++) {
+        z[i] = series[order * N + i];
+        next[i] = order * z[i];
+    }
+    for (n = order - 1; n >= 0; n--)
+        for (i = 0; i < N; i++) {
+            z[i] = z[i] * h + series[n * N + i];
+            if (n > 0)
+                next[i] = next[i] * h + n * series[n * N + i];
+        }
+}
+
+static int taylor_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
+{
+    Simulation *const s = r->s;
+    (void)coefficients, (void)own;
+    *error = 0.0;
+    if (y == s->x)
+        along(s->series_order, s->series, h, z, next);
+    else {
+        double series[(HIGHEST_ORDER + 1) * N];
+        const int status = expanded(r, t, y, s->series_order, series);
+        if (status != OK)
+            return status;
+        along(s->series_order, series, h, z, next);
+    }
+#if SERIES_IN_PIECES
+    { /* a series does not see the end of the piece that it starts in; the slope there does */
+        double e[N];
+        int i, status;
+        for (i = 0; i < N; i++)
+            e[i] = next[i];
+        if ((status = slope(r, t + h, z, next)) != OK)
+            return status;
+        for (i = 0; i < N; i++)
+            e[i] = h * (e[i] - next[i]);
+        *error = norm(r, e, y, z);
+    }
+#endif
+    return OK;
+}
+#endif

@@ -287,6 +287,7 @@ def _record(
         velocity_violation=course.velocity_violation,
         acceleration_violation=course.acceleration_violation,
         energy_balance=course.energy_balance,
+        error=course.error_estimate,
         crossings=course.crossings,
         events={name: t.tolist() for name, (t, _) in course.events.items()},
         stopped_by=course.stopped_by,

@@ -7,6 +7,7 @@ from codegen.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
 from codegen.integrators.radau import RADAU
 from codegen.integrators.records import (
     Collocation,
+    Dense,
     Integrator,
     Midpoint,
     Rosenbrock,
@@ -34,6 +35,7 @@ INTEGRATORS: tuple[Integrator, ...] = (
 __all__ = [
     "INTEGRATORS",
     "Collocation",
+    "Dense",
     "Integrator",
     "Midpoint",
     "Rosenbrock",

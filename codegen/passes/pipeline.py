@@ -33,6 +33,7 @@ from codegen.program import (
     Argument,
     Chart,
     Entry,
+    Event,
     Hoisted,
     Kernel,
     Loop,
@@ -126,6 +127,7 @@ def program(
         enforcements=tuple(enforcements or ()) if simulates else (),
         turning=turning.found,
         frame=len(equations.frame.labels) if equations.frame and simulates else 0,
+        events=_events(equations) if simulates else (),
         charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts))
         if len(charts) > 1
         else (),
@@ -162,12 +164,20 @@ class _Turning:
         return tuple(sorted(self.round - self.seen))
 
 
+def _events(equations: Equations) -> tuple[Event, ...]:
+    """What the entries of the function `events` are, where there is one."""
+    if not any(function.name == "events" for function in equations.functions):
+        return ()
+    return tuple(Event(x.name, x.direction, x.stop) for x in equations.system.model.events)
+
+
 def _watched(equations: Equations) -> list[str]:
     """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
-    then."""
+    then; and events."""
     known = [request.name for request in equations.requests]
     guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
-    return [x for x in ("guards", "constraint_rows") if guarded and x in known]
+    events = [function.name for function in equations.functions if function.name == "events"]
+    return [x for x in ("guards", "constraint_rows") if guarded and x in known] + events
 
 
 def _names_of(equations: Equations) -> list[str]:

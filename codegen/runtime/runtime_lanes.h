@@ -49,6 +49,7 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
     m->run.refused = 0;
     fed_by(&m->run, all->inputs ? all->inputs + (ptrdiff_t)row * all->inputs_stride : NULL, m->run.u);
 #endif
+    m->s.events = all->events ? all->events + row : NULL;
     m->run.p = all->p ? all->p + (ptrdiff_t)row * all->p_stride : NULL;
     m->run.rtol = all->rtol;
     m->run.atol = all->atol;
@@ -120,8 +121,10 @@ static void one_by_one(const Motions *all, const Method *method)
     size_t row;
     for (row = 0; row < all->rows; row++) {
         Motion m;
+        Dense dense;
         double c[CONSTANTS + 1];
         int status = begin(all, row, &m, c);
+        m.run.dense = all->events ? &dense : NULL;
         if (status == OK)
             status = run_to(&m.run, method, all->n, m.times, all->budget - m.s.steps - m.s.rejected, &m.rows);
         finish(all, row, &m, status);
@@ -720,7 +723,7 @@ static void run_all(const Motions *all, const Method *method, void *workspace)
 {
 #if HAS_LANES && EXPLICIT_STAGES
     const int plain = all->enforcement == PROJECTION || all->enforcement == NONE;
-    if (plain && method->step == explicit_step) {
+    if (plain && method->step == explicit_step && !all->events) {
         const uintptr_t place = ((uintptr_t)workspace + 63) / 64 * 64;
         side_by_side(all, method, (Lanes *)place);
         return;

@@ -236,7 +236,7 @@ static int start(Run *r, const Method *method, double span)
 #endif
     s->error = 1e-4;
     watch(r);
-    return OK;
+    return s->events ? events_begin(r) : OK;
 }
 
 /* A step that met the tolerance becomes the state. */
@@ -292,9 +292,12 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
 {
     Simulation *const s = r->s;
     const int fixed = s->step_size > 0.0, last = h >= left;
-    const double t = s->t, end = last ? time : t + h;
-    double z[N], next[N], error, ratio;
+    const double t = s->t;
+    double end = last ? time : t + h, z[N], next[N], error, ratio;
+    int stops = 0, crossed = 0;
 #if HAS_GUARDS
+    Dense *const dense = r->dense;
+    const long crossings = s->crossings;
     double seen[GUARDS];
 #else
     const double *const seen = NULL;
@@ -309,8 +312,11 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
     if (status == OK && error <= 1.0)
         status = settled(r, end, z, next);
 #if HAS_GUARDS
+    r->dense = NULL; /* it stays that of this step */
     if (status == OK && error <= 1.0)
         status = passed(r, method, t, h, end, s->x, s->slope, z, next, seen);
+    r->dense = dense;
+    crossed = s->crossings > crossings;
 #endif
 #if FRAME
     if (status != OK && rebased(r, NEARLY_BASED)) {
@@ -334,14 +340,24 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
         s->error = -fabs(s->error); /* the next step must not grow */
         return OK;
     }
+    if (s->events) {
+        status = events_inside(r, method, h, crossed, &end, z, next);
+        stops = status == EVENT;
+        if (status != OK && !stops)
+            return status;
+#if HAS_GUARDS
+        if (stops && (status = looked(r, end, end - t, z, seen, &crossed)) != OK)
+            return status;
+#endif
+    }
     if (!fixed && !method->prepare) {
         ratio = shrinkage(s, error, method);
         if (!last || h / ratio > s->next_step)
             s->next_step = h / ratio;
         s->error = fmax(error, 1e-4);
     }
-    accept(r, h, end, z, next, seen);
-    return OK;
+    accept(r, stops ? end - t : h, end, z, next, seen);
+    return stops ? EVENT : OK;
 }
 
 /* Where the rows at the output times go; v and chart only where the module has several charts, reduced where angles go round (it may
@@ -395,6 +411,8 @@ static int run_to(Run *r, const Method *method, size_t n, const double *times, l
             double h;
             if ((status = ready(r, method, times[n - 1] - s->t)) != OK)
                 return told(r, status);
+            if (s->events && !has_room(s->events))
+                return FULL;
             if (budget-- <= 0)
                 return MORE;
             if (method->prepare && (status = method->prepare(r)) != OK)

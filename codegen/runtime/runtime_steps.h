@@ -25,6 +25,7 @@ typedef struct {
     const int *row;
     const unsigned char *at;
     const double *weight;
+    int extra, degree; /* further stages of the continuous output, and the powers of 2 theta - 1 in it: rows after those of the errors */
 } Tableau;
 
 /* The sum of row n over the slopes k. */
@@ -43,7 +44,8 @@ static inline void combination(const Tableau *m, int n, double k[][N], double *s
 static int explicit_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
 {
     const Tableau *const m = (const Tableau *)coefficients;
-    double k[EXPLICIT_STAGES + 1][N], sum[N], other;
+    double kept[EXPLICIT_STAGES + 1][N], sum[N], other;
+    double(*const k)[N] = r->dense ? r->dense->stages : kept;
     int i, n, status;
     for (i = 0; i < N; i++)
         k[0][i] = own[i];
@@ -83,7 +85,7 @@ static int explicit_step(Run *r, const void *coefficients, double t, double h, c
    derivative by time; the last U is the error. */
 typedef struct {
     double gamma, alpha[ROSENBROCK_STAGES], gammas[ROSENBROCK_STAGES];
-    double a[ROSENBROCK_STAGES][ROSENBROCK_STAGES], c[ROSENBROCK_STAGES][ROSENBROCK_STAGES];
+    double a[ROSENBROCK_STAGES][ROSENBROCK_STAGES], c[ROSENBROCK_STAGES][ROSENBROCK_STAGES], dense[2][ROSENBROCK_STAGES];
 } Rosenbrock;
 
 /* The derivative of the slope by time, that of inputs in tables with it: exact where the slope is linear in them. */
@@ -165,6 +167,12 @@ static int rosenbrock_step(Run *r, const void *coefficients, double t, double h,
     }
     e[NX] = 0.0;
     *error = norm(r, e, y, z);
+    for (n = 0; n < 2 && r->dense; n++)
+        for (i = 0; i < NX; i++) {
+            r->dense->left[n][i] = 0.0;
+            for (j = 0; j < ROSENBROCK_STAGES; j++)
+                r->dense->left[n][i] += m->dense[n][j] * U[j][i];
+        }
     if ((status = slope(r, t + h, z, next)) != OK)
         return status;
     return work(r, t, h, y, own, z, next);
@@ -177,6 +185,7 @@ static int rosenbrock_step(Run *r, const void *coefficients, double t, double h,
 typedef struct {
     double c[COLLOCATION_STAGES], b[COLLOCATION_STAGES], T[COLLOCATION_STAGES][COLLOCATION_STAGES];
     double inverse[COLLOCATION_STAGES][COLLOCATION_STAGES], real, pairs[COLLOCATION_STAGES / 2][2], error[COLLOCATION_STAGES];
+    double dense[COLLOCATION_STAGES + 1][COLLOCATION_STAGES]; /* of the stages in 1, 2 theta - 1 ... */
 } Collocation;
 
 /* The polynomial through the stages of the last step goes on: a guess of the stages of this one, less y. */

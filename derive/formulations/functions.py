@@ -92,6 +92,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _energy(system, motion),
         _power(system, motion),
         _outputs(system, motion),
+        _events(system, motion),
         _velocity(system, motion),
         _state(system, motion),
         *([] if is_plain(system) else [request.make() for request in configuration(system)]),
@@ -381,13 +382,29 @@ def _outputs(system: System, motion: Motion) -> Function | None:
         labels += [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
         units += [unit] * count
         values.append(_at(system, motion, value))
-    value, reactions = (
-        ca.vertcat(*values),
-        system.symbols.reactions([row.name for row in system.rows]),
-    )
+    value, guards = _with_multipliers(system, motion, ca.vertcat(*values))
+    result = Result("y", value, tuple(labels), tuple(units))
+    return Function("outputs", "the model's outputs", result, guards=guards)
+
+
+def _with_multipliers(
+    system: System, motion: Motion, value: ca.SX
+) -> tuple[ca.SX, tuple[Guard, ...]]:
+    """With λ in the place of reactions; and what has to be regular for it."""
+    reactions = system.symbols.reactions([row.name for row in system.rows])
     solving = motion.solving if ca.depends_on(value, reactions) else ()
-    result = Result("y", ca.substitute(value, reactions, motion.lam), tuple(labels), tuple(units))
-    return Function("outputs", "the model's outputs", result, guards=(*motion.guards, *solving))
+    return ca.substitute(value, reactions, motion.lam), (*motion.guards, *solving)
+
+
+def _events(system: System, motion: Motion) -> Function | None:
+    if not system.events:
+        return None
+    names = tuple(name for name, _ in system.events)
+    values = ca.vertcat(*(_at(system, motion, value) for _, value in system.events))
+    value, guards = _with_multipliers(system, motion, values)
+    result = Result("g", value, names, ("",) * len(names))
+    about = "what changes its sign at the model's events"
+    return Function("events", about, result, guards=guards)
 
 
 def _velocity(system: System, motion: Motion) -> Function:

@@ -145,6 +145,7 @@ class System:
     homogeneous: bool  # T is T₂ alone, and energy = T + V
     power: ca.SX  # of what is in Q and not −∂V/∂q, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
     outputs: tuple[tuple[str, ca.SX, str], ...]  # name, value, unit
+    events: tuple[tuple[str, ca.SX], ...]  # name, value
     rows: tuple[Row, ...]
     links: tuple[Link, ...]
     inertias: tuple[

@@ -3,6 +3,7 @@ where there are several."""
 
 from __future__ import annotations
 
+from derive.expressions.tree import Call, Expression
 from derive.joints import JOINTS
 from derive.model.records import Closure, Model, Rolling
 
@@ -34,3 +35,11 @@ def closure_parts(kind: str, plane: str) -> tuple[str, ...]:
 
 def rolling_parts(plane: str) -> tuple[str, ...]:
     return ("normal", "forward") if plane else ("normal", "forward", "sideways")
+
+
+def components(name: str, formula: Expression, letters: str) -> list[str]:
+    """What the entries of an output are called in formulas; none of reactions."""
+    function = formula.function if isinstance(formula, Call) else ""
+    if function in ("position", "velocity"):
+        return [f"{name}.{letter}" for letter in letters]
+    return [] if function == "reaction" else [name]

@@ -17,6 +17,7 @@ from derive.model.entries import (
     ClosureEntry,
     Coordinate,
     Entry,
+    EventOrFormula,
     ExtremeEntry,
     Formula,
     Held,
@@ -99,6 +100,11 @@ class Document(Entry):
         {},
         description="Formulas, position(body, point), velocity(body, point), angle(body), "
         "reaction(name).",
+    )
+    events: dict[Name, EventOrFormula] = Field(
+        {},
+        description="Where a formula of coordinates, velocities, outputs (tip.x) and t changes its "
+        "sign: counted, or the end of the motion.",
     )
     quasi_velocities: dict[Name, Choice] = Field(
         {},

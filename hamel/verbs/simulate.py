@@ -23,9 +23,19 @@ def show(record: Simulated, console: Console) -> None:
     balance = f"{number(record.energy_balance)} of the largest energy exchanged{integral}"
     console.print(f"  energy balance      {balance}")
     _show_charts(record, console)
+    _show_events(record, console)
     for place in (record.file, record.plot):
         if place:
             console.print(f"  wrote {place}")
+
+
+def _show_events(record: Simulated, console: Console) -> None:
+    """How often each happened, and which one ended the motion."""
+    for name, times in record.events.items():
+        span = f", first at {times[0]:.9g} s, last at {times[-1]:.9g} s" if times else ""
+        console.print(f"  event {name:<13} {len(times)} times{span}")
+    if record.stopped_by:
+        console.print(f"  stopped by {record.stopped_by} at {record.time:.12g} s")
 
 
 def _show_charts(record: Simulated, console: Console) -> None:

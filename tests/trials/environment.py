@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 ROOT = Path(__file__).resolve().parents[2]
-CORPUS = Path(__file__).parent / "corpus"
+FINDINGS = ROOT / "tests" / "findings"  # what broke something before
 ROBOTS = ROOT / "tests" / "robots"
 LIMIT = 180.0  # seconds of one process
 PROCESSES = int(os.environ.get("PROCESSES", "2"))
@@ -145,11 +145,12 @@ def unreadable(outcome: Outcome) -> str:
     return ""
 
 
-def asked(about: str, kinds: Sequence[str], count: int) -> argparse.Namespace:
-    """What a command line wants of trials: `kinds`, all when none is named, and `count`."""
+def asked(about: str, kinds: Sequence[str], **numbers: int) -> argparse.Namespace:
+    """What a command line wants of trials: `kinds`, all when none is named, and `numbers`."""
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=", ".join(kinds))
-    parser.add_argument("--count", type=int, default=count, help="of what is drawn at random")
+    for name, usual in numbers.items():
+        parser.add_argument(f"--{name}", type=int, default=usual)
     parser.add_argument("--resume", action="store_true", help="leave out what went well before")
     wanted = parser.parse_args()
     if unknown := [kind for kind in wanted.kinds if kind not in kinds]:
@@ -216,14 +217,24 @@ class Record:
                     journal.write(json.dumps(entry) + "\n")
                     journal.flush()
 
+    @property
+    def place(self) -> Path:
+        return self.folder / f"{self.name}.json"
+
+    def take_up(self) -> None:
+        """Go on counting where the last run ended."""
+        if self.place.exists():
+            earlier = json.loads(self.place.read_text())
+            self.tried.update(earlier["tried"])
+            self.failures += earlier["failures"]
+
     def write(self) -> int:
         """Write build/NAME.json and return the exit code."""
         self.folder.mkdir(exist_ok=True)
-        place = self.folder / f"{self.name}.json"
         text = {"tried": dict(sorted(self.tried.items())), "failures": self.failures}
-        place.write_text(json.dumps(text, indent=1, ensure_ascii=False) + "\n")
+        self.place.write_text(json.dumps(text, indent=1, ensure_ascii=False) + "\n")
         total, bad = sum(self.tried.values()), len(self.failures)
-        print(f"{self.name}: {total} tried, {bad} failures (build/{place.name})")
+        print(f"{self.name}: {total} tried, {bad} failures ({self.place})")
         return 1 if self.failures else 0
 
 

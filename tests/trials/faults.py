@@ -490,7 +490,7 @@ FAULTS = {
 
 
 def main() -> int:
-    given = asked(__doc__ or "", list(FAULTS), max(CORRUPTIONS, KILLS, TOGETHER))
+    given = asked(__doc__ or "", list(FAULTS), count=max(CORRUPTIONS, KILLS, TOGETHER))
     record, good = Record("faults", given.resume), Good()
     for kind in given.kinds:
         FAULTS[kind](record, good, given.count)

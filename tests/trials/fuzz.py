@@ -2,7 +2,7 @@
 
 `hamel.check` and `hamel.build` are called in processes that are used again until they hang, die or run out of memory. A failure
 is any exception without one of hamel's exit codes, any warning, more than 2 GB and more than 20 s of reading. What broke before,
-in corpus/, comes first, and is mutated like the rest.
+in tests/findings/, comes first, and is mutated like the rest. --resume adds to the counts of the last run.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import environment
-from environment import CORPUS, HOME, KILLED, Record, Worker
+from environment import FINDINGS, HOME, KILLED, Record, Worker, asked
 
 MEMORY = 2_000_000_000
 READING, BUILDING = 20.0, 120.0  # seconds
@@ -160,15 +160,16 @@ def mutated(seeds: list[tuple[str, str]], rng: random.Random) -> tuple[str, str]
 
 
 def seeds() -> list[tuple[str, str]]:
-    """The models, the robots of the tests and the corpus; long ones are left out."""
-    folders = (environment.ROOT / "models", environment.ROBOTS, CORPUS)
-    paths = [
-        path
-        for folder in folders
-        for path in sorted(folder.rglob("*"))
-        if path.suffix in (".yaml", ".urdf", ".xml")
-    ]
-    return [(path.suffix, path.read_text()) for path in paths if path.stat().st_size < LARGEST]
+    """The models, the robots of the tests and what broke before; long ones are left out."""
+    folders = (environment.ROOT / "models", environment.ROBOTS, FINDINGS)
+    files = [one for folder in folders for one in readable(folder)]
+    return [(suffix, text) for suffix, text in files if len(text) < LARGEST]
+
+
+def readable(folder: Path) -> list[tuple[str, str]]:
+    """Suffix and text of every file that hamel reads."""
+    paths = [p for p in sorted(folder.rglob("*")) if p.suffix in (".yaml", ".urdf", ".xml")]
+    return [(path.suffix, path.read_text()) for path in paths]
 
 
 @dataclass
@@ -193,7 +194,7 @@ class Tries:
             print(f"FAILED {self.record.failures[-1]}", flush=True)
 
     def kept(self, suffix: str, text: str) -> Path:
-        """The file, where it can be looked at and taken into the corpus."""
+        """The file, where it can be looked at and taken into tests/findings."""
         folder = environment.ROOT / "build" / "trials" / "fuzz"
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{len(self.classes)}{suffix}"
@@ -243,19 +244,10 @@ class Fuzzer(threading.Thread):
         self.worker.stop()
 
     def files(self, given: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
-        corpus = [
-            (path.suffix, path.read_text())
-            for path in sorted(CORPUS.glob("*"))
-            if path.suffix != ".md"
-        ]
-        yield from corpus if self.verb == "check" else [(s, t) for s, t in corpus if len(t) < 1_000]
-        small = (
-            given
-            if self.verb == "check"
-            else [(suffix, text) for suffix, text in given if len(text) < 1_200]
-        )
+        before, shortest = readable(FINDINGS), {"check": LARGEST, "build": 1_200}[self.verb]
+        yield from before if self.verb == "check" else [x for x in before if len(x[1]) < 1_000]
         while True:
-            yield mutated(small, self.rng)
+            yield mutated([x for x in given if len(x[1]) < shortest], self.rng)
 
     def call(self, suffix: str, text: str) -> None:
         path = self.folder / f"m{suffix}"
@@ -269,14 +261,13 @@ class Fuzzer(threading.Thread):
             )
 
 
-def main(seconds: float) -> int:
+def main() -> int:
+    given = asked(__doc__ or "", ["check", "build"], seconds=1200)
     record = Record("fuzz")
-    until = time.monotonic() + seconds
-    tries = Tries(record)
-    fuzzers = [
-        Fuzzer(tries, "check", random.randrange(10**6), until),
-        Fuzzer(tries, "build", random.randrange(10**6), until),
-    ]
+    if given.resume:
+        record.take_up()
+    until, tries = time.monotonic() + given.seconds, Tries(record)
+    fuzzers = [Fuzzer(tries, verb, random.randrange(10**6), until) for verb in given.kinds]
     for fuzzer in fuzzers:
         fuzzer.start()
     for fuzzer in fuzzers:
@@ -285,4 +276,4 @@ def main(seconds: float) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(float(sys.argv[1]) if len(sys.argv) > 1 else 300.0))
+    sys.exit(main())

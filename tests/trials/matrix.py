@@ -208,7 +208,7 @@ def fault(arguments: list[str], wrong: str) -> str:
 
 
 def main() -> int:
-    given = asked(__doc__ or "", kinds_of_trial(), 300)
+    given = asked(__doc__ or "", kinds_of_trial(), count=300)
     record = Record("matrix", given.resume)
     assert 70 not in documented() and 1 in documented()
     if "verbs" in given.kinds:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import itertools
 import subprocess
 from types import ModuleType
 from typing import Any
@@ -74,7 +75,7 @@ def exact(kind: str, at: float) -> tuple[float, float]:
     f, (s, weights) = reference(kind), np.polynomial.legendre.leggauss(8)
     edges = [*KNOTS[at > KNOTS], at]
     position = speed = 0.0
-    for a, b in zip(edges[:-1], edges[1:]):
+    for a, b in itertools.pairwise(edges):
         t, w = a + (b - a) * (s + 1) / 2, weights * (b - a) / 2
         position += w @ (f(t) * (at - t))
         speed += w @ f(t)
@@ -87,6 +88,10 @@ def test_tables_drive_as_their_integrals_say(cart: ModuleType, kind: str, integr
     """Jumps and bends are met exactly, for every integrator, from a start other than 0 too."""
     how = {"step_size": STEPPED[integrator]} if integrator in STEPPED else {}
     table = cart.Table(KNOTS, VALUES, kind)
+    if integrator == "taylor" and kind != "hold":
+        with pytest.raises(ValueError, match="tables that hold their values with taylor"):
+            cart.simulate((0.0, 2.0), [0.0, 0.0], {"F": table}, integrator=integrator)
+        return
     motion = cart.simulate(
         (0.0, 2.0), [0.0, 0.0], {"F": table}, times=[0.2, 0.7, 2.0], integrator=integrator, **how
     )

@@ -389,7 +389,7 @@ def _leading(terms: list[tuple[int, float]]) -> float:
     return terms[0][1] if terms[0][0] != ONE else terms[1][1]
 
 
-def power(factor: float, exponent: int) -> float:
+def power(factor: float, exponent: float) -> float:
     """factor^exponent, infinite where Python has an exception."""
     if factor == 0.0 and exponent < 0:
         return math.copysign(math.inf, factor) if exponent % 2 else math.inf

@@ -128,7 +128,8 @@ class _Order:
     def __init__(self, made: Series) -> None:
         self.made = made
         taken = {*(load.name for load in made.loads), *(s.name for s in made.start)}
-        self._free, self._names = Names([*RESERVED, *TAKEN, *taken]), {}
+        self._free = Names([*RESERVED, *TAKEN, *taken])
+        self._names: dict[str, str] = {}
         self.stores = self._stores()
         self.ready: dict[str | int, int] = {}  # cycles after which a coefficient is there
 

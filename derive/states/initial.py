@@ -178,8 +178,8 @@ def _velocities(
 def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
     if not len(b):
         return np.zeros(A.shape[1])
-    solution: tuple[np.ndarray, ...] = np.linalg.lstsq(A, b, rcond=1e-10)
-    return solution[0]
+    # the overloads of lstsq leave its result open
+    return np.linalg.lstsq(A, b, rcond=1e-10)[0]  # pyright: ignore[reportUnknownVariableType]
 
 
 def _held_rows(

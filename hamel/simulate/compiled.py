@@ -23,7 +23,7 @@ from derive.formulations import equations
 from derive.formulations.charts import BETWEEN, charted, together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure

@@ -1,5 +1,5 @@
 """What the verbs return. The fields are the keys of `--json`; nothing here imports more than the
-standard library and what errors are, but for the optional libraries that a method is named after."""
+standard library and what errors are; a method that needs an optional library is named after it."""
 
 from __future__ import annotations
 

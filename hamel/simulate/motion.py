@@ -118,7 +118,7 @@ class Start:
     u: np.ndarray
     p: np.ndarray
     chart: int = 0
-    changes: Changes = Changes()
+    changes: Changes = field(default_factory=Changes)
     events: Mapping[str, Any] = field(default_factory=dict)
 
     def watched(self, module: ModuleType) -> dict[str, Any]:

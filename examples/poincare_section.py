@@ -53,7 +53,9 @@ def main() -> None:
         x = starts(module, 8.0, 12)
         rows = section(module, x, 200.0)
     series = [Series(f"motion {k}", points.tolist(), "dots") for k, points in enumerate(rows)]
-    text = chart("double pendulum at q2 = 0", "q1 (rad) →", "rate of q1 (rad/s)", series, (False,) * 2)
+    text = chart(
+        "double pendulum at q2 = 0", "q1 (rad) →", "rate of q1 (rad/s)", series, (False,) * 2
+    )
     target = Path(sys.argv[1] if len(sys.argv) > 1 else "section.svg")
     target.write_text(text, "utf-8")
     print(f"{sum(map(len, rows))} passages of {len(rows)} motions in {target}")

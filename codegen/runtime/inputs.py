@@ -323,7 +323,8 @@ def sample_times(sample: Any, start: float, end: float) -> np.ndarray:
     if not times.ndim:
         if not 0 < times < np.inf:
             raise ValueError("simulate() needs a sample time above zero")
-        times = start + times * np.arange(np.ceil((end - start) / times * (1 - 1e-12)))
+        count = int(np.ceil((end - start) / float(times) * (1 - 1e-12)))
+        times = start + times * np.arange(count)
     if times.ndim > 1 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
         raise ValueError("simulate() needs sample times that increase")
     inner = times[(times > start) & (times < end)]
@@ -368,7 +369,7 @@ class Feed:
         """One structure for each motion where leading axes `own` of the tables are fewer."""
         if len(self.each) > 1:
             numbers = np.broadcast_to(np.arange(len(self.each)).reshape(own), lead).ravel()
-            self.each = [self.each[k] for k in numbers]
+            self.each = [self.each[k] for k in numbers.tolist()]
             self.structures = self.structures[numbers]
 
     def rows(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -36,8 +36,10 @@ def show(record: Simulated, console: Console) -> None:
 def _show_events(record: Simulated, console: Console) -> None:
     """How often each happened, and which one ended the motion."""
     for name, times in record.events.items():
-        span = f", first at {times[0]:.9g} s, last at {times[-1]:.9g} s" if times else ""
-        console.print(f"  event {name:<13} {len(times)} times{span}")
+        count = "once" if len(times) == 1 else f"{len(times)} times"
+        at = "".join(f" at {t:.9g} s" for t in times[:1])
+        last = f", last at {times[-1]:.9g} s" if len(times) > 1 else ""
+        console.print(f"  event {name:<13} {count}{at}{last}")
     if record.stopped_by:
         console.print(f"  stopped by {record.stopped_by} at {record.time:.12g} s")
 

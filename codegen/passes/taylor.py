@@ -27,7 +27,7 @@ PIECES = frozenset({
 })  # fmt: skip
 FLAT = PIECES - {"fabs", "fmin", "fmax", "copysign", "fmod", "where"}  # constant, piece by piece
 # What the code around the recurrences is called.
-TAKEN = "L R S T L1 R1 l r l_late r_late n i order order_n part next now x_next sums early".split()
+TAKEN = "L R S l r n i order order_n part next now x_next sums late early".split()
 _PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _MOST_MULTIPLIED = 64  # whole powers up to this are products
 

@@ -111,8 +111,8 @@ class Mutations:
 
 @dataclass(frozen=True)
 class Verified:
-    """The checks of every choice that was asked for; names start with the choice. `mutations` where
-    errors were planted."""
+    """The checks of every choice that was asked for; names start with the choice. `varied` are the
+    parameters that differed between the states, `mutations` is there where errors were planted."""
 
     model: str
     passed: bool
@@ -120,6 +120,7 @@ class Verified:
     refused: Mapping[str, str]  # choices of the file that cannot be built, and why
     states: int
     seed: int
+    varied: tuple[str, ...] = ()
     mutations: Mutations | None = None
 
 

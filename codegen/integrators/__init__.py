@@ -7,6 +7,7 @@ from codegen.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
 from codegen.integrators.radau import RADAU
 from codegen.integrators.records import (
     Collocation,
+    Dense,
     Integrator,
     Midpoint,
     Rosenbrock,
@@ -31,4 +32,13 @@ INTEGRATORS: tuple[Integrator, ...] = (
     TAYLOR,
 )
 
-__all__ = ["INTEGRATORS", "Collocation", "Integrator", "Midpoint", "Rosenbrock", "Tableau", "Taylor"]
+__all__ = [
+    "INTEGRATORS",
+    "Collocation",
+    "Dense",
+    "Integrator",
+    "Midpoint",
+    "Rosenbrock",
+    "Tableau",
+    "Taylor",
+]

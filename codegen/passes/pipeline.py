@@ -20,7 +20,7 @@ from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
 from codegen.passes.plain import plain
-from codegen.passes.schedule import reachable, schedule
+from codegen.passes.schedule import schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
 from codegen.passes.taylor import check_series
@@ -33,6 +33,7 @@ from codegen.program import (
     Argument,
     Chart,
     Entry,
+    Event,
     Hoisted,
     Kernel,
     Loop,
@@ -125,6 +126,7 @@ def program(
         enforcements=tuple(enforcements or ()) if simulates else (),
         turning=turning.found,
         frame=len(equations.frame.labels) if equations.frame and simulates else 0,
+        events=_events(equations) if simulates else (),
         charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts))
         if len(charts) > 1
         else (),
@@ -140,8 +142,8 @@ class _Turning:
     their turns there."""
 
     count: int
-    round: set[int] = field(default_factory=set)
-    seen: set[int] = field(default_factory=set)
+    round: set[int] = field(default_factory=set[int])
+    seen: set[int] = field(default_factory=set[int])
 
     def look(self, function: Function, tape: Tape) -> None:
         """At the result and the guards: a residual only says when an iteration may stop."""
@@ -161,12 +163,20 @@ class _Turning:
         return tuple(sorted(self.round - self.seen))
 
 
+def _events(equations: Equations) -> tuple[Event, ...]:
+    """What the entries of the function `events` are, where there is one."""
+    if not any(function.name == "events" for function in equations.functions):
+        return ()
+    return tuple(Event(x.name, x.direction, x.stop) for x in equations.system.model.events)
+
+
 def _watched(equations: Equations) -> list[str]:
     """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
-    then."""
+    then; and events."""
     known = [request.name for request in equations.requests]
     guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
-    return [x for x in ("guards", "constraint_rows") if guarded and x in known]
+    events = [function.name for function in equations.functions if function.name == "events"]
+    return [x for x in ("guards", "constraint_rows") if guarded and x in known] + events
 
 
 def _names_of(equations: Equations) -> list[str]:
@@ -495,8 +505,8 @@ def _written(
 
 def needed(lowered: Lowered) -> list[Operation]:
     """The operations that the roots need."""
-    wanted = reachable(lowered.code, [root for root in lowered.roots if isinstance(root, int)])
-    return [lowered.code.operations[i] for i in sorted(wanted)]
+    operations = lowered.code.operations
+    return [operations[i] for i in lowered.wanted]
 
 
 def count(operations: Iterable[Operation]) -> dict[str, int]:

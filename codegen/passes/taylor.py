@@ -27,7 +27,10 @@ PIECES = frozenset({
 })  # fmt: skip
 FLAT = PIECES - {"fabs", "fmin", "fmax", "copysign", "fmod", "where"}  # constant, piece by piece
 # What the code around the recurrences is called.
-TAKEN = "L R S l r n i order order_n part next now x_next sums late early".split()
+TAKEN = [
+    *("L", "R", "S", "l", "r", "n", "i", "order", "order_n", "part", "next", "now", "x_next"),
+    *("sums", "late", "early"),
+]
 _PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _MOST_MULTIPLIED = 64  # whole powers up to this are products
 
@@ -484,9 +487,7 @@ class _Flattening:
         alone = self.users[inner.name] == 1 and inner.name not in self.shown
         if not (scaled or alone):
             return [term]
-        return [
-            part.times(term, self._product(part.factor, term.factor)) for part in inner.terms
-        ]
+        return [part.times(term, self._product(part.factor, term.factor)) for part in inner.terms]
 
     def _product(self, a: Expression, b: Expression) -> Expression:
         if a == 1.0 or b == 1.0:

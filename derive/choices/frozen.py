@@ -63,7 +63,7 @@ def tangent(survey: Survey) -> np.ndarray:
     )
     rows: list[np.ndarray] = []
     for _ in range(survey.freedom):
-        lengths = np.round(np.linalg.norm(projector, axis=0), 6)
+        lengths: np.ndarray = np.round(np.linalg.norm(projector, axis=0), 6)
         row = projector[:, int(np.argmax(lengths))]
         row = row / np.linalg.norm(row)
         projector = projector - np.outer(row, row @ projector)

@@ -32,6 +32,8 @@ def value(
             return rates[name]
         case tree.Power(base, exponent):
             return _power(value(base, names, rates, functions), exponent, names, rates, functions)
+        case _:
+            pass
     operands = [value(operand, names, rates, functions) for operand in tree.children(expression)]
     return _applied(expression, operands, functions)
 
@@ -48,6 +50,8 @@ def _applied(expression: Expression, operands: list[Any], functions: Functions) 
             return -operands[0]
         case tree.Call(function):
             return functions[function](*operands)
+        case _:
+            pass
     return operands
 
 
@@ -139,6 +143,10 @@ def _bounded(result: Any, text: str, node: Expression) -> float:
     return real
 
 
+def _sign(x: float) -> float:
+    return float((x > 0) - (x < 0))
+
+
 _FLOAT: dict[str, Callable[..., Any]] = {
     name: getattr(math, name)
     for name in (
@@ -156,7 +164,7 @@ _FLOAT: dict[str, Callable[..., Any]] = {
         "log",
         "sqrt",
     )
-} | {"abs": abs, "min": min, "max": max, "sign": lambda x: float((x > 0) - (x < 0))}
+} | {"abs": abs, "min": min, "max": max, "sign": _sign}
 
 
 def float_functions() -> Functions:
@@ -177,16 +185,21 @@ def casadi_functions() -> Functions:
 
     return {name: getattr(ca, name) for name in _SAME_NAME} | {
         "abs": ca.fabs,
-        "min": lambda *x: _folded_over(ca.fmin, x),
-        "max": lambda *x: _folded_over(ca.fmax, x),
+        "min": _over_all(ca.fmin),
+        "max": _over_all(ca.fmax),
     }
 
 
-def _folded_over(function: Callable[[Any, Any], Any], arguments: Sequence[Any]) -> Any:
-    result = arguments[0]
-    for argument in arguments[1:]:
-        result = function(result, argument)
-    return result
+def _over_all(function: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+    """A function of two arguments as one of any number, from left to right."""
+
+    def folded(*arguments: Any) -> Any:
+        result = arguments[0]
+        for argument in arguments[1:]:
+            result = function(result, argument)
+        return result
+
+    return folded
 
 
 def sympy_functions() -> Functions:

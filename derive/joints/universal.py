@@ -3,7 +3,7 @@ child; two revolute joints."""
 
 from dataclasses import replace
 
-from derive.joints.records import Slot
+from derive.joints.records import Slot, meeting
 from derive.joints.revolute import REVOLUTE
 
 UNIVERSAL = replace(
@@ -13,4 +13,6 @@ UNIVERSAL = replace(
     coordinates=(Slot("angle1", "rad"), Slot("angle2", "rad")),
     velocities=(Slot("", "rad/s"), Slot("", "rad/s")),
     parts=("revolute", "revolute"),
+    planar=False,
+    closing=lambda plane: (*meeting(plane), "cross"),
 )

@@ -10,6 +10,7 @@ minimal form.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -152,7 +153,7 @@ def _rates(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray) 
     return ca.Function("sdot", symbols, [ca.jtimes(s, symbols[1], f)])(0.0, x, u, p).full().ravel()
 
 
-def _tangent(form: Linear, L: ca.SX):
+def _tangent(form: Linear, L: ca.SX) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """δ(q, s) per minimal state."""
     symbols = [a.symbols for a in form.equations.arguments]
     s = ca.mtimes(_at(form, L), _at(form, form.equations.system.v))
@@ -162,7 +163,11 @@ def _tangent(form: Linear, L: ca.SX):
         symbols,
         [ca.densify(ca.vertcat(form.T[:nq, :], ca.mtimes(ca.jacobian(s, symbols[1]), form.T)))],
     )
-    return lambda x, u, p: function(0.0, x, u, p).full()
+
+    def at(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return function(0.0, x, u, p).full()
+
+    return at
 
 
 def _matrix(
@@ -199,14 +204,14 @@ def _matrix(
         .ravel()
     )
     at = (0.0, x[:nq], velocity)
-    residual0, K, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))
-    solution = -_solved(K, residual0, sizes).ravel()
+    residual0, start, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))
+    solution = -_solved(start, residual0, sizes).ravel()
     _, K, slope, direct, Ln, rates, turn = (m.full() for m in function(*at, solution, u, p))
     accelerations = -_solved(K, slope, sizes)[:nv]
     G = np.vstack([rates, direct + Ln @ accelerations])  # over (δq, δv)
-    into = np.block(
-        [[np.eye(nq), np.zeros((nq, nv))], [-np.linalg.solve(Ln, turn), np.linalg.inv(Ln)]]
-    )
+    at_rest: np.ndarray = np.linalg.solve(Ln, turn)
+    inverse: np.ndarray = np.linalg.inv(Ln)
+    into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-at_rest, inverse]])
     return G @ into
 
 
@@ -247,7 +252,7 @@ def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int
         own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities)
     )
     values = (ca.jacobian(position_rows(system), system.q), system.A)
-    ranks = []
+    ranks: list[int] = []
     for value, columns in zip(values, sizes):
         matrix = (
             ca.Function("rows", [system.t, system.q, system.p], [ca.densify(value)])(

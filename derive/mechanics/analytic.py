@@ -40,23 +40,25 @@ def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
     T = ca.SX(s.scalar(model.kinetic)) if model.kinetic is not None else ca.SX(0)
     V = ca.SX(s.scalar(model.potential)) if model.potential is not None else ca.SX(0)
     momentum = ca.gradient(T, s.qd) if nq else ca.SX(0, 1)
-    M = ca.jacobian(momentum, s.qd)
-    if ca.depends_on(M, s.qd):
+    M_q = ca.jacobian(momentum, s.qd)
+    if ca.depends_on(M_q, s.qd):
         raise ModelError(
             Diagnostic(
                 file=model.file, message="the kinetic energy is not quadratic in the rates der(…)"
             )
         )
     along = ca.vertcat(s.t, s.q)
-    h = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - ca.gradient(T - V, s.q)
+    h_q = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - ca.gradient(T - V, s.q)
     N = ca.jacobian(qdot, s.v)
     turning = ca.jtimes(qdot, s.q, qdot)  # Ṅ v
-    if nq != nv or not _is_identity(N):
-        h = ca.mtimes(N.T, ca.substitute(h, s.qd, qdot) + ca.mtimes(M, turning))
-        M = ca.mtimes(N.T, ca.mtimes(M, N))
+    if nq == nv and _is_identity(N):
+        M, h = M_q, h_q
+    else:
+        h = ca.mtimes(N.T, ca.substitute(h_q, s.qd, qdot) + ca.mtimes(M_q, turning))
+        M = ca.mtimes(N.T, ca.mtimes(M_q, N))
     formulas = [h, T, _missing(T, momentum, s), ca.jtimes(T, s.t, ca.SX(1))]
-    h, T, missing, explicit = ca.substitute(formulas, [s.qd], [qdot])
-    return Lagrangian(M, h, T, V, missing, explicit)
+    bias, energy, missing, explicit = ca.substitute(formulas, [s.qd], [qdot])
+    return Lagrangian(M, bias, energy, V, missing, explicit)
 
 
 def _missing(T: ca.SX, momentum: ca.SX, s: Symbols) -> ca.SX:

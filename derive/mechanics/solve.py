@@ -14,7 +14,7 @@ from itertools import combinations, islice
 import casadi as ca
 import numpy as np
 
-from derive.joints.records import Matrix, Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import cross, dot, is_zero, minus, plus, times
 
 SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
@@ -253,7 +253,7 @@ def growth(values: np.ndarray, block: Block) -> float:
     if not others:
         return 1.0
     scaled = values / sizes
-    solved = np.linalg.pinv(scaled[np.ix_(every, rows, columns)])
+    solved: np.ndarray = np.linalg.pinv(scaled[np.ix_(every, rows, columns)])
     return float(np.max(np.abs(solved @ scaled[np.ix_(every, rows, others)]), initial=1.0))
 
 
@@ -308,7 +308,8 @@ def _best_single(
     a, b = least[r, c], largest[r, c]
     varies = ~fixed[r, c] & (b - a > SAME * b)
     fill = (pattern.sum(axis=1)[r] - 1) * (pattern.sum(axis=0)[c] - 1)
-    k = int(np.lexsort((-a, fill, -np.round(a / b, 2), varies & (a <= ZERO * b), varies))[0])
+    share: np.ndarray = np.round(a / b, 2)
+    k = int(np.lexsort((-a, fill, -share, varies & (a <= ZERO * b), varies))[0])
     grade = 0 if fixed[r[k], c[k]] else 2 if varies[k] else 1
     return Block((int(r[k]),), (int(c[k]),), float(a[k]), float(b[k]), grade)
 

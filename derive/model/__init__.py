@@ -42,7 +42,7 @@ def load_text(text: str, file: str = "<text>") -> Model:
 
 def schema() -> dict[str, Any]:
     """JSON Schema of a model file, for editors."""
-    from derive.joints import JOINTS
+    from derive.joints import CLOSURES, JOINTS
     from derive.model.shape import json_schema
 
-    return json_schema(tuple(joint.name for joint in JOINTS))
+    return json_schema(tuple(joint.name for joint in JOINTS), CLOSURES)

@@ -231,7 +231,8 @@ class _Builder:
         self.source = source
         loader = getattr(yaml, "CLoader", yaml.Loader)
         self.count = 0
-        self.events: Iterator[Any] = iter(yaml.parse(source.text, Loader=loader))
+        events: Any = yaml.parse(source.text, Loader=loader)  # pyright: ignore[reportUnknownMemberType]  # its stub leaves the stream open
+        self.events: Iterator[Any] = iter(events)
 
     def document(self) -> Node | None:
         node = None
@@ -272,7 +273,7 @@ class _Builder:
         return Entries(self.entries(depth), span)
 
     def items(self, depth: int) -> list[Node]:
-        entries = []
+        entries: list[Node] = []
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
             entries.append(self.node(event, depth + 1))
         return entries

@@ -100,11 +100,12 @@ def _by_depth(frames: list[Frame], by_child: dict[str, Frame]) -> list[Frame]:
     """The order of the file, but each joint after the one that carries its parent."""
     placed: dict[str, Frame] = {}
     for frame in frames:
-        chain = []
-        while frame is not None and frame.name not in placed and len(chain) < len(frames):
-            chain.append(frame)
-            frame = by_child.get(frame.entry.parent.text)
-        placed |= {link.name: link for link in reversed(chain)}
+        chain: list[Frame] = []
+        link: Frame | None = frame
+        while link is not None and link.name not in placed and len(chain) < len(frames):
+            chain.append(link)
+            link = by_child.get(link.entry.parent.text)
+        placed |= {x.name: x for x in reversed(chain)}
     return list(placed.values())
 
 

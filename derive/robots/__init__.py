@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
+    from derive.diagnostics import Diagnostic
     from derive.model import Model
     from derive.robots.robot import Robot
     from derive.robots.writing import Written
@@ -159,7 +160,7 @@ def _model(made: Written, robot: Robot, path: File) -> Model:
     try:
         return load_text(made.text, str(path))
     except ModelError as error:
-        found = []
+        found: list[Diagnostic] = []
         for problem in error.diagnostics:
             origin = made.origins[problem.line - 1] if problem.line else None
             found.append(

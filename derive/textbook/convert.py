@@ -10,8 +10,9 @@ from math import inf
 
 import casadi as ca
 import sympy
+from sympy import Expr
 
-from derive.textbook.compose import FUNCTIONS, Composer, Expr, number, operations
+from derive.textbook.compose import FUNCTIONS, Composer, number, operations
 from derive.textbook.graph import Graph, Node
 from derive.textbook.ring import Poly, Ring, TooBig, rational
 
@@ -116,7 +117,7 @@ class Reader:
         """Nodes to name: shared ones worth it, and those that have grown long."""
         uses = self._uses(order)
         sizes: dict[int, int] = {}  # operations down to the nearest names
-        cuts = []
+        cuts: list[int] = []
         for k in order:
             node = self.graph.nodes[k]
             sizes[k] = 0
@@ -219,7 +220,7 @@ def _tangent(ring: Ring, a: Poly) -> Poly:
     return ring.quotient(ring.sine(a), ring.cosine(a))
 
 
-_RING: dict[int, Callable[..., Poly]] = {
+_RING: dict[int, Callable[[Ring, Poly], Poly] | Callable[[Ring, Poly, Poly], Poly]] = {
     ca.OP_ADD: Ring.sum,
     ca.OP_SUB: lambda ring, a, b: ring.sum(a, b, -1),
     ca.OP_MUL: Ring.product,
@@ -260,11 +261,11 @@ def _either(condition: Expr, value: Expr) -> Expr:
     return sympy.Piecewise((value, sympy.Ne(condition, 0)), (0, True))
 
 
-def _truth(relation: Callable[..., sympy.Basic]) -> Callable[..., Expr]:
+def _truth(relation: Callable[[Expr, Expr], sympy.Basic]) -> Callable[[Expr, Expr], Expr]:
     return lambda a, b: sympy.Piecewise((1, relation(a, b)), (0, True))
 
 
-PLAIN: dict[int, Callable[..., Expr]] = {
+PLAIN: dict[int, Callable[[Expr], Expr] | Callable[[Expr, Expr], Expr]] = {
     ca.OP_ADD: lambda a, b: a + b,
     ca.OP_SUB: lambda a, b: a - b,
     ca.OP_MUL: lambda a, b: a * b,

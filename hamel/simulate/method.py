@@ -4,7 +4,9 @@ integrator, and whether its parts fit each other and the model."""
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from derive.enforcement import ENFORCEMENTS, Enforcement, Options
 from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
+from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import REFERENCES
 
 TIGHTEST = 1e-15  # rtol; below it a step's error is rounding
@@ -102,6 +105,21 @@ def _usual_enforcement(method: Method, plain: Equations) -> Enforcement:
         if not (in_equations and enforcement.level in ("steps", "stages"))
         and not enforcement.refusal(plain, Options())
     )
+
+
+def check_changes(method: Method, changes: Changes, values: Mapping[str, Any]) -> None:
+    """Refuse inputs that change where they cannot. Raises ModelError."""
+    twice = [name for name in values if "".join(name.split()) in changes.tables]
+    if twice:
+        raise ModelError(f"{twice[0]} is set, and given as a table over time: one of the two")
+    own = own_integrator(method)
+    if changes and own is None:
+        raise ModelError(f"{method.integrator} takes constant inputs; dop853 takes any")
+    if own is not None and own.exact and changes.function and changes.sample is None:
+        raise ModelError(
+            f"{method.integrator} needs the exact Jacobian, which a function hides: give it "
+            "sample times, or use radau"
+        )
 
 
 def check_options(method: Method, enforcement: Enforcement) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,7 @@ from hamel.build.files import staged_file, write_text
 from hamel.draw import Curve, Panel, draw
 from hamel.progress import paced
 from hamel.records import Switch
+from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import REFERENCES, Problem
 
 if TYPE_CHECKING:
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
 FINEST = 1e-10  # rtol; rounding grows near singular positions
 MOST_STEPS = 10**9  # enough for a night; Ctrl-C ends it any time
 Writer = Callable[["Motion"], None]
+
+
+class InputError(AssumptionError):
+    """A function of the inputs failed: no other way of integrating helps."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +71,15 @@ class Motion:
     choices: tuple[str, ...] = ()  # that each row was made in, where there is more than one
     # Jacobi's integral T₂ − T₀ + V, which is in balance where T is not quadratic in the rates
     jacobi: np.ndarray | None = None
+    inputs: dict[str, np.ndarray] = field(default_factory=dict)  # those that change
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
         integral = {} if self.jacobi is None else {"jacobi": self.jacobi}
         energies = {"T": self.T, "V": self.V, **integral, "work": self.work}
         violations = {"position_violation": self.phi, "velocity_violation": self.slip}
-        return {"t": self.t, **self.q, **self.w, **self.v, **self.outputs, **energies, **violations}
+        motion = {**self.q, **self.w, **self.v, **self.inputs, **self.outputs}
+        return {"t": self.t, **motion, **energies, **violations}
 
     @property
     def balance(self) -> np.ndarray:
@@ -100,14 +107,26 @@ class Stepping:
 
 @dataclass(frozen=True)
 class Start:
-    """From x, in the coordinates of `chart`, at times[0]; inputs u and parameters p are constant.
-    The rows of the motion are at `times`."""
+    """From x, in the coordinates of `chart`, at times[0]; inputs u and parameters p are constant
+    but for what `changes` says. The rows of the motion are at `times`."""
 
     times: np.ndarray
     x: np.ndarray
     u: np.ndarray
     p: np.ndarray
     chart: int = 0
+    changes: Changes = Changes()
+
+    def inputs(self, module: ModuleType) -> Any:
+        """As the module takes them."""
+        changes = self.changes
+        if changes.function is not None:
+            return changes.function
+        if not changes.tables:
+            return self.u
+        numbers = dict(zip(module.inputs, self.u.tolist()))
+        tables = {n: module.Table(x.times, x.values, x.kind) for n, x in changes.tables.items()}
+        return numbers | tables
 
 
 def integrated(
@@ -126,12 +145,23 @@ def integrated(
             equations = based(equations)
             found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
-            several = {"chart": start.chart} if equations.charts else {}
+            several: dict[str, Any] = {"chart": start.chart} if equations.charts else {}
             watch = paced(progress, float(times[-1] - times[0]), _haste(by))
+            if start.changes.sample is not None:
+                several["sample"] = start.changes.sample
             found = module.simulate(
-                times, x, u, p, max_steps=MOST_STEPS, progress=watch, **asdict(by), **several
+                times,
+                x,
+                start.inputs(module),
+                p,
+                max_steps=MOST_STEPS,
+                progress=watch,
+                **asdict(by),
+                **several,
             )
     except FloatingPointError as error:
+        if _status(error) is Status.NO_INPUT:
+            raise InputError(str(error)) from error.__cause__
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         coarse = by.step_size is not None or by.rtol >= FINEST
         if not coarse and _status(error) is Status.SINGULAR_POSITION:
@@ -176,6 +206,7 @@ def judged(
     results = {function.name: function.result for function in equations.functions}
     nq = equations.system.q.numel()
     p = charts.parameters(found, p)
+    fed = {} if found.u is None else dict(zip(module.inputs, found.u.astype(float).T))
     rows = charts.choices(equations, found)
 
     parts = charts.pieces(module, reduced, nq, u, p)
@@ -199,6 +230,7 @@ def judged(
         T=energies[:, 0],
         V=energies[:, 1],
         jacobi=energies[:, 2] if energies.shape[1] > 2 else None,
+        inputs=fed,
         work=found.work,
         phi=np.max(violation[:, :closed], axis=1, initial=0.0),
         slip=np.max(violation[:, closed:], axis=1, initial=0.0),
@@ -249,20 +281,20 @@ def _acceleration_violation(
     dynamics = charts.in_chart(module, "dynamics", chart)
     assert dynamics is not None  # it was integrated
     p = charts.parameters(part, p)
-    rates = dynamics(t, x, u, p).astype(float)
+    rates = dynamics(t, x, charts.inputs(part, u), p).astype(float)
     each = np.broadcast_to(p, (len(t), p.shape[-1]))
     return float(np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, each.T, rates.T)))))
 
 
 def _units(equations: Equations) -> dict[str, str]:
-    x = equations.argument("x")
+    x, u = equations.argument("x"), equations.argument("u")
     results = [
         function.result
         for function in equations.functions
         if function.name in ("velocity", "outputs")
     ]
     return {
-        name: unit for source in (x, *results) for name, unit in zip(source.labels, source.units)
+        name: unit for source in (x, u, *results) for name, unit in zip(source.labels, source.units)
     }
 
 
@@ -309,6 +341,7 @@ def write_svg(motion: Motion, place: Path) -> None:
     groups = [
         ("coordinates", motion.q),
         ("quasi-velocities", motion.w),
+        ("inputs", motion.inputs),
         ("outputs", motion.outputs),
     ]
     panels = [panel for about, curves in groups for panel in _by_unit(about, curves, motion.units)]

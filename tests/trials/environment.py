@@ -23,7 +23,7 @@ import venv
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -61,12 +61,18 @@ class Outcome:
 def variables(folder: Path, more: Mapping[str, str] | None = None) -> dict[str, str]:
     """Few variables, with a home and a cache in `folder`."""
     kept = {name: os.environ[name] for name in ("PATH", "LANG", "LC_ALL") if name in os.environ}
-    return (
-        kept
-        | PATHS
-        | {"HOME": str(folder), "XDG_CACHE_HOME": str(folder / "cache")}
-        | dict(more or {})
-    )
+    own = {"HOME": str(folder), "XDG_CACHE_HOME": str(folder / "cache"), "CC": str(plain_gcc())}
+    return kept | PATHS | own | dict(more or {})
+
+
+@cache
+def plain_gcc() -> Path:
+    """gcc that does not optimise: hamel is on trial here, and its code is compiled in half the
+    time."""
+    path = HOME / "gcc"
+    path.write_text('#!/bin/sh\nexec gcc "$@" -O0\n')
+    path.chmod(0o755)
+    return path
 
 
 def ended(process: subprocess.Popen[str], arguments: Sequence[str], limit: float) -> Outcome:
@@ -144,6 +150,7 @@ def asked(about: str, kinds: Sequence[str], count: int) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=", ".join(kinds))
     parser.add_argument("--count", type=int, default=count, help="of what is drawn at random")
+    parser.add_argument("--resume", action="store_true", help="leave out what went well before")
     wanted = parser.parse_args()
     if unknown := [kind for kind in wanted.kinds if kind not in kinds]:
         parser.error(f"no kind of trial: {', '.join(unknown)}")
@@ -151,41 +158,73 @@ def asked(about: str, kinds: Sequence[str], count: int) -> argparse.Namespace:
     return wanted
 
 
-@dataclass
-class Record:
-    """What was tried, by kind, and what failed."""
+Item = TypeVar("Item")
+Ends = tuple[list[str], list[str]]  # the kinds of trial that were made, and what failed
 
-    name: str
-    tried: Counter[str] = field(default_factory=Counter)
-    failures: list[str] = field(default_factory=list)
+
+class Record:
+    """What was tried, by kind, and what failed.
+
+    A journal, one line for each trial, lets an interrupted run go on: `resume` counts what went
+    well before instead of trying it again.
+    """
+
+    def __init__(self, name: str, resume: bool = False, folder: Path = ROOT / "build"):
+        self.name, self.folder = name, folder
+        self.tried: Counter[str] = Counter()
+        self.failures: list[str] = []
+        self.journal = folder / "trials" / f"{name}.jsonl"
+        self.earlier = self._earlier() if resume else {}
+        if not resume:
+            self.journal.unlink(missing_ok=True)
+
+    def _earlier(self) -> dict[str, list[str]]:
+        """The trials that went well, by name."""
+        if not self.journal.exists():
+            return {}
+        entries = map(json.loads, self.journal.read_text().splitlines())
+        latest = {entry["name"]: entry for entry in entries}
+        return {n: entry["ends"] for n, entry in latest.items() if not entry["failures"]}
 
     def note(self, kind: str, failure: str = "") -> None:
-        self.tried[kind] += 1
-        if failure:
-            self.failures.append(failure)
+        self._count([kind], [failure] if failure else [])
+
+    def _count(self, kinds: list[str], failures: list[str]) -> None:
+        self.tried.update(kinds)
+        self.failures += failures
+        for failure in failures:
             print(f"FAILED {failure}", flush=True)
 
-    def write(self, folder: Path = ROOT / "build") -> int:
+    def all(
+        self,
+        work: Callable[[Item], Ends],
+        items: Iterable[tuple[str, Item]],
+        processes: int = PROCESSES,
+    ) -> None:
+        """Try each item, which has a name of its own; the work itself is done by processes."""
+
+        def named(item: tuple[str, Item]) -> tuple[str, Ends]:
+            name, given = item
+            return name, (self.earlier[name], []) if name in self.earlier else work(given)
+
+        self.journal.parent.mkdir(parents=True, exist_ok=True)
+        with ThreadPoolExecutor(processes) as pool, self.journal.open("a") as journal:
+            for name, (kinds, failures) in pool.map(named, items):
+                self._count(kinds, failures)
+                if name not in self.earlier:
+                    entry = {"name": name, "ends": kinds, "failures": failures}
+                    journal.write(json.dumps(entry) + "\n")
+                    journal.flush()
+
+    def write(self) -> int:
         """Write build/NAME.json and return the exit code."""
-        folder.mkdir(exist_ok=True)
+        self.folder.mkdir(exist_ok=True)
+        place = self.folder / f"{self.name}.json"
         text = {"tried": dict(sorted(self.tried.items())), "failures": self.failures}
-        (folder / f"{self.name}.json").write_text(
-            json.dumps(text, indent=1, ensure_ascii=False) + "\n"
-        )
-        print(
-            f"{self.name}: {sum(self.tried.values())} tried, {len(self.failures)} failures (build/{self.name}.json)"
-        )
+        place.write_text(json.dumps(text, indent=1, ensure_ascii=False) + "\n")
+        total, bad = sum(self.tried.values()), len(self.failures)
+        print(f"{self.name}: {total} tried, {bad} failures (build/{place.name})")
         return 1 if self.failures else 0
-
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-
-
-def two_at_a_time(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterable[Result]:
-    """The results in order; the work itself is done by other processes."""
-    with ThreadPoolExecutor(PROCESSES) as pool:
-        yield from pool.map(work, items)
 
 
 WORKER = """

@@ -7,6 +7,7 @@ every backend in its folder gives the values of a module that was built undistur
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -26,6 +27,7 @@ import environment
 from environment import (
     HOME,
     KILLED,
+    Ends,
     Outcome,
     Record,
     asked,
@@ -34,7 +36,6 @@ from environment import (
     python,
     run,
     started,
-    two_at_a_time,
 )
 
 CORRUPTIONS, KILLS, TOGETHER = 200, 60, 16  # at most --count of each
@@ -207,7 +208,7 @@ def swap(rng: random.Random, path: Path, others: list[Path]) -> None:
 SPOILS = (flip, truncate, constant, delete, empty, swap)
 
 
-def spoiled(good: Good, template: Path, number: int) -> tuple[str, str]:
+def spoiled(good: Good, template: Path, number: int) -> Ends:
     """Spoil one file of the cache or of the module, build again, and judge."""
     rng = random.Random(number)
     folder = HOME / f"spoiled{number}"
@@ -225,7 +226,11 @@ def spoiled(good: Good, template: Path, number: int) -> tuple[str, str]:
     outcome = run(BUILD, folder, more=cache_in(folder))
     wrong = wrong or verdict(good, folder, outcome)
     shutil.rmtree(folder)
-    return f"spoiled {stored}: {how.__name__}", wrong and f"corruption {number}, {name}: {wrong}"
+    return ends(f"spoiled {stored}: {how.__name__}", f"corruption {number}, {name}", wrong)
+
+
+def ends(kind: str, name: str, wrong: str) -> Ends:
+    return [kind], [f"{name}: {wrong}"] if wrong else []
 
 
 def told(good: Good, folder: Path) -> str:
@@ -245,10 +250,8 @@ def corruptions(record: Record, good: Good, count: int) -> None:
         "verify FOLDER",
         f"hamel verify out refuses a good module: {outcome.words}" if outcome.code else "",
     )
-    for kind, wrong in two_at_a_time(
-        lambda number: spoiled(good, template, number), range(min(count, CORRUPTIONS))
-    ):
-        record.note(kind, wrong)
+    numbered = ((f"corruption {number}", number) for number in range(min(count, CORRUPTIONS)))
+    record.all(lambda number: spoiled(good, template, number), numbered)
 
 
 # ---- kills --------------------------------------------------------------------------------------------------------------
@@ -297,12 +300,16 @@ def kills(record: Record, good: Good, count: int) -> None:
     start = time.monotonic()
     run(BUILD, folder, more=cache_in(folder))
     duration = time.monotonic() - start
-    for number in range(min(count, KILLS)):
+
+    def end(number: int) -> Ends:
         wrong = killed(good, folder, number, duration)
-        record.note("kills", wrong and f"kill {number}: {wrong}")
         if wrong.startswith("left behind"):  # told once each
             for path in folder.glob(".*"):
                 shutil.rmtree(path, ignore_errors=True)
+        return ends("kills", f"kill {number}", wrong)
+
+    numbered = ((f"kill {number}", number) for number in range(min(count, KILLS)))
+    record.all(end, numbered, processes=1)  # they share the folder
 
 
 # ---- side by side -------------------------------------------------------------------------------------------------------
@@ -440,7 +447,7 @@ def compilers(folder: Path) -> Iterator[tuple[str, str]]:
     yield from ((repr(word), word) for word in WORDS)
 
 
-def compiled(good: Good, job: tuple[str, str]) -> tuple[str, str]:
+def compiled(good: Good, job: tuple[str, str]) -> Ends:
     """A build with another compiler: one that did its work is used, any other is refused."""
     name, compiler = job
     folder = place()
@@ -450,7 +457,7 @@ def compiled(good: Good, job: tuple[str, str]) -> tuple[str, str]:
         wrong = f"the build does not end within {PATIENCE:g} s"
     if outcome.code and not wrong and (folder / "out").exists():
         wrong = f"exit {outcome.code}, and yet a module is there"
-    return f"compilers {outcome.code}", wrong and f"CC {name}: {wrong}"
+    return ends(f"compilers {outcome.code}", f"CC {name}", wrong)
 
 
 # ---- all ----------------------------------------------------------------------------------------------------------------
@@ -462,9 +469,8 @@ def noted(record: Record, tried: Callable[[], Iterator[tuple[str, str]]]) -> Non
 
 
 def odd_compilers(record: Record, good: Good, count: int) -> None:
-    jobs = list(compilers(HOME))[:count]
-    for kind, wrong in two_at_a_time(lambda job: compiled(good, job), jobs):
-        record.note(kind, wrong)
+    named = ((f"compiler {job[0]}", job) for job in itertools.islice(compilers(HOME), count))
+    record.all(lambda job: compiled(good, job), named)
 
 
 def disks(record: Record, good: Good, count: int) -> None:
@@ -485,7 +491,7 @@ FAULTS = {
 
 def main() -> int:
     given = asked(__doc__ or "", list(FAULTS), max(CORRUPTIONS, KILLS, TOGETHER))
-    record, good = Record("faults"), Good()
+    record, good = Record("faults", given.resume), Good()
     for kind in given.kinds:
         FAULTS[kind](record, good, given.count)
     return record.write()

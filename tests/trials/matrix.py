@@ -18,7 +18,7 @@ from pathlib import Path
 
 import environment
 import mechanisms
-from environment import Outcome, Record, Worker, asked, complaint, documented, run, two_at_a_time
+from environment import Ends, Outcome, Record, Worker, asked, complaint, documented, run
 from scenes import File, Schema, files
 
 # What a verb is given beside the file so that it ends soon and writes where we look; any other verb is run with the file alone.
@@ -58,21 +58,20 @@ def fails(kind: str, outcome: Outcome) -> str:
     return complaint(outcome, (1, 2, 4, 64) if claims else (1, 2, 64))
 
 
-def tried(job: tuple[str, str, str, str, bool]) -> tuple[str, str, str]:
-    """Run one verb on one file in a folder of its own: the kind, the verb and its end, and what failed."""
+Job = tuple[str, str, str, str, bool]  # kind, suffix, text, verb, as JSON
+
+
+def tried(job: Job) -> Ends:
+    """Run one verb on one file in a folder of its own."""
     kind, suffix, text, verb, as_json = job
     folder = Path(environment.tempfile.mkdtemp(dir=environment.HOME))
     (folder / f"m{suffix}").write_text(text)
-    outcome = run(
-        [verb, f"m{suffix}", *SHORT.get(verb, ()), *(["--json"] if as_json else [])], folder
-    )
+    more = [*SHORT.get(verb, ()), *(["--json"] if as_json else [])]
+    outcome = run([verb, f"m{suffix}", *more], folder)
     wrong = fails(kind, outcome)
     shutil.rmtree(folder)
-    return (
-        kind,
-        f"{verb} {outcome.code}",
-        wrong and f"{' '.join(outcome.arguments)} of {kind}: {wrong}\n{compact(text)}",
-    )
+    told = f"{' '.join(outcome.arguments)} of {kind}: {wrong}\n{compact(text)}"
+    return [f"{verb} {outcome.code}"], [told] if wrong else []
 
 
 def compact(text: str) -> str:
@@ -81,7 +80,7 @@ def compact(text: str) -> str:
 
 def jobs_of(
     kind: str, suffix: str, text: str, smallest: bool, legal: bool, turn: Iterator[int]
-) -> Iterator[tuple]:
+) -> Iterator[tuple[str, Job]]:
     """Every verb on a smallest file; two on a legal other one, one on a refused one."""
     usual = [name for name in with_model() if name not in SELDOM]
     number = next(turn)
@@ -89,7 +88,8 @@ def jobs_of(
     if smallest and number % 40 == 0:
         chosen = [*chosen, *(name for name in with_model() if name in SELDOM)]
     for verb in dict.fromkeys(chosen):
-        yield kind, suffix, text, verb, (number + len(verb)) % 3 == 0
+        as_json = (number + len(verb)) % 3 == 0
+        yield f"{kind}: {verb} {as_json} {text}", (kind, suffix, text, verb, as_json)
 
 
 def robots() -> Iterator[tuple[str, str, str, bool]]:
@@ -162,7 +162,7 @@ def kinds_of_trial() -> list[str]:
 
 def all_jobs(
     record: Record, refusal: Callable[[dict], str], wanted: Collection[str]
-) -> Iterator[tuple]:
+) -> Iterator[tuple[str, Job]]:
     turn = itertools.count()
     schema = Schema(run(["schema"], environment.HOME).out)
     seen: set[str] = set()
@@ -177,11 +177,11 @@ def all_jobs(
         yield from robot_jobs(turn)
 
 
-def robot_jobs(turn: Iterator[int]) -> Iterator[tuple]:
+def robot_jobs(turn: Iterator[int]) -> Iterator[tuple[str, Job]]:
     for kind, suffix, text, small in robots():
         yield from jobs_of(kind, suffix, text, small, True, turn)
         if suffix in ROBOTS:
-            yield kind, suffix, text, "import", False
+            yield f"{kind}: import {text}", (kind, suffix, text, "import", False)
 
 
 def named(file: File) -> str:
@@ -199,8 +199,7 @@ def alone(record: Record) -> None:
 
 def matrix(record: Record, wanted: Collection[str]) -> None:
     worker = Worker()
-    for _, end, wrong in two_at_a_time(tried, all_jobs(record, oracle(worker, record), wanted)):
-        record.note(end, wrong)
+    record.all(tried, all_jobs(record, oracle(worker, record), wanted))
     worker.stop()
 
 
@@ -210,7 +209,7 @@ def fault(arguments: list[str], wrong: str) -> str:
 
 def main() -> int:
     given = asked(__doc__ or "", kinds_of_trial(), 300)
-    record = Record("matrix")
+    record = Record("matrix", given.resume)
     assert 70 not in documented() and 1 in documented()
     if "verbs" in given.kinds:
         alone(record)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import environment
 import numpy as np
-from environment import Outcome, Record, complaint, python, run, two_at_a_time
+from environment import Ends, Outcome, Record, complaint, python
 
 Array = np.ndarray
 Frame = tuple[Array, Array]  # rotation, origin
@@ -68,6 +68,8 @@ STEP = 1e-3  # s, between the points of the motion that is differentiated
 CLOSE = 2e-6  # of fourth-order differences over STEP; a wrong sign or term errs by 1e-2 and more
 SINGULAR = 1e-4  # σ_min/σ_max of A below which a refusal for a singular position is true
 AGREE = 1e-4  # m, between motions of one second with different enforcement, rtol 1e-9
+FEW = ("dynamics", "energy", "power")  # functions of a module that are compared
+LIMIT = 600.0  # seconds for one mechanism
 
 
 def rotation(axis: Array, angle: float) -> Array:
@@ -627,12 +629,28 @@ def _try(made: Mechanism, add: Callable, kind: str, one: int, other: int) -> Non
 
 # ---- what hamel makes of it ---------------------------------------------------------------------------------------------
 
-# The module in a fresh process: a motion about t = 0 from the pose, q̇ of every quasi-velocity, and hamel's own simulations.
+# In one fresh process: the module is built and imported; a motion about t = 0 from the pose, q̇ of
+# every quasi-velocity; then simulations, by the module itself where it has the enforcement.
 PROBE = """
-import inspect, json, sys, numpy as np
-sys.path.insert(0, sys.argv[1])
-import module, hamel
-asked = json.loads(sys.argv[2])
+import json, sys, warnings, numpy as np
+import hamel
+sys.path.insert(0, ".")
+asked = json.loads(sys.argv[1])
+answer = {"ends": {}, "warnings": []}
+def shown(message, category, *place, **more):
+    if not str(message).startswith("m.yaml"):  # hamel's own begin with the file
+        answer["warnings"].append(f"{category.__name__}: {message}")
+warnings.showwarning = shown
+def told(error):
+    code = 2 if isinstance(error, FloatingPointError) else getattr(error, "exit_code", 70)
+    return f"{code} {type(error).__name__}: {error}"
+def finished():
+    print(json.dumps(answer)); sys.exit()
+try:
+    hamel.build("m.yaml", out="module", functions=asked["functions"])
+except Exception as error:
+    answer["refused"] = told(error); finished()
+import module
 q, names, h = np.array(asked["q"]), asked["names"], asked["step"]
 order = [module.states.index(n) for n in names]
 rest = [i for i in range(module.nx) if i not in order]
@@ -643,7 +661,7 @@ def state(w):
 def step(t, x, h):
     a = f(t, x); b = f(t + h/2, x + h/2*a); c = f(t + h/2, x + h/2*b); d = f(t + h, x + h*c)
     return x + h/6*(a + 2*b + 2*c + d)
-answer = {"dof": len(rest), "backend": module.backend}
+answer |= {"dof": len(rest), "backend": module.backend}
 try:
     x = state(np.random.default_rng(1).uniform(-1, 1, len(rest)))
     drift = f(0.0, state(np.zeros(len(rest))))[order]
@@ -653,21 +671,28 @@ try:
     for k in range(4):
         motion[k + 1] = step(k*h, motion[k], h); motion[-k - 1] = step(-k*h, motion[-k], -h)
     answer["motion"] = [motion[k][order].tolist() for k in range(-4, 5)]
-    answer["energy"] = [np.asarray(module.energy(k*h, motion[k], u)).tolist() for k in (-2, -1, 1, 2)]
+    energies = [module.energy(k*h, motion[k], u) for k in (-2, -1, 1, 2)]
+    answer["energy"] = [np.asarray(e).tolist() for e in energies]
     answer["power"] = float(np.sum(module.power(0.0, x, u)))
 except FloatingPointError as error:
     answer["stopped"] = str(error)
-word = "enforcement" if "enforcement" in inspect.signature(hamel.simulate).parameters else "keeping"
-answer["ends"] = {}
-for name in asked["enforcements"]:
+start = None
+def by_hamel(name):
+    global start
+    found = hamel.simulate("m.yaml", enforcement=name, time=1.0, rtol=1e-9)
+    if all(state in found.motion for state in module.states):
+        start = [float(found.motion[state][0]) for state in module.states]
+    return dict(found.final)
+def by_module(name):
+    motion = module.simulate([0.0, 1.0], start, u, rtol=1e-9, enforcement=name)
+    return dict(zip(module.states, motion.x[-1].tolist()))
+for number, name in enumerate(asked["enforcements"]):
+    own = number and start and name in module.enforcements
     try:
-        hamel.simulate(asked["file"], **{word: name}, time=1.0, rtol=1e-9, out="motion.csv")
-        with open("motion.csv") as file:
-            rows = [line.strip().split(",") for line in file if not line.startswith("#")]
-        answer["ends"][name] = dict(zip(rows[0], map(float, rows[-1])))
+        answer["ends"][f"{name}, by the module" if own else name] = (by_module if own else by_hamel)(name)
     except Exception as error:
-        answer["ends"][name] = f"{getattr(error, 'exit_code', 70)} {type(error).__name__}: {error}"
-print(json.dumps(answer))
+        answer["ends"][name] = told(error)
+finished()
 """
 
 
@@ -772,58 +797,58 @@ def _true_stop(made: Mechanism, answer: dict, end: str) -> bool:
     return end.startswith("2 ") and any(made.rank(q)[2] < SINGULAR for q in (made.pose, *reached))
 
 
-def fits(made: Mechanism, enforcements: list[str], seed: int) -> list[str]:
-    """Three that the system can have: without constraints there is none but `none`."""
+def fits(made: Mechanism, seed: int) -> list[str]:
+    """Three that the system can have, the first by `hamel.simulate` and the others by the module
+    itself; without constraints there is none but `none`."""
     if not made.residuals and not made.rates:
-        return ["none"]
-    return [enforcements[(seed + k) % len(enforcements)] for k in range(3)]
+        return ["none", "none"]
+    return [("tangent", "feedback", "baumgarte")[seed % 3], "projection", "none"]
 
 
-def refusal(made: Mechanism, outcome: Outcome) -> str:
-    """A refusal is true at a singular pose, by the singular values of our own A; any other end is a failure."""
+def refusal(made: Mechanism, said: str) -> str:
+    """A refusal is true at a singular pose, by the singular values of our own A."""
     least = made.rank(made.pose)[2]
-    if outcome.code in (1, 2) and least < SINGULAR:
+    if said[:2] in ("1 ", "2 ") and least < SINGULAR:
         return ""
-    return (
-        complaint(outcome, ())
-        or f"refused at a regular position (σ_min/σ_max = {least:.1g}): {outcome.words}"
-    )
+    return f"refused at σ_min/σ_max = {least:.1g}: {said}"
 
 
-def tried(job: tuple[int, list[str]]) -> tuple[str, list[str], str]:
-    """Build one, load it, and judge it: what it ended as, what is wrong, and the file."""
-    seed, enforcements = job
+def tried(seed: int) -> Ends:
+    """Build one, load it, simulate it, all in one fresh process, and judge it."""
     made = mechanism(seed)
     folder = Path(environment.tempfile.mkdtemp(dir=environment.HOME))
     (folder / "m.yaml").write_text(made.text)
-    emitted = (
-        "default" if seed % 5 == 0 else "dynamics,energy,power"
-    )  # all functions take three times as long
-    outcome = run(
-        ["build", "m.yaml", "-o", "module", "--functions", emitted], folder, 2 * environment.LIMIT
-    )
-    if outcome.code:
-        wrong = refusal(made, outcome)
-        end, failures = f"mechanism refused {outcome.code}", [wrong] if wrong else []
-    else:
-        end, failures = "mechanism", list(_loaded(made, folder, fits(made, enforcements, seed)))
-    shutil.rmtree(folder)
-    return end, [f"random mechanism {seed}: {wrong}" for wrong in failures], made.text
-
-
-def _loaded(made: Mechanism, folder: Path, enforcements: list[str]) -> Iterator[str]:
     asked = {
         "q": made.pose.tolist(),
         "names": made.names,
         "step": STEP,
-        "enforcements": enforcements,
-        "file": "m.yaml",
+        "enforcements": fits(made, seed),
+        # all functions take three times as long
+        "functions": None if seed % 10 == 0 else [*FEW, *(["project"] if made.residuals else [])],
     }
-    loaded = python(PROBE, [str(folder), json.dumps(asked)], folder)
-    if loaded.code:
-        yield f"the module fails when loaded: {loaded.words}"
-        return
-    answer = json.loads(loaded.out.splitlines()[-1])
+    outcome = python(PROBE, [json.dumps(asked)], folder, LIMIT)
+    shutil.rmtree(folder)
+    end, wrong = _end(made, outcome)
+    if wrong:
+        texts = environment.ROOT / "build" / "trials" / "mechanisms"
+        texts.mkdir(parents=True, exist_ok=True)
+        (texts / f"{made.name}.yaml").write_text(made.text)
+    return [end], [f"random mechanism {seed}: {words}" for words in wrong]
+
+
+def _end(made: Mechanism, outcome: Outcome) -> tuple[str, list[str]]:
+    """What became of it, and what is wrong."""
+    if wrong := complaint(outcome, ()):
+        return "mechanism broken", [wrong]
+    answer = json.loads(outcome.out.splitlines()[-1])
+    if "refused" in answer:
+        wrong = refusal(made, answer["refused"])
+        return f"mechanism refused {answer['refused'][:1]}", [wrong] if wrong else []
+    return "mechanism", list(_faults(made, answer))
+
+
+def _faults(made: Mechanism, answer: dict) -> Iterator[str]:
+    yield from answer["warnings"]
     if answer["backend"] == "numpy":
         yield "the compiled code is not used"
     yield from judged(made, answer)
@@ -831,19 +856,4 @@ def _loaded(made: Mechanism, folder: Path, enforcements: list[str]) -> Iterator[
 
 
 def tried_all(record: Record, count: int) -> None:
-    kinds = json.loads(run(["list", "--json"], environment.HOME).out)["kinds"]
-    listed = kinds.get("enforcements") or kinds["keepings"]
-    usable = [
-        e["name"]
-        for e in listed
-        if e["name"] in ("projection", "none", "baumgarte", "feedback", "tangent")
-    ]
-    texts = environment.ROOT / "build" / "trials" / "mechanisms"
-    texts.mkdir(parents=True, exist_ok=True)
-    for end, failures, text in two_at_a_time(tried, ((seed, usable) for seed in range(count))):
-        record.note(end)
-        if failures:
-            (texts / f"{json.loads(text)['model']}.yaml").write_text(text)
-        for wrong in failures:
-            record.failures.append(wrong)
-            print(f"FAILED {wrong}", flush=True)
+    record.all(tried, ((f"mechanism {seed}", seed) for seed in range(count)))

@@ -79,10 +79,10 @@ def written(value: float) -> Fraction:
     return Fraction(repr(float(value)))
 
 
-def state_of(e: Equations, initial: Initial, p: np.ndarray) -> np.ndarray:
+def state_of(e: Equations, initial: Initial, p: np.ndarray, t: float = 0.0) -> np.ndarray:
     """x from (q, v) by the equations' own function."""
     found = function_of(e, "state")(
-        0.0, np.concatenate([initial.q, initial.v]), np.zeros(e.system.u.numel()), p
+        t, np.concatenate([initial.q, initial.v]), np.zeros(e.system.u.numel()), p
     )
     return np.asarray(found).ravel()
 

@@ -3,7 +3,7 @@ bodies in the ground frame."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,8 +72,11 @@ class State:
     names: dict[str, Any]
     named_rates: dict[str, float]
 
-    def value(self, expression: tree.Expression) -> float:
-        return float(evaluated(expression, lookup(self.names, self.named_rates), NUMERIC))
+    def value(
+        self, expression: tree.Expression, further: Mapping[str, float] | None = None
+    ) -> float:
+        names = {**self.names, **further} if further else self.names
+        return float(evaluated(expression, lookup(names, self.named_rates), NUMERIC))
 
     def vector(self, entries: Sequence[tree.Expression]) -> Array:
         return np.array([self.value(entry) for entry in entries])

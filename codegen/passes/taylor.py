@@ -28,8 +28,8 @@ PIECES = frozenset({
 FLAT = PIECES - {"fabs", "fmin", "fmax", "copysign", "fmod", "where"}  # constant, piece by piece
 # What the code around the recurrences is called.
 TAKEN = [
-    *("L", "R", "S", "T", "L1", "R1", "l", "r", "l_late", "r_late", "n", "i", "order", "order_n"),
-    *("part", "next", "now", "x_next", "sums", "early"),
+    *("L", "R", "S", "l", "r", "n", "i", "order", "order_n", "part", "next", "now", "x_next"),
+    *("sums", "late", "early", "rates_of_u", "given", "INPUTS"),
 ]
 _PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _MOST_MULTIPLIED = 64  # whole powers up to this are products
@@ -83,6 +83,7 @@ class Series:
     steps: tuple[Step, ...]
     slots: tuple[Slot, ...]
     states: tuple[tuple[str, int], ...]  # local names of the state's entries
+    inputs: tuple[tuple[str, int], ...]  # and of the inputs', whose coefficients n <= 3 are given
     time: str  # local name of t; empty where it does not occur
     coefficients: dict[str, str] = field(repr=False)
     rates: tuple[tuple[Expression, Expression], ...] = ()
@@ -148,8 +149,9 @@ class _Tape:
         self._held: dict[tuple[Expression, ...], str] = {}
 
     def made(self, rates: Sequence[Expression]) -> Series:
-        states = tuple(
-            (load.name, load.index) for load in self.loads.values() if load.argument == "x"
+        states, inputs = (
+            tuple((load.name, load.index) for load in self.loads.values() if load.argument == name)
+            for name in ("x", "u")
         )
         time = next((load.name for load in self.loads.values() if load.argument == "t"), "")
         steps = _Flattening(self, rates).steps()
@@ -160,6 +162,7 @@ class _Tape:
             steps=steps,
             slots=tuple(self.slots),
             states=states,
+            inputs=inputs,
             time=time,
             coefficients=self.coefficients,
             rates=tuple((rate, self.coefficient(rate)) for rate in rates),
@@ -191,7 +194,7 @@ class _Tape:
         if key not in self.loads:
             name = load.name if load.argument == "t" else self.names(load.name)
             self.loads[key] = Load(name, load.argument, load.index)
-            if load.argument in ("t", "x"):
+            if load.argument in ("t", "x", "u"):
                 self.coefficients[name] = name
         return self.loads[key].name
 

@@ -33,6 +33,7 @@ class Body:
     first: tuple[str, ...]  # slots and rates of order 0
     step: tuple[str, ...]
     unused: tuple[str, ...]
+    inputs: int
     rates: int
 
 
@@ -83,6 +84,7 @@ def _body(program: Program, suffix: str) -> Body:
         first=tuple(_first(made)),
         step=tuple(_Order(made).lines()),
         unused=tuple(name for name in "tupc" if name not in used),
+        inputs=len(program.argument("u").names) if made.inputs else 0,
         rates=len(made.rates),
     )
 
@@ -140,6 +142,8 @@ class _Order:
             yield from self._put(self.made.time, "n == 1 ? 1.0 : 0.0")
         for name, i in self.made.states:
             yield from self._put(name, f"now[{i}]")
+        for name, i in self.made.inputs:
+            yield from self._put(name, f"n <= given ? rates_of_u[(n - 1) * INPUTS + {i}] : 0.0")
         for step in self.made.steps:
             value, self.ready[step.name] = self._sum(step.terms)
             if step.condition is not None:

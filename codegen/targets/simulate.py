@@ -219,7 +219,9 @@ def _flags(
         "HIGHEST_ORDER": _highest(chosen),
         "SERIES_IN_PIECES": int(bool(_highest(chosen)) and in_pieces(program)),
         "EVENTS": len(program.events),
-        "DENSE_DEGREE": max(3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))),
+        "DENSE_DEGREE": max(
+            3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))
+        ),
         "DENSE_STAGES": max(0, 0, *(len(dense.c) for dense in _dense(chosen))),
     }
 

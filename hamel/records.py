@@ -1,5 +1,5 @@
 """What the verbs return. The fields are the keys of `--json`; nothing here imports more than the
-standard library and what errors are; a method that needs an optional library is named after it."""
+standard library and what errors are, but for the libraries that a method is named after."""
 
 from __future__ import annotations
 
@@ -115,8 +115,8 @@ class Mutations:
 
 @dataclass(frozen=True)
 class Verified:
-    """The checks of every choice that was asked for; names start with the choice. `mutations` where
-    errors were planted."""
+    """The checks of every choice that was asked for; names start with the choice. `varied` are the
+    parameters that differed between the states, `mutations` is there where errors were planted."""
 
     model: str
     passed: bool
@@ -124,6 +124,7 @@ class Verified:
     refused: Mapping[str, str]  # choices of the file that cannot be built, and why
     states: int
     seed: int
+    varied: tuple[str, ...] = ()
     mutations: Mutations | None = None
 
 
@@ -364,6 +365,8 @@ class Simulated:
     # max |E − (E at 0) − ∫ power dt|, relative to the largest energy exchanged; E is T + V, or
     # T₂ − T₀ + V where T = T₂ + T₁ + T₀ has terms linear in the rates or free of them
     energy_balance: float
+    # estimate of the largest error of a coordinate or quasi-velocity at the end, in SI units
+    error: float | None
     crossings: (
         int  # singular positions on the way; two ways across each agreed within the tolerance
     )

@@ -12,10 +12,12 @@ from codegen.integrators.records import (
     Midpoint,
     Rosenbrock,
     Tableau,
+    Taylor,
 )
 from codegen.integrators.rk4 import RK4
 from codegen.integrators.rkf45 import RKF45
 from codegen.integrators.rosenbrock import ROSENBROCK
+from codegen.integrators.taylor import TAYLOR
 from codegen.integrators.verner9 import VERNER9
 
 INTEGRATORS: tuple[Integrator, ...] = (
@@ -27,6 +29,16 @@ INTEGRATORS: tuple[Integrator, ...] = (
     RADAU,
     ROSENBROCK,
     IMPLICIT_MIDPOINT,
+    TAYLOR,
 )
 
-__all__ = ["INTEGRATORS", "Collocation", "Dense", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]
+__all__ = [
+    "INTEGRATORS",
+    "Collocation",
+    "Dense",
+    "Integrator",
+    "Midpoint",
+    "Rosenbrock",
+    "Tableau",
+    "Taylor",
+]

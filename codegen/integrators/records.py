@@ -1,5 +1,5 @@
 """What an integrator is, as data: explicit Runge–Kutta methods, Rosenbrock methods, collocation,
-and the implicit midpoint rule.
+the implicit midpoint rule, and Taylor series.
 
 All advance x' = f(t, x). `order` is the order of the step and `estimate` the power of h in its
 error estimate; `damping` the exponent of the previous error in the proportional–integral step
@@ -142,7 +142,30 @@ class Midpoint:
     adaptive: bool = False
 
 
-Integrator = Tableau | Rosenbrock | Collocation | Midpoint
+@dataclass(frozen=True)
+class Taylor:
+    """x(t + s) = Σ xₙ sⁿ up to the order p = ⌈1 − ln(rtol)/2⌉, with coefficients by recurrences
+    over the program of `dynamics`; the last two terms of a step are a small part of the tolerance.
+
+    `order` is the highest there is.
+    """
+
+    name: str
+    about: str
+    source: str
+    order: int = 20
+    damping: Fraction = Fraction(0)
+    safety: Fraction = Fraction(1)
+    needs: tuple[str, ...] = ()
+    exact: bool = True  # what an enforcement does at every stage is not in the program
+    adaptive: bool = True
+
+    @property
+    def estimate(self) -> int:
+        return self.order
+
+
+Integrator = Tableau | Rosenbrock | Collocation | Midpoint | Taylor
 
 
 def row(text: str) -> Row:

@@ -9,11 +9,10 @@ and a − (b − z) becomes (a − b) + z.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from codegen.passes.lower import Code, Lowered, Operand, Operation
-from codegen.passes.schedule import reachable
 
 CYCLES = {"neg": 1, "add": 3, "sub": 3, "mul": 4, "div": 13}
 OTHERS = 20  # cycles of a square root, and of sines and cosines, which stand at the beginning
@@ -28,8 +27,8 @@ def balance(lowered: Lowered, named: Iterable[int] = ()) -> Lowered:
     """The same roots; operations in `named` stay whole, for they are shown under their names."""
     operations = lowered.code.operations
     roots = [root for root in lowered.roots if isinstance(root, int)]
-    wanted = sorted(reachable(lowered.code, roots))
-    inside = _inside(operations, wanted, {*roots, *named})
+    wanted = lowered.wanted
+    inside = _inside(lowered.code, wanted, {*roots, *named})
     if not inside:
         return lowered
     made = _Made()
@@ -46,12 +45,13 @@ def balance(lowered: Lowered, named: Iterable[int] = ()) -> Lowered:
     )
 
 
-def _inside(operations: list[Operation], wanted: list[int], kept: set[int]) -> set[int]:
+def _inside(code: Code, wanted: Sequence[int], kept: set[int]) -> set[int]:
     """Sums that are a term of one other sum and nothing else, and such products."""
+    operations = code.operations
     uses: Counter[int] = Counter()
     within: set[int] = set()
     for i in wanted:
-        inner = operations[i].inner
+        inner = code.inner[i]
         uses.update(inner)
         kind = KINDS.get(operations[i].name)
         within.update(o for o in inner if kind and KINDS.get(operations[o].name) == kind)
@@ -63,8 +63,8 @@ class _Made:
     """New operations, when each is known, and where the old ones are."""
 
     code: Code = field(default_factory=Code)
-    known: dict[int, int] = field(default_factory=dict)
-    moved: dict[int, int] = field(default_factory=dict)
+    known: dict[int, int] = field(default_factory=dict[int, int])
+    moved: dict[int, int] = field(default_factory=dict[int, int])
 
     def there(self, operand: Operand) -> Operand:
         return operand if isinstance(operand, float) else self.moved[operand]

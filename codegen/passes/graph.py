@@ -291,34 +291,32 @@ def snapped(factor: float) -> float:
     """The factor, or the short decimal or fraction it differs from by rounding only: 14.715 for
     14.715000000000002."""
     size = abs(factor)
-    if _may_be_decimal(size):
+    # with twelve digits or one more before the point, a short decimal is nearly a whole number
+    part = size * _TWELVE_DIGITS[math.frexp(size)[1]] % 1.0 if 1e-200 < size < 1e200 else 0.0
+    if not 0.05 < part < 0.95:
         short = float(f"{factor:.12g}")
         if abs(factor - short) <= CLOSE * size:
             return short
-    if 1e-3 < size < 1e3 and _is_near_whole(size * _COMMON_DENOMINATOR, 1e-6):
-        for denominator in (3, 7, 9, 11, 15):
-            near = round(factor * 4 * denominator) / (4 * denominator)
-            if abs(factor - near) <= CLOSE * size:
-                return near
+    # every fraction that is tried is a whole number of these
+    if 1e-3 < size < 1e3 and not 1e-6 < size * _COMMON_DENOMINATOR % 1.0 < 1.0 - 1e-6:
+        return _fraction(factor)
     return factor
 
 
-_COMMON_DENOMINATOR = 4 * 3465  # of all the fractions that `snapped` knows
+_COMMON_DENOMINATOR = 4.0 * 3465.0  # of all the fractions that `snapped` knows
+# by binary exponent: the power of ten that takes twelve digits or one more before the point
+_TWELVE_DIGITS = {
+    exponent: 10.0 ** (11 - math.floor((exponent - 1) * math.log10(2.0)))
+    for exponent in range(-700, 700)
+}
 
 
-def _may_be_decimal(size: float) -> bool:
-    """False for most numbers that have no short decimal near them, in a fraction of the time that
-    printing takes."""
-    if not 1e-200 < size < 1e200:
-        return True
-    # twelve digits of the number stand before the point, or one or two more
-    digits = size * 10.0 ** (12 - math.floor(math.log10(size)))
-    return _is_near_whole(digits, 0.05)
-
-
-def _is_near_whole(value: float, margin: float) -> bool:
-    """Within a margin far above what rounding makes of it."""
-    return abs(value - round(value)) < margin
+def _fraction(factor: float) -> float:
+    for denominator in (3, 7, 9, 11, 15):
+        near = round(factor * 4 * denominator) / (4 * denominator)
+        if abs(factor - near) <= CLOSE * abs(factor):
+            return near
+    return factor
 
 
 def same(one: Work, other: Work) -> bool:
@@ -391,7 +389,7 @@ def _leading(terms: list[tuple[int, float]]) -> float:
     return terms[0][1] if terms[0][0] != ONE else terms[1][1]
 
 
-def power(factor: float, exponent: int) -> float:
+def power(factor: float, exponent: float) -> float:
     """factor^exponent, infinite where Python has an exception."""
     if factor == 0.0 and exponent < 0:
         return math.copysign(math.inf, factor) if exponent % 2 else math.inf
@@ -417,14 +415,17 @@ def _evaluate(function: str, values: Sequence[float]) -> float | None:
         return None
 
 
-_LOGIC: dict[str, Callable[..., float]] = {
+_OF_ONE: dict[str, Callable[[float], float]] = {
     "sign": lambda a: (a > 0) - (a < 0),
+    "not": lambda a: not a,
+}
+_OF_TWO: dict[str, Callable[[float, float], float]] = {
     "lt": lambda a, b: a < b,
     "le": lambda a, b: a <= b,
     "eq": lambda a, b: a == b,
     "ne": lambda a, b: a != b,
     "and": lambda a, b: bool(a and b),
     "or": lambda a, b: bool(a or b),
-    "not": lambda a: not a,
     "where": lambda a, b: b if a else 0.0,
 }
+_LOGIC: dict[str, Callable[..., float]] = {**_OF_ONE, **_OF_TWO}

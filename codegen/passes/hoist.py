@@ -3,10 +3,10 @@ states: precompute(p) → c."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from codegen.passes.lower import Code, Lowered, Operand
-from codegen.passes.schedule import reachable
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,10 @@ def hoist(lowered: Lowered) -> Hoisted | None:
     """None where nothing is computed from parameters alone."""
     operations = lowered.code.operations
     roots = [root for root in lowered.roots if isinstance(root, int)]
-    wanted = sorted(reachable(lowered.code, roots))
+    wanted = lowered.wanted
     alone = _of_parameters_alone(lowered.code, wanted)
-    edge = [i for user in wanted if user not in alone for i in operations[user].inner if i in alone]
+    inner = lowered.code.inner
+    edge = [i for user in wanted if user not in alone for i in inner[user] if i in alone]
     places = {
         i: k for k, i in enumerate(sorted({*edge, *(root for root in roots if root in alone)}))
     }
@@ -43,14 +44,14 @@ def hoist(lowered: Lowered) -> Hoisted | None:
     return Hoisted(precompute, rest, entries)
 
 
-def _of_parameters_alone(code: Code, wanted: list[int]) -> set[int]:
+def _of_parameters_alone(code: Code, wanted: Sequence[int]) -> set[int]:
     alone: set[int] = set()
     for i in wanted:
         operation = code.operations[i]
         if operation.name == "input":
             depends_on_parameters = operation.slot[0] == "p"
         else:
-            inner = operation.inner
+            inner = code.inner[i]
             depends_on_parameters = bool(inner) and all(operand in alone for operand in inner)
         if depends_on_parameters:
             alone.add(i)

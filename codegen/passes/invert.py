@@ -10,14 +10,11 @@ from collections import Counter
 from typing import Any
 
 from codegen.passes.lower import Code, Lowered, Operand, Operation
-from codegen.passes.schedule import reachable
 
 
 def invert(lowered: Lowered) -> Lowered:
     """The same values with every divisor divided by once."""
-    wanted = sorted(
-        reachable(lowered.code, [root for root in lowered.roots if isinstance(root, int)])
-    )
+    wanted = lowered.wanted
     divisions = [
         lowered.code.operations[i] for i in wanted if lowered.code.operations[i].name == "div"
     ]

@@ -8,8 +8,9 @@ subtracted.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from codegen.passes.graph import (
@@ -39,39 +40,55 @@ class Operation:
     operands: tuple[Operand, ...] = ()
     slot: tuple[str, int] = ("", 0)
 
-    @property
-    def inner(self) -> list[int]:
-        """The operations it works on."""
-        return [operand for operand in self.operands if isinstance(operand, int)]
-
 
 @dataclass
 class Code:
-    """Operations in an order that computes operands first. Inputs and repeated operations occur
-    once."""
+    """Operations in an order that computes operands first, and by operation those it works on.
+    Inputs and repeated operations occur once."""
 
-    operations: list[Operation] = field(default_factory=list)
-    _places: dict[tuple[object, ...], int] = field(default_factory=dict)
+    operations: list[Operation] = field(default_factory=list[Operation])
+    inner: list[tuple[int, ...]] = field(default_factory=list[tuple[int, ...]])
+    _places: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
 
     def input(self, argument: str, entry: int) -> int:
         """The index of the operation that is an entry of an argument."""
         key = ("input", argument, entry)
-        if key not in self._places:
-            self._places[key] = len(self.operations)
-            self.operations.append(Operation("input", slot=(argument, entry)))
-        return self._places[key]
+        place = self._places.get(key)
+        if place is None:
+            place = self._append(key, Operation("input", slot=(argument, entry)), ())
+        return place
 
     def put(self, name: str, *operands: Operand) -> int:
         """The index of an operation, appended when it is new."""
         if name in ("add", "mul") and _comes_after(*operands):
             operands = operands[::-1]
-        # Python takes operation 2 and the number 2.0 for the same
-        key = (name, operands, *map(type, operands))
+        inner = tuple([operand for operand in operands if isinstance(operand, int)])
+        key = (name, operands)
+        if len(inner) < len(operands):  # Python takes operation 2 and the number 2.0 for the same
+            key = (name, operands, *map(type, operands))
         place = self._places.get(key)
         if place is None:
-            place = self._places[key] = len(self.operations)
-            self.operations.append(Operation(name, operands))
+            place = self._append(key, Operation(name, operands), inner)
         return place
+
+    def _append(self, key: tuple[object, ...], operation: Operation, inner: tuple[int, ...]) -> int:
+        place = self._places[key] = len(self.operations)
+        self.operations.append(operation)
+        self.inner.append(inner)
+        return place
+
+    def reachable(self, roots: Iterable[Operand]) -> list[int]:
+        """The operations that the roots need, the roots included, in increasing order."""
+        inner = self.inner
+        needed = bytearray(len(inner))
+        for root in roots:
+            if isinstance(root, int):
+                needed[root] = 1
+        for i in range(len(inner) - 1, -1, -1):
+            if needed[i]:
+                for operand in inner[i]:
+                    needed[operand] = 1
+        return [i for i, flag in enumerate(needed) if flag]
 
 
 @dataclass(frozen=True)
@@ -86,6 +103,11 @@ class Lowered:
     roots: tuple[Operand, ...]
     factors: tuple[float, ...]
     places: dict[int, tuple[Operand, float]]
+
+    @functools.cached_property
+    def wanted(self) -> tuple[int, ...]:
+        """The operations that the roots need, in increasing order."""
+        return tuple(self.code.reachable(self.roots))
 
 
 def lower(work: Work, loose: Sequence[int] = ()) -> Lowered:

@@ -20,9 +20,10 @@ from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
 from codegen.passes.plain import plain
-from codegen.passes.schedule import reachable, schedule
+from codegen.passes.schedule import schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
+from codegen.passes.taylor import check_series
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
@@ -97,14 +98,15 @@ def program(
         for number, chart in enumerate(charts[1:], 1)
         for f in _in_chart(equations, chosen, chart, number)
     ]
-    kernels, ledger = [], []
+    kernels: list[Kernel] = []
+    ledger: list[Entry] = []
     turning = _Turning(len(arguments[1].names) - len(equations.w) if simulates else 0)
     for source, function in emitted:
         kernel, entries = _kernel(source, function, turning)
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
-    return Program(
+    made = Program(
         name=identifier(model.name),
         description=model.description,
         formulation=equations.formulation,
@@ -130,6 +132,9 @@ def program(
         if len(charts) > 1
         else (),
     )
+    if "taylor" in made.integrators:
+        check_series(made)
+    return made
 
 
 @dataclass
@@ -138,8 +143,8 @@ class _Turning:
     their turns there."""
 
     count: int
-    round: set[int] = field(default_factory=set)
-    seen: set[int] = field(default_factory=set)
+    round: set[int] = field(default_factory=set[int])
+    seen: set[int] = field(default_factory=set[int])
 
     def look(self, function: Function, tape: Tape) -> None:
         """At the result and the guards: a residual only says when an iteration may stop."""
@@ -270,7 +275,7 @@ def _arguments(
     slots: Sequence[records.Argument], parameters: tuple[float, ...]
 ) -> tuple[Argument, ...]:
     names = Names()
-    found = []
+    found: list[Argument] = []
     for slot in slots:
         local = tuple(
             names(identifier(label)) if slot.name != "t" else "t" for label in slot.labels
@@ -501,8 +506,8 @@ def _written(
 
 def needed(lowered: Lowered) -> list[Operation]:
     """The operations that the roots need."""
-    wanted = reachable(lowered.code, [root for root in lowered.roots if isinstance(root, int)])
-    return [lowered.code.operations[i] for i in sorted(wanted)]
+    operations = lowered.code.operations
+    return [operations[i] for i in lowered.wanted]
 
 
 def count(operations: Iterable[Operation]) -> dict[str, int]:

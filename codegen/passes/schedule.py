@@ -31,8 +31,8 @@ def schedule(
     """inputs names argument entries; free(wanted) makes a name that is not taken; `title` heads
     what belongs to no mark."""
     roots = [root for root in lowered.roots if isinstance(root, int)]
-    wanted = reachable(lowered.code, roots)
-    groups = []
+    wanted = set(lowered.wanted)
+    groups: list[tuple[str, list[int]]] = []
     done = {i for i in wanted if lowered.code.operations[i].name == "input"}
     for heading, starts in [
         (TURNS, _turns(lowered.code, wanted)),
@@ -47,21 +47,10 @@ def schedule(
     return _write(lowered, wanted, groups, names, nested, inputs, free)
 
 
-def reachable(code: Code, roots: Sequence[int]) -> set[int]:
-    """The operations that the roots need, the roots included."""
-    seen, stack = set(roots), list(roots)
-    while stack:
-        for operand in code.operations[stack.pop()].inner:
-            if operand not in seen:
-                seen.add(operand)
-                stack.append(operand)
-    return seen
-
-
 def _headings(
     lowered: Lowered, marks: Sequence[Mark], wanted: set[int]
 ) -> list[tuple[str, list[int]]]:
-    headings = []
+    headings: list[tuple[str, list[int]]] = []
     for mark in marks:
         starts = [
             lowered.places[node][0] for _, (_, node) in mark.entries if node in lowered.places
@@ -90,11 +79,8 @@ def _depth_first(code: Code, starts: Sequence[int], done: set[int]) -> list[int]
                 order.append(i)
             else:
                 stack.append((i, True))
-                stack += [
-                    (operand, False)
-                    for operand in reversed(code.operations[i].inner)
-                    if operand not in done
-                ]
+                inner = reversed(code.inner[i])
+                stack += [(operand, False) for operand in inner if operand not in done]
     return order
 
 
@@ -118,7 +104,7 @@ def _nested(
     user: dict[int, int] = {}
     home = {i: k for k, (_, group) in enumerate(groups) for i in group}
     for i in home:
-        for operand in code.operations[i].inner:
+        for operand in code.inner[i]:
             count[operand] = count.get(operand, 0) + 1
             user[operand] = i
     for root in roots:
@@ -136,9 +122,9 @@ def _turns(code: Code, wanted: set[int]) -> list[int]:
     """Sines and cosines of angles that need no others: they stand at the beginning and are computed
     side by side."""
     later: set[int] = set()  # what depends on a sine or cosine
-    found = []
+    found: list[int] = []
     for i in sorted(wanted):
-        depends = any(operand in later for operand in code.operations[i].inner)
+        depends = any(operand in later for operand in code.inner[i])
         if _is_turn(code, i) and not depends:
             found.append(i)
         if _is_turn(code, i) or depends:
@@ -174,9 +160,9 @@ def _write(
 ) -> Scheduled:
     loads = _loads(lowered, wanted, inputs)
     expressions: dict[int, Expression] = {i: load.name for i, load in loads.items()}
-    sections = []
+    sections: list[Section] = []
     for heading, group in groups:
-        statements = []
+        statements: list[Statement] = []
         for i in group:
             value = _expression(lowered.code.operations[i], expressions)
             expressions[i] = (

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from codegen.passes.lower import Code, Lowered
-from codegen.passes.schedule import reachable
 
 LOST, NAN, BOTH = range(3)  # of a value that is not finite: what of it certainly shows in a result
 
@@ -67,7 +66,7 @@ def watch(lowered: Lowered, size: int, arguments: dict[str, int]) -> Watched:
 def _shows(code: Code, roots: list[int]) -> dict[int, int]:
     """For every operation what of it shows in the roots."""
     shows = dict.fromkeys(roots, BOTH)
-    for i in sorted(reachable(code, roots), reverse=True):
+    for i in reversed(code.reachable(roots)):
         level = shows.get(i, LOST)
         operation = code.operations[i]
         if operation.name == "input" or level == LOST:

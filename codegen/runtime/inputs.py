@@ -6,7 +6,7 @@ The same file in every generated folder. No claim of licence is made on it: 0BSD
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def source(u: Any, names: Sequence[str], real: Callable[[Any], np.ndarray]) -> S
         columns = {name: Table(u.times, values[..., i], u.kind) for i, name in enumerate(names)}
         return source(columns, names, real)
     if isinstance(u, Mapping):
-        return _named(u, names, real)
+        return _named(cast(Mapping[str, Any], u), names, real)
     if callable(u):
         if not count:
             raise ValueError("simulate() has no inputs here that a function could give")
@@ -256,7 +256,9 @@ def _spline_slopes(h: np.ndarray, chord: np.ndarray) -> np.ndarray:
     return slope
 
 
-def _end(h: float, other: float, chord: np.ndarray, next_chord: np.ndarray) -> tuple:
+def _end(
+    h: float, other: float, chord: np.ndarray, next_chord: np.ndarray
+) -> tuple[float, float, np.ndarray]:
     """The row of an end: its diagonal, the entry beside it and the right-hand side."""
     both = h + other
     return other, both, ((h + 2 * both) * other * chord + h**2 * next_chord) / both
@@ -321,10 +323,11 @@ def sample_times(sample: Any, start: float, end: float) -> np.ndarray:
     own, before the end. Raises ValueError."""
     times = np.asarray(sample, dtype=float)
     if not times.ndim:
-        if not 0 < times < np.inf:
+        step = float(times)
+        if not 0 < step < np.inf:
             raise ValueError("simulate() needs a sample time above zero")
-        count = int(np.ceil((end - start) / float(times) * (1 - 1e-12)))
-        times = start + times * np.arange(count)
+        count = int(np.ceil((end - start) / step * (1 - 1e-12)))
+        times = start + step * np.arange(count)
     if times.ndim > 1 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
         raise ValueError("simulate() needs sample times that increase")
     inner = times[(times > start) & (times < end)]

@@ -181,10 +181,11 @@ static double first_step(Run *r, double order, double span)
 }
 
 /* An integrator: its step from y with slope `own` by h to z, which gives the slope there in `next` and the error in units of the
-   tolerance (0 where it has no estimate); its coefficients; and its step control, the exponents of the error of this step and of
+   tolerance (0 where it has no estimate); what it does first at a state, which says how long the step may be, or NULL; its coefficients; and its step control, the exponents of the error of this step and of
    the one before. */
 typedef struct Method {
     int (*step)(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error);
+    int (*prepare)(Run *r);
     const void *coefficients;
     double order, grow, damp, safety;
     int adaptive;
@@ -193,10 +194,10 @@ typedef struct Method {
 /* The size of the next step, `left` before the next output time, which is hit exactly. */
 static double next_size(const Simulation *s, double left)
 {
-    const double h = s->next_step;
+    const double h = s->next_step, all = left * (1.0 - SHARED(1e-9, 1.1e-4)); /* no rounding decides about a step */
     if (s->step_size > 0.0) /* equal steps that are no longer than wanted */
-        return left / fmax(1.0, ceil(left / s->step_size * (1.0 - SHARED(1e-9, 1.1e-4))));
-    return h >= left ? left : h > 0.5 * left ? 0.5 * left : h; /* two equal steps instead of a long and a short one */
+        return left / fmax(1.0, ceil(all / s->step_size));
+    return h >= all ? left : h > 0.5 * all ? 0.5 * left : h; /* two equal steps instead of a long and a short one */
 }
 
 /* How much shorter the next step has to be, from the error of this one (Gustafsson's proportional-integral control). */

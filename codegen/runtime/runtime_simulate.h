@@ -53,6 +53,9 @@ static int enter(Run *r, int to)
 #if COLLOCATION_STAGES
     s->collocated_h = 0.0; /* no polynomial to go on along */
 #endif
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
     s->error = 1e-4;
     s->switches++;
     return 1;
@@ -155,6 +158,9 @@ static int rebased(Run *r, double bound)
 #if COLLOCATION_STAGES
     s->collocated_h = 0.0; /* no polynomial to go on along */
 #endif
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
     for (i = 0; i < FRAME; i++)
         s->frame[i] = r->data[PARAMETERS - FRAME + i];
     s->bases++;
@@ -221,7 +227,13 @@ static int start(Run *r, const Method *method, double span)
 #endif
     if ((status = slope(r, s->t, s->x, s->slope)) != OK)
         return status;
-    s->next_step = s->step_size > 0.0 ? s->step_size : first_step(r, method->order, span);
+    if (s->step_size > 0.0)
+        s->next_step = s->step_size;
+    else
+        s->next_step = method->prepare ? span : first_step(r, method->order, span);
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
     s->error = 1e-4;
     watch(r);
     return s->events ? events_begin(r) : OK;
@@ -243,6 +255,9 @@ static void accept(Run *r, double h, double end, const double *z, const double *
         s->x[i] = z[i];
         s->slope[i] = next[i];
     }
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
 #if TURNING
     unwind(s);
 #endif
@@ -335,7 +350,7 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
             return status;
 #endif
     }
-    if (!fixed) {
+    if (!fixed && !method->prepare) {
         ratio = shrinkage(s, error, method);
         if (!last || h / ratio > s->next_step)
             s->next_step = h / ratio;
@@ -400,6 +415,8 @@ static int run_to(Run *r, const Method *method, size_t n, const double *times, l
                 return FULL;
             if (budget-- <= 0)
                 return MORE;
+            if (method->prepare && (status = method->prepare(r)) != OK)
+                return told(r, status);
             h = next_size(s, left);
             if (h < left && h < fmax(SHARED(16.0, 2.0) * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(times[n - 1])))
                 return failed ? told(r, failed) : STEP_TOO_SMALL;

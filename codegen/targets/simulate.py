@@ -19,9 +19,11 @@ from codegen.integrators import (
     Midpoint,
     Rosenbrock,
     Tableau,
+    Taylor,
 )
 from codegen.integrators.records import centred, collocated
 from codegen.passes.lanes import side_by_side
+from codegen.passes.taylor import HIGHEST, in_pieces
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
@@ -57,6 +59,11 @@ OF_CHARTS = (
 )
 # And where it has a frame.
 OF_FRAMES = (("long", "bases", "how often the frame was based anew"),)
+# And where it goes along Taylor series.
+OF_SERIES = (
+    ("int", "series_order", "order of the series that the last step went along"),
+    ("int", "expanded", "is that the series from the state on?"),
+)
 # The smallest pivot of A, rows of length one, from which a stop is the choice's own: farther from a
 # loss of rank than a motion stops before one.
 INDEPENDENT = 0.02
@@ -64,12 +71,18 @@ NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
-SHARED = ("simulation", "inputs", "events")  # Python files that are the same in every folder
+SHARED = (
+    "simulation",
+    "inputs",
+    "events",
+    "error",
+)  # Python files that are the same in every folder
 KINDS: dict[type, str] = {
     Tableau: "explicit",
     Rosenbrock: "rosenbrock",
     Collocation: "collocation",
     Midpoint: "midpoint",
+    Taylor: "taylor",
 }
 MANIFOLDS = ("invariants", "invariants_euclidean")  # enforcements by invariants
 
@@ -203,8 +216,12 @@ def _flags(
         "EXPLICIT_STAGES": max(explicit, default=0),
         "ROSENBROCK_STAGES": max(rosenbrock, default=0),
         "COLLOCATION_STAGES": _stages(chosen),
+        "HIGHEST_ORDER": _highest(chosen),
+        "SERIES_IN_PIECES": int(bool(_highest(chosen)) and in_pieces(program)),
         "EVENTS": len(program.events),
-        "DENSE_DEGREE": max(3, _stages(chosen), *(len(dense.powers) for dense in _dense(chosen))),
+        "DENSE_DEGREE": max(
+            3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))
+        ),
         "DENSE_STAGES": max(0, 0, *(len(dense.c) for dense in _dense(chosen))),
     }
 
@@ -215,6 +232,11 @@ def _dense(chosen: Sequence[Integrator]) -> list[Dense]:
 
 def _stages(chosen: Sequence[Integrator]) -> int:
     return max((len(x.c) for x in chosen if isinstance(x, Collocation)), default=0)
+
+
+def _highest(chosen: Sequence[Integrator]) -> int:
+    """Order of the Taylor series that are kept."""
+    return HIGHEST if any(isinstance(x, Taylor) for x in chosen) else 0
 
 
 def _calls(
@@ -284,6 +306,11 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
             ("collocated_h", 0, "its size"),
             ("collocated", (stages + 1) * nx, "its state at the start, then at its stages"),
         ]
+    if highest := _highest(chosen):
+        blocks += [
+            ("series_t", 0, "where the series starts that the last step went along"),
+            ("series", (highest + 1) * (nx + 1), "its coefficients, order by order"),
+        ]
     if program.frame:
         blocks.append(("frame", program.frame, "the frame in force, as at the end of p"))
     if program.turning:
@@ -294,9 +321,10 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
         *OF_EVENTS,
         *(OF_CHARTS if program.charts else ()),
         *(OF_FRAMES if program.frame else ()),
+        *(OF_SERIES if _highest(chosen) else ()),
     )
     head = [(kind.format(name=program.name), name, 0, about) for kind, name, about in entries]
-    scalars = ("collocated_t", "collocated_h", "side")
+    scalars = ("collocated_t", "collocated_h", "side", "series_t")
     body = [("double", *block) for block in blocks if block[1] or block[0] in scalars]
     return [*head, *body]
 
@@ -327,7 +355,7 @@ def _turn(real: Real) -> tuple[str, str]:
 def _scheme(method: Integrator) -> Scheme:
     grow, damp, safety = _control(method)
     kind, name = KINDS[type(method)], method.name
-    if isinstance(method, Midpoint):
+    if isinstance(method, Midpoint | Taylor):
         return Scheme(method, kind, grow, damp, safety)
     if isinstance(method, Tableau):
         data = _tableau(method)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from derive.joints.records import Scalar
+from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.forms import ONE, Form, Key, constant, total, value
 from derive.mechanics.motion import (
@@ -101,15 +101,15 @@ class _Walk:
     rows: Sequence[RowForm]
     sides: Sequence[Form]  # what each row equals
     known: dict[int, Form]  # generalized velocities given outright
-    twists: list[Twist] = field(default_factory=list)
-    joints: dict[int, Form] = field(default_factory=dict)
-    solved: dict[Key, Form] = field(default_factory=dict)
-    residuals: dict[int, Form] = field(default_factory=dict)  # of rows that wait
+    twists: list[Twist] = field(default_factory=list[Twist])
+    joints: dict[int, Form] = field(default_factory=dict[int, Form])
+    solved: dict[Key, Form] = field(default_factory=dict[Key, Form])
+    residuals: dict[int, Form] = field(default_factory=dict[int, Form])  # of rows that wait
 
     def resolved(self, form: Form) -> Form:
         """The form with solved keys replaced, as often as needed."""
         while any(key in self.solved for key in form):
-            parts = [
+            parts: list[tuple[Scalar, Form]] = [
                 (c, self.solved[k]) if k in self.solved else (c, {k: 1.0}) for k, c in form.items()
             ]
             form = total(parts)
@@ -204,7 +204,7 @@ def elimination(
     known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
     walk = _Walk(system, everything, sides, known)
     plan = _velocities(walk, waiting, len(rows), _Judge(system, sampled, sizes))
-    values = {("w", k): w[k] for k in range(len(speeds))}
+    values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
     forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
     unknown = {key[1] for form in forms for key in form if key[0] == "v"}
     if unknown:
@@ -334,7 +334,8 @@ def _rates(
 ) -> _Walk:
     """The second walk: rates at ẇ = 0, with the velocity products beside the same forms and the
     same pivots."""
-    symbols, sides = ca.vertcat(*v), []
+    symbols = ca.vertcat(*v)
+    sides: list[Form] = []
     for row in first.rows:
         rate = (
             row.rate

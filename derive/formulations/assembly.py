@@ -12,9 +12,9 @@ from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
 from derive.choices.resolution import Survey
+from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.functions import Motion, arguments, functions
 from derive.formulations.records import Equations
-from derive.joints.records import Vector
 from derive.mechanics.records import Named, System
 
 
@@ -127,7 +127,7 @@ def entries(vector: ca.SX) -> Vector:
     return [vector[i] for i in range(vector.numel())]
 
 
-def column(vector: Sequence) -> ca.SX:
+def column(vector: Sequence[Scalar]) -> ca.SX:
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
 
 

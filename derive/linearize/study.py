@@ -167,7 +167,7 @@ def _samples(found: Study) -> np.ndarray:
     """A at motions near by, at parameters chosen at random: what is singular at all of them is a
     family."""
     rng = np.random.default_rng(0)
-    stacks = []
+    stacks: list[np.ndarray] = []
     for spread in (1e-2, 1e-2, 1e-2, 1e-3, 1e-4):
         changed = {
             name: value * (1 + spread * rng.uniform(-1, 1)) for name, value in found.at.items()

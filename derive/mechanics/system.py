@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.counting import cheapest
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints import joint_type
-from derive.joints.records import Matrix, Scalar, Vector
 from derive.joints.rotations import is_zero
 from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.analytic import Lagrangian, lagrangian
@@ -73,7 +73,7 @@ def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[S
     )
     found = blocks(scene)
     loads, extra = applied(scene), _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
-    g = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
+    g: Vector = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
     return _assembled(scene, baked, numbers, found, loads, extra, g)
 
 

@@ -87,6 +87,8 @@ def _bodies(tie: Closure | Constraint) -> tuple[str, ...]:
             return (tie.body,)
         case OnSurface():
             return tie.body, tie.frame_body
+        case _:
+            pass
     return ()
 
 

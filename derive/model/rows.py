@@ -4,10 +4,8 @@ where there are several."""
 from __future__ import annotations
 
 from derive.expressions.tree import Call, Expression
+from derive.joints import JOINTS
 from derive.model.records import Closure, Model, Rolling
-
-PARALLEL = ("turn1", "turn2")
-LOCKED = (*PARALLEL, "turn3")
 
 
 def row_names(model: Model) -> tuple[str, ...]:
@@ -29,19 +27,10 @@ def named(name: str, parts: tuple[str, ...]) -> list[str]:
 
 
 def closure_parts(kind: str, plane: str) -> tuple[str, ...]:
-    """Meeting points along the ground's axes, shifts across an axis, and what must not turn."""
-    meeting = tuple(plane or "xyz")
-    parts = {
-        "revolute": (*meeting, *(() if plane else PARALLEL)),
-        "ball": meeting,
-        "fixed": (*meeting, *(("turn1",) if plane else LOCKED)),
-        "prismatic": ("shift1", "turn1") if plane else ("shift1", "shift2", *LOCKED),
-        "cylindrical": ("shift1", "shift2", *PARALLEL),
-        "planar": ("shift1", *PARALLEL),
-        "universal": (*meeting, "cross"),
-        "screw": ("shift1", "shift2", *PARALLEL, "advance"),
-    }
-    return parts.get(kind, ())
+    """Meeting points along the ground's axes, shifts across an axis, and what must not turn: as the
+    joint's own table says."""
+    closing = {joint.name: joint.closing for joint in JOINTS}.get(kind)
+    return closing(plane) if closing else ()
 
 
 def rolling_parts(plane: str) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
@@ -35,8 +36,8 @@ def initial_state(
     p: np.ndarray | None = None,
     t: float = 0.0,
 ) -> Initial:
-    """The state at time t. Held values are kept, guesses and unnamed ones move; where that has no solution everything
-    may move, and is reported.
+    """The state at time t. Held values are kept, guesses and unnamed ones move; where that has no
+    solution everything may move, and is reported.
 
     `changes` overrides values by name and holds them. Raises ModelError where no consistent state
     is found.
@@ -163,7 +164,7 @@ def _velocities(
     wanted = guess + _least(
         np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess
     )
-    v = wanted + _least(A, c - A @ wanted)
+    v: np.ndarray = wanted + _least(A, c - A @ wanted)
     residual = float(np.max(np.abs(A @ v - c), initial=0.0))
     if residual > AGREES * (1 + float(np.max(np.abs(v), initial=0.0))):
         raise _problem(
@@ -174,8 +175,11 @@ def _velocities(
     return v
 
 
-def _least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.linalg.lstsq(A, b, rcond=1e-10)[0] if len(b) else np.zeros(A.shape[1])
+def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
+    if not len(b):
+        return np.zeros(A.shape[1])
+    # the overloads of lstsq leave its result open
+    return np.linalg.lstsq(A, b, rcond=1e-10)[0]  # pyright: ignore[reportUnknownVariableType]
 
 
 def _held_rows(

@@ -23,7 +23,7 @@ from derive.formulations import equations
 from derive.formulations.charts import BETWEEN, charted, together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure
@@ -51,6 +51,8 @@ from hamel.simulate.method import (
 
 ROWS = 500  # of the output when no step is given
 MOST_ROWS = 10_000_000  # of the output: 80 MB a column
+# what a motion and its judgement call, beside what enforcement and integrator need
+CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "outputs")
 
 Progress = Callable[[float], None]
 
@@ -196,7 +198,8 @@ def _motion(
     integrators = (method.integrator,) if own_integrator(method) else ()
     accuracy = tolerances(method, real_of(method.real))
     stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
-    with temporary_module(by, integrators, (enforcement,), real=method.real) as module:
+    functions = _called(by, method)
+    with temporary_module(by, integrators, (enforcement,), functions, method.real) as module:
         assure(problem.plain, by, module)
         if by.charts or by.frame:
             x, chart, p = charts.start(module, initial.q, initial.v, u, p, problem.t)
@@ -204,6 +207,13 @@ def _motion(
             x, chart = state_of(problem.plain, initial, p, problem.t), 0
         start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
         return motion.integrated(module, by, start, stepping, progress)
+
+
+def _called(by: Equations, method: Method) -> tuple[str, ...] | None:
+    """The functions that a motion calls; all of them where a library integrates."""
+    if not own_integrator(method):
+        return None
+    return tuple(function.name for function in by.functions if function.name in CALLED)
 
 
 def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
@@ -277,6 +287,7 @@ def _record(
         velocity_violation=course.velocity_violation,
         acceleration_violation=course.acceleration_violation,
         energy_balance=course.energy_balance,
+        error=course.error_estimate,
         crossings=course.crossings,
         events={name: t.tolist() for name, (t, _) in course.events.items()},
         stopped_by=course.stopped_by,

@@ -14,7 +14,7 @@ import hamel
 from derive.choices.assessment import Assessed, comparison, conditions_along
 from derive.diagnostics import AssumptionError, ModelError, listed
 from derive.formulations import equations, misfits
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states.sampling import states
 from hamel.build.files import write_text
 from hamel.build.module import temporary_module

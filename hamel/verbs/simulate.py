@@ -22,6 +22,10 @@ def show(record: Simulated, console: Console) -> None:
     integral = ", as Jacobi's integral T₂ − T₀ + V" if "jacobi" in record.motion else ""
     balance = f"{number(record.energy_balance)} of the largest energy exchanged{integral}"
     console.print(f"  energy balance      {balance}")
+    if record.error is not None:
+        console.print(
+            f"  error ≈             {number(record.error)} in any entry of the state at the end"
+        )
     _show_charts(record, console)
     _show_events(record, console)
     for place in (record.file, record.plot):

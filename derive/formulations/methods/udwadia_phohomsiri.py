@@ -64,9 +64,8 @@ def _felt(M: np.ndarray, A: np.ndarray) -> np.ndarray:
     mobility = np.sum(A[:, heavy] ** 2 / diagonal[heavy], axis=1)
     typical = float(np.median(diagonal[heavy])) if heavy.any() else 1.0
     lengths = np.maximum(np.sum(A**2, axis=1), 1e-300)
-    return np.where(
-        mobility > 1e-9 * lengths / typical, 1.0 / np.maximum(mobility, 1e-300), typical / lengths
-    )
+    seen: np.ndarray = 1.0 / np.maximum(mobility, 1e-300)
+    return np.where(mobility > 1e-9 * lengths / typical, seen, typical / lengths)
 
 
 FORMULATION = Formulation(

@@ -194,7 +194,7 @@ def _tendon(reading: Reading, tie: Element, tendons: dict[str, Transmission], sc
 
 def _length(along: Transmission, scene: Scene) -> str:
     """Σ cᵢ (qᵢ − qᵢ at the reference configuration), a plain number."""
-    terms = []
+    terms: list[str] = []
     for joint, c in along:
         start, unit = (
             scene.references.get(joint.name, 0.0),

@@ -152,6 +152,7 @@ def _data(program: Program) -> dict[str, Any]:
         "tabled": tabled,
         "calls": _calls(program, sizes, tabled, has["constants"]),
         "enforcements": _numbered(program.enforcements),
+        "staged": [name for name in program.enforcements if name in CHARTS],
         "rows": rows,
         "lanes": side_by_side(program),
         "nq": nq,
@@ -214,7 +215,9 @@ def _flags(
         "HIGHEST_ORDER": _highest(chosen),
         "SERIES_IN_PIECES": int(bool(_highest(chosen)) and in_pieces(program)),
         "EVENTS": len(program.events),
-        "DENSE_DEGREE": max(3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))),
+        "DENSE_DEGREE": max(
+            3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))
+        ),
         "DENSE_STAGES": max(0, 0, *(len(dense.c) for dense in _dense(chosen))),
     }
 

@@ -93,9 +93,7 @@ def test_tables_drive_as_their_integrals_say(cart: ModuleType, kind: str, integr
     wanted = np.array([exact(kind, t) for t in motion.t])
     np.testing.assert_allclose(motion.x, wanted, atol=REACHES.get(integrator, 1e-8))
     np.testing.assert_allclose(motion.u[:, 0], reference(kind)(motion.t), rtol=1e-14)
-    late = cart.simulate(
-        (0.7, 2.0), motion.x[1], {"F": table}, integrator=integrator, **how
-    )
+    late = cart.simulate((0.7, 2.0), motion.x[1], {"F": table}, integrator=integrator, **how)
     np.testing.assert_allclose(late.x[-1], wanted[-1], atol=REACHES.get(integrator, 1e-8))
 
 

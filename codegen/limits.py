@@ -23,6 +23,7 @@ MODEST = (
 WIDE_SCALE = 16  # sums with more distinct factors than this are not searched for the best scale
 BUSY_SCALE = 24  # nodes with more users than this keep their scale: a trial looks at all of them
 NEAR_SCALE = 1.0 + 1e-12  # scales differ by rounding only up to this ratio, far above rounding
+MOST_GAIN = 0.6  # rescaling leaves at least this part of the multiplications (measured: 0.7)
 SCALE_SWEEPS = 4  # later ones have found nothing
 LONG_SCALES = 2_000  # graphs with more nodes than this are swept once
 LARGE_SCALES = 10_000  # graphs with more nodes than this keep the numbers of the derivation

@@ -11,10 +11,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 from codegen.reals import FLOAT64, Real
 
-Expression = str | float | tuple
+Expression: TypeAlias = "str | float | tuple[str, *tuple[Expression, ...]]"
 
 OK, SINGULAR, NOT_CONVERGED, NOT_FINITE = range(4)
 STATUS = ("ok", "singular", "not_converged", "not_finite")

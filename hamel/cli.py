@@ -389,7 +389,7 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
     help="The first time, in seconds.",
 )
 @REAL
-@click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv or FILE.npz.")
+@click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv, .npz or .parquet.")
 @click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
 def simulate(
     model: str, settings: Sequence[str], inputs: Sequence[str], conserve: str, **options: Any

@@ -389,7 +389,7 @@ def _leading(terms: list[tuple[int, float]]) -> float:
     return terms[0][1] if terms[0][0] != ONE else terms[1][1]
 
 
-def power(factor: float, exponent: int) -> float:
+def power(factor: float, exponent: float) -> float:
     """factor^exponent, infinite where Python has an exception."""
     if factor == 0.0 and exponent < 0:
         return math.copysign(math.inf, factor) if exponent % 2 else math.inf
@@ -415,14 +415,17 @@ def _evaluate(function: str, values: Sequence[float]) -> float | None:
         return None
 
 
-_LOGIC: dict[str, Callable[..., float]] = {
+_OF_ONE: dict[str, Callable[[float], float]] = {
     "sign": lambda a: (a > 0) - (a < 0),
+    "not": lambda a: not a,
+}
+_OF_TWO: dict[str, Callable[[float, float], float]] = {
     "lt": lambda a, b: a < b,
     "le": lambda a, b: a <= b,
     "eq": lambda a, b: a == b,
     "ne": lambda a, b: a != b,
     "and": lambda a, b: bool(a and b),
     "or": lambda a, b: bool(a or b),
-    "not": lambda a: not a,
     "where": lambda a, b: b if a else 0.0,
 }
+_LOGIC: dict[str, Callable[..., float]] = {**_OF_ONE, **_OF_TWO}

@@ -98,7 +98,8 @@ def program(
         for number, chart in enumerate(charts[1:], 1)
         for f in _in_chart(equations, chosen, chart, number)
     ]
-    kernels, ledger = [], []
+    kernels: list[Kernel] = []
+    ledger: list[Entry] = []
     turning = _Turning(len(arguments[1].names) - len(equations.w) if simulates else 0)
     for source, function in emitted:
         kernel, entries = _kernel(source, function, turning)
@@ -274,7 +275,7 @@ def _arguments(
     slots: Sequence[records.Argument], parameters: tuple[float, ...]
 ) -> tuple[Argument, ...]:
     names = Names()
-    found = []
+    found: list[Argument] = []
     for slot in slots:
         local = tuple(
             names(identifier(label)) if slot.name != "t" else "t" for label in slot.labels

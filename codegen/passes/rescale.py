@@ -96,10 +96,12 @@ class _Near:
     with the only term of each, or −1.
     """
 
-    steady: dict[tuple[int, float], int] = field(default_factory=dict)
+    steady: dict[tuple[int, float], int] = field(default_factory=dict[tuple[int, float], int])
     inside: int = 0
-    sums: list[tuple[float, dict[float, int]]] = field(default_factory=list)
-    products: list[int] = field(default_factory=list)
+    sums: list[tuple[float, dict[float, int]]] = field(
+        default_factory=list[tuple[float, dict[float, int]]]
+    )
+    products: list[int] = field(default_factory=list[int])
 
 
 class Balance:
@@ -403,7 +405,7 @@ def _crowded(votes: list[float], least: int) -> list[tuple[float, float]]:
     if len(votes) <= least:
         return []
     votes = sorted([vote for vote in votes if vote < math.inf])
-    crowded = []
+    crowded: list[int] = []
     first = count = 0
     for place, vote in enumerate(votes):
         if count and vote <= votes[place - 1] * NEAR_SCALE:

@@ -2,15 +2,15 @@
 possible remain.
 
 Two starts: what the users ask for, and the numbers the derivation had (which cost nothing extra).
-From both, nodes are rescaled one by one as long as that saves a multiplication; the better end is
-taken.
+From the better one, and from both where they are alike, nodes are rescaled one by one as long as
+that saves a multiplication; the better end is taken.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from codegen.limits import LARGE_SCALES, WIDE_SCALE
+from codegen.limits import LARGE_SCALES, LONG_SCALES, MOST_GAIN, WIDE_SCALE
 from codegen.passes.graph import ONE, Call, Graph, Product, Sum, Work, snapped, uses
 from codegen.passes.rescale import (
     Balance,
@@ -32,16 +32,19 @@ def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float
     wants = _wants(work, nodes, loose)
     first = _from_users(work, nodes, wants)
     structure = structure_of(work.graph, nodes, wants)
-    best = _settled(structure, first)
-    if best.total():
-        best = min(best, _settled(structure, _from_origin(work, nodes)), key=Balance.total)
+    best = _best_start(structure, first, _from_origin(work, nodes))
     return {node: _signed(best.scales[node], first[node]) for node in structure.order}
 
 
-def _settled(structure: Structure, start: dict[int, float]) -> Balance:
-    balance = Balance(structure, start)
-    balance.settle()
-    return balance
+def _best_start(structure: Structure, users: dict[int, float], origin: dict[int, float]) -> Balance:
+    """The start that begins better is settled; the other one where it may still end better."""
+    starts = Balance(structure, users), Balance(structure, origin)
+    first, second = sorted(starts, key=Balance.total)
+    first.settle()
+    gain = 1.0 if len(structure.nodes) > LONG_SCALES else MOST_GAIN
+    if gain * second.total() < first.total():
+        second.settle()
+    return min(starts, key=Balance.total)
 
 
 def _signed(size: float, like: float) -> float:

@@ -201,12 +201,11 @@ class _Tape:
     def _value(
         self, value: Expression, local: dict[str, Expression], wanted: str = "z"
     ) -> Expression:
-        if isinstance(value, float):
-            return value
-        if isinstance(value, str):
-            return local[value]
-        operands = [self._value(operand, local) for operand in value[1:]]
-        return self.put(value[0], *operands, wanted=wanted)
+        if not isinstance(value, tuple):
+            return local[value] if isinstance(value, str) else value
+        name, *inside = value
+        operands = [self._value(operand, local) for operand in inside]
+        return self.put(str(name), *operands, wanted=wanted)
 
     def put(self, operation: str, *operands: Expression, wanted: str = "z") -> Expression:
         """The value of an operation, with its coefficients."""
@@ -382,20 +381,21 @@ class _Tape:
     def atan2(self, name: str, y: Expression, x: Expression) -> None:
         """(x y' − y x')/(x² + y²)."""
         size = self.put("add", self._square(x), self._square(y))
-        parts = []
+        parts: list[Expression] = []
         for part, along in ((self.put("div", x, size), y), (self.put("div", y, size), x)):
             if self.varies(along):
-                parts.append(self.begin(0.0))
-                self.integral(parts[-1], part, along)
+                total = self.begin(0.0)
+                self.integral(total, part, along)
+                parts.append(total)
             else:
                 parts.append(0.0)
-        self.sub(name, *parts)
+        self.sub(name, parts[0], parts[1])
 
     def hypot(self, name: str, a: Expression, b: Expression) -> None:
         self.sqrt(name, self.put("add", self._square(a), self._square(b)))
 
     def pow(self, name: str, a: Expression, b: Expression) -> None:
-        if isinstance(b, float) and b == round(b) and 0 < abs(b) <= _MOST_MULTIPLIED:
+        if isinstance(b, float) and b.is_integer() and 0 < abs(b) <= _MOST_MULTIPLIED:
             whole = self._whole_power(a, round(abs(b)))
             self.grow(name, *self.term(whole if b > 0 else self.put("div", 1.0, whole)))
         elif not self.varies(b):
@@ -474,7 +474,7 @@ class _Flattening:
             terms = [inner for term in step.terms for inner in self._terms(term)]
             self.flat[step.name] = Step(step.name, tuple(self._merged(terms)), step.condition)
         wanted = set(self.shown)
-        kept = []
+        kept: list[Step] = []
         for step in reversed(self.flat.values()):
             if step.name in wanted:
                 kept.append(step)

@@ -176,8 +176,8 @@ def _changes(step: Inside, j: int, k: int, before: int, g: np.ndarray) -> list:
         return [(a if crossed else _root(step, k, a, b, ga, gb), k, after)]
     size = before * g[:, k]
     first, last = max(j - 2, 0), min(j + 1, EIGHTHS)
-    near = _suspects(*size[first : first + 3], first + 1 == j)
-    if not (near or _suspects(*size[last - 2 : last + 1], last - 1 == j)):
+    near = _suspects(size[first : first + 3], first + 1 == j)
+    if not (near or _suspects(size[last - 2 : last + 1], last - 1 == j)):
         return []
     place, value = _dip(step, k, a, b, before)
     if before * value >= 0:
@@ -186,9 +186,10 @@ def _changes(step: Inside, j: int, k: int, before: int, g: np.ndarray) -> list:
     return [(left, k, -before), (right, k, before)]
 
 
-def _suspects(first: float, middle: float, last: float, early: bool) -> bool:
+def _suspects(three: np.ndarray, early: bool) -> bool:
     """Whether the smallest value of a parabola through three is near zero or beyond, between the
     first two (`early`) or the last two."""
+    first, middle, last = three
     bend, tilt = first - 2 * middle + last, 0.5 * (last - first)
     if not bend > 0:
         return False

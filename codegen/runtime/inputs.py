@@ -6,7 +6,7 @@ The same file in every generated folder. No claim of licence is made on it: 0BSD
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def source(u: Any, names: Sequence[str], real: Callable[[Any], np.ndarray]) -> S
         columns = {name: Table(u.times, values[..., i], u.kind) for i, name in enumerate(names)}
         return source(columns, names, real)
     if isinstance(u, Mapping):
-        return _named(u, names, real)
+        return _named(cast(Mapping[str, Any], u), names, real)
     if callable(u):
         if not count:
             raise ValueError("simulate() has no inputs here that a function could give")
@@ -256,7 +256,9 @@ def _spline_slopes(h: np.ndarray, chord: np.ndarray) -> np.ndarray:
     return slope
 
 
-def _end(h: float, other: float, chord: np.ndarray, next_chord: np.ndarray) -> tuple:
+def _end(
+    h: float, other: float, chord: np.ndarray, next_chord: np.ndarray
+) -> tuple[float, float, np.ndarray]:
     """The row of an end: its diagonal, the entry beside it and the right-hand side."""
     both = h + other
     return other, both, ((h + 2 * both) * other * chord + h**2 * next_chord) / both
@@ -285,12 +287,11 @@ class Callback:
         return ctypes.cast(self.pointer, ctypes.c_void_p).value or 0
 
     def _call(self, t: float, x: int, out: int, _data: Any) -> int:
-        here = np.empty_like(self.x)
-        ctypes.memmove(here.ctypes.data, x, here.nbytes)
+        here = np.frombuffer(bytearray(ctypes.string_at(x, self.x.nbytes)), self.x.dtype)
         values = self.values(t, here)
         if values is None:
             return 1
-        ctypes.memmove(out, values.ctypes.data, values.nbytes)
+        ctypes.memmove(out, values.tobytes(), values.nbytes)
         return 0
 
     def values(self, t: float, x: np.ndarray) -> np.ndarray | None:
@@ -310,6 +311,8 @@ class Callback:
 def given(values: Any, shape: tuple[int, ...], real: Any) -> np.ndarray:
     """What a function gave, in the shape that is needed. Raises ValueError."""
     array = np.asarray(values, dtype=real)
+    if array.shape == shape:
+        return np.ascontiguousarray(array)
     if array.shape != shape and not (array.ndim < len(shape) and array.shape in ((), shape[1:])):
         raise ValueError(f"the function of the inputs gave shape {array.shape} instead of {shape}")
     return np.ascontiguousarray(np.broadcast_to(array, shape))
@@ -320,9 +323,11 @@ def sample_times(sample: Any, start: float, end: float) -> np.ndarray:
     own, before the end. Raises ValueError."""
     times = np.asarray(sample, dtype=float)
     if not times.ndim:
-        if not 0 < times < np.inf:
+        step = float(times)
+        if not 0 < step < np.inf:
             raise ValueError("simulate() needs a sample time above zero")
-        times = start + times * np.arange(np.ceil((end - start) / times * (1 - 1e-12)))
+        count = int(np.ceil((end - start) / step * (1 - 1e-12)))
+        times = start + step * np.arange(count)
     if times.ndim > 1 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
         raise ValueError("simulate() needs sample times that increase")
     inner = times[(times > start) & (times < end)]
@@ -367,7 +372,7 @@ class Feed:
         """One structure for each motion where leading axes `own` of the tables are fewer."""
         if len(self.each) > 1:
             numbers = np.broadcast_to(np.arange(len(self.each)).reshape(own), lead).ravel()
-            self.each = [self.each[k] for k in numbers]
+            self.each = [self.each[k] for k in numbers.tolist()]
             self.structures = self.structures[numbers]
 
     def rows(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:

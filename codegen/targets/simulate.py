@@ -71,7 +71,12 @@ NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
-SHARED = ("simulation", "inputs", "events")  # Python files that are the same in every folder
+SHARED = (
+    "simulation",
+    "inputs",
+    "events",
+    "error",
+)  # Python files that are the same in every folder
 KINDS: dict[type, str] = {
     Tableau: "explicit",
     Rosenbrock: "rosenbrock",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from codegen import text
 from codegen.passes.names import RESERVED, Names
@@ -41,7 +42,11 @@ def files(program: Program) -> dict[str, str]:
     if INTEGRATOR not in program.integrators or not program.simulates:
         return {}
     bodies = [_body(program, suffix) for suffix in suffixes(program)]
-    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
+    data: dict[str, Any] = {
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+    }
     return {
         f"{program.name}_taylor.h": text.render(
             "taylor.h.j2", bodies=bodies, highest=HIGHEST, **data
@@ -97,8 +102,8 @@ def _start(program: Program, statements: Sequence[Statement]) -> Iterator[str]:
     k = 0
     while k < len(statements):
         statement = statements[k]
-        if _is_turn(statement):
-            pair = {s.value[0]: s.name for s in statements[k : k + 2]}
+        if isinstance(statement.value, tuple) and _is_turn(statement):
+            pair = {s.value[0]: s.name for s in statements[k : k + 2] if isinstance(s.value, tuple)}
             angle, sin, cos = _value(statement.value[1]), pair["sin"], pair["cos"]
             yield f"double {sin}, {cos};"
             yield f"if ({program.name}_sincos({angle}, &{sin}, &{cos}) != 0.0)"
@@ -125,7 +130,8 @@ class _Order:
     def __init__(self, made: Series) -> None:
         self.made = made
         taken = {*(load.name for load in made.loads), *(s.name for s in made.start)}
-        self._free, self._names = Names([*RESERVED, *TAKEN, *taken]), {}
+        self._free = Names([*RESERVED, *TAKEN, *taken])
+        self._names: dict[str, str] = {}
         self.stores = self._stores()
         self.ready: dict[str | int, int] = {}  # cycles after which a coefficient is there
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.choices.records import Frame, Guard
 from derive.choices.redundancy import keeps
@@ -264,10 +265,9 @@ def _sizes(system: System) -> list[float]:
     J = np.abs(Kinematics(system).closing(np.zeros(1), q[None], p[None])[1][0])
     lengths = [abs(x) for c, x in zip(system.model.coordinates, q) if c.unit == "m"]
     longest = max(lengths, default=0.0) or 1.0
-    sizes = np.nan_to_num(J) @ [
-        longest if v.unit == "m/s" else 1.0 for v in system.model.velocities
-    ]
-    powers: np.ndarray = np.round(np.log10(np.maximum(sizes, 1e-300)))
+    reach = [longest if v.unit == "m/s" else 1.0 for v in system.model.velocities]
+    sizes: NDArray[np.float64] = np.nan_to_num(J) @ np.array(reach)
+    powers = np.round(np.log10(np.maximum(sizes, 1e-300)))
     return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
 
 

@@ -6,6 +6,11 @@ from dataclasses import replace
 from derive.joints.records import Slot, meeting
 from derive.joints.revolute import REVOLUTE
 
+
+def _closing(plane: str) -> tuple[str, ...]:
+    return (*meeting(plane), "cross")
+
+
 UNIVERSAL = replace(
     REVOLUTE,
     name="universal",
@@ -14,5 +19,5 @@ UNIVERSAL = replace(
     velocities=(Slot("", "rad/s"), Slot("", "rad/s")),
     parts=("revolute", "revolute"),
     planar=False,
-    closing=lambda plane: (*meeting(plane), "cross"),
+    closing=_closing,
 )

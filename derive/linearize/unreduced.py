@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError
 from derive.linearize.minimal import position_rows
@@ -206,11 +207,12 @@ def _matrix(
     at = (0.0, x[:nq], velocity)
     residual0, start, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))
     solution = -_solved(start, residual0, sizes).ravel()
-    _, K, slope, direct, Ln, rates, turn = (m.full() for m in function(*at, solution, u, p))
+    terms: list[NDArray[np.float64]] = [m.full() for m in function(*at, solution, u, p)]
+    _, K, slope, direct, Ln, rates, turn = terms
     accelerations = -_solved(K, slope, sizes)[:nv]
     G = np.vstack([rates, direct + Ln @ accelerations])  # over (δq, δv)
-    at_rest: np.ndarray = np.linalg.solve(Ln, turn)
-    inverse: np.ndarray = np.linalg.inv(Ln)
+    at_rest = np.linalg.solve(Ln, turn)
+    inverse = np.linalg.inv(Ln)
     into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-at_rest, inverse]])
     return G @ into
 

@@ -11,7 +11,7 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any, NoReturn
@@ -231,8 +231,9 @@ class _Builder:
         self.source = source
         loader = getattr(yaml, "CLoader", yaml.Loader)
         self.count = 0
-        events: Any = yaml.parse(source.text, Loader=loader)  # pyright: ignore[reportUnknownMemberType]  # its stub leaves the stream open
-        self.events: Iterator[Any] = iter(events)
+        # its stub leaves the stream open
+        parse: Callable[..., Iterator[Any]] = yaml.parse  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType]
+        self.events = iter(parse(source.text, Loader=loader))
 
     def document(self) -> Node | None:
         node = None

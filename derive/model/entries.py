@@ -234,9 +234,7 @@ class EventEntry(Entry):
     formula: Formula = Field(
         description="What changes its sign: of coordinates, velocities, outputs and t."
     )
-    direction: Formula | None = Field(
-        None, description="rising, falling, or both (when left out)."
-    )
+    direction: Formula | None = Field(None, description="rising, falling, or both (when left out).")
     stop: Formula | None = Field(
         None, description="true: the motion ends there; false (when left out): it is counted."
     )

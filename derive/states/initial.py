@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
@@ -174,11 +175,11 @@ def _velocities(
     return v
 
 
-def _least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
     if not len(b):
         return np.zeros(A.shape[1])
-    solution: np.ndarray = np.linalg.lstsq(A, b, rcond=1e-10)[0]
-    return solution
+    # the overloads of lstsq leave its result open
+    return np.linalg.lstsq(A, b, rcond=1e-10)[0]  # pyright: ignore[reportUnknownVariableType]
 
 
 def _held_rows(

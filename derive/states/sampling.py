@@ -15,6 +15,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError, listed
 from derive.mechanics.records import System
@@ -191,7 +192,7 @@ class View:
         """(J Jᵀ)⁻¹, kept finite where rows depend on each other."""
         m = self.J.shape[1]
         small = 1e-14 * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + 1e-300
-        regular: np.ndarray = self.gram + small * np.eye(m)
+        regular: NDArray[np.float64] = self.gram + small * np.eye(m)
         return np.linalg.inv(regular)
 
     @cached_property

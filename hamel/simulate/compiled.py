@@ -7,6 +7,7 @@ import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from derive.formulations import equations
 from derive.formulations.charts import BETWEEN, charted, together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure
@@ -32,10 +33,13 @@ from hamel.records import Simulated
 from hamel.settings import settings
 from hamel.simulate import motion
 from hamel.simulate.exact import state_of
+from hamel.simulate.figure import figure
+from hamel.simulate.files import writers
 from hamel.simulate.inputs import Changes, Changing, changes
 from hamel.simulate.method import (
     Method,
     check_changes,
+    check_events,
     check_method,
     check_numbers,
     check_options,
@@ -65,10 +69,12 @@ class Rows:
 
 @dataclass(frozen=True)
 class Feed:
-    """Inputs that change as they were asked for, and when a function is asked."""
+    """Inputs that change as they were asked for, and when a function is asked; events beside those
+    of the model."""
 
     inputs: Changing | None = None
     sample: Any = None
+    events: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -93,6 +99,7 @@ class Problem:
     options: Options
     t: float
     changes: Changes
+    events: Mapping[str, Any]
 
     def equations(self, choice: str | None) -> Equations:
         """With the enforcement, in a choice of quasi-velocities."""
@@ -117,10 +124,10 @@ def simulation(
     """
     check_method(method)
     times = _times(rows, method.step_size)
-    writers = motion.writers(places.out, places.plot)
+    writing = writers(places.out, places.plot)
     problem = _problem(path, method, rows, values, feed)
     chosen, course = _integrated(problem, method, times, progress)
-    for write in writers:
+    for write in writing:
         write(course)
     used = replace(method, enforcement=problem.enforcement.name, alpha=problem.options.alpha)
     return _record(chosen, used, problem.initial, course, places)
@@ -141,6 +148,7 @@ def _problem(
     t = rows.start
     changing = changes(system.model, feed.inputs, feed.sample, (t, rows.time))
     check_changes(method, changing, values)
+    check_events(method, system.model, feed.events or {})
     initial = initial_state(system, given.initial, p, t)
     plain = equations(system, method.choice, method.formulation)
     enforcement = fitting_enforcement(method, plain)
@@ -152,7 +160,9 @@ def _problem(
         alpha = usual_rate(plain, t, x, u, p, rows.time - t)
     active = np.ones_like(u) if changing else u  # an enforcement by energy asks whether any acts
     options = Options(alpha, method.conserve, tuple(active), tuple(p))
-    return Problem(system, initial, u, p, plain, enforcement, options, t, changing)
+    return Problem(
+        system, initial, u, p, plain, enforcement, options, t, changing, feed.events or {}
+    )
 
 
 def _integrated(
@@ -195,7 +205,7 @@ def _motion(
             x, chart, p = charts.start(module, initial.q, initial.v, u, p, problem.t)
         else:
             x, chart = state_of(problem.plain, initial, p, problem.t), 0
-        start = motion.Start(times, x, u, p, chart, problem.changes)
+        start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
         return motion.integrated(module, by, start, stepping, progress)
 
 
@@ -277,12 +287,18 @@ def _record(
         velocity_violation=course.velocity_violation,
         acceleration_violation=course.acceleration_violation,
         energy_balance=course.energy_balance,
+        error=course.error_estimate,
         crossings=course.crossings,
+        events={name: t.tolist() for name, (t, _) in course.events.items()},
+        stopped_by=course.stopped_by,
+        at_events={name: rows for name, (_, rows) in course.events.items()},
         charts=course.charts,
         switches=course.switches,
         moved={name: {"given": wanted, "used": used} for name, wanted, used in initial.moved},
         final={name: float(values[-1]) for name, values in course.columns().items()},
         file=Path(places.out) if places.out else None,
         plot=Path(places.plot) if places.plot else None,
-        motion=motion.written(course),
+        motion=course.written(),
+        units=course.units,
+        figure=partial(figure, course),
     )

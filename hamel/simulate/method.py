@@ -17,6 +17,7 @@ from derive.enforcement import ENFORCEMENTS, Enforcement, Options
 from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
+from derive.model.records import Model
 from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import REFERENCES
 
@@ -120,6 +121,21 @@ def check_changes(method: Method, changes: Changes, values: Mapping[str, Any]) -
             f"{method.integrator} needs the exact Jacobian or series, which a function hides: give it "
             "sample times, or use radau"
         )
+
+
+def check_events(method: Method, model: Model, events: Mapping[str, Any]) -> None:
+    """Refuse events that nothing would look for, and what is no event. Raises ModelError."""
+    stops = [event.name for event in model.events if event.stop]
+    if own_integrator(method) is None and (events or stops):
+        name = next(iter(events), *stops[:1])
+        raise ModelError(f"{method.integrator} looks for no events such as {name}; dop853 does")
+    own = [event.name for event in model.events]
+    for name, event in events.items():
+        if name in own:
+            raise ModelError(f"{model.name} has an event '{name}' already")
+        function = event if callable(event) else getattr(event, "function", None)
+        if not callable(function):
+            raise ModelError(f"event '{name}' is no function f(t, x), nor an Event of one")
 
 
 def check_options(method: Method, enforcement: Enforcement) -> None:

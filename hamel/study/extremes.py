@@ -23,7 +23,7 @@ from derive.formulations import equations
 from derive.formulations.charts import together
 from derive.model.extremes import REAL
 from derive.model.records import Extreme, Model
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states.initial import initial_state
 from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of

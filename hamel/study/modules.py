@@ -17,7 +17,7 @@ from derive.enforcement import ENFORCEMENTS, Enforcement, Options, kept_equation
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel.build.module import published
 from hamel.build.stages import mechanics_of, program_of

@@ -117,9 +117,9 @@ def extremes_chart(rows: Sequence[ExtremeRow]) -> str:
 def time_charts(model: str, tracks: Sequence[Mapping[str, Any]], exchanged: float) -> list[str]:
     """|φ|, |A v − c| and the energy error over time; what is zero throughout has no line."""
     titles = {
-        "phi": (f"{model}: position violation over time", "|φ|"),
-        "velocity": (f"{model}: velocity violation over time", "|A v − c|"),
-        "balance": (f"{model}: energy error over time", "|energy error|, relative"),
+        "phi": (f"{model}: position violation over time", "|φ| (SI)"),
+        "velocity": (f"{model}: velocity violation over time", "|A v − c| (SI)"),
+        "balance": (f"{model}: energy error over time", "|energy error| (relative)"),
     }
     charts = [
         _time_chart(title, about, _tracks(name, tracks, exchanged if name == "balance" else 0.0))

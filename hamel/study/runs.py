@@ -149,6 +149,7 @@ def _simulated(
         integrator=run["integrator"],
         enforcement=run["enforcement"],
         step_size=span / run["count"] if run.get("count") else None,
+        events=False,
     )
 
 

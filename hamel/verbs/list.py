@@ -12,7 +12,7 @@ from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS, equations
 from derive.linearize.minimal import with_linearization
 from derive.model import KINDS, load_text
-from derive.robots import load
+from derive.robots.reading import load
 from hamel.build.stages import mechanics_of
 from hamel.records import Known, Listed
 from hamel.simulate.libraries import REFERENCES

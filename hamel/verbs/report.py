@@ -18,7 +18,8 @@ from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS
 from derive.model.records import Extreme
-from derive.robots import RobotFile, load
+from derive.robots import RobotFile
+from derive.robots.reading import load
 from hamel.build.files import write_text
 from hamel.build.stages import mechanics_of
 from hamel.records import ExtremeRow, Reported, as_json

@@ -54,7 +54,15 @@ def _state(seen: Evaluator, module: ModuleType, time: float, rtol: float) -> Arr
         return np.array(x)
     times = np.array([0.0, time])
     found = module.simulate(
-        times, x, u, p, integrator=INTEGRATOR, rtol=rtol, atol=rtol / 100, max_steps=MOST_STEPS
+        times,
+        x,
+        u,
+        p,
+        integrator=INTEGRATOR,
+        rtol=rtol,
+        atol=rtol / 100,
+        max_steps=MOST_STEPS,
+        events=False,
     )
     return np.array(found.x[-1])
 

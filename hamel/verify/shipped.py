@@ -7,16 +7,16 @@ bytes of a generated folder do not. The values are those of the equations at the
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from codegen.loader import part
 from codegen.reals import FLOAT64
 from codegen.seal import VERIFICATION
 from derive.diagnostics import VerificationError
@@ -36,8 +36,9 @@ COARSE = 1e-4  # of a module in float32, whose arguments are rounded once more
 BACKENDS = {"extension": "extension", "_library": "ctypes", "_numpy": "NumPy"}
 
 
-def shipped(equations: Equations, seed: int) -> dict[str, Any]:
-    """Function → {"t", "x", "u", "p", "expected", "size"}, a row for each state, of every chart.
+def shipped(equations: Equations, emitted: Collection[str], seed: int) -> dict[str, Any]:
+    """Emitted function → {"t", "x", "u", "p", "expected", "size"}, a row for
+    each state, of every chart.
 
     `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there.
 
@@ -48,7 +49,7 @@ def shipped(equations: Equations, seed: int) -> dict[str, Any]:
     numbers = 0
     for suffix, chart in _charts(seen):
         for name in chart.graph.functions:
-            rows = _rows(chart, name)
+            rows = _rows(chart, name) if name + suffix in emitted else {}
             numbers += _size(rows)
             if rows and numbers <= MOST:
                 found[name + suffix] = rows
@@ -120,7 +121,7 @@ def _backends(module: ModuleType) -> Iterator[tuple[str, Any]]:
         yield "extension", module
     for name in ("_library", "_numpy"):
         try:
-            yield BACKENDS[name], importlib.import_module(f"{module.__name__}.{name}")
+            yield BACKENDS[name], part(module, name)
         except (ImportError, OSError):
             continue  # what was not compiled cannot be wrong
 

@@ -194,7 +194,15 @@ def _run(e: Evidence, s: Sample, x: Array, span: float, step_size: float | None 
     chart = {"chart": e.chart} if e.chart else {}
     atol = RTOL * float(e.units.x.min(initial=1.0))
     return e.module.simulate(
-        [s.t, s.t + span], x, s.u, s.p, rtol=RTOL, atol=atol, step_size=step_size, **chart
+        [s.t, s.t + span],
+        x,
+        s.u,
+        s.p,
+        rtol=RTOL,
+        atol=atol,
+        step_size=step_size,
+        events=False,
+        **chart,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import itertools
 import subprocess
 from types import ModuleType
 from typing import Any
@@ -74,7 +75,7 @@ def exact(kind: str, at: float) -> tuple[float, float]:
     f, (s, weights) = reference(kind), np.polynomial.legendre.leggauss(8)
     edges = [*KNOTS[at > KNOTS], at]
     position = speed = 0.0
-    for a, b in zip(edges[:-1], edges[1:]):
+    for a, b in itertools.pairwise(edges):
         t, w = a + (b - a) * (s + 1) / 2, weights * (b - a) / 2
         position += w @ (f(t) * (at - t))
         speed += w @ f(t)

@@ -157,6 +157,7 @@ def _data(program: Program) -> dict[str, Any]:
         "tabled": tabled,
         "calls": _calls(program, sizes, tabled, has["constants"]),
         "enforcements": _numbered(program.enforcements),
+        "staged": [name for name in program.enforcements if name in CHARTS],
         "rows": rows,
         "lanes": side_by_side(program),
         "nq": nq,

@@ -36,10 +36,10 @@ initial: {x: 0.6 m, guess: {y: 0.8 m}}
 
 
 def run(path: str | PathLike[str] | None) -> Listed:
-    return Listed(_known()) if path is None else Listed(_named(path))
+    return Listed(_catalogue()) if path is None else Listed(_named(path))
 
 
-def _known() -> dict[str, tuple[Known, ...]]:
+def _catalogue() -> dict[str, tuple[Known, ...]]:
     """From the registries the stages loop over themselves, so that nothing can be missing here."""
     kinds: dict[str, list[Known]] = {}
     for category, name, about in KINDS:

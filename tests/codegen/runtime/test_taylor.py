@@ -12,7 +12,6 @@ import pytest
 
 from codegen import compiler, loader
 from codegen.passes import program
-from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load_text

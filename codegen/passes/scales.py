@@ -36,9 +36,7 @@ def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float
     return {node: _signed(best.scales[node], first[node]) for node in structure.order}
 
 
-def _best_start(
-    structure: Structure, users: dict[int, float], origin: dict[int, float]
-) -> Balance:
+def _best_start(structure: Structure, users: dict[int, float], origin: dict[int, float]) -> Balance:
     """The start that begins better is settled; the other one where it may still end better."""
     starts = Balance(structure, users), Balance(structure, origin)
     first, second = sorted(starts, key=Balance.total)

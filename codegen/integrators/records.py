@@ -181,7 +181,7 @@ def less(weights: Row, other: Mapping[int, str]) -> Row:
 def centred(powers: Sequence[Row]) -> tuple[Row, ...]:
     """Coefficients of 1, θ, θ² … as those of 1, σ, σ² … with σ = 2 θ − 1, where rounding does not
     grow on the way from 0 to 1."""
-    rows = []
+    rows: list[Row] = []
     for k in range(len(powers)):
         parts = [Fraction(comb(n, k), 2**n) for n in range(len(powers))]
         columns = zip(*powers)
@@ -191,7 +191,7 @@ def centred(powers: Sequence[Row]) -> tuple[Row, ...]:
 
 def collocated(c: Row) -> tuple[Row, ...]:
     """The polynomial that is 0 at 0 and zᵢ at cᵢ: rows of weights of the zᵢ, of 1, θ, θ² …"""
-    columns = []
+    columns: list[list[Fraction]] = []
     for i, own in enumerate(c):
         roots = [Fraction(0), *(x for k, x in enumerate(c) if k != i)]
         polynomial = [Fraction(1)]

@@ -16,7 +16,7 @@ import numpy as np
 
 from codegen.integrators import AUTO, AUTOMATIC
 from codegen.reals import real_of
-from derive.choices.redundancy import lost
+from derive.choices.redundancy import dependent_rows
 from derive.choices.resolution import survey_of
 from derive.diagnostics import AssumptionError, ModelError
 from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
@@ -214,7 +214,7 @@ def _motion(
     integrators = (method.integrator,) if own_integrator(method) else ()
     accuracy = tolerances(method, real_of(method.real))
     stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
-    functions = _called(by, method)
+    functions = _functions(by, method)
     with temporary_module(by, integrators, (enforcement,), functions, method.real) as module:
         assure(problem.plain, by, module)
         if by.charts or by.frame:
@@ -225,7 +225,7 @@ def _motion(
         return motion.integrated(module, by, start, stepping, progress)
 
 
-def _called(by: Equations, method: Method) -> tuple[str, ...] | None:
+def _functions(by: Equations, method: Method) -> tuple[str, ...] | None:
     """The functions that a motion calls; all of them where a library integrates."""
     if not own_integrator(method):
         return None
@@ -240,7 +240,7 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
         return error
     survey = survey_of(system)
     A = survey.solver.velocities(problem.t, problem.initial.q, problem.p)[0]
-    repeats = lost(system, A, survey.kept) if np.isfinite(A).all() else ""
+    repeats = dependent_rows(system, A, survey.kept) if np.isfinite(A).all() else ""
     if not repeats:
         return error
     start = f"{system.model.name}: at the start, with these parameters"

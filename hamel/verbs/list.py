@@ -37,10 +37,10 @@ _AUTO = Known(AUTO, f"one of {', '.join(AUTOMATIC)}, by the tolerance and the nu
 
 
 def run(path: str | PathLike[str] | None) -> Listed:
-    return Listed(_known()) if path is None else Listed(_named(path))
+    return Listed(_catalogue()) if path is None else Listed(_named(path))
 
 
-def _known() -> dict[str, tuple[Known, ...]]:
+def _catalogue() -> dict[str, tuple[Known, ...]]:
     """From the registries the stages loop over themselves, so that nothing can be missing here."""
     kinds: dict[str, list[Known]] = {}
     for category, name, about in KINDS:

@@ -133,7 +133,7 @@ def program(
         if len(charts) > 1
         else (),
     )
-    if SERIES in named:
+    if SERIES in named and made.integrators:
         check_series(made)
     elif SERIES in made.integrators and series_refusal(made):
         return replace(made, integrators=tuple(x for x in made.integrators if x != SERIES))

@@ -87,7 +87,7 @@ def missed(e: Equations, made: ModuleType, time: float, rtol: float, **values: f
         ("double_pendulum", 2.0),
         ("four_bar", 1.0),
         pytest.param("snake3", 5.0, marks=pytest.mark.slow),
-        pytest.param("bicycle", 1.0, marks=pytest.mark.slow),
+        pytest.param("bicycle", 0.2, marks=pytest.mark.slow),
         pytest.param("andrews", 0.01, marks=pytest.mark.slow),
         pytest.param("spatial_four_bar", 0.5, marks=pytest.mark.slow),
     ],
@@ -118,26 +118,25 @@ def test_time_parameters_at_run_time_and_work(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rtol", [10.0 ** (-k / 2) for k in range(12, 31)])
 def test_a_symmetric_start_does_not_hide_how_long_a_step_may_be(
-    hanging: tuple[Equations, ModuleType], rtol: float
+    hanging: tuple[Equations, ModuleType], hanging_end: np.ndarray, rtol: float
 ) -> None:
     """Of the series from rest at a right angle three of four terms are zero."""
     e, made = hanging
     x, u, p = start(e)
     found = made.simulate((0.0, 1.0), x, u, p, integrator="taylor", rtol=rtol, atol=rtol / 100)
-    assert np.abs(found.x[-1] - END).max() < 1e3 * rtol + 1e-13
+    assert np.abs(found.x[-1] - hanging_end).max() < 1e3 * rtol + 1e-13
     assert found.steps < 40
-
-
-# θ at 1 s of models/double_pendulum.yaml, and what many digits give for the rates
-END = np.array([-0.62508769979, -0.40949738588, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
 def hanging(tmp_path_factory: pytest.TempPathFactory) -> tuple[Equations, ModuleType]:
     e = equations(system(load_text(HANGING)), None, "quasi_velocities")
-    global END
-    END = many_digits(e, 1.0)
     return e, module(e, tmp_path_factory.mktemp("taylor"), "verner9")
+
+
+@pytest.fixture(scope="module")
+def hanging_end(hanging: tuple[Equations, ModuleType]) -> np.ndarray:
+    return many_digits(hanging[0], 1.0)
 
 
 def test_order_goes_with_the_tolerance(hanging: tuple[Equations, ModuleType]) -> None:

@@ -11,6 +11,7 @@ import concurrent.futures
 import contextlib
 import functools
 import hashlib
+import importlib
 import importlib.util
 import json
 import os
@@ -133,7 +134,7 @@ def identity(command: Sequence[str]) -> str:
 def headers() -> list[str]:
     """Include folders of Python and NumPy; empty where one of them is missing."""
     try:
-        import numpy
+        numpy = importlib.import_module("numpy")
     except ImportError:
         return []
     folders = [sysconfig.get_paths()["include"], numpy.get_include()]

@@ -126,11 +126,11 @@ def violation(survey: Survey, found: Resolved) -> float:
     )
     phi = ca.Function("phi", [system.t, system.q, system.p], [ca.densify(system.phi)])
     w = (survey.solver.values(found.reduction.B, s.t, s.q, s.p) @ s.v[:, :, None])[:, :, 0]
-    left = [_left(rate, phi, *row) for row in zip(s.t, np.hstack([s.q, w]), s.u, s.p)]
+    left = [_growth(rate, phi, *row) for row in zip(s.t, np.hstack([s.q, w]), s.u, s.p)]
     return max(roundoff, float(np.max(left)))
 
 
-def _left(
+def _growth(
     rate: ca.Function, phi: ca.Function, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray
 ) -> float:
     """|φ| after one step, less what it was before."""

@@ -136,7 +136,7 @@ def sentences(system: System, found: Sequence[Group]) -> tuple[str, ...]:
     )
 
 
-def lost(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
+def dependent_rows(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
     """Which of the `kept` rows, independent elsewhere, depend on each other at one state with these
     A; "" where none does."""
     lengths = np.linalg.norm(A, axis=1, keepdims=True)

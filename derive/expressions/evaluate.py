@@ -1,7 +1,6 @@
-"""Evaluation of a tree over any kind of number: floats, CasADi graphs, SymPy expressions.
+"""Evaluation of a tree over any kind of number: floats, CasADi graphs.
 
-A table of functions makes the difference. Besides the functions of FUNCTIONS it may hold "number",
-which turns a float into a constant of the library (SymPy wants exact ones).
+A table of functions makes the difference.
 """
 
 from __future__ import annotations
@@ -9,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
+
+import casadi as ca
 
 from derive.expressions import tree
 from derive.expressions.limits import objection, too_large
@@ -25,7 +26,7 @@ def value(
     Vector gives a list."""
     match expression:
         case tree.Number(number):
-            return functions["number"](number) if "number" in functions else number
+            return number
         case tree.Name(name):
             return names[name]
         case tree.Rate(name):
@@ -172,7 +173,7 @@ def float_functions() -> Functions:
     return _FLOAT
 
 
-# what CasADi and SymPy call as we do
+# what CasADi calls as we do
 _SAME_NAME = (
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log",
     "sqrt", "sign",
@@ -181,8 +182,6 @@ _SAME_NAME = (
 
 def casadi_functions() -> Functions:
     """The table for casadi.SX."""
-    import casadi as ca
-
     return {name: getattr(ca, name) for name in _SAME_NAME} | {
         "abs": ca.fabs,
         "min": _over_all(ca.fmin),
@@ -200,26 +199,3 @@ def _over_all(function: Callable[[Any, Any], Any]) -> Callable[..., Any]:
         return result
 
     return folded
-
-
-def sympy_functions() -> Functions:
-    """The table for SymPy, with short decimals as exact fractions."""
-    import sympy as sp
-
-    return {name: getattr(sp, name) for name in _SAME_NAME} | {
-        "abs": sp.Abs,
-        "min": sp.Min,
-        "max": sp.Max,
-        "number": _exact,
-    }
-
-
-def _exact(number: float) -> Any:
-    import sympy as sp
-
-    if number == math.pi:
-        return sp.pi
-    if number.is_integer() and abs(number) < 1e15:
-        return sp.Integer(int(number))
-    text = repr(number)
-    return sp.Rational(text) if len(text) <= 8 and "e" not in text else sp.Float(number, 17)

@@ -9,6 +9,7 @@ velocities already.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -170,8 +171,6 @@ def _guard(x: Argument, j: int, pivot: ca.SX, least: float) -> Guard:
 
 def with_linearization(equations: Equations) -> Equations:
     """The equations with `linearization` among the functions that can be asked for."""
-    from dataclasses import replace
-
     if equations.formulation != "quasi_velocities":
         return equations
     request = Request("linearization", ABOUT, lambda: linearization(equations))

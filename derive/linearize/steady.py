@@ -93,7 +93,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         else ca.SX(0, 1)
     )
     still = [i for i in range(f.value.numel()) if i not in cyclic]
-    wanted = _wanted(equations, motion, s)
+    wanted = _values_by_name(equations, motion, s)
     quantities = _quantities(equations)
     held = _column([quantities[name][0] - value for name, value in wanted.items()])
     positions = position_rows(system)
@@ -132,7 +132,7 @@ def _column(entries: list[ca.SX]) -> ca.SX:
     return ca.densify(ca.vertcat(*entries)) if entries else ca.SX(0, 1)
 
 
-def _wanted(equations: Equations, motion: SteadyMotion, s: ca.SX) -> dict[str, ca.SX]:
+def _values_by_name(equations: Equations, motion: SteadyMotion, s: ca.SX) -> dict[str, ca.SX]:
     """Values of what is held, by name; inputs that are not named are zero."""
     system = equations.system
     names = dict(system.symbols.names) | {name: s[k] for k, name in enumerate(motion.sweepable)}

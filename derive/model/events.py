@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from derive.expressions.dimensions import infer
 from derive.expressions.parser import unit
 from derive.expressions.tree import Call
@@ -43,7 +45,7 @@ def _event(reader: Reader, key: Key, entry: Scalar | EventEntry) -> Event:
 
 
 def _word(
-    reader: Reader, scalar: Scalar | None, known: dict[str, int], what: str, otherwise: int
+    reader: Reader, scalar: Scalar | None, known: Mapping[str, int], what: str, otherwise: int
 ) -> int:
     if scalar is None:
         return otherwise

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from derive.diagnostics import listed
 from derive.expressions.linearity import Degree
 from derive.expressions.tree import Expression
+from derive.joints import JOINTS, PLANAR_JOINTS, joint_type
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import CoordinateEntry, JointEntry, OrientationEntry
 from derive.model.reader import Reader, dimension_of
@@ -48,8 +49,6 @@ class Names:
 
 def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
     """Names and table of one joint; None after reporting that its type is unknown."""
-    from derive.joints import JOINTS, PLANAR_JOINTS, joint_type
-
     reader.name(key)
     kind = reader.word(entry.type, [joint.name for joint in JOINTS], "type of joint")
     if kind is None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions.tree import Expression
-from derive.joints import CLOSURES, PLANAR_CLOSURES
+from derive.joints import CLOSURES, PLANAR_CLOSURES, joint_type
 from derive.model.axes import axis, axis2, pitch
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import ClosureEntry
@@ -162,8 +162,6 @@ def _limits(reader: Reader, frame: Frame) -> tuple[Expression, Expression] | Non
 
 def closure(reader: Reader, document: Document, key: Key, entry: ClosureEntry) -> Closure:
     """A joint that closes a loop."""
-    from derive.joints import joint_type
-
     known = PLANAR_CLOSURES if reader.space.plane else CLOSURES
     kind = reader.word(entry.type, known, "type of closure")
     pair, sides = (

@@ -43,7 +43,7 @@ def initial_state(
     is found.
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
-    told, held = _given(system, changes or {}, parameters, t)
+    told, held = _start_values(system, changes or {}, parameters, t)
     own = _own(system, t)
     given = {name: x / own.one_of(name) for name, x in told.items()}
     q, v, N = _consistent(system, own, given, held, parameters, t)
@@ -96,7 +96,7 @@ def _consistent(
     return q, v, solver.velocities(own.t, q, here)[2]
 
 
-def _given(
+def _start_values(
     system: System, changes: Mapping[str, float], p: np.ndarray, t: float
 ) -> tuple[dict[str, float], set[str]]:
     names = {x.name: x.value for x in system.model.parameters} | {"t": t}
@@ -177,9 +177,8 @@ def _velocities(
 
 def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
     if not len(b):
-        return np.zeros(A.shape[1])
-    solution: tuple[np.ndarray, ...] = np.linalg.lstsq(A, b, rcond=1e-10)
-    return solution[0]
+        return np.zeros(int(A.shape[1]))
+    return np.linalg.lstsq(A, b, rcond=1e-10)[0]
 
 
 def _held_rows(

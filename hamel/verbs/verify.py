@@ -15,7 +15,7 @@ from codegen.loader import load
 from derive.diagnostics import ModelError, listed
 from derive.formulations import equations
 from derive.formulations.charts import together
-from derive.robots import load as load_model
+from derive.robots.reading import load as load_model
 from hamel.build.folder import differences, manifest
 from hamel.build.module import temporary_module
 from hamel.build.options import Constants

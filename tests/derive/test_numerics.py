@@ -12,7 +12,7 @@ from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.expressions.limits import LARGEST, SMALLEST
 from derive.model import load_text
 from derive.numerics import refuses_numerically
-from derive.robots import imported
+from derive.robots.reading import imported
 from derive.states.scales import FARTHEST, scales
 from hamel.cli import main
 from tests.scenes import MODELS

@@ -18,7 +18,7 @@ import hamel
 from codegen.loader import load as load_module
 from derive.diagnostics import ModelError
 from derive.formulations import equations
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states import system
 from derive.states.closing import Kinematics
 from derive.states.initial import initial_state

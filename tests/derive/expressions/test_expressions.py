@@ -14,7 +14,6 @@ from derive.expressions.evaluate import (
     float_functions,
     is_constant,
     number,
-    sympy_functions,
     value,
 )
 from derive.expressions.functions import FUNCTIONS
@@ -133,16 +132,12 @@ def test_casadi_agrees_with_floats(text: str) -> None:
 
 def test_every_function_means_the_same_everywhere() -> None:
     import casadi as ca
-    import sympy as sp
 
     for function in FUNCTIONS.values():
         numbers = [0.3, 0.7, 0.5][: function.arity[0]]
         formula = expression(f"{function.name}({', '.join(map(str, numbers))})")
         expected = number(formula, {})
         assert float(value(formula, {}, {}, casadi_functions())) == pytest.approx(
-            expected, rel=1e-15
-        )
-        assert float(sp.N(value(formula, {}, {}, sympy_functions()), 17)) == pytest.approx(
             expected, rel=1e-15
         )
         assert float(ca.DM(expected)) == expected
@@ -158,13 +153,11 @@ def test_sums_are_left_folds_without_a_leading_zero() -> None:
 
 
 def test_integer_powers_and_roots_stay_what_they_are() -> None:
-    import sympy as sp
+    import casadi as ca
 
-    z = sp.Symbol("z")
-    assert (
-        value(expression("z**2 + z^0.5 + 0.25*z + pi"), {"z": z}, {}, sympy_functions())
-        == z**2 + sp.sqrt(z) + z / 4 + sp.pi
-    )
+    z = ca.SX.sym("z")
+    found = value(expression("z**2 + z^0.5 + 0.25*z"), {"z": z}, {}, casadi_functions())
+    assert str(found) == "((sq(z)+sqrt(z))+(0.25*z))"
 
 
 def test_rates_have_their_own_table() -> None:

@@ -23,7 +23,7 @@ from derive.diagnostics import (
     nearest,
 )
 from derive.model import Model, load, load_text
-from derive.robots import load as load_any
+from derive.robots.reading import load as load_any
 
 MODELS = sorted((Path(__file__).parents[3] / "models").rglob("*.yaml"))
 

@@ -20,10 +20,11 @@ from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
 from derive.formulations import equations
 from derive.model import load_text
-from derive.robots import imported, load, markup, mjcf, rotations
+from derive.robots import markup, mjcf, rotations
 from derive.robots.mjcf import inertia
 from derive.robots.naming import Names, legal
 from derive.robots.numbers import written
+from derive.robots.reading import imported, load
 from derive.states import system
 from derive.states.closing import Kinematics
 from hamel.cli import main

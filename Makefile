@@ -71,19 +71,19 @@ report-page: $(VENV)/.test
 whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
 
-# Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: half an hour;
-# a part of it as in make matrix KINDS="joints mechanisms" COUNT=20.
+# Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: two hours of
+# two cores; a part of it as in make matrix KINDS="joints mechanisms" COUNT=20. RESUME=1 leaves out what went well before.
 matrix: trials
-	$(TRIALS)/venv/bin/python tests/trials/matrix.py $(KINDS) $(if $(COUNT),--count $(COUNT))
+	$(TRIALS)/venv/bin/python tests/trials/matrix.py $(KINDS) $(if $(COUNT),--count $(COUNT)) $(if $(RESUME),--resume)
 
 # Files spoiled, builds killed, many at once, full disks, odd compilers: a right module or a clear refusal, in half an hour;
 # a part of it as in make faults KINDS="kills corruptions" COUNT=20.
 faults: trials
-	$(TRIALS)/venv/bin/python tests/trials/faults.py $(KINDS) $(if $(COUNT),--count $(COUNT))
+	$(TRIALS)/venv/bin/python tests/trials/faults.py $(KINDS) $(if $(COUNT),--count $(COUNT)) $(if $(RESUME),--resume)
 
-# Spoiled model and robot files for some time, as in make fuzz SECONDS=1200; what broke before comes first.
+# Spoiled model and robot files for SECONDS, twenty minutes if not said; what broke before comes first.
 fuzz: trials
-	$(TRIALS)/venv/bin/python tests/trials/fuzz.py $(or $(SECONDS),300)
+	$(TRIALS)/venv/bin/python tests/trials/fuzz.py $(KINDS) $(if $(SECONDS),--seconds $(SECONDS)) $(if $(RESUME),--resume)
 
 # The wheel of this checkout in an environment of its own, anew each time.
 .PHONY: trials

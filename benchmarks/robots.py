@@ -26,7 +26,7 @@ from codegen.passes import program
 from derive.diagnostics import HamelError
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.robots import Imported, imported
+from derive.robots.reading import Imported, imported
 from derive.states import system
 from derive.states.sampling import states
 

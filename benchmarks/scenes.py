@@ -42,7 +42,7 @@ from targets import (
 )
 
 from derive.model import Model, load
-from derive.robots import imported
+from derive.robots.reading import imported
 from derive.states.sampling import States
 from models import four_bars
 

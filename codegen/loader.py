@@ -1,11 +1,14 @@
-"""load: import a generated folder by its path."""
+"""load and part: import a generated folder by its path, and one of its files."""
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import importlib.util
 import itertools
 import os
 import sys
+from collections.abc import Generator
 from pathlib import Path
 from types import ModuleType
 
@@ -34,8 +37,29 @@ def load(folder: str | os.PathLike[str]) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        with _readable(place):
+            spec.loader.exec_module(module)
     except BaseException:
         del sys.modules[name]
         raise
     return module
+
+
+def part(module: ModuleType, name: str) -> ModuleType:
+    """A file of a loaded folder, such as `_numpy`; ImportError or OSError where there is none that
+    fits this Python."""
+    with _readable(Path(str(module.__file__)).parent):
+        return importlib.import_module(f"{module.__name__}.{name}")
+
+
+@contextlib.contextmanager
+def _readable(place: Path) -> Generator[None]:
+    """Python does not check the byte code that it keeps beside a module: spoiled, it ends the
+    import by any error."""
+    try:
+        yield
+    except (EOFError, ValueError, TypeError, SyntaxError) as error:
+        raise ToolchainError(
+            f"{os.path.normpath(place)} cannot be imported: {error}",
+            hint="delete its __pycache__, or build it again",
+        ) from error

@@ -11,10 +11,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 from codegen.reals import FLOAT64, Real
 
-Expression = str | float | tuple
+Expression: TypeAlias = "str | float | tuple[str, *tuple[Expression, ...]]"
 
 OK, SINGULAR, NOT_CONVERGED, NOT_FINITE = range(4)
 STATUS = ("ok", "singular", "not_converged", "not_finite")
@@ -30,6 +31,7 @@ CALLED = (
     "manifold",
     "jacobian",
     "jacobian_t",
+    "events",
 )
 KINDS = ("add", "multiply", "divide", "sqrt", "sin", "cos", "other")
 
@@ -169,6 +171,16 @@ class Chart:
 
 
 @dataclass(frozen=True)
+class Event:
+    """An entry of the function `events` whose sign `simulate` watches: `direction` is that of the
+    change, 0 for both; `stop` ends the motion."""
+
+    name: str
+    direction: int
+    stop: bool
+
+
+@dataclass(frozen=True)
 class Entry:
     """A line of the ledger: what one pass did to one function."""
 
@@ -213,13 +225,16 @@ class Program:
     turning: tuple[int, ...] = field(
         default=(), repr=False
     )  # coordinates whose whole turns nothing in `simulate` sees
+    events: tuple[Event, ...] = field(default=(), repr=False)  # what `simulate` looks for
     frame: int = field(default=0, repr=False)  # last entries of p: directions that are based anew
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
-        several = "".join(repr(more) for more in (self.charts, self.turning, self.frame) if more)
+        several = "".join(
+            repr(more) for more in (self.charts, self.turning, self.frame, self.events) if more
+        )
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
         ).hexdigest()[:32]

@@ -44,7 +44,7 @@ class Real:
     atol: str
     least_step: int  # of `simulate`, in units of rounding of the time
     words: Mapping[str, str] = field(
-        default_factory=dict, repr=False
+        default_factory=dict[str, str], repr=False
     )  # of C for double, and what stands for them
 
     @property

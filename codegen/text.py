@@ -193,9 +193,9 @@ def _environment() -> jinja2.Environment:
     filters: dict[str, Callable[..., str]] = {
         "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc,
         "number": number,
-        "py_number": lambda value: number(value, NUMPY), "wrapped": wrapped,
+        "py_number": functools.partial(number, language=NUMPY), "wrapped": wrapped,
     }  # fmt: skip
-    environment.filters.update(filters)
+    environment.filters.update(filters)  # pyright: ignore[reportUnknownMemberType]  # jinja2 leaves them open
     return environment
 
 

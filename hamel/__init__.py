@@ -14,6 +14,7 @@ from types import ModuleType
 
 TYPE_CHECKING = False  # typing's own takes as long to import as all of this
 if TYPE_CHECKING:
+    from codegen.runtime.events import Event
     from derive.robots import Floating, RobotFile
     from hamel.api import (
         build,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
+    "Event",
     "Floating",
     "RobotFile",
     "build",
@@ -53,6 +55,13 @@ __all__ = [
 ]
 
 
+_HOMES = {
+    "Event": "codegen.runtime.events",
+    "Floating": "derive.robots",
+    "RobotFile": "derive.robots",
+}
+
+
 class _Face(ModuleType):
     """The verbs under their names. Importing a package of the same name, such as `hamel.verify`,
     does not put itself in a verb's place."""
@@ -60,7 +69,7 @@ class _Face(ModuleType):
     def __getattr__(self, name: str) -> object:
         if name not in __all__:
             raise AttributeError(f"module 'hamel' has no attribute '{name}'")
-        home = "derive.robots" if name in ("Floating", "RobotFile") else "hamel.api"
+        home = _HOMES.get(name, "hamel.api")
         value = getattr(importlib.import_module(home), name)
         setattr(self, name, value)
         return value

@@ -144,6 +144,10 @@ def simulate(
     alpha: float | None = None,
     conserve: Collection[str] = (),
     values: Mapping[str, float | str] | None = None,
+    inputs: Mapping[str, Any] | Callable[[float, Any], Any] | None = None,
+    sample: float | Sequence[float] | None = None,
+    events: Mapping[str, Any] | None = None,
+    start: float = 0.0,
     out: str | Path | None = None,
     plot: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
@@ -156,10 +160,15 @@ def simulate(
     `alpha` is the rate in 1/s at which baumgarte and feedback pull violations back (twice the
     system's fastest rate when None), `conserve` names cyclic coordinates whose momenta the
     enforcement invariants holds, beside the energy. `step` is the time between rows of the result;
-    `values` sets initial values, parameters and (constant) inputs by name. `real` is what the code
-    computes in, float64 or float32.
+    `values` sets initial values, parameters and constant inputs by name. `inputs` are those that
+    change: by name a file "torque.csv:linear" (or :hold, :cubic) of two columns, or (times, values,
+    kind); or a function f(t, x) of all, called every `sample` seconds (or at these times) and
+    kept until the next, or, without, wherever the integrator wants it. `events` are functions
+    f(t, x) by name, or hamel.Event(f, direction, stop), whose changes of sign are found like those
+    of the model's own. `start` is the first time, `time` the last. `real` is what the code computes
+    in, float64 or float32.
     """
-    from hamel.simulate.compiled import Places, Rows, simulation
+    from hamel.simulate.compiled import Feed, Places, Rows, simulation
     from hamel.simulate.method import Method
 
     method = Method(
@@ -174,8 +183,8 @@ def simulate(
         _names(conserve),
         real,
     )
-    rows, places = Rows(time, step), Places(out, plot)
-    return simulation(path, method, rows, values or {}, places, progress)
+    rows, places, feed = Rows(time, step, start), Places(out, plot), Feed(inputs, sample, events)
+    return simulation(path, method, rows, values or {}, places, progress, feed)
 
 
 def linearize(

@@ -26,25 +26,30 @@ LEFT = 0.5  # of a direction of a frame at the start: with less the frame is bas
 
 
 def start(
-    module: ModuleType, q: np.ndarray, v: np.ndarray, u: np.ndarray, p: np.ndarray
+    module: ModuleType, q: np.ndarray, v: np.ndarray, u: np.ndarray, p: np.ndarray, t: float = 0.0
 ) -> tuple[np.ndarray, int, np.ndarray]:
-    """The state at t = 0 in a chart that is regular there, made from (q, v) itself; the first where
+    """The state at t in a chart that is regular there, made from (q, v) itself; the first where
     it is good enough. And the parameters, with a frame that is good there behind them."""
     qv = np.concatenate([q, v])
     at = np.concatenate([q, np.zeros(module.nx - len(q))])  # of which only q counts
-    if hasattr(module, "rebase") and module.frame(0.0, at, u, p) < LEFT:
-        p = module.rebase(0.0, at, u, p)
+    if hasattr(module, "rebase") and module.frame(t, at, u, p) < LEFT:
+        p = module.rebase(t, at, u, p)
     several = hasattr(module, "charts")
-    chart = int(module.chart(0.0, at, u, p, active=0)) if several else 0
+    chart = int(module.chart(t, at, u, p, active=0)) if several else 0
     state = in_chart(module, "state", chart)
     assert state is not None  # every chart has one
-    return state(0.0, qv, u, p), chart, p
+    return state(t, qv, u, p), chart, p
 
 
 def parameters(found: Any, p: np.ndarray) -> np.ndarray:
     """The parameters of each row, with the frame in force there where the module has one; else
     those of all."""
     return p if found.p is None else found.p.astype(float)
+
+
+def inputs(found: Any, u: np.ndarray) -> np.ndarray:
+    """The inputs of each row where they change; else those of all."""
+    return u if found.u is None else found.u.astype(float)
 
 
 def pieces(
@@ -61,9 +66,12 @@ def pieces(
         assert state is not None  # every chart has one
         assert found.v is not None  # it comes with the charts
         here = p[rows] if p.ndim > 1 else p
-        x = state(found.t[rows], np.hstack([found.x[rows, :nq], found.v[rows]]), u, here)
+        fed = None if found.u is None else found.u[rows]
+        now = u if fed is None else fed
+        x = state(found.t[rows], np.hstack([found.x[rows, :nq], found.v[rows]]), now, here)
         framed = here if found.p is not None else None
-        yield chart, rows, replace(found, t=found.t[rows], x=x, work=found.work[rows], p=framed)
+        t, work = found.t[rows], found.work[rows]
+        yield chart, rows, replace(found, t=t, x=x, work=work, p=framed, u=fed)
 
 
 def at_rows(
@@ -78,7 +86,7 @@ def at_rows(
         for chart, rows, part in pieces(module, found, nq, u, p)
     ]
     values = [
-        (rows, call(part.t, part.x, u, parameters(part, p)))
+        (rows, call(part.t, part.x, inputs(part, u), parameters(part, p)))
         for rows, call, part in parts
         if call is not None
     ]

@@ -184,7 +184,21 @@ class _Positive(click.ParamType):
         return float(number)
 
 
-POSITIVE = _Positive()
+class _Finite(click.ParamType):
+    """A finite number."""
+
+    name = "float"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        number = click.FLOAT.convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return float(number)
+
+
+POSITIVE, FINITE = _Positive(), _Finite()
 
 
 @verb
@@ -321,7 +335,7 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
     default="dop853",
     show_default=True,
     metavar="NAME",
-    help="How to step; `hamel list` names all.",
+    help="How to step; `hamel list` names all, auto picks one by the tolerance.",
 )
 @click.option(
     "--step-size",
@@ -358,17 +372,41 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
     metavar="NAME=VALUE",
     help="Initial value, parameter or input; may be repeated.",
 )
+@click.option(
+    "--input",
+    "inputs",
+    multiple=True,
+    metavar="NAME=FILE[:KIND]",
+    help="An input over time from a file of two columns, seconds and values; KIND is hold, linear "
+    "or cubic (default: linear); may be repeated.",
+)
+@click.option(
+    "--start",
+    type=FINITE,
+    default=0.0,
+    show_default=True,
+    metavar="S",
+    help="The first time, in seconds.",
+)
 @REAL
-@click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv or FILE.npz.")
+@click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv, .npz or .parquet.")
 @click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
-def simulate(model: str, settings: Sequence[str], conserve: str, **options: Any) -> Any:
+def simulate(
+    model: str, settings: Sequence[str], inputs: Sequence[str], conserve: str, **options: Any
+) -> Any:
     """Integrate MODEL from its consistent initial state."""
     from hamel.progress import bar
 
     values = dict(_setting(text) for text in settings)
-    with bar(options["time"]) as progress:
+    tables = dict(_setting(text, "--input") for text in inputs)
+    with bar(options["time"] - options["start"]) as progress:
         return hamel.simulate(
-            model, values=values, progress=progress, conserve=_names(conserve), **options
+            model,
+            values=values,
+            inputs=tables or None,
+            progress=progress,
+            conserve=_names(conserve),
+            **options,
         )
 
 

@@ -14,6 +14,9 @@ from typing import Any
 
 import click
 
+import codegen
+import derive
+import hamel
 from derive.diagnostics import Diagnostic, HamelError, ToolchainError, one_line
 
 VERIFICATION = 4
@@ -109,10 +112,6 @@ def _as_json(problem: Diagnostic) -> dict[str, Any]:
 def _check_neighbours() -> None:
     """PyPI has other packages called `derive` and `codegen`; if one of them is found first nothing
     here can work."""
-    import codegen
-    import derive
-    import hamel
-
     home = os.path.dirname(os.path.dirname(os.path.abspath(hamel.__file__)))
     for package in (derive, codegen):
         found = os.path.dirname(os.path.dirname(os.path.abspath(package.__file__ or "")))

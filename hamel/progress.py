@@ -10,6 +10,9 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+from rich.console import Console
+from rich.progress import Progress
+
 PATIENCE = 1.0  # seconds before a bar is worth showing
 SLOW = 10.0  # seconds after which it can be told how long a motion takes …
 LONG = 600.0  # … and how many may be left before that is worth a word
@@ -54,8 +57,5 @@ def paced(
 
 
 def _start(stack: ExitStack, total: float, doing: str) -> tuple[Any, Any]:
-    from rich.console import Console
-    from rich.progress import Progress
-
     progress = stack.enter_context(Progress(console=Console(stderr=True), transient=True))
     return progress, progress.add_task(doing, total=total)

@@ -1,13 +1,17 @@
 """What the verbs return. The fields are the keys of `--json`; nothing here imports more than the
-standard library."""
+standard library and what errors are, but for the libraries that a method is named after."""
 
 from __future__ import annotations
 
+import html
+import importlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
+
+from derive.diagnostics import ToolchainError
 
 
 def as_json(record: Any) -> Any:
@@ -111,8 +115,8 @@ class Mutations:
 
 @dataclass(frozen=True)
 class Verified:
-    """The checks of every choice that was asked for; names start with the choice. `mutations` where
-    errors were planted."""
+    """The checks of every choice that was asked for; names start with the choice. `varied` are the
+    parameters that differed between the states, `mutations` is there where errors were planted."""
 
     model: str
     passed: bool
@@ -120,6 +124,7 @@ class Verified:
     refused: Mapping[str, str]  # choices of the file that cannot be built, and why
     states: int
     seed: int
+    varied: tuple[str, ...] = ()
     mutations: Mutations | None = None
 
 
@@ -360,6 +365,8 @@ class Simulated:
     # max |E − (E at 0) − ∫ power dt|, relative to the largest energy exchanged; E is T + V, or
     # T₂ − T₀ + V where T = T₂ + T₁ + T₀ has terms linear in the rates or free of them
     energy_balance: float
+    # estimate of the largest error of a coordinate or quasi-velocity at the end, in SI units
+    error: float | None
     crossings: (
         int  # singular positions on the way; two ways across each agreed within the tolerance
     )
@@ -369,7 +376,62 @@ class Simulated:
     final: Mapping[str, float]
     file: Path | None
     plot: Path | None
+    events: Mapping[str, Sequence[float]] = field(default_factory=dict)  # times by name
+    stopped_by: str | None = None  # the event that ended the motion
+    # the state (coordinates, quasi-velocities) at each of these times, a row each
+    at_events: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
     motion: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
+    automatic: bool = False  # the integrator was left to `auto`
+    units: Mapping[str, str] = field(repr=False, default_factory=dict, metadata={"json": False})
+    figure: Callable[[], str] | None = field(repr=False, default=None, metadata={"json": False})
+
+    def to_pandas(self) -> Any:
+        """The motion as a DataFrame over t, the units in `attrs`. Raises ToolchainError without
+        pandas."""
+        pandas = _library("to_pandas()", "pandas")
+        columns = dict(self.motion)
+        frame = pandas.DataFrame(columns, index=pandas.Index(columns.pop("t"), name="t"))
+        frame = frame[list(columns)]
+        frame.attrs |= {**self._about(), "units": {"t": "s", **self.units}}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """The motion as a Dataset over t, each variable with its unit. Raises ToolchainError
+        without xarray."""
+        xarray = _library("to_xarray()", "xarray")
+        columns = dict(self.motion)
+        t = ("t", columns.pop("t"), {"units": "s"})
+        variables = {
+            name: ("t", values, {"units": self.units.get(name, "")})
+            for name, values in columns.items()
+        }
+        return xarray.Dataset(variables, {"t": t}, self._about())
+
+    def _about(self) -> dict[str, str]:
+        names = ("model", "formulation", "choice", "enforcement", "integrator")
+        return {name: getattr(self, name) for name in names}
+
+    def _repr_html_(self) -> str:
+        """The plot, with one line about it, for notebooks."""
+        about = f"{self.model}, choice {self.choice}: {self.time:g} s, {self.integrator}"
+        steps = f"{self.steps} steps, energy balance {self.energy_balance:.2g}"
+        figure = self.figure() if self.figure else ""
+        return f"<div><p>{html.escape(about)}; {html.escape(steps)}</p>{figure}</div>"
+
+
+def _library(what: str, name: str) -> Any:
+    """An optional library. Raises ToolchainError where it is missing."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise wanting(what, name) from None
+
+
+def wanting(what: str, name: str) -> ToolchainError:
+    """The message about an optional library that is not installed."""
+    return ToolchainError(
+        f"{what} needs {name}, which is not installed", "pip install 'hamel[data]'"
+    )
 
 
 @dataclass(frozen=True)

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
 
 from derive.diagnostics import NAMES
 
 WIDE = 160
 
-if TYPE_CHECKING:
-    from rich.console import Console
+
+class Page(Console):
+    """A console that leaves a broken pipe to whoever started it."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError  # rich would end the process with a code of its own
 
 
 def page() -> Console:
     """Standard output for text that is printed as it is; without a terminal nothing is cut to the
     width of one."""
-    from rich.console import Console
-
-    class Page(Console):
-        def on_broken_pipe(self) -> None:
-            raise BrokenPipeError  # rich would end the process with a code of its own
-
     piped = not sys.stdout.isatty()
     return Page(
         markup=False, highlight=False, emoji=False, soft_wrap=piped, width=WIDE if piped else None
@@ -55,9 +57,6 @@ def table(
     right: Sequence[int] = (),
 ) -> None:
     """A plain table; the columns with an index in `right` are numbers."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
     made = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for index, heading in enumerate(headings):
         made.add_column(heading, justify="right" if index in right else "left", overflow="fold")

@@ -106,6 +106,7 @@ class Simulator:
     def layout(self) -> np.dtype:
         """The structure of a simulation, in long doubles."""
         kinds = {"int": "i", "long": "l", "double": np.longdouble}
+        kinds |= {f"{self.program.name}_{name}": np.uintp for name in ("inputs", "watch")}
         fields = [
             (name, kinds[kind], size or ()) for kind, name, size, _ in simulate.fields(self.program)
         ]

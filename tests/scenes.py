@@ -6,7 +6,7 @@ from pathlib import Path
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.model import load
+from derive.model import load, load_text
 from derive.model.records import Model
 from derive.states import system
 
@@ -40,6 +40,11 @@ def derived(
 ) -> Equations:
     """Equations that several tests look at, derived once."""
     return equations(mechanics(name), choice, formulation)
+
+
+def equations_of_text(text: str) -> Equations:
+    """Of a model that stands in a test."""
+    return equations(system(load_text(text)), None, "quasi_velocities")
 
 
 def is_tree(model: Model) -> bool:

@@ -1,5 +1,5 @@
-"""What the README says of extending hamel: a toy joint, load, constraint, formulation, enforcement,
-integrator and target, each one file and one line, work through the front door of a copy of the
+"""What the README says of extending hamel: a toy joint, closure, load, constraint, formulation,
+enforcement, integrator and target, each one file and one line, work through the front door of a copy of the
 packages."""
 
 import json
@@ -15,7 +15,7 @@ HOME = Path(__file__).parent.parent
 
 RAIL = '''"""A rail whose rack moves twice as far as its pinion says."""
 
-from derive.joints.records import JointType, Slot
+from derive.joints.records import LOCKED, JointType, Slot
 
 RAIL = JointType(
     name="rail",
@@ -27,7 +27,21 @@ RAIL = JointType(
     translation=lambda q, axis: [2 * q[0] * a for a in axis],
     motion=lambda q, axis: [[0.0, 0.0, 0.0, *(2 * a for a in axis)]],
     rates=lambda q, v, axis: [v[0]],
+    closing=lambda plane: ("shift1", "shift2", *LOCKED),
 )
+'''
+
+RAIL_CLOSING = '''"""Rails that close a loop."""
+
+from derive.mechanics.closures.parts import LOCKED, right_angles, shifts
+from derive.mechanics.closures.records import Closing
+
+
+def rail(scene, closure):
+    return [shifts(scene, closure, (0, 1)), right_angles(scene, closure, LOCKED)]
+
+
+RAIL = Closing("rail", rail)
 '''
 
 MAGNET = '''"""A magnet that pulls a joint back with the cube of its coordinate."""
@@ -170,6 +184,7 @@ FORMULATION = replace(udwadia_kalaba.FORMULATION, name="shaken", build=equations
 # file → its text, and the line of the table that names it: (file, before, import, entry)
 TOYS = {
     "derive/joints/rail.py": RAIL,
+    "derive/mechanics/closures/rail.py": RAIL_CLOSING,
     "derive/model/loads/magnet.py": MAGNET,
     "derive/mechanics/loads/magnet.py": MAGNET_LAW,
     "derive/model/constraints/pinned.py": PINNED,
@@ -180,6 +195,11 @@ TOYS = {
 }
 LINES = {
     "derive/joints/__init__.py": ("JOINTS = (", "from derive.joints.rail import RAIL", "RAIL"),
+    "derive/mechanics/closures/__init__.py": (
+        "CLOSINGS = (",
+        "from derive.mechanics.closures.rail import RAIL",
+        "RAIL",
+    ),
     "derive/model/loads/__init__.py": (
         "LOADS: tuple[Kind[Load | None], ...] = (",
         "from derive.model.loads.magnet import MAGNET",
@@ -233,6 +253,14 @@ joints: {s: {type: rail, parent: ground, child: a, axis: x}}
 loads: {m: {type: magnet, joint: s, strength: 8 N/m^3}}
 initial: {s: 1 m}
 """
+# a loop of a free body and a slanted rail: it slides down with g sin 30°
+SLIDING = """model: sliding
+gravity: [0, 0, -9.81 m/s^2]
+bodies: {a: {mass: 2 kg, inertia: 1}}
+joints: {f: {type: free, parent: ground, child: a}}
+closures: {c: {type: rail, between: [ground, a], at: [[0, 0, 0], [0, 0, 0]], axis: [cos(30 deg), 0, -sin(30 deg)]}}
+initial: {guess: {f_qw: 1}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -260,6 +288,7 @@ def extended(tmp_path_factory) -> Path:
         (place / file).write_text(f"{head}{opening}{entry}, {tail}")
     (place / "cart.yaml").write_text(CART)
     (place / "pulled.yaml").write_text(PULLED)
+    (place / "sliding.yaml").write_text(SLIDING)
     return place
 
 
@@ -304,6 +333,13 @@ DERIVED_AGAIN = {
     ),
 """,
     ),
+    "hamel/verify/reference/closures.py": (
+        '    "screw": _screw,',
+        """    "rail": _positions(
+        lambda loop: _across(loop, (0, 1)), lambda loop: _square(loop, NO_TURN)
+    ),
+""",
+    ),
     "hamel/verify/reference/loads.py": (
         "        case JointSpring():",
         """        case Magnet():
@@ -344,6 +380,14 @@ def test_a_joint_load_and_enforcement_are_simulated(known: Path) -> None:
     held = run(known, "simulate", "cart.yaml", "--time", "0.1", *options)
     assert held.returncode == 0, held.stderr + held.stdout
     assert json.loads(held.stdout)["enforcement"] == "careless"
+
+
+def test_a_closure_is_simulated(known: Path) -> None:
+    """x = g sin 30° cos 30° t²/2 after a second from rest, a row of the loop by the name its joint
+    gives it."""
+    moved = run(known, "simulate", "sliding.yaml", "--time", "1")
+    assert moved.returncode == 0, moved.stderr + moved.stdout
+    assert abs(json.loads(moved.stdout)["final"]["f_x"] - 9.81 * 3**0.5 / 8) < 1e-8
 
 
 def test_what_the_reference_does_not_know_is_refused_with_a_sentence(extended: Path) -> None:

@@ -15,7 +15,7 @@ import pytest
 from derive.diagnostics import HamelError, ModelError
 from derive.formulations import equations
 from derive.model import load_text
-from derive.robots import imported
+from derive.robots.reading import imported
 from derive.states import system
 from derive.states.initial import initial_state
 from hamel.cli import main

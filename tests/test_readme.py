@@ -40,10 +40,13 @@ def test_the_control_loop_reaches_its_heading(sled, monkeypatch):
     monkeypatch.syspath_prepend(sled / "generated")
     names: dict = {}
     exec(blocks("python")[0], names)
-    x = dict(zip(names["sled"].states, names["x"]))
-    assert tuple(x) == ("x", "y", "heading", "speed", "spin")
-    assert x["heading"] == pytest.approx(1.0, abs=1e-3)
-    assert x["speed"] == pytest.approx(1.5 / 2, rel=1e-2)  # push against snow
+    motions = names["motions"]
+    assert names["sled"].states == ("x", "y", "heading", "speed", "spin")
+    assert motions.x.shape == (16, 2, 5) and not motions.status.any()
+    heading, speed, _ = motions.x[:, -1, 2:].T
+    assert heading == pytest.approx(1.0, abs=1e-3)
+    assert speed == pytest.approx(1.5 / 2, rel=1e-2)  # push against snow
+    assert motions.u[:, -1, 0] == pytest.approx(1.5)
 
 
 def test_the_mistake_is_answered_as_shown(sled, monkeypatch, tmp_path, capsys):

@@ -3,6 +3,7 @@ time, parameters."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -171,4 +172,32 @@ def circle() -> Equations:
         (),
         ("b",),
         (2.0,),
+    )
+
+
+def turning(value: ca.SX, x: ca.SX) -> Equations:
+    """One function of one argument, called dynamics so that it has a batch too."""
+    labels = tuple(f"y{i}" for i in range(value.numel()))
+    function = Function(
+        "dynamics", "sine and cosine", Result("y", value, labels, ("",) * len(labels))
+    )
+    names = tuple(f"x{i}" for i in range(x.numel()))
+    arguments = tuple(
+        Argument(
+            name,
+            x if name == "x" else ca.SX(0, 1),
+            names if name == "x" else (),
+            ("rad",) * len(names) if name == "x" else (),
+        )
+        for name in "xup"
+    )
+    system: Any = SimpleNamespace(
+        model=SimpleNamespace(name="turn", description="", fixed=()),
+        constants=(),
+        quaternions=(),
+        phi=ca.SX(0, 1),
+    )
+    time = Argument("t", ca.SX.sym("t"), ("t",), ("s",))
+    return replace(
+        toy(), system=system, arguments=(time, *arguments), functions=(function,), parameters=()
     )

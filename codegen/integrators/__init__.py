@@ -5,10 +5,19 @@ from codegen.integrators.dop853 import DOP853
 from codegen.integrators.dopri5 import DOPRI5
 from codegen.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
 from codegen.integrators.radau import RADAU
-from codegen.integrators.records import Collocation, Integrator, Midpoint, Rosenbrock, Tableau
+from codegen.integrators.records import (
+    Collocation,
+    Dense,
+    Integrator,
+    Midpoint,
+    Rosenbrock,
+    Tableau,
+    Taylor,
+)
 from codegen.integrators.rk4 import RK4
 from codegen.integrators.rkf45 import RKF45
 from codegen.integrators.rosenbrock import ROSENBROCK
+from codegen.integrators.taylor import TAYLOR
 from codegen.integrators.verner9 import VERNER9
 
 INTEGRATORS: tuple[Integrator, ...] = (
@@ -20,6 +29,23 @@ INTEGRATORS: tuple[Integrator, ...] = (
     RADAU,
     ROSENBROCK,
     IMPLICIT_MIDPOINT,
+    TAYLOR,
 )
 
-__all__ = ["INTEGRATORS", "Collocation", "Integrator", "Midpoint", "Rosenbrock", "Tableau"]
+AUTO = "auto"  # the word that leaves the choice to the tolerance and the number of motions
+AUTOMATIC = ("dop853", "verner9", "taylor")  # what it chooses from, where they fit the program
+TIGHT = 1e-7  # rtol; from it on the pair of order 9 takes less time than that of order 8
+
+__all__ = [
+    "AUTO",
+    "AUTOMATIC",
+    "INTEGRATORS",
+    "TIGHT",
+    "Collocation",
+    "Dense",
+    "Integrator",
+    "Midpoint",
+    "Rosenbrock",
+    "Tableau",
+    "Taylor",
+]

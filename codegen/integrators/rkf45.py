@@ -3,7 +3,7 @@
 
 from fractions import Fraction
 
-from codegen.integrators.records import Tableau, row
+from codegen.integrators.records import Dense, Tableau, row
 
 RKF45 = Tableau(
     name="rkf45",
@@ -23,4 +23,15 @@ RKF45 = Tableau(
     ),
     errors=(row("1/360 0 -128/4275 -2197/75240 1/50 2/55 0"),),
     damping=Fraction(0),
+    dense=Dense(
+        order=4,
+        c=(),
+        a=(),
+        powers=(
+            row("1 0 0 0 0 0 0"),
+            row("-71/30 0 1664/475 -15379/3135 54/25 6/55 3/2"),
+            row("298/135 0 -3328/675 17576/1485 -126/25 -4/55 -4"),
+            row("-13/18 0 1664/855 -2197/342 27/10 0 5/2"),
+        ),
+    ),
 )

@@ -4,6 +4,7 @@ errors grow on the way."""
 from fractions import Fraction
 
 from codegen.integrators.records import Tableau, less, row
+from codegen.integrators.verner9_dense import VERNER9_DENSE
 
 _STEP = row(
     """
@@ -158,4 +159,5 @@ VERNER9 = Tableau(
     ),
     damping=Fraction(2, 100),
     safety=Fraction(8, 10),
+    dense=VERNER9_DENSE,
 )

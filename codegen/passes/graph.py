@@ -176,7 +176,9 @@ class Graph:
                 return ZERO
             inside = [(node, exponent) for node, exponent in merged.items() if exponent != 0]
             return self._scaled_product(scale, sorted(inside))
-        return self.product([((1.0, self._held(part)), exponent) for part, exponent in factors])
+        return self.product(
+            [((1.0, self._scaled_node(part)), exponent) for part, exponent in factors]
+        )
 
     def bounded(self, reference: Reference) -> Reference:
         """The reference with a factor that is far from overflow: factors that grow or shrink along
@@ -184,9 +186,9 @@ class Graph:
         factor, node = reference
         if node == ONE or factor == 0.0 or 1.0 / MODEST <= abs(factor) <= MODEST:
             return reference
-        return (math.copysign(1.0, factor), self._held((abs(factor), node)))
+        return (math.copysign(1.0, factor), self._scaled_node((abs(factor), node)))
 
-    def _held(self, reference: Reference) -> int:
+    def _scaled_node(self, reference: Reference) -> int:
         """A node that is factor · node, the factor inside of it."""
         factor, node = reference
         return node if factor == 1.0 else self._sum_node(((node, factor),), 1.0)
@@ -389,7 +391,7 @@ def _leading(terms: list[tuple[int, float]]) -> float:
     return terms[0][1] if terms[0][0] != ONE else terms[1][1]
 
 
-def power(factor: float, exponent: int) -> float:
+def power(factor: float, exponent: float) -> float:
     """factor^exponent, infinite where Python has an exception."""
     if factor == 0.0 and exponent < 0:
         return math.copysign(math.inf, factor) if exponent % 2 else math.inf
@@ -415,14 +417,17 @@ def _evaluate(function: str, values: Sequence[float]) -> float | None:
         return None
 
 
-_LOGIC: dict[str, Callable[..., float]] = {
+_OF_ONE: dict[str, Callable[[float], float]] = {
     "sign": lambda a: (a > 0) - (a < 0),
+    "not": lambda a: not a,
+}
+_OF_TWO: dict[str, Callable[[float, float], float]] = {
     "lt": lambda a, b: a < b,
     "le": lambda a, b: a <= b,
     "eq": lambda a, b: a == b,
     "ne": lambda a, b: a != b,
     "and": lambda a, b: bool(a and b),
     "or": lambda a, b: bool(a or b),
-    "not": lambda a: not a,
     "where": lambda a, b: b if a else 0.0,
 }
+_LOGIC: dict[str, Callable[..., float]] = {**_OF_ONE, **_OF_TWO}

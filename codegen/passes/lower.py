@@ -46,9 +46,9 @@ class Code:
     """Operations in an order that computes operands first, and by operation those it works on.
     Inputs and repeated operations occur once."""
 
-    operations: list[Operation] = field(default_factory=list)
-    inner: list[tuple[int, ...]] = field(default_factory=list)
-    _places: dict[tuple[object, ...], int] = field(default_factory=dict)
+    operations: list[Operation] = field(default_factory=list[Operation])
+    inner: list[tuple[int, ...]] = field(default_factory=list[tuple[int, ...]])
+    _places: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
 
     def input(self, argument: str, entry: int) -> int:
         """The index of the operation that is an entry of an argument."""

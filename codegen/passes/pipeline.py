@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
-from codegen.integrators import INTEGRATORS
+from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
 from codegen.passes import hoist as parameters
 from codegen.passes.balance import balance
 from codegen.passes.factor import factor
@@ -23,6 +23,7 @@ from codegen.passes.plain import plain
 from codegen.passes.schedule import schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
+from codegen.passes.taylor import SERIES, check_series, series_refusal
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
@@ -32,6 +33,7 @@ from codegen.program import (
     Argument,
     Chart,
     Entry,
+    Event,
     Hoisted,
     Kernel,
     Loop,
@@ -77,17 +79,18 @@ def program(
     they need are added.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
-    chosen = _chosen(equations, functions)
+    chosen = _selection(equations, functions)
+    named, integrators = integrators, _spelled_out(integrators)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
         enforcements = _usual(chosen) if enforcements is None else enforcements
         watched = _watched(equations)
         further = (*_needs(integrators), *_needs_of_enforcements(equations, enforcements), *watched)
-        chosen = _chosen(equations, [*(function.name for function in chosen), *further])
+        chosen = _selection(equations, [*(function.name for function in chosen), *further])
         _check_size([function for function in chosen if function.name in further])
     charts = (equations, *equations.charts)
     if len(charts) > 1:
-        chosen = _chosen(
+        chosen = _selection(
             equations, [*(function.name for function in chosen), *_for_charts(equations)]
         )
     emitted = [(equations, function) for function in chosen]
@@ -96,14 +99,15 @@ def program(
         for number, chart in enumerate(charts[1:], 1)
         for f in _in_chart(equations, chosen, chart, number)
     ]
-    kernels, ledger = [], []
+    kernels: list[Kernel] = []
+    ledger: list[Entry] = []
     turning = _Turning(len(arguments[1].names) - len(equations.w) if simulates else 0)
     for source, function in emitted:
         kernel, entries = _kernel(source, function, turning)
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
-    return Program(
+    made = Program(
         name=identifier(model.name),
         description=model.description,
         formulation=equations.formulation,
@@ -124,10 +128,22 @@ def program(
         enforcements=tuple(enforcements or ()) if simulates else (),
         turning=turning.found,
         frame=len(equations.frame.labels) if equations.frame and simulates else 0,
+        events=_events(equations) if simulates else (),
         charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts))
         if len(charts) > 1
         else (),
     )
+    if SERIES in named and made.integrators:
+        check_series(made)
+    elif SERIES in made.integrators and series_refusal(made):
+        return replace(made, integrators=tuple(x for x in made.integrators if x != SERIES))
+    return made
+
+
+def _spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
+    """With what `auto` stands for."""
+    names = [name for word in integrators for name in (AUTOMATIC if word == AUTO else (word,))]
+    return tuple(dict.fromkeys(names))
 
 
 @dataclass
@@ -136,8 +152,8 @@ class _Turning:
     their turns there."""
 
     count: int
-    round: set[int] = field(default_factory=set)
-    seen: set[int] = field(default_factory=set)
+    round: set[int] = field(default_factory=set[int])
+    seen: set[int] = field(default_factory=set[int])
 
     def look(self, function: Function, tape: Tape) -> None:
         """At the result and the guards: a residual only says when an iteration may stop."""
@@ -157,12 +173,20 @@ class _Turning:
         return tuple(sorted(self.round - self.seen))
 
 
+def _events(equations: Equations) -> tuple[Event, ...]:
+    """What the entries of the function `events` are, where there is one."""
+    if not any(function.name == "events" for function in equations.functions):
+        return ()
+    return tuple(Event(x.name, x.direction, x.stop) for x in equations.system.model.events)
+
+
 def _watched(equations: Equations) -> list[str]:
     """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
-    then."""
+    then; and events."""
     known = [request.name for request in equations.requests]
     guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
-    return [x for x in ("guards", "constraint_rows") if guarded and x in known]
+    events = [function.name for function in equations.functions if function.name == "events"]
+    return [x for x in ("guards", "constraint_rows") if guarded and x in known] + events
 
 
 def _names_of(equations: Equations) -> list[str]:
@@ -191,7 +215,7 @@ def _in_chart(
     }
     wanted = dict.fromkeys([*(function.name for function in chosen), *_for_charts(chart)])
     varying = {function.name for function in chosen if differs(first, function)}
-    own = _chosen(chart, [name for name in wanted if name in known])
+    own = _selection(chart, [name for name in wanted if name in known])
     where = f"; chart {number}, {chart.choice}"
     return [
         replace(function, name=f"{function.name}{_suffix(number)}", about=function.about + where)
@@ -237,7 +261,7 @@ def _usual(chosen: Sequence[Function]) -> tuple[str, ...]:
     )
 
 
-def _chosen(equations: Equations, names: Sequence[str] | None) -> list[Function]:
+def _selection(equations: Equations, names: Sequence[str] | None) -> list[Function]:
     """The functions asked for; those with an empty result have no code."""
     default = {function.name: function for function in equations.functions}
     requests = {request.name: request for request in equations.requests}
@@ -260,7 +284,7 @@ def _arguments(
     slots: Sequence[records.Argument], parameters: tuple[float, ...]
 ) -> tuple[Argument, ...]:
     names = Names()
-    found = []
+    found: list[Argument] = []
     for slot in slots:
         local = tuple(
             names(identifier(label)) if slot.name != "t" else "t" for label in slot.labels
@@ -331,7 +355,7 @@ class _Candidate:
 
 
 def _candidate(lowered: Lowered, marks: tuple[Mark, ...]) -> _Candidate:
-    operations = needed(lowered)
+    operations = used_operations(lowered)
     return _Candidate(
         lowered,
         marks,
@@ -345,7 +369,7 @@ def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entr
     not regain."""
     best = _candidate(*plain(tape, loose))
     entries = [Entry(name, "number", tape.count(), best.total)]
-    for step, found in _tried(trace(tape), loose, best.total):
+    for step, found in _variants(trace(tape), loose, best.total):
         entries.append(Entry(name, step, entries[-1].after, found.total))
         best = min(found, best, key=lambda candidate: (candidate.total, candidate.signs))
     entries.append(Entry(name, "choose", entries[-1].after, best.total))
@@ -369,7 +393,7 @@ def _named(candidate: _Candidate) -> set[int]:
     return {operand for operand in found if isinstance(operand, int)}
 
 
-def _tried(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:
+def _variants(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:
     """The folded graph, then what each pass makes of it, for as long as a round helps."""
     if operations > LARGE:
         work = factor(work)
@@ -484,12 +508,12 @@ def _written(
         loop=loop,
         watched=watched.entries,
         results=watched.outputs,
-        operations=count(needed(lowered)),
+        operations=count(used_operations(lowered)),
         pattern=function.result.pattern and Pattern(**vars(function.result.pattern)),
     )
 
 
-def needed(lowered: Lowered) -> list[Operation]:
+def used_operations(lowered: Lowered) -> list[Operation]:
     """The operations that the roots need."""
     operations = lowered.code.operations
     return [operations[i] for i in lowered.wanted]

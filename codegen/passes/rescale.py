@@ -96,10 +96,12 @@ class _Near:
     with the only term of each, or −1.
     """
 
-    steady: dict[tuple[int, float], int] = field(default_factory=dict)
+    steady: dict[tuple[int, float], int] = field(default_factory=dict[tuple[int, float], int])
     inside: int = 0
-    sums: list[tuple[float, dict[float, int]]] = field(default_factory=list)
-    products: list[int] = field(default_factory=list)
+    sums: list[tuple[float, dict[float, int]]] = field(
+        default_factory=list[tuple[float, dict[float, int]]]
+    )
+    products: list[int] = field(default_factory=list[int])
 
 
 class Balance:
@@ -197,7 +199,7 @@ class Balance:
     # ---- the multiplications of one node
 
     def _renew(self, node: int) -> None:
-        multiples, own = self._wanted(node, self.scales[node]), 0
+        multiples, own = self._multiples(node, self.scales[node]), 0
         if node in self.sizes:
             groups = _groups(self.structure.terms[node], self.sizes[node])
             multiples += [(only, size) for size, only in groups.items() if only >= 0]
@@ -214,7 +216,7 @@ class Balance:
         own, scales = self.scales[node], self.scales
         return [ratio(own * factor, scales[other]) for other, factor in self.structure.terms[node]]
 
-    def _wanted(self, node: int, scale: float) -> list[tuple[int, float]]:
+    def _multiples(self, node: int, scale: float) -> list[tuple[int, float]]:
         """Multiples of the node for those who want certain ones."""
         wants = self.structure.wants.get(node)
         if not wants:
@@ -254,7 +256,7 @@ class Balance:
         near = _Near()
         scales, structure, steady = self.scales, self.structure, near.steady
         for user in users:
-            multiples = self._wanted(user, scales[user])
+            multiples = self._multiples(user, scales[user])
             if user in self.sizes:
                 place = structure.places[user][node]
                 terms, sizes = structure.terms[user], self.sizes[user]
@@ -276,7 +278,7 @@ class Balance:
         Multiples of the node are needed near it alone. Where a term of a sum has the size of
         another, the two are added first: the multiple of the other may fall away.
         """
-        sizes = {size for _, size in self._wanted(node, scale)}
+        sizes = {size for _, size in self._multiples(node, scale)}
         gone: dict[tuple[int, float], int] = {}
         for wanted, groups in near.sums:
             size = ratio(wanted, scale)
@@ -403,7 +405,7 @@ def _crowded(votes: list[float], least: int) -> list[tuple[float, float]]:
     if len(votes) <= least:
         return []
     votes = sorted([vote for vote in votes if vote < math.inf])
-    crowded = []
+    crowded: list[int] = []
     first = count = 0
     for place, vote in enumerate(votes):
         if count and vote <= votes[place - 1] * NEAR_SCALE:

@@ -32,7 +32,7 @@ def schedule(
     what belongs to no mark."""
     roots = [root for root in lowered.roots if isinstance(root, int)]
     wanted = set(lowered.wanted)
-    groups = []
+    groups: list[tuple[str, list[int]]] = []
     done = {i for i in wanted if lowered.code.operations[i].name == "input"}
     for heading, starts in [
         (TURNS, _turns(lowered.code, wanted)),
@@ -50,7 +50,7 @@ def schedule(
 def _headings(
     lowered: Lowered, marks: Sequence[Mark], wanted: set[int]
 ) -> list[tuple[str, list[int]]]:
-    headings = []
+    headings: list[tuple[str, list[int]]] = []
     for mark in marks:
         starts = [
             lowered.places[node][0] for _, (_, node) in mark.entries if node in lowered.places
@@ -122,7 +122,7 @@ def _turns(code: Code, wanted: set[int]) -> list[int]:
     """Sines and cosines of angles that need no others: they stand at the beginning and are computed
     side by side."""
     later: set[int] = set()  # what depends on a sine or cosine
-    found = []
+    found: list[int] = []
     for i in sorted(wanted):
         depends = any(operand in later for operand in code.inner[i])
         if _is_turn(code, i) and not depends:
@@ -160,9 +160,9 @@ def _write(
 ) -> Scheduled:
     loads = _loads(lowered, wanted, inputs)
     expressions: dict[int, Expression] = {i: load.name for i, load in loads.items()}
-    sections = []
+    sections: list[Section] = []
     for heading, group in groups:
-        statements = []
+        statements: list[Statement] = []
         for i in group:
             value = _expression(lowered.code.operations[i], expressions)
             expressions[i] = (

@@ -25,11 +25,11 @@ class Part:
     numbered."""
 
     loads: tuple[Load, ...] = ()
-    taken: list[Slot] = field(default_factory=list)
+    taken: list[Slot] = field(default_factory=list[Slot])
     sections: tuple[Section, ...] = ()
-    outputs: list[tuple[int, Expression]] = field(default_factory=list)
-    guards: list[Pivot] = field(default_factory=list)
-    kept: list[Slot] = field(default_factory=list)
+    outputs: list[tuple[int, Expression]] = field(default_factory=list[tuple[int, Expression]])
+    guards: list[Pivot] = field(default_factory=list[Pivot])
+    kept: list[Slot] = field(default_factory=list[Slot])
     residual: Expression | None = None
 
 

@@ -88,7 +88,8 @@ def _linear(code: int, given: Sequence[Shift], constants: Sequence[float | None]
             return _sum({}, first, constants[1])
         case ca.OP_DIV if constants[1]:
             return _sum({}, first, 1.0 / constants[1])
-    return None
+        case _:
+            return None
 
 
 def _sum(one: Mapping[int, float], other: Mapping[int, float], times: float) -> Shift:

@@ -11,6 +11,7 @@ from codegen.targets.numpy import NUMPY
 from codegen.targets.package import PACKAGE
 from codegen.targets.records import Target
 from codegen.targets.simulate import SIMULATE
+from codegen.targets.taylor import TAYLOR
 
 TARGETS: tuple[Target, ...] = (
     C,
@@ -18,6 +19,7 @@ TARGETS: tuple[Target, ...] = (
     NULLSPACE,
     EXTENSION,
     SIMULATE,
+    TAYLOR,
     NUMPY,
     PACKAGE,
     EXAMPLE,

@@ -156,10 +156,13 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
 def _piece(
     program: Program, kernel: Kernel, part: Part, style: _Style, lines: Callable[..., Iterator[str]]
 ) -> Piece:
-    uses = {load.argument for load in part.loads} | ({"work"} if part.taken or part.kept else set())
-    uses |= ({"out"} if part.outputs else set()) | (
-        set() if part.residual is None else {"residual"}
-    )
+    uses = {load.argument for load in part.loads}
+    if part.taken or part.kept:
+        uses.add("work")
+    if part.outputs:
+        uses.add("out")
+    if part.residual is not None:
+        uses.add("residual")
     given = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
     return Piece(
         lines=tuple(lines(program, kernel, part, style)),
@@ -182,7 +185,7 @@ def _far(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterato
         yield from step.lines
     yield ""
     yield from (_output(kernel, i, style) for i, _ in part.outputs)
-    yield from (_kept(name, slot, style) for name, slot in part.kept)
+    yield from (_store_line(name, slot, style) for name, slot in part.kept)
 
 
 def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterator[str]:
@@ -226,14 +229,14 @@ def _loads(part: Part, style: _Style) -> dict[str, str]:
 
 def _stores(kernel: Kernel, part: Part, style: _Style) -> dict[str, list[str]]:
     """The lines that store a local: into the workspace, as a result."""
-    lines = {name: [_kept(name, slot, style)] for name, slot in part.kept}
+    lines = {name: [_store_line(name, slot, style)] for name, slot in part.kept}
     for i, value in part.outputs:
         if isinstance(value, str):
             lines.setdefault(value, []).append(_output(kernel, i, style))
     return lines
 
 
-def _kept(name: str, slot: int, style: _Style) -> str:
+def _store_line(name: str, slot: int, style: _Style) -> str:
     return f"{style.entry.format('work', slot)} = {name};"
 
 
@@ -266,7 +269,7 @@ def _angles(section: Section) -> dict[Expression, dict[str, str]]:
 
 def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step]:
     """At the first of a sine and cosine the a step for both."""
-    steps = {}
+    steps: dict[str, _Step] = {}
     for angle, found in _angles(section).items():
         first = next(iter(found.values()))
         sin, cos = (found.get(name) or _fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
@@ -284,7 +287,7 @@ def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step
         if section.title == TURNS
         else [[item] for item in angles]
     )
-    steps = {}
+    steps: dict[str, _Step] = {}
     for group in groups:
         last = [
             s.name

@@ -3,6 +3,8 @@ another, in C and Python."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from codegen import text
 from codegen.passes.names import Names, identifier
 from codegen.program import Program
@@ -15,7 +17,7 @@ def files(program: Program) -> dict[str, str]:
     if not program.charts:
         return {}
     free = Names(())
-    data = {
+    data: dict[str, Any] = {
         "program": program,
         "prefix": program.name,
         "PREFIX": program.name.upper(),

@@ -3,6 +3,8 @@ generated C, to copy from."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from codegen import compiler, text
 from codegen.passes.split import is_long
 from codegen.program import Program
@@ -25,7 +27,7 @@ def files(program: Program) -> dict[str, str]:
         *names_of_rows,
         *(f"{program.name}_{kernel.name}" for kernel in program.kernels if is_long(kernel)),
     ]
-    data = {
+    data: dict[str, Any] = {
         "file": compiler.example(program.name),
         "sources": sources,
         "program": program,

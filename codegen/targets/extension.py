@@ -3,6 +3,8 @@ many."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from codegen import text
 from codegen.passes.lanes import is_batched
 from codegen.program import Program
@@ -12,7 +14,7 @@ from codegen.targets.records import Target
 def files(program: Program) -> dict[str, str]:
     """NAME_module.c."""
     batched = [kernel.name for kernel in program.kernels if is_batched(kernel)]
-    data = {
+    data: dict[str, Any] = {
         "batched": batched,
         "program": program,
         "prefix": program.name,

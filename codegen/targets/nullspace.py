@@ -3,6 +3,8 @@ for quasi-velocities, in C and Python."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from codegen import text
 from codegen.program import Kernel, Program
 from codegen.targets.records import Target
@@ -18,7 +20,7 @@ def files(program: Program) -> dict[str, str]:
     if kernel is None or kernel.pattern is None:
         return {}
     pattern = kernel.pattern
-    data = {
+    data: dict[str, Any] = {
         "program": program,
         "prefix": program.name,
         "PREFIX": program.name.upper(),

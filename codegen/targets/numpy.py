@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from codegen import text
 from codegen.passes.lanes import is_batched
@@ -34,7 +35,11 @@ class Body:
 
 def files(program: Program) -> dict[str, str]:
     """_numpy.py, _library.py (the C library through ctypes) and what they share."""
-    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
+    data: dict[str, Any] = {
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+    }
     language = text.numpy(program.real)
     bodies = [_body(kernel, language) for kernel in program.kernels]
     erf = any(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from codegen import compiler, text
 from codegen.program import Program
@@ -11,7 +12,11 @@ from codegen.targets.records import Target
 
 def files(program: Program) -> dict[str, str]:
     """__init__.py, __init__.pyi, py.typed, build.py and LICENSE.txt."""
-    data = {"program": program, "prefix": program.name, "PREFIX": program.name.upper()}
+    data: dict[str, Any] = {
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+    }
     return {
         "__init__.py": text.render("init.py.j2", **data),
         "__init__.pyi": text.render("init.pyi.j2", **data),

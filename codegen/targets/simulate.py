@@ -13,13 +13,18 @@ from typing import Any
 from codegen import text
 from codegen.integrators import (
     INTEGRATORS,
+    TIGHT,
     Collocation,
+    Dense,
     Integrator,
     Midpoint,
     Rosenbrock,
     Tableau,
+    Taylor,
 )
+from codegen.integrators.records import centred, collocated
 from codegen.passes.lanes import side_by_side
+from codegen.passes.taylor import HIGHEST, faster_from, in_pieces
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
@@ -42,13 +47,24 @@ ENTRIES = (
     ("double", "next_step", "size of the next step"),
     ("double", "error", "of the last step, for the step control; negative where it must not grow"),
 )
-# More of it where the module has several charts.
+# More of it where there are inputs.
+OF_INPUTS = (
+    ("int", "stale", "1 where u is another than in the call before: the slope is computed again"),
+    ("{name}_inputs", "inputs", "what changes u on the way, NULL where nothing does"),
+)
+OF_EVENTS = (("{name}_watch", "events", "what is looked for on the way, NULL where nothing is"),)
+# Where the module has several charts.
 OF_CHARTS = (
     ("int", "choice", "the chart that the state is in, by number"),
     ("long", "switches", "changes of the chart"),
 )
 # And where it has a frame.
 OF_FRAMES = (("long", "bases", "how often the frame was based anew"),)
+# And where it goes along Taylor series.
+OF_SERIES = (
+    ("int", "series_order", "order of the series that the last step went along"),
+    ("int", "expanded", "is that the series from the state on?"),
+)
 # The smallest pivot of A, rows of length one, from which a stop is the choice's own: farther from a
 # loss of rank than a motion stops before one.
 INDEPENDENT = 0.02
@@ -56,12 +72,18 @@ NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
-RECORD = FOLDER / "simulation.py"
+SHARED = (
+    "simulation",
+    "inputs",
+    "events",
+    "error",
+)  # Python files that are the same in every folder
 KINDS: dict[type, str] = {
     Tableau: "explicit",
     Rosenbrock: "rosenbrock",
     Collocation: "collocation",
     Midpoint: "midpoint",
+    Taylor: "taylor",
 }
 MANIFOLDS = ("invariants", "invariants_euclidean")  # enforcements by invariants
 
@@ -99,7 +121,7 @@ def files(program: Program) -> dict[str, str]:
         f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
         f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
         "_simulate.py": text.render("simulate.py.j2", tableaux=_tableaux(data["chosen"]), **data),
-        "_simulation.py": RECORD.read_text("utf-8"),
+        **{f"_{name}.py": (FOLDER / f"{name}.py").read_text("utf-8") for name in SHARED},
         **{path.name: recast(path.read_text("utf-8"), program.real) for path in RUNTIME},
     }
 
@@ -136,6 +158,9 @@ def _data(program: Program) -> dict[str, Any]:
         "tabled": tabled,
         "calls": _calls(program, sizes, tabled, has["constants"]),
         "enforcements": _numbered(program.enforcements),
+        "faster_from": faster_from(program) if _highest(chosen) else 0.0,
+        "tight": TIGHT,
+        "staged": [name for name in program.enforcements if name in CHARTS],
         "rows": rows,
         "lanes": side_by_side(program),
         "nq": nq,
@@ -177,6 +202,7 @@ def _flags(
     explicit = [len(x.c) - 1 for x in chosen if isinstance(x, Tableau)]
     rosenbrock = [len(x.alpha) for x in chosen if isinstance(x, Rosenbrock)]
     return {
+        "HAS_INPUTS": int(bool(program.argument("u").names)),
         "HAS_POWER": int(has["power"]),
         "HAS_CONSTANTS": int(has["constants"]),
         "HAS_PROJECT": int(has["project"]),
@@ -194,11 +220,27 @@ def _flags(
         "EXPLICIT_STAGES": max(explicit, default=0),
         "ROSENBROCK_STAGES": max(rosenbrock, default=0),
         "COLLOCATION_STAGES": _stages(chosen),
+        "HIGHEST_ORDER": _highest(chosen),
+        "SERIES_IN_PIECES": int(bool(_highest(chosen)) and in_pieces(program)),
+        "EVENTS": len(program.events),
+        "DENSE_DEGREE": max(
+            3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))
+        ),
+        "DENSE_STAGES": max(0, 0, *(len(dense.c) for dense in _dense(chosen))),
     }
+
+
+def _dense(chosen: Sequence[Integrator]) -> list[Dense]:
+    return [x.dense for x in chosen if isinstance(x, Tableau) and x.dense]
 
 
 def _stages(chosen: Sequence[Integrator]) -> int:
     return max((len(x.c) for x in chosen if isinstance(x, Collocation)), default=0)
+
+
+def _highest(chosen: Sequence[Integrator]) -> int:
+    """Order of the Taylor series that are kept."""
+    return HIGHEST if any(isinstance(x, Taylor) for x in chosen) else 0
 
 
 def _calls(
@@ -268,17 +310,25 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
             ("collocated_h", 0, "its size"),
             ("collocated", (stages + 1) * nx, "its state at the start, then at its stages"),
         ]
+    if highest := _highest(chosen):
+        blocks += [
+            ("series_t", 0, "where the series starts that the last step went along"),
+            ("series", (highest + 1) * (nx + 1), "its coefficients, order by order"),
+        ]
     if program.frame:
         blocks.append(("frame", program.frame, "the frame in force, as at the end of p"))
     if program.turning:
         blocks.append(("turns", nx - nw, "whole turns that were taken out of each coordinate"))
     entries = (
         *ENTRIES,
+        *(OF_INPUTS if program.argument("u").names else ()),
+        *OF_EVENTS,
         *(OF_CHARTS if program.charts else ()),
         *(OF_FRAMES if program.frame else ()),
+        *(OF_SERIES if _highest(chosen) else ()),
     )
-    head = [(kind, name, 0, about) for kind, name, about in entries]
-    scalars = ("collocated_t", "collocated_h", "side")
+    head = [(kind.format(name=program.name), name, 0, about) for kind, name, about in entries]
+    scalars = ("collocated_t", "collocated_h", "side", "series_t")
     body = [("double", *block) for block in blocks if block[1] or block[0] in scalars]
     return [*head, *body]
 
@@ -309,7 +359,7 @@ def _turn(real: Real) -> tuple[str, str]:
 def _scheme(method: Integrator) -> Scheme:
     grow, damp, safety = _control(method)
     kind, name = KINDS[type(method)], method.name
-    if isinstance(method, Midpoint):
+    if isinstance(method, Midpoint | Taylor):
         return Scheme(method, kind, grow, damp, safety)
     if isinstance(method, Tableau):
         data = _tableau(method)
@@ -326,7 +376,13 @@ def _initialised(kind: str, name: str, values: Sequence[str]) -> list[str]:
 
 def _tableau(method: Tableau) -> list[str]:
     """Rows without their zeros, one after the other."""
-    rows = [*method.a[1:], *method.errors]
+    dense = method.dense or Dense(0, (), (), ())
+    powers = (
+        centred(((Fraction(0),) * len(dense.powers[0]), *dense.powers))
+        if dense.c or dense.powers
+        else ()
+    )
+    rows = [*method.a[1:], *method.errors, *dense.a, *powers]
     terms = [[(j, weight) for j, weight in enumerate(row) if weight] for row in rows]
     starts = [sum(map(len, terms[:n])) for n in range(len(terms) + 1)]
     used = {j for row in (method.a[-1], *method.errors) for j, weight in enumerate(row) if weight}
@@ -334,12 +390,12 @@ def _tableau(method: Tableau) -> list[str]:
     weighted = sum(1 << n for n in used | {stages})
     weights = [number(weight) for row in terms for _, weight in row]
     return [
-        f"static const double {name}_c[] = {_list(method.c[1:])};",
+        f"static const double {name}_c[] = {_list((*method.c[1:], *dense.c))};",
         f"static const int {name}_row[] = {_listed(starts)};",
         f"static const unsigned char {name}_at[] = {_listed(j for row in terms for j, _ in row)};",
         f"static const double {name}_weight[] = {_listed(weights)};",
         f"static const Tableau {name} = {{{stages}, {len(method.errors)}, {weighted}ul, "
-        f"{name}_c, {name}_row, {name}_at, {name}_weight}};",
+        f"{name}_c, {name}_row, {name}_at, {name}_weight, {len(dense.c)}, {len(dense.powers)}}};",
     ]
 
 
@@ -355,6 +411,7 @@ def _rosenbrock(method: Rosenbrock) -> list[str]:
         _list(method.gammas),
         _table(method.a, width),
         _table(method.c, width),
+        _table(method.dense, width),
     ]
 
 
@@ -368,6 +425,7 @@ def _collocation(method: Collocation) -> list[str]:
         number(method.real),
         _table(method.pairs, 2),
         _list(method.error),
+        _table(centred(collocated(method.c)), width),
     ]
 
 
@@ -408,6 +466,12 @@ def _python(tableau: Tableau) -> dict[str, object]:
         "c": numbers(tableau.c),
         "a": [numbers(row) for row in tableau.a],
         "errors": [numbers(row) for row in tableau.errors],
+        "dense": tableau.dense
+        and {
+            "c": numbers(tableau.dense.c),
+            "a": [numbers(row) for row in tableau.dense.a],
+            "powers": [numbers(row) for row in tableau.dense.powers],
+        },
     }
 
 

@@ -11,7 +11,7 @@ Runge–Kutta step from a closed position leaves, in which no coordinate moves b
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -26,6 +26,7 @@ from derive.numerics import refuses_numerically
 
 STEP = 0.1  # by which the fastest coordinate moves at most, with its velocity and its acceleration
 ROUNDOFF = 2.0**-52
+Slope = Callable[[float, np.ndarray], np.ndarray]  # f of x' = f(t, x)
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def _further(system: System, found: dict[str, Resolved]) -> Iterator[str]:
     )
 
 
-def _score(x: Assessed) -> tuple:
+def _score(x: Assessed) -> tuple[object, ...]:
     """As `auto` has it; among what is alike there, the smaller violation first."""
     varies, condition, *costs = score(x.ranking)
     return varies, condition, round(float(np.log10(max(x.violation, 1e-16)))), *costs
@@ -125,16 +126,19 @@ def violation(survey: Survey, found: Resolved) -> float:
     )
     phi = ca.Function("phi", [system.t, system.q, system.p], [ca.densify(system.phi)])
     w = (survey.solver.values(found.reduction.B, s.t, s.q, s.p) @ s.v[:, :, None])[:, :, 0]
-    left = [_left(rate, phi, *row) for row in zip(s.t, np.hstack([s.q, w]), s.u, s.p)]
+    left = [_growth(rate, phi, *row) for row in zip(s.t, np.hstack([s.q, w]), s.u, s.p)]
     return max(roundoff, float(np.max(left)))
 
 
-def _left(
+def _growth(
     rate: ca.Function, phi: ca.Function, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray
 ) -> float:
     """|φ| after one step, less what it was before."""
     nq = phi.numel_in(1)
-    xdot = lambda time, y: rate(time, y, u, p).full().ravel()  # noqa: E731
+
+    def xdot(time: float, y: np.ndarray) -> np.ndarray:
+        return rate(time, y, u, p).full().ravel()
+
     here = xdot(t, x)
     rates = np.abs(here[:nq])
     later = np.abs(xdot(t + 1e-6, x + 1e-6 * here)[:nq] - here[:nq]) * 1e6
@@ -154,7 +158,7 @@ def _left(
     return max(0.0, float(after - before)) if np.isfinite(after) else np.inf
 
 
-def _stepped(f, t: float, x: np.ndarray, h: float) -> np.ndarray:
+def _stepped(f: Slope, t: float, x: np.ndarray, h: float) -> np.ndarray:
     """The classical Runge–Kutta step."""
     a = f(t, x)
     b = f(t + h / 2, x + h / 2 * a)
@@ -173,7 +177,7 @@ def conditions_along(
         np.tile(system.parameters, (len(t), 1)).reshape(len(t), system.p.numel()),
     )
     A = survey.solver.rows(t, q, p)[0][:, list(survey.kept)]
-    found = {}
+    found: dict[str, np.ndarray] = {}
     for name in names:
         B = carried_through(survey, declared(system, name)).reduction.B
         values = (

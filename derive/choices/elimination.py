@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from derive.joints.records import Scalar
+from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.forms import ONE, Form, Key, constant, total, value
 from derive.mechanics.motion import (
@@ -101,15 +101,15 @@ class _Walk:
     rows: Sequence[RowForm]
     sides: Sequence[Form]  # what each row equals
     known: dict[int, Form]  # generalized velocities given outright
-    twists: list[Twist] = field(default_factory=list)
-    joints: dict[int, Form] = field(default_factory=dict)
-    solved: dict[Key, Form] = field(default_factory=dict)
-    residuals: dict[int, Form] = field(default_factory=dict)  # of rows that wait
+    twists: list[Twist] = field(default_factory=list[Twist])
+    joints: dict[int, Form] = field(default_factory=dict[int, Form])
+    solved: dict[Key, Form] = field(default_factory=dict[Key, Form])
+    residuals: dict[int, Form] = field(default_factory=dict[int, Form])  # of rows that wait
 
     def resolved(self, form: Form) -> Form:
         """The form with solved keys replaced, as often as needed."""
         while any(key in self.solved for key in form):
-            parts = [
+            parts: list[tuple[Scalar, Form]] = [
                 (c, self.solved[k]) if k in self.solved else (c, {k: 1.0}) for k, c in form.items()
             ]
             form = total(parts)
@@ -203,8 +203,8 @@ def elimination(
     waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
     known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
     walk = _Walk(system, everything, sides, known)
-    plan = _velocities(walk, waiting, len(rows), _Judge(system, sampled, sizes))
-    values = {("w", k): w[k] for k in range(len(speeds))}
+    plan = _velocities(walk, waiting, len(rows), _Coefficients(system, sampled, sizes))
+    values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
     forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
     unknown = {key[1] for form in forms for key in form if key[0] == "v"}
     if unknown:
@@ -244,19 +244,19 @@ def _number(x: Scalar) -> Scalar:
 
 
 def _velocities(
-    walk: _Walk, waiting: list[int], constraints: int, judge: _Judge
+    walk: _Walk, waiting: list[int], constraints: int, coefficients_at: _Coefficients
 ) -> list[list[Step]]:
     """The walk over velocities; the pivots it finds, link by link, are the plan of the second
     walk."""
-    plan = [_stage(walk, waiting, -1, constraints, judge)]
+    plan = [_stage(walk, waiting, -1, constraints, coefficients_at)]
     for i, link in enumerate(walk.system.links):
         walk.enter(link, parent_part(link, walk.resolved_twist(link.parent)))
-        plan.append(_stage(walk, waiting, i, constraints, judge))
+        plan.append(_stage(walk, waiting, i, constraints, coefficients_at))
     return plan
 
 
 def _stage(
-    walk: _Walk, waiting: list[int], reached: int, constraints: int, judge: _Judge
+    walk: _Walk, waiting: list[int], reached: int, constraints: int, coefficients_at: _Coefficients
 ) -> list[Step]:
     """Solve every row that is ready once link `reached` is there, best pivot first."""
     if reached < 0:
@@ -264,10 +264,10 @@ def _stage(
     steps: list[Step] = []
     while ready := [i for i in waiting if _is_ready(walk, walk.rows[i], reached)]:
         residuals = {i: walk.current(i) for i in ready}
-        best = judge.best(residuals)
+        best = coefficients_at.best(residuals)
         if best is None:
             for i in ready:
-                _idle(walk, i, residuals[i], constraints, judge)
+                _idle(walk, i, residuals[i], constraints, coefficients_at)
                 waiting.remove(i)
             return steps
         rows, keys, block = best
@@ -316,14 +316,17 @@ def _is_ready(walk: _Walk, row: RowForm, reached: int) -> bool:
     )
 
 
-def _idle(walk: _Walk, index: int, residual: Form, constraints: int, judge: _Judge) -> None:
+def _idle(
+    walk: _Walk, index: int, residual: Form, constraints: int, coefficients_at: _Coefficients
+) -> None:
     """A row without a pivot: it repeats earlier rows, or it contradicts the choice of speeds."""
     if index >= constraints:
         raise Dependent(walk.rows[index].name)
     involved = [
         key
         for key in residual
-        if key[0] == "w" and judge.size(residual[key]) > VANISHES * judge.sizes[index]
+        if key[0] == "w"
+        and coefficients_at.size(residual[key]) > VANISHES * coefficients_at.sizes[index]
     ]
     if involved:
         raise Dependent(walk.rows[constraints + involved[0][1]].name)
@@ -334,7 +337,8 @@ def _rates(
 ) -> _Walk:
     """The second walk: rates at ẇ = 0, with the velocity products beside the same forms and the
     same pivots."""
-    symbols, sides = ca.vertcat(*v), []
+    symbols = ca.vertcat(*v)
+    sides: list[Form] = []
     for row in first.rows:
         rate = (
             row.rate
@@ -396,19 +400,22 @@ def _numbers(
         parent = result[link.parent] if link.parent >= 0 else STILL
         by_recursion = child_numbers(link, parent, [v[j] for j in link.columns])
         result.append(
-            (_chosen(forms[0], by_recursion[0], values), _chosen(forms[1], by_recursion[1], values))
+            (
+                _short_values(forms[0], by_recursion[0], values),
+                _short_values(forms[1], by_recursion[1], values),
+            )
         )
     return result
 
 
-def _chosen(
+def _short_values(
     forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, Scalar]
 ) -> list[Scalar]:
     return [value(form, values) if len(form) <= SHORT else x for form, x in zip(forms, numbers)]
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _RowAtSamples:
     """A row's form with the coefficients of its unknowns at the samples."""
 
     form: Form
@@ -417,7 +424,7 @@ class _Seen:
     numbers: np.ndarray  # which are numbers
 
 
-class _Judge:
+class _Coefficients:
     """Coefficients at sampled consistent states."""
 
     def __init__(self, system: System, sampled: States, sizes: Sequence[float]) -> None:
@@ -425,7 +432,7 @@ class _Judge:
         self.symbols = [system.t, system.q, system.p]
         self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
         self.count = len(sampled.t)
-        self.seen: dict[int, _Seen] = {}
+        self.seen: dict[int, _RowAtSamples] = {}
 
     def values(self, entries: Sequence[Scalar]) -> np.ndarray:
         """(samples, entries)."""
@@ -435,7 +442,7 @@ class _Judge:
         function = ca.Function("x", self.symbols, [column])
         return np.asarray(function(*self.samples)).reshape(len(entries), -1).T
 
-    def _seen(self, row: int, form: Form) -> _Seen:
+    def _row_at_samples(self, row: int, form: Form) -> _RowAtSamples:
         """The unknowns' coefficients in a row; a form that was looked at before is remembered."""
         known = self.seen.get(row)
         if known is None or known.form is not form:
@@ -444,7 +451,7 @@ class _Judge:
             numbers = np.array(
                 [not isinstance(x, ca.SX) or x.is_constant() for x in entries], dtype=bool
             )
-            self.seen[row] = known = _Seen(form, keys, self.values(entries), numbers)
+            self.seen[row] = known = _RowAtSamples(form, keys, self.values(entries), numbers)
         return known
 
     def size(self, x: Scalar) -> float:
@@ -466,7 +473,7 @@ class _Judge:
         )
         place = {key: j for j, key in enumerate(keys)}
         for r, i in enumerate(rows):
-            seen = self._seen(i, residuals[i])
+            seen = self._row_at_samples(i, residuals[i])
             columns = [place[key] for key in seen.keys]
             values[:, r, columns], stored[r, columns], numbers[r, columns] = (
                 seen.values,

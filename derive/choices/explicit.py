@@ -18,7 +18,7 @@ import casadi as ca
 from derive.choices.elimination import Elimination
 from derive.choices.reduction import Reduction
 from derive.expressions.counting import alternatives
-from derive.joints.records import Matrix, Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus, plus
 from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.articulated import tree_solution
@@ -114,7 +114,7 @@ def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
     rotors = _diagonal(system.M_extra)
     if system.rows or not system.links or rotors is None or not _is_identity(reduction.S):
         return []
-    found = []
+    found: list[_Gathered] = []
     for label, inertias in _inertias(system):
         force = _forces_on_tree(system, reduction, inertias)
         wdot = _column(tree_solution(system.links, inertias, rotors, force).vdot)

@@ -9,6 +9,7 @@ a right angle.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.resolution import RANK, Resolved, Survey, carried_out
@@ -58,13 +59,13 @@ def tangent(survey: Survey) -> np.ndarray:
             f"{system.model.name}: the constraints lose rank at the initial state: it is no "
             "base point"
         )
-    projector = (
+    projector: NDArray[np.float64] = (
         np.eye(system.v.numel()) - np.linalg.pinv(A) @ A if len(A) else np.eye(system.v.numel())
     )
     rows: list[np.ndarray] = []
     for _ in range(survey.freedom):
-        lengths = np.round(np.linalg.norm(projector, axis=0), 6)
-        row = projector[:, int(np.argmax(lengths))]
+        lengths: NDArray[np.float64] = np.linalg.norm(projector, axis=0)
+        row = projector[:, int(np.argmax(np.round(lengths, 6)))]
         row = row / np.linalg.norm(row)
         projector = projector - np.outer(row, row @ projector)
         rows.append(row)

@@ -17,7 +17,7 @@ from derive.choices.reduction import Reduction, symbols_for
 from derive.choices.resolution import Resolved, Survey, judged, resolved
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
-from derive.joints.records import Vector
+from derive.expressions.scalars import Vector
 from derive.mechanics.records import System
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice, Span

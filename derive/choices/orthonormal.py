@@ -19,7 +19,7 @@ import numpy as np
 from derive.choices.records import Frame, Guard
 from derive.choices.reduction import SINGULAR, Reduction, symbols_for
 from derive.choices.redundancy import Independent
-from derive.joints.records import Scalar, Vector
+from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
@@ -38,16 +38,17 @@ def orthonormal(
     A = scalars(rows.A) if kept else []
     nv, nc = system.v.numel(), len(kept)
     frame = None
+    basis: tuple[list[Vector], Vector]
     if nv == nc:
-        N, lengths = [], []
+        basis = [], []
     elif nv - nc == 1 and nc <= MINORS:
-        N, lengths = _cross_product(A)
+        basis = _cross_product(A)
     else:
         base = _frame(system, kept, sampled)
         frame = _movable(system, base) if moving and nc else None
-        columns = [[float(x) for x in column] for column in base.T]
-        N, lengths = _gram_schmidt(A, columns if frame is None else _columns_of(frame, nv))
-    return _reduction(system, kept, A, rows.c, N, lengths, frame)
+        columns: list[Vector] = [[float(x) for x in column] for column in base.T]
+        basis = _gram_schmidt(A, columns if frame is None else _columns_of(frame, nv))
+    return _reduction(system, kept, A, rows.c, *basis, frame)
 
 
 def _movable(system: System, base: np.ndarray) -> Frame:
@@ -62,7 +63,7 @@ def _movable(system: System, base: np.ndarray) -> Frame:
 
 
 def _columns_of(frame: Frame, nv: int) -> list[Vector]:
-    entries = [frame.symbols[i] for i in range(frame.symbols.numel())]
+    entries: Vector = [frame.symbols[i] for i in range(frame.symbols.numel())]
     return [entries[i : i + nv] for i in range(0, len(entries), nv)]
 
 

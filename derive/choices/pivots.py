@@ -12,7 +12,7 @@ import numpy as np
 from derive.choices.records import Guard
 from derive.choices.reduction import SINGULAR, Reduction
 from derive.choices.resolution import Survey
-from derive.joints.records import Scalar, Vector
+from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.solve import COFACTORS, Block, lu_solution, pivot_order, scalars
 
 # the guard of a pivot that is quadratic in the rows of A: they may come within 1e-6 of each other
@@ -42,7 +42,7 @@ def pivot_blocks(survey: Survey, matrix: ca.SX, given: Reduction | None = None) 
     """Raises ZeroDivisionError where the matrix is singular at every sampled state."""
     values = sampled(survey, matrix if given is None else given.at_frame(matrix))
     rows = scalars(matrix)
-    structure = np.array([[not isinstance(x, float) or x != 0 for x in row] for row in rows])
+    structure = np.array([[not isinstance(x, float) or x != 0.0 for x in row] for row in rows])
     constant = np.array([[isinstance(x, float) for x in row] for row in rows])
     return pivot_order(values, structure, constant)
 

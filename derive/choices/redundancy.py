@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from derive.joints.records import Scalar, Vector
+from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.records import Row, RowForm, System
 from derive.mechanics.solve import ldl_solution, scalars
 
@@ -69,8 +69,8 @@ def groups(A: np.ndarray, kept: Sequence[int]) -> tuple[Group, ...]:
     others = [i for i in range(A.shape[1]) if i not in kept]
     if not others:
         return ()
-    A = A[:LOOKED_AT]
-    weights = np.max(np.abs(A[:, others] @ np.linalg.pinv(A[:, list(kept)])), axis=0)
+    seen = A[:LOOKED_AT]
+    weights = np.max(np.abs(seen[:, others] @ np.linalg.pinv(seen[:, list(kept)])), axis=0)
     found: list[Group] = []
     for i, row in zip(others, weights):
         repeated = tuple(k for k, x in zip(kept, row) if x > TAKES_PART)
@@ -95,7 +95,8 @@ def selected(system: System, kept: Sequence[int]) -> Independent:
 def combined(system: System, kept: Sequence[int], found: Sequence[Group]) -> Independent:
     """The rows of each group combined, E = (1 + CᵀC)⁻¹ [1 Cᵀ] with C = A_others A_kept⁺; all other
     rows as they are."""
-    plain, pivots = selected(system, kept), []
+    plain = selected(system, kept)
+    pivots: list[tuple[str, Scalar]] = []
     E, names = plain.E, list(plain.names)
     for group in (g for g in found if g.kept):
         block, own = _pseudo_inverse(system.A[list(group.kept), :], system.A[list(group.others), :])
@@ -135,7 +136,7 @@ def sentences(system: System, found: Sequence[Group]) -> tuple[str, ...]:
     )
 
 
-def lost(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
+def dependent_rows(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
     """Which of the `kept` rows, independent elsewhere, depend on each other at one state with these
     A; "" where none does."""
     lengths = np.linalg.norm(A, axis=1, keepdims=True)

@@ -57,6 +57,9 @@ RANK = 1e-9
 LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
 
 
+Score = tuple[tuple[int, bool], int, int, int]
+
+
 @dataclass(frozen=True)
 class Ranking:
     """One candidate: how it was judged. `condition` is the median, `worst` the largest cond [A; B]
@@ -174,7 +177,8 @@ class Survey:
 
     def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
         """Of the given rows those that add rank, judged at most of the sampled states."""
-        rest, kept = self.rows.copy(), []
+        rest = self.rows.copy()
+        kept: list[int] = []
         for i in rows:
             lengths = np.linalg.norm(rest[:, i], axis=1)
             if np.sum(lengths > RANK) <= len(rest) / 2:
@@ -373,7 +377,7 @@ def _matrix(rows: Sequence[RowForm], nv: int) -> ca.SX:
 def speed_rows(system: System, choice: Choice) -> list[RowForm]:
     """The declared speeds as rows over the generalized velocities; the loader has seen to it that
     they are linear and homogeneous."""
-    result = []
+    result: list[RowForm] = []
     for name, expression in choice.rows:
         velocity = ca.substitute(
             ca.SX(system.symbols.scalar(expression)), system.symbols.qd, system.qdot
@@ -529,11 +533,12 @@ def _try(survey: Survey, name: str, rows: tuple[RowForm, ...]) -> Resolved | Non
         return None
 
 
-def score(ranking: Ranking) -> tuple:
+def score(ranking: Ranking) -> Score:
     """Least is best. A follower is no choice while its leader is one; of what is alike in all else
     an actuated speed comes first."""
     safety = (ranking.followers, not ranking.constant_pivots)
-    return safety, round(np.log10(ranking.worst) / 1.5), ranking.operations, -ranking.driven
+    condition = round(float(np.log10(ranking.worst)) / 1.5)
+    return safety, condition, ranking.operations, -ranking.driven
 
 
 def _candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]]:
@@ -541,7 +546,7 @@ def _candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowF
     pivoted one."""
     nv, nw = survey.system.v.numel(), survey.freedom
     subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(survey)
-    result = []
+    result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
     for subset in subsets:
         rows = tuple(RowForm(speed_name(survey.system, j), (), ((j, 1.0),)) for j in subset)
         worst = (

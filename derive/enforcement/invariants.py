@@ -85,7 +85,7 @@ def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
     s = survey_of(found.system).sampled
     u = np.array(options.inputs) if options.inputs else np.zeros(found.system.u.numel())
     frame = found.frame.values if found.frame else ()
-    rates = []
+    rates: list[float] = []
     for t, q, v, p in zip(s.t, s.q, s.v, s.p):
         given = np.concatenate([options.parameters or p, frame])
         x = to_x(t, np.concatenate([q, v]), given)

@@ -8,14 +8,15 @@ those of the emitted program.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import casadi as ca
 
 from derive.expressions.instructions import listing
+from derive.expressions.scalars import Scalar, Vector
 
 Key = tuple[int, tuple[int, int], float, tuple[int, ...]]  # what makes two values the same
-Nested = TypeVar("Nested", bound=Sequence[Any])
+Nested = TypeVar("Nested", bound=Sequence[Scalar] | Sequence[Vector])
 
 FREE = {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
 COMMUTES = {ca.OP_ADD, ca.OP_MUL}
@@ -77,7 +78,9 @@ def cheapest(candidates: Iterable[Nested]) -> Nested:
     return known[counts.index(min(counts))]
 
 
-def _column(entries: Sequence[Any]) -> ca.SX:
+def _column(entries: Sequence[Scalar] | Sequence[Vector]) -> ca.SX:
     """A list of scalars, or of rows of scalars, as one column."""
-    flat = [x for row in entries for x in (row if isinstance(row, list) else [row])]
-    return ca.vertcat(*[ca.SX(x) for x in flat])
+    flat: list[ca.SX] = []
+    for row in entries:
+        flat += [ca.SX(x) for x in row] if isinstance(row, list) else [ca.SX(row)]
+    return ca.vertcat(*flat)

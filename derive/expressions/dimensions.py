@@ -72,6 +72,9 @@ def _of(
         case tree.Vector(entries):
             return _alike(entries, operands, "list", text)
 
+        case _:
+            pass
+
 
 def _alike(
     parts: tuple[Expression, ...], dimensions: list[Inferred], verb: str, text: str
@@ -145,6 +148,8 @@ def _exponent(node: Expression) -> Fraction | None:
             return None if inner is None else -inner
         case tree.Quotient(tree.Number(above), tree.Number(below)):
             return Fraction(above / below).limit_denominator(1000)
+        case _:
+            pass
     return None
 
 
@@ -182,6 +187,8 @@ def _bare_factor(node: Expression) -> tree.Number | None:
             return _bare_factor(inside)
         case tree.Product(factors):
             return next((f for f in factors if isinstance(f, tree.Number) and not f.unit), None)
+        case _:
+            pass
     return None
 
 

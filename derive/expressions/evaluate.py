@@ -1,7 +1,6 @@
-"""Evaluation of a tree over any kind of number: floats, CasADi graphs, SymPy expressions.
+"""Evaluation of a tree over any kind of number: floats, CasADi graphs.
 
-A table of functions makes the difference. Besides the functions of FUNCTIONS it may hold "number",
-which turns a float into a constant of the library (SymPy wants exact ones).
+A table of functions makes the difference.
 """
 
 from __future__ import annotations
@@ -9,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
+
+import casadi as ca
 
 from derive.expressions import tree
 from derive.expressions.limits import objection, too_large
@@ -25,13 +26,15 @@ def value(
     Vector gives a list."""
     match expression:
         case tree.Number(number):
-            return functions["number"](number) if "number" in functions else number
+            return number
         case tree.Name(name):
             return names[name]
         case tree.Rate(name):
             return rates[name]
         case tree.Power(base, exponent):
             return _power(value(base, names, rates, functions), exponent, names, rates, functions)
+        case _:
+            pass
     operands = [value(operand, names, rates, functions) for operand in tree.children(expression)]
     return _applied(expression, operands, functions)
 
@@ -48,6 +51,8 @@ def _applied(expression: Expression, operands: list[Any], functions: Functions) 
             return -operands[0]
         case tree.Call(function):
             return functions[function](*operands)
+        case _:
+            pass
     return operands
 
 
@@ -139,6 +144,10 @@ def _bounded(result: Any, text: str, node: Expression) -> float:
     return real
 
 
+def _sign(x: float) -> float:
+    return float((x > 0) - (x < 0))
+
+
 _FLOAT: dict[str, Callable[..., Any]] = {
     name: getattr(math, name)
     for name in (
@@ -156,7 +165,7 @@ _FLOAT: dict[str, Callable[..., Any]] = {
         "log",
         "sqrt",
     )
-} | {"abs": abs, "min": min, "max": max, "sign": lambda x: float((x > 0) - (x < 0))}
+} | {"abs": abs, "min": min, "max": max, "sign": _sign}
 
 
 def float_functions() -> Functions:
@@ -164,7 +173,7 @@ def float_functions() -> Functions:
     return _FLOAT
 
 
-# what CasADi and SymPy call as we do
+# what CasADi calls as we do
 _SAME_NAME = (
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log",
     "sqrt", "sign",
@@ -173,40 +182,20 @@ _SAME_NAME = (
 
 def casadi_functions() -> Functions:
     """The table for casadi.SX."""
-    import casadi as ca
-
     return {name: getattr(ca, name) for name in _SAME_NAME} | {
         "abs": ca.fabs,
-        "min": lambda *x: _folded_over(ca.fmin, x),
-        "max": lambda *x: _folded_over(ca.fmax, x),
+        "min": _over_all(ca.fmin),
+        "max": _over_all(ca.fmax),
     }
 
 
-def _folded_over(function: Callable[[Any, Any], Any], arguments: Sequence[Any]) -> Any:
-    result = arguments[0]
-    for argument in arguments[1:]:
-        result = function(result, argument)
-    return result
+def _over_all(function: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+    """A function of two arguments as one of any number, from left to right."""
 
+    def folded(*arguments: Any) -> Any:
+        result = arguments[0]
+        for argument in arguments[1:]:
+            result = function(result, argument)
+        return result
 
-def sympy_functions() -> Functions:
-    """The table for SymPy, with short decimals as exact fractions."""
-    import sympy as sp
-
-    return {name: getattr(sp, name) for name in _SAME_NAME} | {
-        "abs": sp.Abs,
-        "min": sp.Min,
-        "max": sp.Max,
-        "number": _exact,
-    }
-
-
-def _exact(number: float) -> Any:
-    import sympy as sp
-
-    if number == math.pi:
-        return sp.pi
-    if number.is_integer() and abs(number) < 1e15:
-        return sp.Integer(int(number))
-    text = repr(number)
-    return sp.Rational(text) if len(text) <= 8 and "e" not in text else sp.Float(number, 17)
+    return folded

@@ -69,6 +69,8 @@ def _of(
             return _quotient(operands[0], operands[1])
         case tree.Power(_, exponent):
             return _power(operands[0], operands[1], exponent)
+        case _:
+            pass
     return FREE if all(d.highest <= 0 for d in operands) else NONLINEAR
 
 

@@ -217,7 +217,7 @@ class _Parser:
         return parts + self.unit_tail(self.token.at)
 
     def unit_tail(self, at: int) -> list[tuple[str, int]]:
-        parts = []
+        parts: list[tuple[str, int]] = []
         while self.token.text in ("*", "/"):
             bracket = self._unit_bracket(self._end)
             if not bracket and not self._unit_follows():

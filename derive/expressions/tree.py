@@ -107,6 +107,8 @@ def children(expression: Expression) -> tuple[Expression, ...]:
             return arguments
         case Vector(entries):
             return entries
+        case _:
+            pass
     return ()
 
 
@@ -140,4 +142,6 @@ def rebuilt(expression: Expression, leaf: Callable[[Expression], Expression]) ->
             return Call(function, operands, at)
         case Vector(_, at):
             return Vector(operands, at)
+        case _:
+            pass
     return leaf(expression)

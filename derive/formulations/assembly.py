@@ -12,9 +12,9 @@ from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
 from derive.choices.resolution import Survey
+from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.functions import Motion, arguments, functions
 from derive.formulations.records import Equations
-from derive.joints.records import Vector
 from derive.mechanics.records import Named, System
 
 
@@ -45,7 +45,7 @@ def reduced(
         projects_velocity=False,
         frame=reduction.frame,
     )
-    named = (*_shown(survey, reduction), *motion.named[1:])
+    named = (*_matrices(survey, reduction), *motion.named[1:])
     return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
 
 
@@ -127,7 +127,7 @@ def entries(vector: ca.SX) -> Vector:
     return [vector[i] for i in range(vector.numel())]
 
 
-def column(vector: Sequence) -> ca.SX:
+def column(vector: Sequence[Scalar]) -> ca.SX:
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
 
 
@@ -148,7 +148,7 @@ def _unit(system: System, reduction: Reduction, k: int, columns: list[int]) -> s
     return system.model.velocities[columns[0]].unit
 
 
-def _shown(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:
+def _matrices(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:
     """A, B, Y, S and R as matrices: W = Y⁻¹ = [R S] by the same pivots as λ."""
     A = survey.independent_rows.A
     shown = [

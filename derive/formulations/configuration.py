@@ -16,9 +16,9 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from derive.expressions.scalars import Vector
 from derive.formulations.records import Argument, Function, Request, Result
 from derive.joints.ball import quaternion_rates
-from derive.joints.records import Vector
 from derive.joints.rotations import dot
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars, small_inverse
@@ -78,7 +78,7 @@ def _qdot(system: System) -> Function:
 def _integrate(system: System) -> Function:
     d = _symbols("d_", [v.name for v in system.model.velocities])
     moved = ca.substitute(system.q + ca.mtimes(system.N, system.v), system.v, d)
-    entries = [moved[i] for i in range(moved.numel())]
+    entries: Vector = [moved[i] for i in range(moved.numel())]
     for start, columns in _turns(system):
         entries[start : start + 4] = _turned(
             _part(system.q, range(start, start + 4)), _part(d, columns)

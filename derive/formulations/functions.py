@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.choices.records import Frame, Guard
 from derive.choices.redundancy import keeps
+from derive.expressions.scalars import Vector
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Iteration, Result
-from derive.joints.records import Vector
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
 from derive.states.closing import Kinematics, nominal
@@ -91,6 +92,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _energy(system, motion),
         _power(system, motion),
         _outputs(system, motion),
+        _events(system, motion),
         _velocity(system, motion),
         _state(system, motion),
         *([] if is_plain(system) else [request.make() for request in configuration(system)]),
@@ -263,9 +265,8 @@ def _sizes(system: System) -> list[float]:
     J = np.abs(Kinematics(system).closing(np.zeros(1), q[None], p[None])[1][0])
     lengths = [abs(x) for c, x in zip(system.model.coordinates, q) if c.unit == "m"]
     longest = max(lengths, default=0.0) or 1.0
-    sizes = np.nan_to_num(J) @ [
-        longest if v.unit == "m/s" else 1.0 for v in system.model.velocities
-    ]
+    reach = [longest if v.unit == "m/s" else 1.0 for v in system.model.velocities]
+    sizes: NDArray[np.float64] = np.nan_to_num(J) @ np.array(reach)
     powers = np.round(np.log10(np.maximum(sizes, 1e-300)))
     return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
 
@@ -373,19 +374,37 @@ def _power(system: System, motion: Motion) -> Function:
 def _outputs(system: System, motion: Motion) -> Function | None:
     if not system.outputs:
         return None
-    labels, units, values = [], [], []
+    labels: list[str] = []
+    units: list[str] = []
+    values: list[ca.SX] = []
     for name, value, unit in system.outputs:
         count = value.numel()
         labels += [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
         units += [unit] * count
         values.append(_at(system, motion, value))
-    value, reactions = (
-        ca.vertcat(*values),
-        system.symbols.reactions([row.name for row in system.rows]),
-    )
+    value, guards = _with_multipliers(system, motion, ca.vertcat(*values))
+    result = Result("y", value, tuple(labels), tuple(units))
+    return Function("outputs", "the model's outputs", result, guards=guards)
+
+
+def _with_multipliers(
+    system: System, motion: Motion, value: ca.SX
+) -> tuple[ca.SX, tuple[Guard, ...]]:
+    """With λ in the place of reactions; and what has to be regular for it."""
+    reactions = system.symbols.reactions([row.name for row in system.rows])
     solving = motion.solving if ca.depends_on(value, reactions) else ()
-    result = Result("y", ca.substitute(value, reactions, motion.lam), tuple(labels), tuple(units))
-    return Function("outputs", "the model's outputs", result, guards=(*motion.guards, *solving))
+    return ca.substitute(value, reactions, motion.lam), (*motion.guards, *solving)
+
+
+def _events(system: System, motion: Motion) -> Function | None:
+    if not system.events:
+        return None
+    names = tuple(name for name, _ in system.events)
+    values = ca.vertcat(*(_at(system, motion, value) for _, value in system.events))
+    value, guards = _with_multipliers(system, motion, values)
+    result = Result("g", value, names, ("",) * len(names))
+    about = "what changes its sign at the model's events"
+    return Function("events", about, result, guards=guards)
 
 
 def _velocity(system: System, motion: Motion) -> Function:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.joints.records import Matrix, Vector
+from derive.expressions.scalars import Matrix, Vector
 from derive.joints.rotations import dot
 from derive.mechanics.articulated import tree_solution
 from derive.mechanics.records import Named, System

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Equations, Function, Pattern, Request, Result
-from derive.joints.records import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
@@ -42,7 +42,7 @@ def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> t
     """Requests for what is there; `kept` and `closing` are the independent rows, of all and of the
     holonomic ones."""
     x = found.argument("x")
-    requests = []
+    requests: list[Request] = []
     if closing or found.system.quaternions:
         requests.append(Request("closure", CLOSURE, lambda: _closure(found, closing)))
     if kept and keeps_velocities(found):

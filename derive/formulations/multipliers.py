@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.joints.records import Vector
+from derive.expressions.scalars import Vector
 from derive.mechanics.solve import ldl_solution, scalars
 
 

@@ -1,21 +1,25 @@
 """Joint types: one file each, one line each in JOINTS."""
 
+from derive.expressions.scalars import Scalar
 from derive.joints.ball import BALL
 from derive.joints.cylindrical import CYLINDRICAL
 from derive.joints.fixed import FIXED
 from derive.joints.free import FLOATING, FREE, free_joint
 from derive.joints.planar import PLANAR
 from derive.joints.prismatic import PRISMATIC
-from derive.joints.records import JointType, Scalar
+from derive.joints.records import JointType
 from derive.joints.revolute import REVOLUTE
 from derive.joints.screw import SCREW, screw_joint
 from derive.joints.universal import UNIVERSAL
 
 JOINTS = (REVOLUTE, PRISMATIC, SCREW, CYLINDRICAL, UNIVERSAL, BALL, PLANAR, FREE, FIXED)
 
-# joints that can also close a loop, in space and in the plane
-CLOSURES = tuple(joint.name for joint in JOINTS if joint.name != "free")
-PLANAR_CLOSURES = ("revolute", "prismatic", "fixed")
+# joints of planar models; joints that can also close a loop, in space and in the plane
+PLANAR_JOINTS = tuple(joint.name for joint in JOINTS if joint.planar)
+CLOSURES = tuple(joint.name for joint in JOINTS if joint.closing)
+PLANAR_CLOSURES = tuple(
+    joint.name for joint in JOINTS if joint.planar and joint.closing and joint.closing("xy")
+)
 
 
 def joint_type(name: str, orientation: str = "", pitch: Scalar = 1.0) -> JointType:

@@ -8,7 +8,8 @@ motion.
 
 from collections.abc import Sequence
 
-from derive.joints.records import JointType, Matrix, Rotation, Scalar, Slot, Still, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.records import JointType, Rotation, Slot, Still, meeting
 from derive.joints.rotations import dot
 
 UNIT_VECTORS = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
@@ -66,4 +67,5 @@ BALL = JointType(
     motion=lambda q, axis: [[*e, 0.0, 0.0, 0.0] for e in UNIT_VECTORS],
     rates=lambda q, v, axis: quaternion_rates(q, v),
     unit_from=0,
+    closing=meeting,
 )

@@ -1,7 +1,7 @@
 """Cylindrical joint: turns about and slides along one axis; generalized velocities = the two
 rates."""
 
-from derive.joints.records import JointType, Slot
+from derive.joints.records import PARALLEL, JointType, Slot
 from derive.joints.turns import turn
 
 CYLINDRICAL = JointType(
@@ -14,4 +14,5 @@ CYLINDRICAL = JointType(
     translation=lambda q, axis: [q[1] * a for a in axis],
     motion=lambda q, axis: [[*axis, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, *axis]],
     rates=lambda q, v, axis: [v[0], v[1]],
+    closing=lambda plane: ("shift1", "shift2", *PARALLEL),
 )

@@ -1,6 +1,6 @@
 """Fixed joint: child and parent move as one."""
 
-from derive.joints.records import JointType
+from derive.joints.records import LOCKED, JointType, meeting
 
 FIXED = JointType(
     name="fixed",
@@ -12,4 +12,6 @@ FIXED = JointType(
     translation=lambda q, axis: [0.0, 0.0, 0.0],
     motion=lambda q, axis: [],
     rates=lambda q, v, axis: [],
+    planar=True,
+    closing=lambda plane: (*meeting(plane), *(("turn1",) if plane else LOCKED)),
 )

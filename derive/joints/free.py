@@ -9,8 +9,9 @@ is regular away from θ₂ = ±90°, for i, j, i away from θ₂ = 0.
 from collections.abc import Sequence
 from dataclasses import replace
 
+from derive.expressions.scalars import Scalar, Vector
 from derive.joints.ball import QUATERNION, quaternion_matrix, quaternion_rates, quaternion_rotation
-from derive.joints.records import JointType, Rotation, Scalar, Slot, Vector
+from derive.joints.records import JointType, Rotation, Slot
 from derive.joints.rotations import cross, dot, matrix, principal_rotation, rotated, transpose
 from derive.joints.turns import UNIT, euler_rotation
 
@@ -26,6 +27,12 @@ def _angle_rates(sequence: str, angles: Sequence[Scalar], omega: Sequence[Scalar
     )  # first = a across + b third, and a vanishes at the singular attitude
     theta1 = dot(across, before) / dot(across, first)
     return [theta1, dot(second, before), dot(third, before) - dot(third, first) * theta1]
+
+
+def _motion(q: Sequence[Scalar], axis: Sequence[Scalar]) -> list[Vector]:
+    linear: list[Vector] = [[0.0, 0.0, 0.0, *UNIT[s]] for s in "xyz"]
+    angular: list[Vector] = [[*UNIT[s], 0.0, 0.0, 0.0] for s in "xyz"]
+    return linear + angular
 
 
 def free_joint(sequence: str) -> JointType:
@@ -47,11 +54,13 @@ def free_joint(sequence: str) -> JointType:
         needs_axis=False,
         rotation=rotation,
         translation=lambda q, axis: list(q[:3]),
-        motion=lambda q, axis: (
-            [[0.0, 0.0, 0.0, *UNIT[s]] for s in "xyz"] + [[*UNIT[s], 0.0, 0.0, 0.0] for s in "xyz"]
-        ),
+        motion=_motion,
         rates=rates,
     )
+
+
+def _floating_rotation(q: Sequence[Scalar], axis: Sequence[Scalar]) -> Rotation:
+    return quaternion_rotation(q[3:])
 
 
 def _floating_rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
@@ -65,7 +74,7 @@ FLOATING = replace(
     about="six degrees of freedom with a unit quaternion (w, x, y, z); generalized velocities "
     "in the body's frame",
     coordinates=(*FREE.coordinates[:3], *QUATERNION),
-    rotation=lambda q, axis: quaternion_rotation(q[3:]),
+    rotation=_floating_rotation,
     rates=_floating_rates,
     unit_from=3,
 )

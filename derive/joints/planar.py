@@ -7,7 +7,8 @@ z) for −y, (y, z) for x.
 
 from collections.abc import Sequence
 
-from derive.joints.records import JointType, Scalar, Slot, Vector
+from derive.expressions.scalars import Scalar, Vector
+from derive.joints.records import PARALLEL, JointType, Slot
 from derive.joints.rotations import axis_rotation, cross, rotated, sum_of
 from derive.joints.turns import turn
 
@@ -48,4 +49,6 @@ PLANAR = JointType(
         [*axis, 0.0, 0.0, 0.0],
     ],
     rates=_rates,
+    planar=True,
+    closing=lambda plane: () if plane else ("shift1", *PARALLEL),
 )

@@ -1,6 +1,6 @@
 """Prismatic joint: slides along the axis; generalized velocity = the joint rate."""
 
-from derive.joints.records import JointType, Slot
+from derive.joints.records import LOCKED, JointType, Slot
 
 PRISMATIC = JointType(
     name="prismatic",
@@ -12,4 +12,6 @@ PRISMATIC = JointType(
     translation=lambda q, axis: [q[0] * a for a in axis],
     motion=lambda q, axis: [[0.0, 0.0, 0.0, *axis]],
     rates=lambda q, v, axis: [v[0]],
+    planar=True,
+    closing=lambda plane: ("shift1", "turn1") if plane else ("shift1", "shift2", *LOCKED),
 )

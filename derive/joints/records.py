@@ -9,11 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-Scalar = Any  # casadi.SX scalar or float
-Vector = list[Scalar]
-Matrix = list[Vector]
+from derive.expressions.scalars import Matrix, Scalar, Vector
+
+# Rows of a closure: an axis that stays parallel, and the third that keeps the frames from turning.
+PARALLEL = ("turn1", "turn2")
+LOCKED = (*PARALLEL, "turn3")
+
+
+def meeting(plane: str) -> tuple[str, ...]:
+    """Rows of two points that coincide, along the ground's axes."""
+    return tuple(plane or "xyz")
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,9 @@ class JointType:
     `der(q)`). `needs_axis` says whether a model must, in space, give an axis. `parts` names the
     simpler joints of a chain with massless bodies between; the functions are then not used.
     `unit_from`: index of the first of four coordinates that are a unit quaternion (w, x, y, z), −1
-    where there is none.
+    where there is none. `planar`: it may stand in a planar model. `closing(plane)` names the rows
+    by which a joint of this type closes a loop, in the order of derive.mechanics.closures, in a
+    plane ("xy", "xz", "yz") or in space (""); None where it closes none.
     """
 
     name: str
@@ -70,3 +78,5 @@ class JointType:
     ]  # (q, v, axis) → q̇
     parts: tuple[str, ...] = ()
     unit_from: int = -1
+    planar: bool = False
+    closing: Callable[[str], tuple[str, ...]] | None = None

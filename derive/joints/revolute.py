@@ -1,6 +1,6 @@
 """Revolute joint: one turn about the axis; generalized velocity = the joint rate."""
 
-from derive.joints.records import JointType, Slot
+from derive.joints.records import PARALLEL, JointType, Slot, meeting
 from derive.joints.turns import turn
 
 REVOLUTE = JointType(
@@ -13,4 +13,6 @@ REVOLUTE = JointType(
     translation=lambda q, axis: [0.0, 0.0, 0.0],
     motion=lambda q, axis: [[*axis, 0.0, 0.0, 0.0]],
     rates=lambda q, v, axis: [v[0]],
+    planar=True,
+    closing=lambda plane: (*meeting(plane), *(() if plane else PARALLEL)),
 )

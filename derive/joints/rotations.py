@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from derive.joints.records import Matrix, Rotation, Scalar, Still, Turn, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.records import Rotation, Still, Turn
 from derive.joints.turns import UNIT
 
 IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
@@ -79,11 +80,12 @@ def matrix(rotation: Rotation) -> Matrix:
 def principal_rotation(letter: str, angle: Scalar) -> Matrix:
     """Rotation about x, y or z, written out so that 1 − cos never appears."""
     s, c = ca.sin(angle), ca.cos(angle)
-    return {
+    turns: dict[str, Matrix] = {
         "x": [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]],
         "y": [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]],
         "z": [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]],
-    }[letter]
+    }
+    return turns[letter]
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:

@@ -3,7 +3,8 @@ velocity = the rate of the angle."""
 
 from math import pi
 
-from derive.joints.records import JointType, Scalar, Slot
+from derive.expressions.scalars import Scalar
+from derive.joints.records import PARALLEL, JointType, Slot
 from derive.joints.turns import turn
 
 
@@ -20,6 +21,7 @@ def screw_joint(pitch: Scalar) -> JointType:
         translation=lambda q, axis: [advance * q[0] * a for a in axis],
         motion=lambda q, axis: [[*axis, *(advance * a for a in axis)]],
         rates=lambda q, v, axis: [v[0]],
+        closing=lambda plane: ("shift1", "shift2", *PARALLEL, "advance"),
     )
 
 

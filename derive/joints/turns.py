@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from derive.joints.records import Rotation, Scalar, Turn
+from derive.expressions.scalars import Scalar
+from derive.joints.records import Rotation, Turn
 
 UNIT: dict[str, tuple[float, float, float]] = {
     "x": (1.0, 0.0, 0.0),

@@ -3,8 +3,13 @@ child; two revolute joints."""
 
 from dataclasses import replace
 
-from derive.joints.records import Slot
+from derive.joints.records import Slot, meeting
 from derive.joints.revolute import REVOLUTE
+
+
+def _closing(plane: str) -> tuple[str, ...]:
+    return (*meeting(plane), "cross")
+
 
 UNIVERSAL = replace(
     REVOLUTE,
@@ -13,4 +18,6 @@ UNIVERSAL = replace(
     coordinates=(Slot("angle1", "rad"), Slot("angle2", "rad")),
     velocities=(Slot("", "rad/s"), Slot("", "rad/s")),
     parts=("revolute", "revolute"),
+    planar=False,
+    closing=_closing,
 )

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.linearize.spectrum import eigenvalues, signature
 
@@ -96,7 +97,7 @@ def _closest(values: np.ndarray) -> tuple[int, int]:
     return int(i), int(j)
 
 
-def _oscillating(values: np.ndarray) -> complex:
+def _oscillating(values: NDArray[np.complex128]) -> complex:
     """The one above the real axis that is nearest to the imaginary axis."""
     upper = values[values.imag > 0]
     return complex(upper[np.argmin(np.abs(upper.real))]) if len(upper) else complex("nan")

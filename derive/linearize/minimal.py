@@ -9,14 +9,15 @@ velocities already.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
+from derive.expressions.scalars import Vector
 from derive.formulations.records import Argument, Equations, Function, Request, Result
-from derive.joints.records import Vector
 from derive.linearize.records import Linear
 from derive.mechanics.records import System
 from derive.mechanics.solve import Block, lu_solution, scalars
@@ -99,7 +100,8 @@ def _pivots(equations: Equations, q: np.ndarray, p: np.ndarray) -> list[tuple[in
 
 def pivoted(matrix: np.ndarray, rank: int) -> list[tuple[int, int]]:
     """Gauss elimination with complete pivoting: places of the first `rank` pivots."""
-    left, places = matrix.copy(), []
+    left = matrix.copy()
+    places: list[tuple[int, int]] = []
     for _ in range(rank):
         i, j = np.unravel_index(int(np.argmax(np.abs(left))), left.shape)
         places.append((int(i), int(j)))
@@ -169,8 +171,6 @@ def _guard(x: Argument, j: int, pivot: ca.SX, least: float) -> Guard:
 
 def with_linearization(equations: Equations) -> Equations:
     """The equations with `linearization` among the functions that can be asked for."""
-    from dataclasses import replace
-
     if equations.formulation != "quasi_velocities":
         return equations
     request = Request("linearization", ABOUT, lambda: linearization(equations))

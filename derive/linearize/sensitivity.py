@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.linearize.spectrum import eigenvalues
 from derive.linearize.steady import RANK
@@ -30,7 +31,7 @@ def modes(found: Study) -> tuple[Mode, ...]:
     motions = found.motions({})
     A = found.full(motions)[0]
     slopes = _slopes(found, motions.x[0], motions.u[0], motions.p[0])
-    result = []
+    result: list[Mode] = []
     for wanted in eigenvalues(found.matrices(motions))[0]:
         if wanted.imag < 0:
             continue
@@ -64,7 +65,9 @@ def _slopes(found: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[s
     function = ca.Function("dA", [t, *rest, d], [turned])
     s = np.array([found.at[name] for name in problem.motion.sweepable])
     _, J = problem.function(x, u, p, s)
-    shifts = -np.linalg.lstsq(J.full(), problem.shifts(x, u, p, s).full(), rcond=RANK)[0]
+    slopes: NDArray[np.float64] = J.full()
+    moved: NDArray[np.float64] = problem.shifts(x, u, p, s).full()
+    shifts = -np.linalg.lstsq(slopes, moved, rcond=RANK)[0]
     names = (*found.equations.arguments[3].labels, *problem.motion.sweepable)
     n = len(form.states)
     directions = np.vstack([shifts, np.eye(len(p), len(names))])

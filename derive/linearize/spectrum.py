@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 AVOIDED = 1e-2  # weight of coordinates among what tells families apart
 VANISHES = 1e-9  # determinant below which they do not
@@ -56,7 +57,7 @@ def _stage(spaces: np.ndarray, velocity: np.ndarray) -> Stage:
     their mean projector."""
     weights = np.where(velocity, 1.0, AVOIDED)
     left = np.mean(spaces @ spaces.transpose(0, 2, 1), axis=0) * np.outer(weights, weights)
-    found = []
+    found: list[int] = []
     for _ in range(spaces.shape[2]):
         j = int(np.argmax(np.diag(left)))
         found.append(j)
@@ -88,15 +89,16 @@ def _complement(A: np.ndarray, count: int) -> np.ndarray:
 
 def deflated(A: np.ndarray, stages: Sequence[Stage]) -> np.ndarray:
     """A without the families found at other motions."""
+    left = A
     for stage in stages:
-        A = without(A, stage)
-    return A
+        left = without(left, stage)
+    return left
 
 
-def eigenvalues(A: np.ndarray) -> np.ndarray:
+def eigenvalues(A: np.ndarray) -> NDArray[np.complex128]:
     """(N, k), each row by falling real part, of a pair the one with positive imaginary part
     first."""
-    found = np.asarray(np.linalg.eigvals(A), dtype=complex)
+    found = np.asarray(np.linalg.eigvals(A), dtype=np.complex128)
     order = (
         np.lexsort((-found.imag, -found.real.round(12)), axis=1)
         if found.shape[1]
@@ -105,7 +107,7 @@ def eigenvalues(A: np.ndarray) -> np.ndarray:
     return np.take_along_axis(found, order, axis=1)
 
 
-def signature(values: np.ndarray) -> tuple[int, int, int]:
+def signature(values: NDArray[np.complex128]) -> tuple[int, int, int]:
     """Of one spectrum: how many are real, how many of those unstable, how many unstable ones are
     not real."""
     real = np.abs(values.imag) <= REAL * (1e-300 + np.abs(values))
@@ -113,6 +115,6 @@ def signature(values: np.ndarray) -> tuple[int, int, int]:
     return int(np.sum(real)), int(np.sum(real & unstable)), int(np.sum(~real & unstable))
 
 
-def is_unstable(values: np.ndarray) -> np.ndarray:
+def is_unstable(values: NDArray[np.complex128]) -> np.ndarray:
     """Which eigenvalues have a real part above what rounding leaves of an imaginary pair."""
     return values.real > REAL * np.max(np.abs(values), axis=-1, keepdims=True, initial=0.0)

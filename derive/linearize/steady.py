@@ -93,7 +93,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         else ca.SX(0, 1)
     )
     still = [i for i in range(f.value.numel()) if i not in cyclic]
-    wanted = _wanted(equations, motion, s)
+    wanted = _values_by_name(equations, motion, s)
     quantities = _quantities(equations)
     held = _column([quantities[name][0] - value for name, value in wanted.items()])
     positions = position_rows(system)
@@ -132,7 +132,7 @@ def _column(entries: list[ca.SX]) -> ca.SX:
     return ca.densify(ca.vertcat(*entries)) if entries else ca.SX(0, 1)
 
 
-def _wanted(equations: Equations, motion: SteadyMotion, s: ca.SX) -> dict[str, ca.SX]:
+def _values_by_name(equations: Equations, motion: SteadyMotion, s: ca.SX) -> dict[str, ca.SX]:
     """Values of what is held, by name; inputs that are not named are zero."""
     system = equations.system
     names = dict(system.symbols.names) | {name: s[k] for k, name in enumerate(motion.sweepable)}
@@ -256,9 +256,10 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
     D = found.scale
     rows = _sizes(found, _evaluated(found, y, p, s)[1])
     for _ in range(STEPS):
-        R, J = _evaluated(found, y, p, s)
-        step = -D * np.linalg.lstsq(J * (free * D) / rows[:, None], R / rows, rcond=RANK)[0]
-        y, done = _damped(found, y, step, p, s, R, rows)
+        residual, slopes = _evaluated(found, y, p, s)
+        scaled = slopes * (free * D) / rows[:, None]
+        step = -D * np.linalg.lstsq(scaled, residual / rows, rcond=RANK)[0]
+        y, done = _damped(found, y, step, p, s, residual, rows)
         if done:
             break
     R, J = _evaluated(found, y, p, s)
@@ -298,8 +299,8 @@ def _evaluated(
     found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     nx = found.equations.arguments[1].symbols.numel()
-    R, J = found.function(y[:nx], y[nx:], p, s)
-    R, J = np.asarray(R).ravel(), np.asarray(J)
+    values, slopes = found.function(y[:nx], y[nx:], p, s)
+    R, J = np.asarray(values).ravel(), np.asarray(slopes)
     if not (np.all(np.isfinite(R)) and np.all(np.isfinite(J))):
         raise AssumptionError(
             f"the equations of '{found.equations.choice}' are singular near the steady motion "

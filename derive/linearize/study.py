@@ -108,7 +108,7 @@ def study(
     `cyclic` names the coordinates to leave out, all that are cyclic when None. Raises
     AssumptionError where the motion is not steady, a free name has no value, or a name is unknown.
     """
-    given = _given(equations, motion, values or {})
+    given = _settings(equations, motion, values or {})
     wanted = cyclic if cyclic is not None else motion.cyclic
     ignorable = cyclic_coordinates(equations)
     left_out = ignorable if wanted is None else confirmed(equations, tuple(wanted))
@@ -134,7 +134,7 @@ def study(
     return replace(first, families=families(_samples(first), velocity))
 
 
-def _given(
+def _settings(
     equations: Equations, motion: SteadyMotion, values: Mapping[str, float]
 ) -> dict[str, float]:
     """Parameters and free names; a free name that is not given has the middle of its range in the
@@ -167,7 +167,7 @@ def _samples(found: Study) -> np.ndarray:
     """A at motions near by, at parameters chosen at random: what is singular at all of them is a
     family."""
     rng = np.random.default_rng(0)
-    stacks = []
+    stacks: list[np.ndarray] = []
     for spread in (1e-2, 1e-2, 1e-2, 1e-3, 1e-4):
         changed = {
             name: value * (1 + spread * rng.uniform(-1, 1)) for name, value in found.at.items()

@@ -10,10 +10,12 @@ minimal form.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError
 from derive.linearize.minimal import position_rows
@@ -152,7 +154,7 @@ def _rates(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray) 
     return ca.Function("sdot", symbols, [ca.jtimes(s, symbols[1], f)])(0.0, x, u, p).full().ravel()
 
 
-def _tangent(form: Linear, L: ca.SX):
+def _tangent(form: Linear, L: ca.SX) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """δ(q, s) per minimal state."""
     symbols = [a.symbols for a in form.equations.arguments]
     s = ca.mtimes(_at(form, L), _at(form, form.equations.system.v))
@@ -162,7 +164,11 @@ def _tangent(form: Linear, L: ca.SX):
         symbols,
         [ca.densify(ca.vertcat(form.T[:nq, :], ca.mtimes(ca.jacobian(s, symbols[1]), form.T)))],
     )
-    return lambda x, u, p: function(0.0, x, u, p).full()
+
+    def at(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return function(0.0, x, u, p).full()
+
+    return at
 
 
 def _matrix(
@@ -199,14 +205,15 @@ def _matrix(
         .ravel()
     )
     at = (0.0, x[:nq], velocity)
-    residual0, K, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))
-    solution = -_solved(K, residual0, sizes).ravel()
-    _, K, slope, direct, Ln, rates, turn = (m.full() for m in function(*at, solution, u, p))
+    residual0, start, *_ = (m.full() for m in function(*at, np.zeros(nv + nc), u, p))
+    solution = -_solved(start, residual0, sizes).ravel()
+    terms: list[NDArray[np.float64]] = [m.full() for m in function(*at, solution, u, p)]
+    _, K, slope, direct, Ln, rates, turn = terms
     accelerations = -_solved(K, slope, sizes)[:nv]
     G = np.vstack([rates, direct + Ln @ accelerations])  # over (δq, δv)
-    into = np.block(
-        [[np.eye(nq), np.zeros((nq, nv))], [-np.linalg.solve(Ln, turn), np.linalg.inv(Ln)]]
-    )
+    at_rest = np.linalg.solve(Ln, turn)
+    inverse = np.linalg.inv(Ln)
+    into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-at_rest, inverse]])
     return G @ into
 
 
@@ -247,7 +254,7 @@ def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int
         own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities)
     )
     values = (ca.jacobian(position_rows(system), system.q), system.A)
-    ranks = []
+    ranks: list[int] = []
     for value, columns in zip(values, sizes):
         matrix = (
             ca.Function("rows", [system.t, system.q, system.p], [ca.densify(value)])(

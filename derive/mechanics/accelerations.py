@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from derive.joints.records import Matrix, Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import (
     cross,
     difference,

@@ -36,27 +36,33 @@ def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
 
     Raises ModelError where T is not quadratic in the rates.
     """
-    nq, nv = s.q.numel(), s.v.numel()
+    nq = s.q.numel()
     T = ca.SX(s.scalar(model.kinetic)) if model.kinetic is not None else ca.SX(0)
     V = ca.SX(s.scalar(model.potential)) if model.potential is not None else ca.SX(0)
     momentum = ca.gradient(T, s.qd) if nq else ca.SX(0, 1)
-    M = ca.jacobian(momentum, s.qd)
-    if ca.depends_on(M, s.qd):
+    M_q = ca.jacobian(momentum, s.qd)
+    if ca.depends_on(M_q, s.qd):
         raise ModelError(
             Diagnostic(
                 file=model.file, message="the kinetic energy is not quadratic in the rates der(…)"
             )
         )
     along = ca.vertcat(s.t, s.q)
-    h = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - ca.gradient(T - V, s.q)
-    N = ca.jacobian(qdot, s.v)
-    turning = ca.jtimes(qdot, s.q, qdot)  # Ṅ v
-    if nq != nv or not _is_identity(N):
-        h = ca.mtimes(N.T, ca.substitute(h, s.qd, qdot) + ca.mtimes(M, turning))
-        M = ca.mtimes(N.T, ca.mtimes(M, N))
+    h_q = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - ca.gradient(T - V, s.q)
+    M, h = _over_v(M_q, h_q, s, qdot)
     formulas = [h, T, _missing(T, momentum, s), ca.jtimes(T, s.t, ca.SX(1))]
-    h, T, missing, explicit = ca.substitute(formulas, [s.qd], [qdot])
-    return Lagrangian(M, h, T, V, missing, explicit)
+    bias, energy, missing, explicit = ca.substitute(formulas, [s.qd], [qdot])
+    return Lagrangian(M, bias, energy, V, missing, explicit)
+
+
+def _over_v(M_q: ca.SX, h_q: ca.SX, s: Symbols, qdot: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """M and h of the generalized velocities; what they were where those are the rates."""
+    N = ca.jacobian(qdot, s.v)
+    if _is_identity(N):
+        return M_q, h_q
+    turning = ca.jtimes(qdot, s.q, qdot)  # Ṅ v
+    h = ca.mtimes(N.T, ca.substitute(h_q, s.qd, qdot) + ca.mtimes(M_q, turning))
+    return ca.mtimes(N.T, ca.mtimes(M_q, N)), h
 
 
 def _missing(T: ca.SX, momentum: ca.SX, s: Symbols) -> ca.SX:

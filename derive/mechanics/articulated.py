@@ -14,7 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from derive.joints.records import Matrix, Rotation, Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.records import Rotation
 from derive.joints.rotations import (
     cross,
     difference,
@@ -117,7 +118,7 @@ def _unit_index(step: Elimination) -> int:
     """Where the axis is a unit vector of which m̂ is exactly the entry of M̂ (no rotor), that
     index, else −1."""
     places = [k for k, x in enumerate(step.axis) if not is_zero(x)]
-    plain = len(places) == 1 and step.m is not None and step.psi[places[0]] is step.m
+    plain = len(places) == 1 and step.psi[places[0]] is step.m
     return places[0] if plain else -1
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from derive.joints.records import Scalar
+from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero, plus, times
 
 Key = tuple[str, int]

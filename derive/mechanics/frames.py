@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from derive.joints.records import Matrix, Rotation, Still, Vector
+from derive.expressions.scalars import Matrix, Vector
+from derive.joints.records import Rotation, Still
 from derive.joints.rotations import (
     matrix,
     merged,

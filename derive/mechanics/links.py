@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints import joint_type
-from derive.joints.records import JointType, Matrix, Rotation, Scalar, Still, Turn, Vector
+from derive.joints.records import JointType, Rotation, Still, Turn
 from derive.joints.rotations import (
     UNIT,
     cross,

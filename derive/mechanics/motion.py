@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from derive.joints.records import Scalar, Vector
+from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import cross, dot, sum_of
 from derive.mechanics.forms import Form, added, constant, crossed, dotted, rotated, total
 from derive.mechanics.links import carried

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 
+from derive.expressions.scalars import Vector as Numbers
 from derive.expressions.tree import Call, Name, Vector
 from derive.joints.records import Turn
-from derive.joints.records import Vector as Numbers
 from derive.joints.rotations import merged
 from derive.mechanics.scene import IN_PLANE, Scene
 from derive.mechanics.tree import ground_point, relative_rotation
@@ -68,5 +68,8 @@ def _angle(scene: Scene, body: str) -> ca.SX:
     its second axis."""
     place = scene.places[body]
     chain = merged(relative_rotation(scene.links, -1, place.link), place.rotation)
-    turned = sum((f.angle for f in chain if isinstance(f, Turn)), ca.SX(0))
+    turned = ca.SX(0)
+    for factor in chain:
+        if isinstance(factor, Turn):
+            turned = turned + factor.angle
     return -turned if scene.model.plane == "xz" else turned

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from derive.joints.records import Matrix, Rotation, Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.records import Rotation
 from derive.mechanics.symbols import Symbols
 from derive.model.records import Model
 
@@ -92,9 +93,9 @@ class TwistTerm:
     point: Vector
     moment: Vector
     fixed: str = "body"
-    direction_rate: Vector = field(default_factory=list)
-    point_rate: Vector = field(default_factory=list)
-    moment_rate: Vector = field(default_factory=list)
+    direction_rate: Vector = field(default_factory=list[Scalar])
+    point_rate: Vector = field(default_factory=list[Scalar])
+    moment_rate: Vector = field(default_factory=list[Scalar])
 
 
 @dataclass(frozen=True)
@@ -144,6 +145,7 @@ class System:
     homogeneous: bool  # T is T₂ alone, and energy = T + V
     power: ca.SX  # of what is in Q and not −∂V/∂q, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
     outputs: tuple[tuple[str, ca.SX, str], ...]  # name, value, unit
+    events: tuple[tuple[str, ca.SX], ...]  # name, value
     rows: tuple[Row, ...]
     links: tuple[Link, ...]
     inertias: tuple[

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from derive.joints.records import Scalar
+from derive.expressions.scalars import Scalar
+from derive.expressions.tree import Expression
 from derive.mechanics.records import Row, RowForm
 from derive.mechanics.scene import Block, Scene
 from derive.mechanics.symbols import Symbols
@@ -14,7 +15,8 @@ from derive.mechanics.symbols import Symbols
 
 def numbered(found: Sequence[Block]) -> list[Block]:
     """φ indices counted through all blocks."""
-    result, start = [], 0
+    result: list[Block] = []
+    start = 0
     for block in found:
         rows = tuple(
             Row(r.name, r.position + start if r.position >= 0 else -1, r.unit) for r in block.rows
@@ -49,5 +51,5 @@ def velocity_row(
     return tuple((j, coefficients[0, j]) for j in columns), -offset, rate
 
 
-def nonideal_forces(scene: Scene, forces: Sequence) -> tuple[ca.SX, ...]:
+def nonideal_forces(scene: Scene, forces: Sequence[Expression]) -> tuple[ca.SX, ...]:
     return tuple(scene.over_v(ca.SX(scene.symbols.scalar(f))) for f in forces)

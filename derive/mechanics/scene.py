@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.joints.records import Matrix, Vector
+from derive.expressions.scalars import Matrix, Vector
 from derive.mechanics.records import Link, Place, Row, RowForm
 from derive.mechanics.symbols import Symbols
 from derive.model.records import (

@@ -13,8 +13,9 @@ from itertools import combinations, islice
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from derive.joints.records import Matrix, Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import cross, dot, is_zero, minus, plus, times
 
 SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
@@ -243,7 +244,7 @@ def _upper_solution(rows: Matrix, n: int) -> Matrix:
     return X
 
 
-def growth(values: np.ndarray, block: Block) -> float:
+def growth(values: NDArray[np.float64], block: Block) -> float:
     """How much the entries of matrices (samples, rows, columns) may grow when the block is
     eliminated: the largest weight of another unknown in what is solved for, columns compared by
     their largest entries over the samples."""
@@ -253,7 +254,8 @@ def growth(values: np.ndarray, block: Block) -> float:
     if not others:
         return 1.0
     scaled = values / sizes
-    solved = np.linalg.pinv(scaled[np.ix_(every, rows, columns)])
+    inside: NDArray[np.float64] = scaled[np.ix_(every, rows, columns)]
+    solved = np.linalg.pinv(inside)
     return float(np.max(np.abs(solved @ scaled[np.ix_(every, rows, others)]), initial=1.0))
 
 
@@ -308,7 +310,8 @@ def _best_single(
     a, b = least[r, c], largest[r, c]
     varies = ~fixed[r, c] & (b - a > SAME * b)
     fill = (pattern.sum(axis=1)[r] - 1) * (pattern.sum(axis=0)[c] - 1)
-    k = int(np.lexsort((-a, fill, -np.round(a / b, 2), varies & (a <= ZERO * b), varies))[0])
+    share: NDArray[np.float64] = a / b
+    k = int(np.lexsort((-a, fill, -np.round(share, 2), varies & (a <= ZERO * b), varies))[0])
     grade = 0 if fixed[r[k], c[k]] else 2 if varies[k] else 1
     return Block((int(r[k]),), (int(c[k]),), float(a[k]), float(b[k]), grade)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from derive.expressions.evaluate import casadi_functions, value
+from derive.expressions.scalars import Scalar, Vector
 from derive.expressions.tree import Expression
-from derive.joints.records import Scalar, Vector
 from derive.model.records import Model
 from derive.model.rows import row_names
 

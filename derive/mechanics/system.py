@@ -9,12 +9,13 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.counting import cheapest
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints import joint_type
-from derive.joints.records import Matrix, Scalar, Vector
 from derive.joints.rotations import is_zero
 from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
+from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
@@ -72,7 +73,7 @@ def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[S
     )
     found = blocks(scene)
     loads, extra = applied(scene), _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
-    g = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
+    g: Vector = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
     return _assembled(scene, baked, numbers, found, loads, extra, g)
 
 
@@ -115,6 +116,7 @@ def _assembled(
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
     energy = T + V if extra.missing.is_zero() else T + V - extra.missing
     power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
+    measured = outputs(scene)
     result = System(
         model=model,
         symbols=s,
@@ -139,7 +141,8 @@ def _assembled(
         energy=energy,
         homogeneous=extra.missing.is_zero(),
         power=power,
-        outputs=outputs(scene),
+        outputs=measured,
+        events=events(scene, measured),
         rows=tuple(row for block in found for row in block.rows),
         links=links,
         inertias=inertias,

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from derive.joints.records import Matrix, Rotation, Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.records import Rotation
 from derive.joints.rotations import (
     IDENTITY,
     cross,

@@ -85,7 +85,7 @@ def _dimension(reader: Reader, formula: Expression, scalar: Scalar) -> Dimension
 def rotors(reader: Reader, document: Document, names: Names) -> list[Armature]:
     """Inertias of the actuators' rotors as the joints feel them: rotor inertia times gear
     squared."""
-    found = []
+    found: list[Armature] = []
     units = {velocity.name: velocity.unit for velocity in names.velocities}
     for entry, given in zip(document.inputs.values(), names.inputs):
         if entry.rotor_inertia is None or not given.velocity:

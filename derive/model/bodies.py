@@ -3,6 +3,8 @@ a body can exist."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.algebra import Rows, rows, to_centre, turned_tensor
 from derive.model.document import Items, Key, Scalar
@@ -144,8 +146,6 @@ def _check_moments(
 
 
 def _principal(moments: list[float]) -> tuple[float, float, float]:
-    import numpy as np
-
     xx, yy, zz, xy, xz, yz = moments
     low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return float(low), float(middle), float(high)

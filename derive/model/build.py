@@ -7,6 +7,7 @@ from derive.model import (
     actuators,
     bodies,
     definitions,
+    events,
     extremes,
     frames,
     mechanism,
@@ -95,6 +96,10 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
 
 def _model(reader: Reader, document: Document, joints: list[Frame], names: Names) -> Model:
     ties.enter_reactions(reader, document)
+    outputs = tuple(
+        motions.output(reader, document, names, key, scalar)
+        for key, scalar in document.outputs.items()
+    )
     return Model(
         name=document.model.text,
         description=document.description.text if document.description else "",
@@ -118,10 +123,8 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         ),
         loads=_loads(reader, document, joints, names),
         inputs=names.inputs,
-        outputs=tuple(
-            motions.output(reader, document, names, key, scalar)
-            for key, scalar in document.outputs.items()
-        ),
+        outputs=outputs,
+        events=events.events(reader, document, outputs),
         choices=motions.choices(reader, document),
         initial=motions.initial(reader, document, joints),
         steady_motions=tuple(

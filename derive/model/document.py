@@ -11,7 +11,7 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any, NoReturn
@@ -231,7 +231,9 @@ class _Builder:
         self.source = source
         loader = getattr(yaml, "CLoader", yaml.Loader)
         self.count = 0
-        self.events: Iterator[Any] = iter(yaml.parse(source.text, Loader=loader))
+        # its stub leaves the stream open
+        parse: Callable[..., Iterator[Any]] = yaml.parse  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType]
+        self.events = iter(parse(source.text, Loader=loader))
 
     def document(self) -> Node | None:
         node = None
@@ -272,7 +274,7 @@ class _Builder:
         return Entries(self.entries(depth), span)
 
     def items(self, depth: int) -> list[Node]:
-        entries = []
+        entries: list[Node] = []
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
             entries.append(self.node(event, depth + 1))
         return entries

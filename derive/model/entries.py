@@ -230,6 +230,16 @@ class ExtremeEntry(Entry):
     )
 
 
+class EventEntry(Entry):
+    formula: Formula = Field(
+        description="What changes its sign: of coordinates, velocities, outputs and t."
+    )
+    direction: Formula | None = Field(None, description="rising, falling, or both (when left out).")
+    stop: Formula | None = Field(
+        None, description="true: the motion ends there; false (when left out): it is counted."
+    )
+
+
 class ParameterEntry(Entry):
     value: Formula = Field(description="Number with its unit, such as 0.2 m.")
     about: Formula | None = Field(None, description="What it is, for readers.")
@@ -442,6 +452,10 @@ class InputEntry(Entry):
 Parameter = Annotated[
     Annotated[Formula, Tag("<a number>")] | Annotated[ParameterEntry, Tag("<a mapping>")],
     _kind(**{"a number": _is_scalar, "a mapping": _is_mapping}),
+]
+EventOrFormula = Annotated[
+    Annotated[Formula, Tag("<a formula>")] | Annotated[EventEntry, Tag("<a mapping>")],
+    _kind(**{"a formula": _is_scalar, "a mapping": _is_mapping}),
 ]
 Coordinate = Annotated[
     Annotated[Formula, Tag("<a unit>")] | Annotated[CoordinateEntry, Tag("<a mapping>")],

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from derive.diagnostics import listed
 from derive.expressions.linearity import Degree
 from derive.expressions.tree import Expression
+from derive.joints import JOINTS, PLANAR_JOINTS, joint_type
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import CoordinateEntry, JointEntry, OrientationEntry
 from derive.model.reader import Reader, dimension_of
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 if TYPE_CHECKING:  # the joint tables bring casadi along
     from derive.joints.records import JointType
 
-PLANAR_JOINTS = ("revolute", "prismatic", "planar", "fixed")
 QUATERNION = "quaternion"
 
 
@@ -49,8 +49,6 @@ class Names:
 
 def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
     """Names and table of one joint; None after reporting that its type is unknown."""
-    from derive.joints import JOINTS, joint_type
-
     reader.name(key)
     kind = reader.word(entry.type, [joint.name for joint in JOINTS], "type of joint")
     if kind is None:
@@ -185,7 +183,7 @@ def _named(
 def _velocities(
     key: Key, table: JointType, coordinates: tuple[Coordinate, ...]
 ) -> tuple[Velocity, ...]:
-    found = []
+    found: list[Velocity] = []
     for index, slot in enumerate(table.velocities):
         rate_of = "" if slot.suffix else coordinates[index].name
         name = f"der({rate_of})" if rate_of else f"{key}.{slot.suffix}"
@@ -197,7 +195,8 @@ def analytic_coordinates(
     reader: Reader, document: Document
 ) -> tuple[tuple[Coordinate, ...], tuple[Velocity, ...]]:
     """Coordinates of the analytic form and their rates."""
-    coordinates, velocities = [], []
+    coordinates: list[Coordinate] = []
+    velocities: list[Velocity] = []
     for key, entry in document.coordinates.items():
         given = reader.unit(entry.unit if isinstance(entry, CoordinateEntry) else entry)
         name = reader.name(key)

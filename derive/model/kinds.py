@@ -6,7 +6,7 @@ from derive.joints import CLOSURES, JOINTS
 from derive.model.shape import about, kinds
 
 
-def known() -> tuple[tuple[str, str, str], ...]:
+def _lines() -> tuple[tuple[str, str, str], ...]:
     """(category, name, about) in the order of the schema."""
     found = [("joint", joint.name, joint.about) for joint in JOINTS]
     found += [
@@ -17,3 +17,6 @@ def known() -> tuple[tuple[str, str, str], ...]:
     for section, category in (("constraints", "constraint"), ("loads", "load")):
         found += [(category, name, about(entry)) for name, entry in kinds(section)]
     return tuple(found)
+
+
+KINDS = _lines()  # (category, name, about) of every joint, closure, constraint and load

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions.tree import Expression
-from derive.joints import CLOSURES, PLANAR_CLOSURES
+from derive.joints import CLOSURES, PLANAR_CLOSURES, joint_type
 from derive.model.axes import axis, axis2, pitch
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import ClosureEntry
@@ -100,11 +100,12 @@ def _by_depth(frames: list[Frame], by_child: dict[str, Frame]) -> list[Frame]:
     """The order of the file, but each joint after the one that carries its parent."""
     placed: dict[str, Frame] = {}
     for frame in frames:
-        chain = []
-        while frame is not None and frame.name not in placed and len(chain) < len(frames):
-            chain.append(frame)
-            frame = by_child.get(frame.entry.parent.text)
-        placed |= {link.name: link for link in reversed(chain)}
+        chain: list[Frame] = []
+        link: Frame | None = frame
+        while link is not None and link.name not in placed and len(chain) < len(frames):
+            chain.append(link)
+            link = by_child.get(link.entry.parent.text)
+        placed |= {x.name: x for x in reversed(chain)}
     return list(placed.values())
 
 
@@ -161,8 +162,6 @@ def _limits(reader: Reader, frame: Frame) -> tuple[Expression, Expression] | Non
 
 def closure(reader: Reader, document: Document, key: Key, entry: ClosureEntry) -> Closure:
     """A joint that closes a loop."""
-    from derive.joints import joint_type
-
     known = PLANAR_CLOSURES if reader.space.plane else CLOSURES
     kind = reader.word(entry.type, known, "type of closure")
     pair, sides = (

@@ -54,7 +54,7 @@ def _named_rows(reader: Reader, entry: dict[Key, Scalar]) -> Rows:
     taken = {
         identifier(name): name
         for name, symbol in reader.scope.symbols.items()
-        if symbol.kinds != {VELOCITY}
+        if symbol.kinds != frozenset({VELOCITY})
     }
     for name, _, span in rows:
         if identifier(name) in taken:
@@ -171,7 +171,9 @@ def state_name(reader: Reader, key: Key, inputs: bool = False) -> str | None:
     `base.vx` names, in its canonical spelling."""
     scalar = Scalar(str(key), key.span, True, True)
     scope = reader.scope
-    kinds: tuple[set[str], ...] = ({COORDINATE}, {VELOCITY}, *(({INPUT},) if inputs else ()))
+    kinds: tuple[frozenset[str], ...] = tuple(
+        frozenset({kind}) for kind in (COORDINATE, VELOCITY, *((INPUT,) if inputs else ()))
+    )
     try:
         node = expression(scalar.text)
         known = [name for name, symbol in scope.symbols.items() if symbol.kinds in kinds]
@@ -273,7 +275,7 @@ def _with_point(
             point.at,
             f"[{', '.join(reader.space.letters)}]",
         )
-    entries = []
+    entries: list[Expression] = []
     for entry in point.entries:
         resolved = reader.scope.resolved(entry, frozenset({PARAMETER}), "a point", text)
         reader.check_unit(resolved, "a point", "m", text, entry.at)

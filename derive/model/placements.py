@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from derive.diagnostics import listed
 from derive.expressions.evaluate import is_constant
 from derive.expressions.tree import Call, Expression, Number
@@ -163,8 +165,6 @@ def _matrix(reader: Reader, lines: Items) -> Rotation | None:
 
 def _orthogonal(reader: Reader, lines: Items, entries: list[list[float]]) -> Rotation | None:
     """The nearest rotation, where the entries are one up to the digits that were printed."""
-    import numpy as np
-
     u, _, v = np.linalg.svd(np.array(entries))
     nearest = u @ v
     if np.abs(nearest - entries).max() > _ORTHOGONAL or np.linalg.det(nearest) < 0.0:

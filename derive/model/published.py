@@ -74,7 +74,7 @@ def _value(
 
 def _acceleration(reader: Reader, key: Key, scalar: Scalar) -> tuple[str, Expression] | None:
     """The rate of a generalized velocity."""
-    known = [name for name, symbol in reader.scope.symbols.items() if symbol.kinds == {VELOCITY}]
+    known = reader.scope.of_kind(VELOCITY)
     name = str(key).replace(" ", "")
     if name not in known:
         reader.report(

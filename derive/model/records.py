@@ -363,6 +363,20 @@ class Output:
 
 
 @dataclass(frozen=True)
+class Event:
+    """Where `expression`, a formula of the motion and of outputs, changes its sign: upwards where
+    `direction` is 1, downwards where it is −1, either way where it is 0. `stop`: the motion ends
+    there."""
+
+    name: str
+    expression: Expression
+    text: str
+    direction: int
+    stop: bool
+    span: Span
+
+
+@dataclass(frozen=True)
 class Choice:
     """One choice of quasi-velocities. `kind` is "rows" (linear in the velocities), or a kind of its
     own without rows."""
@@ -472,6 +486,7 @@ class Model:
     potential: Expression | None
     published: tuple[Published, ...] = ()
     extremes: tuple[Extreme, ...] = ()
+    events: tuple[Event, ...] = ()
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[

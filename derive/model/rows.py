@@ -3,10 +3,9 @@ where there are several."""
 
 from __future__ import annotations
 
+from derive.expressions.tree import Call, Expression
+from derive.joints import JOINTS
 from derive.model.records import Closure, Model, Rolling
-
-PARALLEL = ("turn1", "turn2")
-LOCKED = (*PARALLEL, "turn3")
 
 
 def row_names(model: Model) -> tuple[str, ...]:
@@ -28,20 +27,19 @@ def named(name: str, parts: tuple[str, ...]) -> list[str]:
 
 
 def closure_parts(kind: str, plane: str) -> tuple[str, ...]:
-    """Meeting points along the ground's axes, shifts across an axis, and what must not turn."""
-    meeting = tuple(plane or "xyz")
-    parts = {
-        "revolute": (*meeting, *(() if plane else PARALLEL)),
-        "ball": meeting,
-        "fixed": (*meeting, *(("turn1",) if plane else LOCKED)),
-        "prismatic": ("shift1", "turn1") if plane else ("shift1", "shift2", *LOCKED),
-        "cylindrical": ("shift1", "shift2", *PARALLEL),
-        "planar": ("shift1", *PARALLEL),
-        "universal": (*meeting, "cross"),
-        "screw": ("shift1", "shift2", *PARALLEL, "advance"),
-    }
-    return parts.get(kind, ())
+    """Meeting points along the ground's axes, shifts across an axis, and what must not turn: as the
+    joint's own table says."""
+    closing = {joint.name: joint.closing for joint in JOINTS}.get(kind)
+    return closing(plane) if closing else ()
 
 
 def rolling_parts(plane: str) -> tuple[str, ...]:
     return ("normal", "forward") if plane else ("normal", "forward", "sideways")
+
+
+def components(name: str, formula: Expression, letters: str) -> list[str]:
+    """What the entries of an output are called in formulas; none of reactions."""
+    function = formula.function if isinstance(formula, Call) else ""
+    if function in ("position", "velocity"):
+        return [f"{name}.{letter}" for letter in letters]
+    return [] if function == "reaction" else [name]

@@ -48,10 +48,10 @@ class Scope:
     `dimensions` and `degrees` are the same table read by column, kept beside it for large models.
     """
 
-    symbols: dict[str, Symbol] = field(default_factory=dict)
-    aliases: dict[str, str] = field(default_factory=dict)
-    dimensions: dict[str, Inferred] = field(default_factory=dict)
-    degrees: dict[str, Degree] = field(default_factory=dict)
+    symbols: dict[str, Symbol] = field(default_factory=dict[str, Symbol])
+    aliases: dict[str, str] = field(default_factory=dict[str, str])
+    dimensions: dict[str, Inferred] = field(default_factory=dict[str, Inferred])
+    degrees: dict[str, Degree] = field(default_factory=dict[str, Degree])
 
     def add(self, name: str, symbol: Symbol) -> None:
         """Enter a name. The first of two stays: collisions are reported elsewhere."""
@@ -86,7 +86,12 @@ class Scope:
         return Usable(self, allowed)
 
     def coordinates(self) -> list[str]:
-        return [name for name, symbol in self.symbols.items() if symbol.kinds == {COORDINATE}]
+        return self.of_kind(COORDINATE)
+
+    def of_kind(self, kind: str) -> list[str]:
+        """Names that are of this kind and of no other."""
+        alone = frozenset({kind})
+        return [name for name, symbol in self.symbols.items() if symbol.kinds == alone]
 
     def resolved(
         self, expression: Expression, allowed: frozenset[str], where: str, text: str
@@ -124,11 +129,7 @@ class Scope:
     def _check_rows(self, node: tree.Name, text: str) -> None:
         """A reaction of several rows, or of a row that is none of them."""
         whole = ".".join(node.name.split(".")[:2])
-        rows = [
-            name
-            for name in self.symbols
-            if name.startswith(f"{whole}.") and self.symbols[name].kinds == {REACTION}
-        ]
+        rows = [name for name in self.of_kind(REACTION) if name.startswith(f"{whole}.")]
         if node.name == whole and rows:
             raise FormulaError(
                 f"'{node.name}' is {len(rows)} reactions, one for each row",

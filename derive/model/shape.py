@@ -5,9 +5,7 @@ and the JSON Schema that editors complete from."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import reduce
-from operator import or_
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -19,6 +17,7 @@ from derive.model.entries import (
     ClosureEntry,
     Coordinate,
     Entry,
+    EventOrFormula,
     ExtremeEntry,
     Formula,
     Held,
@@ -50,8 +49,8 @@ def _of_kinds(kinds: Sequence[Kind[Any]], otherwise: str) -> Any:
         kind = value.get("type")
         return f"<{kind.text}>" if isinstance(kind, Scalar) else None
 
-    members = [Annotated[kind.entry, Tag(f"<{kind.name}>")] for kind in kinds]
-    return Annotated[reduce(or_, members), Discriminator(tag)]  # type: ignore[arg-type]
+    members = tuple(Annotated[kind.entry, Tag(f"<{kind.name}>")] for kind in kinds)
+    return Annotated[Union[members], Discriminator(tag)]  # noqa: UP007
 
 
 if TYPE_CHECKING:  # the tables are not known before they run
@@ -101,6 +100,11 @@ class Document(Entry):
         {},
         description="Formulas, position(body, point), velocity(body, point), angle(body), "
         "reaction(name).",
+    )
+    events: dict[Name, EventOrFormula] = Field(
+        {},
+        description="Where a formula of coordinates, velocities, outputs (tip.x) and t changes its "
+        "sign: counted, or the end of the motion.",
     )
     quasi_velocities: dict[Name, Choice] = Field(
         {},
@@ -157,13 +161,13 @@ def about(entry: type[Entry]) -> str:
     return " ".join((entry.__doc__ or "").split())
 
 
-def json_schema(joint_types: tuple[str, ...]) -> dict[str, Any]:
-    """JSON Schema of a model file, for editors. Every joint but the free one can close a loop."""
+def json_schema(joints: tuple[str, ...], closures: tuple[str, ...]) -> dict[str, Any]:
+    """JSON Schema of a model file, for editors; the names of the types of joints and closures."""
     schema = Document.model_json_schema()
     definitions = schema["$defs"]
     for owner, types in (
-        ("JointEntry", joint_types),
-        ("ClosureEntry", [kind for kind in joint_types if kind != "free"]),
+        ("JointEntry", joints),
+        ("ClosureEntry", closures),
     ):
         definitions[owner]["properties"]["type"] |= {"type": "string", "enum": list(types)}
     for kind, entry in (*kinds("constraints"), *kinds("loads")):

@@ -64,7 +64,7 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMoti
 
 def _check_input(reader: Reader, state: Key, name: str, scalar: Scalar) -> None:
     """Coordinates and velocities need no word to be found."""
-    if reader.scope.symbols[name].kinds != {INPUT}:
+    if reader.scope.symbols[name].kinds != frozenset({INPUT}):
         hint = (
             f"what is not held is found: leave '{state}' out, or say under guess where its "
             "search starts"
@@ -83,7 +83,7 @@ def _entries(reader: Reader, part: Part, wanted: str) -> dict[Key, Any]:
     if not isinstance(value, dict):
         reader.report(key.span, f"'{key}' is not a mapping", wanted)
         return {}
-    return value
+    return value  # pyright: ignore[reportUnknownVariableType]  # what a file holds there
 
 
 def _guesses(
@@ -126,11 +126,8 @@ def _cyclic(reader: Reader, part: Part) -> tuple[str, ...] | None:
 def _ranges(
     reader: Reader, part: Part, sweepable: tuple[str, ...]
 ) -> tuple[tuple[str, float, float, int], ...]:
-    known = (
-        *sweepable,
-        *(name for name, symbol in reader.scope.symbols.items() if symbol.kinds == {PARAMETER}),
-    )
-    found = []
+    known = (*sweepable, *reader.scope.of_kind(PARAMETER))
+    found: list[tuple[str, float, float, int]] = []
     for name, items in _entries(reader, part, "ranges, such as speed: [0, 10]").items():
         if str(name) not in known:
             near = did_you_mean(str(name), known)

@@ -47,7 +47,8 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
         yield _not_one_of(key, found, details, span, source)
     elif kind == "not_a_mapping":
         unit = isinstance(found, Scalar) and details["loc"][0] == "inputs" and _is_unit(found.text)
-        hint = f"its unit alone is {{unit: {found.text}}}" if unit else ""
+        text = found.text if isinstance(found, Scalar) else ""
+        hint = f"its unit alone is {{unit: {text}}}" if unit else ""
         expected = f"a mapping with {listed(context['keys'])}"
         yield source.diagnostic(found.span, _instead(key, found), expected, hint)
     elif kind == "not_a_list" and isinstance(details["loc"][-1], int):
@@ -111,7 +112,7 @@ def _unknown_keys(found: Any, context: dict[str, Any], source: Source) -> Iterat
             span,
             f"unknown key '{name}'",
             listed(context["keys"], 24),
-            _meant(name, context["keys"]),
+            _near_key(name, context["keys"]),
         )
 
 
@@ -135,7 +136,7 @@ _OTHER_WORDS = {
 }
 
 
-def _meant(name: str, keys: Collection[str]) -> str:
+def _near_key(name: str, keys: Collection[str]) -> str:
     other = _OTHER_WORDS.get(name)
     return f"did you mean '{other}'?" if other in keys else did_you_mean(name, keys)
 

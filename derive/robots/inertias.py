@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from derive.robots.robot import GROUND, Body, Joint, Robot, counted
 from derive.robots.rotations import IDENTITY, Matrix, product, transposed, turned_tensor
 
@@ -24,8 +26,6 @@ def possible(mass: float, tensor: Sequence[float]) -> bool:
     of mass."""
     if not any(tensor):
         return True
-    import numpy as np
-
     xx, yy, zz, xy, xz, yz = tensor
     low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return (

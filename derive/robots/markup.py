@@ -80,7 +80,7 @@ class Element:
     attributes: dict[str, str]
     file: File
     at: int
-    children: list[Element] = field(default_factory=list)
+    children: list[Element] = field(default_factory=lambda: [])
     text: str = ""
 
     def get(self, name: str, otherwise: str = "") -> str:

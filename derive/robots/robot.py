@@ -30,7 +30,7 @@ class Body:
     mass: float = 0.0
     com: Vector = ORIGIN
     inertia: tuple[float, ...] = ()
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list[str])
 
 
 @dataclass
@@ -55,7 +55,7 @@ class Joint:
     damper: float = 0.0
     coulomb: float = 0.0
     armature: float = 0.0
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list[str])
 
     def turn(self) -> Matrix:
         """Parent ← joint frame."""
@@ -99,16 +99,16 @@ class Robot:
     kind: str
     root: Element
     gravity: Vector = (0.0, 0.0, -9.81)
-    bodies: list[Body] = field(default_factory=list)
-    joints: list[Joint] = field(default_factory=list)
-    closures: list[Closure] = field(default_factory=list)
-    constraints: list[Entry] = field(default_factory=list)
-    loads: list[Entry] = field(default_factory=list)
-    inputs: list[Entry] = field(default_factory=list)
-    initial: list[Entry] = field(default_factory=list)
-    changed: list[str] = field(default_factory=list)
-    assumed: list[str] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
+    bodies: list[Body] = field(default_factory=list[Body])
+    joints: list[Joint] = field(default_factory=list[Joint])
+    closures: list[Closure] = field(default_factory=list[Closure])
+    constraints: list[Entry] = field(default_factory=list[Entry])
+    loads: list[Entry] = field(default_factory=list[Entry])
+    inputs: list[Entry] = field(default_factory=list[Entry])
+    initial: list[Entry] = field(default_factory=list[Entry])
+    changed: list[str] = field(default_factory=list[str])
+    assumed: list[str] = field(default_factory=list[str])
+    left_out: list[str] = field(default_factory=list[str])
 
 
 class Reading:
@@ -147,16 +147,16 @@ class Reading:
         )
 
     def body_name(self, original: str, notes: list[str]) -> str:
-        return self._noted(self.bodies(original, "body"), original, notes)
+        return self._name_with_note(self.bodies(original, "body"), original, notes)
 
     def joint_name(self, original: str, kind: str, notes: list[str]) -> str:
         suffixes = () if kind == "fixed" else PLAIN if kind in ONE_RATE else SUFFIXES
-        return self._noted(self.symbols(original, "joint", suffixes), original, notes)
+        return self._name_with_note(self.symbols(original, "joint", suffixes), original, notes)
 
     def input_name(self, wanted: str, original: str, notes: list[str]) -> str:
-        return self._noted(self.symbols(wanted, "input"), original, notes)
+        return self._name_with_note(self.symbols(wanted, "input"), original, notes)
 
-    def _noted(self, name: str, original: str, notes: list[str]) -> str:
+    def _name_with_note(self, name: str, original: str, notes: list[str]) -> str:
         if name != original and original:
             self.renamed += 1
             notes.append(f"was {quoted(original)}")

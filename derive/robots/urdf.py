@@ -58,10 +58,10 @@ MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 class Tree:
     """The links and joints of a file by their own names."""
 
-    links: dict[str, Element] = field(default_factory=dict)
-    joints: dict[str, Element] = field(default_factory=dict)
-    bodies: dict[str, Body] = field(default_factory=dict)
-    made: dict[str, Joint] = field(default_factory=dict)
+    links: dict[str, Element] = field(default_factory=dict[str, Element])
+    joints: dict[str, Element] = field(default_factory=dict[str, Element])
+    bodies: dict[str, Body] = field(default_factory=dict[str, Body])
+    made: dict[str, Joint] = field(default_factory=dict[str, Joint])
 
 
 def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robot:
@@ -234,7 +234,7 @@ def _only_root(reading: Reading, tree: Tree, parents: dict[str, str]) -> str:
 def _circles(tree: Tree, parents: dict[str, str]) -> list[list[str]]:
     """Links that carry each other in a circle, from parent to child."""
     done: set[str] = set()
-    found = []
+    found: list[list[str]] = []
     for name in tree.links:
         chain: list[str] = []
         while name in parents and name not in done:
@@ -406,7 +406,7 @@ def _mimics(reading: Reading, tree: Tree, result: Robot) -> None:
 
 def _mimic_circles(masters: dict[str, str]) -> list[list[str]]:
     done: set[str] = set()
-    found = []
+    found: list[list[str]] = []
     for name in masters:
         chain: list[str] = []
         while name in masters and name not in done:
@@ -455,8 +455,8 @@ def _check_massless(reading: Reading, result: Robot, mimics: set[Element]) -> No
     for joint in coupled:
         leader = joint
         while (
-            (mimic := leader.place.first("mimic")) in mimics
-            and mimic is not None
+            (mimic := leader.place.first("mimic")) is not None
+            and mimic in mimics
             and mimic.get("joint") in by_file
         ):
             leader = by_file[mimic.get("joint")]

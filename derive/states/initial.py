@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
@@ -30,19 +31,22 @@ class Initial:
 
 @refuses_numerically("the initial state")
 def initial_state(
-    system: System, changes: Mapping[str, float] | None = None, p: np.ndarray | None = None
+    system: System,
+    changes: Mapping[str, float] | None = None,
+    p: np.ndarray | None = None,
+    t: float = 0.0,
 ) -> Initial:
-    """Held values are kept, guesses and unnamed ones move; where that has no solution everything
-    may move, and is reported.
+    """The state at time t. Held values are kept, guesses and unnamed ones move; where that has no
+    solution everything may move, and is reported.
 
     `changes` overrides values by name and holds them. Raises ModelError where no consistent state
     is found.
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
-    told, held = _given(system, changes or {}, parameters)
-    own = _own(system)
+    told, held = _start_values(system, changes or {}, parameters, t)
+    own = _own(system, t)
     given = {name: x / own.one_of(name) for name, x in told.items()}
-    q, v, N = _consistent(system, own, given, held, parameters)
+    q, v, N = _consistent(system, own, given, held, parameters, t)
     coordinates, velocities = (
         [x.name for x in items] for items in (system.model.coordinates, system.model.velocities)
     )
@@ -64,37 +68,38 @@ class Own:
     system: System
     units: dict[str, float]
     parameters: np.ndarray  # one of each of p
+    t: float  # of the state
 
     def one_of(self, name: str) -> float:
         return self.units.get(name, 1.0)
 
 
-def _own(system: System) -> Own:
+def _own(system: System, t: float) -> Own:
     own, model = scales(system.model), system.model
     units = {x.name: own.of(x.unit) for x in (*model.coordinates, *model.velocities)}
     units |= {f"der({c.name})": own.of(c.unit) / own.time for c in model.coordinates}
     parameters = own.all_of(x.unit for x in model.parameters if x.name not in system.constants)
-    return Own(system if own.plain else scaled(system, own), units, parameters)
+    whole = system if own.plain else scaled(system, own)
+    return Own(whole, units, parameters, t / own.time)
 
 
 def _consistent(
-    system: System, own: Own, given: dict[str, float], held: set[str], p: np.ndarray
+    system: System, own: Own, given: dict[str, float], held: set[str], p: np.ndarray, t: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """q, v and N in the model's own units."""
     solver, here = Kinematics(own.system), p / own.parameters
-    q = _closed(own.system, solver, _start(own.system, given), held, here)
+    q = _closed(own, solver, _start(own.system, given), held, here)
     if q is None:
-        raise _off(
-            system, p, _start(system, {name: x * own.one_of(name) for name, x in given.items()})
-        )
-    v = _velocities(own.system, solver, given, held, q, here)
-    return q, v, solver.velocities(0.0, q, here)[2]
+        told = {name: x * own.one_of(name) for name, x in given.items()}
+        raise _off(system, p, _start(system, told), t)
+    v = _velocities(own, solver, given, held, q, here)
+    return q, v, solver.velocities(own.t, q, here)[2]
 
 
-def _given(
-    system: System, changes: Mapping[str, float], p: np.ndarray
+def _start_values(
+    system: System, changes: Mapping[str, float], p: np.ndarray, t: float
 ) -> tuple[dict[str, float], set[str]]:
-    names = {x.name: x.value for x in system.model.parameters} | {"t": 0.0}
+    names = {x.name: x.value for x in system.model.parameters} | {"t": t}
     names |= dict(
         zip(
             [x.name for x in system.model.parameters if x.name not in system.constants],
@@ -113,19 +118,20 @@ def _start(system: System, given: dict[str, float]) -> np.ndarray:
 
 
 def _closed(
-    system: System, solver: Kinematics, start: np.ndarray, held: set[str], p: np.ndarray
+    own: Own, solver: Kinematics, start: np.ndarray, held: set[str], p: np.ndarray
 ) -> np.ndarray | None:
     """Guesses move, else everything may."""
+    system = own.system
     free = np.array([c.name not in held for c in system.model.coordinates])
     for choice in (free, np.ones(len(start), dtype=bool)):
-        q = closed(solver, 0.0, start, p, choice, by_row=True)
+        q = closed(solver, own.t, start, p, choice, by_row=True)
         if q is not None:
             return normalised(system, q)
     return None
 
 
-def _off(system: System, p: np.ndarray, start: np.ndarray) -> ModelError:
-    phi = Kinematics(system).positions(0.0, start, p)[0]
+def _off(system: System, p: np.ndarray, start: np.ndarray, t: float) -> ModelError:
+    phi = Kinematics(system).positions(t, start, p)[0]
     worst = int(np.argmax(np.abs(phi)))
     row = next(row.name for row in system.rows if row.position == worst)
     return _problem(
@@ -136,7 +142,7 @@ def _off(system: System, p: np.ndarray, start: np.ndarray) -> ModelError:
 
 
 def _velocities(
-    system: System,
+    own: Own,
     solver: Kinematics,
     given: dict[str, float],
     held: set[str],
@@ -145,7 +151,8 @@ def _velocities(
 ) -> np.ndarray:
     """v nearest the guesses with A v = c and the held rates; where they contradict each other A v =
     c wins."""
-    A, c, N = solver.velocities(0.0, q, p)
+    system = own.system
+    A, c, N = solver.velocities(own.t, q, p)
     for what, values in (
         ("the constraints' rates", (A, c)),
         ("the rates of the coordinates", (N,)),
@@ -157,7 +164,7 @@ def _velocities(
     wanted = guess + _least(
         np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess
     )
-    v = wanted + _least(A, c - A @ wanted)
+    v: np.ndarray = wanted + _least(A, c - A @ wanted)
     residual = float(np.max(np.abs(A @ v - c), initial=0.0))
     if residual > AGREES * (1 + float(np.max(np.abs(v), initial=0.0))):
         raise _problem(
@@ -168,8 +175,10 @@ def _velocities(
     return v
 
 
-def _least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.linalg.lstsq(A, b, rcond=1e-10)[0] if len(b) else np.zeros(A.shape[1])
+def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
+    if not len(b):
+        return np.zeros(int(A.shape[1]))
+    return np.linalg.lstsq(A, b, rcond=1e-10)[0]
 
 
 def _held_rows(

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
-from derive.joints.records import Vector
+from derive.expressions.scalars import Vector
 from derive.mechanics.records import Named, System
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
 from derive.mechanics.system import ideal_system
@@ -48,20 +48,20 @@ def with_nonideal(system: System, C: ca.SX) -> System:
     Raises AssumptionError where C uses a reaction that is not unique.
     """
     used = [i for i, row in enumerate(system.rows) if _depends(system, C, f"reaction.{row.name}")]
-    if used:
-        symbols = ca.vertcat(
-            *[ca.SX(system.symbols.names[f"reaction.{system.rows[i].name}"]) for i in used]
-        )
-        ideal = ideal_reactions(system, used)
-        shown = (
-            Named("lam_ideal", "reactions of the ideal problem", ideal),
-            Named("C", "nonideal forces over them", C),
-        )
-        system, C = (
-            replace(system, names=(*system.names, *shown)),
-            ca.substitute(C, symbols, ideal[used]),
-        )
-    return replace(system, Q=system.Q + C, power=system.power + ca.dot(C, system.v))
+    if not used:
+        return _with_applied(system, C)
+    symbols = system.symbols.reactions([system.rows[i].name for i in used])
+    ideal = ideal_reactions(system, used)
+    shown = (
+        Named("lam_ideal", "reactions of the ideal problem", ideal),
+        Named("C", "nonideal forces over them", C),
+    )
+    known = replace(system, names=(*system.names, *shown))
+    return _with_applied(known, ca.substitute(C, symbols, ideal[used]))
+
+
+def _with_applied(system: System, force: ca.SX) -> System:
+    return replace(system, Q=system.Q + force, power=system.power + ca.dot(force, system.v))
 
 
 def _depends(system: System, C: ca.SX, name: str) -> bool:
@@ -98,7 +98,7 @@ def _by_pivots(system: System, matrix: ca.SX, sides: list[Vector], values: np.nd
     states. AssumptionError where there are none: a motion that the constraints allow has no
     mass."""
     rows = scalars(matrix)
-    structure = np.array([[not isinstance(x, float) or x != 0 for x in row] for row in rows])
+    structure = np.array([[not isinstance(x, float) or x != 0.0 for x in row] for row in rows])
     constant = np.array([[isinstance(x, float) for x in row] for row in rows])
     try:
         order = pivot_order(values, structure, constant)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -188,12 +188,13 @@ def _sized(
             continue
 
 
-def _numbers(part: Any) -> Iterator[tree.Number]:
+def _numbers(part: object) -> Iterator[tree.Number]:
     """All numbers in the formulas of a record."""
     if isinstance(part, tree.Number):
         yield part
     elif isinstance(part, tuple):
-        yield from (found for item in part for found in _numbers(item))
+        for item in cast(tuple[object, ...], part):
+            yield from _numbers(item)
     elif is_dataclass(part):
         yield from (
             found for field in fields(part) for found in _numbers(getattr(part, field.name))

@@ -9,7 +9,7 @@ from derive.formulations.charts import BETTER, LOW
 from derive.formulations.records import Equations, Function
 from derive.textbook.choice import power_of_ten, watched
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.records import Math, Text
+from derive.textbook.records import Math, Runs, Text
 
 
 def charts(doc: Manuscript) -> None:
@@ -100,7 +100,7 @@ def _margins(doc: Manuscript) -> None:
         f"margin is {BETTER:g} times as large, so that no two charts take turns; where no guard is "
         "needed the margin is infinite."
     )
-    rows = []
+    rows: list[tuple[Runs, ...]] = []
     for k, chart in enumerate((doc.equations, *doc.equations.charts)):
         guards = _function(chart, "dynamics").guards
         for i, (guard, whole) in enumerate(zip(guards, chart.largest), 1):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from derive.joints.records import Matrix, Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import cross
 from derive.mechanics.records import Link, System
 from derive.mechanics.tree import twists

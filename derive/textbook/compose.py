@@ -4,27 +4,31 @@ comes first."""
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from itertools import combinations
 from math import inf
 from typing import Any
 
 import sympy
+from sympy import Expr
 
 from derive.textbook.ring import (
     PLAIN,
     UNIT,
     Exact,
+    Frequencies,
     Key,
     Monomial,
     Poly,
     Ring,
     TooBig,
+    Trig,
     common_factor,
     over,
     parted,
 )
 
-Expr = Any  # SymPy's own annotations say Basic for what is always an Expr
+Part = tuple[str, int, bool] | tuple[str, Frequencies]  # of a term, see _parts
 DIGITS = 15
 HOPELESS = 4  # times too long
 
@@ -139,7 +143,7 @@ class Composer:
             return sympy.sqrt(self.shortest(content))
         return FUNCTIONS[kind](*[self.expression(x) for x in content])
 
-    def _trig(self, trig: tuple) -> list[Expr]:
+    def _trig(self, trig: Trig) -> list[Expr]:
         if not trig:
             return []
         angle = sympy.Add(*[number(x, self.decimal) * self._atom(k) for k, x in trig[1]])
@@ -157,19 +161,19 @@ def _shared(keys: list[Key]) -> Monomial:
     return tuple(sorted(shared.items()))
 
 
-def _common_trig(keys: list[Key]) -> tuple:
+def _common_trig(keys: list[Key]) -> Trig:
     trigs = {trig for _, trig in keys}
     return trigs.pop() if len(trigs) == 1 else ()
 
 
-def _divided(key: Key, monomial: Monomial, trig: tuple) -> Key:
+def _divided(key: Key, monomial: Monomial, trig: Trig) -> Key:
     exponents = dict(key[0])
     for k, e in monomial:
         exponents[k] -= e
     return tuple((k, e) for k, e in sorted(exponents.items()) if e), () if trig else key[1]
 
 
-def _parts(key: Key) -> list[tuple]:
+def _parts(key: Key) -> list[Part]:
     """What could be taken out of a term: each atom by the sign of its exponent, and its sine or
     cosine."""
     return [("atom", k, e > 0) for k, e in key[0]] + ([key[1]] if key[1] else [])
@@ -200,7 +204,7 @@ def _crossed(a: int, b: int) -> Key:
     return ((min(a, b), 1), (max(a, b), 1)), ()
 
 
-def _most_shared(poly: Poly) -> tuple | None:
+def _most_shared(poly: Poly) -> Part | None:
     """A sine or cosine counts double: what it multiplies then stands together, often as a
     square."""
     counts = Counter(part for key in poly for part in _parts(key))
@@ -210,11 +214,11 @@ def _most_shared(poly: Poly) -> tuple | None:
     return best[0] if best[1] > 1 else None
 
 
-def _weight(part: tuple, count: int) -> int:
+def _weight(part: Part, count: int) -> int:
     return count if part[0] == "atom" else 2 * count
 
 
-FUNCTIONS = {
+FUNCTIONS: dict[str, Callable[..., Expr]] = {
     "sin": sympy.sin,
     "cos": sympy.cos,
     "tan": sympy.tan,

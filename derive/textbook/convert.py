@@ -10,8 +10,9 @@ from math import inf
 
 import casadi as ca
 import sympy
+from sympy import Expr
 
-from derive.textbook.compose import FUNCTIONS, Composer, Expr, number, operations
+from derive.textbook.compose import FUNCTIONS, Composer, number, operations
 from derive.textbook.graph import Graph, Node
 from derive.textbook.ring import Poly, Ring, TooBig, rational
 
@@ -118,7 +119,7 @@ class Reader:
         """Nodes to name: shared ones worth it, and those that have grown long."""
         uses = self._uses(order)
         sizes: dict[int, int] = {}  # operations down to the nearest names
-        cuts = []
+        cuts: list[int] = []
         for k in order:
             node = self.graph.nodes[k]
             sizes[k] = 0
@@ -221,11 +222,7 @@ def _tangent(ring: Ring, a: Poly) -> Poly:
     return ring.quotient(ring.sine(a), ring.cosine(a))
 
 
-_RING: dict[int, Callable[..., Poly]] = {
-    ca.OP_ADD: Ring.sum,
-    ca.OP_SUB: lambda ring, a, b: ring.sum(a, b, -1),
-    ca.OP_MUL: Ring.product,
-    ca.OP_DIV: Ring.quotient,
+_RING_OF_ONE: dict[int, Callable[[Ring, Poly], Poly]] = {
     ca.OP_INV: Ring.inverse,
     ca.OP_NEG: lambda ring, a: ring.scaled(a, -1),
     ca.OP_SQ: lambda ring, a: ring.product(a, a),
@@ -234,10 +231,19 @@ _RING: dict[int, Callable[..., Poly]] = {
     ca.OP_SIN: Ring.sine,
     ca.OP_COS: Ring.cosine,
     ca.OP_TAN: _tangent,
-    ca.OP_POW: _powered,
-    ca.OP_CONSTPOW: _powered,
     ca.OP_ASSIGN: lambda ring, a: a,
 }
+
+_RING_OF_TWO: dict[int, Callable[[Ring, Poly, Poly], Poly]] = {
+    ca.OP_ADD: Ring.sum,
+    ca.OP_SUB: lambda ring, a, b: ring.sum(a, b, -1),
+    ca.OP_MUL: Ring.product,
+    ca.OP_DIV: Ring.quotient,
+    ca.OP_POW: _powered,
+    ca.OP_CONSTPOW: _powered,
+}
+
+_RING: dict[int, Callable[..., Poly]] = {**_RING_OF_ONE, **_RING_OF_TWO}
 
 _CALLS = {
     ca.OP_ASIN: "asin",
@@ -262,15 +268,11 @@ def _either(condition: Expr, value: Expr) -> Expr:
     return sympy.Piecewise((value, sympy.Ne(condition, 0)), (0, True))
 
 
-def _truth(relation: Callable[..., sympy.Basic]) -> Callable[..., Expr]:
+def _truth(relation: Callable[[Expr, Expr], sympy.Basic]) -> Callable[[Expr, Expr], Expr]:
     return lambda a, b: sympy.Piecewise((1, relation(a, b)), (0, True))
 
 
-PLAIN: dict[int, Callable[..., Expr]] = {
-    ca.OP_ADD: lambda a, b: a + b,
-    ca.OP_SUB: lambda a, b: a - b,
-    ca.OP_MUL: lambda a, b: a * b,
-    ca.OP_DIV: lambda a, b: a / b,
+_UNARY: dict[int, Callable[[Expr], Expr]] = {
     ca.OP_INV: lambda a: 1 / a,
     ca.OP_NEG: lambda a: -a,
     ca.OP_SQ: lambda a: a**2,
@@ -279,24 +281,37 @@ PLAIN: dict[int, Callable[..., Expr]] = {
     ca.OP_SIN: sympy.sin,
     ca.OP_COS: sympy.cos,
     ca.OP_TAN: sympy.tan,
-    ca.OP_POW: sympy.Pow,
-    ca.OP_CONSTPOW: sympy.Pow,
     ca.OP_ASSIGN: lambda a: a,
-    ca.OP_LT: _truth(sympy.Lt),
-    ca.OP_LE: _truth(sympy.Le),
-    ca.OP_EQ: _truth(sympy.Eq),
-    ca.OP_NE: _truth(sympy.Ne),
-    ca.OP_AND: sympy.Min,
-    ca.OP_OR: sympy.Max,
     ca.OP_NOT: lambda a: 1 - a,
-    ca.OP_IF_ELSE_ZERO: _either,
-    ca.OP_FMOD: lambda a, b: a - b * (sympy.sign(a / b) * sympy.floor(sympy.Abs(a / b))),
-    ca.OP_COPYSIGN: lambda a, b: sympy.Abs(a) * sympy.sign(b),
-    ca.OP_HYPOT: lambda a, b: sympy.sqrt(a**2 + b**2),
     ca.OP_LOG1P: lambda a: sympy.log(1 + a),
     ca.OP_EXPM1: lambda a: sympy.exp(a) - 1,
     ca.OP_ERF: sympy.erf,
     ca.OP_ASINH: sympy.asinh,
     ca.OP_ACOSH: sympy.acosh,
     ca.OP_ATANH: sympy.atanh,
-} | {op: FUNCTIONS[name] for op, name in _CALLS.items()}
+}
+
+_BINARY: dict[int, Callable[[Expr, Expr], Expr]] = {
+    ca.OP_ADD: lambda a, b: a + b,
+    ca.OP_SUB: lambda a, b: a - b,
+    ca.OP_MUL: lambda a, b: a * b,
+    ca.OP_DIV: lambda a, b: a / b,
+    ca.OP_POW: sympy.Pow,
+    ca.OP_CONSTPOW: sympy.Pow,
+    ca.OP_LT: _truth(sympy.Lt),
+    ca.OP_LE: _truth(sympy.Le),
+    ca.OP_EQ: _truth(sympy.Eq),
+    ca.OP_NE: _truth(sympy.Ne),
+    ca.OP_AND: sympy.Min,
+    ca.OP_OR: sympy.Max,
+    ca.OP_IF_ELSE_ZERO: _either,
+    ca.OP_FMOD: lambda a, b: a - b * (sympy.sign(a / b) * sympy.floor(sympy.Abs(a / b))),
+    ca.OP_COPYSIGN: lambda a, b: sympy.Abs(a) * sympy.sign(b),
+    ca.OP_HYPOT: lambda a, b: sympy.sqrt(a**2 + b**2),
+}
+
+PLAIN: dict[int, Callable[..., Expr]] = {
+    **_UNARY,
+    **_BINARY,
+    **{op: FUNCTIONS[name] for op, name in _CALLS.items()},
+}

@@ -38,7 +38,7 @@ def dependent_columns(doc: Manuscript) -> list[int]:
 def _sampled(doc: Manuscript) -> list[np.ndarray]:
     """A at consistent states, rows scaled to length one."""
     kinematics, sample = Kinematics(doc.system), states(doc.system, SAMPLES)
-    matrices = []
+    matrices: list[np.ndarray] = []
     for t, q, p in zip(sample.t, sample.q, sample.p):
         A = kinematics.velocities(t, q, p)[0][doc.terms.independent]
         lengths = np.linalg.norm(A, axis=1, keepdims=True)

@@ -78,8 +78,10 @@ class Elimination:
 
     def _show(self) -> None:
         if self.steps:
-            symbols, expressions, values = zip(*self.steps)
-            self.doc.lines("elimination", symbols, expressions, ca.vertcat(*values))
+            symbols = [symbol for symbol, _, _ in self.steps]
+            expressions = [expression for _, expression, _ in self.steps]
+            values = ca.vertcat(*[value for _, _, value in self.steps])
+            self.doc.lines("elimination", symbols, expressions, values)
 
     def _acceleration(self, k: int, rates: Sequence[sympy.Symbol]) -> sympy.Expr:
         factors = [self.factors[i, k] for i in range(k)]

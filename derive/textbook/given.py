@@ -94,7 +94,7 @@ def _inertia(doc: Manuscript, x: Body, about: str) -> Math:
     plane = doc.system.model.plane
     if plane in AXIS_OF:
         return doc.formula(x.inertia[AXIS_OF[plane]], about)
-    moments = []
+    moments: list[str] = []
     for k, (label, moment) in enumerate(zip(MOMENTS, x.inertia)):
         latex = doc.formula(moment, about).latex
         if k < PRINCIPAL or latex != "0":

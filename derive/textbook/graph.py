@@ -33,8 +33,8 @@ class Graph:
     them."""
 
     symbols: ca.SX
-    nodes: list[Node] = field(default_factory=list)
-    index: dict[Node, int] = field(default_factory=dict)
+    nodes: list[Node] = field(default_factory=list[Node])
+    index: dict[Node, int] = field(default_factory=dict[Node, int])
     _latest: tuple[ca.SX | None, list[int]] = (None, [])
 
     def read(self, value: ca.SX) -> list[int]:

@@ -73,7 +73,8 @@ def interaction(doc: Manuscript) -> None:
 def _coupling(system: System, parts: _Parts) -> _Coupling:
     """From the same tree without the arm's masses, and without the platform's."""
     v, arm = parts.platform, parts.arm
-    platform, load = [], []
+    platform: list[Inertia] = []
+    load: list[Inertia] = []
     for link in system.links:
         of_arm = _carried(system.links, link, arm)
         platform.append(NOTHING if of_arm else link.inertia)

@@ -186,7 +186,8 @@ def _sigma_in_words(doc: Manuscript, turning: bool) -> None:
 
 def _sigma_by_blocks(doc: Manuscript, gamma: ca.SX, turning: bool) -> None:
     """σ = R β + S γ."""
-    parts, total = [], ca.mtimes(doc.terms.named("S"), gamma)
+    parts: list[str] = []
+    total = ca.mtimes(doc.terms.named("S"), gamma)
     if doc.terms.has("Y"):
         parts.append(r"!R\,!\beta")
         beta = doc.terms.of_independent(doc.system.beta)

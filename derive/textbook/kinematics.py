@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import sympy
 
-from derive.joints.records import Scalar
+from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import System

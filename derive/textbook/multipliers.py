@@ -19,6 +19,9 @@ def multipliers(doc: Manuscript) -> None:
     if doc.equations.generalized_velocities:
         doc.say("The multipliers are part of the solution of the bordered system.")
         return
+    if not doc.terms.has("R"):
+        doc.say("No constraint row restricts the motion: the multipliers are zero.")
+        return
     _law(doc)
     doc.table(("multiplier", "constraint row"), [_row(i, x.name) for i, x in enumerate(rows)])
     if doc.terms.has("E"):

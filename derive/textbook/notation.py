@@ -30,7 +30,7 @@ class Notation:
 
     def __init__(self, terms: Terms, extra: Sequence[Extra] = ()) -> None:
         self.terms, self.extra = terms, extra
-        self.latex: dict[sympy.Symbol, str] = {}
+        self.latex: dict[sympy.Expr, str] = {}
         self._taken: set[str] = set()  # in LaTeX
         model = terms.system.model
         self.p = [self._declared(name) for name in self._free_parameters()]

@@ -116,8 +116,8 @@ def _force(doc: Manuscript) -> None:
     doc.vector("F", "F", _force_at_rest(doc), F)
     doc.mean(r"!F", "forces on the generalized velocities where ẇ = 0, Q − h − M σ")
     doc.say("is")
-    F = _column(doc, "F")
-    doc.vector("f_w", "f^{w}", f_w, [sum_of(s, F) for s in zip(*doc.entries["S"])])
+    force = _column(doc, "F")
+    doc.vector("f_w", "f^{w}", f_w, [sum_of(s, force) for s in zip(*doc.entries["S"])])
 
 
 def _column(doc: Manuscript, name: str) -> list[sympy.Expr]:

@@ -9,17 +9,22 @@ polynomial (roots, quotients, calls) is an atom that knows what it is made of.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import gcd, isqrt, lcm
 from typing import Any
 
+import sympy
+
 Monomial = tuple[tuple[int, int], ...]  # (atom, exponent), sorted
-Trig = tuple  # () or ("c" | "s", ((atom, coefficient), …))
-Key = tuple[Monomial, Trig]
 # a whole number where it can be: arithmetic with those is many times as fast
 Exact = int | Fraction
+Frequencies = tuple[tuple[int, Exact], ...]  # (atom, coefficient), sorted
+Trig = tuple[()] | tuple[str, Frequencies]  # 1, or "c" or "s" of an angle
+Key = tuple[Monomial, Trig]
 Poly = dict[Key, Exact]
+Frozen = tuple[tuple[Key, Exact], ...]
 UNIT: Key = ((), ())
 # denominators that read better as fractions
 PLAIN = frozenset((1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48))
@@ -38,7 +43,7 @@ class Atom:
     content: Any
 
 
-def frozen(poly: Poly) -> tuple:
+def frozen(poly: Poly) -> Frozen:
     return tuple(sorted(poly.items()))
 
 
@@ -66,17 +71,17 @@ class Ring:
     fourier: bool
     most: int = 80
     work: int = 16_000
-    atoms: list[Atom] = field(default_factory=list)
-    index: dict[tuple, int] = field(default_factory=dict)
+    atoms: list[Atom] = field(default_factory=list[Atom])
+    index: dict[tuple[str, Hashable], int] = field(default_factory=dict[tuple[str, Hashable], int])
 
-    def atom(self, kind: str, content: Any, key: Any = None) -> int:
+    def atom(self, kind: str, content: Any, key: Hashable = None) -> int:
         name = (kind, content if key is None else key)
         if name not in self.index:
             self.index[name] = len(self.atoms)
             self.atoms.append(Atom(kind, content))
         return self.index[name]
 
-    def symbol(self, symbol: Any) -> Poly:
+    def symbol(self, symbol: sympy.Expr) -> Poly:
         return {(((self.atom("symbol", symbol), 1),), ()): 1}
 
     def number(self, x: float) -> Poly:
@@ -125,7 +130,7 @@ class Ring:
     def _tidied(self, monomial: Monomial) -> tuple[Monomial, Poly | None]:
         """Squares of roots and positive powers of sums are multiplied out."""
         extra: Poly | None = None
-        rest = []
+        rest: list[tuple[int, int]] = []
         for k, e in monomial:
             kind, content = self.atoms[k].kind, self.atoms[k].content
             if kind == "sum" and e > 0:
@@ -267,9 +272,9 @@ class Ring:
             return {((), ("c", freq)): 1}
         return self.call("cos", (angle,))
 
-    def _frequencies(self, a: Poly) -> tuple:
+    def _frequencies(self, a: Poly) -> Frequencies:
         """((atom, coefficient), …) of a sum of symbols, () for anything else."""
-        frequencies = []
+        frequencies: list[tuple[int, Exact]] = []
         for (monomial, trig), x in a.items():
             if trig or len(monomial) != 1:
                 return ()
@@ -289,7 +294,7 @@ def _merged(a: Monomial, b: Monomial) -> Monomial:
     return tuple(sorted((k, e) for k, e in exponents.items() if e))
 
 
-def _oriented(freq: tuple) -> tuple[tuple, int]:
+def _oriented(freq: Frequencies) -> tuple[Frequencies, int]:
     """The frequencies with the first one positive, and the sign that took."""
     if freq and freq[0][1] < 0:
         return tuple((k, -x) for k, x in freq), -1
@@ -311,21 +316,23 @@ def _trig_product(a: Trig, b: Trig) -> list[tuple[Trig, Exact]]:
             return [_even(less, _HALF), _even(more, -_HALF)]
         case "sc":
             return [*_odd(more, _HALF), *_odd(less, _HALF)]
+        case _:
+            pass
     return [*_odd(more, _HALF), *_odd(less, -_HALF)]
 
 
-def _combined(a: tuple, b: tuple, sign: int) -> tuple:
+def _combined(a: Frequencies, b: Frequencies, sign: int) -> Frequencies:
     total = dict(a)
     for k, x in b:
         total[k] = total.get(k, 0) + sign * x
     return tuple(sorted((k, x) for k, x in total.items() if x))
 
 
-def _even(freq: tuple, x: Exact) -> tuple[Trig, Exact]:
+def _even(freq: Frequencies, x: Exact) -> tuple[Trig, Exact]:
     return (("c", _oriented(freq)[0]) if freq else (), x)
 
 
-def _odd(freq: tuple, x: Exact) -> list[tuple[Trig, Exact]]:
+def _odd(freq: Frequencies, x: Exact) -> list[tuple[Trig, Exact]]:
     oriented, sign = _oriented(freq)
     return [(("s", oriented), sign * x)] if freq else []
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, cast
 
 from derive.expressions.tree import ONE, Expression
 from derive.model.records import (
@@ -38,13 +38,13 @@ UNSAID = ("surface",)  # formulas that stand in the constraint rows anyway
 
 def constraint(doc: Manuscript, x: Any) -> Runs:
     """What a constraint says."""
-    write = CONSTRAINTS.get(type(x), _listed)
+    write = CONSTRAINTS.get(x.__class__, _listed)
     return write(doc, x)
 
 
 def load(doc: Manuscript, x: Any) -> Runs:
     """What a load does."""
-    write = LOADS.get(type(x))
+    write = LOADS.get(x.__class__)
     return write(doc, x) if write else (Text(f"{kind(x)} of "), *_listed(doc, x))
 
 
@@ -219,19 +219,20 @@ def _field(doc: Manuscript, name: str, value: Any) -> Runs:
 
 
 def _is_vector(value: object) -> bool:
-    if not isinstance(value, tuple) or len(value) != 3:
+    if not isinstance(value, tuple):
         return False
-    return all(isinstance(x, Expression) for x in value)
+    entries = cast(tuple[object, ...], value)
+    return len(entries) == 3 and all(isinstance(x, Expression) for x in entries)
 
 
-CONSTRAINTS: dict[type, Callable[[Manuscript, Any], Runs]] = {
+CONSTRAINTS: dict[type[Any], Callable[[Manuscript, Any], Runs]] = {
     NoSlip: _no_slip,
     Rolling: _rolling,
     Holonomic: _formula,
     Nonholonomic: _formula,
     Distance: _distance,
 }
-LOADS: dict[type, Callable[[Manuscript, Any], Runs]] = {
+LOADS: dict[type[Any], Callable[[Manuscript, Any], Runs]] = {
     JointSpring: _joint_spring,
     JointDamper: _joint_damper,
     PointSpring: _point_spring,

@@ -7,9 +7,8 @@ import re
 from collections.abc import Mapping, Sequence
 
 import sympy
+from sympy import Expr
 from sympy.core.function import AppliedUndef
-
-from derive.textbook.compose import Expr
 
 LINE = 62  # visible characters in one line of a sum
 CALLED = {
@@ -87,7 +86,7 @@ class Typesetter:
         """What stands before a bracket."""
         return "" if factor == 1 else "-" if factor == -1 else self.latex(factor)
 
-    def _place_in_sum(self, term: Expr) -> tuple:
+    def _place_in_sum(self, term: Expr) -> tuple[object, ...]:
         """Positive terms first, then by the symbols in the order of `names`; plain numbers last."""
         return term.could_extract_minus_sign(), term.is_Number, self._ranks(term), str(term)
 
@@ -118,7 +117,7 @@ class Typesetter:
             return self._sum(factors[0]) if factors[0].is_Add else self._factor(factors[0])
         return r" \, ".join(self._factor(f) for f in sorted(factors, key=self._place_in_product))
 
-    def _place_in_product(self, factor: Expr) -> tuple:
+    def _place_in_product(self, factor: Expr) -> tuple[object, ...]:
         base = factor.base if factor.is_Pow else factor
         kind = 0 if base.is_Number else 1 if base.is_Symbol else 2 if base.is_Add else 3
         return kind, self._ranks(factor), str(factor)
@@ -132,12 +131,12 @@ class Typesetter:
             return self._power(x)
         if x.is_Add or x.is_Mul:
             return self._bracketed(x)
-        return self._called(x)
+        return self._call(x)
 
     def _bracketed(self, x: Expr) -> str:
         return rf"\left({self.latex(x)}\right)"
 
-    def _power(self, x: sympy.Pow) -> str:
+    def _power(self, x: Expr) -> str:
         if x.exp == sympy.Rational(1, 2):
             return rf"\sqrt{{{self.latex(x.base)}}}"
         exponent = self.latex(x.exp)
@@ -147,14 +146,14 @@ class Typesetter:
             and x.exp > 0
             and str(x.base.func) in ("sin", "cos", "tan")
         ):
-            return self._called(x.base, exponent)
+            return self._call(x.base, exponent)
         if x.base.is_Symbol:
             return f"{_raisable(self.names[x.base])}^{{{exponent}}}"
         if x.base.is_Number and not x.base.is_negative and not x.base.is_Rational:
             return f"{_number(x.base)}^{{{exponent}}}"
         return f"{self._bracketed(x.base)}^{{{exponent}}}"
 
-    def _called(self, x: sympy.Basic, power: str = "") -> str:
+    def _call(self, x: sympy.Basic, power: str = "") -> str:
         name = str(x.func)
         arguments = ", ".join(self.latex(a) for a in x.args)
         if isinstance(x, sympy.Abs):

@@ -21,10 +21,14 @@ def page(document: Document) -> str:
         title=document.title,
         version=document.version,
         document=document,
-        kind=lambda block: type(block).__name__,
+        kind=_kind,
         runs=_runs,
         rows=_rows,
     )
+
+
+def _kind(block: object) -> str:
+    return type(block).__name__
 
 
 def _runs(runs: Runs) -> Markup:

@@ -108,7 +108,7 @@ _GREEK = dict(
         ],
     )
 )
-_SPECIAL |= {letter: rf"\ensuremath{{\{name}}}" for letter, name in _GREEK.items()}
+_SPECIAL.update({letter: rf"\ensuremath{{\{name}}}" for letter, name in _GREEK.items()})
 
 
 def article(document: Document) -> str:
@@ -129,12 +129,16 @@ def article(document: Document) -> str:
     )
     return template.render(
         document=document,
-        kind=lambda x: type(x).__name__,
+        kind=_kind,
         escape=escape,
         runs=_runs,
         rows=_rows,
         columns=_columns,
     )
+
+
+def _kind(block: object) -> str:
+    return type(block).__name__
 
 
 def escape(text: str) -> str:

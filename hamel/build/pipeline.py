@@ -72,7 +72,8 @@ def build(
         with clock("verify", "binaries → verified, at random states"):
             checked = with_emitted(equations, program)
             found = _verification(checked, _waiting(finished, clock), options.states)
-            states = stored(found, equations, shipped(checked, found.seed))
+            emitted = {kernel.name for kernel in program.kernels}
+            states = stored(found, equations, shipped(checked, emitted, found.seed))
         compiled = finished()
         if compiled.message:
             warnings.warn(compiled.message, RuntimeWarning, stacklevel=2)

@@ -16,7 +16,7 @@ from derive.formulations.records import Equations
 from derive.linearize.minimal import with_linearization
 from derive.mechanics.records import System
 from derive.model.records import Model
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states import system
 from hamel.build.clock import Clock
 from hamel.build.fix import fixed

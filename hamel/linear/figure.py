@@ -9,7 +9,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from derive.joints.records import Matrix, Vector
+from derive.expressions.scalars import Matrix, Vector
 from derive.linearize.sensitivity import Mode
 from derive.linearize.study import Study
 from derive.mechanics.records import System

@@ -7,13 +7,16 @@ import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from codegen.integrators import AUTO, AUTOMATIC
 from codegen.reals import real_of
-from derive.choices.redundancy import lost
+from derive.choices.redundancy import dependent_rows
 from derive.choices.resolution import survey_of
 from derive.diagnostics import AssumptionError, ModelError
 from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
@@ -21,7 +24,7 @@ from derive.formulations import equations
 from derive.formulations.charts import BETWEEN, charted, together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure
@@ -30,9 +33,15 @@ from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
 from hamel.simulate import motion
+from hamel.simulate.automatic import picked
 from hamel.simulate.exact import state_of
+from hamel.simulate.figure import figure
+from hamel.simulate.files import writers
+from hamel.simulate.inputs import Changes, Changing, changes
 from hamel.simulate.method import (
     Method,
+    check_changes,
+    check_events,
     check_method,
     check_numbers,
     check_options,
@@ -44,17 +53,30 @@ from hamel.simulate.method import (
 
 ROWS = 500  # of the output when no step is given
 MOST_ROWS = 10_000_000  # of the output: 80 MB a column
+# what a motion and its judgement call, beside what enforcement and integrator need
+CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "outputs")
 
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Rows:
-    """The times of the output: 0, step, 2 step … and `time` itself, in seconds; about 500 rows when
-    `step` is None."""
+    """The times of the output: start, start + step … and `time` itself, in seconds; about 500 rows
+    when `step` is None."""
 
     time: float
     step: float | None = None
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class Feed:
+    """Inputs that change as they were asked for, and when a function is asked; events beside those
+    of the model."""
+
+    inputs: Changing | None = None
+    sample: Any = None
+    events: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -67,8 +89,8 @@ class Places:
 
 @dataclass(frozen=True)
 class Problem:
-    """A model with its consistent initial state, inputs u and parameters p; `plain` has no
-    enforcement, `options` are those of the enforcement."""
+    """A model with its consistent initial state at time t, inputs u, what changes them, and
+    parameters p; `plain` has no enforcement, `options` are those of the enforcement."""
 
     system: System
     initial: Initial
@@ -77,6 +99,9 @@ class Problem:
     plain: Equations
     enforcement: Enforcement
     options: Options
+    t: float
+    changes: Changes
+    events: Mapping[str, Any]
 
     def equations(self, choice: str | None) -> Equations:
         """With the enforcement, in a choice of quasi-velocities."""
@@ -91,6 +116,7 @@ def simulation(
     values: Mapping[str, float | str],
     places: Places = Places(),
     progress: Progress | None = None,
+    feed: Feed = Feed(),
 ) -> Simulated:
     """Integrate from the consistent initial state, with steps as `method` says; where the choice
     fails on the way the other choices of the file take over.
@@ -98,36 +124,61 @@ def simulation(
     Raises ModelError where what is asked for cannot be, AssumptionError where it does not fit the
     model or the motion cannot go on.
     """
+    automatic = method.integrator == AUTO
+    if automatic:  # one that fits everything, until the equations are there
+        method = replace(method, integrator=AUTOMATIC[0])
     check_method(method)
     times = _times(rows, method.step_size)
-    writers = motion.writers(places.out, places.plot)
-    problem = _problem(path, method, rows.time, values)
+    writing = writers(places.out, places.plot)
+    problem = _problem(path, method, rows, values, feed)
+    if automatic:
+        method = replace(method, integrator=_picked(problem, method))
     chosen, course = _integrated(problem, method, times, progress)
-    for write in writers:
+    for write in writing:
         write(course)
     used = replace(method, enforcement=problem.enforcement.name, alpha=problem.options.alpha)
-    return _record(chosen, used, problem.initial, course, places)
+    record = _record(chosen, used, problem.initial, course, places)
+    return replace(record, automatic=automatic)
+
+
+def _picked(problem: Problem, method: Method) -> str:
+    """The integrator of `auto`."""
+    changes = problem.changes
+    called = changes.function is not None and changes.sample is None
+    smooth = problem.enforcement.level != "stages" and not called
+    return picked(method, problem.equations(method.choice), smooth)
 
 
 def _problem(
-    path: str | PathLike[str], method: Method, time: float, values: Mapping[str, float | str]
+    path: str | PathLike[str],
+    method: Method,
+    rows: Rows,
+    values: Mapping[str, float | str],
+    feed: Feed,
 ) -> Problem:
     real = real_of(method.real)
     tolerances(method, real)
     system = mechanics_of(load(path))
     given = settings(system.model, values)
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
-    initial = initial_state(system, given.initial, p)
+    t = rows.start
+    changing = changes(system.model, feed.inputs, feed.sample, (t, rows.time))
+    check_changes(method, changing, values)
+    check_events(method, system.model, feed.events or {})
+    initial = initial_state(system, given.initial, p, t)
     plain = equations(system, method.choice, method.formulation)
     enforcement = fitting_enforcement(method, plain)
     check_options(method, enforcement)
-    x = state_of(plain, initial, p)
+    x = state_of(plain, initial, p, t)
     check_numbers(real, system, x, u, p)
     alpha = method.alpha
     if alpha is None and enforcement.level == "rates":
-        alpha = usual_rate(plain, 0.0, x, u, p, time)
-    options = Options(alpha, method.conserve, tuple(u), tuple(p))
-    return Problem(system, initial, u, p, plain, enforcement, options)
+        alpha = usual_rate(plain, t, x, u, p, rows.time - t)
+    active = np.ones_like(u) if changing else u  # an enforcement by energy asks whether any acts
+    options = Options(alpha, method.conserve, tuple(active), tuple(p))
+    return Problem(
+        system, initial, u, p, plain, enforcement, options, t, changing, feed.events or {}
+    )
 
 
 def _integrated(
@@ -138,6 +189,8 @@ def _integrated(
     chosen = problem.equations(method.choice)
     try:
         return chosen, _motion(problem, chosen, method, times, progress)
+    except motion.InputError:
+        raise
     except AssumptionError as error:
         others = _others(problem, chosen) if own_integrator(method) else []
         if not others:
@@ -161,14 +214,22 @@ def _motion(
     integrators = (method.integrator,) if own_integrator(method) else ()
     accuracy = tolerances(method, real_of(method.real))
     stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
-    with temporary_module(by, integrators, (enforcement,), real=method.real) as module:
+    functions = _functions(by, method)
+    with temporary_module(by, integrators, (enforcement,), functions, method.real) as module:
         assure(problem.plain, by, module)
         if by.charts or by.frame:
-            x, chart, p = charts.start(module, initial.q, initial.v, u, p)
+            x, chart, p = charts.start(module, initial.q, initial.v, u, p, problem.t)
         else:
-            x, chart = state_of(problem.plain, initial, p), 0
-        start = motion.Start(times, x, u, p, chart)
+            x, chart = state_of(problem.plain, initial, p, problem.t), 0
+        start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
         return motion.integrated(module, by, start, stepping, progress)
+
+
+def _functions(by: Equations, method: Method) -> tuple[str, ...] | None:
+    """The functions that a motion calls; all of them where a library integrates."""
+    if not own_integrator(method):
+        return None
+    return tuple(function.name for function in by.functions if function.name in CALLED)
 
 
 def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
@@ -178,8 +239,8 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     if not system.rows:
         return error
     survey = survey_of(system)
-    A = survey.solver.velocities(0.0, problem.initial.q, problem.p)[0]
-    repeats = lost(system, A, survey.kept) if np.isfinite(A).all() else ""
+    A = survey.solver.velocities(problem.t, problem.initial.q, problem.p)[0]
+    repeats = dependent_rows(system, A, survey.kept) if np.isfinite(A).all() else ""
     if not repeats:
         return error
     start = f"{system.model.name}: at the start, with these parameters"
@@ -205,9 +266,13 @@ def _others(problem: Problem, chosen: Equations) -> list[Equations]:
 
 
 def _times(rows: Rows, step_size: float | None) -> np.ndarray:
-    """0, step, 2 step … and the last time itself. Rows do not shorten equal steps unless asked
-    for."""
-    time, step = rows.time, rows.step
+    """The start, a step later, two … and the last time itself. Rows do not shorten equal steps
+    unless asked for."""
+    if not math.isfinite(rows.start):
+        raise ModelError(f"start is {rows.start}, which is not a finite number")
+    if math.isfinite(rows.time) and not rows.time > rows.start:
+        raise ModelError(f"time is {rows.time:g}, which is not after the start, {rows.start:g}")
+    time, step = rows.time - rows.start, rows.step
     check_positive("time", time)
     usual = time / ROWS if step_size is None else math.ceil(time / ROWS / step_size) * step_size
     step = usual if step is None else step
@@ -216,7 +281,7 @@ def _times(rows: Rows, step_size: float | None) -> np.ndarray:
         raise ModelError(f"a step of {step:g} s makes more than {MOST_ROWS} rows in {time:g} s")
     count = math.floor(time / step * (1 + 1e-12))
     inner = np.arange(count + 1) * step
-    return np.append(inner[inner < time * (1 - 1e-12)], time)
+    return np.append(rows.start + inner[inner < time * (1 - 1e-12)], rows.time)
 
 
 def _record(
@@ -238,12 +303,18 @@ def _record(
         velocity_violation=course.velocity_violation,
         acceleration_violation=course.acceleration_violation,
         energy_balance=course.energy_balance,
+        error=course.error_estimate,
         crossings=course.crossings,
+        events={name: t.tolist() for name, (t, _) in course.events.items()},
+        stopped_by=course.stopped_by,
+        at_events={name: rows for name, (_, rows) in course.events.items()},
         charts=course.charts,
         switches=course.switches,
         moved={name: {"given": wanted, "used": used} for name, wanted, used in initial.moved},
         final={name: float(values[-1]) for name, values in course.columns().items()},
         file=Path(places.out) if places.out else None,
         plot=Path(places.plot) if places.plot else None,
-        motion=motion.written(course),
+        motion=course.written(),
+        units=course.units,
+        figure=partial(figure, course),
     )

@@ -4,7 +4,9 @@ integrator, and whether its parts fit each other and the model."""
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from derive.enforcement import ENFORCEMENTS, Enforcement, Options
 from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
+from derive.model.records import Model
+from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import REFERENCES
 
 TIGHTEST = 1e-15  # rtol; below it a step's error is rounding
@@ -87,8 +91,8 @@ def fitting_enforcement(method: Method, plain: Equations) -> Enforcement:
     elif own.exact and enforcement.level == "stages":
         raise AssumptionError(
             f"{method.integrator} does not fit enforcement '{enforcement.name}': it needs the "
-            "exact Jacobian of what is integrated, and solving coordinates at every stage "
-            "changes that; use projection"
+            "exact Jacobian or series of what is integrated, and solving coordinates at every "
+            "stage changes that; use projection"
         )
     return enforcement
 
@@ -102,6 +106,36 @@ def _usual_enforcement(method: Method, plain: Equations) -> Enforcement:
         if not (in_equations and enforcement.level in ("steps", "stages"))
         and not enforcement.refusal(plain, Options())
     )
+
+
+def check_changes(method: Method, changes: Changes, values: Mapping[str, Any]) -> None:
+    """Refuse inputs that change where they cannot. Raises ModelError."""
+    twice = [name for name in values if "".join(name.split()) in changes.tables]
+    if twice:
+        raise ModelError(f"{twice[0]} is set, and given as a table over time: one of the two")
+    own = own_integrator(method)
+    if changes and own is None:
+        raise ModelError(f"{method.integrator} takes constant inputs; dop853 takes any")
+    if own is not None and own.exact and changes.function and changes.sample is None:
+        raise ModelError(
+            f"{method.integrator} needs the exact Jacobian or series, which a function hides: give "
+            "it sample times, or use radau"
+        )
+
+
+def check_events(method: Method, model: Model, events: Mapping[str, Any]) -> None:
+    """Refuse events that nothing would look for, and what is no event. Raises ModelError."""
+    stops = [event.name for event in model.events if event.stop]
+    if own_integrator(method) is None and (events or stops):
+        name = next(iter(events), *stops[:1])
+        raise ModelError(f"{method.integrator} looks for no events such as {name}; dop853 does")
+    own = [event.name for event in model.events]
+    for name, event in events.items():
+        if name in own:
+            raise ModelError(f"{model.name} has an event '{name}' already")
+        function = event if callable(event) else getattr(event, "function", None)
+        if not callable(function):
+            raise ModelError(f"event '{name}' is no function f(t, x), nor an Event of one")
 
 
 def check_options(method: Method, enforcement: Enforcement) -> None:

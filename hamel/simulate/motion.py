@@ -1,12 +1,11 @@
-"""A motion as arrays: integrated by the generated module, judged by its constraints and energies,
-written and drawn."""
+"""A motion as arrays: integrated by the generated module, judged by its constraints and
+energies."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +14,14 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS, Tableau
 from codegen.runtime.simulation import Status
-from derive.diagnostics import AssumptionError, ModelError
+from derive.diagnostics import AssumptionError
 from derive.formulations.charts import together
 from derive.formulations.frames import based
 from derive.formulations.functions import positions
 from hamel import charts
-from hamel.build.files import staged_file, write_text
-from hamel.draw import Curve, Panel, draw
 from hamel.progress import paced
 from hamel.records import Switch
+from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import REFERENCES, Problem
 
 if TYPE_CHECKING:
@@ -31,7 +29,10 @@ if TYPE_CHECKING:
 
 FINEST = 1e-10  # rtol; rounding grows near singular positions
 MOST_STEPS = 10**9  # enough for a night; Ctrl-C ends it any time
-Writer = Callable[["Motion"], None]
+
+
+class InputError(AssumptionError):
+    """A function of the inputs failed: no other way of integrating helps."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,23 @@ class Motion:
     choices: tuple[str, ...] = ()  # that each row was made in, where there is more than one
     # Jacobi's integral T₂ − T₀ + V, which is in balance where T is not quadratic in the rates
     jacobi: np.ndarray | None = None
+    inputs: dict[str, np.ndarray] = field(default_factory=dict)  # those that change
+    # by name: times, and a row of the coordinates and velocities at each
+    events: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    stopped_by: str | None = None
+    error: np.ndarray | None = None  # estimate for each coordinate and quasi-velocity, at every row
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
         integral = {} if self.jacobi is None else {"jacobi": self.jacobi}
         energies = {"T": self.T, "V": self.V, **integral, "work": self.work}
         violations = {"position_violation": self.phi, "velocity_violation": self.slip}
-        return {"t": self.t, **self.q, **self.w, **self.v, **self.outputs, **energies, **violations}
+        motion = {**self.q, **self.w, **self.v, **self.inputs, **self.outputs}
+        return {"t": self.t, **motion, **energies, **violations}
+
+    def written(self) -> dict[str, np.ndarray]:
+        """The columns, with the choice of each row where there is more than one."""
+        return self.columns() | ({"choice": np.array(self.choices)} if self.choices else {})
 
     @property
     def balance(self) -> np.ndarray:
@@ -81,6 +92,13 @@ class Motion:
         total = self.T + self.V if self.jacobi is None else self.jacobi
         scale = max(np.max(np.abs(self.T)), np.ptp(self.V), np.max(np.abs(self.work)))
         return (total - total[0] - self.work) / scale if scale > 0 else np.zeros_like(total)
+
+    @property
+    def error_estimate(self) -> float | None:
+        """The largest at the end; None where there is none."""
+        if self.error is None or not np.isfinite(self.error[-1:]).any():
+            return None
+        return float(np.nanmax(self.error[-1]))
 
     @property
     def energy_balance(self) -> float:
@@ -100,14 +118,36 @@ class Stepping:
 
 @dataclass(frozen=True)
 class Start:
-    """From x, in the coordinates of `chart`, at times[0]; inputs u and parameters p are constant.
-    The rows of the motion are at `times`."""
+    """From x, in the coordinates of `chart`, at times[0]; inputs u and parameters p are constant
+    but for what `changes` says. The rows of the motion are at `times`."""
 
     times: np.ndarray
     x: np.ndarray
     u: np.ndarray
     p: np.ndarray
     chart: int = 0
+    changes: Changes = field(default_factory=Changes)
+    events: Mapping[str, Any] = field(default_factory=dict)
+
+    def watched(self, module: ModuleType) -> dict[str, Any]:
+        """Events as the module takes them."""
+        return {
+            name: event
+            if callable(event)
+            else module.Event(event.function, event.direction, event.stop)
+            for name, event in self.events.items()
+        }
+
+    def inputs(self, module: ModuleType) -> Any:
+        """As the module takes them."""
+        changes = self.changes
+        if changes.function is not None:
+            return changes.function
+        if not changes.tables:
+            return self.u
+        numbers = dict(zip(module.inputs, self.u.tolist()))
+        tables = {n: module.Table(x.times, x.values, x.kind) for n, x in changes.tables.items()}
+        return numbers | tables
 
 
 def integrated(
@@ -126,12 +166,27 @@ def integrated(
             equations = based(equations)
             found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
-            several = {"chart": start.chart} if equations.charts else {}
+            several: dict[str, Any] = {"chart": start.chart} if equations.charts else {}
             watch = paced(progress, float(times[-1] - times[0]), _haste(by))
+            if start.changes.sample is not None:
+                several["sample"] = start.changes.sample
+            if start.events:
+                several["events"] = start.watched(module)
             found = module.simulate(
-                times, x, u, p, max_steps=MOST_STEPS, progress=watch, **asdict(by), **several
+                times,
+                x,
+                start.inputs(module),
+                p,
+                max_steps=MOST_STEPS,
+                progress=watch,
+                error=start.changes.function
+                is None,  # who asks a function twice may get two answers
+                **asdict(by),
+                **several,
             )
     except FloatingPointError as error:
+        if _status(error) in (Status.NO_INPUT, Status.NO_EVENT):
+            raise InputError(str(error)) from error.__cause__
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
         coarse = by.step_size is not None or by.rtol >= FINEST
         if not coarse and _status(error) is Status.SINGULAR_POSITION:
@@ -176,6 +231,7 @@ def judged(
     results = {function.name: function.result for function in equations.functions}
     nq = equations.system.q.numel()
     p = charts.parameters(found, p)
+    fed = {} if found.u is None else dict(zip(module.inputs, found.u.astype(float).T))
     rows = charts.choices(equations, found)
 
     parts = charts.pieces(module, reduced, nq, u, p)
@@ -199,6 +255,10 @@ def judged(
         T=energies[:, 0],
         V=energies[:, 1],
         jacobi=energies[:, 2] if energies.shape[1] > 2 else None,
+        inputs=fed,
+        events=_events(found),
+        stopped_by=_stopping(found),
+        error=found.error,
         work=found.work,
         phi=np.max(violation[:, :closed], axis=1, initial=0.0),
         slip=np.max(violation[:, closed:], axis=1, initial=0.0),
@@ -216,6 +276,20 @@ def judged(
         switches=charts.switches(equations, rows, t),
         choices=rows if len({equations.choice, *rows}) > 1 else (),
     )
+
+
+def _events(found: Any) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Times and states by name."""
+    if found.events is None:
+        return {}
+    named = {name: found.events.of(name) for name in found.events.names}
+    return {name: (each.t.astype(float), each.x.astype(float)) for name, each in named.items()}
+
+
+def _stopping(found: Any) -> str | None:
+    if Status(found.status) is not Status.EVENT:
+        return None
+    return found.events.names[int(found.events.which[-1])]
 
 
 def balanced(energies: np.ndarray) -> np.ndarray:
@@ -249,98 +323,18 @@ def _acceleration_violation(
     dynamics = charts.in_chart(module, "dynamics", chart)
     assert dynamics is not None  # it was integrated
     p = charts.parameters(part, p)
-    rates = dynamics(t, x, u, p).astype(float)
+    rates = dynamics(t, x, charts.inputs(part, u), p).astype(float)
     each = np.broadcast_to(p, (len(t), p.shape[-1]))
     return float(np.max(np.abs(np.asarray(residual(t[np.newaxis], x.T, each.T, rates.T)))))
 
 
 def _units(equations: Equations) -> dict[str, str]:
-    x = equations.argument("x")
+    x, u = equations.argument("x"), equations.argument("u")
     results = [
         function.result
         for function in equations.functions
         if function.name in ("velocity", "outputs")
     ]
     return {
-        name: unit for source in (x, *results) for name, unit in zip(source.labels, source.units)
+        name: unit for source in (x, u, *results) for name, unit in zip(source.labels, source.units)
     }
-
-
-def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
-    """What will write the motion; a suffix that nothing writes is refused before anything is
-    computed."""
-    kinds = [(out, _WRITERS, "-o"), (plot, {".svg": write_svg}, "--plot")]
-    return [_writer(Path(place), known, option) for place, known, option in kinds if place]
-
-
-def _writer(place: Path, known: dict[str, Callable[[Motion, Path], None]], option: str) -> Writer:
-    write = known.get(place.suffix.lower())
-    if write is None:
-        raise ModelError(f"{option} {place}: the file must end in {' or '.join(known)}")
-    return lambda motion: write(motion, place)
-
-
-def written(motion: Motion) -> dict[str, np.ndarray]:
-    """The columns, with the choice of each row where there is more than one."""
-    return motion.columns() | ({"choice": np.array(motion.choices)} if motion.choices else {})
-
-
-def write_csv(motion: Motion, place: Path) -> None:
-    """A line of names, then a line per row; numbers round-trip."""
-    columns = {name: _texts(column) for name, column in written(motion).items()}
-    with staged_file(place) as made, made.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(",".join(columns) + "\n")
-        file.writelines(",".join(row) + "\n" for row in zip(*columns.values()))
-
-
-def _texts(column: np.ndarray) -> list[str]:
-    """Numbers so that they round-trip; names as they are."""
-    return [x if isinstance(x, str) else repr(x) for x in column.tolist()]
-
-
-def write_npz(motion: Motion, place: Path) -> None:
-    """One array per name."""
-    with staged_file(place) as made, made.open("wb") as file:
-        np.savez(file, **written(motion))  # type: ignore[arg-type]
-
-
-def write_svg(motion: Motion, place: Path) -> None:
-    """Coordinates, quasi-velocities, outputs, energies and violations over time."""
-    groups = [
-        ("coordinates", motion.q),
-        ("quasi-velocities", motion.w),
-        ("outputs", motion.outputs),
-    ]
-    panels = [panel for about, curves in groups for panel in _by_unit(about, curves, motion.units)]
-    energies = {"T": motion.T, "V": motion.V, "work": motion.work}
-    if motion.jacobi is not None:
-        energies["T₂ − T₀ + V"] = motion.jacobi
-    panels.append(_panel("energy (J)", energies))
-    errors = {"|φ|": motion.phi, "|A v − c|": motion.slip, "energy, rel.": np.abs(motion.balance)}
-    panels.append(
-        _panel(
-            "violation and energy error",
-            {name: e for name, e in errors.items() if np.any(e > 0)},
-            log=True,
-        )
-    )
-    write_text(place, draw(motion.title, "t (s)", motion.t.tolist(), panels))
-
-
-def _by_unit(about: str, curves: dict[str, np.ndarray], units: dict[str, str]) -> list[Panel]:
-    """One panel per unit: metres and radians share no axis."""
-    found = dict.fromkeys(units.get(name, "") for name in curves)
-    return [
-        _panel(
-            f"{about} ({unit or '1'})",
-            {n: c for n, c in curves.items() if units.get(n, "") == unit},
-        )
-        for unit in found
-    ]
-
-
-def _panel(about: str, curves: dict[str, np.ndarray], log: bool = False) -> Panel:
-    return Panel(about, tuple(Curve(name, values.tolist()) for name, values in curves.items()), log)
-
-
-_WRITERS: dict[str, Callable[[Motion, Path], None]] = {".csv": write_csv, ".npz": write_npz}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from derive.robots import load
+from derive.robots.reading import load
 from derive.robots.robot import counted
 from derive.states.initial import initial_state
 from hamel.build.stages import mechanics_of, usable_choices

@@ -14,7 +14,7 @@ import hamel
 from derive.choices.assessment import Assessed, comparison, conditions_along
 from derive.diagnostics import AssumptionError, ModelError, listed
 from derive.formulations import equations, misfits
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states.sampling import states
 from hamel.build.files import write_text
 from hamel.build.module import temporary_module
@@ -94,7 +94,7 @@ def _draw(
             f"{mechanics.model.name}: choices of quasi-velocities",
             "t (s)",
             t.tolist(),
-            [Panel("cond [A; B]", curves, True)],
+            [Panel("cond [A; B] (1)", curves, True)],
         ),
     )
 

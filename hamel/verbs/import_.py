@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError
-from derive.robots import imported
+from derive.robots.reading import imported
 from derive.robots.robot import counted
 from hamel.build.files import write_text
 from hamel.records import Imported

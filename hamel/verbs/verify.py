@@ -12,17 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from codegen.loader import load
-from derive.diagnostics import ModelError
+from derive.diagnostics import ModelError, listed
 from derive.formulations import equations
 from derive.formulations.charts import together
-from derive.robots import load as load_model
+from derive.robots.reading import load as load_model
 from hamel.build.folder import differences, manifest
 from hamel.build.module import temporary_module
 from hamel.build.options import Constants
 from hamel.build.stages import mechanics_of, usable_choices
 from hamel.records import CheckLine, Mutations, Verified
 from hamel.show import number, refusals, table
-from hamel.verify import verification
+from hamel.verify import Verification, verification
 from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
 from hamel.verify.shipped import shipped_checks
@@ -60,13 +60,17 @@ def run(
         mechanics, choice, formulation, charts=True, moving=True
     )  # what `build` makes of the same options
     wanted = asked or (usable | {together(built): built} if built.charts else usable)
-    checks = [check for name in wanted for check in _checks(name, usable | wanted, states, seed)]
+    verifications = {name: _verification(name, usable | wanted, states, seed) for name in wanted}
+    checks = [line for name, one in verifications.items() for line in _lines(name, one)]
     checks += _published(next(iter(wanted.values())))
+    varied = dict.fromkeys(name for one in verifications.values() for name in one.varied)
     planted = mutations(model, next(iter(wanted.values())), seed) if mutate else None
     passed = all(check.passed for check in checks) and (
         planted is None or planted.caught == planted.planted
     )
-    return Verified(model.name, passed, tuple(checks), refused, states, seed, planted)
+    return Verified(
+        model.name, passed, tuple(checks), refused, states, seed, tuple(varied), planted
+    )
 
 
 def is_module(path: str | PathLike[str]) -> bool:
@@ -95,13 +99,18 @@ def run_folder(folder: str | PathLike[str], options: Mapping[str, Any]) -> Verif
     return Verified(str(said.get("model")), passed, (files, *values), {}, states, 0)
 
 
-def _checks(name: str, candidates: dict[str, Equations], states: int, seed: int) -> list[CheckLine]:
+def _verification(
+    name: str, candidates: dict[str, Equations], states: int, seed: int
+) -> Verification:
     chosen = candidates[name]
     others = tuple(other for key, other in candidates.items() if key != name)
     with temporary_module(chosen) as module:
-        found = verification(
+        return verification(
             chosen.system.model, chosen, module, states=states, seed=seed, others=others
         )
+
+
+def _lines(name: str, found: Verification) -> list[CheckLine]:
     return [
         CheckLine(f"{name}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed))
         for c in found.checks
@@ -137,6 +146,8 @@ def show(record: Verified, console: Console) -> None:
         f"{record.model}: {good} of {len(record.checks)} checks passed at {record.states} "
         "random states per choice"
     )
+    if record.varied:
+        console.print(f"varied with the states: {listed(record.varied)}")
     if record.mutations is not None:
         _show_mutations(record.mutations, console)
 

@@ -31,10 +31,10 @@ def published_checks(equations: Equations, module: ModuleType) -> tuple[CheckRes
     if not wanted:
         return ()
     seen = evaluator(equations)
-    return tuple(_check(entry, _found(seen, module, entry)) for entry in wanted)
+    return tuple(_check(entry, _values_at(seen, module, entry)) for entry in wanted)
 
 
-def _found(seen: Evaluator, module: ModuleType, entry: Published) -> dict[str, float]:
+def _values_at(seen: Evaluator, module: ModuleType, entry: Published) -> dict[str, float]:
     """By the tightest tolerance at which the motion comes to the entry's time; nothing where none
     does."""
     for rtol in RTOLS:
@@ -54,7 +54,15 @@ def _state(seen: Evaluator, module: ModuleType, time: float, rtol: float) -> Arr
         return np.array(x)
     times = np.array([0.0, time])
     found = module.simulate(
-        times, x, u, p, integrator=INTEGRATOR, rtol=rtol, atol=rtol / 100, max_steps=MOST_STEPS
+        times,
+        x,
+        u,
+        p,
+        integrator=INTEGRATOR,
+        rtol=rtol,
+        atol=rtol / 100,
+        max_steps=MOST_STEPS,
+        events=False,
     )
     return np.array(found.x[-1])
 

@@ -7,16 +7,16 @@ bytes of a generated folder do not. The values are those of the equations at the
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from codegen.loader import part
 from codegen.reals import FLOAT64
 from codegen.seal import VERIFICATION
 from derive.diagnostics import VerificationError
@@ -36,8 +36,9 @@ COARSE = 1e-4  # of a module in float32, whose arguments are rounded once more
 BACKENDS = {"extension": "extension", "_library": "ctypes", "_numpy": "NumPy"}
 
 
-def shipped(equations: Equations, seed: int) -> dict[str, Any]:
-    """Function → {"t", "x", "u", "p", "expected", "size"}, a row for each state, of every chart.
+def shipped(equations: Equations, emitted: Collection[str], seed: int) -> dict[str, Any]:
+    """Emitted function → {"t", "x", "u", "p", "expected", "size"}, a row for
+    each state, of every chart.
 
     `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there.
 
@@ -48,7 +49,7 @@ def shipped(equations: Equations, seed: int) -> dict[str, Any]:
     numbers = 0
     for suffix, chart in _charts(seen):
         for name in chart.graph.functions:
-            rows = _rows(chart, name)
+            rows = _rows(chart, name) if name + suffix in emitted else {}
             numbers += _size(rows)
             if rows and numbers <= MOST:
                 found[name + suffix] = rows
@@ -120,7 +121,7 @@ def _backends(module: ModuleType) -> Iterator[tuple[str, Any]]:
         yield "extension", module
     for name in ("_library", "_numpy"):
         try:
-            yield BACKENDS[name], importlib.import_module(f"{module.__name__}.{name}")
+            yield BACKENDS[name], part(module, name)
         except (ImportError, OSError):
             continue  # what was not compiled cannot be wrong
 
@@ -138,7 +139,7 @@ def _check(name: str, backend: Any, functions: Mapping[str, Any]) -> CheckResult
 def _is_double(functions: Mapping[str, Any], backend: Any) -> bool:
     call = next((getattr(backend, name, None) for name in functions), None)
     rows = next(iter(functions.values()), None)
-    return call is None or rows is None or _called(call, rows, 0).dtype == np.float64
+    return call is None or rows is None or _flat_result(call, rows, 0).dtype == np.float64
 
 
 def _error(call: Any, rows: Mapping[str, Any]) -> float:
@@ -147,7 +148,7 @@ def _error(call: Any, rows: Mapping[str, Any]) -> float:
         return math.inf
     worst = 0.0
     for k, expected in enumerate(rows["expected"]):
-        value = np.ravel(_called(call, rows, k))
+        value = np.ravel(_flat_result(call, rows, k))
         if value.shape != np.shape(expected):
             return math.inf
         size = max(rows["size"][k], 1e-300)
@@ -155,7 +156,7 @@ def _error(call: Any, rows: Mapping[str, Any]) -> float:
     return worst
 
 
-def _called(call: Any, rows: Mapping[str, Any], k: int) -> np.ndarray:
+def _flat_result(call: Any, rows: Mapping[str, Any], k: int) -> np.ndarray:
     """One result; not a number where the code refuses the state."""
     t, x, u, p = (rows[name][k] for name in "txup")
     try:

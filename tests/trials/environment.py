@@ -1,8 +1,9 @@
-"""Where the trials run: hamel from a wheel in an environment of its own, one fresh process for each verb.
+"""Where the trials run: hamel from a wheel in an environment of its own, one fresh process for
+each verb.
 
-`python environment.py FOLDER` builds the wheel of this checkout and installs it into FOLDER/venv. The trials are then run by
-that environment's interpreter, so that nothing of the checkout can be imported, and drive hamel by its command line and its
-public functions alone.
+`python environment.py FOLDER` builds the wheel of this checkout and installs it into
+FOLDER/venv. The trials are then run by that environment's interpreter, so that nothing of the
+checkout can be imported, and drive hamel by its command line and its public functions alone.
 """
 
 from __future__ import annotations
@@ -23,22 +24,24 @@ import venv
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 ROOT = Path(__file__).resolve().parents[2]
-CORPUS = Path(__file__).parent / "corpus"
+FINDINGS = ROOT / "tests" / "findings"  # what broke something before
 ROBOTS = ROOT / "tests" / "robots"
 LIMIT = 180.0  # seconds of one process
 PROCESSES = int(os.environ.get("PROCESSES", "2"))
 KILLED = -1000
 PATHS: dict[str, str] = {}  # more variables for every process; none where hamel is installed
 
-# What a library says and a user must never read. hamel's own warnings are sentences without these words.
+# What a library says and a user must never read. hamel's own warnings are sentences without these
+# words.
 LIBRARY = re.compile(
-    r"Traceback|\w+Warning\b|WARNING|encountered in|site-packages|\b(?:casadi|numpy|pydantic|sympy)\.|discards the imaginary"
+    r"Traceback|\w+Warning\b|WARNING|encountered in|site-packages|discards the imaginary"
+    r"|\b(?:casadi|numpy|pydantic|sympy)\."
 )
 
 
@@ -61,12 +64,18 @@ class Outcome:
 def variables(folder: Path, more: Mapping[str, str] | None = None) -> dict[str, str]:
     """Few variables, with a home and a cache in `folder`."""
     kept = {name: os.environ[name] for name in ("PATH", "LANG", "LC_ALL") if name in os.environ}
-    return (
-        kept
-        | PATHS
-        | {"HOME": str(folder), "XDG_CACHE_HOME": str(folder / "cache")}
-        | dict(more or {})
-    )
+    own = {"HOME": str(folder), "XDG_CACHE_HOME": str(folder / "cache"), "CC": str(plain_gcc())}
+    return kept | PATHS | own | dict(more or {})
+
+
+@cache
+def plain_gcc() -> Path:
+    """gcc that does not optimise: hamel is on trial here, and its code is compiled in half the
+    time."""
+    path = HOME / "gcc"
+    path.write_text('#!/bin/sh\nexec gcc "$@" -O0\n')
+    path.chmod(0o755)
+    return path
 
 
 def ended(process: subprocess.Popen[str], arguments: Sequence[str], limit: float) -> Outcome:
@@ -114,7 +123,8 @@ def documented() -> frozenset[int]:
 
 
 def complaint(outcome: Outcome, refusals: Iterable[int] = (1, 2, 64)) -> str:
-    """What is wrong with the end of a process; empty when it did its work or refused for a documented reason."""
+    """What is wrong with the end of a process; empty when it did its work or refused for a
+    documented reason."""
     said = f"{outcome.err}\n{outcome.out if outcome.code else ''}"
     if outcome.code == KILLED:
         return f"ran for more than the limit: {outcome.words}"
@@ -139,11 +149,13 @@ def unreadable(outcome: Outcome) -> str:
     return ""
 
 
-def asked(about: str, kinds: Sequence[str], count: int) -> argparse.Namespace:
-    """What a command line wants of trials: `kinds`, all when none is named, and `count`."""
+def asked(about: str, kinds: Sequence[str], **numbers: int) -> argparse.Namespace:
+    """What a command line wants of trials: `kinds`, all when none is named, and `numbers`."""
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=", ".join(kinds))
-    parser.add_argument("--count", type=int, default=count, help="of what is drawn at random")
+    for name, usual in numbers.items():
+        parser.add_argument(f"--{name}", type=int, default=usual)
+    parser.add_argument("--resume", action="store_true", help="leave out what went well before")
     wanted = parser.parse_args()
     if unknown := [kind for kind in wanted.kinds if kind not in kinds]:
         parser.error(f"no kind of trial: {', '.join(unknown)}")
@@ -151,41 +163,83 @@ def asked(about: str, kinds: Sequence[str], count: int) -> argparse.Namespace:
     return wanted
 
 
-@dataclass
-class Record:
-    """What was tried, by kind, and what failed."""
+Item = TypeVar("Item")
+Ends = tuple[list[str], list[str]]  # the kinds of trial that were made, and what failed
 
-    name: str
-    tried: Counter[str] = field(default_factory=Counter)
-    failures: list[str] = field(default_factory=list)
+
+class Record:
+    """What was tried, by kind, and what failed.
+
+    A journal, one line for each trial, lets an interrupted run go on: `resume` counts what went
+    well before instead of trying it again.
+    """
+
+    def __init__(self, name: str, resume: bool = False, folder: Path = ROOT / "build"):
+        self.name, self.folder = name, folder
+        self.tried: Counter[str] = Counter()
+        self.failures: list[str] = []
+        self.journal = folder / "trials" / f"{name}.jsonl"
+        self.earlier = self._earlier() if resume else {}
+        if not resume:
+            self.journal.unlink(missing_ok=True)
+
+    def _earlier(self) -> dict[str, list[str]]:
+        """The trials that went well, by name."""
+        if not self.journal.exists():
+            return {}
+        entries = map(json.loads, self.journal.read_text().splitlines())
+        latest = {entry["name"]: entry for entry in entries}
+        return {n: entry["ends"] for n, entry in latest.items() if not entry["failures"]}
 
     def note(self, kind: str, failure: str = "") -> None:
-        self.tried[kind] += 1
-        if failure:
-            self.failures.append(failure)
+        self._count([kind], [failure] if failure else [])
+
+    def _count(self, kinds: list[str], failures: list[str]) -> None:
+        self.tried.update(kinds)
+        self.failures += failures
+        for failure in failures:
             print(f"FAILED {failure}", flush=True)
 
-    def write(self, folder: Path = ROOT / "build") -> int:
+    def all(
+        self,
+        work: Callable[[Item], Ends],
+        items: Iterable[tuple[str, Item]],
+        processes: int = PROCESSES,
+    ) -> None:
+        """Try each item, which has a name of its own; the work itself is done by processes."""
+
+        def named(item: tuple[str, Item]) -> tuple[str, Ends]:
+            name, given = item
+            return name, (self.earlier[name], []) if name in self.earlier else work(given)
+
+        self.journal.parent.mkdir(parents=True, exist_ok=True)
+        with ThreadPoolExecutor(processes) as pool, self.journal.open("a") as journal:
+            for name, (kinds, failures) in pool.map(named, items):
+                self._count(kinds, failures)
+                if name not in self.earlier:
+                    entry = {"name": name, "ends": kinds, "failures": failures}
+                    journal.write(json.dumps(entry) + "\n")
+                    journal.flush()
+
+    @property
+    def place(self) -> Path:
+        return self.folder / f"{self.name}.json"
+
+    def take_up(self) -> None:
+        """Go on counting where the last run ended."""
+        if self.place.exists():
+            earlier = json.loads(self.place.read_text())
+            self.tried.update(earlier["tried"])
+            self.failures += earlier["failures"]
+
+    def write(self) -> int:
         """Write build/NAME.json and return the exit code."""
-        folder.mkdir(exist_ok=True)
+        self.folder.mkdir(exist_ok=True)
         text = {"tried": dict(sorted(self.tried.items())), "failures": self.failures}
-        (folder / f"{self.name}.json").write_text(
-            json.dumps(text, indent=1, ensure_ascii=False) + "\n"
-        )
-        print(
-            f"{self.name}: {sum(self.tried.values())} tried, {len(self.failures)} failures (build/{self.name}.json)"
-        )
+        self.place.write_text(json.dumps(text, indent=1, ensure_ascii=False) + "\n")
+        total, bad = sum(self.tried.values()), len(self.failures)
+        print(f"{self.name}: {total} tried, {bad} failures ({self.place})")
         return 1 if self.failures else 0
-
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-
-
-def two_at_a_time(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterable[Result]:
-    """The results in order; the work itself is done by other processes."""
-    with ThreadPoolExecutor(PROCESSES) as pool:
-        yield from pool.map(work, items)
 
 
 WORKER = """
@@ -211,7 +265,8 @@ for line in sys.stdin:
 
 
 class Worker:
-    """A process that calls hamel's functions again and again; started anew when it hangs or dies."""
+    """A process that calls hamel's functions again and again; started anew when it hangs or
+    dies."""
 
     def __init__(self, memory: int | None = None, more: Mapping[str, str] | None = None):
         self.memory, self.more, self.process = memory, more, None
@@ -219,7 +274,8 @@ class Worker:
     def call(
         self, verb: str, *arguments: str, limit: float = 20.0, **options: Any
     ) -> dict[str, Any]:
-        """{"code", "text", "warnings"}; the code is KILLED when it took longer than the limit or the process died."""
+        """{"code", "text", "warnings"}; the code is KILLED when it took longer than the limit or
+        the process died."""
         if self.process is None or self.process.poll() is not None:
             self.process = self._start()
         process = self.process
@@ -239,7 +295,8 @@ class Worker:
         }
 
     def _answers(self, limit: float) -> bool:
-        """Whether it answers before it has used `limit` seconds of processor time (five times as much by the clock)."""
+        """Whether it answers before it has used `limit` seconds of processor time (five times as
+        much by the clock)."""
         busy, begin = self._busy(), time.monotonic()
         while not select.select([self.process.stdout], [], [], 0.5)[0]:
             if self._busy() - busy > limit or time.monotonic() - begin > 5 * limit:
@@ -262,9 +319,10 @@ class Worker:
 
     def _start(self) -> subprocess.Popen[str]:
         limit = "" if self.memory is None else f"ulimit -v {self.memory // 1024}; "
+        command = ["sh", "-c", f'{limit}exec "$@"', "sh", sys.executable, "-c", WORKER]
         return subprocess.Popen(
-            ["sh", "-c", f'{limit}exec "$@"', "sh", sys.executable, "-c", WORKER], cwd=HOME, env=variables(HOME, self.more),
-            text=True, start_new_session=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            command, cwd=HOME, env=variables(HOME, self.more), text=True, start_new_session=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
         )  # fmt: skip
 
 

@@ -1,12 +1,15 @@
-"""`make faults`: what is stored is spoiled, builds are killed, run side by side, meet full disks and odd compilers.
+"""`make faults`: what is stored is spoiled, builds are killed, run side by side, meet full disks
+and odd compilers.
 
-Each ends in a right module or in a clear refusal: a documented exit code, one message, no traceback. A module is right when
-every backend in its folder gives the values of a module that was built undisturbed, in a fresh process.
+Each ends in a right module or in a clear refusal: a documented exit code, one message, no
+traceback. A module is right when every backend in its folder gives the values of a module that was
+built undisturbed, in a fresh process.
 """
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -26,6 +29,7 @@ import environment
 from environment import (
     HOME,
     KILLED,
+    Ends,
     Outcome,
     Record,
     asked,
@@ -34,14 +38,14 @@ from environment import (
     python,
     run,
     started,
-    two_at_a_time,
 )
 
 CORRUPTIONS, KILLS, TOGETHER = 200, 60, 16  # at most --count of each
 REFUSALS = (1, 2, 3, 4, 64)
 PATIENCE = 400.0  # seconds for a build whose compiler never ends
 
-# `model` with a length: two modules that share everything but numbers, so that an old one and a new one can be told apart.
+# `model` with a length: two modules that share everything but numbers, so that an old one and a new
+# one can be told apart.
 MODEL = """model: swing
 coordinates: {{x: m, y: m}}
 parameters: {{m: 1.25 kg, l: {length} m, g: 9.81 m/s^2}}
@@ -159,7 +163,7 @@ def wordy(outcome: Outcome) -> str:
     return f"exit {outcome.code} with {len(messages)} messages: {outcome.err[:300]!r}"
 
 
-# ---- spoiled files ------------------------------------------------------------------------------------------------------
+# ---- spoiled files -------------------------------------------------------------------------------
 
 
 def flip(rng: random.Random, path: Path, others: list[Path]) -> None:
@@ -207,7 +211,7 @@ def swap(rng: random.Random, path: Path, others: list[Path]) -> None:
 SPOILS = (flip, truncate, constant, delete, empty, swap)
 
 
-def spoiled(good: Good, template: Path, number: int) -> tuple[str, str]:
+def spoiled(good: Good, template: Path, number: int) -> Ends:
     """Spoil one file of the cache or of the module, build again, and judge."""
     rng = random.Random(number)
     folder = HOME / f"spoiled{number}"
@@ -225,7 +229,11 @@ def spoiled(good: Good, template: Path, number: int) -> tuple[str, str]:
     outcome = run(BUILD, folder, more=cache_in(folder))
     wrong = wrong or verdict(good, folder, outcome)
     shutil.rmtree(folder)
-    return f"spoiled {stored}: {how.__name__}", wrong and f"corruption {number}, {name}: {wrong}"
+    return ends(f"spoiled {stored}: {how.__name__}", f"corruption {number}, {name}", wrong)
+
+
+def ends(kind: str, name: str, wrong: str) -> Ends:
+    return [kind], [f"{name}: {wrong}"] if wrong else []
 
 
 def told(good: Good, folder: Path) -> str:
@@ -245,13 +253,11 @@ def corruptions(record: Record, good: Good, count: int) -> None:
         "verify FOLDER",
         f"hamel verify out refuses a good module: {outcome.words}" if outcome.code else "",
     )
-    for kind, wrong in two_at_a_time(
-        lambda number: spoiled(good, template, number), range(min(count, CORRUPTIONS))
-    ):
-        record.note(kind, wrong)
+    numbered = ((f"corruption {number}", number) for number in range(min(count, CORRUPTIONS)))
+    record.all(lambda number: spoiled(good, template, number), numbered)
 
 
-# ---- kills --------------------------------------------------------------------------------------------------------------
+# ---- kills ---------------------------------------------------------------------------------------
 
 
 class Watch(threading.Thread):
@@ -269,7 +275,8 @@ class Watch(threading.Thread):
 
 
 def killed(good: Good, folder: Path, number: int, duration: float) -> str:
-    """Kill one build, half of the times with its compilers; then build the other length, undisturbed."""
+    """Kill one build, half of the times with its compilers; then build the other length,
+    undisturbed."""
     rng = random.Random(number)
     length = 1.0 + number % 2
     (folder / "m.yaml").write_text(MODEL.format(length=length))
@@ -297,19 +304,24 @@ def kills(record: Record, good: Good, count: int) -> None:
     start = time.monotonic()
     run(BUILD, folder, more=cache_in(folder))
     duration = time.monotonic() - start
-    for number in range(min(count, KILLS)):
+
+    def end(number: int) -> Ends:
         wrong = killed(good, folder, number, duration)
-        record.note("kills", wrong and f"kill {number}: {wrong}")
         if wrong.startswith("left behind"):  # told once each
             for path in folder.glob(".*"):
                 shutil.rmtree(path, ignore_errors=True)
+        return ends("kills", f"kill {number}", wrong)
+
+    numbered = ((f"kill {number}", number) for number in range(min(count, KILLS)))
+    record.all(end, numbered, processes=1)  # they share the folder
 
 
-# ---- side by side -------------------------------------------------------------------------------------------------------
+# ---- side by side --------------------------------------------------------------------------------
 
 
 def together(record: Record, good: Good, count: int) -> None:
-    """Half of the builds go into one folder, half into one each; none finds anything in the cache they share."""
+    """Half of the builds go into one folder, half into one each; none finds anything in the cache
+    they share."""
     shared, most = place(), min(count, TOGETHER)
     folders = [shared] * (most // 2) + [place() for _ in range(most - most // 2)]
     command = [sys.executable, "-m", "hamel", *BUILD]
@@ -324,7 +336,7 @@ def together(record: Record, good: Good, count: int) -> None:
     )
 
 
-# ---- disks --------------------------------------------------------------------------------------------------------------
+# ---- disks ---------------------------------------------------------------------------------------
 
 
 @contextlib.contextmanager
@@ -344,7 +356,8 @@ def disk(folder: Path, size: str) -> Iterator[bool]:
 
 
 def full(good: Good, size: str) -> Iterator[tuple[str, str]]:
-    """Module and cache on a full disk, then the module alone on one that may not be written, then the cache alone."""
+    """Module and cache on a full disk, then the module alone on one that may not be written, then
+    the cache alone."""
     for what, variables in (("module", {}), ("cache", {}), ("TMPDIR", {"TMPDIR": "small"})):
         folder = place()
         with disk(folder / "small", size) as mounted:
@@ -414,7 +427,7 @@ def unwritable(good: Good) -> Iterator[tuple[str, str]]:
             yield f"read-only {outcome.code}", wrong and f"{what} in a read-only folder: {wrong}"
 
 
-# ---- compilers ----------------------------------------------------------------------------------------------------------
+# ---- compilers -----------------------------------------------------------------------------------
 
 TARGET = 'while [ $# -gt 0 ]; do [ "$1" = -o ] && shift && out="$1"; shift; done\n'
 AARCH64 = r"\177ELF\002\001\001\000\000\000\000\000\000\000\000\000\003\000\267\000"
@@ -426,7 +439,8 @@ SCRIPTS = {
     "dies": "kill -SEGV $$\n",
     "talks": "yes 'warning: nothing' | head -c 5000000 >&2\nexit 1\n",
     "forgets a function": 'exec gcc -Ddynamics=dynamic "$@"\n',
-    "compiles other numbers": 'for f in "$@"; do case "$f" in *.c) sed -i s/9.81/9.18/g "$f";; esac; done\nexec gcc "$@"\n',
+    "compiles other numbers": 'for f in "$@"; do case "$f" in '
+    '*.c) sed -i s/9.81/9.18/g "$f";; esac; done\nexec gcc "$@"\n',
 }
 WORDS = ("false", "   ", "'", "", "/nonexistent/cc", "/tmp", "gcc --no-such-option", "gcc\n", "cat")
 
@@ -440,7 +454,7 @@ def compilers(folder: Path) -> Iterator[tuple[str, str]]:
     yield from ((repr(word), word) for word in WORDS)
 
 
-def compiled(good: Good, job: tuple[str, str]) -> tuple[str, str]:
+def compiled(good: Good, job: tuple[str, str]) -> Ends:
     """A build with another compiler: one that did its work is used, any other is refused."""
     name, compiler = job
     folder = place()
@@ -450,10 +464,10 @@ def compiled(good: Good, job: tuple[str, str]) -> tuple[str, str]:
         wrong = f"the build does not end within {PATIENCE:g} s"
     if outcome.code and not wrong and (folder / "out").exists():
         wrong = f"exit {outcome.code}, and yet a module is there"
-    return f"compilers {outcome.code}", wrong and f"CC {name}: {wrong}"
+    return ends(f"compilers {outcome.code}", f"CC {name}", wrong)
 
 
-# ---- all ----------------------------------------------------------------------------------------------------------------
+# ---- all -----------------------------------------------------------------------------------------
 
 
 def noted(record: Record, tried: Callable[[], Iterator[tuple[str, str]]]) -> None:
@@ -462,9 +476,8 @@ def noted(record: Record, tried: Callable[[], Iterator[tuple[str, str]]]) -> Non
 
 
 def odd_compilers(record: Record, good: Good, count: int) -> None:
-    jobs = list(compilers(HOME))[:count]
-    for kind, wrong in two_at_a_time(lambda job: compiled(good, job), jobs):
-        record.note(kind, wrong)
+    named = ((f"compiler {job[0]}", job) for job in itertools.islice(compilers(HOME), count))
+    record.all(lambda job: compiled(good, job), named)
 
 
 def disks(record: Record, good: Good, count: int) -> None:
@@ -484,8 +497,8 @@ FAULTS = {
 
 
 def main() -> int:
-    given = asked(__doc__ or "", list(FAULTS), max(CORRUPTIONS, KILLS, TOGETHER))
-    record, good = Record("faults"), Good()
+    given = asked(__doc__ or "", list(FAULTS), count=max(CORRUPTIONS, KILLS, TOGETHER))
+    record, good = Record("faults", given.resume), Good()
     for kind in given.kinds:
         FAULTS[kind](record, good, given.count)
     return record.write()

@@ -1,8 +1,10 @@
-"""`make fuzz`: spoiled model and robot files, through loader, importers, `check` and `build`, for a given time.
+"""`make fuzz`: spoiled model and robot files, through loader, importers, `check` and `build`, for a
+given time.
 
-`hamel.check` and `hamel.build` are called in processes that are used again until they hang, die or run out of memory. A failure
-is any exception without one of hamel's exit codes, any warning, more than 2 GB and more than 20 s of reading. What broke before,
-in corpus/, comes first, and is mutated like the rest.
+`hamel.check` and `hamel.build` are called in processes that are used again until they hang, die or
+run out of memory. A failure is any exception without one of hamel's exit codes, any warning, more
+than 2 GB and more than 20 s of reading. What broke before, in tests/findings/, comes first, and is
+mutated like the rest. --resume adds to the counts of the last run.
 """
 
 from __future__ import annotations
@@ -17,48 +19,26 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import environment
-from environment import CORPUS, HOME, KILLED, Record, Worker
+from environment import FINDINGS, HOME, KILLED, Record, Worker, asked
 
 MEMORY = 2_000_000_000
 READING, BUILDING = 20.0, 120.0  # seconds
 LARGEST = 8_000  # bytes of a file that is mutated: a slip in a long one is rarer and slower
 STRANGE = (
-    "null", "~", "[]", "{}", "[1, 2]", "{a: 1}", "nan", ".inf", "1e400", "-1e300", "1e-320", "0", "-1", "true", "''", "ground", "t",
-    "pi", "der(t)", "sqrt(-1)", "log(0)", "1/0", "0**-1", "2^10000", "λ", "*", "&a", "!!int", "%", "@", "|", "kg", "deg", "auto",
-    "a.b.c", "__class__", "1_000", "0x10", "1:30", "<<", "?", "min(1)", "atan2(1)", "reaction.C", "free", "9" * 30, "example",
-    "1e160 m", "5e-324", "[[1e300]]", "x" * 5000, "(" * 300, "\\x00", "\t",
+    "null", "~", "[]", "{}", "[1, 2]", "{a: 1}", "nan", ".inf", "1e400", "-1e300", "1e-320", "0",
+    "-1", "true", "''", "ground", "t", "pi", "der(t)", "sqrt(-1)", "log(0)", "1/0", "0**-1",
+    "2^10000", "λ", "*", "&a", "!!int", "%", "@", "|", "kg", "deg", "auto", "a.b.c", "__class__",
+    "1_000", "0x10", "1:30", "<<", "?", "min(1)", "atan2(1)", "reaction.C", "free", "9" * 30,
+    "example", "1e160 m", "5e-324", "[[1e300]]", "x" * 5000, "(" * 300, "\\x00", "\t",
 )  # fmt: skip
 NUMBERS = (
-    "0",
-    "1",
-    "-1",
-    "1e-9",
-    "1e9",
-    "1e-300",
-    "1e300",
-    "5e-324",
-    "0.5",
-    "1e-16",
-    "1e150",
-    "1e160",
-    "1.5707963267948966",
-    "inf",
-    "nan",
-)
+    "0", "1", "-1", "1e-9", "1e9", "1e-300", "1e300", "5e-324", "0.5", "1e-16", "1e150", "1e160",
+    "1.5707963267948966", "inf", "nan",
+)  # fmt: skip
 KINDS = (
-    "revolute",
-    "prismatic",
-    "ball",
-    "free",
-    "planar",
-    "cylindrical",
-    "universal",
-    "screw",
-    "fixed",
-    "floating",
-    "hinge",
-    "slide",
-)
+    "revolute", "prismatic", "ball", "free", "planar", "cylindrical", "universal", "screw", "fixed",
+    "floating", "hinge", "slide",
+)  # fmt: skip
 NUMBER = re.compile(r"(?<![\w.])\d[\d.]*(?:e-?\d+)?")
 WORD = re.compile(r"[A-Za-z_][\w.]*|\d+\.?\d*(?:[eE][+-]?\d+)?|[^\sA-Za-z_0-9]")
 
@@ -160,15 +140,16 @@ def mutated(seeds: list[tuple[str, str]], rng: random.Random) -> tuple[str, str]
 
 
 def seeds() -> list[tuple[str, str]]:
-    """The models, the robots of the tests and the corpus; long ones are left out."""
-    folders = (environment.ROOT / "models", environment.ROBOTS, CORPUS)
-    paths = [
-        path
-        for folder in folders
-        for path in sorted(folder.rglob("*"))
-        if path.suffix in (".yaml", ".urdf", ".xml")
-    ]
-    return [(path.suffix, path.read_text()) for path in paths if path.stat().st_size < LARGEST]
+    """The models, the robots of the tests and what broke before; long ones are left out."""
+    folders = (environment.ROOT / "models", environment.ROBOTS, FINDINGS)
+    files = [one for folder in folders for one in readable(folder)]
+    return [(suffix, text) for suffix, text in files if len(text) < LARGEST]
+
+
+def readable(folder: Path) -> list[tuple[str, str]]:
+    """Suffix and text of every file that hamel reads."""
+    paths = [p for p in sorted(folder.rglob("*")) if p.suffix in (".yaml", ".urdf", ".xml")]
+    return [(path.suffix, path.read_text()) for path in paths]
 
 
 @dataclass
@@ -193,7 +174,7 @@ class Tries:
             print(f"FAILED {self.record.failures[-1]}", flush=True)
 
     def kept(self, suffix: str, text: str) -> Path:
-        """The file, where it can be looked at and taken into the corpus."""
+        """The file, where it can be looked at and taken into tests/findings."""
         folder = environment.ROOT / "build" / "trials" / "fuzz"
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{len(self.classes)}{suffix}"
@@ -243,19 +224,10 @@ class Fuzzer(threading.Thread):
         self.worker.stop()
 
     def files(self, given: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
-        corpus = [
-            (path.suffix, path.read_text())
-            for path in sorted(CORPUS.glob("*"))
-            if path.suffix != ".md"
-        ]
-        yield from corpus if self.verb == "check" else [(s, t) for s, t in corpus if len(t) < 1_000]
-        small = (
-            given
-            if self.verb == "check"
-            else [(suffix, text) for suffix, text in given if len(text) < 1_200]
-        )
+        before, shortest = readable(FINDINGS), {"check": LARGEST, "build": 1_200}[self.verb]
+        yield from before if self.verb == "check" else [x for x in before if len(x[1]) < 1_000]
         while True:
-            yield mutated(small, self.rng)
+            yield mutated([x for x in given if len(x[1]) < shortest], self.rng)
 
     def call(self, suffix: str, text: str) -> None:
         path = self.folder / f"m{suffix}"
@@ -269,14 +241,13 @@ class Fuzzer(threading.Thread):
             )
 
 
-def main(seconds: float) -> int:
+def main() -> int:
+    given = asked(__doc__ or "", ["check", "build"], seconds=1200)
     record = Record("fuzz")
-    until = time.monotonic() + seconds
-    tries = Tries(record)
-    fuzzers = [
-        Fuzzer(tries, "check", random.randrange(10**6), until),
-        Fuzzer(tries, "build", random.randrange(10**6), until),
-    ]
+    if given.resume:
+        record.take_up()
+    until, tries = time.monotonic() + given.seconds, Tries(record)
+    fuzzers = [Fuzzer(tries, verb, random.randrange(10**6), until) for verb in given.kinds]
     for fuzzer in fuzzers:
         fuzzer.start()
     for fuzzer in fuzzers:
@@ -285,4 +256,4 @@ def main(seconds: float) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(float(sys.argv[1]) if len(sys.argv) > 1 else 300.0))
+    sys.exit(main())

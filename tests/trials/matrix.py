@@ -1,8 +1,10 @@
-"""`make matrix`: every verb of the command line on the smallest legal file of everything the schema knows, each in a fresh process.
+"""`make matrix`: every verb of the command line on the smallest legal file of everything the
+schema knows, each in a fresh process.
 
-A process fails the trial when it ends by a code that is not documented or is no true reason here (70, 3, 4), shows a traceback
-or a warning of a library, or prints no JSON under --json. The smallest file of each kind meets every verb; one with another
-optional key is built, checked and meets one more verb, in turn.
+A process fails the trial when it ends by a code that is not documented or is no true reason here
+(70, 3, 4), shows a traceback or a warning of a library, or prints no JSON under --json. The
+smallest file of each kind meets every verb; one with another optional key is built, checked and
+meets one more verb, in turn.
 """
 
 from __future__ import annotations
@@ -18,10 +20,11 @@ from pathlib import Path
 
 import environment
 import mechanisms
-from environment import Outcome, Record, Worker, asked, complaint, documented, run, two_at_a_time
+from environment import Ends, Outcome, Record, Worker, asked, complaint, documented, run
 from scenes import File, Schema, files
 
-# What a verb is given beside the file so that it ends soon and writes where we look; any other verb is run with the file alone.
+# What a verb is given beside the file so that it ends soon and writes where we look; any other verb
+# is run with the file alone.
 SHORT: dict[str, tuple[str, ...]] = {
     "build": ("-o", "module"),
     "verify": ("--states", "5"),
@@ -31,12 +34,8 @@ SHORT: dict[str, tuple[str, ...]] = {
     "report": ("--time", "0.5", "--budget", "2", "-o", "report"),
     "import": ("-o", "imported.yaml"),
 }
-SELDOM = ("report", "stress", "extremes")  # only where nothing else is: a report takes many runs
-CLAIMS = (
-    "reference",
-    "stress",
-    "extremes",
-)  # sections whose made-up numbers verification may refuse
+SELDOM = ("report", "extremes")  # only where nothing else is: a report takes many runs
+CLAIMS = ("reference", "extremes")  # sections whose made-up numbers verification may refuse
 ROBOTS = ".urdf", ".xml"
 
 
@@ -58,21 +57,20 @@ def fails(kind: str, outcome: Outcome) -> str:
     return complaint(outcome, (1, 2, 4, 64) if claims else (1, 2, 64))
 
 
-def tried(job: tuple[str, str, str, str, bool]) -> tuple[str, str, str]:
-    """Run one verb on one file in a folder of its own: the kind, the verb and its end, and what failed."""
+Job = tuple[str, str, str, str, bool]  # kind, suffix, text, verb, as JSON
+
+
+def tried(job: Job) -> Ends:
+    """Run one verb on one file in a folder of its own."""
     kind, suffix, text, verb, as_json = job
     folder = Path(environment.tempfile.mkdtemp(dir=environment.HOME))
     (folder / f"m{suffix}").write_text(text)
-    outcome = run(
-        [verb, f"m{suffix}", *SHORT.get(verb, ()), *(["--json"] if as_json else [])], folder
-    )
+    more = [*SHORT.get(verb, ()), *(["--json"] if as_json else [])]
+    outcome = run([verb, f"m{suffix}", *more], folder)
     wrong = fails(kind, outcome)
     shutil.rmtree(folder)
-    return (
-        kind,
-        f"{verb} {outcome.code}",
-        wrong and f"{' '.join(outcome.arguments)} of {kind}: {wrong}\n{compact(text)}",
-    )
+    told = f"{' '.join(outcome.arguments)} of {kind}: {wrong}\n{compact(text)}"
+    return [f"{verb} {outcome.code}"], [told] if wrong else []
 
 
 def compact(text: str) -> str:
@@ -81,7 +79,7 @@ def compact(text: str) -> str:
 
 def jobs_of(
     kind: str, suffix: str, text: str, smallest: bool, legal: bool, turn: Iterator[int]
-) -> Iterator[tuple]:
+) -> Iterator[tuple[str, Job]]:
     """Every verb on a smallest file; two on a legal other one, one on a refused one."""
     usual = [name for name in with_model() if name not in SELDOM]
     number = next(turn)
@@ -89,11 +87,13 @@ def jobs_of(
     if smallest and number % 40 == 0:
         chosen = [*chosen, *(name for name in with_model() if name in SELDOM)]
     for verb in dict.fromkeys(chosen):
-        yield kind, suffix, text, verb, (number + len(verb)) % 3 == 0
+        as_json = (number + len(verb)) % 3 == 0
+        yield f"{kind}: {verb} {as_json} {text}", (kind, suffix, text, verb, as_json)
 
 
 def robots() -> Iterator[tuple[str, str, str, bool]]:
-    """URDF and MJCF files, small ones of every joint and those of the tests; and what `hamel import` writes of them."""
+    """URDF and MJCF files, small ones of every joint and those of the tests; and what `hamel
+    import` writes of them."""
     small = [(f"urdf {kind}", ".urdf", URDF.format(kind=kind)) for kind in URDF_JOINTS]
     small += [
         (f"mjcf {kind or 'weld'}", ".xml", MJCF.format(joint=MJCF_JOINTS[kind]))
@@ -121,19 +121,25 @@ URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "plan
 URDF = """<robot name="m"><link name="base"/>
 <link name="arm"><inertial><origin xyz="0.1 0 0.2" rpy="0 0 0"/><mass value="1"/>
 <inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="j" type="{kind}"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.1" rpy="0 0.3 0"/><axis xyz="0 1 0"/>
+<joint name="j" type="{kind}"><parent link="base"/><child link="arm"/>
+<origin xyz="0 0 0.1" rpy="0 0.3 0"/><axis xyz="0 1 0"/>
 <limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>
 """
 MJCF_JOINTS = {
-    "hinge": '<joint axis="0 1 0"/>', "slide": '<joint type="slide" axis="0 1 0"/>', "ball": '<joint type="ball"/>', "free": "<freejoint/>", "": "",
-}  # fmt: skip
+    "hinge": '<joint axis="0 1 0"/>',
+    "slide": '<joint type="slide" axis="0 1 0"/>',
+    "ball": '<joint type="ball"/>',
+    "free": "<freejoint/>",
+    "": "",
+}
 MJCF = """<mujoco model="m"><worldbody><body name="arm" pos="0 0 1">{joint}
 <geom type="box" size="0.1 0.2 0.3" mass="1" pos="0.1 0 0.2"/></body></worldbody></mujoco>
 """
 
 
 def oracle(worker: Worker, record: Record) -> Callable[[dict], str]:
-    """Why `hamel check` refuses a model; each is asked once. What it must not say of any model is a failure."""
+    """Why `hamel check` refuses a model; each is asked once. What it must not say of any model
+    is a failure."""
     known: dict[str, str] = {}
     path = environment.HOME / "asked.yaml"
 
@@ -162,7 +168,7 @@ def kinds_of_trial() -> list[str]:
 
 def all_jobs(
     record: Record, refusal: Callable[[dict], str], wanted: Collection[str]
-) -> Iterator[tuple]:
+) -> Iterator[tuple[str, Job]]:
     turn = itertools.count()
     schema = Schema(run(["schema"], environment.HOME).out)
     seen: set[str] = set()
@@ -177,11 +183,11 @@ def all_jobs(
         yield from robot_jobs(turn)
 
 
-def robot_jobs(turn: Iterator[int]) -> Iterator[tuple]:
+def robot_jobs(turn: Iterator[int]) -> Iterator[tuple[str, Job]]:
     for kind, suffix, text, small in robots():
         yield from jobs_of(kind, suffix, text, small, True, turn)
         if suffix in ROBOTS:
-            yield kind, suffix, text, "import", False
+            yield f"{kind}: import {text}", (kind, suffix, text, "import", False)
 
 
 def named(file: File) -> str:
@@ -199,8 +205,7 @@ def alone(record: Record) -> None:
 
 def matrix(record: Record, wanted: Collection[str]) -> None:
     worker = Worker()
-    for _, end, wrong in two_at_a_time(tried, all_jobs(record, oracle(worker, record), wanted)):
-        record.note(end, wrong)
+    record.all(tried, all_jobs(record, oracle(worker, record), wanted))
     worker.stop()
 
 
@@ -209,8 +214,8 @@ def fault(arguments: list[str], wrong: str) -> str:
 
 
 def main() -> int:
-    given = asked(__doc__ or "", kinds_of_trial(), 300)
-    record = Record("matrix")
+    given = asked(__doc__ or "", kinds_of_trial(), count=300)
+    record = Record("matrix", given.resume)
     assert 70 not in documented() and 1 in documented()
     if "verbs" in given.kinds:
         alone(record)

@@ -1,6 +1,7 @@
-"""A sample of the trials in every run of the tests: some of the matrix and one random mechanism, each in fresh processes.
+"""A sample of the trials in every run of the tests, in fresh processes.
 
-`make matrix`, `make faults` and `make fuzz` run all of them from a wheel in an environment of its own.
+`make matrix`, `make faults` and `make fuzz` run all of them from a wheel in an environment of its
+own.
 """
 
 from __future__ import annotations
@@ -47,7 +48,30 @@ def test_the_smallest_hinge_meets_what_users_try_first(here, schema):
     worker.stop()
     assert set(file.model["joints"]["C"]) == {"type", "parent", "child"}
     for verb in ("build", "list"):
-        assert matrix.tried((file.kind, ".yaml", file.text, verb, verb == "list"))[2] == ""
+        assert matrix.tried((file.kind, ".yaml", file.text, verb, verb == "list"))[1] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [4, 11])
+def test_a_random_mechanism_through_the_front_door(here, seed):
+    assert mechanisms.tried(seed) == (["mechanism"], [])
+
+
+def test_an_interrupted_run_goes_on_where_it_was(tmp_path):
+    """What went well is counted, what failed is tried again."""
+    tried = []
+
+    def work(number):
+        tried.append(number)
+        return ["trial"], ["odd"] if number % 2 and len(tried) < 3 else []
+
+    items = [(str(number), number) for number in range(4)]
+    first = environment.Record("sample", folder=tmp_path)
+    first.all(work, items[:2], processes=1)
+    assert first.write() == 1
+    again = environment.Record("sample", resume=True, folder=tmp_path)
+    again.all(work, items, processes=1)
+    assert tried == [0, 1, 1, 2, 3] and again.tried["trial"] == 4 and again.write() == 0
 
 
 def test_the_schema_tells_every_kind_that_hamel_lists(here, schema):

@@ -20,11 +20,11 @@ from derive.choices.reduction import Reduction
 from derive.choices.resolution import Survey
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
+from derive.expressions.scalars import Vector
 from derive.formulations.assembly import column, entries, reduced
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
 from derive.formulations.records import Equations
-from derive.joints.records import Vector
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice
 

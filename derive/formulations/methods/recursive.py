@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from derive.choices.resolution import Survey
 from derive.expressions.counting import cheapest
+from derive.expressions.scalars import Scalar
 from derive.formulations.assembly import column, entries, in_generalized_velocities
 from derive.formulations.fitness import constrained, first_of, not_of_links, singular
 from derive.formulations.formulation import Formulation
 from derive.formulations.records import Equations
-from derive.joints.records import Scalar
-from derive.mechanics.articulated import tree_solution
+from derive.mechanics.articulated import Factored, tree_solution
 from derive.mechanics.records import Named
 from derive.model.records import Choice
 
@@ -38,7 +38,7 @@ def _equations(survey: Survey, choice: Choice) -> Equations:
     )
 
 
-def _solved(found, n: int) -> list[Scalar]:
+def _solved(found: Factored, n: int) -> list[Scalar]:
     """v̇, then the pivots in the order of the velocities."""
     return [*found.vdot, *(found.pivots[j] for j in range(n))]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from derive.joints.records import Vector
+from derive.expressions.scalars import Vector
 from derive.joints.rotations import (
     matrix,
 )

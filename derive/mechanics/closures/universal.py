@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from derive.joints.records import Vector
+from derive.expressions.scalars import Vector
 from derive.joints.rotations import (
     matrix,
     rotated,

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
-from derive.joints.records import Vector
+from derive.expressions.scalars import Vector
 from derive.joints.rotations import (
     IDENTITY,
     cross,
@@ -117,7 +117,7 @@ def _moving_row(scene: Scene, name: str, link: int, direction: Vector, point: Ve
     """A row whose direction and point move in the link: their rates by differentiation along the
     motion."""
     rates = scene.rate(ca.vertcat(*direction, *point))
-    parts = [rates[i] for i in range(6)]
+    parts: Vector = [rates[i] for i in range(6)]
     return RowForm(
         name, (TwistTerm(link, direction, point, NOTHING, "state", parts[:3], parts[3:], NOTHING),)
     )

@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from derive.joints.records import Vector
+from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import rotated
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import ground_point, link_direction
@@ -30,7 +30,7 @@ class Law:
     applied: Callable[[Scene, Any], Applied]
 
 
-def along(scene: Scene, velocity: str, force: ca.SX) -> ca.SX:
+def along(scene: Scene, velocity: str, force: Scalar) -> ca.SX:
     """A force conjugate to one generalized velocity or, for a coordinate whose rate is none, to
     that rate: Nᵀ e f."""
     for j, v in enumerate(scene.model.velocities):
@@ -41,7 +41,7 @@ def along(scene: Scene, velocity: str, force: ca.SX) -> ca.SX:
     return ca.jacobian(scene.qdot[i], scene.symbols.v).T * force
 
 
-def _unit(n: int, j: int, x: ca.SX) -> ca.SX:
+def _unit(n: int, j: int, x: Scalar) -> ca.SX:
     result = ca.SX.zeros(n)
     result[j] = x
     return result
@@ -54,7 +54,7 @@ def force_alone(scene: Scene, force: ca.SX) -> Applied:
 def rate_of(scene: Scene, velocity: str) -> ca.SX:
     """A generalized velocity, or the rate of a coordinate, by name."""
     rate = scene.symbols.rates.get(velocity.removeprefix("der(").removesuffix(")"))
-    return scene.symbols.names[velocity] if rate is None else rate
+    return ca.SX(scene.symbols.names[velocity] if rate is None else rate)
 
 
 def in_ground(scene: Scene, body: str, point: Vector) -> Vector:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from derive.joints.rotations import difference
 from derive.mechanics.loads.records import Applied, Law, in_ground
 from derive.mechanics.scene import Scene
 from derive.model.records import JointSpring, PointSpring
@@ -24,7 +25,7 @@ def point_spring(scene: Scene, load: PointSpring) -> Applied:
     ends = [
         in_ground(scene, body, s.vector(point)) for body, point in zip(load.bodies, load.points)
     ]
-    gap = ca.vertcat(*[b - a for a, b in zip(*ends)])
+    gap = ca.vertcat(*difference(ends[1], ends[0]))
     distance = ca.sqrt(ca.dot(gap, gap))
     stretch = distance - s.scalar(load.length)
     energy = 0.5 * s.scalar(load.stiffness) * stretch * stretch

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from pydantic import Field
@@ -63,7 +63,7 @@ def _surface(reader: Reader, scalar: Scalar) -> Expression:
 
 
 @contextmanager
-def _local(reader: Reader, letters: str) -> Iterator[None]:
+def _local(reader: Reader, letters: str) -> Generator[None]:
     """While a surface is read its letters are a point's coordinates, and the model's own
     coordinates are out of sight."""
     outside = reader.scope

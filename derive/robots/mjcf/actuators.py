@@ -68,7 +68,7 @@ def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmis
 
 
 def _coefficients(reading: Reading, tendon: Element, scene: Scene) -> Transmission:
-    found = []
+    found: Transmission = []
     for term in tendon.all("joint"):
         joint = _joint(reading, term, "joint", scene)
         if joint is not None:

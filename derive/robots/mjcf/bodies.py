@@ -40,9 +40,9 @@ class Scene:
     settings: Settings
     bodies: dict[str, str] = field(default_factory=lambda: {"world": GROUND})
     poses: dict[str, Frame] = field(default_factory=lambda: {GROUND: Frame()})
-    joints: dict[str, Joint] = field(default_factory=dict)
-    references: dict[str, float] = field(default_factory=dict)
-    sites: dict[str, tuple[str, Frame]] = field(default_factory=dict)
+    joints: dict[str, Joint] = field(default_factory=dict[str, Joint])
+    references: dict[str, float] = field(default_factory=dict[str, float])
+    sites: dict[str, tuple[str, Frame]] = field(default_factory=dict[str, tuple[str, Frame]])
     geoms: int = 0
 
 
@@ -134,7 +134,7 @@ def _below(
     reading: Reading, element: Element, name: str, inherited: str, scene: Scene
 ) -> list[Waiting]:
     """Note the sites of a body, count its geoms, and hand on the bodies below it."""
-    found = []
+    found: list[Waiting] = []
     for child, frame, owner in _content(reading, element, inherited, scene):
         if child.tag == "body":
             found.append(Waiting(child, name, frame, owner))
@@ -175,7 +175,7 @@ def _mass(reading: Reading, element: Element, inherited: str, body: Body, scene:
     found = scene.settings
     pieces: list[Piece] = []
     stated: list[Piece] = []
-    geoms = []
+    geoms: list[tuple[Element, Frame]] = []
     for child, frame, owner in _content(reading, element, inherited, scene):
         if child.tag == "inertial":
             stated.append(explicit(reading, child, frame, found))

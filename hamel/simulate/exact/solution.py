@@ -79,10 +79,10 @@ def written(value: float) -> Fraction:
     return Fraction(repr(float(value)))
 
 
-def state_of(e: Equations, initial: Initial, p: np.ndarray) -> np.ndarray:
+def state_of(e: Equations, initial: Initial, p: np.ndarray, t: float = 0.0) -> np.ndarray:
     """x from (q, v) by the equations' own function."""
     found = function_of(e, "state")(
-        0.0, np.concatenate([initial.q, initial.v]), np.zeros(e.system.u.numel()), p
+        t, np.concatenate([initial.q, initial.v]), np.zeros(e.system.u.numel()), p
     )
     return np.asarray(found).ravel()
 
@@ -91,7 +91,7 @@ def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solu
     """The motion at rising `times`. Raises NotAnalytic where a series or the motion ends.
     Remembered by content."""
     name = _fingerprint(problem, times, digits)
-    kept = _kept(name)
+    kept = _stored_solution(name)
     if kept is None:
         kept = _computed(problem, times, digits)
         _keep(name, kept)
@@ -234,7 +234,7 @@ def _listing(function: ca.Function) -> str:
     return "\n".join(map(repr, (*program.instructions, program.outputs)))
 
 
-def _kept(name: str) -> Solution | None:
+def _stored_solution(name: str) -> Solution | None:
     entry = store.stored(KIND, name)
     if entry is None or set(entry.data) != {field.name for field in fields(Solution)}:
         return None

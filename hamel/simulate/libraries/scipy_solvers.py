@@ -3,6 +3,7 @@ output times."""
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +16,7 @@ from hamel.simulate.libraries.records import Problem, Reference, simulation, sto
 
 def _prepared(solver: str, problem: Problem) -> Callable[[], Simulation]:
     try:
-        from scipy import integrate
+        integrate = importlib.import_module("scipy.integrate")  # an extra of its own
     except ImportError:
         raise ToolchainError(
             "SciPy is not installed", "pip install scipy, or use an integrator of the module itself"

@@ -22,7 +22,7 @@ from hamel.verify.limits import (
     TERMS,
 )
 from hamel.verify.reference.outcome import Kinematics, Outcome, state_of
-from hamel.verify.reference.outputs import nearest_turn, outputs
+from hamel.verify.reference.outputs import events, nearest_turn, outputs
 from hamel.verify.reference.saddle import RANK, rank_of, saddle, solved
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
@@ -345,6 +345,16 @@ def results(e: Evidence) -> float | None:
     return deviation(got, wanted, relax, unit=e.units.own.all_of(labels), sums=sums)
 
 
+def happenings(e: Evidence) -> float | None:
+    """The functions whose changes of sign are events."""
+    if not e.graph.has("events"):
+        return None
+    got, model = e.results("events"), e.reference.model
+    wanted = [events(model, own, lam) for own, lam in zip(e.own, _reactions(e))]
+    largest = [1.0 + worst(s.q / e.units.q) + worst(g) for s, g in zip(e.samples, wanted)]
+    return deviation(got, wanted, e.conditions, sums=Sums(SOLVED, largest))
+
+
 def _reactions(e: Evidence) -> Sequence[Array]:
     """λ of the reference; where it is not unique, the choice's own, which the check of λ judges by
     what it does."""
@@ -412,4 +422,5 @@ CHECKS = (
         choices,
     ),
     Check("outputs", SOLVED, "reference: positions, velocities, angles and formulas", results),
+    Check("events", SOLVED, "reference: formulas of the motion and of outputs", happenings),
 )

@@ -24,6 +24,7 @@ from derive.expressions import tree
 from derive.model.records import GROUND, Armature, Holonomic, Model, Nonholonomic, OnSurface
 from derive.model.rows import row_names
 from hamel.verify.limits import ROUNDING, UNDONE
+from hamel.verify.reference import analytic as by_formula
 from hamel.verify.reference.layout import Layout, Rows, layout, stacked
 from hamel.verify.reference.loads import Applied, Lagrange, applied, body_inertia
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
@@ -137,8 +138,6 @@ def reference(model: Model) -> Reference:
             constraint_rows(model, _no_formulas),
             lambda s: _no_energies(len(s.v)),
         )
-    from hamel.verify.reference import analytic as by_formula
-
     s = by_formula.symbols(model)
     energies_of = (
         by_formula.lagrange(model, s) if analytic else lambda state: _no_energies(len(state.v))

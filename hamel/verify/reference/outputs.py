@@ -21,6 +21,21 @@ def outputs(model: Model, state: State, lam: Array) -> Array:
     )
 
 
+def events(model: Model, state: State, lam: Array) -> Array:
+    """The formulas of all events, with outputs by name and points by component."""
+    names: dict[str, float] = {}
+    for output in model.outputs:
+        values = _output(model, state, output, lam)
+        formula = output.expression
+        function = formula.function if isinstance(formula, tree.Call) else ""
+        if function in ("position", "velocity"):
+            letters = model.plane or "xyz"
+            names |= {f"{output.name}.{x}": float(v) for x, v in zip(letters, values)}
+        elif function != "reaction":
+            names[output.name] = float(values[0])
+    return np.array([state.value(event.expression, names) for event in model.events])
+
+
 def nearest_turn(model: Model, wanted: Array, got: Array) -> Array:
     """`wanted` with whole turns added to the angles of bodies so that they are nearest to `got`."""
     turns = np.round((np.ravel(got) - wanted) / (2.0 * np.pi))

@@ -3,7 +3,7 @@ bodies in the ground frame."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,8 +72,11 @@ class State:
     names: dict[str, Any]
     named_rates: dict[str, float]
 
-    def value(self, expression: tree.Expression) -> float:
-        return float(evaluated(expression, lookup(self.names, self.named_rates), NUMERIC))
+    def value(
+        self, expression: tree.Expression, further: Mapping[str, float] | None = None
+    ) -> float:
+        names = {**self.names, **further} if further else self.names
+        return float(evaluated(expression, lookup(names, self.named_rates), NUMERIC))
 
     def vector(self, entries: Sequence[tree.Expression]) -> Array:
         return np.array([self.value(entry) for entry in entries])
@@ -84,7 +87,7 @@ class State:
 
 def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> State:
     """Walk the joints from the ground outwards, then evaluate the definitions in their order."""
-    names = _known(model, t, q, v, u, p)
+    names = _values_by_name(model, t, q, v, u, p)
     bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {})
     N, drift, frames, seats = _walk(model, bare)
     rates = N @ v
@@ -95,7 +98,9 @@ def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> Sta
     return full
 
 
-def _known(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> dict[str, Any]:
+def _values_by_name(
+    model: Model, t: float, q: Array, v: Array, u: Array, p: Array
+) -> dict[str, Any]:
     groups = (
         (model.coordinates, q),
         (model.velocities, v),

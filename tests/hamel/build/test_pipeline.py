@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import py_compile
 import signal
 import subprocess
 import sys
@@ -19,7 +20,7 @@ import pytest
 import hamel
 from codegen import emit
 from codegen.passes import program
-from derive.diagnostics import Diagnostic, ModelError, VerificationError
+from derive.diagnostics import Diagnostic, ModelError, ToolchainError, VerificationError
 from derive.model import load
 from hamel.build import folder, keys, pipeline, store
 from hamel.build.options import BuildOptions
@@ -92,6 +93,30 @@ def test_the_shipped_module_is_verified(copied: Path) -> None:
         "shipped: ctypes = shipped values",
         "shipped: NumPy = shipped values",
     }
+
+
+@needs_compiler
+def test_a_module_of_few_functions_is_verified_by_these(tmp_path: Path) -> None:
+    hamel.build(PENDULUM, out=tmp_path / "few", functions=["dynamics", "energy"])
+    found = hamel.verify(tmp_path / "few")
+    assert found.passed and len(found.checks) == 4
+    functions = json.loads((tmp_path / "few/verification.json").read_text())["functions"]
+    assert {"dynamics", "energy"} <= set(functions) and "reactions" not in functions
+
+
+@needs_compiler
+def test_spoiled_byte_code_beside_a_module_is_told(copied: Path) -> None:
+    """Python reads what it keeps beside a module without a check; a missing end was taken for an
+    interrupt."""
+    for name in ("__init__", "_numpy"):
+        path = Path(str(py_compile.compile(str(copied / f"{name}.py"))))
+        whole = path.read_bytes()
+        path.write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(ToolchainError, match="cannot be imported") as told:
+            hamel.verify(copied)
+        assert "__pycache__" in str(told.value)
+        path.write_bytes(whole)
+    assert hamel.verify(copied).passed
 
 
 @needs_compiler

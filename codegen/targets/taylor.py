@@ -1,0 +1,207 @@
+"""Taylor series: the coefficients of a solution in C, of any order at run time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from codegen import text
+from codegen.passes.names import RESERVED, Names
+from codegen.passes.taylor import HIGHEST, SERIES, TAKEN, Series, Term, series, suffixes
+from codegen.program import Expression, Program, Statement
+from codegen.targets.records import Target
+
+WIDEST = 64  # bytes of a vector
+ADDED = 4  # cycles that a multiplication and an addition take together
+
+
+@dataclass(frozen=True)
+class Body:
+    """The series of a chart as lines of C."""
+
+    suffix: str
+    about: str
+    used: int  # slots
+    slots: int  # the same in whole vectors
+    stride: int  # of a row of slots: whole vectors, of an odd number of cache lines
+    turns: bool
+    loads: tuple[str, ...]
+    start: tuple[str, ...]
+    guards: tuple[tuple[str, str, str], ...]
+    first: tuple[str, ...]  # slots and rates of order 0
+    step: tuple[str, ...]
+    unused: tuple[str, ...]
+    inputs: int
+    rates: int
+
+
+def files(program: Program) -> dict[str, str]:
+    """NAME_taylor.h, and a NAME_taylor.c of each chart."""
+    if SERIES not in program.integrators or not program.simulates:
+        return {}
+    bodies = [_body(program, suffix) for suffix in suffixes(program)]
+    data: dict[str, Any] = {
+        "program": program,
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+    }
+    return {
+        f"{program.name}_taylor.h": text.render(
+            "taylor.h.j2", bodies=bodies, highest=HIGHEST, **data
+        ),
+        **{
+            f"{program.name}_taylor{body.suffix}.c": text.render("taylor.c.j2", body=body, **data)
+            for body in bodies
+        },
+    }
+
+
+def _body(program: Program, suffix: str) -> Body:
+    made = series(program, suffix)
+    loads = [
+        f"const double {load.name} = {load.argument}[{load.index}];"
+        for load in made.loads
+        if load.argument != "t"
+    ]
+    start = list(_start(program, made.start))
+    used = {load.argument for load in made.loads}
+    line = WIDEST * 8 // program.real.bits
+    lines = max(1, -(-len(made.slots) // line))
+    return Body(
+        suffix=suffix,
+        about=f"{len(made.slots)} products",
+        used=len(made.slots),
+        slots=lines * line,
+        stride=(lines | 1) * line,
+        turns=any(_is_turn(statement) for statement in made.start),
+        loads=tuple(loads),
+        start=tuple(start),
+        guards=tuple(
+            (_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in made.guards
+        ),
+        first=tuple(_first(made)),
+        step=tuple(_Order(made).lines()),
+        unused=tuple(name for name in "tupc" if name not in used),
+        inputs=len(program.argument("u").names) if made.inputs else 0,
+        rates=len(made.rates),
+    )
+
+
+def _value(value: Expression) -> str:
+    return text.expression(value, text.C)
+
+
+def _is_turn(statement: Statement) -> bool:
+    return isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
+
+
+def _start(program: Program, statements: Sequence[Statement]) -> Iterator[str]:
+    """Values at the start of a step; a sine comes with its cosine."""
+    k = 0
+    while k < len(statements):
+        statement = statements[k]
+        if isinstance(statement.value, tuple) and _is_turn(statement):
+            pair = {s.value[0]: s.name for s in statements[k : k + 2] if isinstance(s.value, tuple)}
+            angle, sin, cos = _value(statement.value[1]), pair["sin"], pair["cos"]
+            yield f"double {sin}, {cos};"
+            yield f"if ({program.name}_sincos({angle}, &{sin}, &{cos}) != 0.0)"
+            yield f"    {sin} = sin({angle}), {cos} = cos({angle});"
+            k += 2
+        else:
+            yield f"const double {statement.name} = {_value(statement.value)};"
+            k += 1
+
+
+def _first(made: Series) -> Iterator[str]:
+    """Order 0."""
+    for k, slot in enumerate(made.slots):
+        left = "0.0" if slot.weighted else slot.left
+        yield f"L[{k}] = {left}, R[{k}] = {slot.right};"
+    for i, (rate, _) in enumerate(made.rates):
+        yield f"out[ROW + {i}] = {_value(rate)};"
+
+
+class _Order:
+    """Lines of order n > 0. Coefficients have names of their own beside the values at the start,
+    which are their factors."""
+
+    def __init__(self, made: Series) -> None:
+        self.made = made
+        taken = {*(load.name for load in made.loads), *(s.name for s in made.start)}
+        self._free = Names([*RESERVED, *TAKEN, *taken])
+        self._names: dict[str, str] = {}
+        self.stores = self._stores()
+        self.ready: dict[str | int, int] = {}  # cycles after which a coefficient is there
+
+    def lines(self) -> Iterator[str]:
+        """A coefficient goes to the slots that need it as soon as there is one."""
+        yield from self._sums()
+        if self.made.time:
+            yield from self._put(self.made.time, "n == 1 ? 1.0 : 0.0")
+        for name, i in self.made.states:
+            yield from self._put(name, f"now[{i}]")
+        for name, i in self.made.inputs:
+            yield from self._put(name, f"n <= given ? rates_of_u[(n - 1) * INPUTS + {i}] : 0.0")
+        for step in self.made.steps:
+            value, self.ready[step.name] = self._sum(step.terms)
+            if step.condition is not None:
+                value = f"{_value(step.condition)} != 0.0 ? {value} : 0.0"
+            yield from self._put(step.name, value)
+        for i, (_, rate) in enumerate(self.made.rates):
+            value = f"{self._name(rate)} * next" if isinstance(rate, str) else "0.0"
+            yield f"x_next[{i}] = now[{i}] = {value};"
+
+    def _name(self, coefficient: str) -> str:
+        if coefficient not in self._names:
+            self._names[coefficient] = self._free(f"{coefficient}_n")
+        return self._names[coefficient]
+
+    def _put(self, coefficient: str, value: str) -> Iterator[str]:
+        yield f"const double {self._name(coefficient)} = {value};"
+        yield from self.stores.get(coefficient, ())
+
+    def _stores(self) -> dict[str, list[str]]:
+        """Where coefficients go."""
+        found: dict[str, list[str]] = {}
+        for k, slot in enumerate(self.made.slots):
+            left, right = self.made.coefficient(slot.left), self.made.coefficient(slot.right)
+            weight = "order_n * " if slot.weighted else ""
+            found.setdefault(left, []).append(f"l[{k}] = {weight}{self._name(left)};")
+            found.setdefault(right, []).append(f"r[{k}] = {self._name(right)};")
+        return found
+
+    def _sums(self) -> Iterator[str]:
+        for k, slot in enumerate(self.made.slots):
+            yield f"const double s{k} = S[{k}]{' * part' if slot.weighted else ''};"
+
+    def _sum(self, terms: Sequence[Term]) -> tuple[str, int]:
+        """Terms added one after the other as their coefficients get known, or in two such chains
+        where that is sooner; and when it is done."""
+        order = sorted(terms, key=self._time)
+        one, two = self._chain(order), [self._chain(order[k::2]) for k in (0, 1)]
+        both = max(time for _, time in two) + ADDED
+        if len(terms) < 4 or one[1] <= both:
+            return one
+        return f"({two[0][0]}) + ({two[1][0]})", both
+
+    def _time(self, term: Term) -> int:
+        return self.ready.get(term.of, 0)
+
+    def _chain(self, terms: Sequence[Term]) -> tuple[str, int]:
+        line, time = "", 0
+        for term in terms:
+            of = f"s{term.of}" if isinstance(term.of, int) else self._name(term.of)
+            factor = "" if term.factor == 1.0 else f"{_bracketed(term.factor)} * "
+            plus = " + " if line else ""
+            line += f"{plus if term.sign > 0 else ' - ' if line else '-'}{factor}{of}"
+            time = max(time, self._time(term)) + ADDED
+        return line, time
+
+
+def _bracketed(factor: Expression) -> str:
+    value = _value(factor)
+    return f"({value})" if value.startswith("-") else value
+
+
+TAYLOR = Target("taylor", "Taylor series of the solution in C", files)

@@ -1,0 +1,67 @@
+"""Events: where a formula of the motion changes its sign."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from derive.expressions.dimensions import infer
+from derive.expressions.parser import unit
+from derive.expressions.tree import Call
+from derive.model.document import Key, Scalar
+from derive.model.entries import EventEntry
+from derive.model.reader import UNREAD, Reader
+from derive.model.records import Event, Output
+from derive.model.rows import components
+from derive.model.scope import ANYTHING, VELOCITY, Scope, Symbol
+from derive.model.shape import Document
+
+DIRECTIONS = {"both": 0, "rising": 1, "falling": -1}
+ANSWERS = {"true": True, "false": False}
+MOST = 64  # that the simulation of a module looks for
+
+
+def events(reader: Reader, document: Document, outputs: tuple[Output, ...]) -> tuple[Event, ...]:
+    """The entries of `events:`; their formulas may use outputs, points by component: `tip.x`."""
+    entries = list(document.events.items())
+    for key, _ in entries[MOST:]:
+        reader.report(key.span, f"more than {MOST} events", f"{MOST} at most")
+    outer = reader.scope
+    reader.scope = _with_outputs(reader, outputs)
+    found = tuple(_event(reader, key, entry) for key, entry in entries)
+    reader.scope = outer
+    return found
+
+
+def _event(reader: Reader, key: Key, entry: Scalar | EventEntry) -> Event:
+    reader.name(key)
+    if isinstance(entry, Scalar):
+        scalar, direction, stop = entry, 0, 0
+    else:
+        scalar = entry.formula
+        direction = _word(reader, entry.direction, DIRECTIONS, "direction", 0)
+        stop = _word(reader, entry.stop, ANSWERS, "answer", False)
+    formula = reader.formula(scalar, "an event", ANYTHING)
+    return Event(str(key), formula, scalar.text, direction, bool(stop), key.span)
+
+
+def _word(
+    reader: Reader, scalar: Scalar | None, known: Mapping[str, int], what: str, otherwise: int
+) -> int:
+    if scalar is None:
+        return otherwise
+    word = reader.word(scalar, known, what)
+    return otherwise if word is None else known[word]
+
+
+def _with_outputs(reader: Reader, outputs: tuple[Output, ...]) -> Scope:
+    """The scope with the names of outputs that are numbers."""
+    inner = Scope(aliases=dict(reader.scope.aliases))
+    for name, symbol in reader.scope.symbols.items():
+        inner.put(name, symbol)
+    for output in outputs:
+        for name in components(output.name, output.expression, reader.space.letters):
+            dimension = unit(output.unit).dimension if output.unit else unit("1").dimension
+            if not isinstance(output.expression, Call) and output.expression is not UNREAD:
+                dimension = infer(output.expression, inner.dimensions)
+            inner.add(name, Symbol(frozenset({VELOCITY}), dimension))
+    return inner

@@ -1,0 +1,126 @@
+"""Robot files → models: URDF and MJCF become the text of a model, which is then read like any
+other.
+
+So errors that the model language finds in a robot are told at the place in the robot's own file.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NoReturn
+
+from derive import model
+from derive.diagnostics import Diagnostic, ModelError
+from derive.expressions.limits import BELOW, too_large
+from derive.model.document import MOST_BODIES
+from derive.model.records import Model
+from derive.robots import ROBOTS, File, RobotFile, mjcf, urdf
+from derive.robots.inertias import gather
+from derive.robots.markup import Budget, parsed, read, unquoted
+from derive.robots.robot import Robot
+from derive.robots.writing import Written, text_of
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A robot as a model's text. `left_out` alters the motion, `assumed` may, `changed` does not;
+    `joints`: the file's name → the model's."""
+
+    model: Model
+    text: str
+    kind: str
+    changed: tuple[str, ...]
+    assumed: tuple[str, ...]
+    left_out: tuple[str, ...]
+    joints: Mapping[str, str]
+
+
+def load(path: File) -> Model:
+    """The Model of a model file or of a robot file; what a robot loses is warned of."""
+    if Path(path).suffix.lower() not in ROBOTS:
+        if isinstance(path, RobotFile):
+            _refuse_options(path)
+        return model.load(str(path))
+    found = imported(path)
+    for sentence in found.model.notes:
+        warnings.warn(f"{path}: {sentence}", RuntimeWarning, stacklevel=2)
+    return found.model
+
+
+def _refuse_options(file: RobotFile) -> NoReturn:
+    given = [name for name in ("floating", "exact", "include") if getattr(file, name)]
+    raise ModelError(
+        f"--{(given or ['floating'])[0]} is for URDF and MJCF files, and {file} is neither",
+        "a joint of type free in the model file" if file.floating else "",
+    )
+
+
+def imported(path: File, floating: bool = False) -> Imported:
+    """A URDF or MJCF file as a model; ModelError with places in that file for everything wrong with
+    it."""
+    file = path if isinstance(path, RobotFile) else RobotFile(path)
+    robot = _robot(replace(file, floating=file.floating or floating))
+    _check_size(robot)
+    _check_numbers(robot)
+    gather(robot)
+    made = text_of(robot, Path(path).name)
+    joints = {
+        joint.place.get("name"): joint.name
+        for joint in robot.joints
+        if joint.place.tag in ("joint", "freejoint")
+    }
+    notes = (*robot.assumed, *(f"left out: {sentence}" for sentence in robot.left_out))
+    return Imported(
+        replace(_model(made, robot, path), notes=notes),
+        made.text,
+        robot.kind,
+        tuple(robot.changed),
+        tuple(robot.assumed),
+        tuple(robot.left_out),
+        joints,
+    )
+
+
+def _robot(file: RobotFile) -> Robot:
+    budget, name = Budget(), Path(file).stem
+    root = parsed(read(file), budget)
+    if root.tag == "robot":
+        return urdf.robot(root, name, file.floating, file.exact)
+    if root.tag == "mujoco":
+        return mjcf.robot(root, name, file.floating, budget, file.include)
+    raise ModelError(
+        unquoted(root.diagnostic("the file is no robot", "<robot> (URDF) or <mujoco> (MJCF)"))
+    )
+
+
+def _check_size(robot: Robot) -> None:
+    """Before anything is made of it: what grows faster than the file does."""
+    if len(robot.bodies) > MOST_BODIES:
+        robot.root.refuse(f"the robot has {len(robot.bodies)} bodies", f"at most {MOST_BODIES}")
+
+
+def _check_numbers(robot: Robot) -> None:
+    """Masses and inertias that are made of sizes and densities may leave what a model can have."""
+    for body in robot.bodies:
+        values = {"mass": body.mass, "centre of mass": max(map(abs, body.com))}
+        values["inertia"] = next(filter(too_large, body.inertia), 0.0)
+        for what, value in values.items():
+            if too_large(value):
+                body.place.refuse(f"the {what} of '{body.name}' comes to {value:g}", BELOW)
+
+
+def _model(made: Written, robot: Robot, path: File) -> Model:
+    """The text read as a model; what is wrong is told where it stands in the robot's file."""
+    try:
+        return model.load_text(made.text, str(path))
+    except ModelError as error:
+        found: list[Diagnostic] = []
+        for problem in error.diagnostics:
+            origin = made.origins[problem.line - 1] if problem.line else None
+            found.append(
+                (origin or robot.root).diagnostic(problem.message, problem.expected, problem.hint)
+            )
+        raise ModelError(dict.fromkeys(found)) from None

@@ -1,0 +1,88 @@
+"""A motion in files: CSV, NPZ and Parquet by the suffix, and its plot."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from derive.diagnostics import ModelError
+from hamel.build.files import staged_file, write_text
+from hamel.records import wanting
+from hamel.simulate.figure import figure
+from hamel.simulate.motion import Motion
+
+Write = Callable[[Motion, Path], None]
+Writer = Callable[[Motion], None]
+
+
+def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
+    """What will write the motion; a suffix that nothing writes, and a library that is missing, is
+    told before anything is computed."""
+    kinds = [(out, _WRITERS, "-o"), (plot, {".svg": write_svg}, "--plot")]
+    return [_writer(Path(place), known, option) for place, known, option in kinds if place]
+
+
+def _writer(place: Path, known: dict[str, Write], option: str) -> Writer:
+    suffix = place.suffix.lower()
+    write = known.get(suffix)
+    if write is None:
+        raise ModelError(f"{option} {place}: the file must end in {' or '.join(known)}")
+    if suffix == ".parquet":
+        _arrow()
+    return lambda motion: write(motion, place)
+
+
+def write_csv(motion: Motion, place: Path) -> None:
+    """A line of names, then a line per row; numbers round-trip."""
+    columns = {name: _texts(column) for name, column in motion.written().items()}
+    with staged_file(place) as made, made.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(columns) + "\n")
+        file.writelines(",".join(row) + "\n" for row in zip(*columns.values()))
+
+
+def _texts(column: np.ndarray) -> list[str]:
+    """Numbers so that they round-trip; names as they are."""
+    return [x if isinstance(x, str) else repr(x) for x in column.tolist()]
+
+
+def write_npz(motion: Motion, place: Path) -> None:
+    """One array per name."""
+    with staged_file(place) as made, made.open("wb") as file:
+        np.savez(file, **motion.written())  # type: ignore[arg-type]
+
+
+def write_parquet(motion: Motion, place: Path) -> None:
+    """A column per name, its unit in the metadata."""
+    arrow = _arrow()
+    columns = motion.written()
+    fields = [
+        arrow.field(
+            name,
+            arrow.string() if column.dtype.kind == "U" else arrow.float64(),
+            metadata={"unit": motion.units.get(name, "")},
+        )
+        for name, column in columns.items()
+    ]
+    arrays = [arrow.array(column.tolist()) for column in columns.values()]
+    table = arrow.table(arrays, schema=arrow.schema(fields, metadata={"title": motion.title}))
+    with staged_file(place) as made, made.open("wb") as file:
+        importlib.import_module("pyarrow.parquet").write_table(table, file)
+
+
+def _arrow() -> Any:
+    try:
+        return importlib.import_module("pyarrow")
+    except ImportError:
+        raise wanting("-o FILE.parquet", "pyarrow") from None
+
+
+def write_svg(motion: Motion, place: Path) -> None:
+    """The plot."""
+    write_text(place, figure(motion))
+
+
+_WRITERS: dict[str, Write] = {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}

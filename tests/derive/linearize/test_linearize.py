@@ -1,0 +1,468 @@
+"""Linear equations along steady motions: published digits, closed forms, and the bookkeeping of
+zeros."""
+
+import re
+from xml.etree import ElementTree
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy
+
+import hamel
+from derive.diagnostics import AssumptionError, HamelError, ModelError
+from derive.formulations import equations
+from derive.linearize import study
+from derive.linearize.critical import critical_values
+from derive.linearize.minimal import evaluator, with_linearization
+from derive.linearize.sensitivity import modes
+from derive.linearize.spectrum import eigenvalues
+from derive.linearize.steady import motion_of
+from derive.linearize.unreduced import constraint_counts, unreduced
+from derive.model import load, load_text
+from derive.states import system
+from derive.states.initial import initial_state
+from derive.textbook import printed
+from hamel.cli import main
+from tests.scenes import MODELS
+
+
+def studied(name: str, at: str | None = None, choice: str | None = None, **values: float):
+    found = equations(system(load(MODELS / f"{name}.yaml")), choice)
+    return study(found, motion_of(found, at), values)
+
+
+def changes(found, name: str, values: np.ndarray):
+    def matrices(x):
+        return found.along({name: x})
+
+    return critical_values(matrices, values, eigenvalues(matrices(values)))
+
+
+@pytest.fixture(scope="module")
+def bicycle():
+    return studied("bicycle")
+
+
+@pytest.fixture(scope="module")
+def waveboard():
+    return studied("waveboard")
+
+
+# Meijaard, Papadopoulos, Ruina, Schwab (2007), evaluated with 40 digits: weave, capsize, castering.
+SPECTRA = {
+    0: [3.13164324790655567, -3.13164324790655567, 5.53094371765393464, -5.53094371765393464],
+    1: [3.52696170990069417 + 0.807740275199310045j, -3.13423125066578423, -7.11008014637440773],
+    2: [2.68234517512745345 + 1.68066296590675776j, -3.07158645641514251, -8.67387984831737163],
+    3: [1.70675605663973515 + 2.31582447384324357j, -2.63366137253665296, -10.3510146724592282],
+    4: [0.413253315211241321 + 3.07910818603205363j, -1.42944427361325745, -12.1586142657644397],
+    5: [-0.775341882195841925 + 4.46486771378822514j, -0.322866429004087078, -14.0783896927982472],
+    6: [-1.52644486584141715 + 5.87673060598708403j, -0.00406690076970336242, -16.085371230980284],
+    7: [-2.13875644258363428 + 7.19525913329804255j, 0.102681705747664159, -18.1578846612520209],
+    8: [-2.69348683581094772 + 8.4603797139693359j, 0.143278797657129498, -20.279408943945663],
+    9: [-3.21675402252490747 + 9.69377351531782195j, 0.157901840309172982, -22.4378855904085906],
+    10: [-3.72016840437287573 + 10.906811394762882j, 0.161053386531715542, -24.6245963501740002],
+}
+
+
+def test_the_bicycle_has_four_eigenvalues_and_they_are_the_published_ones(bicycle):
+    assert bicycle.reduced == ("lean", "steer", "lean_dot", "steer_dot")
+    assert len(bicycle.linear.states) == 10 and bicycle.spurious == 0
+    found = eigenvalues(bicycle.along({"speed": np.arange(11.0)}))
+    for spectrum, wanted in zip(found, SPECTRA.values()):
+        everyone = [*wanted, *[x.conjugate() for x in wanted if isinstance(x, complex)]]
+        assert len(spectrum) == len(everyone) == 4
+        for x in everyone:
+            assert np.min(np.abs(spectrum - x)) < 1e-12
+
+
+def test_the_matrices_of_the_bicycle_come_out_of_the_nonlinear_model(bicycle):
+    """M, C1, K0 and K2 of M q̈ + v C1 q̇ + (g K0 + v² K2) q = 0 from the reduced mass matrix and
+    force."""
+    named = {n.name: n.value for n in bicycle.equations.named}
+    x = bicycle.equations.arguments[1].symbols
+    mass, slope = (
+        evaluator(bicycle.equations, value)
+        for value in (named["M_w"], ca.jacobian(named["f_w"], x))
+    )
+    motions = bicycle.motions({"speed": [0.0, 1.0]})
+    at = motions.x, motions.u, motions.p
+    T = evaluator(bicycle.equations, bicycle.linear.T)(*at)
+    J = (slope(*at) @ T)[:, :2, [3, 4, 7, 8]]
+    K, C, g = -J[:, :, :2], -J[:, :, 2:], 9.81
+    wanted = {
+        "M": (
+            [[80.81722, 2.31941332208709135], [2.31941332208709135, 0.29784188199685553]],
+            mass(*at)[0, :2, :2],
+        ),
+        "C1": ([[0, 33.8664139149249439], [-0.85035641456978437, 1.68540397397559674]], C[1]),
+        "K0": (
+            [[-80.95, -2.59951685249871641], [-2.59951685249871641, -0.803294884586176881]],
+            K[0] / g,
+        ),
+        "K2": ([[0, 76.5973458957322215], [0, 2.65431523794604025]], K[1] - K[0]),
+    }
+    assert np.max(np.abs(C[0])) < 1e-12  # no damping at rest
+    for name, (published, found) in wanted.items():
+        assert np.max(np.abs(found - published)) < 1e-12 * np.max(np.abs(published)), name
+
+
+def test_critical_speeds_of_the_bicycle(bicycle):
+    found = changes(bicycle, "speed", np.linspace(0, 10, 21))
+    assert [c.kind for c in found] == ["double", "hopf", "zero"]
+    published = [0.68428307889245579629, 4.2923825363411039587, 6.0242620153883588899]
+    assert [c.value for c in found] == pytest.approx(published, abs=1e-12)
+    assert found[0].eigenvalue == pytest.approx(3.78290405129320292, abs=1e-12)
+    assert found[1].eigenvalue.imag == pytest.approx(3.4350338486614363036, abs=1e-12)
+
+
+def test_a_planted_sign_in_the_stiffness_is_seen(bicycle):
+    """The multipliers' own stiffness is what beginners forget: without it the eigenvalues are
+    others."""
+    form = bicycle.linear
+    motions = bicycle.motions({"speed": [5.0]})
+    # dropping the dependent coordinates' part of T is what forgetting the perturbed constraints
+    # does
+    T = ca.DM.eye(form.T.size1())[:, list(form.independent)]
+    f = next(f.result.value for f in bicycle.equations.functions if f.name == "dynamics")
+    J = ca.jacobian(f[list(form.independent)], bicycle.equations.arguments[1].symbols)
+    wrong = evaluator(bicycle.equations, ca.mtimes(J, T))(motions.x, motions.u, motions.p)
+    right = bicycle.full(motions)
+    assert (
+        np.max(np.abs(wrong - right)) < 1e-9
+    )  # straight ahead the pitch does not follow to first order …
+    leaning = motions.x + 0.1 * (np.array(bicycle.equations.arguments[1].labels) == "lean")
+    wrong = evaluator(bicycle.equations, ca.mtimes(J, T))(leaning, motions.u, motions.p)
+    right = bicycle.A(leaning, motions.u, motions.p)
+    assert np.max(np.abs(wrong - right)) > 1e-3  # … in a lean it does
+
+
+def test_critical_speed_of_a_disk():
+    found = studied("rolling_disk")
+    assert found.reduced == ("lean", "u1")
+    (change,) = changes(found, "speed", np.linspace(0, 8, 9))
+    r, g = 0.35, 9.81
+    assert change.value == pytest.approx(np.sqrt(g / (3 * r)), abs=1e-12)
+    speeds = np.linspace(0, 8, 9)
+    squares = eigenvalues(found.along({"speed": speeds}))[:, 0] ** 2
+    assert np.max(np.abs(squares - (0.8 * g / r - 2.4 * speeds**2))) < 1e-11
+
+
+def test_a_pole_on_a_cart():
+    """Against the equations of motion written by hand (friction linearised: mu/vs)."""
+    found = studied("cart_pole")
+    M, m, l, mu, vs, c, g = 1.0, 0.2, 0.6, 0.4, 0.01, 0.001, 9.81
+    h = l / 2
+    mass = np.array([[M + m, -m * h], [-m * h, m * l**2 / 3]])
+    A = np.zeros((4, 4))
+    A[:2, 2:] = np.eye(2)
+    A[2:] = np.linalg.solve(mass, np.array([[0, 0, -mu / vs, 0], [0, m * g * h, 0, -c]]))
+    motions = found.motions({})
+    assert np.max(np.abs(found.full(motions)[0] - A)) < 1e-12 * np.max(np.abs(A))
+    B = evaluator(found.equations, found.linear.B)(motions.x, motions.u, motions.p)[0]
+    assert np.max(np.abs(B[2:] - np.linalg.solve(mass, [[1.0], [0.0]]))) < 1e-13
+    assert [found.linear.states[k] for k in found.cyclic] == ["s"]
+
+
+def test_what_is_not_steady_is_refused():
+    with pytest.raises(AssumptionError, match=r"'straight' is no steady motion"):
+        studied("rolling_disk", choice="best")
+    text = (
+        (MODELS / "hoop.yaml")
+        .read_text(encoding="utf-8")
+        .replace(", sweep: {speed: [0, 8 rad/s]}", "")
+    )
+    found = equations(system(load_text(text)))
+    with pytest.raises(AssumptionError, match="needs a value for 'speed'"):
+        study(found, motion_of(found, "straight"))
+    with pytest.raises(AssumptionError, match="did you mean 'straight'"):
+        studied("rolling_disk", at="strait")
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "spurious"),
+    [
+        ("bicycle", None, 8),
+        ("rolling_disk", None, 4),
+        ("hoop", "upright", 4),
+        ("cart_pole", None, 0),
+        ("four_bar", "guess", 4),
+    ],
+)
+def test_the_unreduced_equations_agree_and_have_their_spurious_zeros(name, at, spurious):
+    found = studied(name, at)
+    motions = found.motions({})
+    counts = constraint_counts(
+        found.equations.system, motions.x[0, : found.equations.system.q.numel()], motions.p[0]
+    )
+    other = unreduced(
+        found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic)
+    )
+    assert other.spurious == spurious == 2 * counts[0] + counts[1]
+    assert other.difference < 1e-9 and other.nilpotent < 1e-9
+
+
+def test_sensitivities_are_the_slopes_of_the_eigenvalues(bicycle):
+    for mode in modes(bicycle):
+        for name in ("speed", "c", "IFyy", "lam"):
+            step = 1e-5 * bicycle.at[name]
+            pair = eigenvalues(
+                bicycle.along({name: [bicycle.at[name] + step, bicycle.at[name] - step]})
+            )
+            above, below = (row[np.argmin(np.abs(row - mode.eigenvalue))] for row in pair)
+            assert abs(mode.sensitivity[name] - (above - below) / (2 * step)) < 1e-6 * (
+                1 + abs(mode.sensitivity[name])
+            )
+
+
+def test_the_printed_equations_of_the_disk_have_the_closed_form_as_their_eigenvalues():
+    """λ² = (4/5) g/r − (12/5) Ω², symbolically, from the formulas on the page of the derivation."""
+    found = equations(system(load(MODELS / "rolling_disk.yaml")))
+    page = {formula.name: formula.right for formula in printed(found)}
+    mass, slopes = page["M_w at"], page["K at"]
+    A = sympy.Matrix(page["A rates"]).col_join(mass.inv() * slopes)
+    r, u2 = sympy.symbols("r u2")
+    assert A.free_symbols == {r, u2}  # the mass is gone
+    polynomial = sympy.factor(
+        sympy.nsimplify(A.charpoly(sympy.Symbol("L")).as_expr(), rational=True)
+    )
+    wanted = sympy.Rational(4, 5) * sympy.Rational(981, 100) / r - sympy.Rational(12, 5) * u2**2
+    assert (
+        sympy.simplify(polynomial - sympy.Symbol("L") ** 2 * (sympy.Symbol("L") ** 2 - wanted)) == 0
+    )
+
+
+def test_hoop_in_closed_form():
+    r, g = 0.4, 9.81
+    (rolling,) = changes(studied("hoop"), "speed", np.linspace(0, 8, 9))
+    assert rolling.value == pytest.approx(np.sqrt(g / (4 * r)), abs=1e-12)
+    (spinning,) = changes(studied("hoop", "upright"), "turn", np.linspace(0, 8, 9))
+    assert spinning.value == pytest.approx(np.sqrt(2 * g / (3 * r)), abs=1e-12)
+
+
+def test_steady_turning_is_continued_and_satisfies_its_equation():
+    found = studied("hoop", "turning")
+    leans = np.linspace(0.02, 0.5, 7)
+    x = found.motions({"lean0": leans}).x
+    m, r, g = 1.5, 0.4, 9.81
+    A, C, turn = m * r**2 / 2, m * r**2, 1.0
+    labels = found.equations.arguments[1].labels
+    w2 = x[:, labels.index("u2")]
+    balance = (
+        (-A * turn**2 * np.sin(leans) * np.cos(leans))
+        + (C + m * r**2) * w2 * turn * np.cos(leans)
+        + m * g * r * np.sin(leans)
+    )
+    assert np.max(np.abs(balance)) < 1e-12 * m * g * r
+
+
+def test_a_held_input_and_a_free_one():
+    found = studied("ball_on_beam", s0=0.2)
+    motions = found.motions({})
+    assert motions.u[0, 0] == pytest.approx(
+        0.11 * 9.81 * 0.2, rel=1e-13
+    )  # the torque that holds the ball's weight
+
+
+def test_the_waveboard_is_never_self_stable_as_given(waveboard):
+    """Straight ahead det A keeps its sign whatever the speed: the capsize mode of a board alike at
+    both ends cannot pass zero."""
+    found = waveboard
+    motions = found.motions({})
+    other = unreduced(
+        found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic)
+    )
+    assert other.spurious == 8 and other.difference < 1e-9 and other.nilpotent < 1e-9
+    assert found.spurious == 0 and len(found.linear.states) == 14 and len(found.reduced) == 8
+    speeds = np.linspace(0.5, 8, 6)
+    for name, values in (
+        ("eps", (0.2, 0.5)),
+        ("kt", (200.0, 900.0)),
+        ("mu", (0.1, 0.9)),
+        ("mr", (10.0, 90.0)),
+    ):
+        for value in values:
+            A = found.along({"speed": speeds, name: np.full(6, value)})
+            assert np.all(eigenvalues(A).real.max(axis=1) > 0), (name, value)
+            assert len(set(np.sign(np.linalg.det(A)))) == 1, (name, value)
+
+
+def test_the_page_is_one_file_without_network(tmp_path):
+    record = hamel.linearize(
+        MODELS / "hoop.yaml", at="straight", sweep={"speed": "0:8:9"}, out=tmp_path / "hoop.html"
+    )
+    text = (tmp_path / "hoop.html").read_text(encoding="utf-8")
+    assert record.page == tmp_path / "hoop.html"
+    assert "<math" in text and "<animate " in text and "2.4761361028" in text
+    assert not re.search(r"<script|<link|@import|url\(|src=", text)
+    assert set(re.findall(r"https?://[^\"' <]+", text)) <= {"http://www.w3.org/2000/svg"}
+    ElementTree.fromstring(re.search(r"<svg.*?</svg>", text, re.DOTALL)[0])
+
+
+def test_two_names_make_a_map_and_bad_ranges_are_said(tmp_path):
+    record = hamel.linearize(
+        MODELS / "hoop.yaml",
+        sweep={"r": "0.3 m:0.5 m:2", "speed": "0:8:3"},
+        out=tmp_path / "map.html",
+    )
+    assert len(record.rows) == 6 and set(record.rows[0]) == {
+        "r",
+        "speed",
+        "eigenvalues",
+        "spurious",
+    }
+    assert [row["spurious"] for row in record.rows] == [0] * 6
+    for bad, said in (
+        ({"speed": "0"}, "first:last"),
+        ({"speed": "0:1:x"}, "whole count"),
+        ({"sped": "0:1:3"}, "did you mean 'speed'"),
+    ):
+        with pytest.raises(HamelError, match=said):
+            hamel.linearize(MODELS / "hoop.yaml", sweep=bad)
+
+
+def test_the_bicycle_on_tyres_becomes_the_one_on_knife_edges(bicycle):
+    """A thin tyre is a knife edge; a tyre of 2 cm moves the weave speed."""
+    found = studied("extremes/bicycle_toroidal")
+    speeds = np.array([2.0, 5.0, 8.0])
+    thin = eigenvalues(
+        found.along({"speed": speeds, "tR": np.full(3, 1e-9), "tF": np.full(3, 1e-9)})
+    )
+    assert np.max(np.abs(thin - eigenvalues(bicycle.along({"speed": speeds})))) < 1e-6
+    weave = next(c.value for c in changes(found, "speed", np.linspace(3, 6, 4)) if c.kind == "hopf")
+    assert abs(weave - 4.2923825363411) > 0.01
+
+
+def test_the_walk_through_says_what_is_found(bicycle):
+    text = (MODELS.parent / "docs" / "bicycle.md").read_text(encoding="utf-8")
+    model = (MODELS / "bicycle.yaml").read_text(encoding="utf-8")
+    for line in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[1].splitlines():
+        assert line in model.splitlines()
+    printed_values = [float(x) for x in re.findall(r"at speed = ([\d.]+)", text)]
+    assert printed_values == pytest.approx(
+        [0.68428307889245579629, 4.2923825363411039587, 6.0242620153883588899], abs=1e-12
+    )
+    assert "hamel linearize" in text and "spurious" in text
+
+
+def test_zeros_are_taken_out_whichever_way_they_are_named(bicycle):
+    """All as families, some by name, all as cyclic: the same four eigenvalues."""
+    motion = motion_of(bicycle.equations, None)
+    wanted = eigenvalues(bicycle.along({}))
+    for cyclic in ((), ("x", "rear_spin")):
+        found = study(bicycle.equations, motion, {}, cyclic)
+        assert sum(map(len, found.families)) + len(found.cyclic) == 6
+        assert np.max(np.abs(eigenvalues(found.along({})) - wanted)) < 1e-9
+    with pytest.raises(AssumptionError, match="'lean' is not cyclic"):
+        study(bicycle.equations, motion, {}, ("lean",))
+
+
+def test_equilibria_are_found_from_the_initial_values():
+    hanging = studied("pendulum", "guess")
+    assert hanging.motions({}).x[0, :2] == pytest.approx([0.0, -1.0], abs=1e-9)
+    assert eigenvalues(hanging.along({}))[0] == pytest.approx(
+        [1j * np.sqrt(9.81), -1j * np.sqrt(9.81)], abs=1e-9
+    )
+    with pytest.raises(AssumptionError, match="depends on time"):
+        studied("car_axis", "guess")
+    with pytest.raises(AssumptionError, match="no steady motion was found near the initial values"):
+        studied("screw_press", "guess")
+
+
+@pytest.mark.parametrize(
+    ("entry", "said", "expected"),
+    [
+        ("{th: 0, push: 3 rad}", "a steady motion in rad", "N"),
+        ("{th: 0, push: free, guess: {th: 1 rad}}", "'th' is held and guessed", "one of the two"),
+        ("{th: 0, cyclic: [q]}", "unknown coordinate 'q'", "s, th"),
+        (
+            "{th: 0, sweep: {ll: [1 m, 2 m]}}",
+            "'ll' is neither free in this motion nor a parameter",
+            "did you mean 'l'?",
+        ),
+        ("{th: 0, sweep: {l: [1 m, 1 m]}}", "the range of 'l'", "two different values"),
+        ("{th: 0, guess: 3}", "'guess' is not a mapping", "names and numbers"),
+        ("{th: free}", "'th' is free", "only inputs can be called free"),
+        ("{der(s): speed, guess: {speed: 1 m/s}}", "'speed' is free to choose", "--set speed="),
+        ("{th: [0]}", "'th' is a list or mapping", "a formula"),
+    ],
+)
+def test_mistakes_in_a_steady_motion_are_shown_where_they_are(entry, said, expected):
+    text = (
+        (MODELS / "cart_pole.yaml")
+        .read_text(encoding="utf-8")
+        .replace("{s: 0 m, th: 0 rad}", entry)
+    )
+    line = next(k for k, x in enumerate(text.splitlines(), start=1) if "upright:" in x)
+    with pytest.raises(ModelError) as refused:
+        load_text(text, "cart.yaml")
+    message = str(refused.value)
+    assert (
+        message.startswith(f"cart.yaml:{line}:")
+        and said in message
+        and expected in message
+        and "^" in message
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["--sweep", "speed=1:nan:3"], 1, "'nan' is no parameter"),
+        (["--set", "speed=3 kg"], 1, "no quantity in rad/s"),
+        (["--set", "sped=3"], 1, "did you mean 'speed'"),
+        (["--cyclic", "foo"], 2, "unknown coordinate 'foo'"),
+        (["--cyclic", "lean"], 2, "not cyclic"),
+        (["--choice", "best"], 2, "rolling_disk.yaml:16:3: error: 'straight' is no steady motion"),
+        (["--sweep", "r=0:1:3"], 2, "singular"),
+        (["--step", "-1"], 64, "positive number"),
+        (["--sweep", "r=1:2:3", "--sweep", "r=1:2:3"], 64, "swept twice"),
+    ],
+)
+def test_mistakes_on_the_command_line_are_answered(arguments, code, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["linearize", str(MODELS / "rolling_disk.yaml"), *arguments])
+    told = capsys.readouterr().err
+    assert (
+        ended.value.code == code
+        and said in told
+        and "Traceback" not in told
+        and "internal" not in told
+    )
+
+
+def test_the_command_writes_its_page_here_unless_a_program_reads(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for arguments, there in ((["--json"], False), ([], True)):
+        with pytest.raises(SystemExit) as ended:
+            main(["linearize", str(MODELS / "rolling_disk.yaml"), *arguments])
+        assert ended.value.code in (0, None) and (tmp_path / "linearization.html").exists() is there
+    capsys.readouterr()
+
+
+def test_a_board_with_unlike_ends_falls_more_slowly(waveboard):
+    """What docs/waveboard.md says of `de`: the real eigenvalue becomes a slow oscillation, still
+    growing."""
+    values = eigenvalues(waveboard.along({"speed": [3.0], "de": [np.radians(7.5)]}))[0]
+    assert values[0].real == pytest.approx(0.496, abs=1e-3) and values[0].imag > 0
+    assert eigenvalues(waveboard.along({"speed": [3.0]}))[0, 0].real > 2
+
+
+@pytest.mark.parametrize("size", ["micrometre", "metre", "megametre"])
+def test_the_metre_does_not_matter(size):
+    """A pendulum of each length swings at √(g/l) or falls off at it, and the generated function
+    answers at the start."""
+    model = load(MODELS / "extremes" / f"scale_{size}.yaml")
+    found = studied(f"extremes/scale_{size}")
+    values = {p.name: p.value for p in model.parameters}
+    squares = eigenvalues(found.along({}))[0] ** 2
+    assert np.abs(squares) == pytest.approx(values["g"] / values["l"], rel=1e-9)
+    chosen = with_linearization(equations(system(model)))
+    function = next(
+        request for request in chosen.requests if request.name == "linearization"
+    ).make()
+    margins = [guard.value / guard.tolerance for guard in function.guards]
+    start = initial_state(chosen.system)
+    x = np.concatenate([start.q, [0.0]])
+    at = ca.Function("margins", [a.symbols for a in chosen.arguments], [ca.vertcat(*margins)])
+    assert np.min(np.abs(at(0.0, x, [], chosen.parameters).full())) > 1e3

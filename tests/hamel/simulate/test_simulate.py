@@ -1,0 +1,242 @@
+"""`hamel simulate`: motions against closed forms, on their constraints, in balance; files; starts
+that contradict themselves."""
+
+import csv
+import math
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.diagnostics import AssumptionError, HamelError, ModelError
+from hamel import progress
+from tests.scenes import MODELS
+
+FOUR_BAR = MODELS / "four_bar.yaml"
+SLEIGH = MODELS / "chaplygin_sleigh.yaml"
+
+
+def sleigh(t, m=1.0, inertia=0.2, a=0.5, w0=2.0):
+    """Speed, spin and heading of the Chaplygin sleigh started in pure rotation (Chaplygin;
+    Caratheodory)."""
+    kappa = math.sqrt(m / (inertia + m * a * a))
+    V = w0 / kappa
+    s = a * kappa**2 * V * t
+    return V * np.tanh(s), kappa * V / np.cosh(s), 2 / (a * kappa) * np.arctan(np.tanh(s / 2))
+
+
+@pytest.mark.parametrize("choice", ["body", "best"])
+def test_chaplygin_sleigh_is_its_closed_form(choice):
+    found = hamel.simulate(SLEIGH, choice=choice, time=5.0).motion
+    v, w, th = sleigh(found["t"])
+    assert np.max(np.abs(found["base.vx"] - v)) < 1e-9
+    assert np.max(np.abs(found["base.w"] - w)) < 1e-9
+    assert np.max(np.abs(found["th"] - th)) < 1e-9
+
+
+@pytest.mark.parametrize("choice", ["crank", "best"])
+def test_four_bar_stays_closed_and_in_balance(choice):
+    found = hamel.simulate(FOUR_BAR, choice=choice, time=10.0)
+    assert found.position_violation <= 1e-12
+    assert found.velocity_violation <= 1e-12
+    assert found.energy_balance <= 1e-9
+    assert found.motion["work"][-1] < -0.1  # the bearing's damper
+
+
+def test_the_balance_notices_a_loss():
+    from hamel.simulate.motion import Motion
+
+    none, ramp = np.zeros(3), np.array([1.0, 1.1, 1.2])
+    motion = Motion(
+        "", ramp, {}, {}, {}, {}, {}, ramp, none, none, none, none, 0, 0, 0, 0.0, 0.0, 0, 0.0
+    )
+    assert motion.energy_balance == pytest.approx(0.2 / 1.2)
+
+
+def test_inputs_parameters_and_initial_values_can_be_set():
+    still = hamel.simulate(SLEIGH, time=1.0, values={"base.w": 0})
+    assert np.all(still.motion["th"] == 0)
+    heavy = hamel.simulate(SLEIGH, time=1.0, values={"m": "2 kg", "base.w": "1 rad/s"})
+    v, w, _ = sleigh(1.0, m=2.0, w0=1.0)
+    assert heavy.final["base.vx"] == pytest.approx(v, abs=1e-9)
+    assert heavy.final["base.w"] == pytest.approx(w, abs=1e-9)
+    driven = hamel.simulate(FOUR_BAR, choice="crank", time=0.5, values={"tau": "1 N*m"})
+    assert driven.motion["work"][-1] == pytest.approx(
+        driven.final["q1"] - driven.motion["q1"][0], rel=0.1
+    )
+
+
+def test_rows_come_at_multiples_of_the_step_and_at_the_end():
+    t = hamel.simulate(SLEIGH, time=1.0, step=0.3).motion["t"]
+    assert t.tolist() == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])
+    assert hamel.simulate(SLEIGH, time=0.3, step=0.1).motion["t"].tolist() == pytest.approx(
+        [0.0, 0.1, 0.2, 0.3]
+    )
+    assert len(hamel.simulate(SLEIGH, time=7.0).motion["t"]) == 501
+
+
+def test_csv_npz_and_plot_hold_the_motion(tmp_path):
+    found = hamel.simulate(FOUR_BAR, time=0.5, out=tmp_path / "m.csv", plot=tmp_path / "new/m.svg")
+    hamel.simulate(FOUR_BAR, time=0.5, out=tmp_path / "m.npz")
+    with open(tmp_path / "m.csv", newline="") as file:
+        names, *rows = csv.reader(file)
+    table = np.array(rows, dtype=float)
+    with np.load(tmp_path / "m.npz") as arrays:
+        assert arrays.files == names == list(found.motion)
+        assert all(np.array_equal(arrays[name], table[:, i]) for i, name in enumerate(names))
+    assert np.array_equal(table[:, 1], found.motion["q1"])  # every digit
+    assert ET.parse(tmp_path / "new/m.svg").getroot().tag.endswith("svg")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m.csv", "m.npz", "new"]
+
+
+def test_progress_is_told_up_to_the_end():
+    told: list[float] = []
+    hamel.simulate(FOUR_BAR, time=1.0, progress=told.append)
+    assert told[-1] == 1.0 and told == sorted(told)
+
+
+@pytest.mark.filterwarnings("ignore:no C compiler")
+def test_without_a_compiler_numpy_finds_the_same_motion(monkeypatch):
+    compiled = hamel.simulate(FOUR_BAR, choice="crank", time=0.3).final
+    monkeypatch.setenv("CC", "no-such-compiler")
+    plain = hamel.simulate(FOUR_BAR, choice="crank", time=0.3).final
+    assert plain["q1"] == pytest.approx(compiled["q1"], rel=1e-11)
+
+
+# Starts and ends
+# ---------------------------------------------------------------------------------------------------
+
+
+def changed(tmp_path, old, new):
+    text = FOUR_BAR.read_text()
+    assert old in text
+    (tmp_path / "changed.yaml").write_text(text.replace(old, new))
+    return tmp_path / "changed.yaml"
+
+
+def test_guesses_move_silently_and_held_values_are_reported_when_they_move(tmp_path):
+    assert hamel.simulate(FOUR_BAR, time=0.01).moved == {}
+    path = changed(tmp_path, "guess: {q2: -30 deg, q3: 100 deg}", "q2: -30 deg, q3: 100 deg")
+    found = hamel.simulate(path, time=0.01)
+    assert set(found.moved) >= {"q2"}
+    assert found.moved["q2"]["given"] == pytest.approx(math.radians(-30))
+    assert found.position_violation < 1e-12
+
+
+def test_a_linkage_that_cannot_close_is_said_where_it_starts(tmp_path):
+    path = changed(tmp_path, "l4: 0.55 m", "l4: 5.5 m")
+    with pytest.raises(HamelError, match="satisf") as caught:
+        hamel.simulate(path)
+    assert caught.value.exit_code in (1, 2)
+    assert caught.value.diagnostics[0].file == str(path)
+
+
+def test_a_pivot_that_vanishes_on_the_way_is_told():
+    crank = hamel.simulate(FOUR_BAR, choice="crank", time=1.0)
+    assert crank.crossings == 0 and not crank.switches
+    rocker = hamel.simulate(FOUR_BAR, choice="rocker", time=1.0)
+    assert (
+        rocker.switches[0].left == "rocker" and 0.3 < rocker.switches[0].time < 0.4257
+    )  # it is singular there
+    assert rocker.final["q1"] == pytest.approx(crank.final["q1"], abs=1e-8)
+
+
+def test_where_no_other_choice_may_take_over_the_motion_ends_with_the_reason():
+    """An enforcement that changes the equations belongs to its choice."""
+    with pytest.raises(
+        AssumptionError, match=r"stopped at t = 0\.4257.*: this choice of .* is singular here"
+    ) as caught:
+        hamel.simulate(FOUR_BAR, choice="rocker", enforcement="feedback", time=1.0)
+    assert "hamel choices" in caught.value.diagnostics[0].expected or "hamel choices" in str(
+        caught.value
+    )
+
+
+def test_a_motion_that_ends_is_an_assumption_that_fails(tmp_path):
+    text = "model: escape\ncoordinates: {x: m}\nkinetic: der(x)**2/2*1 kg\nforces: {x: x**3*1 N/m^3}\ninitial: {x: 1 m}\n"
+    (tmp_path / "escape.yaml").write_text(text)
+    with pytest.raises(AssumptionError, match="stopped at t = ") as caught:
+        hamel.simulate(tmp_path / "escape.yaml", time=10.0)
+    assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"time": -1.0},
+        {"time": math.inf},
+        {"step": 0.0},
+        {"rtol": 0.0},
+        {"atol": math.nan},
+        {"alpha": 0.0, "enforcement": "baumgarte"},
+        {"alpha": 1.0, "enforcement": "projection"},
+        {"conserve": ["x"], "enforcement": "none"},
+        {"values": {"m": -1}},
+        {"time": 1e9, "step": 1e-9},
+        {"out": "motion.txt"},
+        {"plot": "motion.png"},
+    ],
+    ids=str,
+)
+def test_numbers_and_files_that_make_no_sense(tmp_path, monkeypatch, options):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ModelError):
+        hamel.simulate(SLEIGH, **options)
+    assert not list(tmp_path.iterdir())
+
+
+FREE = "joints: {b: {type: free, parent: ground, child: a, position: [x, y, z], orientation: {euler: zxz, angles: [q1, q2, q3]}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "coordinates: {x: m}\nparameters: {k: 1 kg, e: 0}\nkinetic: k*der(x)^2/e\n",
+            "masses and rates of the coordinates finite",
+        ),
+        (
+            "coordinates: {x: m, y: m}\nkinetic: 1 kg*(der(x)^2 + der(y)^2)\n"
+            "constraints: {c: {type: prescribed, coordinate: x, motion: 1 m*sqrt(t/(1 s))}}\n",
+            "the constraints' rates are not finite at the initial position",
+        ),
+        (
+            "bodies: {a: {mass: 1, inertia: [1, 2, 2.5]}}\n" + FREE,
+            "the rates of the coordinates are not finite at the initial",
+        ),
+    ],
+)
+def test_a_start_that_is_not_finite_is_told_by_its_cause(tmp_path, text, said):
+    (tmp_path / "start.yaml").write_text(f"model: start\n{text}")
+    with pytest.raises(HamelError, match=said):
+        hamel.simulate(tmp_path / "start.yaml", time=1.0)
+
+
+def test_a_motion_that_would_take_all_night_says_so(tmp_path, monkeypatch):
+    """Once, with what could help; the motion goes on."""
+    monkeypatch.setattr(progress, "SLOW", 0.0)
+    monkeypatch.setattr(progress, "LONG", 0.0)
+    text = "model: stiff\ncoordinates: {x: m}\nkinetic: der(x)**2/2*1 kg\npotential: x**2*1e10 N/m\ninitial: {x: 1 m}\n"
+    (tmp_path / "stiff.yaml").write_text(text)
+    with pytest.warns(
+        RuntimeWarning, match="s of 1 s are done after .* --integrator radau"
+    ) as said:
+        hamel.simulate(tmp_path / "stiff.yaml", time=1.0)
+    assert len([warning for warning in said if "are done after" in str(warning.message)]) == 1
+
+
+def test_energy_is_not_held_where_inputs_do_work():
+    """At rest the input does nothing and energy is conserved; with it the enforcement would make a
+    wrong answer look right."""
+    snake = MODELS / "snake3.yaml"
+    assert (
+        hamel.simulate(
+            snake, enforcement="invariants", time=0.5, values={"base.vx": 0.3}
+        ).energy_balance
+        < 1e-12
+    )
+    with pytest.raises(AssumptionError, match="energy is not conserved"):
+        hamel.simulate(
+            snake, enforcement="invariants", time=0.5, values={"base.vx": 0.3, "tau1": 0.01}
+        )

@@ -1,0 +1,303 @@
+"""hamel report: rows to believe, a page without network, nothing computed twice, and a wrong
+reference that is noticed."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+import hamel
+from codegen import compiler
+from hamel.draw import Series, chart
+from hamel.records import Reported
+from hamel.study import advice, front, judgement, modules, pool, study
+from hamel.study.judgement import COLUMNS, Judge, Reference
+
+pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+
+MODEL = """
+model: swing
+coordinates: {x: m, y: m}
+parameters: {m: 1 kg, l: 1 m, g: 9.81 m/s^2}
+kinetic: m/2*(der(x)**2 + der(y)**2)
+potential: m*g*y
+constraints:
+  rod: {holonomic: (x**2 + y**2 - l**2)/2}
+quasi_velocities:
+  swing: {om: (x*der(y) - y*der(x))/l**2}
+  side: [der(y)]
+initial: {y: -0.5 m, guess: {x: -0.9 m}, der(y): 0 m/s}
+"""
+ASKED: dict[str, Any] = {
+    "time": 1.0,
+    "formulations": ("quasi_velocities", "augmented", "recursive"),
+    "choices": ("swing", "side", "auto"),
+    "enforcements": ("projection", "none", "baumgarte"),
+    "integrators": ("dop853", "rk4", "libraries"),
+    "tolerances": (1e-5, 1e-9),
+}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    base = tmp_path_factory.mktemp("report")
+    (base / "swing.yaml").write_text(MODEL, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
+        yield base
+
+
+@pytest.fixture(scope="module")
+def record(place: Path) -> Reported:
+    return hamel.report([place / "swing.yaml"], out=place / "out", **ASKED)
+
+
+def test_rows(record: Reported) -> None:
+    assert record.passed and record.model == "swing"
+    assert all(tuple(row) == COLUMNS for row in record.rows)
+    families = front.families(
+        front.good(record.rows), "formulation", "choice", "enforcement", "integrator"
+    )
+    for name, rows in families.items():
+        if rows[0]["rtol"] and rows[0]["choice"] in ("swing", ""):
+            assert [row["rtol"] for row in rows] == [1e-5, 1e-9], name
+            assert rows[1]["error"] < 0.05 * rows[0]["error"], name
+    assert {"dop853", "rk4", "cvodes", "idas"} <= {name[3] for name in families}
+    held = [row for row in front.good(record.rows) if row["enforcement"] == "projection"]
+    assert held and all(row["phi"] < 1e-13 for row in held)
+    steps = [row["step"] for row in record.rows if row["integrator"] == "rk4"]
+    assert min(steps) > 0
+
+
+def test_estimates_stand_beside_the_errors(record: Reported) -> None:
+    own = [row for row in front.good(record.rows) if row["estimate"] is not None]
+    libraries = [row for row in record.rows if row["integrator"] in ("cvodes", "idas")]
+    assert own and all(row["estimate"] is None for row in libraries)
+    far = [row for row in own if row["error_of_q"] > 1e-12]
+    assert sum(row["estimate"] >= row["error_of_q"] for row in far) >= 0.9 * len(far)
+    assert "estimate of the error" in record.html.read_text("utf-8")
+
+
+def test_what_breaks_and_what_does_not_fit_is_said(record: Reported) -> None:
+    """der(y) fails at the bottom; the recursion is for trees; `auto` is one of the file's choices
+    under another name."""
+    side = [row for row in record.rows if row["choice"] == "side"]
+    assert side and any("singular" in row["status"] for row in side)
+    (model,) = record.models
+    assert any("side" in line for line in model["advice"])
+    reasons = {(each["formulation"], each["choice"]): each["reason"] for each in model["excluded"]}
+    assert (
+        "trees" in reasons["recursive", ""]
+        and "the same quasi-velocities" in reasons["quasi_velocities", "auto"]
+    )
+    assert model["reference"]["bound"] < 1e-10 and len(set(model["reference"]["by"])) == 2
+
+
+def test_files(record: Reported, place: Path) -> None:
+    held = json.loads(record.json.read_text("utf-8"))
+    assert held["model"] == "swing" and len(held["rows"]) == len(record.rows)
+    rows = list(csv.DictReader(record.csv.read_text("utf-8").splitlines()))
+    assert tuple(rows[0]) == COLUMNS and float(rows[0]["error"]) == record.rows[0]["error"]
+
+
+class Page(HTMLParser):
+    """Counts what it sees; `open` is empty at the end of a well-formed page."""
+
+    VOID = ("meta", "rect", "line", "circle", "polyline", "path", "br")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[str] = []
+        self.links: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append(tag)
+        self.links += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+
+def test_page(record: Reported) -> None:
+    text = record.html.read_text("utf-8")
+    page = Page()
+    page.feed(text)
+    for drawn in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
+        ElementTree.fromstring(drawn)
+    assert not page.open and page.seen.count("svg") >= 5 and page.seen.count("table") >= 4
+    assert all(link.startswith("#") for link in page.links)
+    assert (
+        "http" not in text.replace('xmlns="http://www.w3.org/2000/svg"', "") and "url(" not in text
+    )
+
+
+def test_nothing_is_computed_twice(
+    record: Reported, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started = []
+
+    def refuse(*task: Any) -> None:
+        started.append(task)
+        raise OSError("no more workers")
+
+    monkeypatch.setattr(pool, "_begin", refuse)
+    again = hamel.report([place / "swing.yaml"], out=place / "again", **ASKED)
+    assert again.rows == record.rows and not started
+    with pool.workers(1) as workers, pytest.raises(OSError, match="no more"):
+        next(pool.outcomes(workers, [[pool.Task(abs, {}, 1.0)]]))
+
+
+def test_a_wrong_reference_is_noticed(
+    record: Reported, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Planted twice: in one of the two runs, which then disagree, and in both."""
+    agreed = judgement.agreed
+
+    def off(by: float) -> Any:
+        def planted(found: Any) -> Reference:
+            made = agreed(found)
+            assert made.end is not None
+            moved = tuple(x + 0.01 for x in made.end)
+            return replace(made, end=moved, other=tuple(x + by for x in made.other))
+
+        return planted
+
+    monkeypatch.setattr(study, "agreed", off(0.0))
+    one = hamel.report([place / "swing.yaml"], out=place / "one", **ASKED)
+    assert "differ" in one.models[0]["reference"]["doubt"] and all(
+        row["error"] is None for row in one.rows
+    )
+    monkeypatch.setattr(study, "agreed", off(0.01))
+    both = hamel.report([place / "swing.yaml"], out=place / "both", **ASKED)
+    assert not both.passed and "agree with each other" in both.models[0]["advice"][0]
+
+
+def test_a_task_without_end_is_ended_and_the_work_goes_on() -> None:
+    """Refused, too long, dead, done: the pool says which, and the rest of a series is left out
+    only where that is asked for."""
+    missing = {"path": "no.yaml", "values": {}, "unit": {}, "span": 1.0, "folder": ""}
+    with pool.workers(1) as workers:
+        series = [
+            [pool.Task(modules.module, missing, 60.0, "refused")],
+            [pool.Task(endless, {}, 1.0, "too long")],
+            [pool.Task(fatal, {}, 60.0, "died")],
+        ]
+        series[-1].append(pool.Task(fine, {}, 60.0, "done"))
+        found = [*pool.outcomes(workers, series)]
+        assert [each.status for each in found] == [each.task.subject for each in found]
+        assert len(found) == 4 and found[-1].value == {"x": [1.0, None]}
+        assert found[0].reason.startswith("cannot be read")
+        assert len([*pool.outcomes(workers, [series[-1]], lambda each: each.status == "died")]) == 1
+
+
+def endless() -> None:
+    time.sleep(600.0)
+
+
+def fatal() -> None:
+    os._exit(1)
+
+
+def fine() -> dict[str, Any]:
+    return {"x": (1.0, float("nan"))}
+
+
+def test_a_script_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
+    """Workers are started afresh; a script that calls the library at its top level runs once."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import math\n"
+        "from hamel.study import pool\n"
+        "print('once')\n"
+        "with pool.workers(2) as workers:\n"
+        "    task = pool.Task(dict, {'x': math.inf}, 60.0)\n"
+        "    print(*[each.value for each in pool.outcomes(workers, [[task], [task]])])\n",
+        encoding="utf-8",
+    )
+    made = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert made.stdout.split("\n") == ["once", "{'x': None} {'x': None}", ""]
+
+
+def test_the_front_is_what_none_beats() -> None:
+    rows = [
+        {"ms": ms, "error": error, "status": "ok"}
+        for ms, error in [(3, 1e-9), (1, 1e-3), (2, 1e-2), (4, 1e-9), (2, 1e-4)]
+    ]
+    assert [row["ms"] for row in front.front(rows)] == [1, 2, 3]
+    assert front.front([{"ms": 1, "error": 1, "status": "too long"}]) == []
+
+
+def test_extreme_cases_are_on_the_page(place: Path) -> None:
+    path = Path(__file__).parents[3] / "models" / "extremes" / "mass_ratio.yaml"
+    made = hamel.report([], extremes=[path], out=place / "extremes")
+    assert made.passed and not made.rows and {row.outcome for row in made.extremes} == {"survived"}
+    page = made.html.read_text("utf-8")
+    assert (
+        all(row.case in page for row in made.extremes)
+        and "extreme cases: error and tolerance" in page
+    )
+
+
+def test_causes_lose_their_numbers() -> None:
+    base = {"formulation": "maggi", "choice": "a", "enforcement": "none", "integrator": "rk4"}
+    rows = [{**base, "status": f"singular: |pivot of C| < 2e-10 (at {t} s)"} for t in (1, 2.5)] + [
+        {**base, "status": "ok"}
+    ]
+    assert advice.broken(rows) == ["maggi (a): 2 of 3 runs: singular: |pivot of C| < 2e-10."]
+    rows.append({**base, "status": "ok", "enforcement": "projection"})
+    assert advice.broken(rows) == ["maggi (a), none: 2 of 3 runs: singular: |pivot of C| < 2e-10."]
+
+
+def test_a_chart_is_drawn_with_both_axes_logarithmic() -> None:
+    text = chart(
+        "t",
+        "x",
+        "y",
+        [
+            Series("a & b", [(1e-3, 1e-9), (1e2, 1e-3), (float("nan"), 1.0)]),
+            Series("f", [(1, 1)], "front"),
+        ],
+    )
+    ElementTree.fromstring(text)
+    assert (
+        "a &amp; b" in text
+        and "1e-9" in text
+        and "1e2" in text
+        and text.count("h0") == 2
+        and "nan" not in text
+    )
+
+
+def test_scales_are_those_of_the_motion(place: Path) -> None:
+    system = modules.start(str(place / "swing.yaml"), {}).system
+    reference = Reference(
+        ("a", "b"),
+        (1e-6, 0.0, 0.0, 2.0),
+        (1e-6, 0.0, 0.0, 2.0),
+        (1e-6, 2e-6, 1.0, 4.0),
+        1.0,
+        10,
+        None,
+    )
+    judge = Judge(system, reference, 1.0)
+    assert judge._distance((2e-6, 0.0, 0.0, 2.0), (1e-6, 0.0, 0.0, 2.0)) == pytest.approx(0.5)
+    assert judge._distance((1e-6, 0.0, 0.0, 3.0), (1e-6, 0.0, 0.0, 2.0)) == pytest.approx(0.25)

@@ -1,0 +1,203 @@
+"""The verbs as functions of `import hamel`."""
+
+import importlib
+import json
+from dataclasses import fields
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.diagnostics import AssumptionError, HamelError, ModelError, ToolchainError
+from hamel.build.options import affordable
+from hamel.records import as_json
+from tests.scenes import MODELS
+
+
+def test_every_verb_is_a_function():
+    assert all(callable(getattr(hamel, name)) for name in hamel.__all__)
+
+
+def test_the_package_verify_does_not_hide_the_verb():
+    package = importlib.import_module("hamel.verify")
+    assert hamel.verify is not package
+    assert hamel.verify(MODELS / "four_bar.yaml", choice="crank", states=3).passed
+    assert callable(package.verification)
+
+
+def test_build_and_load(tmp_path):
+    built = hamel.build(
+        MODELS / "four_bar.yaml", choice="crank", out=tmp_path / "four_bar", constants="all"
+    )
+    module = hamel.load(built.folder)
+    assert (built.choice, built.model) == ("crank", "four_bar")
+    assert module.nx == 4 and module.np_ == 0
+    assert module.dynamics(0.0, np.zeros(module.nx) + 0.5, [0.0]).shape == (4,)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "states"), [(0, 20), (100, 20), (200, 10), (1000, 2), (5000, 2)]
+)
+def test_a_build_looks_at_fewer_states_where_there_are_many_bodies(bodies, states):
+    equations = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(bodies=range(bodies))))
+    assert affordable(equations, 20) == states
+
+
+def test_constants_by_name(tmp_path):
+    built = hamel.build(
+        MODELS / "snake3.yaml", choice="head", out=tmp_path / "snake3", constants=["l"]
+    )
+    assert hamel.load(built.folder).parameters == ("m", "J")
+
+
+def test_only_the_functions_asked_for(tmp_path):
+    built = hamel.build(
+        MODELS / "snake3.yaml",
+        choice="head",
+        out=tmp_path / "snake3",
+        functions=["dynamics", "velocity"],
+    )
+    assert set(built.operations) == {"dynamics", "velocity"}
+    assert "function mass" in built.left_out
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"choice": "none"}, {"constants": ["none"]}, {"functions": ["none"]}],
+    ids=["choice", "constant", "function"],
+)
+def test_names_that_do_not_exist(tmp_path, options):
+    with pytest.raises(HamelError, match="none"):
+        hamel.build(MODELS / "snake3.yaml", out=tmp_path / "snake3", **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_one_text_names_several_as_on_the_command_line(tmp_path):
+    pendulum = MODELS / "cart_pole.yaml"
+    built = hamel.build(
+        pendulum,
+        out=tmp_path / "cart",
+        functions="dynamics, energy",
+        constants="m",
+        integrators="rk4",
+    )
+    assert set(built.operations) == {"dynamics", "energy"}
+    with pytest.raises(HamelError, match="no function 'dynamic'"):
+        hamel.build(pendulum, out=tmp_path / "other", functions="dynamic")
+
+
+@pytest.mark.parametrize("options", [{"states": 0}, {"states": -3}, {"seed": -1}], ids=str)
+def test_numbers_of_states_that_make_no_sense(options):
+    with pytest.raises(ModelError, match="which is less than"):
+        hamel.verify(MODELS / "pendulum.yaml", **options)
+
+
+def test_dependent_speeds_are_a_violated_assumption(tmp_path):
+    text = (MODELS / "snake3.yaml").read_text()
+    (tmp_path / "bad.yaml").write_text(text.replace("  best: auto", "  bad: [base.vy, base.w]"))
+    with pytest.raises(AssumptionError, match="bad") as caught:
+        hamel.verify(tmp_path / "bad.yaml", choice="bad")
+    assert caught.value.diagnostics[0].line == text.splitlines().index("  best: auto") + 1
+    assert caught.value.exit_code == 2
+
+
+def test_a_choice_that_is_none_does_not_keep_the_others_from_being_verified(tmp_path):
+    text = (MODELS / "snake3.yaml").read_text()
+    (tmp_path / "bad.yaml").write_text(text.replace("  best: auto", "  bad: [base.vy, base.w]"))
+    assert "bad" in hamel.check(tmp_path / "bad.yaml").refused
+    found = hamel.verify(tmp_path / "bad.yaml", states=3)
+    assert found.passed and "depends on the constraints" in found.refused["bad"]
+    assert not any(check.name.startswith("bad") for check in found.checks)
+
+
+def test_the_first_choice_has_to_be_one(tmp_path):
+    text = (MODELS / "snake3.yaml").read_text()
+    (tmp_path / "bad.yaml").write_text(text.replace("  head:", "  bad: [base.vy, base.w]\n  head:"))
+    for verb in (hamel.check, hamel.verify):
+        with pytest.raises(AssumptionError, match="bad"):
+            verb(tmp_path / "bad.yaml")
+
+
+def test_foreign_folders_are_not_replaced(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ToolchainError):
+        hamel.build(MODELS / "snake3.yaml", out=tmp_path)
+    assert (tmp_path / "notes.txt").exists()
+
+
+def test_choices_say_why():
+    found = hamel.choices(MODELS / "snake3.yaml")
+    best = found.choices[0]
+    assert found.default == "head"
+    assert best.constant_pivots and best.pivots and best.operations > 0
+    assert {choice.name for choice in found.choices} >= {
+        "head",
+        "frozen",
+        "orthonormal",
+        "mass_orthogonal",
+    }
+    assert "depends on the constraints" in found.refused["world"]
+    assert all(
+        choice.worst >= choice.condition >= 1 and 0 < choice.least_pivot <= 1
+        for choice in found.choices
+    )
+
+
+def test_choices_are_drawn_along_the_motion(tmp_path):
+    found = hamel.choices(MODELS / "slider_crank.yaml", plot=tmp_path / "c.svg", until=0.2)
+    assert found.choices[0].name == "crank" and found.choices[-1].name == "slider"
+    assert (
+        found.choices[-1].violation > found.choices[0].violation > 1e-8
+    )  # it is singular at both dead centres
+    text = (tmp_path / "c.svg").read_text()
+    assert text.count("<polyline") == len(found.choices) and "slider" in text
+    with pytest.raises(HamelError, match="must end in"):
+        hamel.choices(MODELS / "slider_crank.yaml", plot=tmp_path / "c.pdf")
+
+
+def test_explain_counts_what_the_passes_saved():
+    found = hamel.explain(MODELS / "four_bar.yaml", choice="crank", constants="all")
+    assert found.operations["dynamics"] > 0
+    assert {entry["function"] for entry in found.ledger} >= {"dynamics"}
+
+
+def test_list_names_everything_a_model_can_hold():
+    known = hamel.list().kinds
+    assert {item.name for item in known["joints"]} >= {"revolute", "prismatic", "planar", "fixed"}
+    assert {item.name for item in known["constraints"]} >= {"holonomic", "nonholonomic", "no_slip"}
+    assert {item.name for item in known["formulations"]} > {
+        "quasi_velocities",
+        "maggi",
+        "udwadia_kalaba",
+        "augmented",
+    }
+    assert all(item.source for item in known["formulations"])
+    assert all(item.name and item.about for items in known.values() for item in items)
+
+
+def test_list_of_a_model():
+    named = hamel.list(MODELS / "four_bar.yaml").kinds
+    assert [item.name for item in named["bodies"]] == ["crank", "coupler", "rocker"]
+    assert "dynamics" in [item.name for item in named["functions"]]
+    assert {"jacobian_values", "step_sensitivity", "linearization"} <= {
+        item.name for item in named["functions on request"]
+    }
+
+
+def test_schema_accepts_no_unknown_keys():
+    schema = hamel.schema()
+    assert schema["additionalProperties"] is False
+    assert {"bodies", "joints", "quasi_velocities"} <= set(schema["properties"])
+
+
+def test_records_are_json():
+    record = hamel.check(MODELS / "four_bar.yaml")
+    assert json.loads(json.dumps(as_json(record)))["degrees_of_freedom"] == 1
+    assert set(as_json(record)) == {field.name for field in fields(record)}
+
+
+def test_numbers_json_does_not_have_become_null():
+    assert as_json({"a": [float("inf"), np.float64("nan"), np.float64(2.0)]}) == {
+        "a": [None, None, 2.0]
+    }

@@ -1,0 +1,178 @@
+"""The checks that run a module: sound ones are green, and each goes red for what it is there
+for."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from derive.formulations import equations
+from derive.formulations.evaluate import evaluator
+from derive.model import load, load_text
+from derive.states import system
+from hamel.build.module import temporary_module
+from hamel.verify.checks import CHECKS, momenta
+from hamel.verify.mutation.errors import wrong_functions
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
+from tests.scenes import MODELS
+
+TOLERANCES = {check.name: check.tolerance for check in CHECKS}
+MOTION = ("simulate", "order of the integrator", "work = Δ(T₂ − T₀ + V)", "there and back")
+DAMPED = """
+model: damped
+gravity: [0, 0, -9.81 m/s^2]
+bodies: {bob: {mass: 1 kg, com: [0, 0, -0.5 m], inertia: [0.1, 0.1, 0.1]}}
+joints: {pin: {type: revolute, parent: ground, child: bob, axis: x, coordinate: q, damper: 0.1 N*m*s/rad}}
+"""
+
+
+def value(seen, name):
+    return next(check for check in CHECKS if check.name == name).error(seen)
+
+
+def is_red(seen, name):
+    return not value(seen, name) <= TOLERANCES[name]
+
+
+@pytest.fixture(scope="module", params=["free_body", "four_bar"])
+def seen(request):
+    model = load(MODELS / f"{request.param}.yaml")
+    chosen = equations(system(model))
+    with temporary_module(chosen) as module:
+        yield evidence(reference(model), chosen, module, 6)
+
+
+@pytest.fixture(scope="module")
+def free():
+    """Motions that can be turned round."""
+    model = load(MODELS / "free_body.yaml")
+    chosen = equations(system(model))
+    with temporary_module(chosen) as module:
+        yield evidence(reference(model), chosen, module, 6)
+
+
+def with_simulate(seen, change):
+    """The same evidence, the end of every motion changed: `change` is given x, the work and the
+    step asked for."""
+
+    def simulate(times, x, u, p, **by):
+        found = seen.module.simulate(times, x, u, p, **by)
+        end, work = change(np.array(found.x), np.array(found.work), by["step_size"] or 0.0)
+        return SimpleNamespace(x=end, work=work)
+
+    module = SimpleNamespace(
+        simulate=simulate, integrators=seen.module.integrators, defaults=seen.module.defaults
+    )
+    return replace(seen, module=module)
+
+
+def test_sound_motions_are_green(seen):
+    found = {name: value(seen, name) for name in MOTION}
+    assert all(error is None or error <= TOLERANCES[name] for name, error in found.items()), found
+    assert found["simulate"] is not None and found["work = Δ(T₂ − T₀ + V)"] is not None
+
+
+def test_an_end_that_is_off_is_caught(seen):
+    assert is_red(with_simulate(seen, lambda x, work, h: (x * (1 + 1e-6), work, h)[:2]), "simulate")
+
+
+@pytest.mark.parametrize(
+    "name, kept",
+    [("free_body", 6), ("extremes/heavy_top", 1), ("extremes/tumbling", 3), ("four_bar", 0)],
+)
+def test_momenta_that_nothing_changes_are_found_and_their_change_is_caught(name, kept):
+    """All six of a free body; about the vertical of a top; about its centre of a body without
+    gravity; none of a linkage."""
+    model = load(MODELS / f"{name}.yaml")
+    chosen = equations(system(model))
+    with temporary_module(chosen) as module:
+        whole = evidence(reference(model), chosen, module, 8)
+        assert len(momenta.kept_screws(whole)) == kept
+        assert (value(whole, "momenta") is None) == (kept == 0)
+        if kept:
+            assert not is_red(whole, "momenta")
+            assert is_red(
+                with_simulate(whole, lambda x, work, h: (x * (1 + 1e-5), work)), "momenta"
+            )
+
+
+def test_work_that_is_off_is_caught(seen):
+    assert is_red(with_simulate(seen, lambda x, work, h: (x, work + 1e-6)), "work = Δ(T₂ − T₀ + V)")
+
+
+def test_an_integrator_of_lower_order_is_caught(free):
+    assert not is_red(free, "order of the integrator")
+    for power in (1, 3, 5):
+        wrong = with_simulate(free, lambda x, work, h, k=power: (x * (1 + 1e-2 * h**k), work))
+        assert is_red(wrong, "order of the integrator"), power
+
+
+def test_a_motion_that_does_not_come_back_is_caught(free):
+    assert not is_red(free, "there and back")
+
+    def slowed(x, work, h):
+        x[-1, -6:] *= 1 - 1e-6
+        return x, work
+
+    assert is_red(with_simulate(free, slowed), "there and back")
+
+
+def test_a_motion_that_cannot_come_back_is_not_asked_to():
+    model = load_text(DAMPED)
+    chosen = equations(system(model))
+    with temporary_module(chosen) as module:
+        assert value(evidence(reference(model), chosen, module, 4), "there and back") is None
+
+
+def test_code_that_is_wrong_without_optimisation_is_caught(free):
+    assert not is_red(free, "-O0 = graph")
+    _, wrong = next(iter(wrong_functions(free.graph.equations, "dynamics")))
+    assert is_red(replace(free, graph=evaluator(wrong)), "-O0 = graph")
+
+
+def test_numbers_that_come_of_none_are_caught(free):
+    name = "no number from none"
+    assert value(free, name) == 0
+
+    def hidden(*place):
+        return np.nan_to_num(free.graph("dynamics", *place))
+
+    def shown(*place):
+        return free.graph("dynamics", *place)
+
+    for wrong in (hidden, shown):
+        module = SimpleNamespace(
+            __name__="made_for_test_of_numbers", dynamics=wrong, defaults=free.module.defaults
+        )
+        assert value(replace(free, module=module), name) > 0
+
+
+CANCELS = """
+model: cancels
+coordinates: {x: m, y: m}
+parameters: {mass: 2 kg}
+kinetic: mass/2*(der(x)^2 + der(y)^2)
+potential: 0 J
+constraints: {curve: {holonomic: "x - 0.3 m*sin((2 rad/s)*t) + y^2/(2 m)"}}
+"""
+
+
+def test_what_cancels_may_be_no_number():
+    """mass/mass is one in the code and not a number in the graph; a parameter that matters must not
+    be passed over like that."""
+    model = load_text(CANCELS)
+    chosen = equations(system(model), "orthonormal")
+    name = "no number from none"
+    with temporary_module(chosen) as module:
+        whole = evidence(reference(model), chosen, module, 2)
+        assert value(whole, name) == 0
+
+        def heedless(t, x, u, p):
+            return module.energy(t, x, u, np.nan_to_num(p, nan=2.0, posinf=2.0, neginf=2.0))
+
+        wrong = SimpleNamespace(
+            __name__="made_for_test_of_masses", energy=heedless, defaults=module.defaults
+        )
+        assert value(replace(whole, module=wrong), name) > 0

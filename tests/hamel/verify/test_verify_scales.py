@@ -1,0 +1,126 @@
+"""The verdict does not depend on the metre: models told a million times larger or smaller pass, and
+planted errors show."""
+
+import re
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import unit
+from derive.formulations import equations
+from derive.model import load, load_text
+from derive.states import system
+from derive.states.sampling import states
+from derive.states.scales import Scales, scales
+from hamel.verify import verification
+from hamel.verify.mutation.mutations import mutations
+from hamel.verify.reference.outcome import evaluate, reference, state_of
+from tests.scenes import MODELS
+
+NUMBER_WITH_UNIT = re.compile(r"(?<![\w.])(\d+\.?\d*(?:[eE][-+]?\d+)?) +([A-Za-z][\w*/^]*)")
+NAMES = ("four_bar", "rolling_disk", "bead_in_bowl", "slider_crank")
+OTHERS = {
+    "enormous": Scales(1e6, 1e6, 1e3),
+    "tiny": Scales(1e-6, 1e-6, 1e-3),
+    "light": Scales(1e6, 1e-6, 1e-3),
+    "slow": Scales(1e-6, 1e6, 1e3),
+    "in millimetres": Scales(1e-3, 1.0, 1.0),
+}
+
+
+def told(name: str, by: Scales) -> str:
+    """The text of a model with every number that has a unit multiplied."""
+
+    def larger(found: re.Match[str]) -> str:
+        try:
+            m, kg, s, _ = unit(found[2]).dimension
+        except FormulaError:
+            return found[0]
+        return f"{float(found[1]) * by.length ** float(m) * by.mass ** float(kg) * by.time ** float(s)!r} {found[2]}"
+
+    return NUMBER_WITH_UNIT.sub(larger, (MODELS / f"{name}.yaml").read_text())
+
+
+@pytest.mark.parametrize("by", OTHERS.values(), ids=OTHERS)
+@pytest.mark.parametrize("name", NAMES)
+def test_states_are_those_of_the_model_in_its_own_units(name, by):
+    usual, other = load(MODELS / f"{name}.yaml"), load_text(told(name, by))
+    here, there = scales(usual), scales(other)
+    assert (there.length, there.mass, there.time) == pytest.approx(
+        (here.length * by.length, here.mass * by.mass, here.time * by.time)
+    )
+    first, second = (states(system(model), 4, 1, parameters=0.2) for model in (usual, other))
+    for a, b, items in (
+        (first.q, second.q, usual.coordinates),
+        (first.v, second.v, usual.velocities),
+    ):
+        np.testing.assert_allclose(
+            b, a * by.all_of(x.unit for x in items), rtol=1e-6, atol=1e-9 * by.length
+        )
+    found = [_acceleration(model, seen) for model, seen in ((usual, first), (other, second))]
+    np.testing.assert_allclose(
+        found[1], found[0] * by.all_of(x.unit for x in usual.velocities) / by.time, rtol=1e-6
+    )
+
+
+def _acceleration(model, seen):
+    return evaluate(
+        reference(model),
+        state_of(reference(model), seen.t[0], seen.q[0], seen.v[0], seen.u[0], seen.p[0]),
+    ).vdot
+
+
+@pytest.mark.parametrize("by", OTHERS.values(), ids=OTHERS)
+@pytest.mark.parametrize("name", NAMES)
+def test_the_verdict_does_not_depend_on_the_units(name, by):
+    model = load_text(told(name, by))
+    found = verification(model, equations(system(model)), states=6)
+    assert found.passed, {check.name: check.value for check in found.failed}
+
+
+@pytest.mark.parametrize(
+    "name, other",
+    [
+        ("bead_in_bowl", "enormous"),
+        ("slider_crank", "tiny"),
+        *(
+            pytest.param(name, other, marks=pytest.mark.slow)
+            for name in (*NAMES, "bicycle", "gear_train", "snake3")
+            for other in OTHERS
+        ),
+    ],
+)
+def test_planted_errors_are_caught_at_every_scale(name, other):
+    model = load_text(told(name, OTHERS[other]))
+    found = mutations(model, equations(system(model)), most=60)
+    assert found.planted > 30
+    assert found.caught == found.planted, [
+        mutation for mutation in found.list if not mutation.caught_by
+    ]
+
+
+def test_a_model_without_units_is_its_own():
+    assert scales(
+        load_text(
+            "model: plain\ncoordinates: {x: m}\nparameters: {k: 7e9}\nkinetic: k/2*der(x)^2\n"
+        )
+    ).plain
+
+
+def test_what_is_left_of_velocity_products_is_no_error(tmp_path):
+    """Nothing pulls, and the screw advances by millimetres: h is what gyroscopic terms of order one
+    leave when they cancel."""
+    file = tmp_path / "screw.yaml"
+    file.write_text(
+        """model: screw
+bodies: {a: {mass: 1, inertia: 1}, b: {mass: 1, inertia: 2}}
+joints:
+  j: {type: revolute, parent: ground, child: a, axis: z, coordinate: q1}
+  k: {type: screw, parent: a, child: b, axis: x, pitch: 5 mm, coordinate: q2}
+constraints: {g: {type: gear, joints: [j, k], ratio: -3, offset: 10 deg}}
+initial: {der(q1): 1 rad/s}
+"""
+    )
+    assert hamel.verify(file, states=5).passed

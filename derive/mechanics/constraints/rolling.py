@@ -21,14 +21,13 @@ from derive.mechanics.constraints.records import Tie
 from derive.mechanics.frames import (
     triad,
 )
+from derive.mechanics.limits import FLAT
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.scene import IN_PLANE, NORMAL, NOTHING, Block, Scene
 from derive.mechanics.tree import link_direction, link_point
 from derive.model.records import (
     Rolling,
 )
-
-FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
 
 
 def rolling(scene: Scene, constraint: Rolling) -> Block:

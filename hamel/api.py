@@ -163,9 +163,10 @@ def simulate(
     `values` sets initial values, parameters and constant inputs by name. `inputs` are those that
     change: by name a file "torque.csv:linear" (or :hold, :cubic) of two columns, or (times, values,
     kind); or a function f(t, x) of all, called every `sample` seconds (or at these times) and
-    kept until the next, or, without, wherever the integrator wants it. `events` are functions f(t, x)
-    by name, or hamel.Event(f, direction, stop), whose changes of sign are found like those of the
-    model's own. `start` is the first time, `time` the last. `real` is what the code computes in, float64 or float32.
+    kept until the next, or, without, wherever the integrator wants it. `events` are functions
+    f(t, x) by name, or hamel.Event(f, direction, stop), whose changes of sign are found like those
+    of the model's own. `start` is the first time, `time` the last. `real` is what the code computes
+    in, float64 or float32.
     """
     from hamel.simulate.compiled import Feed, Places, Rows, simulation
     from hamel.simulate.method import Method

@@ -365,6 +365,8 @@ class Simulated:
     # max |E − (E at 0) − ∫ power dt|, relative to the largest energy exchanged; E is T + V, or
     # T₂ − T₀ + V where T = T₂ + T₁ + T₀ has terms linear in the rates or free of them
     energy_balance: float
+    # estimate of the largest error of a coordinate or quasi-velocity at the end, in SI units
+    error: float | None
     crossings: (
         int  # singular positions on the way; two ways across each agreed within the tolerance
     )
@@ -379,6 +381,7 @@ class Simulated:
     # the state (coordinates, quasi-velocities) at each of these times, a row each
     at_events: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
     motion: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
+    automatic: bool = False  # the integrator was left to `auto`
     units: Mapping[str, str] = field(repr=False, default_factory=dict, metadata={"json": False})
     figure: Callable[[], str] | None = field(repr=False, default=None, metadata={"json": False})
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
-from codegen.integrators import INTEGRATORS
+from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
 from codegen.passes import hoist as parameters
 from codegen.passes.balance import balance
 from codegen.passes.factor import factor
@@ -23,7 +23,7 @@ from codegen.passes.plain import plain
 from codegen.passes.schedule import schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
-from codegen.passes.taylor import check_series
+from codegen.passes.taylor import SERIES, check_series, series_refusal
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
@@ -80,6 +80,7 @@ def program(
     """
     arguments = _arguments(equations.arguments, equations.parameters)
     chosen = _selection(equations, functions)
+    named, integrators = integrators, _spelled_out(integrators)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
         enforcements = _usual(chosen) if enforcements is None else enforcements
@@ -132,9 +133,17 @@ def program(
         if len(charts) > 1
         else (),
     )
-    if "taylor" in made.integrators:
+    if SERIES in named and made.integrators:
         check_series(made)
+    elif SERIES in made.integrators and series_refusal(made):
+        return replace(made, integrators=tuple(x for x in made.integrators if x != SERIES))
     return made
+
+
+def _spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
+    """With what `auto` stands for."""
+    names = [name for word in integrators for name in (AUTOMATIC if word == AUTO else (word,))]
+    return tuple(dict.fromkeys(names))
 
 
 @dataclass

@@ -20,6 +20,8 @@ from codegen.program import Expression, Kernel, Load, Pivot, Program, Statement
 from derive.diagnostics import AssumptionError
 
 MOST_SLOTS = 1_200  # what a step keeps of them stands on the stack: at most half a megabyte
+SERIES = "taylor"  # the integrator
+FASTER = ((20, 1e-5), (40, 1e-11))  # products up to which series are faster, and from which rtol
 HIGHEST = 24  # order: what a tolerance near rounding asks for
 PIECES = frozenset({
     "fabs", "sign", "floor", "ceil", "fmin", "fmax", "copysign", "fmod", "lt", "le", "eq", "ne",
@@ -28,8 +30,8 @@ PIECES = frozenset({
 FLAT = PIECES - {"fabs", "fmin", "fmax", "copysign", "fmod", "where"}  # constant, piece by piece
 # What the code around the recurrences is called.
 TAKEN = [
-    *("L", "R", "S", "T", "L1", "R1", "l", "r", "l_late", "r_late", "n", "i", "order", "order_n"),
-    *("part", "next", "now", "x_next", "sums", "early"),
+    *("L", "R", "S", "l", "r", "n", "i", "order", "order_n", "part", "next", "now", "x_next"),
+    *("sums", "late", "early", "rates_of_u", "given", "INPUTS"),
 ]
 _PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _MOST_MULTIPLIED = 64  # whole powers up to this are products
@@ -83,6 +85,7 @@ class Series:
     steps: tuple[Step, ...]
     slots: tuple[Slot, ...]
     states: tuple[tuple[str, int], ...]  # local names of the state's entries
+    inputs: tuple[tuple[str, int], ...]  # and of the inputs', whose coefficients n <= 3 are given
     time: str  # local name of t; empty where it does not occur
     coefficients: dict[str, str] = field(repr=False)
     rates: tuple[tuple[Expression, Expression], ...] = ()
@@ -119,16 +122,36 @@ def in_pieces(program: Program) -> bool:
     return any(series(program, suffix).in_pieces for suffix in suffixes(program))
 
 
-def check_series(program: Program) -> None:
-    """Refuse a program without recurrences. Raises AssumptionError."""
+def series_refusal(program: Program) -> str:
+    """Why there are no recurrences for the program; nothing where there are."""
     try:
         for suffix in suffixes(program):
             series(program, suffix)
     except NoSeries as reason:
+        return f"its equations have {reason}"
+    return ""
+
+
+def check_series(program: Program) -> None:
+    """Refuse a program without recurrences. Raises AssumptionError."""
+    reason = series_refusal(program)
+    if reason:
         raise AssumptionError(
-            f"taylor does not fit {program.name}: its equations have {reason}",
+            f"{SERIES} does not fit {program.name}: {reason}",
             "the other explicit integrators fit every model; verner9 is for tight tolerances",
-        ) from None
+        )
+
+
+def faster_from(program: Program) -> float:
+    """rtol from which one motion takes less time along its series than by Runge-Kutta methods; 0
+    where it never does (measured: chains of 2 and 5 pendulums, four_bar, snake3)."""
+    if series_refusal(program):
+        return 0.0
+    found = [series(program, suffix) for suffix in suffixes(program)]
+    if any(each.in_pieces for each in found):
+        return 0.0
+    products = max(len(each.slots) for each in found)
+    return next((rtol for most, rtol in FASTER if products <= most), 0.0)
 
 
 class _Tape:
@@ -148,8 +171,9 @@ class _Tape:
         self._held: dict[tuple[Expression, ...], str] = {}
 
     def made(self, rates: Sequence[Expression]) -> Series:
-        states = tuple(
-            (load.name, load.index) for load in self.loads.values() if load.argument == "x"
+        states, inputs = (
+            tuple((load.name, load.index) for load in self.loads.values() if load.argument == name)
+            for name in ("x", "u")
         )
         time = next((load.name for load in self.loads.values() if load.argument == "t"), "")
         steps = _Flattening(self, rates).steps()
@@ -160,6 +184,7 @@ class _Tape:
             steps=steps,
             slots=tuple(self.slots),
             states=states,
+            inputs=inputs,
             time=time,
             coefficients=self.coefficients,
             rates=tuple((rate, self.coefficient(rate)) for rate in rates),
@@ -191,7 +216,7 @@ class _Tape:
         if key not in self.loads:
             name = load.name if load.argument == "t" else self.names(load.name)
             self.loads[key] = Load(name, load.argument, load.index)
-            if load.argument in ("t", "x"):
+            if load.argument in ("t", "x", "u"):
                 self.coefficients[name] = name
         return self.loads[key].name
 

@@ -287,12 +287,11 @@ class Callback:
         return ctypes.cast(self.pointer, ctypes.c_void_p).value or 0
 
     def _call(self, t: float, x: int, out: int, _data: Any) -> int:
-        here = np.empty_like(self.x)
-        ctypes.memmove(here.ctypes.data, x, here.nbytes)
+        here = np.frombuffer(bytearray(ctypes.string_at(x, self.x.nbytes)), self.x.dtype)
         values = self.values(t, here)
         if values is None:
             return 1
-        ctypes.memmove(out, values.ctypes.data, values.nbytes)
+        ctypes.memmove(out, values.tobytes(), values.nbytes)
         return 0
 
     def values(self, t: float, x: np.ndarray) -> np.ndarray | None:
@@ -312,6 +311,8 @@ class Callback:
 def given(values: Any, shape: tuple[int, ...], real: Any) -> np.ndarray:
     """What a function gave, in the shape that is needed. Raises ValueError."""
     array = np.asarray(values, dtype=real)
+    if array.shape == shape:
+        return np.ascontiguousarray(array)
     if array.shape != shape and not (array.ndim < len(shape) and array.shape in ((), shape[1:])):
         raise ValueError(f"the function of the inputs gave shape {array.shape} instead of {shape}")
     return np.ascontiguousarray(np.broadcast_to(array, shape))
@@ -371,7 +372,7 @@ class Feed:
         """One structure for each motion where leading axes `own` of the tables are fewer."""
         if len(self.each) > 1:
             numbers = np.broadcast_to(np.arange(len(self.each)).reshape(own), lead).ravel()
-            self.each = [self.each[k] for k in numbers]
+            self.each = [self.each[k] for k in numbers.tolist()]
             self.structures = self.structures[numbers]
 
     def rows(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:

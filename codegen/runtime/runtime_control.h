@@ -194,10 +194,10 @@ typedef struct Method {
 /* The size of the next step, `left` before the next output time, which is hit exactly. */
 static double next_size(const Simulation *s, double left)
 {
-    const double h = s->next_step;
+    const double h = s->next_step, all = left * (1.0 - SHARED(1e-9, 1.1e-4)); /* no rounding decides about a step */
     if (s->step_size > 0.0) /* equal steps that are no longer than wanted */
-        return left / fmax(1.0, ceil(left / s->step_size * (1.0 - SHARED(1e-9, 1.1e-4))));
-    return h >= left ? left : h > 0.5 * left ? 0.5 * left : h; /* two equal steps instead of a long and a short one */
+        return left / fmax(1.0, ceil(all / s->step_size));
+    return h >= all ? left : h > 0.5 * all ? 0.5 * left : h; /* two equal steps instead of a long and a short one */
 }
 
 /* How much shorter the next step has to be, from the error of this one (Gustafsson's proportional-integral control). */

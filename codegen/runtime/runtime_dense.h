@@ -85,6 +85,23 @@ static void collocation_dense(Dense *d, const Simulation *s, const Collocation *
 }
 #endif
 
+#if HIGHEST_ORDER
+/* The series of the step, in powers of sigma: theta = (1 + sigma) / 2. */
+static void taylor_dense(Dense *d, const Simulation *s, double h)
+{
+    double power = 1.0;
+    int i, k, n;
+    d->degree = s->series_order > 3 ? s->series_order : 3;
+    for (n = 0; n <= d->degree; n++, power *= 0.5 * h)
+        for (i = 0; i < NX; i++)
+            d->a[n][i] = n <= s->series_order ? power * s->series[n * N + i] : 0.0;
+    for (k = 0; k < d->degree; k++) /* a shift by one, after Horner */
+        for (n = d->degree - 1; n >= k; n--)
+            for (i = 0; i < NX; i++)
+                d->a[n][i] += d->a[n + 1][i];
+}
+#endif
+
 /* What an enforcement moved the end by goes in smoothly, by theta^2 (3 - 2 theta). */
 static void end_at(Dense *d, const double *z)
 {
@@ -116,6 +133,11 @@ static int continued_inside(Run *r, const Method *method, double t, double h, co
 #if COLLOCATION_STAGES
     if (method->step == collocation_step)
         collocation_dense(r->dense, r->s, (const Collocation *)method->coefficients, y);
+    else
+#endif
+#if HIGHEST_ORDER
+    if (method->step == taylor_step)
+        taylor_dense(r->dense, r->s, h);
     else
 #endif
         cubic(r->dense, h, y, own, z, next);

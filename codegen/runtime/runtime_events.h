@@ -8,6 +8,12 @@
 
 enum { EIGHTHS = 8, EVENTS_MOST = 64 };
 
+/* Place j of a step. */
+static double eighth(int j)
+{
+    return (double)j / EIGHTHS;
+}
+
 static int count_of(const Events *e)
 {
     return EVENTS + e->count;
@@ -108,7 +114,7 @@ static double root_between(Inside *in, double a, double b, double ga, double gb)
 }
 
 /* Whether g, of sign s at a and b, is beyond zero in between: golden section to its smallest size. */
-static int dips(Inside *in, double a, double b, int s, double *place, double *value)
+static int dips(Inside *in, double a, double b, double s, double *place, double *value)
 {
     const double part = 0.3819660112501051;
     double c = a + part * (b - a), d = b - part * (b - a), gc = s * inside_at(in, c), gd = s * inside_at(in, d);
@@ -227,7 +233,7 @@ typedef struct {
 static int changes(Inside *in, int j, int before, double values[EIGHTHS + 1][EVENTS_MOST], Change *to)
 {
     const int k = in->k, after = sign_of(values[j][k], before), end = j + 1 < EIGHTHS ? j + 1 : j, first = j > 1 ? j - 2 : 0;
-    const double a = (j - 1) / (double)EIGHTHS, b = j / (double)EIGHTHS, ga = values[j - 1][k], gb = values[j][k];
+    const double a = eighth(j - 1), b = eighth(j), ga = values[j - 1][k], gb = values[j][k], s = (double)before;
     double place, value;
     to[0].k = to[1].k = k;
     if (!before)
@@ -237,8 +243,9 @@ static int changes(Inside *in, int j, int before, double values[EIGHTHS + 1][EVE
         to->sign = after;
         return 1;
     }
-    if (!(suspects(before * values[first][k], before * values[first + 1][k], before * values[first + 2][k], first + 1 == j) ||
-            suspects(before * values[end - 2][k], before * values[end - 1][k], before * values[end][k], end - 1 == j)) || !dips(in, a, b, before, &place, &value))
+    if (!(suspects(s * values[first][k], s * values[first + 1][k], s * values[first + 2][k], first + 1 == j) ||
+            suspects(s * values[end - 2][k], s * values[end - 1][k], s * values[end][k], end - 1 == j)) ||
+        !dips(in, a, b, s, &place, &value))
         return 0;
     to[0].theta = root_between(in, a, place, ga, value);
     to[0].sign = -before;
@@ -279,8 +286,8 @@ static int events_inside(Run *r, const Method *method, double h, int crossed, do
         status = continued_inside(r, method, s->t, h, s->x, s->slope, z, next);
     y[NX] = s->x[NX];
     for (j = 0; j <= EIGHTHS && status == OK; j++) {
-        dense_at(r->dense, j / (double)EIGHTHS, y);
-        status = events_at(r, s->t + j * h / EIGHTHS, j < EIGHTHS ? y : z, values[j]);
+        dense_at(r->dense, eighth(j), y);
+        status = events_at(r, s->t + eighth(j) * h, j < EIGHTHS ? y : z, values[j]);
     }
     for (j = 1; j <= EIGHTHS && status == OK; j++) {
         n = ordered_changes(&in, j, values, all);

@@ -97,6 +97,9 @@ static int resumed(Run *r)
 #if COLLOCATION_STAGES
     s->collocated_h = 0.0;
 #endif
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
     return slope(r, s->t, s->x, s->slope);
 }
 

@@ -83,7 +83,9 @@ class Simulation:
     directions that w is measured along are based anew on the way, `bases` times, p has the
     parameters of each row, with the frame in force behind them, which all functions take:
     velocity(t, x, u, p). Where inputs change, u has those of each row; at a jump the new ones.
-    An event that stopped the motion is its last row, and its status EVENT.
+    An event that stopped the motion is its last row, and its status EVENT. Where it was asked for,
+    error estimates how far every entry of x may be from the solution. integrator is the one that
+    stepped, also where "auto" was asked for.
     """
 
     t: np.ndarray
@@ -105,6 +107,8 @@ class Simulation:
     bases: int = 0
     u: np.ndarray | None = None
     events: Events | None = None
+    error: np.ndarray | None = None
+    integrator: str = ""
 
 
 class Stopped(FloatingPointError):

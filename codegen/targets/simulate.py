@@ -13,6 +13,7 @@ from typing import Any
 from codegen import text
 from codegen.integrators import (
     INTEGRATORS,
+    TIGHT,
     Collocation,
     Dense,
     Integrator,
@@ -23,7 +24,7 @@ from codegen.integrators import (
 )
 from codegen.integrators.records import centred, collocated
 from codegen.passes.lanes import side_by_side
-from codegen.passes.taylor import HIGHEST, in_pieces
+from codegen.passes.taylor import HIGHEST, faster_from, in_pieces
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
@@ -71,7 +72,12 @@ NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
-SHARED = ("simulation", "inputs", "events")  # Python files that are the same in every folder
+SHARED = (
+    "simulation",
+    "inputs",
+    "events",
+    "error",
+)  # Python files that are the same in every folder
 KINDS: dict[type, str] = {
     Tableau: "explicit",
     Rosenbrock: "rosenbrock",
@@ -152,6 +158,9 @@ def _data(program: Program) -> dict[str, Any]:
         "tabled": tabled,
         "calls": _calls(program, sizes, tabled, has["constants"]),
         "enforcements": _numbered(program.enforcements),
+        "faster_from": faster_from(program) if _highest(chosen) else 0.0,
+        "tight": TIGHT,
+        "staged": [name for name in program.enforcements if name in CHARTS],
         "rows": rows,
         "lanes": side_by_side(program),
         "nq": nq,
@@ -214,7 +223,9 @@ def _flags(
         "HIGHEST_ORDER": _highest(chosen),
         "SERIES_IN_PIECES": int(bool(_highest(chosen)) and in_pieces(program)),
         "EVENTS": len(program.events),
-        "DENSE_DEGREE": max(3, _stages(chosen), *(len(dense.powers) for dense in _dense(chosen))),
+        "DENSE_DEGREE": max(
+            3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))
+        ),
         "DENSE_STAGES": max(0, 0, *(len(dense.c) for dense in _dense(chosen))),
     }
 

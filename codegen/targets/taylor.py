@@ -8,11 +8,10 @@ from typing import Any
 
 from codegen import text
 from codegen.passes.names import RESERVED, Names
-from codegen.passes.taylor import HIGHEST, TAKEN, Series, Term, series, suffixes
+from codegen.passes.taylor import HIGHEST, SERIES, TAKEN, Series, Term, series, suffixes
 from codegen.program import Expression, Program, Statement
 from codegen.targets.records import Target
 
-INTEGRATOR = "taylor"
 WIDEST = 64  # bytes of a vector
 ADDED = 4  # cycles that a multiplication and an addition take together
 
@@ -33,12 +32,13 @@ class Body:
     first: tuple[str, ...]  # slots and rates of order 0
     step: tuple[str, ...]
     unused: tuple[str, ...]
+    inputs: int
     rates: int
 
 
 def files(program: Program) -> dict[str, str]:
     """NAME_taylor.h, and a NAME_taylor.c of each chart."""
-    if INTEGRATOR not in program.integrators or not program.simulates:
+    if SERIES not in program.integrators or not program.simulates:
         return {}
     bodies = [_body(program, suffix) for suffix in suffixes(program)]
     data: dict[str, Any] = {
@@ -83,6 +83,7 @@ def _body(program: Program, suffix: str) -> Body:
         first=tuple(_first(made)),
         step=tuple(_Order(made).lines()),
         unused=tuple(name for name in "tupc" if name not in used),
+        inputs=len(program.argument("u").names) if made.inputs else 0,
         rates=len(made.rates),
     )
 
@@ -140,6 +141,8 @@ class _Order:
             yield from self._put(self.made.time, "n == 1 ? 1.0 : 0.0")
         for name, i in self.made.states:
             yield from self._put(name, f"now[{i}]")
+        for name, i in self.made.inputs:
+            yield from self._put(name, f"n <= given ? rates_of_u[(n - 1) * INPUTS + {i}] : 0.0")
         for step in self.made.steps:
             value, self.ready[step.name] = self._sum(step.terms)
             if step.condition is not None:

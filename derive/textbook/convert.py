@@ -67,10 +67,12 @@ class Reader:
         return entries
 
     def _unrolled(self, roots: Sequence[int], names: dict[int, Expr]) -> int:
-        """Operations when nothing is shared."""
+        """Operations when nothing is shared, counted no further than just above LARGEST: along a
+        recursion they double from link to link."""
         sizes: dict[int, int] = {}
         for k in self.graph.below(roots, frozenset(names)):
-            sizes[k] = 0 if k in names else sum(1 + sizes[i] for i in self.graph.nodes[k].operands)
+            size = 0 if k in names else sum(1 + sizes[i] for i in self.graph.nodes[k].operands)
+            sizes[k] = min(size, LARGEST + 1)
         return sum(sizes[k] for k in roots)
 
     def name(self, value: ca.SX, symbols: Sequence[Expr]) -> None:

@@ -35,9 +35,18 @@ class Graph:
     symbols: ca.SX
     nodes: list[Node] = field(default_factory=list[Node])
     index: dict[Node, int] = field(default_factory=dict[Node, int])
+    _latest: tuple[ca.SX | None, list[int]] = (None, [])
 
     def read(self, value: ca.SX) -> list[int]:
-        """The nodes of a term's entries, row by row."""
+        """The nodes of a term's entries, row by row. The latest term is not read again: one is
+        tried in several forms."""
+        if value is not self._latest[0]:
+            self._latest = value, self._read(value)
+        return self._latest[1]
+
+    def _read(self, value: ca.SX) -> list[int]:
+        if value.is_scalar() and value.is_constant():
+            return [self._entered(Node(ca.OP_CONST, (), float(value) + 0.0))]
         entries = ca.vec(ca.densify(ca.SX(value)).T)
         used = ca.symvar(entries)
         function = ca.Function("term", [ca.vertcat(*used)], [entries])

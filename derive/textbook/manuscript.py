@@ -178,7 +178,8 @@ class Manuscript:
         symbols = self.system.symbols
         number = isinstance(expression, float | int)
         value = ca.SX(expression if number else symbols.scalar(expression))
-        value = ca.substitute(value, symbols.qd, self.system.qdot)
+        if not value.is_constant():
+            value = ca.substitute(value, symbols.qd, self.system.qdot)
         entries = self.reader.whole(value)
         if entries is None:
             return Math(r"\ldots")

@@ -46,7 +46,7 @@ def over_range(sweep: Sweep) -> str:
         _panel("real parts (1/s)", columns.real),
         _panel("imaginary parts (rad/s)", columns.imag),
     ]
-    return draw(f"eigenvalues over {name}", name, sweep.values[:, 0].tolist(), panels)
+    return draw(f"eigenvalues over {name}", sweep.labels[0], sweep.values[:, 0].tolist(), panels)
 
 
 def _panel(about: str, columns: np.ndarray) -> Panel:
@@ -90,7 +90,7 @@ def stability_map(sweep: Sweep) -> str:
         }
         # a little wider than its share, so that no line shows between two cells
         parts.append(element("rect", **place, width=width + 0.3, height=height + 0.3, fill=colour))
-    return _drawing(frame, f"{outer} and {inner}: {share}", (inner, outer), parts)
+    return _drawing(frame, f"{outer} and {inner}: {share}", sweep.labels[::-1], parts)
 
 
 def _colours(sweep: Sweep) -> list[str]:

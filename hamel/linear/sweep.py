@@ -12,6 +12,7 @@ from derive.linearize.critical import Critical, critical_values
 from derive.linearize.spectrum import eigenvalues, is_unstable
 from derive.linearize.study import Study
 from hamel.linear.ranges import Range
+from hamel.settings import units
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,7 @@ class Sweep:
     values: np.ndarray
     spectra: np.ndarray
     critical: tuple[Critical, ...]  # along a single range
+    labels: tuple[str, ...] = ()  # the names with their units, where these are known
 
     @property
     def unstable(self) -> np.ndarray:
@@ -68,7 +70,16 @@ def swept(study: Study, ranges: Sequence[Range]) -> Sweep:
     values = np.column_stack(
         [np.repeat(outer.values, many), np.tile(inner.values, len(outer.values))]
     )
-    return Sweep((outer.name, inner.name), values, eigenvalues(np.concatenate(stacks)), ())
+    names = (outer.name, inner.name)
+    labels = tuple(_label(study, name) for name in names)
+    return Sweep(names, values, eigenvalues(np.concatenate(stacks)), (), labels)
+
+
+def _label(study: Study, name: str) -> str:
+    """A parameter, input, coordinate or velocity has a unit; other names of a steady motion none
+    that is known."""
+    known = units(study.equations.system.model)
+    return f"{name} ({known[name] or '1'})" if name in known else name
 
 
 def _line(study: Study, along: Range) -> Sweep:
@@ -81,4 +92,5 @@ def _line(study: Study, along: Range) -> Sweep:
         along.values[:, np.newaxis],
         spectra,
         critical_values(matrices, along.values, spectra),
+        (_label(study, along.name),),
     )

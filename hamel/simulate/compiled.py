@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from codegen.integrators import AUTO, AUTOMATIC
 from codegen.reals import real_of
 from derive.choices.redundancy import dependent_rows
 from derive.choices.resolution import survey_of
@@ -32,6 +33,7 @@ from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
 from hamel.simulate import motion
+from hamel.simulate.automatic import picked
 from hamel.simulate.exact import state_of
 from hamel.simulate.figure import figure
 from hamel.simulate.files import writers
@@ -122,15 +124,29 @@ def simulation(
     Raises ModelError where what is asked for cannot be, AssumptionError where it does not fit the
     model or the motion cannot go on.
     """
+    automatic = method.integrator == AUTO
+    if automatic:  # one that fits everything, until the equations are there
+        method = replace(method, integrator=AUTOMATIC[0])
     check_method(method)
     times = _times(rows, method.step_size)
     writing = writers(places.out, places.plot)
     problem = _problem(path, method, rows, values, feed)
+    if automatic:
+        method = replace(method, integrator=_picked(problem, method))
     chosen, course = _integrated(problem, method, times, progress)
     for write in writing:
         write(course)
     used = replace(method, enforcement=problem.enforcement.name, alpha=problem.options.alpha)
-    return _record(chosen, used, problem.initial, course, places)
+    record = _record(chosen, used, problem.initial, course, places)
+    return replace(record, automatic=automatic)
+
+
+def _picked(problem: Problem, method: Method) -> str:
+    """The integrator of `auto`."""
+    changes = problem.changes
+    called = changes.function is not None and changes.sample is None
+    smooth = problem.enforcement.level != "stages" and not called
+    return picked(method, problem.equations(method.choice), smooth)
 
 
 def _problem(
@@ -287,6 +303,7 @@ def _record(
         velocity_violation=course.velocity_violation,
         acceleration_violation=course.acceleration_violation,
         energy_balance=course.energy_balance,
+        error=course.error_estimate,
         crossings=course.crossings,
         events={name: t.tolist() for name, (t, _) in course.events.items()},
         stopped_by=course.stopped_by,

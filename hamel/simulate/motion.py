@@ -71,6 +71,7 @@ class Motion:
     # by name: times, and a row of the coordinates and velocities at each
     events: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     stopped_by: str | None = None
+    error: np.ndarray | None = None  # estimate for each coordinate and quasi-velocity, at every row
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything by name, as it is written."""
@@ -91,6 +92,13 @@ class Motion:
         total = self.T + self.V if self.jacobi is None else self.jacobi
         scale = max(np.max(np.abs(self.T)), np.ptp(self.V), np.max(np.abs(self.work)))
         return (total - total[0] - self.work) / scale if scale > 0 else np.zeros_like(total)
+
+    @property
+    def error_estimate(self) -> float | None:
+        """The largest at the end; None where there is none."""
+        if self.error is None or not np.isfinite(self.error[-1:]).any():
+            return None
+        return float(np.nanmax(self.error[-1]))
 
     @property
     def energy_balance(self) -> float:
@@ -171,6 +179,8 @@ def integrated(
                 p,
                 max_steps=MOST_STEPS,
                 progress=watch,
+                error=start.changes.function
+                is None,  # who asks a function twice may get two answers
                 **asdict(by),
                 **several,
             )
@@ -248,6 +258,7 @@ def judged(
         inputs=fed,
         events=_events(found),
         stopped_by=_stopping(found),
+        error=found.error,
         work=found.work,
         phi=np.max(violation[:, :closed], axis=1, initial=0.0),
         slip=np.max(violation[:, closed:], axis=1, initial=0.0),

@@ -94,6 +94,22 @@ def _error_chart(title: str, rows: Sequence[Row], lines: Sequence[Series]) -> st
     return chart(title, "run time (ms) →", "error at the end", [dots, best, *lines])
 
 
+def estimate_chart(model: str, rows: Sequence[Row]) -> str:
+    """What motions say of their own error beside what it is: dots above the lower line are no less,
+    below the upper one at most thirty times."""
+    both = [(row["error_of_q"], row["estimate"]) for row in good(rows) if row["estimate"]]
+    if not both:
+        return ""
+    ends = [min(x for x, _ in both), max(x for x, _ in both)]
+    lines = [
+        Series("", both, "dots"),
+        Series("as large as the error", [(x, x) for x in ends], "curve"),
+        Series("thirty times", [(x, 30 * x) for x in ends], "curve"),
+    ]
+    title = f"{model}: estimate of the error, and the error"
+    return chart(title, "error of the coordinates at the end →", "estimate", lines)
+
+
 def extremes_chart(rows: Sequence[ExtremeRow]) -> str:
     """The extreme cases that have an error, from the largest on, each below the tolerance that its
     file states."""
@@ -117,9 +133,9 @@ def extremes_chart(rows: Sequence[ExtremeRow]) -> str:
 def time_charts(model: str, tracks: Sequence[Mapping[str, Any]], exchanged: float) -> list[str]:
     """|φ|, |A v − c| and the energy error over time; what is zero throughout has no line."""
     titles = {
-        "phi": (f"{model}: position violation over time", "|φ|"),
-        "velocity": (f"{model}: velocity violation over time", "|A v − c|"),
-        "balance": (f"{model}: energy error over time", "|energy error|, relative"),
+        "phi": (f"{model}: position violation over time", "|φ| (SI)"),
+        "velocity": (f"{model}: velocity violation over time", "|A v − c| (SI)"),
+        "balance": (f"{model}: energy error over time", "|energy error| (relative)"),
     }
     charts = [
         _time_chart(title, about, _tracks(name, tracks, exchanged if name == "balance" else 0.0))

@@ -94,7 +94,7 @@ def _draw(
             f"{mechanics.model.name}: choices of quasi-velocities",
             "t (s)",
             t.tolist(),
-            [Panel("cond [A; B]", curves, True)],
+            [Panel("cond [A; B] (1)", curves, True)],
         ),
     )
 

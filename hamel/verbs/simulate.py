@@ -15,13 +15,19 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"{contradiction}, {by['used']:.6g} is used")
     steps = f"{record.steps} steps, {record.rejected} rejected, {record.seconds:.2g} s of computing"
     console.print(f"{record.model}, choice {record.choice}: {record.time:g} s in {steps}")
-    console.print(f"  {record.formulation}, enforcement {record.enforcement}, {record.integrator}")
+    automatic = " (picked by auto)" if record.automatic else ""
+    method = f"{record.formulation}, enforcement {record.enforcement}, {record.integrator}"
+    console.print(f"  {method}{automatic}")
     console.print(f"  largest |φ|         {number(record.position_violation)}")
     console.print(f"  largest |A v − c|   {number(record.velocity_violation)}")
     console.print(f"  largest |A v̇ − β|   {number(record.acceleration_violation)}")
     integral = ", as Jacobi's integral T₂ − T₀ + V" if "jacobi" in record.motion else ""
     balance = f"{number(record.energy_balance)} of the largest energy exchanged{integral}"
     console.print(f"  energy balance      {balance}")
+    if record.error is not None:
+        console.print(
+            f"  error ≈             {number(record.error)} in any entry of the state at the end"
+        )
     _show_charts(record, console)
     _show_events(record, console)
     for place in (record.file, record.plot):
@@ -32,8 +38,10 @@ def show(record: Simulated, console: Console) -> None:
 def _show_events(record: Simulated, console: Console) -> None:
     """How often each happened, and which one ended the motion."""
     for name, times in record.events.items():
-        span = f", first at {times[0]:.9g} s, last at {times[-1]:.9g} s" if times else ""
-        console.print(f"  event {name:<13} {len(times)} times{span}")
+        count = "once" if len(times) == 1 else f"{len(times)} times"
+        at = "".join(f" at {t:.9g} s" for t in times[:1])
+        last = f", last at {times[-1]:.9g} s" if len(times) > 1 else ""
+        console.print(f"  event {name:<13} {count}{at}{last}")
     if record.stopped_by:
         console.print(f"  stopped by {record.stopped_by} at {record.time:.12g} s")
 

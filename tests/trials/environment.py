@@ -1,8 +1,9 @@
-"""Where the trials run: hamel from a wheel in an environment of its own, one fresh process for each verb.
+"""Where the trials run: hamel from a wheel in an environment of its own, one fresh process for
+each verb.
 
-`python environment.py FOLDER` builds the wheel of this checkout and installs it into FOLDER/venv. The trials are then run by
-that environment's interpreter, so that nothing of the checkout can be imported, and drive hamel by its command line and its
-public functions alone.
+`python environment.py FOLDER` builds the wheel of this checkout and installs it into
+FOLDER/venv. The trials are then run by that environment's interpreter, so that nothing of the
+checkout can be imported, and drive hamel by its command line and its public functions alone.
 """
 
 from __future__ import annotations
@@ -36,9 +37,11 @@ PROCESSES = int(os.environ.get("PROCESSES", "2"))
 KILLED = -1000
 PATHS: dict[str, str] = {}  # more variables for every process; none where hamel is installed
 
-# What a library says and a user must never read. hamel's own warnings are sentences without these words.
+# What a library says and a user must never read. hamel's own warnings are sentences without these
+# words.
 LIBRARY = re.compile(
-    r"Traceback|\w+Warning\b|WARNING|encountered in|site-packages|\b(?:casadi|numpy|pydantic|sympy)\.|discards the imaginary"
+    r"Traceback|\w+Warning\b|WARNING|encountered in|site-packages|discards the imaginary"
+    r"|\b(?:casadi|numpy|pydantic|sympy)\."
 )
 
 
@@ -120,7 +123,8 @@ def documented() -> frozenset[int]:
 
 
 def complaint(outcome: Outcome, refusals: Iterable[int] = (1, 2, 64)) -> str:
-    """What is wrong with the end of a process; empty when it did its work or refused for a documented reason."""
+    """What is wrong with the end of a process; empty when it did its work or refused for a
+    documented reason."""
     said = f"{outcome.err}\n{outcome.out if outcome.code else ''}"
     if outcome.code == KILLED:
         return f"ran for more than the limit: {outcome.words}"
@@ -261,7 +265,8 @@ for line in sys.stdin:
 
 
 class Worker:
-    """A process that calls hamel's functions again and again; started anew when it hangs or dies."""
+    """A process that calls hamel's functions again and again; started anew when it hangs or
+    dies."""
 
     def __init__(self, memory: int | None = None, more: Mapping[str, str] | None = None):
         self.memory, self.more, self.process = memory, more, None
@@ -269,7 +274,8 @@ class Worker:
     def call(
         self, verb: str, *arguments: str, limit: float = 20.0, **options: Any
     ) -> dict[str, Any]:
-        """{"code", "text", "warnings"}; the code is KILLED when it took longer than the limit or the process died."""
+        """{"code", "text", "warnings"}; the code is KILLED when it took longer than the limit or
+        the process died."""
         if self.process is None or self.process.poll() is not None:
             self.process = self._start()
         process = self.process
@@ -289,7 +295,8 @@ class Worker:
         }
 
     def _answers(self, limit: float) -> bool:
-        """Whether it answers before it has used `limit` seconds of processor time (five times as much by the clock)."""
+        """Whether it answers before it has used `limit` seconds of processor time (five times as
+        much by the clock)."""
         busy, begin = self._busy(), time.monotonic()
         while not select.select([self.process.stdout], [], [], 0.5)[0]:
             if self._busy() - busy > limit or time.monotonic() - begin > 5 * limit:
@@ -312,9 +319,10 @@ class Worker:
 
     def _start(self) -> subprocess.Popen[str]:
         limit = "" if self.memory is None else f"ulimit -v {self.memory // 1024}; "
+        command = ["sh", "-c", f'{limit}exec "$@"', "sh", sys.executable, "-c", WORKER]
         return subprocess.Popen(
-            ["sh", "-c", f'{limit}exec "$@"', "sh", sys.executable, "-c", WORKER], cwd=HOME, env=variables(HOME, self.more),
-            text=True, start_new_session=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            command, cwd=HOME, env=variables(HOME, self.more), text=True, start_new_session=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
         )  # fmt: skip
 
 

@@ -1,7 +1,9 @@
-"""`make faults`: what is stored is spoiled, builds are killed, run side by side, meet full disks and odd compilers.
+"""`make faults`: what is stored is spoiled, builds are killed, run side by side, meet full disks
+and odd compilers.
 
-Each ends in a right module or in a clear refusal: a documented exit code, one message, no traceback. A module is right when
-every backend in its folder gives the values of a module that was built undisturbed, in a fresh process.
+Each ends in a right module or in a clear refusal: a documented exit code, one message, no
+traceback. A module is right when every backend in its folder gives the values of a module that was
+built undisturbed, in a fresh process.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ CORRUPTIONS, KILLS, TOGETHER = 200, 60, 16  # at most --count of each
 REFUSALS = (1, 2, 3, 4, 64)
 PATIENCE = 400.0  # seconds for a build whose compiler never ends
 
-# `model` with a length: two modules that share everything but numbers, so that an old one and a new one can be told apart.
+# `model` with a length: two modules that share everything but numbers, so that an old one and a new
+# one can be told apart.
 MODEL = """model: swing
 coordinates: {{x: m, y: m}}
 parameters: {{m: 1.25 kg, l: {length} m, g: 9.81 m/s^2}}
@@ -160,7 +163,7 @@ def wordy(outcome: Outcome) -> str:
     return f"exit {outcome.code} with {len(messages)} messages: {outcome.err[:300]!r}"
 
 
-# ---- spoiled files ------------------------------------------------------------------------------------------------------
+# ---- spoiled files -------------------------------------------------------------------------------
 
 
 def flip(rng: random.Random, path: Path, others: list[Path]) -> None:
@@ -254,7 +257,7 @@ def corruptions(record: Record, good: Good, count: int) -> None:
     record.all(lambda number: spoiled(good, template, number), numbered)
 
 
-# ---- kills --------------------------------------------------------------------------------------------------------------
+# ---- kills ---------------------------------------------------------------------------------------
 
 
 class Watch(threading.Thread):
@@ -272,7 +275,8 @@ class Watch(threading.Thread):
 
 
 def killed(good: Good, folder: Path, number: int, duration: float) -> str:
-    """Kill one build, half of the times with its compilers; then build the other length, undisturbed."""
+    """Kill one build, half of the times with its compilers; then build the other length,
+    undisturbed."""
     rng = random.Random(number)
     length = 1.0 + number % 2
     (folder / "m.yaml").write_text(MODEL.format(length=length))
@@ -312,11 +316,12 @@ def kills(record: Record, good: Good, count: int) -> None:
     record.all(end, numbered, processes=1)  # they share the folder
 
 
-# ---- side by side -------------------------------------------------------------------------------------------------------
+# ---- side by side --------------------------------------------------------------------------------
 
 
 def together(record: Record, good: Good, count: int) -> None:
-    """Half of the builds go into one folder, half into one each; none finds anything in the cache they share."""
+    """Half of the builds go into one folder, half into one each; none finds anything in the cache
+    they share."""
     shared, most = place(), min(count, TOGETHER)
     folders = [shared] * (most // 2) + [place() for _ in range(most - most // 2)]
     command = [sys.executable, "-m", "hamel", *BUILD]
@@ -331,7 +336,7 @@ def together(record: Record, good: Good, count: int) -> None:
     )
 
 
-# ---- disks --------------------------------------------------------------------------------------------------------------
+# ---- disks ---------------------------------------------------------------------------------------
 
 
 @contextlib.contextmanager
@@ -351,7 +356,8 @@ def disk(folder: Path, size: str) -> Iterator[bool]:
 
 
 def full(good: Good, size: str) -> Iterator[tuple[str, str]]:
-    """Module and cache on a full disk, then the module alone on one that may not be written, then the cache alone."""
+    """Module and cache on a full disk, then the module alone on one that may not be written, then
+    the cache alone."""
     for what, variables in (("module", {}), ("cache", {}), ("TMPDIR", {"TMPDIR": "small"})):
         folder = place()
         with disk(folder / "small", size) as mounted:
@@ -421,7 +427,7 @@ def unwritable(good: Good) -> Iterator[tuple[str, str]]:
             yield f"read-only {outcome.code}", wrong and f"{what} in a read-only folder: {wrong}"
 
 
-# ---- compilers ----------------------------------------------------------------------------------------------------------
+# ---- compilers -----------------------------------------------------------------------------------
 
 TARGET = 'while [ $# -gt 0 ]; do [ "$1" = -o ] && shift && out="$1"; shift; done\n'
 AARCH64 = r"\177ELF\002\001\001\000\000\000\000\000\000\000\000\000\003\000\267\000"
@@ -433,7 +439,8 @@ SCRIPTS = {
     "dies": "kill -SEGV $$\n",
     "talks": "yes 'warning: nothing' | head -c 5000000 >&2\nexit 1\n",
     "forgets a function": 'exec gcc -Ddynamics=dynamic "$@"\n',
-    "compiles other numbers": 'for f in "$@"; do case "$f" in *.c) sed -i s/9.81/9.18/g "$f";; esac; done\nexec gcc "$@"\n',
+    "compiles other numbers": 'for f in "$@"; do case "$f" in '
+    '*.c) sed -i s/9.81/9.18/g "$f";; esac; done\nexec gcc "$@"\n',
 }
 WORDS = ("false", "   ", "'", "", "/nonexistent/cc", "/tmp", "gcc --no-such-option", "gcc\n", "cat")
 
@@ -460,7 +467,7 @@ def compiled(good: Good, job: tuple[str, str]) -> Ends:
     return ends(f"compilers {outcome.code}", f"CC {name}", wrong)
 
 
-# ---- all ----------------------------------------------------------------------------------------------------------------
+# ---- all -----------------------------------------------------------------------------------------
 
 
 def noted(record: Record, tried: Callable[[], Iterator[tuple[str, str]]]) -> None:

@@ -1,8 +1,10 @@
-"""`make fuzz`: spoiled model and robot files, through loader, importers, `check` and `build`, for a given time.
+"""`make fuzz`: spoiled model and robot files, through loader, importers, `check` and `build`, for a
+given time.
 
-`hamel.check` and `hamel.build` are called in processes that are used again until they hang, die or run out of memory. A failure
-is any exception without one of hamel's exit codes, any warning, more than 2 GB and more than 20 s of reading. What broke before,
-in tests/findings/, comes first, and is mutated like the rest. --resume adds to the counts of the last run.
+`hamel.check` and `hamel.build` are called in processes that are used again until they hang, die or
+run out of memory. A failure is any exception without one of hamel's exit codes, any warning, more
+than 2 GB and more than 20 s of reading. What broke before, in tests/findings/, comes first, and is
+mutated like the rest. --resume adds to the counts of the last run.
 """
 
 from __future__ import annotations
@@ -23,42 +25,20 @@ MEMORY = 2_000_000_000
 READING, BUILDING = 20.0, 120.0  # seconds
 LARGEST = 8_000  # bytes of a file that is mutated: a slip in a long one is rarer and slower
 STRANGE = (
-    "null", "~", "[]", "{}", "[1, 2]", "{a: 1}", "nan", ".inf", "1e400", "-1e300", "1e-320", "0", "-1", "true", "''", "ground", "t",
-    "pi", "der(t)", "sqrt(-1)", "log(0)", "1/0", "0**-1", "2^10000", "λ", "*", "&a", "!!int", "%", "@", "|", "kg", "deg", "auto",
-    "a.b.c", "__class__", "1_000", "0x10", "1:30", "<<", "?", "min(1)", "atan2(1)", "reaction.C", "free", "9" * 30, "example",
-    "1e160 m", "5e-324", "[[1e300]]", "x" * 5000, "(" * 300, "\\x00", "\t",
+    "null", "~", "[]", "{}", "[1, 2]", "{a: 1}", "nan", ".inf", "1e400", "-1e300", "1e-320", "0",
+    "-1", "true", "''", "ground", "t", "pi", "der(t)", "sqrt(-1)", "log(0)", "1/0", "0**-1",
+    "2^10000", "λ", "*", "&a", "!!int", "%", "@", "|", "kg", "deg", "auto", "a.b.c", "__class__",
+    "1_000", "0x10", "1:30", "<<", "?", "min(1)", "atan2(1)", "reaction.C", "free", "9" * 30,
+    "example", "1e160 m", "5e-324", "[[1e300]]", "x" * 5000, "(" * 300, "\\x00", "\t",
 )  # fmt: skip
 NUMBERS = (
-    "0",
-    "1",
-    "-1",
-    "1e-9",
-    "1e9",
-    "1e-300",
-    "1e300",
-    "5e-324",
-    "0.5",
-    "1e-16",
-    "1e150",
-    "1e160",
-    "1.5707963267948966",
-    "inf",
-    "nan",
-)
+    "0", "1", "-1", "1e-9", "1e9", "1e-300", "1e300", "5e-324", "0.5", "1e-16", "1e150", "1e160",
+    "1.5707963267948966", "inf", "nan",
+)  # fmt: skip
 KINDS = (
-    "revolute",
-    "prismatic",
-    "ball",
-    "free",
-    "planar",
-    "cylindrical",
-    "universal",
-    "screw",
-    "fixed",
-    "floating",
-    "hinge",
-    "slide",
-)
+    "revolute", "prismatic", "ball", "free", "planar", "cylindrical", "universal", "screw", "fixed",
+    "floating", "hinge", "slide",
+)  # fmt: skip
 NUMBER = re.compile(r"(?<![\w.])\d[\d.]*(?:e-?\d+)?")
 WORD = re.compile(r"[A-Za-z_][\w.]*|\d+\.?\d*(?:[eE][+-]?\d+)?|[^\sA-Za-z_0-9]")
 

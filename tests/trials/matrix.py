@@ -1,8 +1,10 @@
-"""`make matrix`: every verb of the command line on the smallest legal file of everything the schema knows, each in a fresh process.
+"""`make matrix`: every verb of the command line on the smallest legal file of everything the
+schema knows, each in a fresh process.
 
-A process fails the trial when it ends by a code that is not documented or is no true reason here (70, 3, 4), shows a traceback
-or a warning of a library, or prints no JSON under --json. The smallest file of each kind meets every verb; one with another
-optional key is built, checked and meets one more verb, in turn.
+A process fails the trial when it ends by a code that is not documented or is no true reason here
+(70, 3, 4), shows a traceback or a warning of a library, or prints no JSON under --json. The
+smallest file of each kind meets every verb; one with another optional key is built, checked and
+meets one more verb, in turn.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ import mechanisms
 from environment import Ends, Outcome, Record, Worker, asked, complaint, documented, run
 from scenes import File, Schema, files
 
-# What a verb is given beside the file so that it ends soon and writes where we look; any other verb is run with the file alone.
+# What a verb is given beside the file so that it ends soon and writes where we look; any other verb
+# is run with the file alone.
 SHORT: dict[str, tuple[str, ...]] = {
     "build": ("-o", "module"),
     "verify": ("--states", "5"),
@@ -31,12 +34,8 @@ SHORT: dict[str, tuple[str, ...]] = {
     "report": ("--time", "0.5", "--budget", "2", "-o", "report"),
     "import": ("-o", "imported.yaml"),
 }
-SELDOM = ("report", "stress", "extremes")  # only where nothing else is: a report takes many runs
-CLAIMS = (
-    "reference",
-    "stress",
-    "extremes",
-)  # sections whose made-up numbers verification may refuse
+SELDOM = ("report", "extremes")  # only where nothing else is: a report takes many runs
+CLAIMS = ("reference", "extremes")  # sections whose made-up numbers verification may refuse
 ROBOTS = ".urdf", ".xml"
 
 
@@ -93,7 +92,8 @@ def jobs_of(
 
 
 def robots() -> Iterator[tuple[str, str, str, bool]]:
-    """URDF and MJCF files, small ones of every joint and those of the tests; and what `hamel import` writes of them."""
+    """URDF and MJCF files, small ones of every joint and those of the tests; and what `hamel
+    import` writes of them."""
     small = [(f"urdf {kind}", ".urdf", URDF.format(kind=kind)) for kind in URDF_JOINTS]
     small += [
         (f"mjcf {kind or 'weld'}", ".xml", MJCF.format(joint=MJCF_JOINTS[kind]))
@@ -121,19 +121,25 @@ URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "plan
 URDF = """<robot name="m"><link name="base"/>
 <link name="arm"><inertial><origin xyz="0.1 0 0.2" rpy="0 0 0"/><mass value="1"/>
 <inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="j" type="{kind}"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.1" rpy="0 0.3 0"/><axis xyz="0 1 0"/>
+<joint name="j" type="{kind}"><parent link="base"/><child link="arm"/>
+<origin xyz="0 0 0.1" rpy="0 0.3 0"/><axis xyz="0 1 0"/>
 <limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>
 """
 MJCF_JOINTS = {
-    "hinge": '<joint axis="0 1 0"/>', "slide": '<joint type="slide" axis="0 1 0"/>', "ball": '<joint type="ball"/>', "free": "<freejoint/>", "": "",
-}  # fmt: skip
+    "hinge": '<joint axis="0 1 0"/>',
+    "slide": '<joint type="slide" axis="0 1 0"/>',
+    "ball": '<joint type="ball"/>',
+    "free": "<freejoint/>",
+    "": "",
+}
 MJCF = """<mujoco model="m"><worldbody><body name="arm" pos="0 0 1">{joint}
 <geom type="box" size="0.1 0.2 0.3" mass="1" pos="0.1 0 0.2"/></body></worldbody></mujoco>
 """
 
 
 def oracle(worker: Worker, record: Record) -> Callable[[dict], str]:
-    """Why `hamel check` refuses a model; each is asked once. What it must not say of any model is a failure."""
+    """Why `hamel check` refuses a model; each is asked once. What it must not say of any model
+    is a failure."""
     known: dict[str, str] = {}
     path = environment.HOME / "asked.yaml"
 

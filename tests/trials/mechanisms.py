@@ -1,9 +1,11 @@
-"""Random mechanisms through the front door: written as YAML, built by `hamel build`, judged by mechanics that share nothing with hamel.
+"""Random mechanisms through the front door: written as YAML, built by `hamel build`, judged by
+mechanics that share nothing with hamel.
 
-Each mechanism is a tree of joints in a random pose; closures and constraints are put where the pose meets them. From positions
-and rotations of the bodies alone (`Mechanism.frames`) follow by differences: the constraints' Jacobian A and its rank, the
-velocities and accelerations along a short motion of the generated module, and with them d'Alembert's principle: for every
-admissible virtual velocity  Σ m a·δv + Ḣ·δω = power of all forces.
+Each mechanism is a tree of joints in a random pose; closures and constraints are put where the pose
+meets them. From positions and rotations of the bodies alone (`Mechanism.frames`) follow by
+differences: the constraints' Jacobian A and its rank, the velocities and accelerations along a
+short motion of the generated module, and with them d'Alembert's principle: for every admissible
+virtual velocity  Σ m a·δv + Ḣ·δω = power of all forces.
 """
 
 from __future__ import annotations
@@ -11,9 +13,10 @@ from __future__ import annotations
 import itertools
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import environment
 import numpy as np
@@ -21,49 +24,18 @@ from environment import Ends, Outcome, Record, complaint, python
 
 Array = np.ndarray
 Frame = tuple[Array, Array]  # rotation, origin
-SPACE = (
-    "revolute",
-    "prismatic",
-    "screw",
-    "cylindrical",
-    "universal",
-    "ball",
-    "planar",
-    "free",
-    "fixed",
-)
-PLANE = ("revolute", "prismatic", "planar")
+# coordinates of each joint; their order, and that of what follows, belongs to the seeds
 SIZES = {
-    "revolute": 1,
-    "prismatic": 1,
-    "screw": 1,
-    "cylindrical": 2,
-    "universal": 2,
-    "ball": 4,
-    "planar": 3,
-    "free": 7,
-    "fixed": 0,
-}
-FREEDOMS = SIZES | {"ball": 3, "free": 6}
-LOOPS = {
-    "revolute": 5,
-    "prismatic": 5,
-    "screw": 5,
-    "cylindrical": 4,
-    "universal": 4,
-    "ball": 3,
-    "planar": 3,
-    "fixed": 6,
-}
-MEETINGS = {
-    "distance": 1,
-    "point_on_surface": 1,
-    "no_slip": 1,
-    "rolling": 3,
-    "coupling": 1,
-    "prescribed": 1,
-}
+    "revolute": 1, "prismatic": 1, "screw": 1, "cylindrical": 2, "universal": 2, "ball": 4,
+    "planar": 3, "free": 7, "fixed": 0,
+}  # fmt: skip
+SPACE, PLANE = tuple(SIZES), ("revolute", "prismatic", "planar")
+SPACE_LOOPS = tuple(kind for kind in SPACE if kind != "free")
+PLANE_LOOPS = ("revolute", "prismatic", "fixed")
+MEETINGS = ("distance", "point_on_surface", "no_slip", "rolling", "coupling", "prescribed")
 ONE = ("revolute", "prismatic", "screw")
+SECTIONS = ("bodies", "joints", "closures", "constraints", "loads")
+AROUND = (-2, -1, 1, 2)
 STEP = 1e-3  # s, between the points of the motion that is differentiated
 CLOSE = 2e-6  # of fourth-order differences over STEP; a wrong sign or term errs by 1e-2 and more
 SINGULAR = 1e-4  # σ_min/σ_max of A below which a refusal for a singular position is true
@@ -100,6 +72,11 @@ def inverse(a: Frame) -> Frame:
 
 def skew(Q: Array) -> Array:
     return np.array([Q[2, 1] - Q[1, 2], Q[0, 2] - Q[2, 0], Q[1, 0] - Q[0, 1]]) / 2
+
+
+def slope(values: Sequence[Any], h: float) -> Array:
+    """The derivative in the middle of values at -2, -1, 1 and 2 times h, to fourth order."""
+    return np.tensordot(np.array([1, -8, 8, -1]) / (12 * h), np.array(values), 1)
 
 
 def across(axis: Array) -> Array:
@@ -151,7 +128,8 @@ Power = Callable[["Motion"], Array]  # of every virtual velocity
 
 @dataclass
 class Motion:
-    """A short motion of the module about one instant, and the admissible virtual velocities there."""
+    """A short motion of the module about one instant, and the admissible virtual velocities
+    there."""
 
     frames: list[Frame]
     q: Array
@@ -172,21 +150,13 @@ class Mechanism:
     masses: list[tuple[float, Array, Array]] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     pose: Array = field(default_factory=lambda: np.zeros(0))
-    lines: dict[str, dict] = field(
-        default_factory=lambda: {
-            "bodies": {},
-            "joints": {},
-            "closures": {},
-            "constraints": {},
-            "loads": {},
-        }
-    )
+    lines: dict[str, dict] = field(default_factory=lambda: {name: {} for name in SECTIONS})
     residuals: list[Residual] = field(default_factory=list)
     rates: list[Rate] = field(default_factory=list)
     powers: list[Power] = field(default_factory=list)
     gravity: Array = field(default_factory=lambda: np.zeros(3))
 
-    # ---- forms of the file ------------------------------------------------------------------------------------------------
+    # ---- forms of the file -----------------------------------------------------------------------
 
     def vector(self, x: Array) -> list[float]:
         return [float(e) for e in x[: 2 if self.planar else 3]]
@@ -202,21 +172,21 @@ class Mechanism:
     @property
     def text(self) -> str:
         guess = dict(zip(self.names, map(float, self.pose), strict=True))
-        start = (
-            {"model": self.name}
-            | ({"plane": "xy"} if self.planar else {})
-            | {"gravity": self.vector(self.gravity)}
-        )
-        units = {"parameters": {"amplitude": "0.2 rad", "stroke": "0.2 m", "rate": "1.5 rad/s"}}
-        return json.dumps(
-            start
-            | units
-            | {k: v for k, v in self.lines.items() if v}
-            | {"initial": {"guess": guess}},
-            indent=1,
-        )
+        plane = {"plane": "xy"} if self.planar else {}
+        sizes = {"amplitude": "0.2 rad", "stroke": "0.2 m", "rate": "1.5 rad/s"}
+        start = {"gravity": self.vector(self.gravity), "parameters": sizes}
+        lines = {k: v for k, v in self.lines.items() if v} | {"initial": {"guess": guess}}
+        return json.dumps({"model": self.name} | plane | start | lines, indent=1)
 
-    # ---- random parts -----------------------------------------------------------------------------------------------------
+    # ---- random parts ----------------------------------------------------------------------------
+
+    def axes(self, kind: str, axis: Array, axis2: Array, pitch: float) -> dict:
+        """What the file says of the axes of a joint or closure."""
+        turning = self.planar and kind != "prismatic"
+        none = turning or kind in ("ball", "free", "planar", "fixed")
+        entry: dict = {} if none else {"axis": self.vector(axis)}
+        more = {"universal": {"axis2": self.vector(axis2)}, "screw": {"pitch": pitch}}
+        return entry | more.get(kind, {})
 
     def any_frame(self) -> Frame:
         point = self.rng.uniform(-0.4, 0.4, 3) * (np.array([1, 1, 0]) if self.planar else 1)
@@ -237,16 +207,8 @@ class Mechanism:
         """One more body on a joint."""
         rng, i = self.rng, len(self.joints)
         axis, before, behind = self.any_axis(kind), self.any_frame(), self.any_frame()
-        joint = Joint(
-            kind,
-            parent,
-            before,
-            behind,
-            axis,
-            across(axis),
-            float(rng.uniform(-0.5, 0.5)),
-            len(self.names),
-        )
+        pitch, first = float(rng.uniform(-0.5, 0.5)), len(self.names)
+        joint = Joint(kind, parent, before, behind, axis, across(axis), pitch, first)
         self.joints.append(joint)
         q = rng.uniform(-0.8, 0.8, SIZES[kind])
         if kind in ("ball", "free"):
@@ -280,21 +242,14 @@ class Mechanism:
             "child": child,
         }
         entry["at"] = {"parent": self.place(joint.before), "child": self.place(joint.behind)}
-        turning = self.planar and joint.kind != "prismatic"
-        entry |= (
-            {}
-            if turning or joint.kind in ("ball", "free", "planar", "fixed")
-            else {"axis": self.vector(joint.axis)}
-        )
-        entry |= {"axis2": self.vector(joint.axis2)} if joint.kind == "universal" else {}
-        entry |= {"pitch": joint.pitch} if joint.kind == "screw" else {}
+        entry |= self.axes(joint.kind, joint.axis, joint.axis2, joint.pitch)
         if joint.kind == "free":
             return entry | {"position": names[:3], "orientation": {"quaternion": names[3:]}}
         if not names:
             return entry
         return entry | ({"coordinate": names[0]} if joint.kind in ONE else {"coordinates": names})
 
-    # ---- its own mechanics ------------------------------------------------------------------------------------------------
+    # ---- its own mechanics -----------------------------------------------------------------------
 
     def frames(self, q: Array) -> list[Frame]:
         done: list[Frame] = []
@@ -312,32 +267,27 @@ class Mechanism:
         frames = self.frames(q)
         return np.concatenate([np.zeros(0), *(r(frames, q, t) for r in self.residuals)])
 
+    def along(self, q: Array, rates: Array) -> tuple[list[Array], float]:
+        """Coordinates about q along q̇, and the time between them."""
+        h = STEP / max(1.0, float(np.abs(rates).max(initial=0)))
+        return [q + k * h * rates for k in AROUND], h
+
     def twists(self, q: Array, rates: Array) -> tuple[Array, Array]:
-        """Velocities of the bodies' origins and angular velocities, by differences of fourth order along q̇."""
-        h = 1e-3 / max(1.0, float(np.abs(rates).max(initial=0)))
-        ahead = [self.frames(q + k * h * rates) for k in (-2, -1, 1, 2)]
-        weights = np.array([1, -8, 8, -1]) / (12 * h)
-        now = self.frames(q)
-        v = np.array(
-            [sum(w * f[i][1] for w, f in zip(weights, ahead, strict=True)) for i in range(len(now))]
-        )
-        turned = [
-            sum(w * f[i][0] for w, f in zip(weights, ahead, strict=True)) for i in range(len(now))
-        ]
-        return v, np.array([skew(R @ now[i][0].T) for i, R in enumerate(turned)])
+        """Velocities of the bodies' origins and angular velocities, by differences along q̇."""
+        places, h = self.along(q, rates)
+        frames = [self.frames(place) for place in places]
+        origins = slope([[p for _, p in frame] for frame in frames], h)
+        turned = slope([[R for R, _ in frame] for frame in frames], h)
+        spins = [skew(D @ R.T) for D, (R, _) in zip(turned, self.frames(q), strict=True)]
+        return origins, np.array(spins)
 
     def constraint_rates(self, q: Array, rates: Array) -> Array:
         """Of holonomic rows at constant t, and of the others, along q̇."""
-        h = 1e-3 / max(1.0, float(np.abs(rates).max(initial=0)))
-        weights = np.array([1, -8, 8, -1]) / (12 * h)
-        moved = sum(
-            w * self.residual(q + k * h * rates)
-            for w, k in zip(weights, (-2, -1, 1, 2), strict=True)
-        )
+        places, h = self.along(q, rates)
+        moved = slope([self.residual(place) for place in places], h)
         v, omega = self.twists(q, rates)
-        return np.concatenate(
-            [moved, *(rate(self.frames(q), v, omega, rates) for rate in self.rates)]
-        )
+        others = [rate(self.frames(q), v, omega, rates) for rate in self.rates]
+        return np.concatenate([moved, *others])
 
     def tangents(self, q: Array) -> Array:
         """q̇ of every freedom of the tree: unit vectors, and three for each quaternion."""
@@ -357,41 +307,27 @@ class Mechanism:
         return np.array(columns)
 
     def rank(self, q: Array) -> tuple[int, int, float]:
-        """Freedoms, rank of A, and the least of its singular values that count, relative to the largest."""
+        """Freedoms, rank of A, and the least of its singular values that count, relative to the
+        largest."""
         columns = self.tangents(q)
         A = np.array([self.constraint_rates(q, column) for column in columns]).T
         sizes = np.linalg.svd(A, compute_uv=False) if A.size else np.zeros(0)
         counted = sizes[sizes > 1e-8 * sizes[0]] if sizes.size else sizes
         return len(columns), len(counted), float(counted[-1] / counted[0]) if counted.size else 1.0
 
-    # ---- what is put into the pose ----------------------------------------------------------------------------------------
+    # ---- what is put into the pose ---------------------------------------------------------------
 
     def close(self, kind: str, one: int, other: int) -> None:
-        frames, axis, name = (
-            self.frames(self.pose),
-            self.any_axis(kind),
-            f"C{len(self.lines['closures'])}",
-        )
+        name, frames = f"C{len(self.lines['closures'])}", self.frames(self.pose)
+        axis = self.any_axis(kind)
         first = self.any_frame()
         second = after(inverse(self.of(frames, other)), after(self.of(frames, one), first))
         axis2, pitch = across(axis), float(self.rng.uniform(0.1, 0.5))
-        entry = {
+        self.lines["closures"][name] = {
             "type": kind,
             "between": [self.called(one), self.called(other)],
             "at": [self.place(first), self.place(second)],
-        }
-        turning = self.planar and kind != "prismatic"
-        entry |= (
-            {} if turning or kind in ("ball", "planar", "fixed") else {"axis": self.vector(axis)}
-        )
-        entry |= (
-            {"axis2": self.vector(axis2)}
-            if kind == "universal"
-            else {"pitch": pitch}
-            if kind == "screw"
-            else {}
-        )
-        self.lines["closures"][name] = entry
+        } | self.axes(kind, axis, axis2, pitch)
 
         def residual(frames: list[Frame], q: Array, t: float) -> Array:
             R1, p1 = after(self.of(frames, one), first)
@@ -514,7 +450,8 @@ class Mechanism:
         i, slides = hinged[0].first, hinged[0].kind == "prismatic"
         start = float(self.pose[i])
         self.residuals.append(lambda frames, q, t: np.array([q[i] - start - 0.2 * np.sin(1.5 * t)]))
-        motion = f"{start!r} {'m' if slides else 'rad'} + {'stroke' if slides else 'amplitude'}*sin(rate*t)"
+        unit, size = ("m", "stroke") if slides else ("rad", "amplitude")
+        motion = f"{start!r} {unit} + {size}*sin(rate*t)"
         return {"coordinate": self.names[i], "motion": motion}
 
     def load(self, kind: str, body: int) -> None:
@@ -566,7 +503,8 @@ class Mechanism:
 
 
 def loop(kind: str, d: Array, Q: Array, axis: Array, axis2: Array, pitch: float) -> Array:
-    """What a closure keeps at zero: d is the second frame's origin and Q its rotation, seen from the first."""
+    """What a closure keeps at zero: d is the second frame's origin and Q its rotation, seen from
+    the first."""
     u = across(axis)
     w = np.cross(axis, u)
     sides, tilt = np.array([u @ d, w @ d]), np.array([u @ Q @ axis, w @ Q @ axis])
@@ -590,7 +528,8 @@ def loop(kind: str, d: Array, Q: Array, axis: Array, axis2: Array, pitch: float)
 
 
 def mechanism(seed: int) -> Mechanism:
-    """The same one for the same seed: one to four bodies, closures and constraints that leave a freedom."""
+    """The same one for the same seed: one to four bodies, closures and constraints that leave a
+    freedom."""
     rng = np.random.default_rng(seed)
     made = Mechanism(rng, planar=seed % 4 == 0, name=f"random{seed}")
     kinds = PLANE if made.planar else SPACE
@@ -600,8 +539,8 @@ def mechanism(seed: int) -> Mechanism:
         made.grow("revolute", -1)
     made.gravity = rng.uniform(-9, 9, 3) * (np.array([1, 1, 0]) if made.planar else 1)
     bodies = len(made.joints)
-    closures = [k for k in LOOPS if not made.planar or k in ("revolute", "prismatic", "fixed")]
-    for add, wanted in ((made.close, closures), (made.meet, list(MEETINGS))):
+    closures = PLANE_LOOPS if made.planar else SPACE_LOOPS
+    for add, wanted in ((made.close, closures), (made.meet, MEETINGS)):
         for kind in rng.choice(
             wanted, int(rng.choice([0, 1, 1, 2] if add == made.meet else [0, 1, 1]))
         ):
@@ -613,7 +552,8 @@ def mechanism(seed: int) -> Mechanism:
 
 
 def _try(made: Mechanism, add: Callable, kind: str, one: int, other: int) -> None:
-    """Add a closure or constraint, unless no freedom would be left or it holds two bodies that cannot move apart."""
+    """Add a closure or constraint, unless no freedom would be left or it holds two bodies that
+    cannot move apart."""
     if one == other:
         other = -1
     counts = {name: len(rows) for name, rows in made.lines.items()}
@@ -627,7 +567,7 @@ def _try(made: Mechanism, add: Callable, kind: str, one: int, other: int) -> Non
                 del rows[key]
 
 
-# ---- what hamel makes of it ---------------------------------------------------------------------------------------------
+# ---- what hamel makes of it ----------------------------------------------------------------------
 
 # In one fresh process: the module is built and imported; a motion about t = 0 from the pose, q̇ of
 # every quasi-velocity; then simulations, by the module itself where it has the enforcement.
@@ -689,7 +629,8 @@ def by_module(name):
 for number, name in enumerate(asked["enforcements"]):
     own = number and start and name in module.enforcements
     try:
-        answer["ends"][f"{name}, by the module" if own else name] = (by_module if own else by_hamel)(name)
+        found = by_module(name) if own else by_hamel(name)
+        answer["ends"][f"{name}, by the module" if own else name] = found
     except Exception as error:
         answer["ends"][name] = told(error)
 finished()
@@ -725,8 +666,8 @@ def _against_principle(made: Mechanism, answer: dict) -> Iterator[str]:
     error = unbalanced(made, answer, virtual) if len(virtual) else 0.0
     if error > CLOSE:
         yield f"d'Alembert's principle is off by {error:.1g}"
-    energies = np.array(answer["energy"]).sum(axis=1)
-    rate = np.array([1, -8, 8, -1]) @ energies / (12 * STEP)
+    energies = np.array(answer["energy"])[:, :2].sum(axis=1)
+    rate = slope(energies, STEP)
     scale = 1 + np.abs(energies).max() + abs(answer["power"])
     still = not any(
         entry.get("type") == "prescribed" for entry in made.lines["constraints"].values()
@@ -738,30 +679,26 @@ def _against_principle(made: Mechanism, answer: dict) -> Iterator[str]:
 def unbalanced(made: Mechanism, answer: dict, virtual: Array) -> float:
     """The error of d'Alembert's principle relative to the sum of its terms."""
     frames = [made.frames(np.array(x)) for x in answer["motion"]]
-    weights = np.array([1, -8, 0, 8, -1]) / (12 * STEP)
-    twists = [made.twists(made.pose, column) for column in virtual]
-    motion = Motion(
-        frames[4], made.pose, np.array(answer["rates"]), np.array([v for v, _ in twists]), np.array([w for _, w in twists]), virtual
-    )  # fmt: skip
-    total, size = np.zeros(len(virtual)), 1e-9
+    origins, turns = map(
+        np.array, zip(*(made.twists(made.pose, column) for column in virtual), strict=True)
+    )
+    motion = Motion(frames[4], made.pose, np.array(answer["rates"]), origins, turns, virtual)
+    terms = [-power(motion) for power in made.powers]
     for i, (mass, com, I) in enumerate(made.masses):
         R = np.array([f[i][0] for f in frames])
-        centre = np.array([f[i][0] @ com + f[i][1] for f in frames])
-        turned = [
-            sum(w * R[k + j] for j, w in zip(range(-2, 3), weights, strict=True))
-            for k in range(2, 7)
-        ]
-        spin = [skew(turned[k] @ R[k + 2].T) for k in range(5)]
-        momentum = np.array([R[k + 2] @ I @ R[k + 2].T @ spin[k] for k in range(5)])
-        second = np.array([-1, 16, -30, 16, -1]) / (12 * STEP**2) @ centre[2:7]
-        moved = motion.origins[:, i] + np.cross(motion.turns[:, i], R[4] @ com)
-        parts = (mass * moved @ (second - made.gravity), motion.turns[:, i] @ (weights @ momentum))
-        total += parts[0] + parts[1]
-        size += float(np.abs(parts[0]).max(initial=0) + np.abs(parts[1]).max(initial=0))
-    for power in made.powers:
-        total -= power(motion)
-        size += float(np.abs(power(motion)).max(initial=0))
-    return float(np.abs(total).max(initial=0)) / size
+        centres = np.array([f[i][0] @ com + f[i][1] for f in frames])
+        second = np.array([-1, 16, -30, 16, -1]) / (12 * STEP**2) @ centres[2:7]
+        moved = origins[:, i] + np.cross(turns[:, i], R[4] @ com)
+        terms.append(mass * moved @ (second - made.gravity))
+        terms.append(turns[:, i] @ slope([_momentum(R, k, I) for k in (2, 3, 5, 6)], STEP))
+    size = sum(float(np.abs(term).max(initial=0)) for term in terms) + 1e-9
+    return float(np.abs(np.sum(terms, axis=0)).max(initial=0)) / size
+
+
+def _momentum(R: Array, k: int, I: Array) -> Array:
+    """Angular momentum about the centre of mass, R a row of rotations STEP apart."""
+    spin = skew(slope([R[k + j] for j in AROUND], STEP) @ R[k].T)
+    return R[k] @ I @ R[k].T @ spin
 
 
 def simulated(made: Mechanism, answer: dict) -> Iterator[str]:
@@ -788,7 +725,8 @@ def simulated(made: Mechanism, answer: dict) -> Iterator[str]:
 
 
 def _true_stop(made: Mechanism, answer: dict, end: str) -> bool:
-    """A refused motion may end at a singular position: then the others that went on have come near to one."""
+    """A refused motion may end at a singular position: then the others that went on have come near
+    to one."""
     reached = [
         np.array([e[n] for n in made.names])
         for e in answer["ends"].values()

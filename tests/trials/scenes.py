@@ -1,8 +1,10 @@
-"""The smallest legal file of everything the schema knows, with each optional key left out and given.
+"""The smallest legal file of everything the schema knows, with each optional key left out and
+given.
 
-The schema says which keys there are, which are required and what form their values have. What it does not say is what a value
-means; VALUES has values for each key name, whatever it stands in. An entry is put into a scene, a small model around it, and
-`hamel check` says which of the candidates are legal: the one with the fewest keys is the smallest.
+The schema says which keys there are, which are required and what form their values have. What it
+does not say is what a value means; VALUES has values for each key name, whatever it stands in. An
+entry is put into a scene, a small model around it, and `hamel check` says which of the candidates
+are legal: the one with the fewest keys is the smallest.
 """
 
 from __future__ import annotations
@@ -68,8 +70,8 @@ def _large(family: str, plane: Node, last: Node, inertia: Any, gravity: list) ->
     }
     joints["C"] = {"parent": "ground", "child": "c"} | last
     names = {
-        "body": "c", "pair": ["b", "c"], "joint": "A", "joints": ["A", "B"], "coordinate": "q", "second": "r", "rate": "der(q)",
-        "velocity": "C.vx",
+        "body": "c", "pair": ["b", "c"], "joint": "A", "joints": ["A", "B"],
+        "coordinate": "q", "second": "r", "rate": "der(q)", "velocity": "C.vx",
     }  # fmt: skip
     guess = {"q": 0.4, "r": -0.7, "x": 0.3, "y": 0.6} | (
         {"th": 0.2} if len(gravity) == 2 else {"z": 0.5, "e1": 0.2, "e2": 0.3, "e3": -0.1}
@@ -118,7 +120,8 @@ def _named(key: str) -> Callable[[Scene], list]:
 
 
 def _formulas(*texts: str) -> Callable[[Scene], list]:
-    """Formulas with {q}, {r}, {v}, {c}, {p} for what the scene has; those that it cannot fill are left out."""
+    """Formulas with {q}, {r}, {v}, {c}, {p} for what the scene has; those that it cannot fill are
+    left out."""
 
     def values(scene: Scene) -> list:
         known = {"q": "coordinate", "r": "second", "v": "rate", "c": "body"}
@@ -140,7 +143,25 @@ def _entries(key: Callable[[Scene], list], *values: Any) -> Callable[[Scene], li
 
 COORDINATE, RATE = _named("coordinate"), _named("rate")
 
-# What the schema does not say: values that mean something, by key; those of another form than the schema's are passed over.
+
+def _pair(scene: Scene) -> list:
+    """Two coordinates, where the scene has two."""
+    names = [scene.names[key] for key in ("coordinate", "second") if key in scene.names]
+    return [names] if len(names) == 2 else []
+
+
+def _choices(scene: Scene) -> list:
+    rate = scene.names["rate"]
+    return ["auto", "orthonormal", "frozen", "mass_orthogonal", [rate], {"w": rate}]
+
+
+def _steady(scene: Scene) -> list:
+    name = scene.names["coordinate"]
+    return [{name: 0}, {"guess": {name: 0.1}}]
+
+
+# What the schema does not say: values that mean something, by key; those of another form than the
+# schema's are passed over.
 VALUES: dict[str, Callable[[Scene], list]] = {
     "model": _some("m"),
     "plane": _some("xy"),
@@ -152,10 +173,10 @@ VALUES: dict[str, Callable[[Scene], list]] = {
     "joint": _named("joint"),
     "joints": _named("joints"),
     "coordinate": COORDINATE,
-    "coordinates": lambda scene: [[scene.names["coordinate"], scene.names["second"]]] if "second" in scene.names else [],
+    "coordinates": _pair,
     "velocity": lambda scene: [scene.names.get("velocity", scene.names["rate"])],
     "JointEntry.coordinate": _some("turn"),
-    "JointEntry.coordinates": _some(*(["n1", "n2", "n3", "n4", "n5", "n6", "n7"][:n] for n in range(1, 8))),
+    "JointEntry.coordinates": _some(*([f"n{i + 1}" for i in range(n)] for n in range(1, 8))),
     "JointEntry.position": _some(["px", "py", "pz"]),
     "orientation": _some("quaternion"),
     "angles": _some(["n1", "n2", "n3"]),
@@ -181,7 +202,7 @@ VALUES: dict[str, Callable[[Scene], list]] = {
     "expression": _driven(["2 N*m", "2 N"]),
     "holonomic": _formulas("{q} - 2*{r}"),
     "nonholonomic": _formulas("der({q}) - 2*der({r})"),
-    "nonideal": lambda scene: [{scene.names["coordinate"]: value} for value in ("0.5 N*m", "0.5 N")],
+    "nonideal": _entries(COORDINATE, "0.5 N*m", "0.5 N"),
     "value": _some("0.2 m"),
     "kinetic": _formulas("(1 kg)*{v}^2/2", "(1 kg*m^2)*{v}^2/2"),
     "potential": _formulas("(1 N/m)*{q}^2/2", "(1 N*m/rad^2)*{q}^2/2"),
@@ -190,9 +211,9 @@ VALUES: dict[str, Callable[[Scene], list]] = {
     "Model.coordinates": _some({"z": "m"}),
     "where": _formulas("2*{q}"),
     "outputs": _formulas("position({c}, {p})", "velocity({c}, {p})", "angle({c})", "{q}"),
-    "quasi_velocities": lambda scene: ["auto", "orthonormal", "frozen", "mass_orthogonal", [scene.names["rate"]], {"w": scene.names["rate"]}],
+    "quasi_velocities": _choices,
     "initial": _entries(lambda scene: [*COORDINATE(scene), *RATE(scene)], 0.1),
-    "steady_motion": lambda scene: [{scene.names["coordinate"]: 0}, {"guess": {scene.names["coordinate"]: 0.1}}],
+    "steady_motion": _steady,
     "source": _some("a page"),
     "tolerance": _some(0.1),
     "values": _entries(COORDINATE, 0),
@@ -205,7 +226,6 @@ VALUES: dict[str, Callable[[Scene], list]] = {
     "choice": _some("orthonormal"),
     "real": _some("float32"),
     "integrator": _some("rk4"),
-    "keeping": _some("none", "projection"),
     "enforcement": _some("none", "projection"),
     "refused": _some("words"),
     "pitch": _some(0.2),
@@ -313,7 +333,8 @@ class Schema:
 
 @dataclass(frozen=True)
 class File:
-    """A model file: what it is of, which optional key it shows, and whether `hamel check` took it."""
+    """A model file: what it is of, which optional key it shows, and whether `hamel check` took
+    it."""
 
     kind: str
     key: str
@@ -330,7 +351,8 @@ Oracle = Callable[[Node], str]  # why a model is refused; empty when it is legal
 
 @dataclass(frozen=True)
 class Kind:
-    """An entry of the schema with the value that tells it from others of its form, such as type: ball."""
+    """An entry of the schema with the value that tells it from others of its form, such as type:
+    ball."""
 
     section: str
     form: Node
@@ -346,7 +368,8 @@ class Kind:
 
 
 def placed(scene: Scene, section: str, entry: Any) -> Node:
-    """The scene with one entry: the body c, the joint C or the coordinate q is replaced, anything else added."""
+    """The scene with one entry: the body c, the joint C or the coordinate q is replaced, anything
+    else added."""
     slot = {"bodies": "c", "joints": "C", "coordinates": "q"}.get(section, "e")
     model = {"model": "m"} | scene.model
     if section == "joints" and "x" in model.get("initial", {}).get("guess", {}):
@@ -360,7 +383,8 @@ def placed(scene: Scene, section: str, entry: Any) -> Node:
 def smallest(
     schema: Schema, kind: Kind, scenes: list[Scene], refusal: Oracle, key: str = ""
 ) -> tuple[Scene, Node] | None:
-    """The scene and the entry with the fewest optional keys that is legal, with `key` given if one is named.
+    """The scene and the entry with the fewest optional keys that is legal, with `key` given if one
+    is named.
 
     What most refusals name is added, a key at a time; where they name no key, each is tried.
     """
@@ -401,7 +425,8 @@ def said(reason: str) -> set[str]:
 
 
 def of_kind(schema: Schema, kind: Kind, family: str, refusal: Oracle) -> Iterator[File]:
-    """The smallest legal file and one for every optional key; for every value of the key where it stands beside no other."""
+    """The smallest legal file and one for every optional key; for every value of the key where it
+    stands beside no other."""
     scenes = [scene for scene in SCENES if scene.family == family]
     start = smallest(schema, kind, scenes, refusal)
     if start is None:
@@ -437,7 +462,8 @@ def _with_key(
 
 
 def of_top(schema: Schema, refusal: Oracle) -> Iterator[File]:
-    """The keys of the model file itself, each in the smallest scene of each family that takes it."""
+    """The keys of the model file itself, each in the smallest scene of each family that takes
+    it."""
     for key, node in schema.root["properties"].items():
         entries = node.get("additionalProperties")
         plain = isinstance(entries, dict) and not any(

@@ -1,6 +1,7 @@
 """A sample of the trials in every run of the tests, in fresh processes.
 
-`make matrix`, `make faults` and `make fuzz` run all of them from a wheel in an environment of its own.
+`make matrix`, `make faults` and `make fuzz` run all of them from a wheel in an environment of its
+own.
 """
 
 from __future__ import annotations

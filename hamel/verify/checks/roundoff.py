@@ -67,8 +67,9 @@ def bound(arguments: list[ca.SX], value: ca.SX, states: Array, real: Real = FLOA
 def _operation(operation: int, operands: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     """z and the bound of its error."""
     z, *slopes = formula(operation, len(operands))(*(value for value, _ in operands))
-    passed = np.sum([np.abs(slope) * error for slope, (_, error) in zip(slopes, operands)], axis=0)
-    return z, passed if operation in EXACT else passed + EPSILON * np.abs(z)
+    carried = [abs(slope) * error for slope, (_, error) in zip(slopes, operands)]
+    passed = carried[0] if len(carried) == 1 else carried[0] + carried[1]
+    return z, passed if operation in EXACT else passed + EPSILON * abs(z)
 
 
 def formula(operation: int, count: int) -> Callable[..., tuple]:

@@ -186,15 +186,15 @@ def test_an_event_at_the_start_counts_when_it_comes_again(spring: ModuleType) ->
     assert motion.t[-1] == pytest.approx(np.pi, abs=1e-8)
 
 
-def test_ten_thousand_events_are_all_there(spring: ModuleType) -> None:
-    late = 19.4 - np.arange(10_000) * 1e-3
+@pytest.mark.parametrize("many", [1000, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_ten_thousand_events_are_all_there(spring: ModuleType, many: int) -> None:
     events = {"often": lambda t, x: np.sin(np.pi * (t - 0.0005) * 1e3)}
     motion = spring.simulate(
-        (0.0, 10.0), [1.0, 0.0], events=events, integrator="rk4", step_size=5e-4
+        (0.0, many / 1000), [1.0, 0.0], events=events, integrator="rk4", step_size=5e-4
     )
     often = motion.events.of("often").t
     np.testing.assert_allclose(often, 0.0005 + 1e-3 * np.arange(len(often)), atol=1e-12)
-    assert len(often) == 10_000 and late.size == 10_000
+    assert len(often) == many
 
 
 def test_too_many_are_a_status_and_nothing_is_lost(

@@ -1,0 +1,98 @@
+"""What comes out of a motion: data frames and data sets with units, Parquet, the plot in a notebook;
+what shares an axis; and what is said where an optional library is missing."""
+
+from __future__ import annotations
+
+import re
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.diagnostics import ToolchainError
+from hamel.records import Simulated
+from hamel.simulate.figure import alike
+
+FOUR_BAR = Path(__file__).parents[3] / "models" / "four_bar.yaml"
+
+
+@pytest.fixture(scope="module")
+def record() -> Simulated:
+    return hamel.simulate(FOUR_BAR, time=1.0, inputs={"tau": ([0.0, 1.0], [0.0, 0.2])})
+
+
+def test_a_frame_has_the_columns_over_t_and_their_units(record: Simulated) -> None:
+    pytest.importorskip("pandas")
+    frame = record.to_pandas()
+    assert frame.index.name == "t" and list(frame.columns) == [n for n in record.motion if n != "t"]
+    assert np.array_equal(frame["q1"].to_numpy(), record.motion["q1"])
+    assert frame.attrs["units"]["tau"] == "N*m" and frame.attrs["model"] == "four_bar"
+
+
+def test_a_data_set_has_a_unit_on_every_variable(record: Simulated) -> None:
+    pytest.importorskip("xarray")
+    data = record.to_xarray()
+    assert data["q1"].dims == ("t",) and data["q1"].attrs["units"] == "rad"
+    assert data["t"].attrs["units"] == "s" and data.attrs["integrator"] == "dop853"
+    assert np.array_equal(data["tip[1]"].values, record.motion["tip[1]"])
+
+
+def test_parquet_holds_every_digit_and_the_units(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    found = hamel.simulate(FOUR_BAR, time=0.5, out=tmp_path / "m.parquet")
+    table = parquet.read_table(tmp_path / "m.parquet")
+    assert table.column_names == list(found.motion)
+    assert np.array_equal(table["q1"].to_numpy(), found.motion["q1"])
+    assert table.schema.field("q1").metadata[b"unit"] == b"rad"
+
+
+@pytest.mark.parametrize(("call", "library"), [("to_pandas", "pandas"), ("to_xarray", "xarray")])
+def test_a_missing_library_is_told_with_what_to_do(
+    record: Simulated, call: str, library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ToolchainError, match=rf"{call}\(\) needs {library}") as caught:
+        getattr(record, call)()
+    assert "pip install 'hamel[data]'" in str(caught.value)
+
+
+def test_a_missing_library_is_told_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ToolchainError, match="needs pyarrow"):
+        hamel.simulate("no such model.yaml", out=tmp_path / "m.parquet")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_notebook_shows_the_plot(record: Simulated) -> None:
+    page = record._repr_html_()
+    figure = page[page.index("<svg") : page.index("</svg>") + 6]
+    words = ["".join(x.itertext()) for x in ET.fromstring(figure).iter() if x.tag.endswith("text")]
+    assert "coordinates (rad)" in words and "t (s)" in words and "inputs (N*m)" in words
+    assert page == record._repr_html_() and "four_bar" in page
+
+
+def test_every_axis_has_a_unit(record: Simulated) -> None:
+    figure = record.figure
+    assert figure is not None
+    words = [
+        "".join(x.itertext()) for x in ET.fromstring(figure()).iter() if x.tag.endswith("text")
+    ]
+    about = [
+        word for word in words if re.match(r"coord|quasi|inputs|outputs|energy \(|violation", word)
+    ]
+    assert len(about) >= 5 and all(re.search(r"\((\S.*)\)$", word) for word in about)
+
+
+def test_angles_of_many_turns_and_small_ones_share_no_axis() -> None:
+    t = np.linspace(0.0, 1.0, 11)
+    curves = {"small": 0.1 * t, "wheel": 400 * t, "turn": 7.0 * t, "large": 2.0 * t, "none": 0 * t}
+    groups = [set(group) for group in alike(curves, "rad")]
+    assert groups == [{"small", "none"}, {"wheel"}, {"turn"}, {"large"}]
+    near = {"a": 1.0 * t, "b": 0.2 * t, "far": 30.0 * t}
+    assert [set(group) for group in alike(near, "m")] == [{"a", "b"}, {"far"}]
+    assert [*alike({"a": t, "b": 2 * t}, "m")[0]] == ["a", "b"]

@@ -10,8 +10,8 @@ import pytest
 
 from derive.choices.named import carried_through, declared
 from derive.choices.resolution import survey_of
+from derive.mechanics.limits import COFACTORS
 from derive.mechanics.solve import (
-    COFACTORS,
     Block,
     growth,
     pivot_order,

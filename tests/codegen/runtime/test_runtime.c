@@ -27,7 +27,7 @@ static const double rk4_c[] = {0.5, 0.5, 1.0, 1.0}, rk4_weight[] = {0.5, 0.5, 1.
 static const int rk4_row[] = {0, 1, 2, 3, 7};
 static const unsigned char rk4_at[] = {0, 1, 2, 0, 1, 2, 3};
 static const Tableau rk4 = {4, 0, 31ul, rk4_c, rk4_row, rk4_at, rk4_weight, 0, 0};
-static const Method by_rk4 = {explicit_step, &rk4, 4.0, 0.25, 0.0, 0.9, 0}, by_midpoint = {midpoint_step, NULL, 2.0, 0.5, 0.0, 0.9, 0};
+static const Method by_rk4 = {explicit_step, NULL, &rk4, 4.0, 0.25, 0.0, 0.9, 0}, by_midpoint = {midpoint_step, NULL, NULL, 2.0, 0.5, 0.0, 0.9, 0};
 static const double gravity[] = {9.81}, nothing[] = {0.0};
 
 static Run run_of(Simulation *s, const double *p)
@@ -112,7 +112,7 @@ static void turns_are_counted_apart(void)
 
 static void sizes_of_steps(void)
 {
-    const Method method = {explicit_step, &rk4, 4.0, 0.2, 0.05, 0.9, 1};
+    const Method method = {explicit_step, NULL, &rk4, 4.0, 0.2, 0.05, 0.9, 1};
     Simulation s = {0};
     s.next_step = 0.3;
     check(next_size(&s, 0.2) == 0.2 && next_size(&s, 0.5) == 0.25 && next_size(&s, 9.0) == 0.3, "two equal steps instead of a long and a short one");

@@ -145,9 +145,9 @@ class Midpoint:
 
 @dataclass(frozen=True)
 class Taylor:
-    """x(t + s) = Σ xₙ sⁿ, with coefficients by recurrences over the program of `dynamics`. The order
-    is what the tolerance asks for, so there is no number for it; the last terms of a step are a
-    small part of the tolerance.
+    """x(t + s) = Σ xₙ sⁿ, with coefficients by recurrences over the program of `dynamics`. The
+    order is what the tolerance asks for, so there is no number for it; the last terms of a step
+    are a small part of the tolerance.
 
     The error estimate is h (ẋ − P'(h)), the step's end beside its polynomial P, and only where a
     function has pieces: their ends do not show in a series.

@@ -35,8 +35,8 @@ COMPARED = 1e-8  # tolerance of the comparison of formulations and enforcements
 HEADINGS = {
     "rtol": "rtol", "step": "step (s)", "phi": "|φ|", "velocity": "|A v − c|",
     "energy": "energy error", "ms": "ms",
-    "operations": "operations of ẋ", "error_of_q": "error of q", "judged_by": "judged by", "fewest": "fewest steps",
-    "scipy": "SciPy's Radau",
+    "operations": "operations of ẋ", "error_of_q": "error of q", "judged_by": "judged by",
+    "fewest": "fewest steps", "scipy": "SciPy's Radau",
 }  # fmt: skip
 
 

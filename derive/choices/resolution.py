@@ -100,10 +100,13 @@ class Survey:
 
     @cached_property
     def solver(self) -> Kinematics:
+        """φ, A, c and N of the system in numbers, set up once for all candidates."""
         return Kinematics(self.system)
 
     @cached_property
     def sampled(self) -> States:
+        """Admissible states at which every candidate is judged. Fewer on large systems: the number
+        of entries that are evaluated stays bounded, but never fewer than FEWEST states."""
         nv = max(1, self.system.v.numel())
         return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
 
@@ -263,6 +266,8 @@ class Survey:
 
     @property
     def freedom(self) -> int:
+        """Degrees of freedom: nv less the rank of A, which is how many quasi-velocities a choice
+        must name."""
         return self.system.v.numel() - self.rank
 
 
@@ -467,6 +472,12 @@ def judged(
     reduction: Reduction,
     equations: Explicit,
 ) -> Ranking:
+    """The ranking of one candidate: conditioning of [A; B] over the sampled states, operations of
+    its equations, and its pivots.
+
+    B is written at the frame of the choice, if it has one, before it becomes numbers. Two counts at
+    the end tell how many of its rows are velocities that follow others, and how many are driven.
+    """
     conditions = _conditions(survey, _numeric_rows(survey, reduction.at_frame(reduction.B)))
     count, pivots = equations.operations, reduction.pivots
     return Ranking(
@@ -623,6 +634,8 @@ def _deflated(A: np.ndarray, j: int) -> np.ndarray:
 
 
 def speed_name(system: System, j: int) -> str:
+    """How a generalized velocity is called as a quasi-velocity: `x_dot` where it is the rate of x,
+    else its own name with dots as underscores, as names in generated code cannot hold dots."""
     velocity = system.model.velocities[j]
     return f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
 

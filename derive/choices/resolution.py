@@ -181,7 +181,9 @@ class Survey:
         return self.independent([i for i, row in enumerate(self.system.rows) if row.position >= 0])
 
     def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
-        """Of the given rows those that add rank, judged at most of the sampled states."""
+        """Of the given rows those that add rank, judged at most of the sampled states, by
+        Gram–Schmidt in the order given: a row that depends on earlier ones at a singular position
+        alone is kept."""
         rest = self.rows.copy()
         kept: list[int] = []
         for i in rows:
@@ -284,7 +286,9 @@ def _lengths(matrices: np.ndarray) -> list[float]:
 
 
 def survey_of(system: System, moving: bool = False) -> Survey:
-    """Raises AssumptionError where no consistent state can be found to look at."""
+    """The survey of a system. Raises AssumptionError where no consistent state can be found to look
+    at: ranks and pivots are judged at admissible states alone, as off φ = 0 rows that repeat others
+    look independent."""
     found = Survey(system, moving)
     if not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
@@ -298,8 +302,9 @@ def survey_of(system: System, moving: bool = False) -> Survey:
 
 
 def resolved(survey: Survey, choice: Choice) -> Resolved:
-    """The choice of the given declaration, carried through. Raises AssumptionError where it is no
-    choice."""
+    """The choice of the given declaration, carried through: `auto` (best partition), `orthonormal`,
+    or rows of its own. Raises AssumptionError where the rows are not as many as degrees of freedom,
+    or depend on the constraints and on each other."""
     match choice.kind:
         case "orthonormal":
             return _orthonormal(survey, choice)
@@ -568,7 +573,11 @@ def _try(survey: Survey, name: str, rows: tuple[RowForm, ...]) -> Resolved | Non
 
 def score(ranking: Ranking) -> Score:
     """Least is best. A follower is no choice while its leader is one; of what is alike in all else
-    an actuated speed comes first."""
+    an actuated speed comes first.
+
+    Conditions count by decades and a half: a ratio below about 30 is no reason to prefer a
+    partition that needs more operations.
+    """
     safety = (ranking.followers, not ranking.constant_pivots)
     condition = round(float(np.log10(ranking.worst)) / 1.5)
     return safety, condition, ranking.operations, -ranking.driven

@@ -89,12 +89,15 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     """With further charts where neither this choice nor any other candidate is safe at all sampled
     states.
 
-    Candidates are the partitions that `auto` ranks and the choices of the file; `made` gives the
-    equations of one by name. The next chart is the one that takes the worst state farthest from
-    singular. Where the file leaves the choice open, a pivot that is of both signs over the states,
-    and so vanishes between them, is a reason, too: then a choice that is safe alone is a chart,
-    too. Where none is, and no few are far from singular together, the orthonormal choice is the
-    other chart: it goes wherever A has full rank.
+    The margin of a chart at a state is the smallest |guard| there over the largest that the guard
+    has at any sampled state: 1 is far from singular, 0 is a singular position. Candidates are the
+    partitions that `auto` ranks and the choices of the file; `made` gives the equations of one by
+    name. The next chart is the one that takes the worst state farthest from singular.
+
+    Where the file leaves the choice open, a pivot that is of both signs over the states, and so
+    vanishes between them, is a reason, too: then a choice that is safe alone is a chart, too. Where
+    none is, and no few are far from singular together, the orthonormal choice is the other chart:
+    it goes wherever A has full rank.
     """
     guards = _at_frame(first, _guards(first))
     here = _margins(guards, survey)

@@ -34,7 +34,12 @@ SENSITIVITY = "[∂x⁺/∂x, ∂x⁺/∂u] of `step`, nx × (nx + nu), from (x,
 def derivatives(
     arguments: Sequence[Argument], functions: Sequence[Function]
 ) -> tuple[Request, ...]:
-    """The requests that follow from `dynamics`; none where the module has no state derivative."""
+    """The requests that follow from `dynamics`; none where the module has no state derivative.
+
+    Jacobians ∂ẋ/∂x (nx × nx), ∂ẋ/∂u (nx × nu), ∂ẋ/∂p (nx × np), ∂ẋ/∂t, products with them from the
+    right (forward) and from the left (adjoint), and one Runge–Kutta step with its sensitivities.
+    They are made when asked for: differentiating costs more than all default functions.
+    """
     dynamics = {function.name: function for function in functions}.get("dynamics")
     if dynamics is None or not dynamics.result.value.numel():
         return ()

@@ -60,7 +60,8 @@ def _stage(spaces: np.ndarray, velocity: np.ndarray) -> Stage:
 
 
 def without(A: np.ndarray, stage: Stage) -> np.ndarray:
-    """A (N × k × k) modulo its null directions, counted in place of the coordinates of a stage."""
+    """A (N × k × k) modulo its null directions, counted in place of the coordinates of a stage: A'
+    = A_rest − r r_j⁻¹ A_j, (N × k' × k') with the other eigenvalues of A."""
     at = list(stage)
     rest = [i for i in range(A.shape[1]) if i not in stage]
     inner = A[:, rest][:, :, rest]
@@ -103,7 +104,7 @@ def eigenvalues(A: np.ndarray) -> NDArray[np.complex128]:
 
 def signature(values: NDArray[np.complex128]) -> tuple[int, int, int]:
     """Of one spectrum: how many are real, how many of those unstable, how many unstable ones are
-    not real."""
+    not real. Along a parameter it changes exactly at critical values."""
     real = np.abs(values.imag) <= REAL * (1e-300 + np.abs(values))
     unstable = is_unstable(values)
     return int(np.sum(real)), int(np.sum(real & unstable)), int(np.sum(~real & unstable))

@@ -73,7 +73,9 @@ def motion_of(equations: Equations, name: str | None) -> SteadyMotion:
 
 
 def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -> Problem:
-    """Raises AssumptionError where the equations depend on time."""
+    """The equations of a steady motion: φ = 0, f = 0 in all rows but those of cyclic coordinates,
+    and held = given. Unknowns are (x, u). Raises AssumptionError where the equations depend on
+    time."""
     system = equations.system
     t, x, u, p = (argument.symbols for argument in equations.arguments)
     f = equations.function("dynamics").result
@@ -87,6 +89,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         if motion.sweepable
         else ca.SX(0, 1)
     )
+    # a cyclic coordinate may go on changing: a rolling wheel's angle does
     still = [i for i in range(f.value.numel()) if i not in cyclic]
     wanted = _values_by_name(equations, motion, s)
     quantities = _quantities(equations)
@@ -245,8 +248,9 @@ def _velocities(
 
 
 def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(x, u) of the steady motion near y. Raises AssumptionError, with the residual, where there is
-    none."""
+    """(x, u) of the steady motion near y, by damped Newton in the model's own units. Steps are
+    those of least squares: a family of steady motions leaves directions open, and rows may repeat
+    each other. Raises AssumptionError, with the residual, where there is none."""
     y, free = _with_inputs(found, y, p, s)
     D = found.scale
     rows = _sizes(found, _evaluated(found, y, p, s)[1])

@@ -86,7 +86,8 @@ class Study:
         return family(self.problem, *self.values(sweep))
 
     def full(self, motions: Steady) -> np.ndarray:
-        """A in all minimal states, N × n × n."""
+        """A in all minimal states, N × n × n, cyclic coordinates and families included: its zero
+        eigenvalues belong to them."""
         return self.A(motions.x, motions.u, motions.p)
 
     def matrices(self, motions: Steady) -> np.ndarray:

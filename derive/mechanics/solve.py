@@ -47,7 +47,12 @@ class Solution:
 
 
 def ldl_solution(M: Matrix, sides: Sequence[Vector], order: Sequence[int]) -> Solution:
-    """M x = b by M = L D Lᵀ, eliminating unknowns in `order` (tip to base on a tree: no fill)."""
+    """M x = b by M = L D Lᵀ, eliminating unknowns in `order`; D are the `pivots` of the solution.
+
+    Tip to base on a tree there is no fill: M couples links on one path alone, and the tips go first
+    (Featherstone 2008, chapter 6). No square roots and no pivoting, which a positive definite or
+    quasi-definite M does not need. Each of `sides` is one b.
+    """
     A = [list(row) for row in M]
     right = [list(b) for b in sides]
     weights: list[dict[int, Scalar]] = []
@@ -96,7 +101,8 @@ class Block:
 
 
 def lu_solution(A: Matrix, sides: Sequence[Vector], pivots: Sequence[Block]) -> Solution:
-    """A x = b by Gauss elimination with the given pivot blocks."""
+    """A x = b by Gauss elimination with the given pivot blocks; the `pivots` of the solution are
+    their determinants, in the order of the blocks, which guards watch."""
     rows = [list(row) for row in A]
     right = [list(b) for b in sides]
     inverses: list[Matrix] = []

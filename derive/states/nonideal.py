@@ -68,7 +68,9 @@ def _depends(system: System, C: ca.SX, name: str) -> bool:
 
 
 def ideal_reactions(system: System, used: list[int]) -> ca.SX:
-    """λ° of every row, zero for those that repeat others."""
+    """λ° of every row (nc × 1) over (t, q, v, u, p), zero for those that repeat others: M v̇° + h =
+    Q° + Aᵀ λ°, A v̇° = β. Raises AssumptionError where a row in `used` repeats others, or a motion
+    that the constraints allow has no mass."""
     solver = Kinematics(system)
     found = states(system, SAMPLES, solver=solver)
     sampled = solver.rows(found.t, found.q, found.p)[0]

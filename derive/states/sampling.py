@@ -127,6 +127,7 @@ def _parameters(system: System, rng: np.random.Generator, many: int, vary: float
     """The first are the file's own."""
     usual = np.array(system.parameters, dtype=float)
     varied = usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
+    # one state at least with the mechanism as the file has it
     varied[:1] = usual
     return varied
 
@@ -158,7 +159,8 @@ class View:
         return np.where(np.isfinite(size), size, np.inf)
 
     def solved(self, right: np.ndarray, rank: int) -> np.ndarray:
-        """J⁺ right, with the `rank` strongest directions."""
+        """J⁺ right (k, nv), with the `rank` strongest directions: the least step that meets all
+        rows, also where some repeat others."""
         if rank == self.J.shape[1]:
             along = self.inverse @ right[:, :, None]
         else:
@@ -221,8 +223,8 @@ class Walk:
     floor: float = 0.0  # strength below which a walker turns round
 
     def view(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
-        """φ and ∂φ/∂q over (t, q, p), freed of units: rows are divided by their length, columns
-        multiplied by the width of their coordinate, so that singular values can be compared."""
+        """φ and its derivative along v, freed of units: rows over their usual length, columns times
+        the width of their velocity, so that singular values can be compared."""
         phi, slopes = self.solver.closing(t, q, p)
         J = np.ascontiguousarray(np.nan_to_num(slopes) * self.width / self.lengths[:, None])
         return View(phi / self.lengths, J)
@@ -265,8 +267,8 @@ class Walk:
         )
 
     def tangent(self, view: View, wish: np.ndarray) -> np.ndarray:
-        """The wish without what the rows forbid, its largest entry one; zero where nothing is
-        left."""
+        """The wish without what the rows forbid, (1 − J⁺J) wish, its largest entry one; zero where
+        nothing is left."""
         left = wish - view.solved((view.J @ wish[:, :, None])[:, :, 0], self.rank)
         size = np.max(np.abs(left), axis=1, initial=0.0)[:, None]
         return np.where(size > 1e-8, left / np.maximum(size, 1e-300), 0.0)

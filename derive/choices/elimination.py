@@ -108,11 +108,8 @@ class _Walk:
 
     def resolved_twist(self, i: int) -> Twist:
         """The twist (ω, v) of link i in its own frame, over what is not eliminated yet; the ground
-        (i < 0) rests.
-
-        The result replaces the stored one: a velocity that has been solved for is put in only once,
-        however many links hang on this one.
-        """
+        rests. It replaces the stored one: what has been solved for is put in once, however many
+        links follow."""
         if i < 0:
             return REST
         omega, velocity = self.twists[i]
@@ -464,8 +461,8 @@ class _Coefficients:
     def best(
         self, residuals: dict[int, Form]
     ) -> tuple[tuple[int, ...], tuple[Key, ...], Block] | None:
-        """The best pivot among the rows and their unknowns, with rows over their sizes so that rows
-        in m/s and in rad/s compare; None where no coefficient is away from zero."""
+        """The best pivot among the rows and their unknowns, rows over their sizes so that m/s and
+        rad/s compare; None where nothing is away from zero."""
         rows = list(residuals)
         keys = sorted({key for form in residuals.values() for key in form if key[0] == "v"})
         if not keys:

@@ -72,6 +72,7 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     counts = alternatives([ca.vertcat(qdot, x.wdot) for x in found])
     best = found[counts.index(min(counts))]
     vdot = ca.mtimes(reduction.S, best.wdot) + reduction.sigma
+    # the recursion makes no M_w; where it is used S = 1 and M_w is M
     mass = system.M if best.mass is None else _sparse(best.mass)
     return Explicit(qdot, best.wdot, vdot, mass, _column(best.force), min(counts), best.gathered)
 

@@ -71,6 +71,7 @@ def tangent(survey: Survey) -> np.ndarray:
     rows: list[np.ndarray] = []
     for _ in range(survey.freedom):
         lengths: NDArray[np.float64] = np.linalg.norm(projector, axis=0)
+        # rounded, so that ties go the same way on every machine
         row = projector[:, int(np.argmax(np.round(lengths, 6)))]
         row = row / np.linalg.norm(row)
         projector = projector - np.outer(row, row @ projector)

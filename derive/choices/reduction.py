@@ -97,6 +97,7 @@ def _guard(found: Elimination, step: Step) -> Guard:
     return Guard(
         f"pivot of {names}",
         ca.SX(step.pivot),
+        # the block was judged with rows of length one, the pivot in the code is not
         SINGULAR * step.block.largest * prod(found.sizes[i] for i in step.rows),
     )
 

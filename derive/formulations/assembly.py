@@ -183,7 +183,8 @@ def _combining(survey: Survey) -> tuple[Guard, ...]:
 
 
 def combination(survey: Survey) -> tuple[Named, ...]:
-    """E, where rows that repeat others are kept."""
+    """E (r × nc), where rows that repeat others are kept: E A are independent rows that stand for
+    all. Nothing where no row repeats another or those that do are dropped."""
     E = Named("E", "independent combinations of the constraint rows", survey.independent_rows.E)
     return (E,) if survey.combines else ()
 

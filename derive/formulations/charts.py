@@ -33,7 +33,8 @@ BY_ROWS = (
 
 
 def charted(found: Sequence[Equations], survey: Survey) -> Equations:
-    """The first with the others as its charts. Raises AssumptionError where a choice is named
+    """The first with the others as its charts, each with the largest values of its guards at the
+    sampled states: what a margin is relative to. Raises AssumptionError where a choice is named
     twice."""
     names = [one.choice for one in found]
     for name in names:
@@ -199,7 +200,7 @@ def _margins(guards: Sequence[Guard], survey: Survey, at: States | None = None) 
 
 def differs(equations: Equations, function: Function) -> bool:
     """Whether a function depends on the choice: it takes w, other than to hand it on, has guards,
-    or is made of B."""
+    or is made of B. What does not differ is written once for all charts of a module."""
     x = equations.argument("x").symbols
     nq, value = equations.system.q.numel(), function.result.value
     w = x[nq:, 0]

@@ -81,6 +81,7 @@ def _values(dynamics: Function, by: Argument, name: str, about: str) -> Function
     jacobian = ca.jacobian(dynamics.result.value, by.symbols)
     if not jacobian.nnz():
         raise AssumptionError(f"{name} would be empty: ẋ does not depend on {_BY[by.name]}")
+    # CasADi stores by columns: those of the transpose are the rows wanted
     rows, columns = jacobian.T.sparsity().get_triplet()[::-1]
     labels = tuple(f"{dynamics.result.labels[i]} by {by.labels[j]}" for i, j in zip(rows, columns))
     result = Result(

@@ -179,7 +179,7 @@ def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...
 
 def positions(system: System) -> int:
     """How many of the leading rows of `constraints` are about positions: φ, then the lengths of
-    quaternions."""
+    quaternions. The rest are velocities, A v − c."""
     return system.phi.numel() + len(system.quaternions)
 
 
@@ -242,6 +242,7 @@ def _project(system: System, motion: Motion) -> Function | None:
 
 def _lengths(system: System) -> ca.SX:
     """|q|² − 1 of each quaternion."""
+    # squares: no root, and regular at every quaternion but zero
     lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
     return ca.vertcat(*lengths) if lengths else ca.SX(0, 1)
 

@@ -39,7 +39,8 @@ def _versine(weight: Scalar, c: Scalar) -> Scalar:
 
 
 def is_zero(value: Scalar) -> bool:
-    """Exactly zero, as a float or as a CasADi constant."""
+    """Exactly zero, as a float or as a CasADi constant. A formula that cancels to zero is none:
+    nothing is simplified to find out."""
     return value.is_constant() and float(value) == 0 if isinstance(value, ca.SX) else value == 0
 
 

@@ -130,7 +130,8 @@ def _changing(kind: str, values: np.ndarray) -> complex:
 
 def root(measure: Callable[[float], float], a: float, b: float) -> float:
     """A zero of `measure` between a and b to the last digits, by false position (Illinois) with
-    bisection when that is slow."""
+    bisection when that is slow. Where the ends have the same sign, the end with the smaller
+    measure. Source: Dowell, Jarratt, BIT 11 (1971)."""
     fa, fb = measure(a), measure(b)
     if not fa * fb < 0:
         return a if abs(fa) <= abs(fb) else b

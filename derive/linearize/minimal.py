@@ -33,9 +33,9 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
 
         δẋ_i = A δx_i + B δu,   δy = C δx_i + D δu,   A = ∂f_i/∂x T,   B = ∂f_i/∂u
 
-    x_i are the n independent coordinates and quasi-velocities, δx = T δx_i with φ_q T = 0. A (n ×
-    n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for
-    formulations whose velocities are not minimal.
+    x_i are the n independent coordinates and quasi-velocities, δx = T δx_i with φ_q δq = 0. A (n ×
+    n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for any
+    formulation but `quasi_velocities`: the others are not minimal.
     """
     if equations.formulation != "quasi_velocities":
         raise AssumptionError(
@@ -184,8 +184,9 @@ ABOUT = (
 
 
 def linearization(equations: Equations) -> Function:
-    """[A B; C D] as a function of the generated module; dependent coordinates are chosen at the
-    initial configuration."""
+    """[A B; C D], (n + ny) × (n + nu), as a function of the generated module; dependent coordinates
+    are chosen at the initial configuration. A guard tells where their pivots come near zero: there
+    other coordinates would have to be the dependent ones."""
     initial = initial_state(equations.system)
     found = linear(equations, initial.q, np.array(equations.system.parameters))
     value = ca.densify(ca.blockcat([[found.A, found.B], [found.C, found.D]]))
@@ -205,7 +206,8 @@ Evaluator = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def evaluator(equations: Equations, value: ca.SX) -> Evaluator:
-    """`value` at t = 0 for rows of x, u and p: (N, rows, columns)."""
+    """`value` at t = 0 for rows of x (N × nx), u (N × nu) and p (N × np): an array N × rows ×
+    columns."""
     symbols = [argument.symbols for argument in equations.arguments]
     function = ca.Function("value", symbols, [ca.cse(ca.densify(value))])
     shape = value.shape

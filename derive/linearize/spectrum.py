@@ -21,10 +21,12 @@ Stage = tuple[int, ...]  # coordinates in whose place families are counted
 
 def families(samples: np.ndarray, velocity: Sequence[bool]) -> tuple[Stage, ...]:
     """Which coordinates to count along families, stage by stage (indices into what is left), from A
-    at motions chosen at random.
+    (N × k × k) at motions chosen at random.
 
-    `velocity` marks the states that are quasi-velocities: families of steady motions are told apart
-    by those where possible.
+    A single motion may have a null direction by chance; one that all have belongs to a family. What
+    a stage leaves may have null directions again: those are Jordan chains of the zero eigenvalue,
+    as of a position and its constant speed. `velocity` marks the states that are quasi-velocities:
+    families of steady motions are told apart by those where possible.
     """
     found: list[Stage] = []
     left, marks = samples, np.array(velocity, dtype=bool)
@@ -94,6 +96,7 @@ def eigenvalues(A: np.ndarray) -> NDArray[np.complex128]:
     """(N, k), each row by falling real part, of a pair the one with positive imaginary part
     first."""
     found = np.asarray(np.linalg.eigvals(A), dtype=np.complex128)
+    # rounded, so that a pair stays together though its real parts differ in the last digit
     order = (
         np.lexsort((-found.imag, -found.real.round(12)), axis=1)
         if found.shape[1]
@@ -111,5 +114,6 @@ def signature(values: NDArray[np.complex128]) -> tuple[int, int, int]:
 
 
 def is_unstable(values: NDArray[np.complex128]) -> np.ndarray:
-    """Which eigenvalues have a real part above what rounding leaves of an imaginary pair."""
+    """Which eigenvalues have a real part above what rounding leaves of an imaginary pair, relative
+    to the largest |λ| of the spectrum."""
     return values.real > REAL * np.max(np.abs(values), axis=-1, keepdims=True, initial=0.0)

@@ -44,7 +44,7 @@ class Problem:
     scale: np.ndarray  # one of each unknown
 
     def given(self, p: np.ndarray, s: np.ndarray) -> dict[str, float]:
-        """Held values by name."""
+        """Held values by name, in SI, for these parameters p and free names s."""
         return dict(zip(self.names, self.held(p, s).full().ravel().tolist()))
 
 
@@ -359,8 +359,9 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionErr
 
 
 def family(found: Problem, p: np.ndarray, s: np.ndarray) -> Steady:
-    """The steady motions for rows of p and s: continued from row to row, with straight lines
-    between where those will do."""
+    """The steady motions for rows of p (N × np) and s (N × ns): continued from row to row, with
+    straight lines between where those will do. Continuation stays on one branch where several
+    exist. Raises AssumptionError where a row has no steady motion."""
     many, nx = len(p), found.equations.arguments[1].symbols.numel()
     y = np.zeros((many, nx + found.equations.system.u.numel()))
     y[0] = settled(found, p[0], s[0])

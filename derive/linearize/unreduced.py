@@ -39,8 +39,7 @@ class Sizes:
 
     @property
     def state(self) -> np.ndarray:
-        """Units of (q, s): all coordinates, and the velocities that are linearised in; (nq + nv,).
-        """
+        """Units of (q, s): all coordinates, and the velocities that are linearised in."""
         return np.append(self.q, self.s)
 
     @property
@@ -214,6 +213,7 @@ def _matrix(
     _, K, slope, direct, Ln, rates, turn = terms
     accelerations = -_solved(K, slope, sizes)[:nv]
     G = np.vstack([rates, direct + Ln @ accelerations])  # over (δq, δv)
+    # s = L(q) v: at held s a change of q changes v as well
     at_rest = np.linalg.solve(Ln, turn)
     inverse = np.linalg.inv(Ln)
     into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-at_rest, inverse]])

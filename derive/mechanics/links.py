@@ -62,6 +62,7 @@ def _placed(
     parts = _parts(model, symbols, joint)
     on_parent, in_parent = placement(symbols, joint.at_parent)
     start = sum_of(carrier.position, rotated(matrix(carrier.rotation), in_parent))
+    # the carrier may be a body that is merged into another: its own place comes first
     on_carrier, parent = merged(carrier.rotation, on_parent), carrier.link
     for part in parts[:-1]:
         links.append(_link(f"{joint.child} at {joint.name}", parent, on_carrier, start, part, ()))

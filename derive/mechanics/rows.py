@@ -43,7 +43,8 @@ def row_form(scene: Scene, name: str, velocity: ca.SX) -> RowForm:
 def velocity_row(
     s: Symbols, qdot: ca.SX, velocity: ca.SX
 ) -> tuple[tuple[tuple[int, Scalar], ...], Scalar, Scalar]:
-    """((j, aⱼ), …), −b and −d(a)/dt v − d(b)/dt of a·v + b."""
+    """((j, aⱼ), …), −b and −d(a)/dt v − d(b)/dt of a·v + b, for a velocity that is linear in v. The
+    row then reads a v = −b, and its rate a v̇ = −ȧ v − ḃ."""
     coefficients = ca.jacobian(velocity, s.v)
     offset = ca.substitute(velocity, s.v, ca.SX.zeros(s.v.numel()))
     rate = -ca.jtimes(velocity, ca.vertcat(s.t, s.q), ca.vertcat(1, qdot))

@@ -259,6 +259,7 @@ def _nonideal(scene: Scene, found: list[Block]) -> ca.SX:
     force = ca.SX.zeros(scene.symbols.q.numel())
     for block in found:
         if block.nonideal:
+            # conjugate to q̇: power C · q̇ = C · N v makes it Nᵀ C over v
             force = force + ca.vertcat(*block.nonideal)
     return ca.mtimes(ca.jacobian(scene.qdot, scene.symbols.v).T, force)
 

@@ -43,7 +43,8 @@ def path(links: Sequence[Link], i: int) -> list[int]:
 
 
 def relative_rotation(links: Sequence[Link], to: int, of: int) -> Rotation:
-    """Frame `to` ← frame `of`, through their nearest common carrier; −1 is the ground."""
+    """Frame `to` ← frame `of`, through their nearest common carrier; −1 is the ground. Not through
+    the ground: what carries both would turn and turn back."""
     down, up = path(links, of), path(links, to)
     shared = sum(1 for _ in _common(down, up))
     back = merged(*[links[i].rotation for i in up[shared:]])
@@ -87,7 +88,8 @@ def ground_positions(links: Sequence[Link], rotations: Sequence[Matrix]) -> list
 def ground_point(
     place: Place, point: Vector, positions: Sequence[Vector], rotations: Sequence[Matrix]
 ) -> Vector:
-    """A body point in the ground frame."""
+    """A body point in the ground frame, in m: r + R (p + R_b x) for a body that sits at (p, R_b) in
+    its link."""
     inside = link_point(place, point)
     if place.link < 0:
         return inside
@@ -136,8 +138,8 @@ def inertia_force(body: Inertia, twist: Numbers, rate: Numbers, gravity: Vector)
 
 
 def handed_down(link: Link, wrench: Wrench) -> tuple[Wrench, Wrench]:
-    """A wrench at the link's origin: at the joint point in the link's frame, and at the parent's
-    origin in the parent's frame."""
+    """A wrench (n, f) at the link's origin: at the joint point in the link's frame, n − b × f, and
+    at the parent's origin in the parent's frame, R n + a × R f."""
     moment, force = wrench
     at_joint = (difference(moment, cross(link.b, force)), force)
     turned = rotated(link.R, at_joint[0]), rotated(link.R, force)
@@ -181,6 +183,7 @@ def mass_matrix(links: Sequence[Link], inertias: Sequence[Inertia], nv: int) -> 
     for i, (link, body) in enumerate(zip(links, composite_inertias(links, inertias))):
         for column, j in zip(link.motion, link.columns):
             omega, slide = list(column[:3]), list(column[3:])
+            # from the joint point to the link's origin: v = u − ω × b
             at_origin = (omega, sum_of(slide, cross(link.b, omega)))
             _fill(result, links, i, j, momentum(body, at_origin))
     return result
@@ -216,5 +219,5 @@ def gravity_energy(
 
 
 def gravities(links: Sequence[Link], rotations: Sequence[Matrix], g: Vector) -> list[Vector]:
-    """Rᵀ g, the gravity vector in every link's frame."""
+    """Rᵀ g (m/s²), the gravity vector in every link's frame."""
     return [rotated(transpose(R), g) for R in rotations]

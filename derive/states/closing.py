@@ -53,7 +53,8 @@ class Kinematics:
         return self._many(self._function("values", matrix), t, q, p)[0]
 
     def carried(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
-        """q + N · along with unit quaternions, at k states."""
+        """q + N · along with unit quaternions, at k states: `along` (k, nv) is a displacement over
+        v."""
         N = self.rates(t, q, p)
         moved = q + (along if N is None else (N @ along[:, :, None])[:, :, 0])
         return normalised(self.system, moved) if self.system.quaternions else moved

@@ -43,7 +43,8 @@ def with_nonideal(system: System, C: ca.SX) -> System:
     """The system, whose Q has no nonideal forces yet, with C (conjugate to v) among the applied
     ones.
 
-    Raises AssumptionError where C uses a reaction that is not unique.
+    Of C only what works on admissible motions matters, wᵀC for w in ker A; what lies along Aᵀ
+    changes λ and not the motion. Raises AssumptionError where C uses a reaction that is not unique.
     """
     used = [i for i, row in enumerate(system.rows) if _depends(system, C, f"reaction.{row.name}")]
     if not used:

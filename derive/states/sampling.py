@@ -201,6 +201,7 @@ class View:
     def inverse(self) -> np.ndarray:
         """(J Jᵀ)⁻¹, kept finite where rows depend on each other."""
         m = self.J.shape[1]
+        # far below GAP, so that it changes no direction that counts
         small = 1e-14 * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + 1e-300
         regular: NDArray[np.float64] = self.gram + small * np.eye(m)
         return np.linalg.inv(regular)
@@ -241,8 +242,8 @@ class Walk:
         return self.moved(t, q, p, -step), view
 
     def closed(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """q on φ = 0, and which of them got there: one more step is taken once all are, for the
-        rank to be clear."""
+        """q on φ = 0 (k, nq), and which of them got there (k,): one more step is taken once all
+        are, for the rank to be clear."""
         done = np.zeros(len(t), dtype=bool)
         for _ in range(NEWTON):
             moved, view = self.corrected(t, q, p)

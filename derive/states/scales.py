@@ -155,7 +155,8 @@ def _of_like_rows(system: System) -> System:
 
 
 def typical(sizes: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """The median of each column, as a power of a thousand; one where it is zero."""
+    """The median of each column, as a power of a thousand; one where it is zero. A median, as one
+    state near a singular position should not tell what is usual."""
     if not len(sizes):
         return np.zeros(0)
     found = np.median(sizes, axis=0)

@@ -80,7 +80,8 @@ def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]
 
 
 def shifts(scene: Scene, closure: Closure, axes: Sequence[int]) -> Block:
-    """φ = aᵢ · (p₂ − p₁) along axes of the first joint frame."""
+    """φ = aᵢ · (p₂ − p₁) along axes of the first joint frame, in m. These axes turn, so the row's
+    rate holds ω × aᵢ as well."""
     frames = closure_frames(scene, closure)
     gap = frames.origins[1] - frames.origins[0]
     phi = [ca.dot(frames.axes[0][i], gap) for i in axes]

@@ -155,6 +155,7 @@ def _growth(
 
     here = xdot(t, x)
     rates = np.abs(here[:nq])
+    # q̈ by a difference: it only says how long the step may be
     later = np.abs(xdot(t + 1e-6, x + 1e-6 * here)[:nq] - here[:nq]) * 1e6
     h = min(
         1.0,

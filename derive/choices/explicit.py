@@ -227,6 +227,8 @@ def _coefficients(forms: list[Form], k: int) -> Vector:
 
 
 def _mass_by_links(system: System, reduction: Reduction, inertias: tuple[Inertia, ...]) -> Matrix:
+    """Σ over links of tₐ · (𝓜 t_b), t the partial velocities: Kane's way to M_w, the lower half
+    alone."""
     nw = len(reduction.names)
     extra = scalars(_symmetric_product(reduction.S, system.M_extra))
     for i, body in enumerate(inertias):

@@ -44,6 +44,7 @@ def mass_orthogonal(survey: Survey, choice: Choice) -> Resolved:
 
 
 def _in_momenta(system: System, base: Reduction) -> tuple[Reduction, Explicit]:
+    """v and σ over the momenta w, from S and v₀ of a partition: see the head of this module."""
     names = tuple(f"w{k + 1}" for k in range(len(base.names)))
     w, N = symbols_for(names), base.S
     B = ca.mtimes(N.T, system.M)

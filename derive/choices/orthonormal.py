@@ -81,6 +81,7 @@ def _reduction(
     lengths: list[Scalar],
     frame: Frame | None,
 ) -> Reduction:
+    """v = N w + A⁺ c; σ is the derivative of that along the motion, with w held."""
     names = tuple(f"w{k + 1}" for k in range(len(N)))
     w = symbols_for(names)
     S = _columns(N, system.v.numel())
@@ -114,6 +115,8 @@ def _columns(N: Sequence[Vector], nv: int) -> ca.SX:
 
 
 def _cross_product(A: list[Vector]) -> tuple[list[Vector], list[Scalar]]:
+    """The one direction at right angles to n − 1 rows, by their signed minors: it vanishes exactly
+    where the rows lose rank."""
     n = len(A) + 1
     minors = [
         (-1.0) ** j * _determinant([[row[k] for k in range(n) if k != j] for row in A])

@@ -93,6 +93,7 @@ def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
 
 
 def _guard(found: Elimination, step: Step) -> Guard:
+    """|pivot| against SINGULAR of its largest value at the sampled states."""
     names = ", ".join(found.row_names[i] for i in step.rows)
     return Guard(
         f"pivot of {names}",

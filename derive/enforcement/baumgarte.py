@@ -25,6 +25,7 @@ def _refusal(found: Equations, options: Options) -> str:
 
 
 def _stabilised(system: System, options: Options) -> System:
+    """β − 2 α (A v − c) − α² φ in the place of β, before any formulation sees it."""
     alpha = options.alpha or 0.0
     slip = ca.mtimes(system.A, system.v) - system.c
     pulls = [_pull(system, i, slip[i], alpha) for i in range(len(system.rows))]

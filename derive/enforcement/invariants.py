@@ -103,6 +103,8 @@ def _with_manifold(euclidean: bool, found: Equations, options: Options) -> Equat
 
 
 def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) -> Function:
+    """[g, K = G W⁻¹ Gᵀ, W⁻¹ Gᵀ]: what one Newton step x ← x − W⁻¹ Gᵀ K⁻¹ g needs. Derivatives are
+    along v, so that quaternions move along their rates."""
     system = found.system
     x = found.argument("x").symbols
     nq = system.q.numel()

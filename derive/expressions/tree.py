@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Number:
+    """A number in SI, and the SI unit that was written with it."""
+
     value: float
     unit: str = ""
     at: int = field(default=0, compare=False)

@@ -77,7 +77,11 @@ def _qdot(system: System) -> Function:
 
 
 def _integrate(system: System) -> Function:
+    """q ⊕ d: q + N d for plain coordinates, q ∘ exp(d/2) for quaternions: their length stays one.
+    """
     d = _symbols("d_", [v.name for v in system.model.velocities])
+    # exact for coordinates in a vector space, of first order for Euler angles; quaternions follow
+    # below
     moved = ca.substitute(system.q + ca.mtimes(system.N, system.v), system.v, d)
     entries: Vector = [moved[i] for i in range(moved.numel())]
     for start, columns in _turns(system):
@@ -92,6 +96,8 @@ def _integrate(system: System) -> Function:
 
 
 def _difference(system: System) -> Function:
+    """q₁ ⊖ q₀ with N at q₀: rotation vectors of quaternions, N⁻¹ (q₁ − q₀) of all else, block by
+    block."""
     other = _symbols("to_", [c.name for c in system.model.coordinates])
     d: Vector = [0.0] * system.v.numel()
     for start, columns in _turns(system):

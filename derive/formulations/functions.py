@@ -106,6 +106,7 @@ def _at(system: System, motion: Motion, expression: ca.SX) -> ca.SX:
 
 
 def _dynamics(system: System, motion: Motion) -> Function:
+    """ẋ = (q̇, ẇ), guarded by the pivots of v and those that ẇ was divided by."""
     labels = [f"der({c.name})" for c in system.model.coordinates] + [
         f"der({name})" for name in motion.names
     ]
@@ -138,6 +139,7 @@ def _mass(system: System) -> Function:
 
 
 def _bias(system: System, motion: Motion) -> Function:
+    """h(q, v) with v = S w + R c put in: gravity and velocity products, no applied forces."""
     names = tuple(v.name for v in system.model.velocities)
     about = (
         "bias h(q, v) of the generalized velocities: velocity products, gravity and "
@@ -184,6 +186,8 @@ def positions(system: System) -> int:
 
 
 def _constraints(system: System, motion: Motion) -> Function | None:
+    """φ, |q|² − 1 of quaternions, A v − c: zero at admissible states. In quasi-velocities the last
+    part is zero up to rounding, which makes it a check of S and R."""
     if not system.rows and not system.quaternions:
         return None
     velocity = ca.mtimes(system.A, system.v) - system.c
@@ -290,6 +294,8 @@ def _position_step(system: System, closing: list[int]) -> ca.SX:
 
 
 def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
+    """w + B δ with the least δ, in the metric of M, that brings A v to c: linear, so one step does
+    it."""
     rows = list(motion.kept)
     violation = _at(system, motion, ca.mtimes(system.A[rows, :], system.v) - system.c[rows])
     entries = [violation[i] for i in range(len(rows))]
@@ -341,6 +347,7 @@ def _of_repeated(system: System, motion: Motion) -> str:
 
 
 def _energy(system: System, motion: Motion) -> Function:
+    """T, V (J), and Jacobi's integral where T has terms that are not quadratic in the rates."""
     value = ca.vertcat(_at(system, motion, system.T), system.V)
     about, labels = "kinetic and potential energy T, V", ("T", "V")
     if not system.homogeneous:

@@ -63,6 +63,7 @@ def keeps_velocities(found: Equations) -> bool:
 
 
 def _closure(found: Equations, closing: Sequence[int]) -> Function:
+    """[ψ, ∂ψ/∂q], ψ all that ties coordinates to each other: φ and the lengths of quaternions."""
     system = found.system
     lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
     psi = ca.vertcat(*[system.phi[system.rows[i].position] for i in closing], *lengths)
@@ -74,6 +75,7 @@ def _closure(found: Equations, closing: Sequence[int]) -> Function:
 
 
 def _slip(found: Equations, kept: Sequence[int], x: Argument) -> Function:
+    """[A v − c, A] of the independent rows, rates of φ before nonholonomic rows."""
     system = found.system
     order = sorted(kept, key=lambda i: system.rows[i].position < 0)  # holonomic rows first
     w = x.symbols[system.q.numel() :, 0]

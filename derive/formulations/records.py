@@ -94,6 +94,13 @@ class Request:
 
 @dataclass(frozen=True)
 class Equations:
+    """One formulation and one choice, over t (s), x = (q, w), u, p: everything that a module is
+    generated from, and what derivations and references read.
+
+    With `generalized_velocities` x = (q, v) and A v = c is no identity, but a first integral of A
+    v̇ = β that can drift.
+    """
+
     system: System
     formulation: str
     choice: str

@@ -53,6 +53,7 @@ Signature = tuple[int, int, int]
 def _between(
     matrices: Spectra, a: float, b: float, at_a: Signature, at_b: Signature, depth: int
 ) -> Iterator[Critical]:
+    """Halves the interval until one change of kind is left in it, or too little of it is."""
     if at_a == at_b:
         return
     kind = _kind(at_a, at_b)

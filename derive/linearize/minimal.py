@@ -91,6 +91,7 @@ def _pivots(equations: Equations, q: np.ndarray, p: np.ndarray) -> list[tuple[in
         "rows", [system.t, system.q, system.p], [ca.densify(ca.jacobian(rows, system.q))]
     )
     J = np.asarray(function(0.0, q, p))
+    # a small weight makes a column look weak, so that it is taken last as a dependent one
     weights = np.array([SPARED if spared else 1.0 for spared in _spared(equations)])
     rank = int(np.linalg.matrix_rank(J, tol=WEAK * np.max(np.abs(J)))) if J.size else 0
     return pivoted(J * weights, rank)

@@ -171,6 +171,7 @@ def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
 
 
 def _at_rest(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """The same motion at rest, where y creeps and rest near it is steady, too; else y."""
     w = slice(found.equations.system.q.numel(), found.equations.arguments[1].symbols.numel())
     if not 0 < np.max(np.abs(y[w]), initial=0.0) < CREEPS:
         return y

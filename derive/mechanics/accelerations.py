@@ -56,6 +56,7 @@ def newton_euler(
 
 
 def _child(link: Link, parent: State, v: Vector, vdot: Vector) -> State:
+    """(ω, ω̇, a, U) of a link from those of its parent, in the link's frame."""
     back = transpose(link.R)
     carried_omega, carried_alpha = rotated(back, parent[0]), rotated(back, parent[1])
     carried_a = rotated(back, sum_of(parent[2], rotated(parent[3], link.a)))

@@ -41,6 +41,7 @@ def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
     nq = s.q.numel()
     T = ca.SX(s.scalar(model.kinetic)) if model.kinetic is not None else ca.SX(0)
     V = ca.SX(s.scalar(model.potential)) if model.potential is not None else ca.SX(0)
+    # ∂T/∂q̇, linear in q̇: its slope is M_q
     momentum = ca.gradient(T, s.qd) if nq else ca.SX(0, 1)
     M_q = ca.jacobian(momentum, s.qd)
     if ca.depends_on(M_q, s.qd):

@@ -172,6 +172,7 @@ def _shifted(body: Articulated, arm: Vector) -> Articulated:
 def _accelerations(
     links: Sequence[Link], steps: Sequence[Sequence[Elimination]], nv: int
 ) -> Factored:
+    """Base to tip: v̇ᵢ = (φ̂ᵢ − ψ̂ᵢᵀ μᵢ)/m̂ᵢ, μ the twist rate that the carrier hands on."""
     vdot: Vector = [0.0] * nv
     pivots: dict[int, Scalar] = {}
     twists: list[Vector] = []

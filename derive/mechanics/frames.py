@@ -59,6 +59,8 @@ def triad(axis: Vector, plane: str) -> Rotation:
         unit = normal
     across = np.cross(normal, unit)
     if not plane or not across.any():
+        # any direction across will do; the axis that is least along the unit is the safest to cross
+        # with
         across = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
     x = across / np.linalg.norm(across)
     return (Still(np.column_stack([x, np.cross(unit, x), unit]).tolist()),)

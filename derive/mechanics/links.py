@@ -85,6 +85,7 @@ class Part:
 
 
 def _parts(model: Model, symbols: Symbols, joint: Joint) -> list[Part]:
+    """The joint itself, or its chain of simpler joints: a universal joint is two turns."""
     kind = joint_type(joint.type, joint.orientation, symbols.scalar(joint.pitch))
     axis = symbols.vector(joint.axis)
     q = [symbols.names[name] for name in joint.coordinates]

@@ -45,6 +45,9 @@ class Scene:
 
 @dataclass(frozen=True)
 class Block:
+    """The rows of one constraint: names and units, φ where there is one (nonholonomic rows have
+    none), and the velocity rows in every equivalent way of writing them."""
+
     rows: tuple[Row, ...]
     phi: tuple[ca.SX, ...]
     ways: tuple[tuple[RowForm, ...], ...]

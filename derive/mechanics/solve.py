@@ -43,6 +43,8 @@ def scalars(matrix: ca.SX) -> Matrix:
 
 @dataclass(frozen=True)
 class Solution:
+    """x of M x = b or A x = b, and what was divided by on the way: guards watch it."""
+
     x: list[Vector]  # one vector per right-hand side
     pivots: Vector  # in elimination order
 

@@ -93,6 +93,8 @@ def _assembled(
     extra: Lagrangian,
     g: Vector,
 ) -> tuple[System, ca.SX]:
+    """M, h, Q, A, c, β, T and V from the parts, and who balances what: h holds gravity and a
+    potential given by formula, Q the springs, so that M v̇ + h = Q + Aᵀ λ counts no force twice."""
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
     inertias = _inertias(links)
     nonideal = _nonideal(scene, found)
@@ -114,6 +116,7 @@ def _assembled(
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
+    # T₂ − T₀ + V = T + V − (T₁ + 2 T₀): where rates are prescribed T + V is not what is conserved
     energy = T + V if extra.missing.is_zero() else T + V - extra.missing
     power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
     measured = outputs(scene)

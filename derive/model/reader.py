@@ -246,7 +246,8 @@ class Reader:
 
     def direction(self, node: Scalar | Items, where: str, constant: bool = True) -> Vector3:
         """A direction as a letter, `-x`, or components; of length one where it is constant, which
-        `constant` demands. Exactly one: the lengths of axes are divided out nowhere later."""
+        `constant` demands. Rodrigues' formula and the joints' motions take unit axes for granted.
+        """
         if isinstance(node, Scalar):
             return self._letter(node, where)
         if not self.sized(node, self.space.size, where):

@@ -186,6 +186,7 @@ def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
 def _held_rows(
     system: System, given: dict[str, float], held: set[str], N: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Rows that give the held rates: N's for der(q), unit rows for generalized velocities."""
     rows = {f"der({c.name})": N[i] for i, c in enumerate(system.model.coordinates)}
     rows |= {
         x.name: np.eye(len(system.model.velocities))[j]

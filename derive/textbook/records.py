@@ -69,6 +69,8 @@ class Line:
 
 @dataclass(frozen=True)
 class Paragraph:
+    """Running text with formulas in it."""
+
     runs: Runs
 
 
@@ -101,6 +103,8 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Document:
+    """A derivation from title to last section, independent of how it is written down."""
+
     title: str
     subtitle: str
     sections: tuple[Section, ...]

@@ -19,6 +19,7 @@ from derive.model.records import Choice
 
 
 def _equations(survey: Survey, choice: Choice) -> Equations:
+    """The bordered system solved for v̇ and −λ; guards watch the pivots of −A M⁻¹ Aᵀ."""
     system, rows = survey.system, survey.independent_rows
     found = bordered_solution(system.M, rows.A, entries(system.Q - system.h), entries(rows.beta))
     guards = quadratic_guards(survey, rows.names, found.pivots)

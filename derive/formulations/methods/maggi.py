@@ -30,6 +30,8 @@ from derive.model.records import Choice
 
 
 def _equations(survey: Survey, choice: Choice) -> Equations:
+    """λ = Rᵀ (M v̇ + h − Q): multiplying M v̇ + h − Q = Aᵀ λ by Rᵀ from the left leaves λ, as A R =
+    1."""
     found = carried_through(survey, choice)
     R, reduction = _inverted(survey, found.reduction)
     explicit = _projected(survey, reduction)
@@ -60,6 +62,7 @@ def _inverted(survey: Survey, given: Reduction) -> tuple[ca.SX, Reduction]:
     turning = ca.jtimes(
         ca.mtimes(given.B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot)
     )
+    # Y v̇ = [β; ẇ − Ḃ v], and Y⁻¹ = [R S]
     sigma = ca.mtimes(R, rows.beta) - ca.mtimes(S, turning)
     names = [*rows.names, *given.names]
     return R, replace(

@@ -16,6 +16,8 @@ from derive.model.records import Choice
 
 
 def _equations(survey: Survey, choice: Choice) -> Equations:
+    """v̇ of M v̇ = Q − h over the links; of equivalent sets of inertias the one with fewest
+    operations."""
     system, n = survey.system, survey.system.v.numel()
     rotors: list[Scalar] = [
         system.M_extra[j, j] if system.M_extra.has_nz(j, j) else 0.0 for j in range(n)

@@ -21,6 +21,8 @@ from derive.model.records import Choice
 
 
 def _equations(survey: Survey, choice: Choice) -> Equations:
+    """v̇ = a + M⁻¹ Aᵀ λ with M⁻¹ applied to Q − h and to every row of A, all sides at once where M
+    is written out."""
     system, rows = survey.system, survey.independent_rows
     A, force, beta = rows.A, entries(system.Q - system.h), entries(rows.beta)
     found = constrained_motion(A, beta, inverse_applied(system, [force, *rows_of(A)]))

@@ -30,6 +30,7 @@ from derive.model.records import Choice
 
 
 def _equations(survey: Survey, choice: Choice) -> Equations:
+    """Udwadia and Kalaba's equation with M_A and F_A in the place of M and Q − h."""
     system, rows = survey.system, survey.independent_rows
     A, beta = rows.A, rows.beta
     W = ca.diag(ca.SX(ca.DM(_weights(survey)))) if survey.rank else ca.SX(0, 0)

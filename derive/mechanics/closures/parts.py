@@ -54,6 +54,8 @@ def _closure_rows(
     frame: int,
     axes: Sequence[int],
 ) -> tuple[RowForm, ...]:
+    """d · (v₂ + ω₂ × r₂) − d · (v₁ + ω₁ × r₁) along the axes of one frame (−1 is the ground), seen
+    from each link. Terms of the ground are left out: it rests."""
     turned = [matrix(relative_rotation(scene.links, place.link, frame)) for place in where]
     terms: list[list[TwistTerm]] = []
     for k in axes:

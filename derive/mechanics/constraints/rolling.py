@@ -116,6 +116,7 @@ def _height(scene: Scene, place: Place, point: Vector, normal: Vector, origin: V
 def _moving_row(scene: Scene, name: str, link: int, direction: Vector, point: Vector) -> RowForm:
     """A row whose direction and point move in the link: their rates by differentiation along the
     motion."""
+    # the contact wanders over the body: its rate is no velocity of a material point
     rates = scene.rate(ca.vertcat(*direction, *point))
     parts: Vector = [rates[i] for i in range(6)]
     return RowForm(

@@ -221,7 +221,7 @@ def evaluate(ref: Reference, s: State) -> Outcome:
     """Solve [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] for v̇ and λ at one state; twice where a nonideal
     force uses a reaction of the ideal problem, which is put under the names reaction.ROW.
 
-    Raises numpy.linalg.LinAlgError where the state is no number any more.
+    Raises numpy.linalg.LinAlgError where this has no solution, or the state is no number any more.
     """
     if not _uses_reactions(ref.model):
         return _evaluated(ref, s, nonideal=True)

@@ -168,7 +168,7 @@ def _consistent(problem: Problem) -> tuple[Fraction, ...]:
         size = max(map(abs, off))
         if size == 0:
             break
-        # scaled to one before it becomes double: the sizes go far below its least number
+        # scaled to one: each correction then gains all the digits of a double, however small it is
         change = back @ [float(value / size) for value in off]
         q = [value - size * Fraction(float(part)) for value, part in zip(q, change)]
     return (*q, *w)

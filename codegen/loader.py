@@ -8,7 +8,7 @@ import importlib.util
 import itertools
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from types import ModuleType
 
@@ -53,7 +53,7 @@ def part(module: ModuleType, name: str) -> ModuleType:
 
 
 @contextlib.contextmanager
-def _readable(place: Path) -> Iterator[None]:
+def _readable(place: Path) -> Generator[None]:
     """Python does not check the byte code that it keeps beside a module: spoiled, it ends the
     import by any error."""
     try:

@@ -335,7 +335,7 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
     default="dop853",
     show_default=True,
     metavar="NAME",
-    help="How to step; `hamel list` names all.",
+    help="How to step; `hamel list` names all, auto picks one by the tolerance.",
 )
 @click.option(
     "--step-size",

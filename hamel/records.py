@@ -381,6 +381,7 @@ class Simulated:
     # the state (coordinates, quasi-velocities) at each of these times, a row each
     at_events: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
     motion: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
+    automatic: bool = False  # the integrator was left to `auto`
     units: Mapping[str, str] = field(repr=False, default_factory=dict, metadata={"json": False})
     figure: Callable[[], str] | None = field(repr=False, default=None, metadata={"json": False})
 

@@ -54,14 +54,14 @@ def _check_bodies(model: Model, changed: list[str], parameters: Mapping[str, flo
     moment is negative."""
     known = dict(parameters)
     for name, formula in model.definitions:
-        value = _known(formula, known)
+        value = _value_of(formula, known)
         known |= {} if value is None else {name: value}
     for body in model.bodies:
         for what, formula in (
             ("mass", body.mass),
             *(("moment of inertia", moment) for moment in body.inertia[:3]),
         ):
-            value = _known(formula, known)
+            value = _value_of(formula, known)
             if value is not None and value < 0.0:
                 given = ", ".join(f"{name} = {parameters[name]:g}" for name in changed)
                 raise ModelError(
@@ -69,7 +69,7 @@ def _check_bodies(model: Model, changed: list[str], parameters: Mapping[str, flo
                 )
 
 
-def _known(formula: tree.Expression, known: Mapping[str, float]) -> float | None:
+def _value_of(formula: tree.Expression, known: Mapping[str, float]) -> float | None:
     """The value of a formula of known names; None where it uses others, or has none."""
     nodes = list(tree.walk(formula))
     if any(

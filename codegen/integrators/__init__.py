@@ -32,8 +32,15 @@ INTEGRATORS: tuple[Integrator, ...] = (
     TAYLOR,
 )
 
+AUTO = "auto"  # the word that leaves the choice to the tolerance and the number of motions
+AUTOMATIC = ("dop853", "verner9", "taylor")  # what it chooses from, where they fit the program
+TIGHT = 1e-7  # rtol; from it on the pair of order 9 takes less time than that of order 8
+
 __all__ = [
+    "AUTO",
+    "AUTOMATIC",
     "INTEGRATORS",
+    "TIGHT",
     "Collocation",
     "Dense",
     "Integrator",

@@ -1,10 +1,11 @@
 """What an integrator is, as data: explicit Runge–Kutta methods, Rosenbrock methods, collocation,
 the implicit midpoint rule, and Taylor series.
 
-All advance x' = f(t, x). `order` is the order of the step and `estimate` the power of h in its
-error estimate; `damping` the exponent of the previous error in the proportional–integral step
-control; `safety` the part of the allowed step that is taken: a step of many stages that fails costs
-more than a few shorter ones. `needs`: the functions of the module beyond `dynamics`.
+All advance x' = f(t, x). `order` is the order of the step (0 where it varies) and `estimate` the
+power of h in its error estimate; `damping` the exponent of the previous error in the
+proportional–integral step control; `safety` the part of the allowed step that is taken: a step of
+many stages that fails costs more than a few shorter ones. `needs`: the functions of the module
+beyond `dynamics`.
 """
 
 from __future__ import annotations
@@ -144,25 +145,24 @@ class Midpoint:
 
 @dataclass(frozen=True)
 class Taylor:
-    """x(t + s) = Σ xₙ sⁿ up to the order p = ⌈1 − ln(rtol)/2⌉, with coefficients by recurrences
-    over the program of `dynamics`; the last two terms of a step are a small part of the tolerance.
+    """x(t + s) = Σ xₙ sⁿ, with coefficients by recurrences over the program of `dynamics`. The
+    order is what the tolerance asks for, so there is no number for it; the last terms of a step
+    are a small part of the tolerance.
 
-    `order` is the highest there is.
+    The error estimate is h (ẋ − P'(h)), the step's end beside its polynomial P, and only where a
+    function has pieces: their ends do not show in a series.
     """
 
     name: str
     about: str
     source: str
-    order: int = 20
+    order: int = 0
+    estimate: int = 2
     damping: Fraction = Fraction(0)
     safety: Fraction = Fraction(1)
     needs: tuple[str, ...] = ()
     exact: bool = True  # what an enforcement does at every stage is not in the program
     adaptive: bool = True
-
-    @property
-    def estimate(self) -> int:
-        return self.order
 
 
 Integrator = Tableau | Rosenbrock | Collocation | Midpoint | Taylor
@@ -181,7 +181,7 @@ def less(weights: Row, other: Mapping[int, str]) -> Row:
 def centred(powers: Sequence[Row]) -> tuple[Row, ...]:
     """Coefficients of 1, θ, θ² … as those of 1, σ, σ² … with σ = 2 θ − 1, where rounding does not
     grow on the way from 0 to 1."""
-    rows = []
+    rows: list[Row] = []
     for k in range(len(powers)):
         parts = [Fraction(comb(n, k), 2**n) for n in range(len(powers))]
         columns = zip(*powers)
@@ -191,7 +191,7 @@ def centred(powers: Sequence[Row]) -> tuple[Row, ...]:
 
 def collocated(c: Row) -> tuple[Row, ...]:
     """The polynomial that is 0 at 0 and zᵢ at cᵢ: rows of weights of the zᵢ, of 1, θ, θ² …"""
-    columns = []
+    columns: list[list[Fraction]] = []
     for i, own in enumerate(c):
         roots = [Fraction(0), *(x for k, x in enumerate(c) if k != i)]
         polynomial = [Fraction(1)]

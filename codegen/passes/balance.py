@@ -31,7 +31,7 @@ def balance(lowered: Lowered, named: Iterable[int] = ()) -> Lowered:
     inside = _inside(lowered.code, wanted, {*roots, *named})
     if not inside:
         return lowered
-    made = _Made()
+    made = _Rewriting()
     for i in wanted:
         if i not in inside:
             made.moved[i] = made.again(operations, i, inside)
@@ -59,7 +59,7 @@ def _inside(code: Code, wanted: Sequence[int], kept: set[int]) -> set[int]:
 
 
 @dataclass
-class _Made:
+class _Rewriting:
     """New operations, when each is known, and where the old ones are."""
 
     code: Code = field(default_factory=Code)
@@ -93,7 +93,7 @@ class _Made:
 
     def _put(self, name: str, *operands: Operand) -> int:
         made = self.code.put(name, *operands)
-        self.known[made] = self._done(name, operands)
+        self.known[made] = self._ready_at(name, operands)
         return made
 
     def _input(self, argument: str, entry: int) -> int:
@@ -101,7 +101,7 @@ class _Made:
         self.known[made] = EARLY if argument == "p" else 0
         return made
 
-    def _done(self, name: str, operands: tuple[Operand, ...]) -> int:
+    def _ready_at(self, name: str, operands: tuple[Operand, ...]) -> int:
         if max(map(self._when, operands)) < 0:
             return EARLY
         if KINDS.get(name) == "sum" and any(map(self._is_product, operands)):

@@ -176,7 +176,9 @@ class Graph:
                 return ZERO
             inside = [(node, exponent) for node, exponent in merged.items() if exponent != 0]
             return self._scaled_product(scale, sorted(inside))
-        return self.product([((1.0, self._held(part)), exponent) for part, exponent in factors])
+        return self.product(
+            [((1.0, self._scaled_node(part)), exponent) for part, exponent in factors]
+        )
 
     def bounded(self, reference: Reference) -> Reference:
         """The reference with a factor that is far from overflow: factors that grow or shrink along
@@ -184,9 +186,9 @@ class Graph:
         factor, node = reference
         if node == ONE or factor == 0.0 or 1.0 / MODEST <= abs(factor) <= MODEST:
             return reference
-        return (math.copysign(1.0, factor), self._held((abs(factor), node)))
+        return (math.copysign(1.0, factor), self._scaled_node((abs(factor), node)))
 
-    def _held(self, reference: Reference) -> int:
+    def _scaled_node(self, reference: Reference) -> int:
         """A node that is factor · node, the factor inside of it."""
         factor, node = reference
         return node if factor == 1.0 else self._sum_node(((node, factor),), 1.0)

@@ -27,7 +27,7 @@ def invert(lowered: Lowered) -> Lowered:
     code = Code()
     moved: dict[int, int] = {}
     for i in wanted:
-        moved[i] = _made(code, lowered.code.operations[i], moved, shared)
+        moved[i] = _operation(code, lowered.code.operations[i], moved, shared)
     places = {
         node: (moved[operand] if isinstance(operand, int) else operand, scale)
         for node, (operand, scale) in lowered.places.items()
@@ -37,7 +37,7 @@ def invert(lowered: Lowered) -> Lowered:
     return Lowered(code, roots, lowered.factors, places)
 
 
-def _made(code: Code, operation: Operation, moved: dict[int, int], shared: set[int]) -> int:
+def _operation(code: Code, operation: Operation, moved: dict[int, int], shared: set[int]) -> int:
     if operation.name == "input":
         return code.input(*operation.slot)
     operands: list[Any] = [_there(operand, moved) for operand in operation.operands]

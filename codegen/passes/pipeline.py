@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
-from codegen.integrators import INTEGRATORS
+from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
 from codegen.passes import hoist as parameters
 from codegen.passes.balance import balance
 from codegen.passes.factor import factor
@@ -23,7 +23,7 @@ from codegen.passes.plain import plain
 from codegen.passes.schedule import schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
-from codegen.passes.taylor import check_series
+from codegen.passes.taylor import SERIES, check_series, series_refusal
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
@@ -79,17 +79,18 @@ def program(
     they need are added.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
-    chosen = _chosen(equations, functions)
+    chosen = _selection(equations, functions)
+    named, integrators = integrators, _spelled_out(integrators)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
         enforcements = _usual(chosen) if enforcements is None else enforcements
         watched = _watched(equations)
         further = (*_needs(integrators), *_needs_of_enforcements(equations, enforcements), *watched)
-        chosen = _chosen(equations, [*(function.name for function in chosen), *further])
+        chosen = _selection(equations, [*(function.name for function in chosen), *further])
         _check_size([function for function in chosen if function.name in further])
     charts = (equations, *equations.charts)
     if len(charts) > 1:
-        chosen = _chosen(
+        chosen = _selection(
             equations, [*(function.name for function in chosen), *_for_charts(equations)]
         )
     emitted = [(equations, function) for function in chosen]
@@ -132,9 +133,17 @@ def program(
         if len(charts) > 1
         else (),
     )
-    if "taylor" in made.integrators:
+    if SERIES in named and made.integrators:
         check_series(made)
+    elif SERIES in made.integrators and series_refusal(made):
+        return replace(made, integrators=tuple(x for x in made.integrators if x != SERIES))
     return made
+
+
+def _spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
+    """With what `auto` stands for."""
+    names = [name for word in integrators for name in (AUTOMATIC if word == AUTO else (word,))]
+    return tuple(dict.fromkeys(names))
 
 
 @dataclass
@@ -206,7 +215,7 @@ def _in_chart(
     }
     wanted = dict.fromkeys([*(function.name for function in chosen), *_for_charts(chart)])
     varying = {function.name for function in chosen if differs(first, function)}
-    own = _chosen(chart, [name for name in wanted if name in known])
+    own = _selection(chart, [name for name in wanted if name in known])
     where = f"; chart {number}, {chart.choice}"
     return [
         replace(function, name=f"{function.name}{_suffix(number)}", about=function.about + where)
@@ -252,7 +261,7 @@ def _usual(chosen: Sequence[Function]) -> tuple[str, ...]:
     )
 
 
-def _chosen(equations: Equations, names: Sequence[str] | None) -> list[Function]:
+def _selection(equations: Equations, names: Sequence[str] | None) -> list[Function]:
     """The functions asked for; those with an empty result have no code."""
     default = {function.name: function for function in equations.functions}
     requests = {request.name: request for request in equations.requests}
@@ -346,7 +355,7 @@ class _Candidate:
 
 
 def _candidate(lowered: Lowered, marks: tuple[Mark, ...]) -> _Candidate:
-    operations = needed(lowered)
+    operations = used_operations(lowered)
     return _Candidate(
         lowered,
         marks,
@@ -360,7 +369,7 @@ def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entr
     not regain."""
     best = _candidate(*plain(tape, loose))
     entries = [Entry(name, "number", tape.count(), best.total)]
-    for step, found in _tried(trace(tape), loose, best.total):
+    for step, found in _variants(trace(tape), loose, best.total):
         entries.append(Entry(name, step, entries[-1].after, found.total))
         best = min(found, best, key=lambda candidate: (candidate.total, candidate.signs))
     entries.append(Entry(name, "choose", entries[-1].after, best.total))
@@ -384,7 +393,7 @@ def _named(candidate: _Candidate) -> set[int]:
     return {operand for operand in found if isinstance(operand, int)}
 
 
-def _tried(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:
+def _variants(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:
     """The folded graph, then what each pass makes of it, for as long as a round helps."""
     if operations > LARGE:
         work = factor(work)
@@ -499,12 +508,12 @@ def _written(
         loop=loop,
         watched=watched.entries,
         results=watched.outputs,
-        operations=count(needed(lowered)),
+        operations=count(used_operations(lowered)),
         pattern=function.result.pattern and Pattern(**vars(function.result.pattern)),
     )
 
 
-def needed(lowered: Lowered) -> list[Operation]:
+def used_operations(lowered: Lowered) -> list[Operation]:
     """The operations that the roots need."""
     operations = lowered.code.operations
     return [operations[i] for i in lowered.wanted]

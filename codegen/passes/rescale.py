@@ -199,7 +199,7 @@ class Balance:
     # ---- the multiplications of one node
 
     def _renew(self, node: int) -> None:
-        multiples, own = self._wanted(node, self.scales[node]), 0
+        multiples, own = self._multiples(node, self.scales[node]), 0
         if node in self.sizes:
             groups = _groups(self.structure.terms[node], self.sizes[node])
             multiples += [(only, size) for size, only in groups.items() if only >= 0]
@@ -216,7 +216,7 @@ class Balance:
         own, scales = self.scales[node], self.scales
         return [ratio(own * factor, scales[other]) for other, factor in self.structure.terms[node]]
 
-    def _wanted(self, node: int, scale: float) -> list[tuple[int, float]]:
+    def _multiples(self, node: int, scale: float) -> list[tuple[int, float]]:
         """Multiples of the node for those who want certain ones."""
         wants = self.structure.wants.get(node)
         if not wants:
@@ -256,7 +256,7 @@ class Balance:
         near = _Near()
         scales, structure, steady = self.scales, self.structure, near.steady
         for user in users:
-            multiples = self._wanted(user, scales[user])
+            multiples = self._multiples(user, scales[user])
             if user in self.sizes:
                 place = structure.places[user][node]
                 terms, sizes = structure.terms[user], self.sizes[user]
@@ -278,7 +278,7 @@ class Balance:
         Multiples of the node are needed near it alone. Where a term of a sum has the size of
         another, the two are added first: the multiple of the other may fall away.
         """
-        sizes = {size for _, size in self._wanted(node, scale)}
+        sizes = {size for _, size in self._multiples(node, scale)}
         gone: dict[tuple[int, float], int] = {}
         for wanted, groups in near.sums:
             size = ratio(wanted, scale)

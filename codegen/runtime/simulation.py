@@ -84,7 +84,8 @@ class Simulation:
     parameters of each row, with the frame in force behind them, which all functions take:
     velocity(t, x, u, p). Where inputs change, u has those of each row; at a jump the new ones.
     An event that stopped the motion is its last row, and its status EVENT. Where it was asked for,
-    error estimates how far every entry of x may be from the solution.
+    error estimates how far every entry of x may be from the solution. integrator is the one that
+    stepped, also where "auto" was asked for.
     """
 
     t: np.ndarray
@@ -107,6 +108,7 @@ class Simulation:
     u: np.ndarray | None = None
     events: Events | None = None
     error: np.ndarray | None = None
+    integrator: str = ""
 
 
 class Stopped(FloatingPointError):

@@ -185,7 +185,7 @@ def _far(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterato
         yield from step.lines
     yield ""
     yield from (_output(kernel, i, style) for i, _ in part.outputs)
-    yield from (_kept(name, slot, style) for name, slot in part.kept)
+    yield from (_store_line(name, slot, style) for name, slot in part.kept)
 
 
 def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterator[str]:
@@ -229,14 +229,14 @@ def _loads(part: Part, style: _Style) -> dict[str, str]:
 
 def _stores(kernel: Kernel, part: Part, style: _Style) -> dict[str, list[str]]:
     """The lines that store a local: into the workspace, as a result."""
-    lines = {name: [_kept(name, slot, style)] for name, slot in part.kept}
+    lines = {name: [_store_line(name, slot, style)] for name, slot in part.kept}
     for i, value in part.outputs:
         if isinstance(value, str):
             lines.setdefault(value, []).append(_output(kernel, i, style))
     return lines
 
 
-def _kept(name: str, slot: int, style: _Style) -> str:
+def _store_line(name: str, slot: int, style: _Style) -> str:
     return f"{style.entry.format('work', slot)} = {name};"
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from codegen import text
 from codegen.integrators import (
     INTEGRATORS,
+    TIGHT,
     Collocation,
     Dense,
     Integrator,
@@ -23,7 +24,7 @@ from codegen.integrators import (
 )
 from codegen.integrators.records import centred, collocated
 from codegen.passes.lanes import WATCHED, side_by_side
-from codegen.passes.taylor import HIGHEST, in_pieces
+from codegen.passes.taylor import HIGHEST, faster_from, in_pieces
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
@@ -157,6 +158,9 @@ def _data(program: Program) -> dict[str, Any]:
         "tabled": tabled,
         "calls": _calls(program, sizes, tabled, has["constants"]),
         "enforcements": _numbered(program.enforcements),
+        "faster_from": faster_from(program) if _highest(chosen) else 0.0,
+        "tight": TIGHT,
+        "staged": [name for name in program.enforcements if name in CHARTS],
         "rows": rows,
         "lanes": side_by_side(program),
         "nq": nq,

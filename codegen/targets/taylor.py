@@ -8,11 +8,10 @@ from typing import Any
 
 from codegen import text
 from codegen.passes.names import RESERVED, Names
-from codegen.passes.taylor import HIGHEST, TAKEN, Series, Term, series, suffixes
+from codegen.passes.taylor import HIGHEST, SERIES, TAKEN, Series, Term, series, suffixes
 from codegen.program import Expression, Program, Statement
 from codegen.targets.records import Target
 
-INTEGRATOR = "taylor"
 WIDEST = 64  # bytes of a vector
 ADDED = 4  # cycles that a multiplication and an addition take together
 
@@ -39,7 +38,7 @@ class Body:
 
 def files(program: Program) -> dict[str, str]:
     """NAME_taylor.h, and a NAME_taylor.c of each chart."""
-    if INTEGRATOR not in program.integrators or not program.simulates:
+    if SERIES not in program.integrators or not program.simulates:
         return {}
     bodies = [_body(program, suffix) for suffix in suffixes(program)]
     data: dict[str, Any] = {

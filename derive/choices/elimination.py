@@ -15,9 +15,11 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
+from derive.choices.limits import SHORT
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.forms import ONE, Form, Key, constant, total, value
+from derive.mechanics.limits import COFACTORS, SAFE, VANISHES
 from derive.mechanics.motion import (
     REST,
     STILL,
@@ -34,20 +36,9 @@ from derive.mechanics.motion import (
     with_products,
 )
 from derive.mechanics.records import Link, RowForm, System
-from derive.mechanics.solve import (
-    COFACTORS,
-    SAFE,
-    VANISHES,
-    Block,
-    best_block,
-    reflected_solution,
-    small_inverse,
-    steady,
-)
+from derive.mechanics.solve import Block, best_block, reflected_solution, small_inverse, steady
 from derive.mechanics.tree import path
 from derive.states.sampling import States
-
-SHORT = 3  # a twist component with at most so many terms is cheaper from its form than by recursion
 
 
 class Dependent(Exception):
@@ -203,7 +194,7 @@ def elimination(
     waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
     known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
     walk = _Walk(system, everything, sides, known)
-    plan = _velocities(walk, waiting, len(rows), _Judge(system, sampled, sizes))
+    plan = _velocities(walk, waiting, len(rows), _Coefficients(system, sampled, sizes))
     values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
     forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
     unknown = {key[1] for form in forms for key in form if key[0] == "v"}
@@ -244,19 +235,19 @@ def _number(x: Scalar) -> Scalar:
 
 
 def _velocities(
-    walk: _Walk, waiting: list[int], constraints: int, judge: _Judge
+    walk: _Walk, waiting: list[int], constraints: int, coefficients_at: _Coefficients
 ) -> list[list[Step]]:
     """The walk over velocities; the pivots it finds, link by link, are the plan of the second
     walk."""
-    plan = [_stage(walk, waiting, -1, constraints, judge)]
+    plan = [_stage(walk, waiting, -1, constraints, coefficients_at)]
     for i, link in enumerate(walk.system.links):
         walk.enter(link, parent_part(link, walk.resolved_twist(link.parent)))
-        plan.append(_stage(walk, waiting, i, constraints, judge))
+        plan.append(_stage(walk, waiting, i, constraints, coefficients_at))
     return plan
 
 
 def _stage(
-    walk: _Walk, waiting: list[int], reached: int, constraints: int, judge: _Judge
+    walk: _Walk, waiting: list[int], reached: int, constraints: int, coefficients_at: _Coefficients
 ) -> list[Step]:
     """Solve every row that is ready once link `reached` is there, best pivot first."""
     if reached < 0:
@@ -264,10 +255,10 @@ def _stage(
     steps: list[Step] = []
     while ready := [i for i in waiting if _is_ready(walk, walk.rows[i], reached)]:
         residuals = {i: walk.current(i) for i in ready}
-        best = judge.best(residuals)
+        best = coefficients_at.best(residuals)
         if best is None:
             for i in ready:
-                _idle(walk, i, residuals[i], constraints, judge)
+                _idle(walk, i, residuals[i], constraints, coefficients_at)
                 waiting.remove(i)
             return steps
         rows, keys, block = best
@@ -316,14 +307,17 @@ def _is_ready(walk: _Walk, row: RowForm, reached: int) -> bool:
     )
 
 
-def _idle(walk: _Walk, index: int, residual: Form, constraints: int, judge: _Judge) -> None:
+def _idle(
+    walk: _Walk, index: int, residual: Form, constraints: int, coefficients_at: _Coefficients
+) -> None:
     """A row without a pivot: it repeats earlier rows, or it contradicts the choice of speeds."""
     if index >= constraints:
         raise Dependent(walk.rows[index].name)
     involved = [
         key
         for key in residual
-        if key[0] == "w" and judge.size(residual[key]) > VANISHES * judge.sizes[index]
+        if key[0] == "w"
+        and coefficients_at.size(residual[key]) > VANISHES * coefficients_at.sizes[index]
     ]
     if involved:
         raise Dependent(walk.rows[constraints + involved[0][1]].name)
@@ -397,19 +391,22 @@ def _numbers(
         parent = result[link.parent] if link.parent >= 0 else STILL
         by_recursion = child_numbers(link, parent, [v[j] for j in link.columns])
         result.append(
-            (_chosen(forms[0], by_recursion[0], values), _chosen(forms[1], by_recursion[1], values))
+            (
+                _short_values(forms[0], by_recursion[0], values),
+                _short_values(forms[1], by_recursion[1], values),
+            )
         )
     return result
 
 
-def _chosen(
+def _short_values(
     forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, Scalar]
 ) -> list[Scalar]:
     return [value(form, values) if len(form) <= SHORT else x for form, x in zip(forms, numbers)]
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _RowAtSamples:
     """A row's form with the coefficients of its unknowns at the samples."""
 
     form: Form
@@ -418,7 +415,7 @@ class _Seen:
     numbers: np.ndarray  # which are numbers
 
 
-class _Judge:
+class _Coefficients:
     """Coefficients at sampled consistent states."""
 
     def __init__(self, system: System, sampled: States, sizes: Sequence[float]) -> None:
@@ -426,7 +423,7 @@ class _Judge:
         self.symbols = [system.t, system.q, system.p]
         self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
         self.count = len(sampled.t)
-        self.seen: dict[int, _Seen] = {}
+        self.seen: dict[int, _RowAtSamples] = {}
 
     def values(self, entries: Sequence[Scalar]) -> np.ndarray:
         """(samples, entries)."""
@@ -436,7 +433,7 @@ class _Judge:
         function = ca.Function("x", self.symbols, [column])
         return np.asarray(function(*self.samples)).reshape(len(entries), -1).T
 
-    def _seen(self, row: int, form: Form) -> _Seen:
+    def _row_at_samples(self, row: int, form: Form) -> _RowAtSamples:
         """The unknowns' coefficients in a row; a form that was looked at before is remembered."""
         known = self.seen.get(row)
         if known is None or known.form is not form:
@@ -445,7 +442,7 @@ class _Judge:
             numbers = np.array(
                 [not isinstance(x, ca.SX) or x.is_constant() for x in entries], dtype=bool
             )
-            self.seen[row] = known = _Seen(form, keys, self.values(entries), numbers)
+            self.seen[row] = known = _RowAtSamples(form, keys, self.values(entries), numbers)
         return known
 
     def size(self, x: Scalar) -> float:
@@ -467,7 +464,7 @@ class _Judge:
         )
         place = {key: j for j, key in enumerate(keys)}
         for r, i in enumerate(rows):
-            seen = self._seen(i, residuals[i])
+            seen = self._row_at_samples(i, residuals[i])
             columns = [place[key] for key in seen.keys]
             values[:, r, columns], stored[r, columns], numbers[r, columns] = (
                 seen.values,

@@ -17,13 +17,10 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from derive.choices.limits import DEPENDENT, LOOKED_AT, TAKES_PART
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.records import Row, RowForm, System
 from derive.mechanics.solve import ldl_solution, scalars
-
-TAKES_PART = 1e-8  # smaller weights in a dependency are roundoff
-LOOKED_AT = 10  # states
-DEPENDENT = 1e-9  # smaller singular values of rows of length one are zero
 
 
 @dataclass(frozen=True)
@@ -136,7 +133,7 @@ def sentences(system: System, found: Sequence[Group]) -> tuple[str, ...]:
     )
 
 
-def lost(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
+def dependent_rows(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
     """Which of the `kept` rows, independent elsewhere, depend on each other at one state with these
     A; "" where none does."""
     lengths = np.linalg.norm(A, axis=1, keepdims=True)

@@ -45,7 +45,7 @@ def reduced(
         projects_velocity=False,
         frame=reduction.frame,
     )
-    named = (*_shown(survey, reduction), *motion.named[1:])
+    named = (*_matrices(survey, reduction), *motion.named[1:])
     return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
 
 
@@ -148,7 +148,7 @@ def _unit(system: System, reduction: Reduction, k: int, columns: list[int]) -> s
     return system.model.velocities[columns[0]].unit
 
 
-def _shown(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:
+def _matrices(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:
     """A, B, Y, S and R as matrices: W = Y⁻¹ = [R S] by the same pivots as λ."""
     A = survey.independent_rows.A
     shown = [

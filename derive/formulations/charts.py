@@ -20,6 +20,7 @@ from derive.choices.resolution import Resolved, Survey, ranked_partitions
 from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations.frames import in_numbers
 from derive.formulations.functions import with_frame
+from derive.formulations.limits import ENOUGH, MOST, SAFE, WORTH
 from derive.formulations.records import Equations, Function
 from derive.states.sampling import States
 
@@ -29,16 +30,6 @@ BY_ROWS = (
     "pull",
     "guards",
 )  # made of B, which differs between choices, though w does not occur
-# of its largest value over the sampled states: a pivot that comes closer to zero at one of them
-# makes a choice unsafe
-SAFE = 0.03
-ENOUGH = (
-    0.2  # no further chart where some chart has all pivots above this part at every sampled state
-)
-WORTH = 2.0  # times as far from singular at the worst state: what a further chart has to bring
-MOST = 4  # charts that are looked for
-LOW = 0.2  # of the largest pivot seen when the equations were made: below this a chart is left ...
-BETTER = 2.0  # ... for one that is so much better, so that no two charts take turns
 
 
 def charted(found: Sequence[Equations], survey: Survey) -> Equations:
@@ -101,9 +92,9 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     Candidates are the partitions that `auto` ranks and the choices of the file; `made` gives the
     equations of one by name. The next chart is the one that takes the worst state farthest from
     singular. Where the file leaves the choice open, a pivot that is of both signs over the states,
-    and so vanishes between them, is a reason, too: then a choice
-    that is safe alone is a chart, too, and where no few are safe together the orthonormal choice,
-    which goes wherever A has full rank.
+    and so vanishes between them, is a reason, too: then a choice that is safe alone is a chart,
+    too. Where none is, and no few are far from singular together, the orthonormal choice is the
+    other chart: it goes wherever A has full rank.
     """
     guards = _at_frame(first, _guards(first))
     here = _margins(guards, survey)
@@ -120,7 +111,7 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     if alone:
         return charted([first, made(alone[0])], survey) if turns else first
     names = _together_safe(here, {k: _margins(x, survey) for k, x in others.items()})
-    if turns and not names:
+    if turns and _least_between(guards, [others[name] for name in names], survey) < ENOUGH:
         names = ["orthonormal"]
     return charted([first, *map(made, names)], survey) if names else first
 
@@ -136,6 +127,16 @@ def _together_safe(here: np.ndarray, others: dict[str, np.ndarray]) -> list[str]
         here = margins
         names.append(best)
     return names if np.min(here) >= SAFE else []
+
+
+def _least_between(
+    guards: tuple[Guard, ...], others: Sequence[tuple[Guard, ...]], survey: Survey
+) -> float:
+    """The least margin of all charts together over many states. Pivots that change sign in every
+    one of them may vanish together between these states, on a set that a motion can come near: far
+    from singular at all states is what says that they do not."""
+    best = [_margins(them, survey, survey.many) for them in (guards, *others)]
+    return float(np.min(np.max(best, axis=0), initial=np.inf))
 
 
 def _changes_sign(guards: Sequence[Guard], survey: Survey) -> bool:
@@ -181,12 +182,16 @@ def _largest(guards: Sequence[Guard], survey: Survey) -> tuple[float, ...]:
     return tuple(float(f"{x:.3g}") for x in np.max(sizes, axis=0))
 
 
-def _margins(guards: Sequence[Guard], survey: Survey) -> np.ndarray:
-    """The smallest guard at each sampled state, relative to its largest value over all of them."""
+def _margins(guards: Sequence[Guard], survey: Survey, at: States | None = None) -> np.ndarray:
+    """The smallest guard at each sampled state, or at others, relative to its largest value over
+    all sampled ones."""
+    sampled = survey.sampled
+    here = sampled if at is None else at
     if not guards:
-        return np.full(len(survey.sampled.t), np.inf)
-    sizes = np.abs(_values(guards, survey, survey.sampled))
-    return np.min(sizes / np.maximum(np.max(sizes, axis=0), 1e-300), axis=1)
+        return np.full(len(here.t), np.inf)
+    largest = np.max(np.abs(_values(guards, survey, sampled)), axis=0)
+    sizes = np.abs(_values(guards, survey, here))
+    return np.min(sizes / np.maximum(largest, 1e-300), axis=1)
 
 
 def differs(equations: Equations, function: Function) -> bool:

@@ -6,7 +6,7 @@ from derive.joints import CLOSURES, JOINTS
 from derive.model.shape import about, kinds
 
 
-def _known() -> tuple[tuple[str, str, str], ...]:
+def _lines() -> tuple[tuple[str, str, str], ...]:
     """(category, name, about) in the order of the schema."""
     found = [("joint", joint.name, joint.about) for joint in JOINTS]
     found += [
@@ -19,4 +19,4 @@ def _known() -> tuple[tuple[str, str, str], ...]:
     return tuple(found)
 
 
-KINDS = _known()  # (category, name, about) of every joint, closure, constraint and load
+KINDS = _lines()  # (category, name, about) of every joint, closure, constraint and load

@@ -29,7 +29,7 @@ from derive.model.records import (
 def check_tips(reader: Reader, model: Model) -> None:
     """Report moving joints that carry no inertia at all, where no constraint speaks of what they
     carry either."""
-    felt = _felt(reader, model)
+    felt = _bodies_with_equations(reader, model)
     below: set[str] = set()  # bodies that carry one which was reported
     for joint in reversed(model.joints):
         if joint.child in felt:
@@ -54,7 +54,7 @@ def _report(reader: Reader, model: Model, joint: Joint) -> None:
     )
 
 
-def _felt(reader: Reader, model: Model) -> set[str]:
+def _bodies_with_equations(reader: Reader, model: Model) -> set[str]:
     """Bodies with mass, those that constraints speak of, and those whose joints have an inertia or
     a constraint of their own."""
     found = {body.name for body in model.bodies if not _is_massless(reader, body)}

@@ -164,7 +164,7 @@ class Reader:
             else ""
         )
         raise FormulaError(
-            f"{where} in {plain.unit}", text, _first_place(text), _wanted(wanted), hint
+            f"{where} in {plain.unit}", text, _first_place(text), _unit_of_formula(wanted), hint
         )
 
     def of_parameters(self, scalar: Scalar, where: str, unit: str | None) -> Expression:
@@ -192,7 +192,7 @@ class Reader:
                 f"{where} in {named(found)}",
                 text,
                 _first_place(text) if at is None else at,
-                _wanted(wanted),
+                _unit_of_formula(wanted),
                 _advice(resolved, missing, text) if found == NUMBER else "",
             )
         return found
@@ -300,7 +300,7 @@ def _fits(found: Inferred, wanted: Inferred) -> bool:
     return not isinstance(found, tuple) or found == wanted
 
 
-def _wanted(unit: str) -> str:
+def _unit_of_formula(unit: str) -> str:
     return ANGLE if unit in ("", "1") else unit
 
 

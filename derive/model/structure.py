@@ -112,7 +112,7 @@ def _unknown_keys(found: Any, context: dict[str, Any], source: Source) -> Iterat
             span,
             f"unknown key '{name}'",
             listed(context["keys"], 24),
-            _meant(name, context["keys"]),
+            _near_key(name, context["keys"]),
         )
 
 
@@ -136,7 +136,7 @@ _OTHER_WORDS = {
 }
 
 
-def _meant(name: str, keys: Collection[str]) -> str:
+def _near_key(name: str, keys: Collection[str]) -> str:
     other = _OTHER_WORDS.get(name)
     return f"did you mean '{other}'?" if other in keys else did_you_mean(name, keys)
 

@@ -147,16 +147,16 @@ class Reading:
         )
 
     def body_name(self, original: str, notes: list[str]) -> str:
-        return self._noted(self.bodies(original, "body"), original, notes)
+        return self._name_with_note(self.bodies(original, "body"), original, notes)
 
     def joint_name(self, original: str, kind: str, notes: list[str]) -> str:
         suffixes = () if kind == "fixed" else PLAIN if kind in ONE_RATE else SUFFIXES
-        return self._noted(self.symbols(original, "joint", suffixes), original, notes)
+        return self._name_with_note(self.symbols(original, "joint", suffixes), original, notes)
 
     def input_name(self, wanted: str, original: str, notes: list[str]) -> str:
-        return self._noted(self.symbols(wanted, "input"), original, notes)
+        return self._name_with_note(self.symbols(wanted, "input"), original, notes)
 
-    def _noted(self, name: str, original: str, notes: list[str]) -> str:
+    def _name_with_note(self, name: str, original: str, notes: list[str]) -> str:
         if name != original and original:
             self.renamed += 1
             notes.append(f"was {quoted(original)}")

@@ -15,9 +15,8 @@ from derive.mechanics.records import System
 from derive.model.records import Span
 from derive.numerics import refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised
+from derive.states.limits import AGREES
 from derive.states.scales import scaled, scales
-
-AGREES = 1e-9  # relative residual up to which held velocities count as kept
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ def initial_state(
     is found.
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
-    told, held = _given(system, changes or {}, parameters, t)
+    told, held = _start_values(system, changes or {}, parameters, t)
     own = _own(system, t)
     given = {name: x / own.one_of(name) for name, x in told.items()}
     q, v, N = _consistent(system, own, given, held, parameters, t)
@@ -96,7 +95,7 @@ def _consistent(
     return q, v, solver.velocities(own.t, q, here)[2]
 
 
-def _given(
+def _start_values(
     system: System, changes: Mapping[str, float], p: np.ndarray, t: float
 ) -> tuple[dict[str, float], set[str]]:
     names = {x.name: x.value for x in system.model.parameters} | {"t": t}
@@ -177,9 +176,8 @@ def _velocities(
 
 def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
     if not len(b):
-        return np.zeros(A.shape[1])
-    # the overloads of lstsq leave its result open
-    return np.linalg.lstsq(A, b, rcond=1e-10)[0]  # pyright: ignore[reportUnknownVariableType]
+        return np.zeros(int(A.shape[1]))
+    return np.linalg.lstsq(A, b, rcond=1e-10)[0]
 
 
 def _held_rows(

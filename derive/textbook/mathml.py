@@ -31,7 +31,7 @@ def mathml(latex: str, display: bool = False) -> str:
     text = text.replace("&#x003D5;", "&#x003C6;").replace(
         "<mi>&#x1D5B3;</mi>", '<mi mathvariant="normal">T</mi>'
     )
-    text = _CALL.sub(_called, text)
+    text = _CALL.sub(_operator, text)
     text = text.replace("<mover>", '<mover accent="true">')
     text = text.replace(
         "<mo>&#x0005B;</mo><mtable>", '<mspace width="0.2em" /><mtable class="matrix">'
@@ -50,7 +50,7 @@ def _bold(letter: str) -> str:
     return chr(code + (_BOLD_GREEK if code >= 0x3B1 else _BOLD_GREEK_CAPITAL))
 
 
-def _called(call: re.Match[str]) -> str:
+def _operator(call: re.Match[str]) -> str:
     """A function's name is an operator with a thin space on both sides, none before a bracket."""
     after = call[2] or ""
     space = "0" if after == "<mrow>" else "0.167em"

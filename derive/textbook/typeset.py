@@ -131,7 +131,7 @@ class Typesetter:
             return self._power(x)
         if x.is_Add or x.is_Mul:
             return self._bracketed(x)
-        return self._called(x)
+        return self._call(x)
 
     def _bracketed(self, x: Expr) -> str:
         return rf"\left({self.latex(x)}\right)"
@@ -146,14 +146,14 @@ class Typesetter:
             and x.exp > 0
             and str(x.base.func) in ("sin", "cos", "tan")
         ):
-            return self._called(x.base, exponent)
+            return self._call(x.base, exponent)
         if x.base.is_Symbol:
             return f"{_raisable(self.names[x.base])}^{{{exponent}}}"
         if x.base.is_Number and not x.base.is_negative and not x.base.is_Rational:
             return f"{_number(x.base)}^{{{exponent}}}"
         return f"{self._bracketed(x.base)}^{{{exponent}}}"
 
-    def _called(self, x: sympy.Basic, power: str = "") -> str:
+    def _call(self, x: sympy.Basic, power: str = "") -> str:
         name = str(x.func)
         arguments = ", ".join(self.latex(a) for a in x.args)
         if isinstance(x, sympy.Abs):

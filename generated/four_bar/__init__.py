@@ -28,6 +28,8 @@ status = _shared.STATUS  # what the C functions return, by number
 functions = tuple(_shared.FUNCTIONS)
 threaded = _shared.threaded
 Simulation, Status, Stopped = _simulate.Simulation, _simulate.Status, _simulate.Stopped
+Event, Events, Table = _simulate.Event, _simulate.Events, _simulate.Table
+event_names = tuple(name for name, *_ in _simulate.OWN)
 integrators = _simulate.INTEGRATORS
 enforcements = _simulate.ENFORCEMENTS
 
@@ -67,30 +69,42 @@ constraint_rows = _binding.constraint_rows
 
 def simulate(
     t_span, x, u=None, p=None, *, rtol=1e-9, atol=1e-11, times=None, max_steps=1_000_000, progress=None,
-    integrator=None, enforcement=None, step_size=None, threads=1,
+    integrator=None, enforcement=None, step_size=None, sample=None, events=None, error=False, threads=1,
 ):  # fmt: skip
-    """The motion from state x at t_span[0] with constant inputs u (zero when omitted).
+    """The motion from state x at t_span[0] with inputs u (zero when omitted).
+
+    u are numbers (nu,), a Table of values over time, a dict with numbers or Tables by the names of inputs, or a function f(t, x)
+    that returns u: called wherever the integrator wants it, or, with sample=, every `sample` seconds (or at these times) and kept
+    until the next, as a digital controller does. Steps end where tables have their times and where functions are asked. A function
+    of ctypes, int f(double t, const double *x, double *u, void *data), is called without Python.
 
     integrator is one of dop853; enforcement, how to stay on the constraints, one of
     projection, none (the first ones when omitted). Steps follow the tolerances rtol and atol, or are equal and
     at most step_size. Rows come out at the entries of t_span, or at `times` where given. progress is called with the time covered so far. Raises
     Stopped, a FloatingPointError, where the motion cannot go on: its `partial` holds the rows up to there and the status.
 
-    Many motions at a time where x, u, p, t_span or times have leading axes, which broadcast: t_span (..., 2) gives each its own
+    events are functions f(t, x) by name, or Event(f, direction, stop): their changes of sign are in `events` of the result, with
+    times and states on the constraints, beside those of the model's own events. With False nothing is looked for. A motion that is
+    stopped by an event ends with a row there and the status EVENT.
+
+    With error=True a coarser companion is integrated as well, half as long again, and `error` of the result estimates how far each entry
+    of x may be from the solution; functions as u are asked by both.
+
+    Many motions at a time where x, u, p, tables, t_span or times have leading axes, which broadcast: t_span (..., 2) gives each its own
     start and end. Every entry of the result has these axes. They go several side by side (explicit integrators, enforcements
     projection and none), on `threads` threads; progress is called with how many are finished. Those that cannot go on have NaN
-    from there and a `status` that says why; a RuntimeWarning counts them. Ctrl-C returns what is finished.
+    from there and a `status` that says why; a RuntimeWarning counts them. Ctrl-C returns what is finished. At sample times a
+    function gets x of all motions, (..., nx), and returns u of all; without, it is called for one at a time.
     """
-    u = [0.0] * nu if u is None else u
     advance = getattr(_binding, "advance", _simulate.advance)
     batch = _binding if hasattr(_binding, "simulate_batch") else None
     return _simulate.run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator,
-                         enforcement, step_size, threads=threads, batch=batch)
+                         enforcement, step_size, sample, threads=threads, batch=batch, events=events, error=error)
 
 
 __all__ = [
     "backend", "choice", "defaults", "formulation", "functions", "inputs", "name", "np_", "nu", "nx", "parameters", "states",
-    "status", "threaded", "units", "Simulation", "Status", "Stopped", "integrators", "enforcements",
+    "status", "threaded", "units", "Event", "Events", "Simulation", "Status", "Stopped", "Table", "event_names", "integrators", "enforcements",
     "dynamics",
     "mass",
     "bias",

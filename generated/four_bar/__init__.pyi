@@ -1,9 +1,12 @@
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._events import Event as Event
+from ._inputs import Table as Table
+from ._simulation import Events as Events
 from ._simulation import Simulation as Simulation
 from ._simulation import Status as Status
 from ._simulation import Stopped as Stopped
@@ -21,6 +24,7 @@ units: dict[str, tuple[str, ...]]
 defaults: NDArray[np.float64]
 status: tuple[str, ...]
 functions: tuple[str, ...]
+event_names: tuple[str, ...]
 integrators: tuple[str, ...]
 enforcements: tuple[str, ...]
 backend: Literal["extension", "ctypes", "numpy"]
@@ -101,7 +105,7 @@ def constraint_rows(
 def simulate(
     t_span: ArrayLike,
     x: ArrayLike,
-    u: ArrayLike | None = None,
+    u: ArrayLike | Table | Mapping[str, ArrayLike | Table] | Callable[[float, NDArray[np.float64]], ArrayLike] | None = None,
     p: ArrayLike | None = None,
     *,
     rtol: float = 1e-9,
@@ -112,6 +116,9 @@ def simulate(
     integrator: Literal["dop853", ] | None = None,
     enforcement: Literal["projection", "none", ] | None = None,
     step_size: float | None = None,
+    sample: ArrayLike | None = None,
+    events: Mapping[str, Event | Callable[[float, NDArray[np.float64]], float]] | Literal[False] | None = None,
+    error: bool = False,
     threads: int = 1,
 ) -> Simulation:
-    """The motion from state x at t_span[0] with constant inputs u, at the entries of t_span or at times."""
+    """The motion from state x at t_span[0] with inputs u, at the entries of t_span or at times."""

@@ -21,6 +21,10 @@ class Status(enum.IntEnum):
     NO_METHOD = 6
     SINGULAR_POSITION = 7
     SINGULAR_CHOICE = 8
+    NO_INPUT = 9
+    NO_EVENT = 10
+    EVENT = 11
+    FULL = 12
 
     @property
     def cause(self) -> str:
@@ -40,7 +44,30 @@ _CAUSES = {
     "its branch cannot be told",
     Status.SINGULAR_CHOICE: "this choice of quasi-velocities is singular here, though the "
     "constraints are independent: another choice, or a module of several, goes on",
+    Status.NO_INPUT: "an input could not be had: its function failed, or gave what is not finite",
+    Status.NO_EVENT: "an event could not be looked for: its function failed, or gave what is not "
+    "finite",
+    Status.EVENT: "stopped by an event",
+    Status.FULL: "too many events",
 }
+
+
+@dataclass(frozen=True)
+class Events:
+    """What happened on the way, in the order of time: event k at t[k] in state x[k] is
+    names[which[k]]. Of many motions `row` says whose it is, counted along their leading axes."""
+
+    names: tuple[str, ...]
+    t: np.ndarray
+    x: np.ndarray
+    which: np.ndarray
+    row: np.ndarray | None = None
+
+    def of(self, name: str) -> "Events":
+        """Those of one name."""
+        mine = self.which == self.names.index(name)
+        row = None if self.row is None else self.row[mine]
+        return Events(self.names, self.t[mine], self.x[mine], self.which[mine], row)
 
 
 @dataclass(frozen=True)
@@ -55,7 +82,10 @@ class Simulation:
     reduced is x without whole turns, as it was integrated: the violations are of that. Where the
     directions that w is measured along are based anew on the way, `bases` times, p has the
     parameters of each row, with the frame in force behind them, which all functions take:
-    velocity(t, x, u, p).
+    velocity(t, x, u, p). Where inputs change, u has those of each row; at a jump the new ones.
+    An event that stopped the motion is its last row, and its status EVENT. Where it was asked for,
+    error estimates how far every entry of x may be from the solution. integrator is the one that
+    stepped, also where "auto" was asked for.
     """
 
     t: np.ndarray
@@ -75,6 +105,10 @@ class Simulation:
     reduced: np.ndarray | None = None
     p: np.ndarray | None = None
     bases: int = 0
+    u: np.ndarray | None = None
+    events: Events | None = None
+    error: np.ndarray | None = None
+    integrator: str = ""
 
 
 class Stopped(FloatingPointError):

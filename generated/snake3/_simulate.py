@@ -9,17 +9,28 @@ import math
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import _shared
-from ._simulation import Simulation, Status, Stopped
+from . import _error, _events, _inputs, _shared
+from ._events import Event
+from ._inputs import Table
+from ._simulation import Events, Simulation, Status, Stopped
 
+__all__ = ["Event", "Events", "Simulation", "Status", "Stopped", "Table", "advance", "run"]
 N = 8  # the state and the work
 INTEGRATORS = ("dop853", )
+ORDERS = (8, )  # 0 where the tolerance makes it
 STEPPED = ()  # without step control
+NAMES = ("tau1", "tau2", )  # of inputs
+EXACT = ()  # with an exact Jacobian or series
+STAGED = ()  # enforcements that act at every stage
+FASTER_FROM = 0.0  # rtol from which one motion takes less time along its Taylor series
 ENFORCEMENTS = ("none", )
+# Of the model: name, direction, whether it stops the motion.
+OWN = ()
+MOST_EVENTS = 100_000  # of one motion
 # snake3_simulation of snake3_simulate.h
 STATE = np.dtype(
     [
@@ -37,6 +48,9 @@ STATE = np.dtype(
         ("velocity_violation", float),
         ("next_step", float),
         ("error", float),
+        ("stale", "i"),
+        ("inputs", np.uintp),
+        ("events", np.uintp),
         ("x", float, 8),
         ("slope", float, 8),
         ("turns", float, 5),
@@ -51,8 +65,45 @@ COUNTED = (
 BUDGET = {"extension": 5000, "ctypes": 5000, "numpy": 50}  # steps between two looks at progress and interrupts
 
 
-def run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator=None, enforcement=None, step_size=None, threads=1, batch=None):
+# What comes out at every output time: the shape of a row, and what stands where none is.
+ROWS = {
+    "x": ((N - 1,), np.nan),
+    "work": ((), np.nan),
+    "reduced": ((N - 1,), np.nan),
+}
+
+
+def run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator=None, enforcement=None, step_size=None, sample=None, threads=1, batch=None, events=None, error=False):
     """Integrate; see simulate() of the package."""
+    integrator = _automatic(rtol, step_size, (t_span, times, x, u, p), enforcement, sample) if integrator == "auto" else integrator
+    ways = {"integrator": integrator, "enforcement": enforcement, "sample": sample, "threads": threads, "batch": batch}
+    found = _run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, step_size=step_size, events=events, **ways)
+    found = replace(found, integrator=INTEGRATORS[_named("integrator", integrator, INTEGRATORS)])
+    if not error:
+        return found
+    order = ORDERS[_named("integrator", integrator, INTEGRATORS)]
+    *tolerances, step_size = _error.coarser(rtol, atol, step_size, order)
+    rows = _error.rows(found.t)
+    try:
+        companion = _run(advance, backend, t_span, x, u, p, *tolerances, rows, max_steps, None, step_size=step_size, events=False, **ways)
+    except Stopped as stopped:
+        companion = stopped.partial
+    apart = _error.estimate(found, companion, order, rtol)
+    return replace(found, error=apart)
+
+
+def _automatic(rtol, step_size, given, enforcement, sample):
+    """An integrator for that tolerance: for one motion its series where these are short, else an explicit method."""
+    values = [value for u in given for value in (u.values() if isinstance(u, dict) else (u,))]
+    one = not any(np.ndim(value) > 1 for value in values if not isinstance(value, Table))
+    smooth = sample is not None or not callable(given[3])
+    if one and smooth and step_size is None and rtol <= FASTER_FROM and enforcement not in STAGED:
+        return "taylor"
+    wanted = "verner9" if rtol <= 1e-07 else "dop853"
+    return wanted if wanted in INTEGRATORS else INTEGRATORS[0]
+
+
+def _run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, integrator=None, enforcement=None, step_size=None, sample=None, threads=1, batch=None, events=None):
     span = _shared.real("simulate", "t_span", t_span)
     t = np.ascontiguousarray(span if times is None else _shared.real("simulate", "times", times))
     if not span.ndim or not span.shape[-1] or not t.ndim or not t.shape[-1]:
@@ -67,21 +118,83 @@ def run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progres
     method, number = _named("integrator", integrator, INTEGRATORS), _named("enforcement", enforcement, ENFORCEMENTS)
     if step_size is None and INTEGRATORS[method] in STEPPED:
         raise ValueError(f"simulate() needs a step_size for {INTEGRATORS[method]}, which has no step control")
-    given, lead = _shared.prepare("dynamics", start, x, u, p)
-    lead = np.broadcast_shapes(lead, t.shape[:-1])
+    if INTEGRATORS[method] in EXACT and ENFORCEMENTS[number] in STAGED:
+        raise ValueError(f"simulate(): {INTEGRATORS[method]} does not fit the enforcement {ENFORCEMENTS[number]}, which acts at every stage")
+    source = _source(u, sample, INTEGRATORS[method], start, t[..., -1])
+    given, lead = _shared.prepare("dynamics", start, x, source.constant, p)
+    lead = np.broadcast_shapes(lead, t.shape[:-1], source.lead)
     how = {"integrator": method, "enforcement": number, "step_size": step_size or 0.0}
+    feed = _feed(source, sample, lead)
+    by = _By(advance, backend, how, (rtol, atol), max_steps, progress, feed, batch, threads, _watch_for(events))
     if lead:
-        return _many(batch, advance, t, given, lead, how, rtol, atol, max_steps, progress, threads)
+        return _many(by, t, given, lead, source.function, sample)
     u, p = (np.ascontiguousarray(value) for value in given[2:])
-    return _follow(advance, BUDGET[backend], _started(how, start, given[1]), t, u, p, rtol, atol, max_steps, progress)
+    state = _started(by, start, given[1])
+    if sample is None:
+        return _follow(by, state, t, u, p)
+    return _controlled(by, state, t, p, source.function, sample)
 
 
-def _started(how, start, x):
+def _source(u, sample, integrator, start, end):
+    """The inputs as they are asked for, if they can be."""
+    source = _inputs.source(u, NAMES, functools.partial(_shared.real, "simulate", "u"))
+    _inputs.check_cover(source.tables, NAMES, start, end)
+    if sample is not None and source.function is None:
+        raise ValueError("simulate() has sample times, but no function as u that is to be asked then")
+    if source.function is not None and sample is None and integrator in EXACT:
+        raise ValueError(f"simulate() needs sample times for a function as u with {integrator}, which needs the exact Jacobian or series")
+    return source
+
+
+def _watch_for(events):
+    """The events of the model and those that were asked for; None where there are none."""
+    if events is False or not (OWN or events):
+        return None
+    watch = _events.Watch(OWN, events, N - 1, float)
+    if watch.functions:
+        watch.callback = _inputs.Callback(watch.values, N - 1, len(watch.functions), float)
+    return watch
+
+
+def _feed(source, sample, lead):
+    """Inputs that change within a stretch of the motion; None where they are constant there."""
+    if not source.changes or sample is not None:
+        return None
+    function = source.function
+    callback = None if function is None else _inputs.Callback(function, N - 1, len(NAMES), float)
+    feed = _inputs.Feed(source, callback, float)
+    feed.spread(lead, np.broadcast_shapes(source.lead, source.constant.shape[:-1]))
+    return feed
+
+
+@dataclass
+class _By:
+    """How motions are integrated."""
+
+    advance: object
+    backend: str
+    how: dict
+    tolerances: tuple
+    max_steps: int
+    progress: object
+    feed: object
+    batch: object
+    threads: int
+    watch: object
+
+    def go(self, row, state, times, u, p, budget, out, buffers=None):
+        """Goes on with one motion; the loop in Python takes inputs and events themselves."""
+        here = {"fed": self.feed and self.feed.of(row), "buffers": buffers} if self.advance is advance else {}
+        return Status(self.advance(state, times, u, p, *self.tolerances, budget, *out, **here))
+
+
+def _started(by, start, x):
     """A simulation at its start."""
     state = np.zeros(1, STATE)
-    for name, value in how.items():
+    for name, value in by.how.items():
         state[name] = value
     state["t"], state["x"][0, : N - 1] = start, x
+    state["inputs"] = by.feed.address if by.feed else 0
     return state
 
 
@@ -92,20 +205,109 @@ def _named(kind, name, known):
     return 0 if name is None else known.index(name)
 
 
-def _follow(advance, budget, state, t, u, p, rtol, atol, max_steps, progress):
-    start, x, work = state["t"][0], np.full((t.size, N - 1), np.nan), np.full(t.size, np.nan)
-    reduced = np.full_like(x, np.nan)
-    status, tried = Status.MORE, 0
-    while status == Status.MORE and tried < max_steps:
-        status = Status(advance(state, t, u, p, rtol, atol, min(budget, max_steps - tried), x, work, reduced))
-        tried = int(state["steps"][0] + state["rejected"][0])
-        if progress is not None:
-            progress(float(state["t"][0] - start))
+def _empty(*shape):
+    """Rows that are not reached yet."""
+    return {name: np.full((*shape, *own), missing) for name, (own, missing) in ROWS.items()}
+
+
+def _follow(by, state, t, u, p):
+    """One motion to its end."""
+    out, way = _empty(t.size), _Way(by, state)
+    status = _stretch(way, t, u, p, out)
+    t, out = _ended(way, t, u, p, out, status)
+    inputs = by.feed.rows(t, out["x"]) if by.feed else None
+    return _found(way, t, p, out, status, inputs, by.feed and by.feed.callback)
+
+
+class _Way:
+    """A motion on its way, and what happened on it."""
+
+    def __init__(self, by, state):
+        self.by, self.state, self.start = by, state, float(state["t"][0])
+        self.log, self.buffers = _events.Log(), by.watch and by.watch.rows(1)
+        if self.buffers:
+            state["events"] = self.buffers.structures.ctypes.data
+
+    @property
+    def tried(self):
+        return int(self.state["steps"][0] + self.state["rejected"][0])
+
+    def took(self, status):
+        """Takes out what happened; MORE where it was only the room that ended."""
+        if not self.buffers:
+            return status
+        count = self.log.take(self.buffers, 0, 0)
+        return Status.MORE if status == Status.FULL and count < MOST_EVENTS else status
+
+    def happened(self):
+        """As the result holds it."""
+        if not self.buffers:
+            return None
+        t, x, which, _ = self.log.arrays(self.buffers.watch.width)
+        return Events(self.buffers.watch.names, t, x[:, : N - 1], which)
+
+
+def _stretch(way, times, u, p, out):
+    """Goes on to the last of the times, looking at progress and interrupts on the way."""
+    by, status = way.by, Status.MORE
+    while status == Status.MORE and way.tried < by.max_steps:
+        budget = min(BUDGET[by.backend], by.max_steps - way.tried)
+        status = way.took(by.go(0, way.state, times, u, p, budget, out.values(), way.buffers))
+        if by.progress is not None:
+            by.progress(float(way.state["t"][0]) - way.start)
+    return status
+
+
+def _ended(way, t, u, p, out, status):
+    """Rows up to an event that stopped the motion, and one there."""
+    if status != Status.EVENT:
+        return t, out
+    state, last = way.state, _empty(1)
+    reached = t < state["t"][0]
+    state["done"] = 0
+    way.by.go(0, state, state["t"].copy(), u, p, 1, last.values(), way.buffers)
+    return np.append(t[reached], state["t"]), {name: np.concatenate([value[reached], last[name]]) for name, value in out.items()}
+
+
+def _controlled(by, state, t, p, function, sample):
+    """One motion with inputs that a function gives at sample times, constant from one to the next."""
+    way, x = _Way(by, state), state["x"][0, : N - 1].copy()
+    start = way.start
+    samples = _inputs.sample_times(sample, start, float(t[-1]))
+    every = np.union1d(samples[1:], t).astype(t.dtype)
+    ends = [*(np.searchsorted(every, samples[1:], "right")), every.size]
+    out, used = _empty(every.size), np.full((every.size, len(NAMES)), np.nan)
+    control = _inputs.Callback(function, N - 1, len(NAMES), float)
+    status, first, u = Status.OK, 0, np.zeros(len(NAMES))
+    for time, end in zip(samples, ends):
+        u = control.values(float(time), x)
+        if u is None or not np.isfinite(u).all():
+            status = Status.NO_INPUT
+            break
+        state["stale"], used[first:end] = 1, u
+        status = _stretch(way, every[:end], u, p, {name: value[:end] for name, value in out.items()})
+        if status:
+            break
+        x, first = out["x"][end - 1].copy(), end - 1
+    rows = np.searchsorted(every, t)
+    t, out = _ended(way, t, u, p, {name: value[rows] for name, value in out.items()}, status)
+    used = used[rows][: len(t)]
+    if len(used) < len(t) or status == Status.EVENT:
+        used = np.concatenate([used[: len(t) - 1], u[np.newaxis]])
+    return _found(way, t, p, out, status, used, control)
+
+
+def _found(way, t, p, out, status, inputs, callback):
+    """What came out, or why it could not go on."""
+    state, watch = way.state, way.by.watch
     counts = {name: state[name][0].item() for name in COUNTED}
-    found = Simulation(t, x, work, **counts, status=status, reduced=reduced)
-    if status:
+    found = Simulation(t, **out, **counts, status=status, u=inputs, events=way.happened())
+    if status and status != Status.EVENT:
+        callback = watch.callback if status == Status.NO_EVENT else callback
+        error = callback.error if callback else None
         cause = _shared.FUNCTIONS["dynamics"][3] if status == Status.SINGULAR else status.cause
-        raise Stopped(f"snake3.simulate stopped at t = {float(state['t'][0])!r}: {cause}", found)
+        cause += f" ({error!r})" if error is not None else ""
+        raise Stopped(f"snake3.simulate stopped at t = {float(state['t'][0])!r}: {cause}", found) from error
     return found
 
 
@@ -125,7 +327,8 @@ MOTIONS = np.dtype(
         *(entry for name in ("t0", "times", "x", "u", "p") for entry in ((name, np.uintp), (f"{name}_stride", np.intp))),
         *((name, "i") for name in ("integrator", "enforcement", "choice")),
         *((name, float) for name in ("step_size", "rtol", "atol")),
-        ("budget", "l"), *((name, np.uintp) for name in ("x_out", "work_out", "v_out", "chart_out", "reduced_out", "frame_out", "ends")),
+        ("budget", "l"), *((name, np.uintp) for name in ("x_out", "work_out", "v_out", "chart_out", "reduced_out", "frame_out", "ends", "simulations", "events")),
+        ("inputs", np.uintp), ("inputs_stride", np.intp),
     ],
     align=True,
 )  # fmt: skip
@@ -135,18 +338,22 @@ PACE = 0.1  # seconds between two looks at progress and interrupts
 class _Queue:
     """Motions in rows, and what comes out of them."""
 
-    def __init__(self, t, given, lead, how, rtol, atol, max_steps):
-        self.how, self.tolerances, self.most = how, (rtol, atol), max_steps
-        self.rows = int(np.prod(lead))
-        arrays = {"t0": given[0], "times": t, "x": given[1], "u": given[2], "p": given[3]}
-        self.inputs = {name: _flat(value, lead, name != "t0") for name, value in arrays.items()}
-        shapes = {"x": (N - 1,), "work": (), "reduced": (N - 1,)}
-        self.rows_out = {name: np.full((self.rows, t.shape[-1], *shape), np.nan) for name, shape in shapes.items()}
-        self.ends = np.zeros(self.rows, END)
+    def __init__(self, by, arrays, rows, simulations=None):
+        """`arrays`: t0, times, x, u and p in rows, or a single one for all."""
+        self.by, self.rows, self.inputs, self.simulations = by, rows, arrays, simulations
+        self.rows_out = _empty(rows, arrays["times"].shape[-1])
+        self.ends = np.zeros(rows, END)
         self.ends["status"] = Status.MORE
+        self.log, self.numbers = _events.Log(), np.arange(rows)
+        self.signs = np.zeros((rows, len(by.watch.names) if by.watch else 0), "i")
 
     def compiled(self, batch, room, first, last):
         """Rows first to last by the compiled code."""
+        simulations = None if self.simulations is None else self.simulations[first:last]
+        buffers = self.by.watch and self.by.watch.rows(last - first)
+        if buffers:
+            simulations = self._states(first, last)
+            buffers.sign[:] = self.signs[first:last]
         motions = np.zeros(1, MOTIONS)
         motions["rows"], motions["n"] = last - first, self.inputs["times"].shape[-1]
         for name, value in self.inputs.items():
@@ -154,25 +361,87 @@ class _Queue:
             alone = len(value) == 1
             motions[name] = _address(value if alone else value[first:last])
             motions[f"{name}_stride"] = 0 if alone else width
-        for name, value in self.how.items():
+        for name, value in self.by.how.items():
             motions[name] = value
-        motions["rtol"], motions["atol"] = self.tolerances
-        motions["budget"] = self.most
+        motions["rtol"], motions["atol"] = self.by.tolerances
+        motions["budget"] = self.by.max_steps
         for name, value in self.rows_out.items():
             motions[f"{name}_out"] = _address(value[first:last])
         motions["ends"] = _address(self.ends[first:last])
+        if simulations is not None:
+            motions["simulations"] = _address(simulations)
+        if buffers:
+            motions["events"] = _address(buffers.structures)
+        if self.by.feed:
+            structures = self.by.feed.structures
+            alone = len(structures) == 1
+            motions["inputs"], motions["inputs_stride"] = _address(structures if alone else structures[first:last]), 0 if alone else 1
         if batch(motions, room):
             raise ValueError(Status.NO_METHOD.cause)
+        for place in range(last - first) if buffers else ():
+            count = self.log.take(buffers, place, self.numbers[first + place])
+            if self.ends["status"][first + place] == Status.FULL and count < MOST_EVENTS:
+                self.one(first + place, simulations[place : place + 1], buffers, place)
+        if buffers:
+            self.signs[first:last] = buffers.sign
 
-    def one(self, advance, row):
+    def _states(self, first, last):
+        """Simulations of the rows at their start, or where they are."""
+        if self.simulations is not None:
+            return self.simulations[first:last]
+        t0, x = self.inputs["t0"], self.inputs["x"]
+        states = np.zeros(last - first, STATE)
+        for name, value in self.by.how.items():
+            states[name] = value
+        states["t"] = t0.ravel() if len(t0) == 1 else t0.ravel()[first:last]
+        states["x"][:, : N - 1] = x if len(x) == 1 else x[first:last]
+        return states
+
+    def one(self, row, state=None, buffers=None, place=0):
         """A row by the loop of one motion."""
-        t0, t, x, u, p = (value[0 if len(value) == 1 else row] for value in self.inputs.values())
-        state, out = _started(self.how, t0, x), {name: value[row] for name, value in self.rows_out.items()}
-        status = advance(state, np.ascontiguousarray(t), u, p, *self.tolerances, self.most, *out.values())
+        _, t, _, u, p = (value[0 if len(value) == 1 else row] for value in self.inputs.values())
+        state = self._states(row, row + 1) if state is None else state
+        if self.by.watch and buffers is None:
+            buffers = self.by.watch.rows(1)
+            buffers.sign[:] = self.signs[row]
+        if buffers:
+            state["events"] = buffers.structures[place : place + 1].ctypes.data
+        feed = self.by.feed
+        state["inputs"] = feed.structures[row if len(feed.structures) > 1 else 0 :].ctypes.data if feed else 0
+        out, status = [value[row] for value in self.rows_out.values()], Status.MORE
+        while status == Status.MORE:
+            budget = self.by.max_steps - int(state["steps"][0] + state["rejected"][0])
+            status = self.by.go(row, state, np.ascontiguousarray(t), u, p, budget, out, buffers)
+            if status == Status.MORE or not buffers:
+                break
+            count = self.log.take(buffers, place, self.numbers[row])
+            status = Status.MORE if status == Status.FULL and count < MOST_EVENTS else status
+        if buffers:
+            self.signs[row] = buffers.sign[place]
         end = self.ends[row]
         end["status"], end["t"] = status, state["t"][0]
         for name in COUNTED:
             end[name] = state[name][0]
+
+    def run(self):
+        """All of them; returns how many are done, fewer after an interrupt."""
+        by, batch, done = self.by, self.by.batch, 0
+        try:
+            if batch is None:
+                for row in range(self.rows):
+                    self.one(row)
+                    done = _report(by.progress, row + 1)
+                return done
+            rooms = [np.empty(batch.workspace, np.uint8) for _ in range(max(1, by.threads))]
+            with ThreadPoolExecutor(len(rooms)) as pool:
+                each = map if len(rooms) == 1 else pool.map
+                for first, last in _parts(self.rows):
+                    ends = [first + (last - first) * k // len(rooms) for k in range(len(rooms) + 1)]
+                    list(each(lambda room, a, b: a < b and self.compiled(batch.simulate_batch, room, a, b), rooms, ends[:-1], ends[1:]))
+                    done = _report(by.progress, last)
+        except KeyboardInterrupt:
+            warnings.warn(f"snake3.simulate: interrupted after {done} of {self.rows} motions", RuntimeWarning, stacklevel=5)
+        return done
 
 
 def _flat(value, lead, vector):
@@ -201,25 +470,71 @@ def _parts(rows):
         first = last
 
 
-def _many(batch, advance, t, given, lead, how, rtol, atol, max_steps, progress, threads):
-    queue = _Queue(t, given, lead, how, rtol, atol, max_steps)
-    done = 0
+def _many(by, t, given, lead, function, sample):
+    rows = int(np.prod(lead))
+    arrays = {"t0": given[0], "times": t, "x": given[1], "u": given[2], "p": given[3]}
+    arrays = {name: _flat(value, lead, name != "t0") for name, value in arrays.items()}
+    if sample is not None:
+        return _many_controlled(by, arrays, rows, t, lead, function, sample)
+    queue = _Queue(by, arrays, rows)
+    queue.run()
+    shared = by.feed is not None and by.feed.callback is None and t.ndim == 1
+    inputs = np.stack([each.at(t) for each in by.feed.each]) if shared else None
+    if inputs is not None:
+        inputs = np.broadcast_to(inputs, (rows, *inputs.shape[1:])).reshape(*lead, *inputs.shape[1:])
+    return _gathered(queue, t, lead, inputs, by.feed and by.feed.callback)
+
+
+def _many_controlled(by, arrays, rows, t, lead, function, sample):
+    """Motions with inputs that a function gives at sample times to all at once: f(t, x) with x of all."""
+    if len(arrays["t0"]) > 1 or len(arrays["times"]) > 1:
+        raise ValueError("simulate() needs the same times for all motions where a function is asked at sample times")
+    start = float(arrays["t0"].ravel()[0])
+    samples = _inputs.sample_times(sample, start, float(t[-1]))
+    every = np.union1d(samples[1:], t).astype(t.dtype)
+    ends = [*(np.searchsorted(every, samples[1:], "right")), every.size]
+    whole = _Queue(by, arrays | {"times": every[np.newaxis]}, rows)
+    whole.ends["status"], whole.ends["t"] = Status.OK, start
+    whole.simulations = np.concatenate([_started(by, start, arrays["x"][0 if len(arrays["x"]) == 1 else row]) for row in range(rows)] or [np.zeros(0, STATE)])
+    used, x, error, first = np.full((rows, every.size, len(NAMES)), np.nan), np.broadcast_to(arrays["x"], (rows, N - 1)), None, 0
+    for time, end in zip(samples, ends):
+        going = np.flatnonzero(whole.ends["status"] == Status.OK)
+        u, error = _asked(function, float(time), x, lead)
+        lost = going[~np.isfinite(u[going]).all(axis=1)]
+        whole.ends["status"][lost] = Status.NO_INPUT
+        going = np.setdiff1d(going, lost)
+        used[going, first:end] = u[going, np.newaxis]
+        if not _went_on(whole, going, u, first and first + 1, end) or error is not None:
+            break
+        x, first = whole.rows_out["x"][:, end - 1], end - 1
+    whole.rows_out = {name: value[:, np.searchsorted(every, t)] for name, value in whole.rows_out.items()}
+    used = used[:, np.searchsorted(every, t)]
+    return _gathered(whole, t, lead, used.reshape(*lead, *used.shape[1:]), error)
+
+
+def _asked(function, time, x, lead):
+    """What a function gives for all motions, NaN where it fails, and what it raised."""
     try:
-        if batch is None:
-            for row in range(queue.rows):
-                queue.one(advance, row)
-                done = _report(progress, row + 1)
-        else:
-            rooms = [np.empty(batch.workspace, np.uint8) for _ in range(max(1, threads))]
-            with ThreadPoolExecutor(len(rooms)) as pool:
-                each = map if len(rooms) == 1 else pool.map
-                for first, last in _parts(queue.rows):
-                    ends = [first + (last - first) * k // len(rooms) for k in range(len(rooms) + 1)]
-                    list(each(lambda room, a, b: a < b and queue.compiled(batch.simulate_batch, room, a, b), rooms, ends[:-1], ends[1:]))
-                    done = _report(progress, last)
-    except KeyboardInterrupt:
-        warnings.warn(f"snake3.simulate: interrupted after {done} of {queue.rows} motions", RuntimeWarning, stacklevel=4)
-    return _gathered(queue, t, lead)
+        u = _inputs.given(function(time, x.reshape(*lead, N - 1).copy()), (*lead, len(NAMES)), float)
+    except Exception as error:  # it belongs to whoever gave the function
+        return np.full((len(x), len(NAMES)), np.nan), error
+    return u.reshape(len(x), len(NAMES)), None
+
+
+def _went_on(whole, going, u, first, end):
+    """Rows `going` to the times from `first` to `end`, with inputs u. False where it was interrupted."""
+    arrays = {name: value if len(value) == 1 or name == "times" else value[going] for name, value in whole.inputs.items()}
+    arrays |= {"times": whole.inputs["times"][:, first:end], "u": np.ascontiguousarray(u[going])}
+    states = whole.simulations[going]
+    states["done"], states["stale"] = 0, 1
+    part = _Queue(whole.by, arrays, going.size, states)
+    part.log, part.numbers, part.signs = whole.log, going, whole.signs[going]
+    done = part.run()
+    whole.signs[going] = part.signs
+    whole.simulations[going], whole.ends[going] = states, part.ends
+    for name, value in part.rows_out.items():
+        whole.rows_out[name][going, first:end] = value
+    return done == going.size
 
 
 def _report(progress, done):
@@ -228,24 +543,32 @@ def _report(progress, done):
     return done
 
 
-def _gathered(queue, t, lead):
+def _gathered(queue, t, lead, inputs, asked):
     """Everything in the shape of the leading axes; a warning where motions ended early."""
     rows = {name: value.reshape(*lead, *value.shape[1:]) for name, value in queue.rows_out.items()}
     counts = {name: queue.ends[name].reshape(lead) for name in ("status", *COUNTED)}
-    failed = np.flatnonzero(queue.ends["status"])
+    failed = np.flatnonzero(~np.isin(queue.ends["status"], (Status.OK, Status.EVENT)))
     if failed.size:
         first = Status(int(queue.ends["status"][failed[0]]))
         cause = _shared.FUNCTIONS["dynamics"][3] if first == Status.SINGULAR else first.cause
+        if first == Status.NO_EVENT:
+            asked = queue.by.watch.callback
+        error = getattr(asked, "error", asked) if first in (Status.NO_INPUT, Status.NO_EVENT) else None
+        cause += f" ({error!r})" if error is not None else ""
         warnings.warn(
             f"snake3.simulate: {failed.size} of {queue.rows} motions ended early, their rows from there are NaN; motion {failed[0]}: {cause}",
             RuntimeWarning, stacklevel=5,
         )  # fmt: skip
-    return Simulation(t=t, **rows, **counts)
+    happened = None
+    if watch := queue.by.watch:
+        times, states, which, row = queue.log.arrays(watch.width)
+        happened = Events(watch.names, times, states[:, : N - 1], which, row)
+    return Simulation(t=t, **rows, **counts, u=inputs, events=happened)
 
 
 # ---- the same loop as in snake3_simulate.c, for machines without a compiler; explicit integrators only
 
-# name: order, exponents and safety of the step control, c, a, weights of the error estimates
+# name: order, exponents and safety of the step control, c, a, weights of the error estimates; c, a and weights of the continuous output
 TABLEAUX = {
     "dop853": (8, 11.0 / 100.0, 1.0 / 50.0, 4.0 / 5.0, [0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726, 1.0 / 3.0, 1.0 / 4.0, 4.0 / 13.0, 0.6512820512820513, 3.0 / 5.0, 6.0 / 7.0, 1.0, 1.0], [
         [],
@@ -261,7 +584,19 @@ TABLEAUX = {
         [-0.9371424300859873, 0.0, 0.0, 5.186372428844064, 1.0914373489967295, -8.149787010746927, -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196],
         [2.273310147516538, 0.0, 0.0, -10.53449546673725, -2.0008720582248625, -17.9589318631188, 27.94888452941996, -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636],
         [0.054293734116568765, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585, 0.3111643669578199, -0.1521609496625161, 0.20136540080403034, 0.04471061572777259],
-    ], [[0.01312004499419488, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864, -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294, 0.0], [-0.18980075407240762, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585, -0.42268232132379197, -0.1521609496625161, 0.20136540080403034, 0.022651792198360825, 0.0]]),
+    ], [[0.01312004499419488, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864, -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294, 0.0], [-0.18980075407240762, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585, -0.42268232132379197, -0.1521609496625161, 0.20136540080403034, 0.022651792198360825, 0.0]], ([1.0 / 10.0, 1.0 / 5.0, 7.0 / 9.0], [
+        [0.056167502283047954, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25350021021662483, -0.2462390374708025, -0.12419142326381637, 0.15329179827876568, 0.00820105229563469, 0.007567897660545699, -4149.0 / 500000.0],
+        [0.03183464816350214, 0.0, 0.0, 0.0, 0.0, 0.028300909672366776, 0.053541988307438566, -0.05492374857139099, 0.0, 0.0, -0.00010834732869724932, 0.0003825710908356584, -0.00034046500868740456, 0.1413124436746325],
+        [-0.42889630158379194, 0.0, 0.0, 0.0, 0.0, -4.697621415361164, 7.683421196062599, 4.06898981839711, 0.3567271874552811, 0.0, 0.0, 0.0, -0.0013990241651590145, 2.9475147891527724, -9.15095847217987],
+    ], [
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [-10.266057073759306, 0.0, 0.0, 0.0, 0.0, 13.917653631776604, 2.6056037519936095, -15.018944223519684, 3.050527683318488, -1.3278744327655212, 2.844533632672879, 0.7657106259527866, -1.0889903364513334, 18.148505520854727, -9.194632392478356, -4.436036387594894],
+        [48.161850968566455, 0.0, 0.0, 0.0, 0.0, -154.78787266663716, -21.622822384626506, 160.09447708973047, -38.54396729189063, 16.661770430049543, -36.55829548991012, -9.906995535619366, 14.097013042320002, -127.63310949253875, 93.3567459327894, 56.68120539776666],
+        [-114.93304874997833, 0.0, 0.0, 0.0, 0.0, 522.9219089608218, 2.535182028966755, -474.3071826037644, 174.47140009219885, -74.44027814126304, 170.69007169147514, 46.8029919188744, -66.68230591294363, 357.3419516129657, -282.6272618704363, -261.77342902691703],
+        [147.46446875669767, 0.0, 0.0, 0.0, 0.0, -456.25918840208783, 292.25417465990404, 135.96036916173838, -337.0513470238771, 140.75210016191608, -345.9748485480496, -96.5198694669957, 137.96299063474376, -500.7031507909224, 361.14007718803333, 520.9742236688993],
+        [-97.06685363011368, 0.0, 0.0, 0.0, 0.0, -75.53193732135753, -505.40999933296894, 545.1091945264187, 291.78987509083254, -119.2562021040512, 313.299553623578, 88.74316650017616, -127.82216401767992, 349.17035710882897, -201.85219053352347, -461.17279991013964],
+        [25.69393346270375, 0.0, 0.0, 0.0, 0.0, 154.18974869023643, 231.5293791760455, -357.6391179106141, -93.40532418362432, 37.45832313645163, -104.0996495089623, -29.8402934266605, 43.53345659001114, -96.32455395918828, 39.17726167561544, 149.72683625798564],
+    ])),
 }  # fmt: skip
 
 
@@ -284,6 +619,37 @@ class _Run:
     p: np.ndarray
     rtol: float
     atol: float
+    pieces: object = None  # tables of inputs, in the segment `segment`
+    callback: object = None
+    buffers: object = None  # of events
+    segment: int = 0
+
+    def inputs(self, t, y):
+        """u at t and y."""
+        if self.pieces is None and self.callback is None:
+            return self.u
+        u = self.u if self.pieces is None else self.pieces.on(self.segment, t)
+        if self.callback is None:
+            return u
+        u = self.callback.values(float(t), _as_row(self, t, y))
+        if u is None or not np.isfinite(u).all():
+            raise _Failed(Status.NO_INPUT)
+        return u
+
+    def until(self, time):
+        """The next knot, or `time` where that is sooner: the step ends there."""
+        last = self.pieces is None or self.segment + 1 >= len(self.pieces.knots)
+        return time if last else min(time, self.pieces.knots[self.segment + 1])
+
+    def behind_knot(self):
+        """Goes on behind a knot that the state has come to."""
+        knots, segment = (), self.segment
+        if self.pieces is not None:
+            knots = self.pieces.knots
+        while self.segment + 1 < len(knots) and self.state["t"] >= knots[self.segment + 1]:
+            self.segment += 1
+        if segment != self.segment:
+            self.state["slope"] = self.slope(self.state["t"], self.state["x"])
 
     def tableau(self):
         return TABLEAUX[INTEGRATORS[int(self.state["integrator"])]]
@@ -296,9 +662,9 @@ class _Run:
     def slope(self, t, y):
         """Time derivative of the state and of the work."""
         self.state["calls"] += 1
-        slope, t = np.zeros(N), np.asarray(t)
-        status = int(_numpy()._dynamics(t, y[:-1], self.u, self.p, slope[:-1]))
-        status = status or int(_numpy()._power(t, y[:-1], self.u, self.p, slope[-1:]))
+        slope, t, u = np.zeros(N), np.asarray(t), self.inputs(t, y)
+        status = int(_numpy()._dynamics(t, y[:-1], u, self.p, slope[:-1]))
+        status = status or int(_numpy()._power(t, y[:-1], u, self.p, slope[-1:]))
         if status:
             raise _Failed(status)
         return slope
@@ -316,16 +682,65 @@ def _first_step(r, order, span):
     return min(span, 100 * h, max(1e-6, 1e-3 * h) if bend <= 1e-15 else (0.01 / bend) ** (1 / order))
 
 
-def _step(r, t, h, y, own):
-    """The new state, the slope there and the error in units of the tolerance."""
-    *_, c, a, errors = r.tableau()
-    k = [own]
+def _step(r, t, h, y, own, stages=None):
+    """The new state, the slope there and the error in units of the tolerance; `stages` gets the slopes."""
+    *_, c, a, errors, _ = r.tableau()
+    k = [] if stages is None else stages
+    k.append(own)
     for ci, row in zip(c[1:], a[1:]):
         z = y + h * sum(weight * slope for weight, slope in zip(row, k) if weight)
         k.append(r.slope(t + ci * h, z))
     found = [r.norm(h * sum(weight * slope for weight, slope in zip(row, k) if weight), y, z) for row in errors]
     error = found[0] if found else 0.0
     return z, k[-1], error * error / np.hypot(error, 0.1 * found[1]) if len(found) == 2 and error else error
+
+
+def _events_at(r, t, y):
+    """The functions of all events."""
+    state = _as_row(r, t, y)
+    values, watch = [], r.buffers.watch
+    if watch.callback:
+        values.append(watch.callback.values(float(t), state))
+    if any(value is None or not np.isfinite(value).all() for value in values):
+        raise _Failed(Status.NO_EVENT)
+    return np.concatenate(values)
+
+
+def _dense(r, t, h, y, k, z, slope):
+    """The continuous output of a step from y to z as a function of theta, as in runtime_dense.h."""
+    dense = r.tableau()[-1]
+    own = k[0]
+    if dense is None:
+        rows = [y, h * own, 3 * (z - y) - h * (2 * own + slope), 2 * (y - z) + h * (own + slope)]
+    else:
+        c, a, powers = dense
+        for ci, row in zip(c, a):
+            k.append(r.slope(t + ci * h, y + h * sum(weight * each for weight, each in zip(row, k) if weight)))
+        rows = [y, *(h * sum(weight * each for weight, each in zip(row, k) if weight) for row in powers)]
+    off = z - sum(rows)
+    return lambda theta: sum(row * theta**n for n, row in enumerate(rows)) + theta * theta * (3 - 2 * theta) * off
+
+
+def _event_inside(r, t, h, y, k, z, slope):
+    """What happens in a step goes into the record; time, state and slope of an event that stops the motion."""
+
+    def land(theta):
+        if theta == 0:
+            return y.copy(), k[0]
+        there, bend, _ = _step(r, t, theta * h, y, k[0])
+        return _settled(r, t + theta * h, there, bend)
+
+    step = _events.Inside(t, h, _dense(r, t, h, y, k, z, slope), functools.partial(_events_at, r), land)
+    watch = r.buffers.watch
+    for theta, which, sign in _events.changes_inside(step, r.buffers.sign[0], z):
+        if watch.direction[which] * sign < 0:
+            continue
+        theta, there, bend = _events.located(step, which, theta)
+        row = _as_row(r, t + theta * h, there)
+        r.buffers.add(0, t + theta * h, row, which)
+        if watch.stop[which]:
+            return t + theta * h, there, bend
+    return None
 
 
 def _settled(r, t, z, k):
@@ -365,12 +780,16 @@ def _start(r, span):
     state["next_step"] = state["step_size"] or _first_step(r, r.tableau()[0], span)
     state["error"] = 1e-4
     _watch(r)
+    if r.buffers is not None:
+        r.buffers.sign[0] = np.sign(_events_at(r, state["t"], state["x"]))
 
 
 def _next_size(state, left):
+    whole = left * (1 - 1e-9)  # no rounding decides about a step
     if state["step_size"]:
-        return left / max(1.0, np.ceil(left / state["step_size"] * (1 - 1e-9)))
-    return left if state["next_step"] >= left else min(state["next_step"], 0.5 * left)
+        return left / max(1.0, np.ceil(whole / state["step_size"]))
+    h = state["next_step"]
+    return left if h >= whole else 0.5 * left if h > 0.5 * whole else h
 
 
 def _try(r, time, h):
@@ -379,12 +798,19 @@ def _try(r, time, h):
     t, left, y, status, error = state["t"], time - state["t"], state["x"], 0, 0.0
     last, (_, grow, damp, safety, *_) = h >= left, r.tableau()
     end = time if last else t + h
+    stages, stops = [], False
     try:
-        z, k, error = _step(r, t, h, y, state["slope"].copy())
+        z, k, error = _step(r, t, h, y, state["slope"].copy(), stages)
         error = 0.0 if state["step_size"] else error
         if error <= 1:
             z, k = _settled(r, end, z, k)
+        if error <= 1 and r.buffers is not None:
+            found = _event_inside(r, t, h, y, stages, z, k)
+            if found is not None:
+                stops, (end, z, k) = True, found
     except _Failed as failure:
+        if failure.args[0] == Status.NO_EVENT:
+            raise
         if state["step_size"]:
             raise
         status = failure.args[0]
@@ -405,14 +831,22 @@ def _try(r, time, h):
     state["x"], state["slope"] = z, k
     _unwound(state)
     _watch(r)
-    return 0
+    return Status.EVENT if stops else 0
 
 
-def advance(state, times, u, p, rtol, atol, budget, x, work, reduced):
+def _as_row(r, t, y):
+    """The state as a row of the output."""
+    row = y[:-1].copy()
+    return _wound(r.state, row)
+
+
+def advance(state, times, u, p, rtol, atol, budget, x, work, reduced, fed=None, buffers=None):
     """snake3_simulate of the C code."""
     if INTEGRATORS[int(state["integrator"][0])] not in TABLEAUX or ENFORCEMENTS[int(state["enforcement"][0])] not in ("projection", "none"):
         return Status.NO_METHOD
-    run = _Run(state[0], u, p, rtol, atol)
+    run = _Run(state[0], u, p, rtol, atol, *(fed or (None, None)), buffers)
+    if run.pieces is not None:
+        run.segment = max(0, int(np.searchsorted(run.pieces.knots, state["t"][0], "right")) - 1)
     with np.errstate(all="ignore"):
         try:
             return (_advance(run, times, budget, x, work, reduced))
@@ -427,14 +861,25 @@ def _advance(r, times, budget, x, work, reduced):
         while state["t"] < times[done]:
             if state["next_step"] == 0:
                 _start(r, times[-1] - state["t"])
+            elif state["stale"]:
+                state["slope"] = r.slope(state["t"], state["x"])
+            state["stale"] = 0
+            if r.buffers is not None and not r.buffers.has_room(0):
+                return Status.FULL
             if budget <= 0:
                 return Status.MORE
             budget -= 1
-            left = times[done] - state["t"]
+            end = r.until(times[done])
+            left = end - state["t"]
             h = _next_size(state, left)
             if h < left and h < max(16 * np.finfo(float).eps * abs(state["t"]), 1e-30 * abs(times[-1])):
                 return failed or Status.STEP_TOO_SMALL
-            failed = _try(r, times[done], h)
+            failed = _try(r, end, h)
+            if failed == Status.EVENT:
+                return failed
+            if r.callback is not None and r.callback.error is not None:
+                return Status.NO_INPUT
+            r.behind_knot()
         x[done], work[done] = state["x"][:-1], state["x"][-1]
         reduced[done], x[done] = x[done], _wound(state, x[done])
         state["done"] = done + 1

@@ -5,9 +5,13 @@ Standard library only. In a generated folder this file is build.py: run it on th
 module is to be used. No claim of licence is made on this file: 0BSD, see LICENSE.txt.
 """
 
+from __future__ import annotations
+
 import concurrent.futures
+import contextlib
 import functools
 import hashlib
+import importlib
 import importlib.util
 import json
 import os
@@ -19,6 +23,8 @@ import signal
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Sequence
+from typing import Any
 
 NAME = "snake3"
 # No fast-math: it drops NaN and changes what was written. Contraction makes one rounding of a * b +
@@ -47,19 +53,20 @@ BINARIES = "binaries.json"  # what was compiled here: file name -> SHA-256
 ANSWER = 20.0  # s in which a compiler has to say what it is
 LEAST = 120.0  # s that it may take for a file, and more for a long one
 PER_BYTE = 1e-3  # s; gcc takes some 2e-5
-running = {}  # the compilers under way, and where they work
+# the compilers under way, and where they work
+running: dict[subprocess.Popen[str], pathlib.Path | None] = {}
 
 
 class CompileError(Exception):
     """The compiler said no. `said` are all its own words, `hint` is what to do about it."""
 
-    def __init__(self, message, hint="", said=""):
+    def __init__(self, message: str, hint: str = "", said: str = "") -> None:
         super().__init__(message)
         self.hint = hint
         self.said = said
 
 
-def find_compiler():
+def find_compiler() -> list[str] | None:
     """The command of the first compiler found: $CC, cc, gcc, clang, then the ziglang package; None
     without one, or where $CC is no command."""
     if os.environ.get("CC", "").strip():
@@ -71,7 +78,7 @@ def find_compiler():
     return [sys.executable, "-m", "ziglang", "cc"] if importlib.util.find_spec("ziglang") else None
 
 
-def chosen():
+def chosen() -> list[str]:
     """The command in $CC; none where it cannot be read."""
     try:
         return shlex.split(os.environ["CC"])
@@ -79,7 +86,7 @@ def chosen():
         return []
 
 
-def no_compiler():
+def no_compiler() -> tuple[str, str]:
     """Why there is no compiler, and what to do about it."""
     given = os.environ.get("CC", "").strip()
     if given:
@@ -88,7 +95,7 @@ def no_compiler():
 
 
 @functools.cache
-def probe(command):
+def probe(command: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
     """What the compiler says of itself and of this processor: the flags it knows for them, and all
     macros it defines."""
     for flags in choices():
@@ -99,14 +106,14 @@ def probe(command):
     return (), ""
 
 
-def choices():
+def choices() -> list[tuple[str, ...]]:
     """Flags to try, the best first."""
     machine = {"amd64": "x86_64"}.get(platform.machine().lower(), platform.machine().lower())
     native = (NATIVE[machine],) if machine in NATIVE and sys.platform != "darwin" else ()
     return [(*native, *ORDER, *KEEP.get(machine, ())), (*native, *ORDER), native, ()]
 
 
-def identity(command):
+def identity(command: Sequence[str]) -> str:
     """What else a binary depends on: the compiler, its flags, this processor, this Python and the
     NumPy headers."""
     flags, macros = probe(tuple(command))
@@ -124,10 +131,10 @@ def identity(command):
     )
 
 
-def headers():
+def headers() -> list[str]:
     """Include folders of Python and NumPy; empty where one of them is missing."""
     try:
-        import numpy
+        numpy = importlib.import_module("numpy")
     except ImportError:
         return []
     folders = [sysconfig.get_paths()["include"], numpy.get_include()]
@@ -138,12 +145,12 @@ def headers():
     return folders if all(map(os.path.exists, wanted)) else []
 
 
-def extension_suffix():
+def extension_suffix() -> str:
     """The end of the file name of extension modules, such as .cpython-311-x86_64-linux-gnu.so."""
     return sysconfig.get_config_var("EXT_SUFFIX") or ".so"
 
 
-def compile_folder(folder, name, command):
+def compile_folder(folder: str | os.PathLike[str], name: str, command: Sequence[str]) -> list[str]:
     """Compile in place; the names of the files made. The extension is left out where headers are
     missing."""
     folder = pathlib.Path(folder)
@@ -168,7 +175,7 @@ def compile_folder(folder, name, command):
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         try:
             for stage in (tasks, links):
-                list(pool.map(lambda task: run(folder, task), stage))
+                list(pool.map(functools.partial(run, folder), stage))
         except BaseException:  # of one compiler, or an interrupt: nobody waits for the others
             stop(folder)
             raise
@@ -181,24 +188,23 @@ def compile_folder(folder, name, command):
     return made
 
 
-def shared_library(name):
+def shared_library(name: str) -> str:
     """The file name of the library for C."""
     return f"lib{name}{SUFFIX}"
 
 
-def record(folder, made):
+def record(folder: pathlib.Path, made: Sequence[str]) -> None:
     """Note what was compiled: hamel looks whether it still is that."""
-    try:
+    known: dict[str, str] = {}
+    with contextlib.suppress(OSError, ValueError):
         known = json.loads((folder / BINARIES).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        known = {}
     kept = {file: value for file, value in known.items() if (folder / file).is_file()}
     new = {file: hashlib.sha256((folder / file).read_bytes()).hexdigest() for file in made}
     text = json.dumps(dict(sorted({**kept, **new}.items())), indent=1) + "\n"
     (folder / BINARIES).write_text(text, encoding="utf-8")
 
 
-def flags_of(command, name, stem):
+def flags_of(command: Sequence[str], name: str, stem: str) -> Sequence[str]:
     """What one file needs besides FLAGS. The one that looks whether the processor fits must run on
     any."""
     if stem == f"{name}_cpu":
@@ -215,7 +221,7 @@ def flags_of(command, name, stem):
     return [*flags, *LONG]  # a function in a file of its own
 
 
-def gcc(macros):
+def gcc(macros: str) -> int:
     """The version of gcc; 0 of any other compiler."""
     numbers = [
         line.split()[-1] for line in macros.splitlines() if line.startswith("#define __GNUC__ ")
@@ -223,12 +229,12 @@ def gcc(macros):
     return int(numbers[0]) if numbers and "__clang__" not in macros else 0
 
 
-def manifest(folder):
+def manifest(folder: pathlib.Path) -> dict[str, Any]:
     """What hamel said about the module."""
     return json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
 
 
-def sources(folder, name):
+def sources(folder: pathlib.Path, name: str) -> list[str]:
     """The C files that make up the library, the longest first."""
     others = {example(name), f"{name}_module.c"}
     found = [
@@ -240,17 +246,17 @@ def sources(folder, name):
     ]
 
 
-def example(name):
+def example(name: str) -> str:
     """The file name of the example program, which is none of the model's own."""
     return "example.c" if name.lower() != "example" else "example_program.c"
 
 
-def shared():
+def shared() -> list[str]:
     """Linker options for a shared library that leaves Python's symbols open."""
     return ["-shared", "-undefined", "dynamic_lookup"] if sys.platform == "darwin" else ["-shared"]
 
 
-def run(folder, command):
+def run(folder: pathlib.Path, command: Sequence[str]) -> None:
     """Run a command in the folder; what it prints on failure becomes the error."""
     size = sum((folder / file).stat().st_size for file in command if file.endswith(".c"))
     code, said, errors = ended(command, folder, LEAST + PER_BYTE * size)
@@ -264,14 +270,16 @@ def run(folder, command):
         )
 
 
-def first_error(said):
+def first_error(said: str) -> str:
     """The line that says what is wrong; the first one where none does."""
     lines = [" ".join(line.split()) for line in said.splitlines() if line.strip()]
     errors = [line for line in lines if "error" in line.lower() or "fatal" in line.lower()]
     return (errors or lines or ["it said nothing"])[0]
 
 
-def ended(command, folder, limit):
+def ended(
+    command: Sequence[str], folder: pathlib.Path | None, limit: float
+) -> tuple[int, str, str]:
     """Exit code, output and errors of a command; CompileError when it does not start, or takes more
     than `limit` seconds."""
     try:
@@ -304,7 +312,7 @@ def ended(command, folder, limit):
     return process.returncode, said, errors
 
 
-def kill(process):
+def kill(process: subprocess.Popen[str]) -> None:
     """End a command, and all that it started."""
     try:
         os.killpg(process.pid, signal.SIGKILL)
@@ -313,14 +321,14 @@ def kill(process):
     process.wait()
 
 
-def stop(folder):
+def stop(folder: pathlib.Path) -> None:
     """End every compiler that works in the folder."""
     for process, place in list(running.items()):
         if place == folder:
             kill(process)
 
 
-def main():
+def main() -> None:
     command = find_compiler()
     if command is None:
         sys.exit(": ".join(no_compiler()))

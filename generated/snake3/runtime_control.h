@@ -7,6 +7,7 @@
        MODEL_dynamics(r)   the function f(t, x, u, p, out) that stands for dynamics, and so for power, project, constraints,
                            guards, closure, slip, manifold, jacobian and jacobian_t where there are such functions
        HAS_POWER ...       1 where there is one, else 0; TURNING how many coordinates go round
+       HAS_INPUTS          1 where there are inputs, which then may change on the way; EVENTS how many events the model has
        FRAME               how many values of p, the last ones, are a frame that is based anew on the way; HAS_ROWS whether the
                            independence of the constraint rows can be asked for
        PROJECTION ...      the numbers of the enforcements, -1 of those that the module does not have
@@ -18,12 +19,24 @@
 #include <stddef.h>
 
 /* What functions return; the same numbers as in NAME.h and NAME_simulate.h. */
-enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION, SINGULAR_CHOICE };
+enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION, SINGULAR_CHOICE, NO_INPUT, NO_EVENT, EVENT, FULL };
 
 /* A tolerance in units of rounding, given for a precision of 53 bits; and one that leaves the same share of the digits in that
    precision and in one of 24 bits. */
 #define ROUNDED(tolerance) ((tolerance) * (DBL_EPSILON / 2.220446049250313e-16))
 #define SHARED(many, few) (sizeof(double) > 4 ? (many) : (few))
+
+/* The continuous output of a step, as powers of 2 theta - 1, and what it is made of. */
+typedef struct {
+    int degree;
+    double a[DENSE_DEGREE + 1][NX];
+#if EXPLICIT_STAGES
+    double stages[EXPLICIT_STAGES + 1 + DENSE_STAGES][N];
+#endif
+#if ROSENBROCK_STAGES
+    double left[2][NX];
+#endif
+} Dense;
 
 /* What every part of a step needs. */
 typedef struct {
@@ -39,10 +52,21 @@ typedef struct {
 #if HAS_COORDINATES
     int rounds; /* that the last solution of the position constraints took */
 #endif
+#if HAS_INPUTS
+    const Inputs *inputs; /* NULL where u is constant */
+    const double *constant; /* u where no table gives other values */
+    double fed[INPUTS]; /* u at the last evaluation, which u points to */
+    size_t segment; /* of the tables that the state is in */
+    int refused; /* the callback wants no more */
+#endif
+    Dense *dense; /* NULL where nothing looks inside the steps */
 } Run;
 
 #if HAS_CHOICES
 static const struct Chart *here(const Run *r);
+#endif
+#if HAS_INPUTS
+static int feed(Run *r, double t, const double *y);
 #endif
 #if HAS_COORDINATES
 static int on_coordinates(const Run *r);
@@ -52,8 +76,14 @@ static int on_chart(Run *r, double t, double *z);
 /* Time derivative of the state; an enforcement by coordinates first puts y on the constraints. */
 static int rates(Run *r, double t, double *y, double *k)
 {
-#if HAS_COORDINATES
+#if HAS_COORDINATES || HAS_INPUTS
     int status;
+#endif
+#if HAS_INPUTS
+    if (r->inputs && (status = feed(r, t, y)) != OK)
+        return status;
+#endif
+#if HAS_COORDINATES
     if (on_coordinates(r) && (status = on_chart(r, t, y)) != OK)
         return status;
 #endif
@@ -151,10 +181,11 @@ static double first_step(Run *r, double order, double span)
 }
 
 /* An integrator: its step from y with slope `own` by h to z, which gives the slope there in `next` and the error in units of the
-   tolerance (0 where it has no estimate); its coefficients; and its step control, the exponents of the error of this step and of
+   tolerance (0 where it has no estimate); what it does first at a state, which says how long the step may be, or NULL; its coefficients; and its step control, the exponents of the error of this step and of
    the one before. */
 typedef struct Method {
     int (*step)(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error);
+    int (*prepare)(Run *r);
     const void *coefficients;
     double order, grow, damp, safety;
     int adaptive;
@@ -163,10 +194,10 @@ typedef struct Method {
 /* The size of the next step, `left` before the next output time, which is hit exactly. */
 static double next_size(const Simulation *s, double left)
 {
-    const double h = s->next_step;
+    const double h = s->next_step, all = left * (1.0 - SHARED(1e-9, 1.1e-4)); /* no rounding decides about a step */
     if (s->step_size > 0.0) /* equal steps that are no longer than wanted */
-        return left / fmax(1.0, ceil(left / s->step_size * (1.0 - SHARED(1e-9, 1.1e-4))));
-    return h >= left ? left : h > 0.5 * left ? 0.5 * left : h; /* two equal steps instead of a long and a short one */
+        return left / fmax(1.0, ceil(all / s->step_size));
+    return h >= all ? left : h > 0.5 * all ? 0.5 * left : h; /* two equal steps instead of a long and a short one */
 }
 
 /* How much shorter the next step has to be, from the error of this one (Gustafsson's proportional-integral control). */

@@ -29,15 +29,27 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
     const size_t place = row * all->n;
     const Simulation empty = {0};
     int i;
-    m->s = empty;
-    m->s.integrator = all->integrator;
-    m->s.enforcement = all->enforcement;
-    m->s.step_size = all->step_size;
-    m->s.t = all->t0[(ptrdiff_t)row * all->t0_stride];
-    for (i = 0; i < NX; i++)
-        m->s.x[i] = x[i];
+    if (all->simulations)
+        m->s = all->simulations[row];
+    else {
+        m->s = empty;
+        m->s.integrator = all->integrator;
+        m->s.enforcement = all->enforcement;
+        m->s.step_size = all->step_size;
+        m->s.t = all->t0[(ptrdiff_t)row * all->t0_stride];
+        for (i = 0; i < NX; i++)
+            m->s.x[i] = x[i];
+#if HAS_CHOICES
+        m->s.choice = all->chart;
+#endif
+    }
     m->run.s = &m->s;
     m->run.u = all->u ? all->u + (ptrdiff_t)row * all->u_stride : NULL;
+#if HAS_INPUTS
+    m->run.refused = 0;
+    fed_by(&m->run, all->inputs ? all->inputs + (ptrdiff_t)row * all->inputs_stride : NULL, m->run.u);
+#endif
+    m->s.events = all->events ? all->events + row : NULL;
     m->run.p = all->p ? all->p + (ptrdiff_t)row * all->p_stride : NULL;
     m->run.rtol = all->rtol;
     m->run.atol = all->atol;
@@ -49,9 +61,6 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
     m->rows.chart = all->chart_out ? all->chart_out + place : NULL;
     m->rows.reduced = all->reduced_out ? all->reduced_out + place * NX : NULL;
     m->rows.frame = all->frame_out ? all->frame_out + place * FRAME : NULL;
-#if HAS_CHOICES
-    m->s.choice = all->chart;
-#endif
 #if FRAME
     m->run.data = m->data;
     framed(&m->run, m->run.p);
@@ -73,6 +82,8 @@ static void finish(const Motions *all, size_t row, const Motion *m, int status)
     End *const end = all->ends + row;
     size_t k;
     int i;
+    if (all->simulations)
+        all->simulations[row] = *s;
     end->status = status;
     end->t = s->t;
     end->steps = s->steps;
@@ -110,10 +121,12 @@ static void one_by_one(const Motions *all, const Method *method)
     size_t row;
     for (row = 0; row < all->rows; row++) {
         Motion m;
+        Dense dense;
         double c[CONSTANTS + 1];
         int status = begin(all, row, &m, c);
+        m.run.dense = all->events ? &dense : NULL;
         if (status == OK)
-            status = run_to(&m.run, method, all->n, m.times, all->budget, &m.rows);
+            status = run_to(&m.run, method, all->n, m.times, all->budget - m.s.steps - m.s.rejected, &m.rows);
         finish(all, row, &m, status);
     }
 }
@@ -137,6 +150,10 @@ typedef struct {
     double violation[(CONSTRAINT_ROWS + 1) * LANES];
     double constants[LANES][CONSTANTS + 1]; /* the same for the loop of one motion */
     uint64_t good[LANES], moved[LANES], active[LANES];
+#if HAS_INPUTS
+    double knot[LANES], table[4 * INPUTS * LANES]; /* where the segment of each lane begins, and its polynomials */
+    int tables, called; /* whether there are any, and a callback */
+#endif
     int busy[LANES];
     size_t row[LANES];
     Motion motion[LANES];
@@ -198,6 +215,47 @@ static inline Vector quick_exp2(Vector x)
     return power * (1.0 + r * (1.0 + r * (1.0 / 2 + r * (1.0 / 6 + r * (1.0 / 24 + r * (1.0 / 120 + r * (1.0 / 720 + r * (1.0 / 5040 + r * (1.0 / 40320 + r * (1.0 / 362880 + r * (1.0 / 3628800)))))))))));
 }
 
+#if HAS_INPUTS
+/* The polynomials of the segment that a lane is in; constants where there is no table. */
+static void enter_segment(Lanes *w, int lane)
+{
+    const Run *const r = &w->motion[lane].run;
+    const Inputs *const inputs = r->inputs;
+    int i;
+    if (!inputs)
+        return;
+    w->knot[lane] = inputs->knots ? inputs->times[r->segment] : 0.0;
+    for (i = 0; i < 4 * INPUTS; i++)
+        if (inputs->knots)
+            w->table[i * LANES + lane] = inputs->polynomials[r->segment * INPUTS * 4 + (size_t)i];
+        else
+            w->table[i * LANES + lane] = i % 4 ? 0.0 : r->constant[i / 4];
+}
+
+/* u at states z; lanes whose callback fails become bad. */
+static inline void feed_lanes(Lanes *w, const double *t, const double *z)
+{
+    const Vector since = vector(t) - vector(w->knot);
+    int i, lane;
+    for (i = 0; i < INPUTS; i++) {
+        const double *const a = w->table + 4 * i * LANES;
+        store(w->u + i * LANES, vector(a) + since * (vector(a + LANES) + since * (vector(a + 2 * LANES) + since * vector(a + 3 * LANES))));
+    }
+    for (lane = 0; w->called && lane < LANES; lane++) {
+        Run *const r = &w->motion[lane].run;
+        double y[NX];
+        if (!w->busy[lane])
+            continue;
+        for (i = 0; i < NX; i++)
+            y[i] = z[i * LANES + lane];
+        if (feed(r, t[lane], y) != OK)
+            w->bad[lane] = 1.0;
+        for (i = 0; i < INPUTS; i++)
+            w->u[i * LANES + lane] = r->fed[i];
+    }
+}
+#endif
+
 /* Into the lane from its motion, and back. */
 static void enter_lane(Lanes *w, int lane)
 {
@@ -212,6 +270,9 @@ static void enter_lane(Lanes *w, int lane)
     w->position_violation[lane] = s->position_violation;
     w->velocity_violation[lane] = s->velocity_violation;
     w->last[lane] = log2(fabs(s->error));
+#if HAS_INPUTS
+    enter_segment(w, lane);
+#endif
 #if TURNING
     for (i = 0; i < TURNING; i++)
         w->floor[turning[i] * LANES + lane] = s->turns[turning[i]] != 0.0 ? turn : 0.0;
@@ -272,7 +333,7 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
             status = reached(all, m);
         }
         if (status == MORE)
-            status = start(&m->run, method, m->times[all->n - 1] - m->s.t);
+            status = ready(&m->run, method, m->times[all->n - 1] - m->s.t);
         else if (status == OK) {
             finish(all, row, m, OK);
             continue;
@@ -297,6 +358,10 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
 static inline void slopes(Lanes *w, const double *t, const double *z, int weighted, double *k)
 {
     const Vector zero = {0.0};
+#if HAS_INPUTS
+    if (w->tables)
+        feed_lanes(w, t, z);
+#endif
     LANES_dynamics(t, z, w->u, HAS_CONSTANTS ? w->c : w->p, k, w->stray);
     store(w->bad, vector(w->bad) + vector(w->stray));
     store(k + NX * LANES, zero);
@@ -515,10 +580,29 @@ static int stepped(const Motions *all, Lanes *w, int lane, double error, double 
         }
     }
 #endif
+#if HAS_INPUTS
+    if (at_knot(&m->run)) {
+        int status;
+        leave_lane(w, lane);
+        if ((status = behind_knot(&m->run)) != OK)
+            return status;
+        enter_lane(w, lane);
+    }
+#endif
     if (s->t < m->times[s->done])
         return MORE;
     leave_lane(w, lane);
     return reached(all, m);
+}
+
+/* Where the next step of a motion ends at the latest. */
+static inline double ahead(const Motion *m)
+{
+#if HAS_INPUTS
+    return until(&m->run, m->times[m->s.done]);
+#else
+    return m->times[m->s.done];
+#endif
 }
 
 /* Sizes of the next steps. Lanes that may not go on are ended and refilled. Returns how many are busy. */
@@ -529,7 +613,7 @@ static int lanes_sizes(const Motions *all, const Method *method, Lanes *w, size_
         while (w->busy[lane]) {
             Motion *const m = w->motion + lane;
             const Simulation *const s = &m->s;
-            const double time = m->times[s->done];
+            const double time = ahead(m);
             double h;
             int status = OK;
             left[lane] = time - s->t;
@@ -558,7 +642,10 @@ static int alone(const Motions *all, const Method *method, Lanes *w, int lane, d
     int status;
     leave_lane(w, lane);
     m->s.calls -= ((const Tableau *)method->coefficients)->stages + (w->moved[lane] != 0);
-    status = advance(&m->run, method, m->times[m->s.done], left, w->h[lane], &m->failed);
+    status = advance(&m->run, method, ahead(m), left, w->h[lane], &m->failed);
+#if HAS_INPUTS
+    status = status == OK ? behind_knot(&m->run) : status;
+#endif
     enter_lane(w, lane);
     if (status != OK)
         return told(&m->run, status);
@@ -573,6 +660,12 @@ static void side_by_side(const Motions *all, const Method *method, Lanes *w)
     size_t queue = 0;
     int lane;
     memset(w, 0, sizeof *w);
+#if HAS_INPUTS
+    w->tables = all->inputs != NULL;
+    for (queue = 0; all->inputs && queue < (all->inputs_stride ? all->rows : 1); queue++)
+        w->called |= all->inputs[queue].call != NULL;
+    queue = 0;
+#endif
     for (lane = 0; lane < LANES; lane++)
         refill(all, method, w, lane, &queue);
     while (lanes_sizes(all, method, w, &queue, left)) {
@@ -630,7 +723,7 @@ static void run_all(const Motions *all, const Method *method, void *workspace)
 {
 #if HAS_LANES && EXPLICIT_STAGES
     const int plain = all->enforcement == PROJECTION || all->enforcement == NONE;
-    if (plain && method->step == explicit_step) {
+    if (plain && method->step == explicit_step && !all->events) {
         const uintptr_t place = ((uintptr_t)workspace + 63) / 64 * 64;
         side_by_side(all, method, (Lanes *)place);
         return;

@@ -53,6 +53,9 @@ static int enter(Run *r, int to)
 #if COLLOCATION_STAGES
     s->collocated_h = 0.0; /* no polynomial to go on along */
 #endif
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
     s->error = 1e-4;
     s->switches++;
     return 1;
@@ -155,6 +158,9 @@ static int rebased(Run *r, double bound)
 #if COLLOCATION_STAGES
     s->collocated_h = 0.0; /* no polynomial to go on along */
 #endif
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
     for (i = 0; i < FRAME; i++)
         s->frame[i] = r->data[PARAMETERS - FRAME + i];
     s->bases++;
@@ -221,10 +227,16 @@ static int start(Run *r, const Method *method, double span)
 #endif
     if ((status = slope(r, s->t, s->x, s->slope)) != OK)
         return status;
-    s->next_step = s->step_size > 0.0 ? s->step_size : first_step(r, method->order, span);
+    if (s->step_size > 0.0)
+        s->next_step = s->step_size;
+    else
+        s->next_step = method->prepare ? span : first_step(r, method->order, span);
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
     s->error = 1e-4;
     watch(r);
-    return OK;
+    return s->events ? events_begin(r) : OK;
 }
 
 /* A step that met the tolerance becomes the state. */
@@ -243,6 +255,9 @@ static void accept(Run *r, double h, double end, const double *z, const double *
         s->x[i] = z[i];
         s->slope[i] = next[i];
     }
+#if HIGHEST_ORDER
+    s->expanded = 0;
+#endif
 #if TURNING
     unwind(s);
 #endif
@@ -259,27 +274,49 @@ static void accept(Run *r, double h, double end, const double *z, const double *
 #endif
 }
 
-/* One step towards an output time, `left` away, of size h: accepted, or next_step becomes shorter. Returns why a step by equal
+/* A start, or what goes on with other inputs. */
+static int ready(Run *r, const Method *method, double span)
+{
+    if (r->s->next_step == 0.0)
+        return start(r, method, span);
+#if HAS_INPUTS
+    if (r->s->stale)
+        return resumed(r);
+#endif
+    return OK;
+}
+
+/* One step towards a time, `left` away, of size h: accepted, or next_step becomes shorter. Returns why a step by equal
    steps failed; `failed` becomes the status of the last step that had to be made shorter. */
 static int advance(Run *r, const Method *method, double time, double left, double h, int *failed)
 {
     Simulation *const s = r->s;
     const int fixed = s->step_size > 0.0, last = h >= left;
-    const double t = s->t, end = last ? time : t + h;
-    double z[N], next[N], error, ratio;
+    const double t = s->t;
+    double end = last ? time : t + h, z[N], next[N], error, ratio;
+    int stops = 0, crossed = 0;
 #if HAS_GUARDS
+    Dense *const dense = r->dense;
+    const long crossings = s->crossings;
     double seen[GUARDS];
 #else
     const double *const seen = NULL;
 #endif
     int status = method->step(r, method->coefficients, t, h, s->x, s->slope, z, next, &error);
+#if HAS_INPUTS
+    if (r->inputs && r->refused)
+        return NO_INPUT;
+#endif
     if (fixed)
         error = 0.0;
     if (status == OK && error <= 1.0)
         status = settled(r, end, z, next);
 #if HAS_GUARDS
+    r->dense = NULL; /* it stays that of this step */
     if (status == OK && error <= 1.0)
         status = passed(r, method, t, h, end, s->x, s->slope, z, next, seen);
+    r->dense = dense;
+    crossed = s->crossings > crossings;
 #endif
 #if FRAME
     if (status != OK && rebased(r, NEARLY_BASED)) {
@@ -303,14 +340,24 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
         s->error = -fabs(s->error); /* the next step must not grow */
         return OK;
     }
-    if (!fixed) {
+    if (s->events) {
+        status = events_inside(r, method, h, crossed, &end, z, next);
+        stops = status == EVENT;
+        if (status != OK && !stops)
+            return status;
+#if HAS_GUARDS
+        if (stops && (status = looked(r, end, end - t, z, seen, &crossed)) != OK)
+            return status;
+#endif
+    }
+    if (!fixed && !method->prepare) {
         ratio = shrinkage(s, error, method);
         if (!last || h / ratio > s->next_step)
             s->next_step = h / ratio;
         s->error = fmax(error, 1e-4);
     }
-    accept(r, h, end, z, next, seen);
-    return OK;
+    accept(r, stops ? end - t : h, end, z, next, seen);
+    return stops ? EVENT : OK;
 }
 
 /* Where the rows at the output times go; v and chart only where the module has several charts, reduced where angles go round (it may
@@ -356,19 +403,31 @@ static int run_to(Run *r, const Method *method, size_t n, const double *times, l
     for (; (size_t)s->done < n; s->done++) {
         const double time = times[s->done];
         while (s->t < time) {
-            const double left = time - s->t;
+#if HAS_INPUTS
+            const double end = until(r, time), left = end - s->t;
+#else
+            const double end = time, left = end - s->t;
+#endif
             double h;
-            if (s->next_step == 0.0 && (status = start(r, method, times[n - 1] - s->t)) != OK)
+            if ((status = ready(r, method, times[n - 1] - s->t)) != OK)
                 return told(r, status);
+            if (s->events && !has_room(s->events))
+                return FULL;
             if (budget-- <= 0)
                 return MORE;
+            if (method->prepare && (status = method->prepare(r)) != OK)
+                return told(r, status);
             h = next_size(s, left);
             if (h < left && h < fmax(SHARED(16.0, 2.0) * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(times[n - 1])))
                 return failed ? told(r, failed) : STEP_TOO_SMALL;
             if (sizeof(double) < 8 && h < left)
                 h = (s->t + h) - s->t; /* what time really moves by: its last digit may be no small part of h */
-            if ((status = advance(r, method, time, left, h, &failed)) != OK)
+            if ((status = advance(r, method, end, left, h, &failed)) != OK)
                 return told(r, status);
+#if HAS_INPUTS
+            if ((status = behind_knot(r)) != OK)
+                return told(r, status);
+#endif
         }
         if ((status = deliver_row(r, rows, (size_t)s->done)) != OK)
             return status;

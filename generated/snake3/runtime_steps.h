@@ -2,6 +2,19 @@
 
    No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
 
+#if ROSENBROCK_STAGES || COLLOCATION_STAGES || HAS_MIDPOINT
+/* The derivative of the slope by the state, inputs as they are. */
+static int jacobian(Run *r, double t, const double *y, double *J)
+{
+#if HAS_INPUTS
+    const int status = r->inputs ? feed(r, t, y) : OK;
+    if (status != OK)
+        return status;
+#endif
+    return MODEL_jacobian(r)(t, y, r->u, r->p, J);
+}
+#endif
+
 #if EXPLICIT_STAGES
 /* An explicit Runge-Kutta method. Stage n of 1 ... stages is at t + c[n - 1] h, at y + h times the sum of weight[j] k[at[j]] over
    row[n - 1] <= j < row[n]; the last stage is the step itself. Rows stages and stages + 1 are the weights of error estimates. */
@@ -12,6 +25,7 @@ typedef struct {
     const int *row;
     const unsigned char *at;
     const double *weight;
+    int extra, degree; /* further stages of the continuous output, and the powers of 2 theta - 1 in it: rows after those of the errors */
 } Tableau;
 
 /* The sum of row n over the slopes k. */
@@ -30,7 +44,8 @@ static inline void combination(const Tableau *m, int n, double k[][N], double *s
 static int explicit_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
 {
     const Tableau *const m = (const Tableau *)coefficients;
-    double k[EXPLICIT_STAGES + 1][N], sum[N], other;
+    double kept[EXPLICIT_STAGES + 1][N], sum[N], other;
+    double(*const k)[N] = r->dense ? r->dense->stages : kept;
     int i, n, status;
     for (i = 0; i < N; i++)
         k[0][i] = own[i];
@@ -70,8 +85,40 @@ static int explicit_step(Run *r, const void *coefficients, double t, double h, c
    derivative by time; the last U is the error. */
 typedef struct {
     double gamma, alpha[ROSENBROCK_STAGES], gammas[ROSENBROCK_STAGES];
-    double a[ROSENBROCK_STAGES][ROSENBROCK_STAGES], c[ROSENBROCK_STAGES][ROSENBROCK_STAGES];
+    double a[ROSENBROCK_STAGES][ROSENBROCK_STAGES], c[ROSENBROCK_STAGES][ROSENBROCK_STAGES], dense[2][ROSENBROCK_STAGES];
 } Rosenbrock;
+
+/* The derivative of the slope by time, that of inputs in tables with it: exact where the slope is linear in them. */
+static int rate_of_time(Run *r, double t, double h, const double *y, double *rate)
+{
+    int status = MODEL_jacobian_t(r)(t, y, r->u, r->p, rate);
+#if HAS_INPUTS
+    double z[N], ahead[N], back[N], rise[INPUTS];
+    const Inputs *const inputs = r->inputs;
+    int i;
+    if (status != OK || !inputs || !inputs->knots)
+        return status;
+    for (i = 0; i < INPUTS; i++) {
+        const double *const a = inputs->polynomials + (r->segment * INPUTS + (size_t)i) * 4, since = t - inputs->times[r->segment];
+        rise[i] = h * (a[1] + since * (2.0 * a[2] + since * 3.0 * a[3]));
+    }
+    memcpy(z, y, sizeof z);
+    r->inputs = NULL; /* u comes from here */
+    for (i = 0; i < INPUTS; i++)
+        r->fed[i] += rise[i];
+    if ((status = rates(r, t, z, ahead)) == OK) {
+        for (i = 0; i < INPUTS; i++)
+            r->fed[i] -= 2.0 * rise[i];
+        status = rates(r, t, z, back);
+    }
+    r->inputs = inputs;
+    for (i = 0; i < NX && status == OK; i++)
+        rate[i] += (ahead[i] - back[i]) / (2.0 * h);
+#else
+    (void)h;
+#endif
+    return status;
+}
 
 /* The work over a step by Simpson's rule, the state in the middle by a cubic through both ends. */
 static int work(Run *r, double t, double h, const double *y, const double *own, double *z, const double *next)
@@ -91,7 +138,7 @@ static int rosenbrock_step(Run *r, const void *coefficients, double t, double h,
     const Rosenbrock *const m = (const Rosenbrock *)coefficients;
     double W[NX * NX], U[ROSENBROCK_STAGES][NX], rate[NX], k[N], e[N];
     int order[NX], i, j, n, status;
-    if ((status = MODEL_jacobian(r)(t, y, r->u, r->p, W)) != OK || (status = MODEL_jacobian_t(r)(t, y, r->u, r->p, rate)) != OK)
+    if ((status = jacobian(r, t, y, W)) != OK || (status = rate_of_time(r, t, h, y, rate)) != OK)
         return status;
     for (i = 0; i < NX * NX; i++)
         W[i] = -W[i];
@@ -120,6 +167,12 @@ static int rosenbrock_step(Run *r, const void *coefficients, double t, double h,
     }
     e[NX] = 0.0;
     *error = norm(r, e, y, z);
+    for (n = 0; n < 2 && r->dense; n++)
+        for (i = 0; i < NX; i++) {
+            r->dense->left[n][i] = 0.0;
+            for (j = 0; j < ROSENBROCK_STAGES; j++)
+                r->dense->left[n][i] += m->dense[n][j] * U[j][i];
+        }
     if ((status = slope(r, t + h, z, next)) != OK)
         return status;
     return work(r, t, h, y, own, z, next);
@@ -132,6 +185,7 @@ static int rosenbrock_step(Run *r, const void *coefficients, double t, double h,
 typedef struct {
     double c[COLLOCATION_STAGES], b[COLLOCATION_STAGES], T[COLLOCATION_STAGES][COLLOCATION_STAGES];
     double inverse[COLLOCATION_STAGES][COLLOCATION_STAGES], real, pairs[COLLOCATION_STAGES / 2][2], error[COLLOCATION_STAGES];
+    double dense[COLLOCATION_STAGES + 1][COLLOCATION_STAGES]; /* of the stages in 1, 2 theta - 1 ... */
 } Collocation;
 
 /* The polynomial through the stages of the last step goes on: a guess of the stages of this one, less y. */
@@ -175,7 +229,7 @@ static int collocation_step(Run *r, const void *coefficients, double t, double h
     double J[NX * NX], real[NX * NX], pair[PAIRS][4 * NX * NX], Z[STAGES][NX], W[STAGES][NX], d[STAGES][NX], k[STAGES][N], e[N];
     double size = 0.0, rate = 1.0;
     int order[NX], orders[PAIRS][2 * NX], i, j, n, status;
-    if ((status = MODEL_jacobian(r)(t, y, r->u, r->p, J)) != OK)
+    if ((status = jacobian(r, t, y, J)) != OK)
         return status;
     for (i = 0; i < NX * NX; i++)
         real[i] = -J[i];
@@ -255,6 +309,10 @@ static int collocation_step(Run *r, const void *coefficients, double t, double h
         double at[NX];
         for (i = 0; i < NX; i++)
             at[i] = y[i] + Z[n][i];
+#if HAS_INPUTS
+        if (r->inputs && (status = feed(r, t + m->c[n] * h, at)) != OK)
+            return status;
+#endif
         if ((status = MODEL_power(r)(t + m->c[n] * h, at, r->u, r->p, e)) != OK)
             return status;
         z[NX] += h * m->b[n] * e[0];
@@ -290,7 +348,7 @@ static int midpoint_step(Run *r, const void *coefficients, double t, double h, c
     double W[NX * NX], k[N], d[NX], middle[N], size, change, before = INFINITY;
     int order[NX], i, n, status;
     (void)coefficients;
-    if ((status = MODEL_jacobian(r)(t, y, r->u, r->p, W)) != OK)
+    if ((status = jacobian(r, t, y, W)) != OK)
         return status;
     for (i = 0; i < NX * NX; i++)
         W[i] *= -0.5 * h;

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from codegen.integrators import AUTO, AUTOMATIC
 from codegen.reals import real_of
-from derive.choices.redundancy import lost
+from derive.choices.redundancy import dependent_rows
 from derive.choices.resolution import survey_of
 from derive.diagnostics import AssumptionError, ModelError
 from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
@@ -32,6 +33,7 @@ from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
 from hamel.simulate import motion
+from hamel.simulate.automatic import picked
 from hamel.simulate.exact import state_of
 from hamel.simulate.figure import figure
 from hamel.simulate.files import writers
@@ -122,15 +124,29 @@ def simulation(
     Raises ModelError where what is asked for cannot be, AssumptionError where it does not fit the
     model or the motion cannot go on.
     """
+    automatic = method.integrator == AUTO
+    if automatic:  # one that fits everything, until the equations are there
+        method = replace(method, integrator=AUTOMATIC[0])
     check_method(method)
     times = _times(rows, method.step_size)
     writing = writers(places.out, places.plot)
     problem = _problem(path, method, rows, values, feed)
+    if automatic:
+        method = replace(method, integrator=_picked(problem, method))
     chosen, course = _integrated(problem, method, times, progress)
     for write in writing:
         write(course)
     used = replace(method, enforcement=problem.enforcement.name, alpha=problem.options.alpha)
-    return _record(chosen, used, problem.initial, course, places)
+    record = _record(chosen, used, problem.initial, course, places)
+    return replace(record, automatic=automatic)
+
+
+def _picked(problem: Problem, method: Method) -> str:
+    """The integrator of `auto`."""
+    changes = problem.changes
+    called = changes.function is not None and changes.sample is None
+    smooth = problem.enforcement.level != "stages" and not called
+    return picked(method, problem.equations(method.choice), smooth)
 
 
 def _problem(
@@ -198,7 +214,7 @@ def _motion(
     integrators = (method.integrator,) if own_integrator(method) else ()
     accuracy = tolerances(method, real_of(method.real))
     stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
-    functions = _called(by, method)
+    functions = _functions(by, method)
     with temporary_module(by, integrators, (enforcement,), functions, method.real) as module:
         assure(problem.plain, by, module)
         if by.charts or by.frame:
@@ -209,7 +225,7 @@ def _motion(
         return motion.integrated(module, by, start, stepping, progress)
 
 
-def _called(by: Equations, method: Method) -> tuple[str, ...] | None:
+def _functions(by: Equations, method: Method) -> tuple[str, ...] | None:
     """The functions that a motion calls; all of them where a library integrates."""
     if not own_integrator(method):
         return None
@@ -224,7 +240,7 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
         return error
     survey = survey_of(system)
     A = survey.solver.velocities(problem.t, problem.initial.q, problem.p)[0]
-    repeats = lost(system, A, survey.kept) if np.isfinite(A).all() else ""
+    repeats = dependent_rows(system, A, survey.kept) if np.isfinite(A).all() else ""
     if not repeats:
         return error
     start = f"{system.model.name}: at the start, with these parameters"

@@ -91,8 +91,8 @@ def fitting_enforcement(method: Method, plain: Equations) -> Enforcement:
     elif own.exact and enforcement.level == "stages":
         raise AssumptionError(
             f"{method.integrator} does not fit enforcement '{enforcement.name}': it needs the "
-            "exact Jacobian of what is integrated, and solving coordinates at every stage "
-            "changes that; use projection"
+            "exact Jacobian or series of what is integrated, and solving coordinates at every "
+            "stage changes that; use projection"
         )
     return enforcement
 
@@ -118,8 +118,8 @@ def check_changes(method: Method, changes: Changes, values: Mapping[str, Any]) -
         raise ModelError(f"{method.integrator} takes constant inputs; dop853 takes any")
     if own is not None and own.exact and changes.function and changes.sample is None:
         raise ModelError(
-            f"{method.integrator} needs the exact Jacobian, which a function hides: give it "
-            "sample times, or use radau"
+            f"{method.integrator} needs the exact Jacobian or series, which a function hides: give "
+            "it sample times, or use radau"
         )
 
 

@@ -36,7 +36,7 @@ def advice(rows: Sequence[Row], reference: Reference) -> list[str]:
     elif level is None:
         lines = ["No run reached a usable error; the reasons are in the table of what broke."]
     else:
-        lines = [*_recommended(own, level), *_others(rows, level), *_held(own, level)]
+        lines = [*_recommended(own, level), *_others(rows, level), *_enforcement_lines(own, level)]
     return [*lines, *broken(own)]
 
 
@@ -89,7 +89,7 @@ def _slower(ratio: float) -> str:
     return f"took {ratio:,.0f} times as long" if ratio >= 100 else f"took {ratio:.3g} times as long"
 
 
-def _held(own: Sequence[Row], level: float) -> list[str]:
+def _enforcement_lines(own: Sequence[Row], level: float) -> list[str]:
     best = cheapest(own, level)
     assert best is not None
     if best["phi"] is None or not any(row["phi"] or row["velocity"] for row in good(own)):

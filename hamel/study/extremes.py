@@ -89,7 +89,7 @@ def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
         if not entry.refused and isinstance(error, ModelError):
             raise
         return _refused(model, entry, error.diagnostics[0].message)
-    wanted = _wanted(model, entry)
+    wanted = _reference(model, entry)
     error = _error(model, found, wanted.values)
     good = error <= (np.inf if entry.tolerance is None else entry.tolerance)
     fewest, scipy = _steps(path, model, entry, wanted.values) if good else (None, None)
@@ -154,7 +154,7 @@ def _spoiled(model: Model, entry: Extreme) -> ExtremeRow:
     with temporary_module(chosen, real=entry.real) as module:
         seen = evidence(reference(model), chosen, module, 1)
         said = Counter(
-            each for backend in strange.backends(module) for each in strange.tried(seen, backend)
+            each for backend in strange.backends(module) for each in strange.answers(seen, backend)
         )
     right, refused = said.pop(strange.RIGHT, 0), said.pop(strange.REFUSED, 0)
     wrong, good = said.total(), right > 0 and not said
@@ -208,7 +208,7 @@ def _precision(entry: Extreme) -> str:
     return "" if entry.real == REAL else f", {entry.real}"
 
 
-def _wanted(model: Model, entry: Extreme) -> Ended:
+def _reference(model: Model, entry: Extreme) -> Ended:
     """The closed form of the file, else a solution of many digits."""
     system = mechanics_of(model)
     given = settings(model, dict(entry.values))

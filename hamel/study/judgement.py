@@ -23,7 +23,7 @@ CONTRADICTED = 10.0
 COLUMNS = (
     *("model", "formulation", "choice", "enforcement", "integrator", "rtol", "step", "error"),
     *("phi", "velocity", "energy"),
-    *("ms", "steps", "rejected", "calls", "operations", "status"),
+    *("ms", "steps", "rejected", "calls", "operations", "estimate", "error_of_q", "status"),
 )  # fmt: skip
 
 
@@ -149,6 +149,8 @@ class Judge:
             "rtol": run.get("rtol"),
             "step": self.span / run["count"] if "count" in run else None,
             "error": error,
+            "estimate": self._estimate(row),
+            "error_of_q": self._error_of_q(row),
             "energy": None
             if balance is None
             else abs(balance) / exchanged
@@ -162,6 +164,21 @@ class Judge:
         if row.get("end") is None or self.reference.end is None:
             return None
         return max(self._distance(row["end"], self.reference.end), self.reference.bound or LEAST)
+
+    def _estimate(self, row: Mapping[str, Any]) -> float | None:
+        """What the motion says of its own error: of the coordinates, relative to the scales."""
+        if row.get("estimate") is None:
+            return None
+        own = np.array(row["estimate"])
+        return float(np.max(own / self.scales[: len(own)], initial=0.0))
+
+    def _error_of_q(self, row: Mapping[str, Any]) -> float | None:
+        """The error of the coordinates alone, as the estimate is one of these."""
+        if row.get("end") is None or self.reference.end is None:
+            return None
+        nq, target = self.system.q.numel(), self.reference.end
+        apart = self._distance([*row["end"][:nq], *target[nq:]], target)
+        return max(apart, self.reference.bound or LEAST)
 
 
 def _effort(row: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
+from codegen.passes.taylor import SERIES, series_refusal
 from derive.diagnostics import AssumptionError
 from derive.enforcement import ENFORCEMENTS, Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations
+from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.robots.reading import load
@@ -72,13 +73,18 @@ def module(
         raise AssumptionError("; ".join(refused.values()))
     formed = _formed(begin, unit, plain, fitting, options)
     names = [function.name for function in formed.functions if function.name in FUNCTIONS]
-    methods = [method.name for method in INTEGRATORS]
+    methods = [method.name for method in INTEGRATORS if method.name != SERIES]
     enforcements = [enforcement.name for enforcement in fitting]
     program = program_of(formed, names, integrators=methods, enforcements=enforcements)
+    unfit = series_refusal(program)
+    if not unfit:
+        program = replace(program, integrators=(*program.integrators, SERIES))
     published(program, folder)
     return {
         "operations": program.kernel("dynamics").operations["total"],
         "enforcements": list(program.enforcements),
+        "integrators": list(program.integrators),
+        "unfit": {SERIES: unfit} if unfit else {},
         "misfits": {name: reason for name, reason in refused.items() if reason},
         "alpha": alpha if any(enforcement.level == "rates" for enforcement in fitting) else None,
     }
@@ -118,10 +124,7 @@ def _rate(begin: Start, plain: Equations, span: float) -> float:
 
 def first_state(begin: Start, equations: Equations) -> np.ndarray:
     """x at the start, by the equations' own function."""
-    function = equations.function("state")
-    t, _, u, p = (argument.symbols for argument in equations.arguments)
-    assert function.x is not None
-    state = ca.Function("state", [t, function.x.symbols, u, p], [ca.densify(function.result.value)])
+    state = function_of(equations, "state")
     return np.asarray(
         state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
     ).ravel()

@@ -28,15 +28,15 @@ from hamel.study.front import (
 )
 from hamel.study.judgement import COLUMNS
 from hamel.study.plan import Excluded
-from hamel.study.plots import FIRST, error_charts, extremes_chart, time_charts
+from hamel.study.plots import FIRST, error_charts, estimate_chart, extremes_chart, time_charts
 from hamel.study.study import Study
 
 COMPARED = 1e-8  # tolerance of the comparison of formulations and enforcements
 HEADINGS = {
     "rtol": "rtol", "step": "step (s)", "phi": "|φ|", "velocity": "|A v − c|",
     "energy": "energy error", "ms": "ms",
-    "operations": "operations of ẋ", "judged_by": "judged by", "fewest": "fewest steps",
-    "scipy": "SciPy's Radau",
+    "operations": "operations of ẋ", "error_of_q": "error of q", "judged_by": "judged by",
+    "fewest": "fewest steps", "scipy": "SciPy's Radau",
 }  # fmt: skip
 
 
@@ -65,7 +65,11 @@ def _section(study: Study) -> dict[str, Any]:
     return {
         "study": study,
         "advice": advice(rows, study.reference),
-        "charts": [Markup(each) for each in error_charts(study.model, rows)],
+        "charts": [
+            Markup(each)
+            for each in (*error_charts(study.model, rows), estimate_chart(study.model, rows))
+            if each
+        ],
         "over_time": [Markup(each) for each in over_time],
         "front": table([*COLUMNS[1:12], "steps", "operations"], front(rows)),
         "levels": _levels(rows),

@@ -115,7 +115,8 @@ _RESTRICTED = (
             "",
             _STAGES,
             method.name,
-            "it needs the exact Jacobian of what is integrated; these solve coordinates on the way",
+            "it needs the exact Jacobian or series of what is integrated; these solve coordinates "
+            "on the way",
         )
         for method in INTEGRATORS
         if method.exact

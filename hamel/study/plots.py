@@ -94,6 +94,22 @@ def _error_chart(title: str, rows: Sequence[Row], lines: Sequence[Series]) -> st
     return chart(title, "run time (ms) →", "error at the end", [dots, best, *lines])
 
 
+def estimate_chart(model: str, rows: Sequence[Row]) -> str:
+    """What motions say of their own error beside what it is: dots above the lower line are no less,
+    below the upper one at most thirty times."""
+    both = [(row["error_of_q"], row["estimate"]) for row in good(rows) if row["estimate"]]
+    if not both:
+        return ""
+    ends = [min(x for x, _ in both), max(x for x, _ in both)]
+    lines = [
+        Series("", both, "dots"),
+        Series("as large as the error", [(x, x) for x in ends], "curve"),
+        Series("thirty times", [(x, 30 * x) for x in ends], "curve"),
+    ]
+    title = f"{model}: estimate of the error, and the error"
+    return chart(title, "error of the coordinates at the end →", "estimate", lines)
+
+
 def extremes_chart(rows: Sequence[ExtremeRow]) -> str:
     """The extreme cases that have an error, from the largest on, each below the tolerance that its
     file states."""

@@ -72,10 +72,16 @@ def row(
     begin, module, times = start(path, values), loaded(folder), np.array([span])
     try:
         ms, motion = timed(lambda: _simulated(module, begin, times, run, span, limit), share)
+        told = _simulated(module, begin, times, run, span, limit, error=True)
     except (FloatingPointError, TooLong) as problem:
         status, reached = _cause(problem)
         return {"status": status, "stopped": reached}
-    return judged(module, begin, span, ms, motion)
+    estimate = told.error[-1, : begin.system.q.numel()]
+    return judged(module, begin, span, ms, motion) | {"estimate": _finite(estimate)}
+
+
+def _finite(values: np.ndarray) -> list[float] | None:
+    return values.tolist() if np.isfinite(values).all() else None
 
 
 @functools.lru_cache(maxsize=4)
@@ -128,6 +134,7 @@ def _simulated(
     run: Mapping[str, Any],
     span: float,
     limit: float,
+    error: bool = False,
 ) -> Any:
     end = time.process_time() + limit
 
@@ -150,6 +157,7 @@ def _simulated(
         enforcement=run["enforcement"],
         step_size=span / run["count"] if run.get("count") else None,
         events=False,
+        error=error,
     )
 
 

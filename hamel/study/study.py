@@ -135,6 +135,10 @@ def _built(so_far: Progress, units: Sequence[Unit]) -> list[Unit]:
                 Excluded(unit.formulation, unit.choice, k, "", why)
                 for k, why in about["misfits"].items()
             ]
+            so_far.excluded += [
+                Excluded(unit.formulation, unit.choice, "", integrator, why)
+                for integrator, why in about["unfit"].items()
+            ]
     return good
 
 
@@ -243,8 +247,9 @@ def _runs(so_far: Progress, units: Sequence[Unit], scale: int) -> Wanted:
         {units[0], *(unit for unit in units if unit.formulation == "augmented")} if units else set()
     )
     for unit in units:
-        enforcements = so_far.results[_name(unit, "built")]["enforcements"]
-        wanted += [(unit, run) for run in plan.runs(asked, enforcements, unit in compared, scale)]
+        built = so_far.results[_name(unit, "built")]
+        planned = plan.runs(asked, built["enforcements"], unit in compared, scale)
+        wanted += [(unit, run) for run in planned if run["integrator"] in built["integrators"]]
     return sorted(
         wanted,
         key=lambda item: (item[1]["integrator"] != INTEGRATORS[0].name, item[0] not in compared),

@@ -172,7 +172,10 @@ def show(record: Linearized, console: Console) -> None:
     if zeros:
         console.print(f"  zero eigenvalues taken out: {'; '.join(zeros)}")
     rows = [
-        (*(f"{row[name]:.6g}" for name in record.swept), "  ".join(map(_shown, row["eigenvalues"])))
+        (
+            *(f"{row[name]:.6g}" for name in record.swept),
+            "  ".join(map(_complex, row["eigenvalues"])),
+        )
         for row in record.rows
     ]
     every = max(1, len(rows) // MOST_ROWS)
@@ -184,10 +187,10 @@ def show(record: Linearized, console: Console) -> None:
             f"at {', '.join(f'{name} = {record.values[name]:.6g}' for name in record.swept)}:"
         )
     for mode in record.modes:
-        console.print(f"{_shown(mode.eigenvalue)}: {mode.course}; {mode.shape}")
+        console.print(f"{_complex(mode.eigenvalue)}: {mode.course}; {mode.shape}")
     for c in record.critical:
         console.print(
-            f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_shown(c.eigenvalue)}"
+            f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_complex(c.eigenvalue)}"
         )
     for first, last in record.stable:
         console.print(
@@ -209,6 +212,6 @@ KINDS = {
 }
 
 
-def _shown(pair: Sequence[float]) -> str:
+def _complex(pair: Sequence[float]) -> str:
     re, im = pair
     return f"{re:.6g}" if im == 0 else f"{re:.6g}{im:+.6g}i"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from codegen.integrators import INTEGRATORS
+from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
 from codegen.targets import TARGETS
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS, equations
@@ -33,13 +33,14 @@ inputs: {push: {coordinate: x}}
 outputs: {height: y}
 initial: {x: 0.6 m, guess: {y: 0.8 m}}
 """
+_AUTO = Known(AUTO, f"one of {', '.join(AUTOMATIC)}, by the tolerance and the number of motions")
 
 
 def run(path: str | PathLike[str] | None) -> Listed:
-    return Listed(_known()) if path is None else Listed(_named(path))
+    return Listed(_catalogue()) if path is None else Listed(_named(path))
 
 
-def _known() -> dict[str, tuple[Known, ...]]:
+def _catalogue() -> dict[str, tuple[Known, ...]]:
     """From the registries the stages loop over themselves, so that nothing can be missing here."""
     kinds: dict[str, list[Known]] = {}
     for category, name, about in KINDS:
@@ -48,7 +49,7 @@ def _known() -> dict[str, tuple[Known, ...]]:
         **{kind: tuple(names) for kind, names in kinds.items()},
         "formulations": _abouts(FORMULATIONS),
         "enforcements": _abouts(ENFORCEMENTS),
-        "integrators": (*_abouts(INTEGRATORS), *_abouts(REFERENCES)),
+        "integrators": (*_abouts(INTEGRATORS), _AUTO, *_abouts(REFERENCES)),
         "targets": _abouts(TARGETS),
         **{kind: tuple(names) for kind, names in _functions(load_text(_EVERYTHING)).items()},
     }

@@ -78,16 +78,22 @@ def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Restriction
     ):
         if not 0 < value < float("inf"):
             raise ModelError(f"{name} is {value}, which is not a positive number")
-    _known("formulation", asked.formulations, [formulation.name for formulation in FORMULATIONS])
-    _known("enforcement", asked.enforcements, [enforcement.name for enforcement in ENFORCEMENTS])
-    _known("integrator", asked.integrators, [*(method.name for method in INTEGRATORS), LIBRARIES])
+    _check_names(
+        "formulation", asked.formulations, [formulation.name for formulation in FORMULATIONS]
+    )
+    _check_names(
+        "enforcement", asked.enforcements, [enforcement.name for enforcement in ENFORCEMENTS]
+    )
+    _check_names(
+        "integrator", asked.integrators, [*(method.name for method in INTEGRATORS), LIBRARIES]
+    )
     if find_compiler() is None:
         raise ToolchainError(
             "no C compiler found, and run times without one say nothing", hint=INSTALL
         )
 
 
-def _known(kind: str, names: Collection[str], known: Sequence[str]) -> None:
+def _check_names(kind: str, names: Collection[str], known: Sequence[str]) -> None:
     for name in names:
         if name not in known:
             raise ModelError(

@@ -31,10 +31,10 @@ def published_checks(equations: Equations, module: ModuleType) -> tuple[CheckRes
     if not wanted:
         return ()
     seen = evaluator(equations)
-    return tuple(_check(entry, _found(seen, module, entry)) for entry in wanted)
+    return tuple(_check(entry, _values_at(seen, module, entry)) for entry in wanted)
 
 
-def _found(seen: Evaluator, module: ModuleType, entry: Published) -> dict[str, float]:
+def _values_at(seen: Evaluator, module: ModuleType, entry: Published) -> dict[str, float]:
     """By the tightest tolerance at which the motion comes to the entry's time; nothing where none
     does."""
     for rtol in RTOLS:

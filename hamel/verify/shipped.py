@@ -139,7 +139,7 @@ def _check(name: str, backend: Any, functions: Mapping[str, Any]) -> CheckResult
 def _is_double(functions: Mapping[str, Any], backend: Any) -> bool:
     call = next((getattr(backend, name, None) for name in functions), None)
     rows = next(iter(functions.values()), None)
-    return call is None or rows is None or _called(call, rows, 0).dtype == np.float64
+    return call is None or rows is None or _flat_result(call, rows, 0).dtype == np.float64
 
 
 def _error(call: Any, rows: Mapping[str, Any]) -> float:
@@ -148,7 +148,7 @@ def _error(call: Any, rows: Mapping[str, Any]) -> float:
         return math.inf
     worst = 0.0
     for k, expected in enumerate(rows["expected"]):
-        value = np.ravel(_called(call, rows, k))
+        value = np.ravel(_flat_result(call, rows, k))
         if value.shape != np.shape(expected):
             return math.inf
         size = max(rows["size"][k], 1e-300)
@@ -156,7 +156,7 @@ def _error(call: Any, rows: Mapping[str, Any]) -> float:
     return worst
 
 
-def _called(call: Any, rows: Mapping[str, Any], k: int) -> np.ndarray:
+def _flat_result(call: Any, rows: Mapping[str, Any], k: int) -> np.ndarray:
     """One result; not a number where the code refuses the state."""
     t, x, u, p = (rows[name][k] for name in "txup")
     try:

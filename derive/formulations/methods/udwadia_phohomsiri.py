@@ -50,7 +50,7 @@ def _weights(survey: Survey) -> list[float]:
     """W, one number per row: about the mass that the row feels, 1/Σ (Aᵢⱼ²/Mⱼⱼ), so that units do
     not matter."""
     found = [
-        _felt(M, A)
+        _row_weights(M, A)
         for M, A in zip(
             sampled(survey, survey.system.M), sampled(survey, survey.independent_rows.A)
         )
@@ -58,7 +58,7 @@ def _weights(survey: Survey) -> list[float]:
     return [float(f"{x:.2g}") for x in np.median(found, axis=0)]
 
 
-def _felt(M: np.ndarray, A: np.ndarray) -> np.ndarray:
+def _row_weights(M: np.ndarray, A: np.ndarray) -> np.ndarray:
     diagonal = np.diag(M)
     heavy = diagonal > 1e-9 * np.max(diagonal, initial=0.0)
     mobility = np.sum(A[:, heavy] ** 2 / diagonal[heavy], axis=1)

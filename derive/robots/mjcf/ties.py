@@ -63,7 +63,7 @@ def _sites(
     return scene.sites[tie.get("site1")], scene.sites[tie.get("site2")]
 
 
-def _seen(scene: Scene, body: str, point: Frame) -> Frame:
+def _ground_frame(scene: Scene, body: str, point: Frame) -> Frame:
     """A frame of the ground in a body at the reference configuration."""
     pose = scene.poses[body]
     back = transposed(pose.turn)
@@ -85,7 +85,9 @@ def _connect(reading: Reading, tie: Element, scene: Scene) -> None:
     if pair is None:
         return
     anchor = vector(reading, tie, "anchor")
-    there = _seen(scene, pair[1], scene.poses[pair[0]].then(anchor, scene.poses[GROUND].turn))
+    there = _ground_frame(
+        scene, pair[1], scene.poses[pair[0]].then(anchor, scene.poses[GROUND].turn)
+    )
     scene.robot.closures.append(Closure(_name(reading, tie), "ball", pair, (anchor, there.at), tie))
 
 
@@ -104,7 +106,7 @@ def _weld(reading: Reading, tie: Element, scene: Scene) -> None:
     pair = _bodies(reading, tie, scene)
     if pair is None:
         return
-    relative = _seen(scene, pair[0], scene.poses[pair[1]])
+    relative = _ground_frame(scene, pair[0], scene.poses[pair[1]])
     pose = listing(reading, tie, "relpose", 7)
     if pose and any(pose[3:]):
         turn = from_quaternion(pose[3:])

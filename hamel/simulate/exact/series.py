@@ -75,7 +75,7 @@ class Graph:
             listing(function),
             entry=lambda argument, nonzero: inputs[argument][nonzero],
             number=self.number,
-            operation=lambda read, operands: self._made(read.code, operands),
+            operation=lambda read, operands: self._result(read.code, operands),
         )
 
     def grow(self, k: int) -> None:
@@ -86,7 +86,7 @@ class Graph:
     def number(self, value: float) -> Series:
         return Series([self.fixed.of(value)], True)
 
-    def _made(self, code: int, x: list[Series]) -> Series:
+    def _result(self, code: int, x: list[Series]) -> Series:
         method = _OPERATIONS.get(code)
         if method is None:
             raise NotAnalytic(f"CasADi's operation {code}")

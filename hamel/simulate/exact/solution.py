@@ -91,7 +91,7 @@ def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solu
     """The motion at rising `times`. Raises NotAnalytic where a series or the motion ends.
     Remembered by content."""
     name = _fingerprint(problem, times, digits)
-    kept = _kept(name)
+    kept = _stored_solution(name)
     if kept is None:
         kept = _computed(problem, times, digits)
         _keep(name, kept)
@@ -234,7 +234,7 @@ def _listing(function: ca.Function) -> str:
     return "\n".join(map(repr, (*program.instructions, program.outputs)))
 
 
-def _kept(name: str) -> Solution | None:
+def _stored_solution(name: str) -> Solution | None:
     entry = store.stored(KIND, name)
     if entry is None or set(entry.data) != {field.name for field in fields(Solution)}:
         return None

@@ -49,7 +49,7 @@ def _cvodes(problem: Problem) -> Run:
 
 def _idas(problem: Problem) -> Run:
     equations, x = problem.equations, problem.x
-    system, kept = equations.system, _kept(equations)
+    system, kept = equations.system, _independent_rows(equations)
     closing = [i for i in kept if system.rows[i].position >= 0]
     lam, mu = ca.SX.sym("lam", len(kept)), ca.SX.sym("mu", len(closing))
     A = system.A[kept, :]
@@ -102,7 +102,7 @@ def _multipliers(problem: Problem, kept: list[int]) -> np.ndarray:
     return lam if len(kept) == len(A) else np.linalg.lstsq(A[kept].T, A.T @ lam, rcond=None)[0]
 
 
-def _kept(equations: Equations) -> list[int]:
+def _independent_rows(equations: Equations) -> list[int]:
     """The independent rows, by the names that their own function shows."""
     names = [row.name for row in equations.system.rows]
     slip = equations.request("slip").make()

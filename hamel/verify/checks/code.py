@@ -104,11 +104,13 @@ def _function(e: Evidence, name: str, call: Call) -> float:
     return _error(
         e,
         name,
-        np.array([_called(call, wanted, row) for row, wanted in zip(rows, e.expected[name][0])]),
+        np.array(
+            [_flat_result(call, wanted, row) for row, wanted in zip(rows, e.expected[name][0])]
+        ),
     )
 
 
-def _called(call: Call, like: Array, row: Row) -> Array:
+def _flat_result(call: Call, like: Array, row: Row) -> Array:
     """One result as a flat row; not a number where the module refuses the state."""
     try:
         return np.ravel(call(*row))

@@ -117,14 +117,14 @@ def samples(system: System, reference: Reference, count: int, seed: int) -> tupl
     """
     drawn: list[Sample] = []
     for share in VARIED:
-        some = _drawn(system, reference, count, seed, share)
+        some = _samples(system, reference, count, seed, share)
         drawn += [s for s in some if share == 0.0 or s.outcome.admissible]
         if len(drawn) >= len(some):
             return tuple(drawn[: max(len(some), 1)])
     return tuple(drawn[:count])
 
 
-def _drawn(
+def _samples(
     system: System, reference: Reference, count: int, seed: int, share: float
 ) -> list[Sample]:
     found = sampling.states(system, count, seed, parameters=share)

@@ -21,12 +21,12 @@ def any_motion(e: Evidence) -> float | None:
     return worst(
         [
             _error(e, k, a, s.outcome.M @ a + s.outcome.h - idle, TERMS)
-            for k, (s, a, idle) in enumerate(_asked(e))
+            for k, (s, a, idle) in enumerate(_requests(e))
         ]
     )
 
 
-def _asked(e: Evidence) -> Iterator[tuple[Sample, Array, Array]]:
+def _requests(e: Evidence) -> Iterator[tuple[Sample, Array, Array]]:
     rng = np.random.default_rng(3)
     return ((s, e.units.vdot * rng.normal(size=len(s.v)), _idle(e, s)) for s in e.samples)
 

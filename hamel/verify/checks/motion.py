@@ -57,6 +57,8 @@ def order(e: Evidence) -> float | None:
     if e.module is None or e.redundant or not simulates(e):
         return None
     wanted = next(method.order for method in INTEGRATORS if method.name == e.module.integrators[0])
+    if not wanted:  # it goes with the tolerance
+        return None
     best: float | None = None
     for slopes in _slopes(e):
         seen = max(map(min, zip(slopes, slopes[1:] or slopes)), default=-np.inf)

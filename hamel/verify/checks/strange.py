@@ -33,7 +33,7 @@ def wrong_answers(e: Evidence) -> float | None:
     return (
         None
         if e.module is None
-        else float(sum(1 for backend in backends(e.module) for _ in found(e, backend)))
+        else float(sum(1 for backend in backends(e.module) for _ in complaints(e, backend)))
     )
 
 
@@ -43,12 +43,12 @@ def backends(module: ModuleType) -> Iterator[ModuleType]:
         yield importlib.import_module(f"{module.__name__}._numpy")
 
 
-def found(e: Evidence, backend: ModuleType) -> Iterator[str]:
+def complaints(e: Evidence, backend: ModuleType) -> Iterator[str]:
     """What is wrong, in words."""
-    return (said for said in tried(e, backend) if said not in (RIGHT, REFUSED))
+    return (said for said in answers(e, backend) if said not in (RIGHT, REFUSED))
 
 
-def tried(e: Evidence, backend: ModuleType) -> Iterator[str]:
+def answers(e: Evidence, backend: ModuleType) -> Iterator[str]:
     """Of every call: right, refused, or what is wrong."""
     with np.errstate(all="ignore"):
         for function in e.graph.equations.functions:
@@ -63,7 +63,7 @@ def _of_function(
     unit = e.units.of(function)
     for about, strange in spoiled(place):
         try:
-            got, wanted = np.ravel(call(*strange)), _wanted(e, function.name, place, strange)
+            got, wanted = np.ravel(call(*strange)), _expected(e, function.name, place, strange)
         except FloatingPointError:
             yield REFUSED
             continue
@@ -76,7 +76,7 @@ def _of_function(
             yield RIGHT
 
 
-def _wanted(e: Evidence, name: str, place: Row, strange: tuple) -> Array:
+def _expected(e: Evidence, name: str, place: Row, strange: tuple) -> Array:
     """The graph's result; where that is none, though it does not depend on the argument (m in m/m),
     what it is elsewhere."""
     wanted = np.ravel(e.graph(name, *strange))

@@ -95,7 +95,7 @@ def mutations(model: Model, equations: Equations, seed: int = 0, most: int = MOS
     rng = np.random.default_rng(seed)
     found = [
         _planted(target, change, readers.get(target.name, ()))
-        for target, change in _drawn(targets, most, rng)
+        for target, change in _changes(targets, most, rng)
     ]
     planted = tuple(mutation for mutation in found if mutation is not None)
     caught = sum(bool(mutation.caught_by) for mutation in planted)
@@ -147,13 +147,13 @@ def _functions(seen: Evidence) -> Iterable[Target]:
                 for s, d in zip(seen.samples, seen.disturbed)
             ]
         arguments = slots_of(equations, function)
-        name = _called(function.name)
+        name = _target_name(function.name)
         units = (seen.units.taken(function.name, len(places[0][1])), 0.0, 0.0)
         planted = partial(_with_function, seen, function.name)
         yield Target(name, ca.densify(function.result.value), arguments, places, units, planted)
 
 
-def _called(function: str) -> str:
+def _target_name(function: str) -> str:
     """The name of a function as a target: terms of the System may bear the same one."""
     return f"{function}()"
 
@@ -186,28 +186,28 @@ def _readers(seen: Evidence) -> dict[str, tuple[Check, ...]]:
 def _noting(seen: Evidence, read: set[str]) -> Evidence:
     """The same evidence, which notes what is looked at."""
 
-    class Noted(Terms):
+    class Recorder(Terms):
         def __getattribute__(self, name: str) -> Any:
             read.add(name)
             return super().__getattribute__(name)
 
     class Functions(dict[str, Any]):
         def __getitem__(self, name: str) -> Any:
-            read.add(_called(name))
+            read.add(_target_name(name))
             return super().__getitem__(name)
 
     def terms_at(*place: Any) -> Terms:
-        return Noted(**vars(seen.terms_at(*place)))
+        return Recorder(**vars(seen.terms_at(*place)))
 
     def rate(*place: Any) -> Array:
-        read.add(_called("velocity"))
+        read.add(_target_name("velocity"))
         return seen.graph.rate(*place)
 
     noted: Evaluator = replace(seen.graph, functions=Functions(seen.graph.functions), rate=rate)
     return replace(seen, terms_at=terms_at, graph=noted)
 
 
-def _drawn(
+def _changes(
     targets: list[Target], most: int, rng: np.random.Generator
 ) -> Iterable[tuple[Target, Change]]:
     """Changes of every target, more of the longer ones."""

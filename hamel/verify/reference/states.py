@@ -87,7 +87,7 @@ class State:
 
 def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> State:
     """Walk the joints from the ground outwards, then evaluate the definitions in their order."""
-    names = _known(model, t, q, v, u, p)
+    names = _values_by_name(model, t, q, v, u, p)
     bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {})
     N, drift, frames, seats = _walk(model, bare)
     rates = N @ v
@@ -98,7 +98,9 @@ def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> Sta
     return full
 
 
-def _known(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> dict[str, Any]:
+def _values_by_name(
+    model: Model, t: float, q: Array, v: Array, u: Array, p: Array
+) -> dict[str, Any]:
     groups = (
         (model.coordinates, q),
         (model.velocities, v),

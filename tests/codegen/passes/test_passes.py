@@ -19,7 +19,7 @@ from codegen.passes.factor import factor
 from codegen.passes.graph import Work
 from codegen.passes.invert import invert
 from codegen.passes.lower import Lowered, Operation, lower
-from codegen.passes.pipeline import PASSES, count, needed
+from codegen.passes.pipeline import PASSES, count, used_operations
 from codegen.passes.share import share
 from codegen.passes.trace import record, trace
 from derive.diagnostics import HamelError
@@ -277,7 +277,7 @@ def test_what_is_known_late_is_multiplied_and_added_last() -> None:
     late = 1 / (a + b)
     lowered = lower(traced(d * (late * c), d - (e - late)))
     balanced = balance(lowered)
-    assert count(needed(balanced)) == count(needed(lowered))
+    assert count(used_operations(balanced)) == count(used_operations(lowered))
     np.testing.assert_allclose(evaluated(balanced, POINT), evaluated(lowered, POINT), rtol=1e-14)
     for root in balanced.roots[:2]:
         assert isinstance(root, int)

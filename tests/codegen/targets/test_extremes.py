@@ -13,7 +13,7 @@ from derive.formulations import equations
 from derive.model import load
 from derive.states import system
 from hamel.build.module import temporary_module
-from hamel.verify.checks.strange import found
+from hamel.verify.checks.strange import complaints
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
 from tests.scenes import MODELS
@@ -34,4 +34,4 @@ def test_what_comes_out_is_right_or_nothing_comes_out(name):
     with temporary_module(chosen) as module:
         seen = evidence(reference(model), chosen, module, 1)
         for backend in (module, importlib.import_module(f"{module.__name__}._numpy")):
-            assert list(found(seen, backend)) == []
+            assert list(complaints(seen, backend)) == []

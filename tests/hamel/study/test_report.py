@@ -82,6 +82,15 @@ def test_rows(record: Reported) -> None:
     assert min(steps) > 0
 
 
+def test_estimates_stand_beside_the_errors(record: Reported) -> None:
+    own = [row for row in front.good(record.rows) if row["estimate"] is not None]
+    libraries = [row for row in record.rows if row["integrator"] in ("cvodes", "idas")]
+    assert own and all(row["estimate"] is None for row in libraries)
+    far = [row for row in own if row["error_of_q"] > 1e-12]
+    assert sum(row["estimate"] >= row["error_of_q"] for row in far) >= 0.9 * len(far)
+    assert "estimate of the error" in record.html.read_text("utf-8")
+
+
 def test_what_breaks_and_what_does_not_fit_is_said(record: Reported) -> None:
     """der(y) fails at the bottom; the recursion is for trees; `auto` is one of the file's choices
     under another name."""

@@ -1,0 +1,58 @@
+"""How far a motion may be from the solution: what a coarser companion differs by.
+
+The same file in every generated folder. No claim of licence is made on it: 0BSD, see LICENSE.txt.
+
+Errors of a method of order p grow as h^p, so a companion whose steps are s times as long differs
+by about s^p - 1 errors (L. F. Richardson, 1911). The companion's are to be twice as long: by a
+tolerance 2^p times as large, or twice the step size, and every second row, for steps end at rows.
+What they were is counted. Twelve times the difference over s^(9p/10) - 1 is taken, which is at
+least the error in 99 of 100 motions, and some thirty times as large in the middle.
+"""
+
+import numpy as np
+
+SAFETY = 12.0
+EXPONENT = 0.9  # of what the order promises
+ALIKE = 1.2  # longer steps than this by a factor tell something
+LOOSEST = 1e-2  # a tolerance means little above
+BY_TOLERANCE = 8  # in place of an order that follows from the tolerance
+
+
+def coarser(rtol, atol, step_size, order):
+    """Tolerances and step size of the companion."""
+    if step_size is not None:
+        return rtol, atol, 2.0 * step_size
+    factor = max(1.0, min(2.0 ** (order or BY_TOLERANCE), LOOSEST / rtol))
+    return rtol * factor, atol * factor, None
+
+
+def rows(times):
+    """Every second time, the last one among them."""
+    return np.ascontiguousarray(times[..., ::-1][..., ::2][..., ::-1])
+
+
+def estimate(found, companion, order, rtol):
+    """Of every entry of x at every row, never falling along the motion; NaN where the companion did
+    not arrive."""
+    count = found.x.shape[-2]
+    lean = found.x[..., ::-1, :][..., ::2, :][..., ::-1, :]
+    reached = companion.x.shape[-2]
+    apart = np.full(lean.shape, np.nan)
+    apart[..., :reached, :] = np.abs(lean[..., :reached, :] - companion.x)
+    grown = np.maximum.accumulate(np.nan_to_num(apart, nan=np.inf), axis=-2)
+    longer = np.asarray(_tried(found) / np.maximum(_tried(companion), 1))[
+        ..., np.newaxis, np.newaxis
+    ]
+    if order:
+        growth = longer ** (EXPONENT * order)
+    else:
+        growth = np.full(longer.shape, (coarser(rtol, 1.0, None, order)[0] / rtol) ** EXPONENT)
+    gain = SAFETY / np.maximum(growth - 1.0, 0.5)
+    size = np.maximum.accumulate(np.abs(found.x), axis=-2)
+    every = np.repeat(gain * grown, 2, axis=-2)[..., -count:, :]
+    least = np.where(longer < ALIKE, rtol, np.finfo(found.x.dtype).eps) * size
+    return np.where(np.isfinite(every), np.maximum(every, least), np.nan)
+
+
+def _tried(found):
+    return np.asarray(found.steps, float) + np.asarray(found.rejected, float)

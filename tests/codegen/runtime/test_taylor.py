@@ -1,0 +1,200 @@
+"""Motions along Taylor series: they agree with many digits and with Runge-Kutta methods, take steps
+that the tolerance asks for from symmetric starts too, stop at the ends of pieces, and are refused
+where a series is not the motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from codegen import compiler, loader
+from codegen.passes import program
+from derive.formulations import equations
+from derive.formulations.records import Equations
+from derive.model import load_text
+from derive.states import system
+from derive.states.initial import initial_state
+from hamel.build.module import published
+from hamel.settings import settings
+from hamel.simulate.exact import Problem, solution, state_of
+from tests.scenes import derived, equations_of_text
+
+pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+# Everything that time, parameters and pieces can do to a force.
+DRIVEN = """model: driven
+coordinates: {x: m, y: m}
+parameters: {m: 2 kg, k: 3 N/m, c: 0.2 N*s/m, om: 5 rad/s}
+kinetic: m*(der(x)^2 + der(y)^2)/2
+forces: {x: "-k*x + 1 N*sin(om*t) + k*y*t/(1 s)", y: "-k*y*(1 + x^2/(1 m^2)) - c*der(y)"}
+initial: {x: 0.1 m, y: 0.4 m, der(x): 0 m/s, der(y): 1 m/s}
+"""
+KINK = """model: kink
+coordinates: {x: m}
+kinetic: 1 kg*der(x)^2/2
+forces: {x: "-4 N/m*x - 0.3 N*s^2/m^2*der(x)*abs(der(x))"}
+initial: {x: 1 m, der(x): 0 m/s}
+"""
+HANGING = """model: hanging
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {upper: {mass: 1 kg, com: [0, -1 m], inertia: 0}, lower: {mass: 1 kg, com: [0, -1 m], inertia: 0}}
+joints:
+  pivot: {type: revolute, parent: ground, child: upper, coordinate: q1}
+  elbow: {type: revolute, parent: upper, child: lower, at: [0, -1 m], coordinate: q2}
+initial: {q1: 90 deg, q2: 0 deg, der(q1): 0 rad/s, der(q2): 0 rad/s}
+"""
+
+
+def module(e: Equations, folder: Path, *others: str) -> ModuleType:
+    made = program(e, None, ("taylor", *others))
+    return loader.load(published(made, folder / e.system.model.name).folder)
+
+
+def start(e: Equations, **values: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x, u and p of the file."""
+    given = settings(e.system.model, values)
+    u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
+    return state_of(e, initial_state(e.system, given.initial, p), p), u, p
+
+
+def many_digits(e: Equations, time: float, **values: float) -> np.ndarray:
+    """q and v at the end."""
+    x, u, p = start(e, **values)
+    held = tuple(map(float, x)), tuple(map(float, u)), tuple(map(float, p))
+    found = solution(Problem(e, *held), [time], 16).at(0)
+    model = e.system.model
+    names = [c.name for c in (*model.coordinates, *model.velocities)]
+    return np.array([float(found[name]) for name in names])
+
+
+def missed(e: Equations, made: ModuleType, time: float, rtol: float, **values: float) -> float:
+    """How far q and v end from many digits, relative to the largest."""
+    x, u, p = start(e, **values)
+    found = made.simulate((0.0, time), x, u, p, integrator="taylor", rtol=rtol, atol=rtol / 100)
+    end = found.x[-1]
+    v = made.velocity(time, end, u, p)
+    q = end[: len(end) - len(e.w)]
+    wanted = many_digits(e, time, **values)
+    return float(np.abs(np.concatenate([q, v]) - wanted).max() / np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "time"),
+    [
+        ("double_pendulum", 2.0),
+        ("four_bar", 1.0),
+        pytest.param("snake3", 5.0, marks=pytest.mark.slow),
+        pytest.param("bicycle", 0.2, marks=pytest.mark.slow),
+        pytest.param("andrews", 0.01, marks=pytest.mark.slow),
+        pytest.param("spatial_four_bar", 0.5, marks=pytest.mark.slow),
+    ],
+)
+def test_ends_where_many_digits_end(name: str, time: float, tmp_path: Path) -> None:
+    """Trees, loops and rolling, with projection; errors go with the tolerance down to rounding."""
+    e = derived(name)
+    made = module(e, tmp_path)
+    values = {"tau1": 0.01, "tau2": -0.02, "base.vx": 0.3} if name == "snake3" else {}
+    errors = [missed(e, made, time, rtol, **values) for rtol in (1e-8, 1e-14)]
+    assert errors[0] < 1e-6
+    assert errors[1] < 1e-12
+
+
+def test_time_parameters_at_run_time_and_work(tmp_path: Path) -> None:
+    """As verner9, for other parameters than those of the file."""
+    e = equations_of_text(DRIVEN)
+    made = module(e, tmp_path, "verner9")
+    x, u, _ = start(e)
+    p = [1.5, 4.0, 0.3, 7.0]
+    how = {"times": [0.3, 0.31, 2.0], "rtol": 1e-13, "atol": 1e-15}
+    one = made.simulate((0.1, 2.0), x, u, p, integrator="taylor", **how)
+    other = made.simulate((0.1, 2.0), x, u, p, integrator="verner9", **how)
+    np.testing.assert_allclose(one.x, other.x, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(one.work, other.work, rtol=1e-11, atol=1e-12)
+    assert one.steps < 0.6 * other.steps
+
+
+@pytest.mark.parametrize("rtol", [10.0 ** (-k / 2) for k in range(12, 31)])
+def test_a_symmetric_start_does_not_hide_how_long_a_step_may_be(
+    hanging: tuple[Equations, ModuleType], hanging_end: np.ndarray, rtol: float
+) -> None:
+    """Of the series from rest at a right angle three of four terms are zero."""
+    e, made = hanging
+    x, u, p = start(e)
+    found = made.simulate((0.0, 1.0), x, u, p, integrator="taylor", rtol=rtol, atol=rtol / 100)
+    assert np.abs(found.x[-1] - hanging_end).max() < 1e3 * rtol + 1e-13
+    assert found.steps < 40
+
+
+@pytest.fixture(scope="module")
+def hanging(tmp_path_factory: pytest.TempPathFactory) -> tuple[Equations, ModuleType]:
+    e = equations(system(load_text(HANGING)), None, "quasi_velocities")
+    return e, module(e, tmp_path_factory.mktemp("taylor"), "verner9")
+
+
+@pytest.fixture(scope="module")
+def hanging_end(hanging: tuple[Equations, ModuleType]) -> np.ndarray:
+    return many_digits(hanging[0], 1.0)
+
+
+def test_order_goes_with_the_tolerance(hanging: tuple[Equations, ModuleType]) -> None:
+    """Equal steps halved: the error falls by two to the power of the order, ⌈1 − 0.7 ln rtol⌉."""
+    e, made = hanging
+    x = start(e)[0] + [0.0, 0.3, 0.5, -0.2]
+    for rtol, order in ((1e-2, 5), (1e-3, 6), (1e-4, 8)):
+        ends = [
+            made.simulate((0.0, 0.4), x, integrator="taylor", rtol=rtol, atol=rtol, step_size=h).x[
+                -1
+            ]
+            for h in (0.05, 0.025, 0.001)
+        ]
+        slope = np.log2(np.abs(ends[0] - ends[2]).max() / np.abs(ends[1] - ends[2]).max())
+        assert abs(slope - order) < 0.5
+
+
+def test_the_end_of_a_piece_is_seen(tmp_path: Path) -> None:
+    """Drag by |v| v: a series goes on along the piece it starts in, the slope at its end does
+    not."""
+    e = equations_of_text(KINK)
+    made = module(e, tmp_path, "dop853")
+    x, u, p = start(e)
+    how = {"rtol": 1e-10, "atol": 1e-12}
+    one = made.simulate((0.0, 5.0), x, u, p, integrator="taylor", **how)
+    other = made.simulate((0.0, 5.0), x, u, p, integrator="dop853", **how)
+    np.testing.assert_allclose(one.x[-1], other.x[-1], atol=1e-8)
+    assert one.rejected > 0
+
+
+def test_not_finite_and_short_budgets_have_their_status(
+    hanging: tuple[Equations, ModuleType],
+) -> None:
+    e, made = hanging
+    x, _, _ = start(e)
+    with pytest.raises(made.Stopped) as stopped:
+        made.simulate((0.0, 1.0), x, integrator="taylor", max_steps=3)
+    assert stopped.value.partial.status == 5
+    assert stopped.value.partial.steps == 3
+    rows = made.simulate((0.0, 1.0), [x, x * np.nan, x + 0.1], integrator="taylor")
+    assert [*rows.status] == [0, 3, 0]
+
+
+def test_a_motion_goes_on_after_a_pause_as_without_one(
+    hanging: tuple[Equations, ModuleType],
+) -> None:
+    e, made = hanging
+    x, _, _ = start(e)
+    times = np.linspace(0.0, 1.0, 30)
+    whole = made.simulate((0.0, 1.0), x, integrator="taylor", times=times)
+    both = made.simulate((0.0, 1.0), x, integrator="verner9", times=times, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(whole.x, both.x, atol=1e-7)
+
+
+def test_refuses_what_acts_at_every_stage(tmp_path: Path) -> None:
+    e = derived("four_bar")
+    made = program(e, None, ("taylor",), ("projection", "tangent"))
+    found = loader.load(published(made, tmp_path / "both").folder)
+    x, u, p = start(e)
+    with pytest.raises(ValueError, match="taylor does not fit the enforcement tangent"):
+        found.simulate((0.0, 1.0), x, u, p, enforcement="tangent")

@@ -1,0 +1,52 @@
+"""The charts of a module whose choice is left open go on wherever the constraints do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from derive.formulations import equations
+from derive.mechanics.records import System
+from derive.robots import load
+from derive.states import system
+from derive.states.initial import initial_state
+from hamel import charts
+from hamel.build.module import temporary_module
+from tests.scenes import MODELS
+
+FINDINGS = MODELS.parent / "tests" / "findings"
+
+
+def mechanics(name: str) -> System:
+    return system(load(FINDINGS / f"{name}.yaml"))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rnd19",
+        pytest.param("rnd16", marks=pytest.mark.slow),
+        pytest.param("rnd124", marks=pytest.mark.slow),
+    ],
+)
+def test_partitions_that_may_fail_together_are_followed_by_the_orthonormal_choice(
+    name: str,
+) -> None:
+    """Every pivot changes sign between the sampled states: no pair of partitions is far from
+    singular at all of them."""
+    made = equations(mechanics(name), charts=True, moving=True)
+    assert [chart.choice for chart in made.charts] == ["orthonormal"]
+
+
+@pytest.mark.slow
+def test_a_module_without_a_named_choice_goes_on_where_partitions_fail_together() -> None:
+    """It stopped at 0.919 s between two partitions that are singular there together, where A has
+    full rank."""
+    made = equations(mechanics("rnd19"), charts=True, moving=True)
+    start = initial_state(made.system)
+    u, p = np.zeros(made.system.u.numel()), np.array(made.parameters)
+    with temporary_module(made) as module:
+        x, chart, p = charts.start(module, start.q, start.v, u, p)
+        course = module.simulate(np.linspace(0.0, 3.0, 61), x, u, p, chart=chart)
+        assert course.status.name == "OK" and course.t[-1] == 3.0
+        assert 1 in course.chart and course.position_violation < 1e-10

@@ -20,6 +20,16 @@ import numpy as np
 
 from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.explicit import Explicit, explicit
+from derive.choices.limits import (
+    FINALISTS,
+    LEFT_OVER,
+    MOST_SUBSETS,
+    MOST_WAYS,
+    RANK,
+    REGULAR,
+    RESOLUTION_MANY,
+    SAMPLES,
+)
 from derive.choices.orthonormal import orthonormal
 from derive.choices.reduction import Reduction, by_elimination, unreduced
 from derive.choices.redundancy import (
@@ -41,20 +51,10 @@ from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
 from derive.states.sampling import States, states
 
-REGULAR = (
-    1e-3  # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
-)
-SAMPLES = 40
 ENTRIES, FEWEST = (
     2_000,
     10,
 )  # of large systems fewer states are looked at: about so many velocities, at least so many states
-MANY = 5  # times as many states where a look at pivots is all there is to do
-MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
-MOST_WAYS = 16
-FINALISTS = 5
-RANK = 1e-9
-LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
 
 
 Score = tuple[tuple[int, bool], int, int, int]
@@ -110,7 +110,9 @@ class Survey:
     @cached_property
     def many(self) -> States:
         """More states than are worked with: enough to see where pivots come near zero."""
-        return states(self.system, MANY * len(self.sampled.t), seed=1, solver=self.solver)
+        return states(
+            self.system, RESOLUTION_MANY * len(self.sampled.t), seed=1, solver=self.solver
+        )
 
     def sampled_for(self, B: ca.SX) -> States:
         """The sampled states, and the initial one where [A; B] is regular there.
@@ -406,10 +408,7 @@ def carried_out(
         [*survey.form_sizes, *_lengths(_numeric_rows(survey, B))],
         survey.sampled_for(B),
     )
-    found = [
-        by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
-        for forms in survey.forms
-    ]
+    found = _in_every_way(survey, names, rows, sampled, sizes)
     counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
     best = min(
         range(len(found)),
@@ -418,6 +417,29 @@ def carried_out(
     reduction, equations = found[best], explicit(survey.system, found[best])
     ranking = judged(survey, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
+
+
+def _in_every_way(
+    survey: Survey,
+    names: tuple[str, ...],
+    rows: tuple[RowForm, ...],
+    sampled: States,
+    sizes: Sequence[float],
+) -> list[Reduction]:
+    """The elimination with the constraint rows in every way of writing them that says as much as
+    the first: of rows that repeat each other, others may be the ones to drop about other axes."""
+    found: list[Reduction] = []
+    refused: Dependent | Undetermined | None = None
+    for forms in survey.forms:
+        try:
+            found.append(
+                by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
+            )
+        except (Dependent, Undetermined) as error:
+            refused = refused or error
+    if refused and not found:
+        raise refused
+    return found
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:

@@ -9,7 +9,7 @@ from codegen import text
 from codegen.passes.names import Names, identifier
 from codegen.program import Program
 from codegen.targets.records import Target
-from derive.formulations.charts import BETTER, LOW
+from derive.formulations.limits import BETTER, LOW
 
 
 def files(program: Program) -> dict[str, str]:

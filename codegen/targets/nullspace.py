@@ -8,8 +8,8 @@ from typing import Any
 from codegen import text
 from codegen.program import Kernel, Program
 from codegen.targets.records import Target
+from derive.choices.limits import SINGULAR
 from derive.choices.orthonormal import LENGTH
-from derive.choices.reduction import SINGULAR
 
 WORN = 0.5  # of 1, where it is based: a frame is based anew before its projection degenerates
 

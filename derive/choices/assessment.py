@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from derive.choices.limits import ROUNDOFF, STEP
 from derive.choices.named import carried_through, declared
 from derive.choices.resolution import Ranking, Resolved, Survey, ranked_partitions, score, survey_of
 from derive.diagnostics import HamelError
@@ -24,8 +25,6 @@ from derive.mechanics.records import System
 from derive.model.records import CHOICE_KINDS
 from derive.numerics import refuses_numerically
 
-STEP = 0.1  # by which the fastest coordinate moves at most, with its velocity and its acceleration
-ROUNDOFF = 2.0**-52
 Slope = Callable[[float, np.ndarray], np.ndarray]  # f of x' = f(t, x)
 
 

@@ -15,9 +15,11 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
+from derive.choices.limits import SHORT
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.forms import ONE, Form, Key, constant, total, value
+from derive.mechanics.limits import COFACTORS, SAFE, VANISHES
 from derive.mechanics.motion import (
     REST,
     STILL,
@@ -34,20 +36,9 @@ from derive.mechanics.motion import (
     with_products,
 )
 from derive.mechanics.records import Link, RowForm, System
-from derive.mechanics.solve import (
-    COFACTORS,
-    SAFE,
-    VANISHES,
-    Block,
-    best_block,
-    reflected_solution,
-    small_inverse,
-    steady,
-)
+from derive.mechanics.solve import Block, best_block, reflected_solution, small_inverse, steady
 from derive.mechanics.tree import path
 from derive.states.sampling import States
-
-SHORT = 3  # a twist component with at most so many terms is cheaper from its form than by recursion
 
 
 class Dependent(Exception):

@@ -16,6 +16,7 @@ from itertools import product as combinations
 import casadi as ca
 
 from derive.choices.elimination import Elimination
+from derive.choices.limits import EXPLICIT_MANY
 from derive.choices.reduction import Reduction
 from derive.expressions.counting import alternatives
 from derive.expressions.scalars import Matrix, Scalar, Vector
@@ -34,8 +35,6 @@ from derive.mechanics.tree import (
     joint_forces,
     momentum,
 )
-
-MANY = 12  # with more quasi-velocities than this, not every combination is solved
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def _by_matrices(system: System, reduction: Reduction) -> list[_Gathered]:
     pairs = list(
         combinations(_masses(system, reduction).items(), _forces(system, reduction).items())
     )
-    if len(reduction.names) > MANY:
+    if len(reduction.names) > EXPLICIT_MANY:
         sides = [
             ca.vertcat(reduction.v, *[_column(row) for row in mass], _column(force))
             for (_, mass), (_, force) in pairs

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.choices.elimination import Dependent, Undetermined
-from derive.choices.resolution import RANK, Resolved, Survey, carried_out
+from derive.choices.limits import RANK
+from derive.choices.resolution import Resolved, Survey, carried_out
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import RowForm
 from derive.model.records import Choice

@@ -16,8 +16,9 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from derive.choices.limits import MINORS, SINGULAR
 from derive.choices.records import Frame, Guard
-from derive.choices.reduction import SINGULAR, Reduction, symbols_for
+from derive.choices.reduction import Reduction, symbols_for
 from derive.choices.redundancy import Independent
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import dot, is_zero
@@ -27,7 +28,6 @@ from derive.states.closing import Kinematics
 from derive.states.sampling import States
 
 LENGTH = "length of basis vector"  # the guards of the frame are called so
-MINORS = 3  # with more rows than this the cross product costs more than Gram–Schmidt
 
 
 def orthonormal(

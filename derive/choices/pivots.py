@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from derive.choices.limits import SINGULAR, SQUARED
 from derive.choices.records import Guard
-from derive.choices.reduction import SINGULAR, Reduction
+from derive.choices.reduction import Reduction
 from derive.choices.resolution import Survey
 from derive.expressions.scalars import Scalar, Vector
-from derive.mechanics.solve import COFACTORS, Block, lu_solution, pivot_order, scalars
-
-# the guard of a pivot that is quadratic in the rows of A: they may come within 1e-6 of each other
-SQUARED = 1e-12
+from derive.mechanics.limits import COFACTORS
+from derive.mechanics.solve import Block, lu_solution, pivot_order, scalars
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from math import prod
 import casadi as ca
 
 from derive.choices.elimination import Elimination, Step, elimination, transformation
+from derive.choices.limits import SINGULAR
 from derive.choices.records import Frame, Guard
 from derive.mechanics.records import RowForm, System
 from derive.states.sampling import States
-
-SINGULAR = 1e-9  # guard: smallest |pivot| relative to the largest over the sampled states
 
 
 @dataclass(frozen=True)

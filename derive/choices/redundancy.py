@@ -17,13 +17,10 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from derive.choices.limits import DEPENDENT, LOOKED_AT, TAKES_PART
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.records import Row, RowForm, System
 from derive.mechanics.solve import ldl_solution, scalars
-
-TAKES_PART = 1e-8  # smaller weights in a dependency are roundoff
-LOOKED_AT = 10  # states
-DEPENDENT = 1e-9  # smaller singular values of rows of length one are zero
 
 
 @dataclass(frozen=True)

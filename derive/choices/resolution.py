@@ -20,6 +20,16 @@ import numpy as np
 
 from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.explicit import Explicit, explicit
+from derive.choices.limits import (
+    FINALISTS,
+    LEFT_OVER,
+    MOST_SUBSETS,
+    MOST_WAYS,
+    RANK,
+    REGULAR,
+    RESOLUTION_MANY,
+    SAMPLES,
+)
 from derive.choices.orthonormal import orthonormal
 from derive.choices.reduction import Reduction, by_elimination, unreduced
 from derive.choices.redundancy import (
@@ -41,20 +51,10 @@ from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
 from derive.states.sampling import States, states
 
-REGULAR = (
-    1e-3  # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
-)
-SAMPLES = 40
 ENTRIES, FEWEST = (
     2_000,
     10,
 )  # of large systems fewer states are looked at: about so many velocities, at least so many states
-MANY = 5  # times as many states where a look at pivots is all there is to do
-MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
-MOST_WAYS = 16
-FINALISTS = 5
-RANK = 1e-9
-LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
 
 
 Score = tuple[tuple[int, bool], int, int, int]
@@ -110,7 +110,9 @@ class Survey:
     @cached_property
     def many(self) -> States:
         """More states than are worked with: enough to see where pivots come near zero."""
-        return states(self.system, MANY * len(self.sampled.t), seed=1, solver=self.solver)
+        return states(
+            self.system, RESOLUTION_MANY * len(self.sampled.t), seed=1, solver=self.solver
+        )
 
     def sampled_for(self, B: ca.SX) -> States:
         """The sampled states, and the initial one where [A; B] is regular there.

@@ -20,6 +20,7 @@ from derive.choices.resolution import Resolved, Survey, ranked_partitions
 from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations.frames import in_numbers
 from derive.formulations.functions import with_frame
+from derive.formulations.limits import ENOUGH, MOST, SAFE, WORTH
 from derive.formulations.records import Equations, Function
 from derive.states.sampling import States
 
@@ -29,16 +30,6 @@ BY_ROWS = (
     "pull",
     "guards",
 )  # made of B, which differs between choices, though w does not occur
-# of its largest value over the sampled states: a pivot that comes closer to zero at one of them
-# makes a choice unsafe
-SAFE = 0.03
-ENOUGH = (
-    0.2  # no further chart where some chart has all pivots above this part at every sampled state
-)
-WORTH = 2.0  # times as far from singular at the worst state: what a further chart has to bring
-MOST = 4  # charts that are looked for
-LOW = 0.2  # of the largest pivot seen when the equations were made: below this a chart is left ...
-BETTER = 2.0  # ... for one that is so much better, so that no two charts take turns
 
 
 def charted(found: Sequence[Equations], survey: Survey) -> Equations:

@@ -35,7 +35,7 @@ def derivatives(
     arguments: Sequence[Argument], functions: Sequence[Function]
 ) -> tuple[Request, ...]:
     """The requests that follow from `dynamics`; none where the module has no state derivative."""
-    dynamics = next((function for function in functions if function.name == "dynamics"), None)
+    dynamics = {function.name: function for function in functions}.get("dynamics")
     if dynamics is None or not dynamics.result.value.numel():
         return ()
     slots = {argument.name: argument for argument in arguments}

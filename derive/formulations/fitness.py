@@ -15,13 +15,10 @@ import numpy as np
 from derive.choices.pivots import sampled
 from derive.choices.resolution import Survey
 from derive.diagnostics import listed
+from derive.formulations.limits import NULL, TAKES_PART
 from derive.joints.rotations import is_zero
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
-
-NULL = 1e-10  # singular values below this part of the largest count as zero
-# a velocity belongs to a null direction where its entry is at least this part of the largest
-TAKES_PART = 0.1
 
 Misfit = Callable[[Survey], str]
 

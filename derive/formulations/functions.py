@@ -13,15 +13,12 @@ from derive.choices.records import Frame, Guard
 from derive.choices.redundancy import keeps
 from derive.expressions.scalars import Vector
 from derive.formulations.configuration import configuration, is_plain
+from derive.formulations.limits import CLOSED, MOST_STEPS, USUAL
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Iteration, Result
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
 from derive.states.closing import Kinematics, nominal
-
-CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ, divided by …
-USUAL = 3  # … the size of its terms where that is more than so many powers of ten from one
-MOST_STEPS = 20
 
 
 @dataclass(frozen=True)

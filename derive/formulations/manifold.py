@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.scalars import Scalar, Vector
+from derive.formulations.limits import SAMPLES
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Equations, Function, Pattern, Request, Result
 from derive.joints.rotations import dot, is_zero
@@ -16,8 +17,6 @@ from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
 from derive.states.closing import Kinematics
 from derive.states.sampling import states
-
-SAMPLES = 12  # states that the usual size of a row is the median over
 
 CLOSURE = (
     "position constraints with Jacobian: [ψ, ∂ψ/∂q] row by row, ψ = independent φ and "

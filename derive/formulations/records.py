@@ -134,6 +134,10 @@ class Equations:
         """t, x, u or p. Raises KeyError for another name."""
         return _by_name(self.arguments, name)
 
+    def term(self, name: str) -> ca.SX:
+        """The named term, such as "B" or "M". Raises KeyError where there is none."""
+        return _by_name(self.named, name).value
+
     def request(self, name: str) -> Request:
         """The function of that name that is made when it is asked for. Raises KeyError where there
         is none."""

@@ -14,12 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from derive.linearize.limits import CRITICAL_NEAR, CRITICAL_STEPS, DEPTH
 from derive.linearize.spectrum import eigenvalues, signature
 
 Spectra = Callable[[np.ndarray], np.ndarray]  # values → matrices N × k × k
-DEPTH = 40  # bisections before two changes are taken for one
-NEAR = 12  # bisections before eigenvalues are told apart by nearness
-STEPS = 100
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ def _between(
     if at_a == at_b:
         return
     kind = _kind(at_a, at_b)
-    if (kind and depth >= NEAR) or depth >= DEPTH:
+    if (kind and depth >= CRITICAL_NEAR) or depth >= DEPTH:
         if kind:
             yield _located(matrices, kind, a, b)
         return
@@ -129,7 +127,7 @@ def root(measure: Callable[[float], float], a: float, b: float) -> float:
     fa, fb = measure(a), measure(b)
     if not fa * fb < 0:
         return a if abs(fa) <= abs(fb) else b
-    for step in range(STEPS):
+    for step in range(CRITICAL_STEPS):
         if abs(b - a) <= 2 * np.finfo(float).eps * max(abs(a), abs(b)):
             break
         c = (a * fb - b * fa) / (fb - fa) if step % 8 != 7 else (a + b) / 2

@@ -7,11 +7,9 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
+from derive.linearize.limits import CYCLIC_SAMPLES, NOTHING
 from derive.linearize.minimal import evaluator, position_rows
 from derive.states.sampling import states
-
-SAMPLES = 5
-NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
 
 
 def cyclic_coordinates(equations: Equations) -> tuple[int, ...]:
@@ -48,7 +46,7 @@ def _slopes(equations: Equations) -> np.ndarray:
     )
     value = ca.vertcat(position_rows(system), f)
     B = ca.Function("B", [system.t, system.q, system.p], [ca.densify(_speed_rows(equations))])
-    sampled = states(system, SAMPLES, seed=1)
+    sampled = states(system, CYCLIC_SAMPLES, seed=1)
     w = [np.asarray(B(0.0, q, p)) @ v for q, v, p in zip(sampled.q, sampled.v, sampled.p)]
     at = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1)])
     found = np.abs(evaluator(equations, ca.jacobian(value, x))(at, sampled.u, sampled.p))
@@ -57,7 +55,7 @@ def _slopes(equations: Equations) -> np.ndarray:
 
 
 def _speed_rows(equations: Equations) -> ca.SX:
-    return next(named.value for named in equations.named if named.name == "B")
+    return equations.term("B")
 
 
 def confirmed(equations: Equations, names: tuple[str, ...]) -> tuple[int, ...]:

@@ -6,9 +6,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from derive.linearize.limits import DISCRETE_STEPS
 from derive.linearize.records import Linear
-
-STEPS = 8  # of the fourth order within h
 
 
 class Discrete:
@@ -19,7 +18,7 @@ class Discrete:
     others it is what a controller that samples needs.
     """
 
-    def __init__(self, form: Linear, steps: int = STEPS) -> None:
+    def __init__(self, form: Linear, steps: int = DISCRETE_STEPS) -> None:
         self.form = form
         equations = form.equations
         t, x, u, p = (argument.symbols for argument in equations.arguments)

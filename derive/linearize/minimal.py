@@ -18,19 +18,12 @@ from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Vector
 from derive.formulations.records import Argument, Equations, Function, Request, Result
+from derive.linearize.limits import MINIMAL_NEAR, SPARED, WEAK
 from derive.linearize.records import Linear
 from derive.mechanics.records import System
 from derive.mechanics.solve import Block, lu_solution, scalars
 from derive.numerics import refuses_numerically
 from derive.states.initial import initial_state
-
-WEAK = 1e-9  # relative size of what is left of a row that repeats others
-# coordinates whose rates are quasi-velocities become dependent only where others are this much
-# weaker
-SPARED = 1e-3
-NEAR = (
-    1e-6  # guard: smallest pivot of the dependent coordinates, relative to where they were chosen
-)
 
 
 @refuses_numerically("the linear equations")
@@ -161,12 +154,13 @@ def _tangent(
     )
     varying = [k for k, pivot in enumerate(found.pivots) if not ca.SX(pivot).is_constant()]
     return T, tuple(
-        _guard(x, columns[k], ca.SX(found.pivots[k]), NEAR * abs(float(chosen[k]))) for k in varying
+        _guard(x, columns[k], ca.SX(found.pivots[k]), MINIMAL_NEAR * abs(float(chosen[k])))
+        for k in varying
     )
 
 
 def _guard(x: Argument, j: int, pivot: ca.SX, least: float) -> Guard:
-    return Guard(f"pivot of {x.labels[j]}", pivot, least, NEAR)
+    return Guard(f"pivot of {x.labels[j]}", pivot, least, MINIMAL_NEAR)
 
 
 def with_linearization(equations: Equations) -> Equations:

@@ -9,11 +9,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from derive.linearize.limits import DEFECTIVE, RANK
 from derive.linearize.spectrum import eigenvalues
-from derive.linearize.steady import RANK
 from derive.linearize.study import Study
-
-DEFECTIVE = 1e-7  # |yᴴ x| below which two eigenvalues are one and have no derivative
 
 
 @dataclass(frozen=True)

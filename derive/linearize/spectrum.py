@@ -14,13 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-AVOIDED = 1e-2  # weight of coordinates among what tells families apart
-VANISHES = 1e-9  # determinant below which they do not
-NULL = 1e-11  # relative singular value that counts as zero at motions chosen at random
-# relative imaginary part below which an eigenvalue counts as real, and real part below which it
-# counts as marginal
-REAL = 1e-9
-
+from derive.linearize.limits import AVOIDED, NULL, REAL, VANISHES
 
 Stage = tuple[int, ...]  # coordinates in whose place families are counted
 

@@ -13,6 +13,7 @@ from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.expressions.evaluate import casadi_functions, number, value
 from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
+from derive.linearize.limits import CREEPS, FLAT, HALVINGS, KEPT, RANK, STEADY_STEPS
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
 from derive.model.records import Span, SteadyMotion
@@ -21,13 +22,7 @@ from derive.states.initial import initial_state
 from derive.states.scales import scales
 
 GUESS = "guess"
-STEPS = 40
-RANK = 1e-10  # relative singular value below which a direction is left alone
-KEPT = 1e-9  # relative residual up to which a motion is steady
-HALVINGS = 8
-CREEPS = 1e-5  # a largest speed below this is tried at rest
 BESIDE = (0.1, 0.3, 1.0)  # how far beside the initial values `guess` starts at last
-FLAT = 1e-3  # the least slope that a row's residual is measured by
 
 
 @dataclass(frozen=True)
@@ -104,7 +99,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     names += [f"length of quaternion {k + 1}" for k in range(len(system.quaternions))]
     R = ca.densify(ca.vertcat(positions, f.value[still], held))
     y = ca.vertcat(x, u)
-    B = next(named.value for named in equations.named if named.name == "B")
+    B = equations.term("B")
     known = [x, u, p, s]
     return Problem(
         equations=equations,
@@ -255,7 +250,7 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
     y, free = _with_inputs(found, y, p, s)
     D = found.scale
     rows = _sizes(found, _evaluated(found, y, p, s)[1])
-    for _ in range(STEPS):
+    for _ in range(STEADY_STEPS):
         residual, slopes = _evaluated(found, y, p, s)
         scaled = slopes * (free * D) / rows[:, None]
         step = -D * np.linalg.lstsq(scaled, residual / rows, rcond=RANK)[0]

@@ -12,6 +12,7 @@ import numpy as np
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
+from derive.linearize.limits import SAME_ROWS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families
@@ -19,7 +20,6 @@ from derive.linearize.steady import Problem, family, problem, settled
 from derive.model.records import SteadyMotion
 from derive.numerics import refuses_numerically
 
-SAMPLES = 3
 Columns = Mapping[str, Sequence[float] | np.ndarray]  # values by name, one for each motion
 
 
@@ -64,7 +64,7 @@ class Study:
             for M in (ca.jacobian(position_rows(system), system.q), system.A)
         ]
         ranks = [
-            int(np.linalg.matrix_rank(row(motions.x, motions.u, motions.p)[0], tol=1e-9))
+            int(np.linalg.matrix_rank(row(motions.x, motions.u, motions.p)[0], tol=SAME_ROWS))
             for row in rows
         ]
         return len(self.linear.states) - (system.q.numel() + system.v.numel() - sum(ranks))
@@ -179,7 +179,7 @@ def _samples(found: Study) -> np.ndarray:
         except AssumptionError:
             continue
         stacks.append(found.matrices(motions))
-        if len(stacks) == SAMPLES:
+        if len(stacks) == STUDY_SAMPLES:
             break
     if not stacks:
         stacks = [found.matrices(found.motions({}))]

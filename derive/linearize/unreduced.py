@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError
+from derive.linearize.limits import CONSTANT, SAME_ROWS
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Linear, Steady
 from derive.mechanics.records import System
 from derive.states.scales import scales
-
-CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion
 
 
 @dataclass(frozen=True)
@@ -264,6 +263,6 @@ def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int
         )
         largest = np.max(np.abs(matrix), axis=1, initial=0.0)
         even = matrix / np.where(largest > 0.0, largest, 1.0)[:, None]
-        ranks.append(int(np.linalg.matrix_rank(even, tol=1e-9)) if matrix.size else 0)
+        ranks.append(int(np.linalg.matrix_rank(even, tol=SAME_ROWS)) if matrix.size else 0)
     holonomic = ranks[0] - len(system.quaternions)
     return holonomic, ranks[1] - holonomic

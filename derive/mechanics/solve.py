@@ -17,20 +17,18 @@ from numpy.typing import NDArray
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import cross, dot, is_zero, minus, plus, times
-
-SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
-BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred
-ALONE = (
-    10.0  # a ratio this many times its median says that one pivot vanishes where the other does not
+from derive.mechanics.limits import (
+    ALONE,
+    BETTER,
+    COFACTORS,
+    GROWTH,
+    MOST,
+    MOST_REFLECTED,
+    SAFE,
+    SAME,
+    VANISHES,
+    ZERO,
 )
-# relative size that counts as zero: what is left of a row that repeats others, at closed positions
-VANISHES = 1e-8
-ZERO = 1e-6  # a pivot that comes so near zero at a sample, relative to its largest, vanishes there
-SAME = 1e-9  # relative variation that counts as none
-MOST = 200  # candidate blocks looked at
-COFACTORS = 3  # rows up to which a block is inverted by cofactors
-MOST_REFLECTED = 16  # rows up to which all that is left may be solved by reflections
-GROWTH = 6.0  # an elimination that may let entries grow more than this gives way to reflections
 
 
 def scalars(matrix: ca.SX) -> Matrix:

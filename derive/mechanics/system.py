@@ -17,6 +17,7 @@ from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
+from derive.mechanics.limits import FEW, MOST_ENTRIES
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
 from derive.mechanics.motion import (
@@ -48,9 +49,6 @@ from derive.mechanics.tree import (
 from derive.model.records import Model
 
 REST_NUMBERS: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
-
-MOST_ENTRIES = 2_500  # of M below the diagonal; beyond that only the O(n) recursions are of use
-FEW = 40  # with more links than this, equivalent sets of inertias are not compared
 
 
 def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[System, ca.SX]:

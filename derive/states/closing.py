@@ -11,11 +11,7 @@ import numpy as np
 
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
-
-CLOSED = 1e-12  # |φ| against 1 + |q|, or of a row against the sizes of its own terms
-EVEN = 1e-3  # of the largest of these a row has at least that part
-NEWTON = 30  # iterations after which a start counts as hopeless
-LEAP = 0.7  # rad: the largest step taken at once
+from derive.states.limits import CLOSED, EVEN, LEAP, NEWTON
 
 
 @dataclass(frozen=True)

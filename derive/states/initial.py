@@ -15,9 +15,8 @@ from derive.mechanics.records import System
 from derive.model.records import Span
 from derive.numerics import refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised
+from derive.states.limits import AGREES
 from derive.states.scales import scaled, scales
-
-AGREES = 1e-9  # relative residual up to which held velocities count as kept
 
 
 @dataclass(frozen=True)

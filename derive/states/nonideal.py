@@ -23,10 +23,8 @@ from derive.mechanics.system import ideal_system
 from derive.model.records import Model
 from derive.numerics import refuses_numerically
 from derive.states.closing import Kinematics
+from derive.states.limits import RANK, SAMPLES
 from derive.states.sampling import states
-
-SAMPLES = 12
-RANK = 1e-9
 
 
 @refuses_numerically("the mechanics")

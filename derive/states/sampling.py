@@ -20,21 +20,23 @@ from numpy.typing import NDArray
 from derive.diagnostics import AssumptionError, listed
 from derive.mechanics.records import System
 from derive.numerics import refuses_numerically
-from derive.states.closing import CLOSED, LEAP, NEWTON, Kinematics, closed, nominal, normalised
-from derive.states.scales import scaled, scales
-
-STEPS = 9  # of a walk
-FAR = 1.0  # rad or width: a step that moves a coordinate by more ran into a singular position
-LOOSE = 0.02  # rad or width: what a step may be off φ = 0 before its last correction
-GAP = 1e-12  # eigenvalues of A Aᵀ below this part of the largest belong to rows that repeat others
-NEAR = (
-    0.1  # a smallest singular value below this part of its usual size is near a singular position
+from derive.states.closing import Kinematics, closed, nominal, normalised
+from derive.states.limits import (
+    CLOSED,
+    CONTRADICTION,
+    FAR,
+    GAP,
+    LEAP,
+    LOCKED,
+    LOOSE,
+    NEAR,
+    NEWTON,
+    PROBES,
+    SPARE,
+    STARTS,
+    STEPS,
 )
-PROBES = 6  # configurations looked at to learn the rank
-STARTS = 40  # random starts where the nominal one cannot be closed
-CONTRADICTION = 1e-6  # what A v = c may be off by, in rows of length one, relative to 1 + |v|
-LOCKED = 1e6  # entries of N from which q̇ = N v runs away; away from gimbal lock they are about one
-SPARE = 4  # walkers more than states asked for, and a fifth of these
+from derive.states.scales import scaled, scales
 
 
 @dataclass(frozen=True)

@@ -33,11 +33,8 @@ from derive.expressions.units import (
 )
 from derive.mechanics.records import System
 from derive.model.records import Model
+from derive.states.limits import FARTHEST, PLACES, SMALL, STEP
 
-STEP = 3  # decades
-FARTHEST = 30  # decades: what is beyond is left to the numbers, so that no product overflows
-PLACES = 5  # configurations at which the rows are looked at
-SMALL = 0.75  # decades: the parts that a file gives are smaller than the whole that moves
 INERTIA = product_of(MASS, power_of(LENGTH, Fraction(2)))
 ACCELERATION = quotient_of(LENGTH, power_of(TIME, Fraction(2)))
 

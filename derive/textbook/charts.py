@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from derive.formulations.charts import BETTER, LOW
+from derive.formulations.limits import BETTER, LOW
 from derive.formulations.records import Equations, Function
 from derive.textbook.choice import power_of_ten, watched
 from derive.textbook.manuscript import Manuscript
@@ -53,7 +53,7 @@ def _chart(doc: Manuscript, chart: Equations, k: int) -> None:
 
 def _rows(chart: Equations) -> ca.SX:
     """B of a chart."""
-    return next(x.value for x in chart.named if x.name == "B")
+    return chart.term("B")
 
 
 def _transfer(doc: Manuscript, chart: Equations, k: int) -> None:

@@ -38,13 +38,13 @@ class Terms:
 
     def function(self, name: str) -> Function | None:
         """A function of the generated module."""
-        return next((f for f in self.equations.functions if f.name == name), None)
+        equations = self.equations
+        return equations.function(name) if equations.has(name) else None
 
     @property
     def w(self) -> ca.SX:
         """The symbols of the quasi-velocities: what follows q in x."""
-        x = next(argument for argument in self.equations.arguments if argument.name == "x")
-        return x.symbols[self.system.q.numel() :, 0]
+        return self.equations.argument("x").symbols[self.system.q.numel() :, 0]
 
     @cached_property
     def wdot(self) -> ca.SX:

@@ -64,6 +64,6 @@ def _listing(equations: Equations) -> str:
     """The state derivative, every instruction, of all charts."""
     slots = {argument.name: argument.symbols for argument in equations.arguments}
     arguments = [slots.get(name, ca.SX(0, 1)) for name in ("t", "x", "u", "p")]
-    dynamics = next(f for f in equations.functions if f.name == "dynamics").result.value
+    dynamics = equations.function("dynamics").result.value
     text = ca.Function("dynamics", arguments, [dynamics]).serialize()
     return "".join([equations.choice, text, *map(_listing, equations.charts)])

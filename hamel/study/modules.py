@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
@@ -16,6 +15,7 @@ from codegen.passes.taylor import SERIES, series_refusal
 from derive.diagnostics import AssumptionError
 from derive.enforcement import ENFORCEMENTS, Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations
+from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.robots.reading import load
@@ -124,10 +124,7 @@ def _rate(begin: Start, plain: Equations, span: float) -> float:
 
 def first_state(begin: Start, equations: Equations) -> np.ndarray:
     """x at the start, by the equations' own function."""
-    function = equations.function("state")
-    t, _, u, p = (argument.symbols for argument in equations.arguments)
-    assert function.x is not None
-    state = ca.Function("state", [t, function.x.symbols, u, p], [ca.densify(function.result.value)])
+    state = function_of(equations, "state")
     return np.asarray(
         state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
     ).ravel()

@@ -13,7 +13,8 @@ from derive.expressions.limits import LARGEST, SMALLEST
 from derive.model import load_text
 from derive.numerics import refuses_numerically
 from derive.robots.reading import imported
-from derive.states.scales import FARTHEST, scales
+from derive.states.limits import FARTHEST
+from derive.states.scales import scales
 from hamel.cli import main
 from tests.scenes import MODELS
 

@@ -22,14 +22,13 @@ from derive.mechanics.frames import (
     axes_in_plane,
     triad,
 )
+from derive.mechanics.limits import FLAT
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.scene import NORMAL, NOTHING, Block, Scene
 from derive.mechanics.tree import link_direction, link_point
 from derive.model.records import (
     Rolling,
 )
-
-FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
 
 
 def rolling(scene: Scene, constraint: Rolling) -> Block:

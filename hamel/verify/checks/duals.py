@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from derive.expressions.instructions import listing, run
 from hamel.verify.checks.roundoff import formula
 from hamel.verify.reference.vectors import Array
 
@@ -24,24 +25,19 @@ def tangents(
     `value` is an expression over the arguments, columns that together have as many entries as
     each row of `directions`; `place` holds their values.
     """
-    program = ca.Function("program", [ca.vertcat(*arguments)], [ca.densify(ca.vec(value))])
+    column = ca.Function("program", [ca.vertcat(*arguments)], [ca.densify(ca.vec(value))])
     given = np.concatenate([np.ravel(part) for part in place])
     still = np.zeros(len(directions))
-    work: dict[int, tuple[Array, Array]] = {}
-    result = np.zeros((value.numel(), len(directions)))
     with np.errstate(all="ignore"):
-        for index in range(program.n_instructions()):
-            operation, into = program.instruction_id(index), program.instruction_output(index)
-            operands = program.instruction_input(index)
-            if operation == ca.OP_OUTPUT:
-                result[into[1]] = work[operands[0]][1]
-            elif operation == ca.OP_INPUT:
-                entry = operands[1]
-                work[into[0]] = given[entry : entry + 1], directions[:, entry]
-            elif operation == ca.OP_CONST:
-                work[into[0]] = np.full(1, program.instruction_constant(index)), still
-            else:
-                work[into[0]] = _passed_on(operation, [work[i] for i in operands])
+        (results,) = run(
+            listing(column),
+            lambda _, entry: (given[entry : entry + 1], directions[:, entry]),
+            lambda number: (np.full(1, number), still),
+            lambda read, operands: _passed_on(read.code, operands),
+        )
+    result = np.zeros((value.numel(), len(directions)))
+    for row, (_, tangent) in zip(result, results):
+        row[:] = tangent
     return result
 
 

@@ -1,0 +1,39 @@
+"""The tolerances and limits of choosing and eliminating, with unit and reason; relative where
+nothing else is said."""
+
+# assessment
+STEP = 0.1  # by which the fastest coordinate moves at most, with its velocity and its acceleration
+ROUNDOFF = 2.0**-52  # of a float64: what a violation is told apart from
+
+# elimination
+SHORT = 3  # a twist component with at most so many terms is cheaper from its form than by recursion
+
+# explicit
+EXPLICIT_MANY = 12  # with more quasi-velocities than this, not every combination is solved
+
+# orthonormal
+MINORS = 3  # with more rows than this the cross product costs more than Gram–Schmidt
+
+# pivots
+# the guard of a pivot that is quadratic in the rows of A: they may come within 1e-6 of each other
+SQUARED = 1e-12
+
+# reduction
+SINGULAR = 1e-9  # guard: smallest |pivot| relative to the largest over the sampled states
+
+# redundancy
+TAKES_PART = 1e-8  # smaller weights in a dependency are roundoff
+LOOKED_AT = 10  # states
+DEPENDENT = 1e-9  # smaller singular values of rows of length one are zero
+
+# resolution
+REGULAR = (
+    1e-3  # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
+)
+SAMPLES = 40  # states that choices are judged at: few enough to look at each, enough to rank
+RESOLUTION_MANY = 5  # times as many states where a look at pivots is all there is to do
+MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
+MOST_WAYS = 16  # combinations of the ways to write constraint rows that are tried
+FINALISTS = 5  # the best by pivots and condition, for which the equations are formed and counted
+RANK = 1e-9  # singular values of rows of length one below this are zero
+LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding

@@ -1,0 +1,51 @@
+"""The tolerances and limits of steady motions and their linear equations, with unit and reason;
+relative where nothing else is said."""
+
+# critical
+DEPTH = 40  # bisections before two changes are taken for one
+CRITICAL_NEAR = 12  # bisections before eigenvalues are told apart by nearness
+CRITICAL_STEPS = 100  # of a bisection, at most: a double has 53 bits
+
+# cyclic
+CYCLIC_SAMPLES = 5  # random states at which a derivative has to vanish
+NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
+
+# discrete
+DISCRETE_STEPS = 8  # of the fourth order within h
+
+# minimal
+WEAK = 1e-9  # relative size of what is left of a row that repeats others
+# coordinates whose rates are quasi-velocities become dependent only where others are this much
+# weaker
+SPARED = 1e-3
+MINIMAL_NEAR = (
+    1e-6  # guard: smallest pivot of the dependent coordinates, relative to where they were chosen
+)
+
+# sensitivity
+DEFECTIVE = 1e-7  # |yᴴ x| below which two eigenvalues are one and have no derivative
+
+# spectrum
+AVOIDED = 1e-2  # weight of coordinates among what tells families apart
+VANISHES = 1e-9  # determinant below which they do not
+NULL = 1e-11  # relative singular value that counts as zero at motions chosen at random
+# relative imaginary part below which an eigenvalue counts as real, and real part below which it
+# counts as marginal
+REAL = 1e-9
+
+# steady
+STEADY_STEPS = 40  # of a damped Newton iteration
+RANK = 1e-10  # relative singular value below which a direction is left alone
+KEPT = 1e-9  # relative residual up to which a motion is steady
+HALVINGS = 8  # of one of its steps
+CREEPS = 1e-5  # a largest speed below this is tried at rest
+FLAT = 1e-3  # the least slope that a row's residual is measured by
+
+# study
+STUDY_SAMPLES = 3  # motions near the given one at which families are looked for
+SAME_ROWS = (
+    1e-9  # singular values of rows of like size below this belong to rows that repeat others
+)
+
+# unreduced
+CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion

@@ -1,0 +1,35 @@
+"""The tolerances and limits of sampled and consistent states, with unit and reason; relative where
+nothing else is said."""
+
+# closing
+CLOSED = 1e-12  # |φ| against 1 + |q|, or of a row against the sizes of its own terms
+EVEN = 1e-3  # of the largest of these a row has at least that part
+NEWTON = 30  # iterations after which a start counts as hopeless
+LEAP = 0.7  # rad: the largest step taken at once
+
+# initial
+AGREES = 1e-9  # relative residual up to which held velocities count as kept
+
+# nonideal
+SAMPLES = 12  # states at which pivots of the ideal problem are looked at
+RANK = 1e-9  # singular values of rows of length one below this are zero
+
+# sampling
+STEPS = 9  # of a walk
+FAR = 1.0  # rad or width: a step that moves a coordinate by more ran into a singular position
+LOOSE = 0.02  # rad or width: what a step may be off φ = 0 before its last correction
+GAP = 1e-12  # eigenvalues of A Aᵀ below this part of the largest belong to rows that repeat others
+NEAR = (
+    0.1  # a smallest singular value below this part of its usual size is near a singular position
+)
+PROBES = 6  # configurations looked at to learn the rank
+STARTS = 40  # random starts where the nominal one cannot be closed
+CONTRADICTION = 1e-6  # what A v = c may be off by, in rows of length one, relative to 1 + |v|
+LOCKED = 1e6  # entries of N from which q̇ = N v runs away; away from gimbal lock they are about one
+SPARE = 4  # walkers more than states asked for, and a fifth of these
+
+# scales
+STEP = 3  # decades
+FARTHEST = 30  # decades: what is beyond is left to the numbers, so that no product overflows
+PLACES = 5  # configurations at which the rows are looked at
+SMALL = 0.75  # decades: the parts that a file gives are smaller than the whole that moves

@@ -8,7 +8,7 @@ DEMO   := build/demo
 ROBOTS := build/robots/venv
 TRIALS := build/trials
 BENCH  := build/bench/venv
-PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn
+PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
 
 .PHONY: demo report test test-slow lint robots loops growth bench bench-page report-page whole matrix faults fuzz fresh clean
 
@@ -70,6 +70,7 @@ report-page: $(VENV)/.test
 # Whole simulations to an error of 1e-8 at the end, beside a plain C loop, CasADi's, CVODES, IDAS, SciPy and Exudyn: ten minutes.
 whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
+	$(BENCH)/bin/python benchmarks/trajectories.py
 
 # Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: two hours of
 # two cores; a part of it as in make matrix KINDS="joints mechanisms" COUNT=20. RESUME=1 leaves out what went well before.

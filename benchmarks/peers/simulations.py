@@ -9,6 +9,7 @@ import multiprocessing
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from codegen.emit import emit
 from codegen.integrators import DOP853
 from codegen.passes import program
 from codegen.program import Program
-from codegen.targets.simulate import combination, number
+from codegen.targets.simulate import number
 from derive.formulations.records import Equations
 from hamel.simulate.libraries import REFERENCES, Problem
 from hamel.simulate.libraries.sundials import compiled_by_casadi
@@ -28,7 +29,7 @@ from peers.contest import BUILD, HERE, PLAIN, compiled
 from peers.mechanisms import Mechanism
 
 TOLERANCES = tuple(-5 - k / 4 for k in range(33))  # decimal exponents
-INTEGRATORS = ("verner9", "dop853")
+INTEGRATORS = ("verner9", "dop853", "taylor")
 COARSE = tuple(-6.0 - k / 2 for k in range(16))  # for what takes long
 PATIENCE = 2.0  # seconds for what is not timed
 LONGEST = 1.5  # seconds of a run; tighter ones are not tried after that
@@ -87,7 +88,7 @@ def ours(
         apart = {
             "example.c",
             "loop.c",
-            *(f"{made.name}_{part}.c" for part in ("cpu", "module", "batch")),
+            *(f"{made.name}_{part}.c" for part in ("cpu", "module")),
         }
         sources = {loop: ["-O2", f"-I{folder}", f"-I{HERE}"]}
         for path in (folder / file for file in texts if file.endswith(".c") and file not in apart):
@@ -171,6 +172,13 @@ static void right(double t, const double *y, double *dy)
 #include "dop853.c"
 #include "whole.c"
 """
+
+
+def combination(weights: Sequence[Fraction]) -> str:
+    """The sum of weights times slopes as C."""
+    terms = [(weight, f"k[{i}][i]") for i, weight in enumerate(weights) if weight]
+    first = f"{number(terms[0][0])} * {terms[0][1]}"
+    return first + "".join(f" {'-' if w < 0 else '+'} {number(abs(w))} * {k}" for w, k in terms[1:])
 
 
 def exported(of: Course, error: Callable[[End], float], within: float) -> Iterator[Simulation]:

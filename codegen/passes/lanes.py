@@ -7,6 +7,7 @@ from codegen.program import Expression, Kernel, Program
 
 BATCHED = ("dynamics",)  # worth the time to compile them twice
 STEPPED = ("power", "project", "constraints", "guards")  # what a step calls besides
+WATCHED = "events"  # and where something is looked for; without it motions with events go alone
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
     "and", "or", "not", "where",
@@ -30,7 +31,10 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
         return ()
     plain = all(map(_is_straight, kernels)) and is_batched(program.kernel("dynamics"))
     short = all(kernel.name in BATCHED or not is_long(kernel) for kernel in kernels)
-    return kernels if plain and short else ()
+    if not (plain and short):
+        return ()
+    watched = (k for k in program.kernels if k.name == WATCHED)
+    return (*kernels, *(k for k in watched if _is_straight(k) and not is_long(k)))
 
 
 def _is_straight(kernel: Kernel) -> bool:

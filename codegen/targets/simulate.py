@@ -23,7 +23,7 @@ from codegen.integrators import (
     Taylor,
 )
 from codegen.integrators.records import centred, collocated
-from codegen.passes.lanes import side_by_side
+from codegen.passes.lanes import WATCHED, side_by_side
 from codegen.passes.taylor import HIGHEST, faster_from, in_pieces
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
@@ -213,6 +213,7 @@ def _flags(
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),
         "HAS_LANES": int(bool(side_by_side(program))),
+        "HAS_LANES_EVENTS": int(any(k.name == WATCHED for k in side_by_side(program))),
         "HAS_ROWS": int(has["rows"]),
         "FRAME": program.frame,
         "HAS_MIDPOINT": int(any(isinstance(x, Midpoint) for x in chosen)),

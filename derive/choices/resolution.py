@@ -183,10 +183,7 @@ def carried_out(
         [*survey.form_sizes, *row_lengths(_numeric_rows(survey, B))],
         survey.sampled_for(B),
     )
-    found = [
-        by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
-        for forms in survey.forms
-    ]
+    found = _in_every_way(survey, names, rows, sampled, sizes)
     counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
     best = min(
         range(len(found)),
@@ -195,6 +192,29 @@ def carried_out(
     reduction, equations = found[best], explicit(survey.system, found[best])
     ranking = judged(survey, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
+
+
+def _in_every_way(
+    survey: Survey,
+    names: tuple[str, ...],
+    rows: tuple[RowForm, ...],
+    sampled: States,
+    sizes: Sequence[float],
+) -> list[Reduction]:
+    """The elimination with the constraint rows in every way of writing them that says as much as
+    the first: of rows that repeat each other, others may be the ones to drop about other axes."""
+    found: list[Reduction] = []
+    refused: Dependent | Undetermined | None = None
+    for forms in survey.forms:
+        try:
+            found.append(
+                by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
+            )
+        except (Dependent, Undetermined) as error:
+            refused = refused or error
+    if refused and not found:
+        raise refused
+    return found
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from derive.expressions.scalars import Matrix, Vector
 from derive.joints.records import Rotation, Still
 from derive.joints.rotations import (
+    is_zero,
     matrix,
     merged,
     product,
@@ -17,8 +18,8 @@ from derive.joints.rotations import (
 )
 from derive.mechanics.links import placement
 from derive.mechanics.records import Place
-from derive.mechanics.scene import NORMAL, NOTHING, Scene
-from derive.mechanics.tree import ground_point
+from derive.mechanics.scene import IN_PLANE, NORMAL, NOTHING, Scene
+from derive.mechanics.tree import ground_point, relative_rotation
 from derive.model.records import (
     Closure,
     Placement,
@@ -84,3 +85,11 @@ def angular_velocity(scene: Scene, place: Place) -> Vector:
 def on_ground(scene: Scene, body: str, point: Vector3) -> ca.SX:
     inside = scene.symbols.vector(point)
     return ca.vertcat(*ground_point(scene.places[body], inside, scene.positions, scene.rotations))
+
+
+def axes_in_plane(scene: Scene, link: int) -> list[int]:
+    """The axes of a link's frame, or of the ground's (−1), that span the plane of the model; all in
+    space. They have other numbers than the ground's where a slide is the third axis of its link."""
+    turned = matrix(relative_rotation(scene.links, link, -1))
+    across = [k for k in range(3) if k not in IN_PLANE[scene.model.plane]]
+    return [i for i in range(3) if all(is_zero(turned[i][k]) for k in across)]

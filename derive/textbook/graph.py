@@ -45,7 +45,7 @@ class Graph:
         return self._latest[1]
 
     def _read(self, value: ca.SX) -> list[int]:
-        if value.is_scalar() and value.is_constant():
+        if value.numel() == 1 and value.is_constant():
             return [self._entered(Node(ca.OP_CONST, (), float(value) + 0.0))]
         entries = ca.vec(ca.densify(ca.SX(value)).T)
         used = ca.symvar(entries)

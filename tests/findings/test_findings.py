@@ -121,7 +121,7 @@ def test_leg_speeds_hold_at_hard_states():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHOICE_FAILS)
 def test_the_module_goes_on_where_one_choice_is_singular(name, tmp_path):
-    """Up to 0.9 s: rnd19 comes near a position where A itself loses rank."""
+    """Past the first places where the choice that is taken first is singular."""
     module = load_module(hamel.build(HERE / f"{name}.yaml", out=tmp_path / "module").folder)
     mechanics = system(load(HERE / f"{name}.yaml"))
     p, u = np.array(mechanics.parameters), np.zeros(module.nu)

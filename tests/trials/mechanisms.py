@@ -677,21 +677,26 @@ def _against_principle(made: Mechanism, answer: dict) -> Iterator[str]:
 
 
 def unbalanced(made: Mechanism, answer: dict, virtual: Array) -> float:
-    """The error of d'Alembert's principle relative to the sum of its terms."""
+    """The error of d'Alembert's principle relative to what its terms could be, whatever their
+    directions: in free fall they vanish."""
     frames = [made.frames(np.array(x)) for x in answer["motion"]]
     origins, turns = map(
         np.array, zip(*(made.twists(made.pose, column) for column in virtual), strict=True)
     )
     motion = Motion(frames[4], made.pose, np.array(answer["rates"]), origins, turns, virtual)
     terms = [-power(motion) for power in made.powers]
+    size = sum(float(np.abs(term).max(initial=0)) for term in terms)
     for i, (mass, com, I) in enumerate(made.masses):
         R = np.array([f[i][0] for f in frames])
         centres = np.array([f[i][0] @ com + f[i][1] for f in frames])
         second = np.array([-1, 16, -30, 16, -1]) / (12 * STEP**2) @ centres[2:7]
         moved = origins[:, i] + np.cross(turns[:, i], R[4] @ com)
-        terms.append(mass * moved @ (second - made.gravity))
-        terms.append(turns[:, i] @ slope([_momentum(R, k, I) for k in (2, 3, 5, 6)], STEP))
-    size = sum(float(np.abs(term).max(initial=0)) for term in terms) + 1e-9
+        couple = slope([_momentum(R, k, I) for k in (2, 3, 5, 6)], STEP)
+        terms += [mass * moved @ (second - made.gravity), turns[:, i] @ couple]
+        force = mass * (np.linalg.norm(second) + np.linalg.norm(made.gravity))
+        size += float(np.abs(moved).max(initial=0)) * float(force)
+        size += float(np.abs(turns[:, i]).max(initial=0)) * float(np.linalg.norm(couple))
+    size += 1e-9
     return float(np.abs(np.sum(terms, axis=0)).max(initial=0)) / size
 
 

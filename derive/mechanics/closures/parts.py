@@ -11,9 +11,7 @@ from derive.expressions.scalars import Vector
 from derive.joints.rotations import (
     matrix,
 )
-from derive.mechanics.frames import (
-    closure_frames,
-)
+from derive.mechanics.frames import axes_in_plane, closure_frames
 from derive.mechanics.links import placement
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.rows import block_of_positions
@@ -36,7 +34,11 @@ def meeting(scene: Scene, closure: Closure) -> Block:
     names = [f"{closure.name}.{'xyz'[k]}" for k in axes]
     phi = tuple(ca.SX(ground[1][k] - ground[0][k]) for k in axes)
     frames = dict.fromkeys((-1, where[0].link, where[1].link))
-    ways = tuple(_closure_rows(scene, names, where, points, frame, axes) for frame in frames)
+    ways = tuple(
+        _closure_rows(scene, names, where, points, frame, own)
+        for frame in frames
+        if len(own := axes_in_plane(scene, frame)) == len(axes)
+    )
     return Block(tuple(Row(name, i, "m/s") for i, name in enumerate(names)), phi, ways)
 
 

@@ -19,11 +19,12 @@ from derive.joints.rotations import (
 )
 from derive.mechanics.constraints.records import Tie
 from derive.mechanics.frames import (
+    axes_in_plane,
     triad,
 )
 from derive.mechanics.limits import FLAT
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
-from derive.mechanics.scene import IN_PLANE, NORMAL, NOTHING, Block, Scene
+from derive.mechanics.scene import NORMAL, NOTHING, Block, Scene
 from derive.mechanics.tree import link_direction, link_point
 from derive.model.records import (
     Rolling,
@@ -54,13 +55,13 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
     rows = tuple(
         _moving_row(scene, name, place.link, d, point) for name, d in zip(names, directions)
     )
-    own = [IDENTITY[k] for k in IN_PLANE[scene.model.plane]]
     along_body = tuple(
-        _moving_row(scene, f"{constraint.name} {k}", place.link, d, point)
-        for k, d in zip("xyz", own)
+        _moving_row(scene, f"{constraint.name} {'xyz'[k]}", place.link, IDENTITY[k], point)
+        for k in axes_in_plane(scene, place.link)
     )
     marks = tuple(Row(row.name, 0 if i == 0 else -1, "m/s") for i, row in enumerate(rows))
-    return Block(marks, (phi,), (rows, along_body))
+    ways = (rows, along_body) if len(along_body) == len(rows) else (rows,)
+    return Block(marks, (phi,), ways)
 
 
 def _to_contact(scene: Scene, constraint: Rolling, n: Vector, e: Vector) -> Vector:

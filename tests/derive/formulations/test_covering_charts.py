@@ -14,11 +14,11 @@ from hamel import charts
 from hamel.build.module import temporary_module
 from tests.scenes import MODELS
 
-CORPUS = MODELS.parent / "tests" / "trials" / "corpus"
+FINDINGS = MODELS.parent / "tests" / "findings"
 
 
 def mechanics(name: str) -> System:
-    return system(load(CORPUS / f"{name}.yaml"))
+    return system(load(FINDINGS / f"{name}.yaml"))
 
 
 @pytest.mark.parametrize(

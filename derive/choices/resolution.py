@@ -32,6 +32,7 @@ from derive.joints.rotations import is_one
 from derive.mechanics.records import RowForm, System
 from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice
+from derive.states.sampling import States
 
 Score = tuple[tuple[int, bool], int, int, int]
 

@@ -198,7 +198,7 @@ def carried_out(
 def _in_every_way(
     survey: Survey,
     names: tuple[str, ...],
-    rows: tuple[RowForm, ...],
+    rows: Sequence[RowForm],
     sampled: States,
     sizes: Sequence[float],
 ) -> list[Reduction]:

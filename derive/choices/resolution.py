@@ -234,6 +234,12 @@ def judged(
     reduction: Reduction,
     equations: Explicit,
 ) -> Ranking:
+    """The ranking of one candidate: conditioning of [A; B] over the sampled states, operations of
+    its equations, and its pivots.
+
+    B is written at the frame of the choice, if it has one, before it becomes numbers. Two counts at
+    the end tell how many of its rows are velocities that follow others, and how many are driven.
+    """
     conditions = _conditions(survey, _numeric_rows(survey, reduction.at_frame(reduction.B)))
     count, pivots = equations.operations, reduction.pivots
     return Ranking(

@@ -124,10 +124,12 @@ def identifier(name: str) -> str:
 
 
 def entries(vector: ca.SX) -> Vector:
+    """The entries of an SX column as a list of scalars, which is what the recursions work on."""
     return [vector[i] for i in range(vector.numel())]
 
 
 def column(vector: Sequence[Scalar]) -> ca.SX:
+    """Scalars as an SX column, n × 1; 0 × 1 where there are none."""
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
 
 

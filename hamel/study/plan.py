@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from codegen.integrators import INTEGRATORS, Integrator
-from derive.choices.resolution import survey_of
+from derive.choices.survey import survey_of
 from derive.diagnostics import AssumptionError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS, equations, misfits

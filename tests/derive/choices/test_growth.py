@@ -1,4 +1,7 @@
-"""Pivots that may lose digits give way to reflections."""
+"""Pivots that may lose digits give way to reflections.
+
+Of derive.choices: pivots.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,11 @@
 """Formulation × enforcement × integrator: every combination that fits runs on three models or more
 and agrees, the others are refused with the reason; every integrator has its order with every
-enforcement."""
+enforcement.
+
+Of codegen.integrators: dop853, dopri5, implicit_midpoint, radau, rk4, rkf45, rosenbrock, taylor,
+verner9, verner9_dense.
+Of hamel.simulate.libraries: records, scipy_solvers, sundials.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,10 @@
 """The independent reference, tested by itself: closed forms, published numbers and identities along
-the motion."""
+the motion.
+
+Of hamel.verify.reference: analytic, formulas, jets, layout, outputs, rolling, states, vectors.
+
+Of hamel.verify.reference: closures.
+"""
 
 import numpy as np
 import pytest

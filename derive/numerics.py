@@ -27,8 +27,12 @@ def refuses_numerically(stage: str) -> Callable[[Callable[Given, Result]], Calla
     does not warn inside; results are checked where they are used."""
 
     def wrapped(function: Callable[Given, Result]) -> Callable[Given, Result]:
+        """The function with its numeric failures told as refusals of the stage."""
+
         @wraps(function)
         def run(*given: Given.args, **named: Given.kwargs) -> Result:
+            """Calls the function with NumPy's warnings off: what overflows is seen in the result.
+            Raises the stage's refusal, with the library's error as its cause."""
             try:
                 with np.errstate(all="ignore"):
                     return function(*given, **named)

@@ -19,7 +19,8 @@ import numpy as np
 
 from derive.choices.limits import ROUNDOFF, STEP
 from derive.choices.named import carried_through, declared
-from derive.choices.resolution import Ranking, Resolved, Survey, ranked_partitions, score, survey_of
+from derive.choices.resolution import Ranking, Resolved, ranked_partitions, score
+from derive.choices.survey import Survey, survey_of
 from derive.diagnostics import HamelError
 from derive.mechanics.records import System
 from derive.model.records import CHOICE_KINDS
@@ -97,6 +98,13 @@ def assessment(survey: Survey, found: Resolved) -> Assessed:
 
 
 def least_pivot(survey: Survey, found: Resolved) -> float:
+    """The smallest pivot of a choice over the sampled states, as a ratio: 1 where nothing is
+    divided by a quantity that moves.
+
+    A choice that was carried through by elimination knows the quality of each pivot block.
+    Otherwise each guard is compared with its own largest value over the sample, which makes the
+    number free of units: near 0, some sampled state is near a singular position of this choice.
+    """
     reduction = found.reduction
     if reduction.walked is not None:
         return min((step.block.quality for step in reduction.walked.steps), default=1.0)
@@ -136,6 +144,7 @@ def _growth(
     nq = phi.numel_in(1)
 
     def xdot(time: float, y: np.ndarray) -> np.ndarray:
+        """ẋ as an ODE integrator wants it: f(t, y), flat, with inputs and parameters held fixed."""
         return rate(time, y, u, p).full().ravel()
 
     here = xdot(t, x)

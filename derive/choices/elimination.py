@@ -107,6 +107,12 @@ class _Walk:
         return form
 
     def resolved_twist(self, i: int) -> Twist:
+        """The twist (ω, v) of link i in its own frame, over what is not eliminated yet; the ground
+        (i < 0) rests.
+
+        The result replaces the stored one: a velocity that has been solved for is put in only once,
+        however many links hang on this one.
+        """
         if i < 0:
             return REST
         omega, velocity = self.twists[i]

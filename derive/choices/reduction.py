@@ -78,6 +78,8 @@ def unreduced(system: System, names: tuple[str, ...]) -> Reduction:
 
 
 def symbols_for(names: Sequence[str]) -> ca.SX:
+    """A column of SX symbols of these names; 0 × 1 where there are none, so that products with it
+    keep their shape."""
     return ca.vertcat(*[ca.SX.sym(name) for name in names]) if names else ca.SX(0, 1)
 
 

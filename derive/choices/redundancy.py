@@ -179,6 +179,8 @@ def _owner(row: Row) -> str:
 
 
 def keeps(system: System) -> bool:
+    """Whether the model asks to keep rows that depend on each other (`redundant: keep`) rather than
+    to refuse them."""
     return system.model.redundant == "keep"
 
 

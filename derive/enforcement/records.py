@@ -28,10 +28,13 @@ class Options:
 
 
 def unchanged(found: Equations, options: Options) -> Equations:
+    """The equations as they are: for an enforcement that acts on states and not on what is
+    integrated."""
     return found
 
 
 def same(system: System, options: Options) -> System:
+    """The system as it is: for an enforcement that asks nothing of β."""
     return system
 
 

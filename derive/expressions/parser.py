@@ -99,6 +99,8 @@ class _Parser:
         self.token = self._read(0)
 
     def sum(self) -> Expression:
+        """`product (("+" | "-") product)*`. A sum is kept flat, so that a long one is no deep tree;
+        its sign is in its terms."""
         at = self.token.at
         terms = [self._signed_product()]
         while self.token.text in ("+", "-"):
@@ -106,6 +108,8 @@ class _Parser:
         return terms[0] if len(terms) == 1 else tree.Sum(tuple(terms), at)
 
     def finish(self) -> None:
+        """Asks that nothing is left of the text. Raises ModelError at the first token that follows
+        a whole formula."""
         if self.token.kind != "end":
             self._refuse_follower()
 
@@ -185,6 +189,10 @@ class _Parser:
         return tree.Number(found.value, found.unit, start)
 
     def number(self) -> tree.Number:
+        """A number with the unit that may follow it, in SI: `3 cm` is 0.03 m, `2 /s` is 2 1/s.
+
+        Raises ModelError where its value in SI is too large, or too small to be told from zero.
+        """
         token = self.take()
         value = _finite(token, self.text)
         # a number may be large in its unit and not in SI, or the other way round
@@ -213,10 +221,13 @@ class _Parser:
         return self._read(below).text in UNITS or bool(self._unit_bracket(below))
 
     def unit_parts(self) -> list[tuple[str, int]]:
+        """Symbols and powers of a unit that starts here: `kg*m^2/s` gives kg 1, m 2, s −1."""
         parts = [self._unit_symbol(1)]
         return parts + self.unit_tail(self.token.at)
 
     def unit_tail(self, at: int) -> list[tuple[str, int]]:
+        """The further factors of a unit. A `*` or `/` before anything but a unit ends it: in `3
+        m*x` the x is a factor of the formula and not a unit."""
         parts: list[tuple[str, int]] = []
         while self.token.text in ("*", "/"):
             bracket = self._unit_bracket(self._end)
@@ -410,6 +421,7 @@ class _Parser:
         raise FormulaError(message, self.text, at, expected, hint)
 
     def take(self) -> _Token:
+        """The token under the cursor; the cursor goes on to the next."""
         token = self.token
         self.token = self._read(self._end)
         return token

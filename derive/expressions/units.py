@@ -33,14 +33,18 @@ class Unit:
 
 
 def product_of(a: Dimension, b: Dimension) -> Dimension:
+    """The dimension of a product: powers of metre, kilogram, second and the fourth base unit add.
+    """
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
 
 
 def quotient_of(a: Dimension, b: Dimension) -> Dimension:
+    """The dimension of a quotient: powers of the base units subtract."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3])
 
 
 def power_of(a: Dimension, n: Fraction) -> Dimension:
+    """The dimension of a power. The exponent is a fraction, as the root of an area is a length."""
     return (a[0] * n, a[1] * n, a[2] * n, a[3] * n)
 
 

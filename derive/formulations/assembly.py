@@ -11,7 +11,7 @@ from derive.choices.explicit import Explicit
 from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.functions import Motion, arguments, functions
 from derive.formulations.records import Equations
@@ -124,10 +124,12 @@ def identifier(name: str) -> str:
 
 
 def entries(vector: ca.SX) -> Vector:
+    """The entries of an SX column as a list of scalars, which is what the recursions work on."""
     return [vector[i] for i in range(vector.numel())]
 
 
 def column(vector: Sequence[Scalar]) -> ca.SX:
+    """Scalars as an SX column, n × 1; 0 × 1 where there are none."""
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
 
 

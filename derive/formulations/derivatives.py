@@ -174,6 +174,11 @@ def _evaluation(dynamics: Function, slots: dict[str, Argument], sensitive: bool)
     )
 
     def at(time: ca.SX, state: ca.SX, slope: ca.SX) -> _Stage:
+        """One stage of the step: ẋ there, its guards, and the slope chained through it.
+
+        With k = f(t, X, u) and X' = ∂X/∂(x₀, u), the chain rule gives k' = ∂f/∂x X' + [0, ∂f/∂u]:
+        the sensitivity of the stage to the state at the start of the step and to u.
+        """
         rate, along_x, along_u, *guards = function.call([time, state, u, p], True, False)
         chained = (
             ca.mtimes(along_x, slope) + ca.horzcat(ca.SX(x.numel(), x.numel()), along_u)

@@ -51,6 +51,8 @@ class Evaluator:
         return np.array(self.rate(t, x, u, p, self.functions["dynamics"](t, x, u, p))).ravel()
 
     def has(self, name: str) -> bool:
+        """Whether a function of that name is among the default ones; a formulation may lack some,
+        such as `guards`."""
         return name in self.functions
 
 

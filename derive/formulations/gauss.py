@@ -55,6 +55,8 @@ def inverse_applied(system: System, sides: Sequence[Vector]) -> list[Vector]:
 
 
 def rows_of(A: ca.SX) -> Matrix:
+    """A dense matrix as lists of its rows, exact zeros as floats: what `solve` needs to skip them.
+    """
     return scalars(A)
 
 

@@ -41,6 +41,8 @@ def quaternion_matrix(q: Sequence[Scalar]) -> Matrix:
 
 
 def quaternion_rotation(q: Sequence[Scalar]) -> Rotation:
+    """The rotation of a ball joint: one factor without an axis, parent ← child, 3 × 3, orthogonal
+    for every q but zero."""
     return (Still(quaternion_matrix(q)),)
 
 

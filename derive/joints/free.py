@@ -39,9 +39,17 @@ def free_joint(sequence: str) -> JointType:
     """The free joint with Euler angles of the given intrinsic sequence, such as "zxy"."""
 
     def rotation(q: Sequence[Scalar], axis: Sequence[Scalar]) -> Rotation:
+        """Parent ← child from the three Euler angles q[3:], turned one after the other about axes
+        that turn along. `axis` is not used: every joint has this signature."""
         return euler_rotation(sequence, q[3:])
 
     def rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
+        """q̇ = (R v, E(θ)⁻¹ ω): the linear velocity of the child's frame goes to the parent's axes,
+        and ω becomes rates of the angles.
+
+        E is singular where the middle angle makes first and last axis parallel (gimbal lock): a
+        pivot of the joint and not of the mechanics.
+        """
         return [*rotated(matrix(rotation(q, axis)), v[:3]), *_angle_rates(sequence, q[3:], v[3:])]
 
     return JointType(

@@ -48,6 +48,8 @@ def is_one(value: Scalar) -> bool:
 
 
 def inverse(rotation: Rotation) -> Rotation:
+    """Rᵀ as factors: each factor turned back, in reverse order. A turn stays a turn, so no matrix
+    is written out."""
     return tuple(
         Turn(f.axis, -f.angle) if isinstance(f, Turn) else Still(transpose(f.matrix))
         for f in reversed(rotation)
@@ -68,6 +70,7 @@ def merged(*rotations: Rotation) -> Rotation:
 
 
 def matrix(rotation: Rotation) -> Matrix:
+    """The factors multiplied out, 3 × 3, parent ← child; the identity where there are none."""
     result = IDENTITY
     for factor in rotation:
         turned = (
@@ -89,14 +92,18 @@ def principal_rotation(letter: str, angle: Scalar) -> Matrix:
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
+    """A B of 3 × 3 matrices. Terms with an exact zero are dropped on the way and do not reach the
+    graph."""
     return [[dot(row, [b[k][j] for k in range(3)]) for j in range(3)] for row in a]
 
 
 def transpose(a: Matrix) -> Matrix:
+    """Aᵀ; of a rotation it is the inverse."""
     return [list(column) for column in zip(*a)]
 
 
 def rotated(a: Matrix, x: Sequence[Scalar]) -> Vector:
+    """A x: the components of x in the axes that A leads to."""
     return [dot(row, x) for row in a]
 
 
@@ -125,6 +132,7 @@ def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
 
 
 def cross(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
+    """a × b, right-handed, by `dot` so that exact zeros vanish."""
     return [
         dot([a[1], a[2]], [b[2], -b[1]]),
         dot([a[2], a[0]], [b[0], -b[2]]),
@@ -133,8 +141,10 @@ def cross(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
 
 
 def sum_of(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
+    """a + b entry by entry; an exact zero leaves the other entry as it is."""
     return [plus(x, y) for x, y in zip(a, b)]
 
 
 def difference(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
+    """a − b entry by entry; an exact zero leaves the other entry as it is, or its negative."""
     return [minus(x, y) for x, y in zip(a, b)]

@@ -73,6 +73,8 @@ def _kind(a: Signature, b: Signature) -> str:
 
 def _located(matrices: Spectra, kind: str, a: float, b: float) -> Critical:
     def measure(value: float) -> float:
+        """The measure of this kind of critical value at one value of the parameter: its sign
+        changes where the value is critical."""
         return MEASURES[kind](matrices(np.array([value]))[0])
 
     value = root(measure, a, b)

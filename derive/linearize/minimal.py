@@ -205,6 +205,12 @@ def evaluator(equations: Equations, value: ca.SX) -> Evaluator:
     shape = value.shape
 
     def evaluated(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """The matrix at many points at once: x is many × nx, and so on; the result is many × rows ×
+        columns.
+
+        Time is zero, as a motion is steady only where nothing depends on t. CasADi lays the results
+        of a map side by side, which is why the axes are exchanged.
+        """
         many = len(x)
         found = (
             np.asarray(function(np.zeros((1, many)), x.T, u.T, p.T))

@@ -39,6 +39,7 @@ class Study:
 
     @property
     def equations(self) -> Equations:
+        """The equations of motion that were linearised."""
         return self.linear.equations
 
     @property
@@ -93,6 +94,8 @@ class Study:
         return deflated(self.A_kept(motions.x, motions.u, motions.p), self.families)
 
     def along(self, sweep: Columns) -> np.ndarray:
+        """The matrix of the linear equations for each value of a sweep: the steady motion is found
+        anew at every value, as it changes with the parameters."""
         return self.matrices(self.motions(sweep))
 
 

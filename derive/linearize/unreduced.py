@@ -39,10 +39,12 @@ class Sizes:
 
     @property
     def state(self) -> np.ndarray:
+        """(q, s): all coordinates, and the velocities that this formulation linearises in."""
         return np.append(self.q, self.s)
 
     @property
     def x(self) -> np.ndarray:
+        """(q, w): the state of the equations of motion at the same point."""
         return np.append(self.q, self.w)
 
 
@@ -165,6 +167,7 @@ def _tangent(form: Linear, L: ca.SX) -> Callable[[np.ndarray, np.ndarray, np.nda
     )
 
     def at(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """The function as a plain matrix at t = 0: a steady motion does not depend on the time."""
         return function(0.0, x, u, p).full()
 
     return at

@@ -105,6 +105,8 @@ def _without(body: Articulated, step: Elimination) -> Articulated:
     alone = _unit_index(step)
 
     def entry(i: int, j: int, value: Scalar) -> Scalar:
+        """Entry (i, j) of M̂ − ψ̂ ψ̂ᵀ / m̂. Along the axis that was eliminated it is zero by
+        construction and is written as zero, not as a difference that rounding leaves."""
         return 0.0 if alone in (i, j) else value - dot([step.psi[i]], [scaled[j]])
 
     return Articulated(

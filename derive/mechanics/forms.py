@@ -34,6 +34,8 @@ def _accumulate(form: Form, key: Key, value: Scalar) -> None:
 
 
 def constant(value: Scalar) -> Form:
+    """A form that holds a number alone, {ONE: value}; the empty form for an exact zero, so that
+    structure is kept."""
     return {} if is_zero(value) else {ONE: value}
 
 
@@ -49,10 +51,13 @@ def crossed(forms: Sequence[Form], arm: Sequence[Scalar]) -> list[Form]:
 
 
 def added(*groups: Sequence[Form]) -> list[Form]:
+    """Sums of forms, entry by entry: three and three of two twists, for example."""
     return [total((1.0, form) for form in forms) for forms in zip(*groups)]
 
 
 def dotted(weights: Sequence[Scalar], forms: Sequence[Form]) -> Form:
+    """Σ weightᵢ formᵢ: a direction times the three forms of a velocity, for example, is a velocity
+    along it."""
     return total(zip(weights, forms))
 
 

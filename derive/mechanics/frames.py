@@ -37,6 +37,12 @@ class Frames:
 
 
 def closure_frames(scene: Scene, closure: Closure) -> Frames:
+    """The joint frame of a closure as each of its two bodies carries it: points and triads, in
+    ground axes.
+
+    The triad's third vector is along the axis of the joint. Both frames agree where the loop is
+    closed.
+    """
     turned = triad(scene.symbols.vector(closure.axis), scene.model.plane)
     found = [
         joint_frame(scene, body, at, turned) for body, at in zip(closure.bodies, closure.placements)
@@ -71,6 +77,8 @@ def joint_frame(
 
 
 def ground_rotation(scene: Scene, place: Place) -> Matrix:
+    """Ground ← body, 3 × 3. A body is merged into a link where it is fixed to it, so two rotations
+    are chained."""
     own = matrix(place.rotation)
     return own if place.link < 0 else product(scene.rotations[place.link], own)
 
@@ -83,6 +91,7 @@ def angular_velocity(scene: Scene, place: Place) -> Vector:
 
 
 def on_ground(scene: Scene, body: str, point: Vector3) -> ca.SX:
+    """Where a point of a body is, 3 × 1 in m in ground axes; `point` is in the body's frame."""
     inside = scene.symbols.vector(point)
     return ca.vertcat(*ground_point(scene.places[body], inside, scene.positions, scene.rotations))
 

@@ -225,6 +225,8 @@ def _steiner(mass: Scalar, r: Vector) -> Matrix:
 
 
 def summed(a: Inertia, b: Inertia) -> Inertia:
+    """The inertia of two bodies as one rigid link. Both are about the same origin and in the same
+    axes, so mass, first moment and tensor simply add: no parallel-axis term."""
     return Inertia(plus(a.mass, b.mass), sum_of(a.moment, b.moment), _added(a.tensor, b.tensor))
 
 

@@ -69,6 +69,7 @@ def velocity_products(link: Link, parent: Numbers, joint_velocities: Vector) -> 
 
 
 def with_products(before: Twist, products: Products) -> Twist:
+    """A twist's rate with the velocity products added: what is in it when every v̇ is zero."""
     return (
         added(before[0], [constant(x) for x in products.angular]),
         added(before[1], [constant(x) for x in products.linear]),

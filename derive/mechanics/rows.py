@@ -52,4 +52,6 @@ def velocity_row(
 
 
 def nonideal_forces(scene: Scene, forces: Sequence[Expression]) -> tuple[ca.SX, ...]:
+    """The forces of a nonideal constraint over v (Udwadia and Kalaba 2001), one for each that the
+    model gives; rates are put over v by q̇ = N v."""
     return tuple(scene.over_v(ca.SX(scene.symbols.scalar(f))) for f in forces)

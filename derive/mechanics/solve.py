@@ -90,6 +90,8 @@ class Block:
 
     @property
     def quality(self) -> float:
+        """Least over largest size of the pivot block at the sampled states, in 0 … 1: near 0 it
+        comes near to singular, 1 it never moves."""
         return self.least / self.largest
 
 

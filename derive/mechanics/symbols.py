@@ -41,10 +41,18 @@ class Symbols:
         return ca.vertcat(*found) if found else ca.SX(0, 1)
 
     def vector(self, entries: tuple[Expression, ...]) -> Vector:
+        """Components of a point or direction as scalars of the graph; numbers stay floats."""
         return [self.scalar(entry) for entry in entries]
 
 
 def symbols(model: Model, constants: Collection[str]) -> Symbols:
+    """The symbols t, q, q̇, v, u, p of a model, and a table from every name in a formula to what it
+    stands for.
+
+    Parameters in `constants` are numbers from here on and no entries of p. Definitions come last
+    and in order: each may use those before it. Reactions are symbols of their own, replaced by
+    their value when the multipliers are known.
+    """
     t, u = ca.SX.sym("t"), _column([i.name for i in model.inputs])
     q, qd = (
         _column([c.name for c in model.coordinates]),

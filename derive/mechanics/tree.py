@@ -95,10 +95,12 @@ def ground_point(
 
 
 def link_point(place: Place, point: Vector) -> Vector:
+    """A point of a body in the frame of the link that the body is part of: p + R r, in m."""
     return sum_of(place.position, rotated(matrix(place.rotation), point))
 
 
 def link_direction(place: Place, direction: Vector) -> Vector:
+    """A direction of a body in the axes of its link: it is turned and not shifted."""
     return rotated(matrix(place.rotation), direction)
 
 

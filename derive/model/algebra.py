@@ -14,6 +14,7 @@ IDENTITY: Rows = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), (ZERO, ZERO, ONE))
 
 
 def negated(a: Expression) -> Expression:
+    """−a; of a number a number, of −b again b."""
     if isinstance(a, Number):
         return constant(-a.value)
     return a.argument if isinstance(a, Negative) else Negative(a)
@@ -46,10 +47,12 @@ def plus(*terms: Expression) -> Expression:
 
 
 def minus(a: Expression, b: Expression) -> Expression:
+    """a − b, with numbers folded and zeros dropped as in `plus`."""
     return plus(a, negated(b))
 
 
 def dot(a: Vector3, b: Vector3) -> Expression:
+    """a · b of two vectors of formulas."""
     return plus(*(times(x, y) for x, y in zip(a, b)))
 
 
@@ -60,10 +63,12 @@ def rows(entry: list[list[Expression]]) -> Rows:
 
 
 def transposed(a: Rows) -> Rows:
+    """Aᵀ; of a rotation it is the inverse."""
     return rows([[a[j][i] for j in AXES] for i in AXES])
 
 
 def product(a: Rows, b: Rows) -> Rows:
+    """A B of 3 × 3 matrices of formulas."""
     columns = transposed(b)
     return rows([[dot(a[i], columns[j]) for j in AXES] for i in AXES])
 
@@ -79,6 +84,8 @@ def to_centre(tensor: Rows, mass: Expression, com: Vector3) -> Rows:
     square = dot(com, com)
 
     def entry(i: int, j: int) -> Expression:
+        """Entry (i, j) of J − m (c·c 1 − c cᵀ): the parallel-axis theorem backwards, from a point
+        to the centre of mass."""
         shift = minus(square if i == j else ZERO, times(com[i], com[j]))
         return minus(tensor[i][j], times(mass, shift))
 

@@ -121,12 +121,14 @@ class Source:
     def diagnostic(
         self, span: Span, message: str, expected: str = "", hint: str = ""
     ) -> Diagnostic:
+        """A problem at a place of this file, with the line it stands in for the caret."""
         line = self.lines[span.line - 1] if 0 < span.line <= len(self.lines) else ""
         return Diagnostic(
             self.file, span.line, span.column, span.length, message, expected, hint, line
         )
 
     def refuse(self, span: Span, message: str, expected: str = "", hint: str = "") -> NoReturn:
+        """Raises ModelError with that diagnostic: for what makes reading on pointless."""
         raise ModelError(self.diagnostic(span, message, expected, hint))
 
     def place(self, offset: int) -> Span:
@@ -236,6 +238,8 @@ class _Builder:
         self.events = iter(parse(source.text, Loader=loader))
 
     def document(self) -> Node | None:
+        """The one document of the stream, or None where the file is empty. Raises ModelError at a
+        second one."""
         node = None
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent) and node is not None:
@@ -247,6 +251,8 @@ class _Builder:
         return node
 
     def node(self, event: Any, depth: int) -> Node:
+        """One value with all that is in it. Raises ModelError for an alias, a tag, or too many or
+        too deeply nested values: a small file could otherwise stand for an endless one."""
         span = _span(event)
         self.count += 1
         if self.count > MOST_VALUES:
@@ -274,12 +280,15 @@ class _Builder:
         return Entries(self.entries(depth), span)
 
     def items(self, depth: int) -> list[Node]:
+        """The values of a list, up to its end event."""
         entries: list[Node] = []
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
             entries.append(self.node(event, depth + 1))
         return entries
 
     def entries(self, depth: int) -> dict[Key, Node]:
+        """The entries of a mapping in the order of the file. Raises ModelError where a key is given
+        twice: YAML would silently take the last."""
         entries: dict[Key, Node] = {}
         places: dict[str, Span] = {}
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
@@ -296,6 +305,7 @@ class _Builder:
         return entries
 
     def key(self, event: Any) -> Key:
+        """The key of an entry, with its place. Raises ModelError where it is no plain text."""
         node = (
             self.node(event, 0) if isinstance(event, yaml.ScalarEvent | yaml.AliasEvent) else None
         )
@@ -304,6 +314,12 @@ class _Builder:
         return Key(node.text, node.span)
 
     def scalar(self, event: Any) -> Scalar:
+        """A scalar as the text that stands in the file, with its place.
+
+        `exact` says whether the text stands there letter by letter. Only then can an error in a
+        formula point at its own column; a quoted or folded text is pointed at as a whole. Raises
+        ModelError at control characters.
+        """
         text, span = event.value, _span(event)
         if bad := _CONTROL.search(text):
             self.source.refuse(

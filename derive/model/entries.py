@@ -111,6 +111,8 @@ def _kind(**tags: Callable[[Any], bool]) -> Discriminator:
     the right one."""
 
     def tag(value: Any) -> str | None:
+        """The tag of the first class whose form fits the value; None has pydantic report the value.
+        """
         return next((f"<{name}>" for name, fits in tags.items() if fits(value)), None)
 
     return Discriminator(tag)
@@ -163,6 +165,8 @@ class Entry(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def known_keys(cls, value: Any) -> Any:
+        """Refuses unknown keys with the known ones, before pydantic looks at values: a misspelt key
+        is told as such and not as a missing one."""
         if not isinstance(value, Entries):
             raise PydanticCustomError(
                 "not_a_mapping", "not a mapping", {"keys": list(cls.model_fields)}

@@ -111,6 +111,7 @@ def _about(axis: Vector3, angle: Expression) -> Rotation:
     )
 
     def entry(i: int, j: int) -> Expression:
+        """Entry (i, j) of Rodrigues' formula n nᵀ + (1 − n nᵀ) cos α + [n]ₓ sin α."""
         along = algebra.times(axis[i], axis[j])
         across = algebra.minus(algebra.constant(float(i == j)), along)
         return algebra.plus(along, algebra.times(across, c), algebra.times(skew[i][j], s))

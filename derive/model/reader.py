@@ -226,6 +226,8 @@ class Reader:
         return self.space.embedded([self.formula(entry, where, allowed, unit) for entry in items])
 
     def sized(self, items: Items, size: int, where: str) -> bool:
+        """Whether a list has as many components as vectors of this model have: two in a plane,
+        three in space. Reports it where not."""
         if len(items) == size:
             return True
         kind = f"a planar model, plane: {self.space.plane}" if self.space.plane else "space"

@@ -23,6 +23,7 @@ def row_names(model: Model) -> tuple[str, ...]:
 
 
 def named(name: str, parts: tuple[str, ...]) -> list[str]:
+    """NAME.PART for each part: rows of a constraint that has several."""
     return [f"{name}.{part}" for part in parts]
 
 
@@ -34,6 +35,8 @@ def closure_parts(kind: str, plane: str) -> tuple[str, ...]:
 
 
 def rolling_parts(plane: str) -> tuple[str, ...]:
+    """Rows of a rolling body: it stays on the plane (`normal`) and does not slip along it. In a
+    plane there is no sideways."""
     return ("normal", "forward") if plane else ("normal", "forward", "sideways")
 
 

@@ -59,6 +59,8 @@ class Scope:
             self.dimensions[name], self.degrees[name] = symbol.dimension, symbol.degree
 
     def remove(self, name: str) -> None:
+        """Forgets a name: it was allowed in some formulas only. Raises KeyError where it is not
+        known."""
         for table in (self.symbols, self.dimensions, self.degrees):
             del table[name]
 
@@ -86,6 +88,7 @@ class Scope:
         return Usable(self, allowed)
 
     def coordinates(self) -> list[str]:
+        """Names of what formulas may use as a coordinate, in the order of the model."""
         return self.of_kind(COORDINATE)
 
     def of_kind(self, kind: str) -> list[str]:

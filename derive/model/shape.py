@@ -41,6 +41,8 @@ def _of_kinds(kinds: Sequence[Kind[Any]], otherwise: str) -> Any:
     keys = [kind.name for kind in kinds if kind.by_key]
 
     def tag(value: Any) -> str | None:
+        """The tag of an entry's kind: the first key that stands for a kind, else what `type:` says;
+        `otherwise` for a plain text."""
         if not isinstance(value, Entries):
             return f"<{otherwise}>"
         for key in keys:
@@ -135,6 +137,8 @@ class Document(Entry):
     @model_validator(mode="before")
     @classmethod
     def words(cls, value: Any) -> Any:
+        """Gives pydantic plain texts for `plane` and `redundant`, which it checks against their few
+        allowed words."""
         if not isinstance(value, Entries):
             return value
         words = {

@@ -29,6 +29,7 @@ class Space:
 
     @property
     def letters(self) -> str:
+        """The axes that components are given along: the two letters of the plane, or x, y, z."""
         return self.plane or _LETTERS
 
     @property
@@ -44,6 +45,7 @@ class Space:
 
     @property
     def normal_index(self) -> int:
+        """Which of x, y, z is the normal of the plane: the axis that a planar model turns about."""
         return next(i for i, component in enumerate(_NORMALS[self.plane]) if component)
 
     def embedded(self, components: list[Expression]) -> Vector3:
@@ -61,6 +63,7 @@ class Space:
 
 
 def constant_vector(components: tuple[float, float, float]) -> Vector3:
+    """Three numbers as formulas without a unit."""
     a, b, c = (constant(component) for component in components)
     return (a, b, c)
 
@@ -99,6 +102,9 @@ def snapped(rotation: Rotation) -> Rotation:
 
 
 def snapped_row(row: Vector3) -> Vector3:
+    """A row of a rotation with entries nearer to zero than _ZERO taken for zero, and a row of one
+    entry for a unit vector. cos 90° is 6e-17 in floats; only exact zeros vanish from the equations.
+    """
     entries = [ZERO if isinstance(x, Number) and abs(x.value) < _ZERO else x for x in row]
     if sum(x != ZERO for x in entries) == 1:
         entries = [

@@ -36,6 +36,8 @@ class File:
     folder: Path
 
     def line(self, number: int) -> str:
+        """The text of a line, counted from one; empty where there is none. Bytes that are not UTF-8
+        are shown as replacement characters."""
         lines = self.content.splitlines()
         return lines[number - 1].decode("utf-8", "replace") if 0 < number <= len(lines) else ""
 
@@ -84,6 +86,8 @@ class Element:
     text: str = ""
 
     def get(self, name: str, otherwise: str = "") -> str:
+        """The attribute as text, or `otherwise`: whether it is a number is for the readers to
+        check."""
         return self.attributes.get(name, otherwise)
 
     def all(self, *tags: str) -> list[Element]:
@@ -91,6 +95,7 @@ class Element:
         return [child for child in self.children if child.tag in tags]
 
     def first(self, tag: str) -> Element | None:
+        """The first child with that tag, or None; further ones are for the caller to judge."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def walk(self) -> Iterator[Element]:
@@ -111,6 +116,7 @@ class Element:
     def refuse(
         self, message: str, expected: str = "", hint: str = "", attribute: str = ""
     ) -> NoReturn:
+        """Raises ModelError at the element, or at one of its attributes."""
         raise ModelError(self.diagnostic(message, expected, hint, attribute))
 
     def _place(self, attribute: str) -> tuple[int, int]:
@@ -207,6 +213,8 @@ class _Builder:
         self.parser.EntityDeclHandler = self.document_type
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins. Raises ModelError where the file is nested too deeply, or holds too
+        many elements or bodies."""
         element = Element(tag, attributes, self.file, self.parser.CurrentByteIndex)
         self.budget.elements -= 1
         self.budget.bodies -= tag == "body"
@@ -229,16 +237,20 @@ class _Builder:
 
     @property
     def is_robot(self) -> bool:
+        """Whether the root has a tag that a robot description starts with."""
         return self.root is not None and self.root.tag in ROOTS
 
     def end(self, tag: str) -> None:
+        """An element ends; expat has seen to it that tags match."""
         self.open.pop()
 
     def characters(self, text: str) -> None:
+        """Text of the innermost element; expat may hand it over in pieces."""
         if self.open and not text.isspace():
             self.open[-1].text += text
 
     def document_type(self, *declaration: object) -> None:
+        """Raises ModelError: entities of a document type can grow a small file without bound."""
         problem = "a document type, which can declare entities"
         raise ModelError(
             self.file.diagnostic(

@@ -49,6 +49,7 @@ def _number(word: str) -> float:
 
 
 def scalar(reading: Reading, element: Element, attribute: str, otherwise: float = 0.0) -> float:
+    """One number of an attribute, `otherwise` where it is not given; anything else is reported."""
     found = listing(reading, element, attribute, 1)
     return found[0] if found else otherwise
 
@@ -59,6 +60,7 @@ def vector(
     attribute: str,
     otherwise: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Vector:
+    """Three numbers of an attribute, `otherwise` where element or attribute is not there."""
     found = listing(reading, element, attribute, 3) if element else None
     x, y, z = found or otherwise
     return (x, y, z)

@@ -147,13 +147,17 @@ class Reading:
         )
 
     def body_name(self, original: str, notes: list[str]) -> str:
+        """A legal, unused name for a body; a note tells where it differs from the original."""
         return self._name_with_note(self.bodies(original, "body"), original, notes)
 
     def joint_name(self, original: str, kind: str, notes: list[str]) -> str:
+        """A legal, unused name for a joint. The names that its coordinates and velocities will have
+        must be free as well: `kind` tells which those are."""
         suffixes = () if kind == "fixed" else PLAIN if kind in ONE_RATE else SUFFIXES
         return self._name_with_note(self.symbols(original, "joint", suffixes), original, notes)
 
     def input_name(self, wanted: str, original: str, notes: list[str]) -> str:
+        """A legal, unused name for an input; a note tells where it differs from the original."""
         return self._name_with_note(self.symbols(wanted, "input"), original, notes)
 
     def _name_with_note(self, name: str, original: str, notes: list[str]) -> str:

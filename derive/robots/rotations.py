@@ -59,11 +59,13 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
+    """A B."""
     rows = [tuple(sum(a[i][k] * b[k][j] for k in range(3)) for j in range(3)) for i in range(3)]
     return (_three(rows[0]), _three(rows[1]), _three(rows[2]))
 
 
 def transposed(a: Matrix) -> Matrix:
+    """Aᵀ; of a rotation it is the inverse."""
     return (
         _three([row[0] for row in a]),
         _three([row[1] for row in a]),
@@ -72,22 +74,27 @@ def transposed(a: Matrix) -> Matrix:
 
 
 def rotated(a: Matrix, x: Sequence[float]) -> Vector:
+    """A x: components of x in the axes that A leads to."""
     return _three([sum(row[k] * x[k] for k in range(3)) for row in a])
 
 
 def plus(x: Sequence[float], y: Sequence[float]) -> Vector:
+    """x + y."""
     return (x[0] + y[0], x[1] + y[1], x[2] + y[2])
 
 
 def minus(x: Sequence[float], y: Sequence[float]) -> Vector:
+    """x − y."""
     return (x[0] - y[0], x[1] - y[1], x[2] - y[2])
 
 
 def times(k: float, x: Sequence[float]) -> Vector:
+    """k x."""
     return (k * x[0], k * x[1], k * x[2])
 
 
 def cross(x: Sequence[float], y: Sequence[float]) -> Vector:
+    """x × y, right-handed."""
     return (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
 
 
@@ -182,6 +189,8 @@ def to_rpy(R: Matrix) -> Vector:
 
 
 def is_identity(R: Matrix) -> bool:
+    """Whether no entry of R differs from the unit matrix by more than NEAR: such a rotation is not
+    written into the file."""
     return all(abs(R[i][j] - (i == j)) <= NEAR for i in range(3) for j in range(3))
 
 

@@ -70,6 +70,8 @@ class Own:
     t: float  # of the state
 
     def one_of(self, name: str) -> float:
+        """How large one unit of that quantity is in the model's own units; 1 where its unit is not
+        known."""
         return self.units.get(name, 1.0)
 
 

@@ -179,6 +179,11 @@ class View:
 
     @property
     def ranks(self) -> np.ndarray:
+        """The rank of J at each state, (n,): singular values over the gap, relative to the largest.
+
+        The eigenvalues of J Jᵀ are needed only where a cheap bound does not already show full rank
+        everywhere.
+        """
         m = self.J.shape[1]
         if np.all(self.strength(m) ** 2 > GAP * np.trace(self.gram, axis1=1, axis2=2)):
             return np.full(len(self.J), m)
@@ -187,6 +192,7 @@ class View:
 
     @cached_property
     def gram(self) -> np.ndarray:
+        """J Jᵀ at each state, (n, m, m): its eigenvalues are the squared singular values of J."""
         return self.J @ self.J.transpose(0, 2, 1)
 
     @cached_property
@@ -215,6 +221,8 @@ class Walk:
     floor: float = 0.0  # strength below which a walker turns round
 
     def view(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
+        """φ and ∂φ/∂q over (t, q, p), freed of units: rows are divided by their length, columns
+        multiplied by the width of their coordinate, so that singular values can be compared."""
         phi, slopes = self.solver.closing(t, q, p)
         J = np.ascontiguousarray(np.nan_to_num(slopes) * self.width / self.lengths[:, None])
         return View(phi / self.lengths, J)

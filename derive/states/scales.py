@@ -51,14 +51,17 @@ class Scales:
 
     @property
     def plain(self) -> bool:
+        """Whether the model's own units are SI itself."""
         return self.length == self.mass == self.time == 1.0
 
     @property
     def energy(self) -> float:
+        """One unit of energy in J: m l²/t²."""
         return self.mass * (self.length / self.time) ** 2
 
     @property
     def power(self) -> float:
+        """One unit of power in W: m l²/t³."""
         return self.energy / self.time
 
     def of(self, unit: str) -> float:
@@ -68,6 +71,7 @@ class Scales:
         return float(self.length ** float(m) * self.mass ** float(kg) * self.time ** float(s))
 
     def all_of(self, units: Iterable[str]) -> np.ndarray:
+        """One unit of each of these quantities in SI, (n,)."""
         return np.array([self.of(unit) for unit in units], dtype=float)
 
 

@@ -80,6 +80,8 @@ class _Factors:
 
     @property
     def N_l(self) -> ca.SX:
+        """The block lower triangular part of the orthogonal complement, 6n × 6n: how a twist passes
+        from link j on to link i. A block that is not there is zero: j does not carry i."""
         n = len(self.links)
         return ca.blockcat(
             [[self.blocks.get((i, j), ca.SX(6, 6)) for j in range(n)] for i in range(n)]
@@ -87,6 +89,8 @@ class _Factors:
 
     @property
     def N_d(self) -> ca.SX:
+        """The block diagonal part, 6n × nv: the motion axis pᵢ of each joint in the rows of its own
+        link. Twists are N_l N_d v."""
         blocks = ca.SX(6 * len(self.links), self.v.numel())
         for i, column in enumerate(self.columns):
             blocks[6 * i : 6 * i + 6, column] = self.p[i]

@@ -92,6 +92,8 @@ class Composer:
         return sum(abs(e) for kind, e in kinds if kind in ("sin", "cos"))
 
     def expression(self, poly: Poly) -> Expr:
+        """A polynomial as a SymPy expression: the common factor outside, and the sum of what is
+        left. A sum of negative terms alone gets its minus outside."""
         if not poly:
             return sympy.Integer(0)
         keys = list(poly)

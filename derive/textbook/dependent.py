@@ -30,6 +30,8 @@ def dependent_columns(doc: Manuscript) -> list[int]:
         return _greedy(matrices, rows)
 
     def regularity(subset: tuple[int, ...]) -> tuple[float, list[int]]:
+        """How far columns stay from singular: the smallest singular value of A₁ over the samples,
+        rounded so that ties go to the later columns."""
         return round(_smallest(matrices, subset), DIGITS), [-j for j in subset]
 
     return list(max(combinations(range(columns), rows), key=regularity))

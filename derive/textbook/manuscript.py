@@ -82,10 +82,12 @@ class Manuscript:
 
     @property
     def equations(self) -> Equations:
+        """The equations that are derived on these pages."""
         return self.terms.equations
 
     @property
     def system(self) -> System:
+        """Their system: the mechanics before any choice."""
         return self.terms.system
 
     # prose
@@ -118,9 +120,11 @@ class Manuscript:
         self._blocks.append(Paragraph(runs(template, **given)))
 
     def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
+        """Adds a table: a head of texts, and rows whose cells are runs of text and formulas."""
         self._blocks.append(Table(tuple(head), tuple(tuple(row) for row in rows)))
 
     def items(self, items: Iterable[Runs]) -> None:
+        """Adds a list without numbers."""
         self._blocks.append(Items(tuple(items)))
 
     def mean(self, latex: str, about: str, unit: str = "") -> None:
@@ -128,6 +132,7 @@ class Manuscript:
         self.meanings.append(Meaning(names.bold(latex), about, unit))
 
     def too_long(self, latex: str) -> None:
+        """Says that a term is left out of the page and where it is to be had."""
         self.say(
             "The entries of {term} are too long to be read here; the generated code has them.",
             term=Math(latex),

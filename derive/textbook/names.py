@@ -58,6 +58,7 @@ def letter(word: str) -> str:
 
 
 def upright(word: str) -> str:
+    """A word in upright letters, as LaTeX; what TeX takes for a command is escaped."""
     return f"\\mathrm{{{_SPECIAL.sub(lambda m: chr(92) + m[1], word)}}}"
 
 

@@ -44,6 +44,8 @@ class Printed:
 
     @property
     def symbols(self) -> tuple[Any, ...]:
+        """The symbols of the right side in the order of their names: SymPy's own order may differ
+        from run to run."""
         return tuple(sorted(self.right.free_symbols, key=lambda s: s.name))
 
 

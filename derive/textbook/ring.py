@@ -44,6 +44,7 @@ class Atom:
 
 
 def frozen(poly: Poly) -> Frozen:
+    """A polynomial as a key for a table: dictionaries cannot be hashed."""
     return tuple(sorted(poly.items()))
 
 
@@ -75,6 +76,8 @@ class Ring:
     index: dict[tuple[str, Hashable], int] = field(default_factory=dict[tuple[str, Hashable], int])
 
     def atom(self, kind: str, content: Any, key: Hashable = None) -> int:
+        """The number of an atom: what is the same has the same number, so that equal terms meet and
+        cancel."""
         name = (kind, content if key is None else key)
         if name not in self.index:
             self.index[name] = len(self.atoms)
@@ -82,12 +85,16 @@ class Ring:
         return self.index[name]
 
     def symbol(self, symbol: sympy.Expr) -> Poly:
+        """The polynomial that is this symbol alone."""
         return {(((self.atom("symbol", symbol), 1),), ()): 1}
 
     def number(self, x: float) -> Poly:
+        """A number as a fraction, zero as the empty polynomial. Exact coefficients let terms cancel
+        without a tolerance."""
         return {UNIT: rational(x)} if x else {}
 
     def sum(self, a: Poly, b: Poly, sign: int = 1) -> Poly:
+        """a + b, or a − b with sign = −1. Raises TooBig where it has too many terms."""
         result = dict(a)
         for key, x in b.items():
             self._accumulate(result, key, sign * x)
@@ -106,9 +113,12 @@ class Ring:
         return poly
 
     def scaled(self, a: Poly, k: Exact) -> Poly:
+        """k a with an exact number k."""
         return {key: k * x for key, x in a.items()} if k else {}
 
     def product(self, a: Poly, b: Poly) -> Poly:
+        """a b, every term with every other; products of sines and cosines become those of sums of
+        angles. Raises TooBig where the work or the result grows beyond bounds."""
         self.work -= len(a) * len(b)
         if self.work < 0:
             raise TooBig
@@ -155,6 +165,7 @@ class Ring:
         return len(inner) == 1 and dict(monomial).get(inner[0][0], 0) >= 2 * inner[0][1]
 
     def power(self, a: Poly, n: int) -> Poly:
+        """aⁿ by repeated products; for negative n the power of the inverse."""
         if n < 0:
             return self.power(self.inverse(a), -n)
         result: Poly = {UNIT: 1}
@@ -179,10 +190,12 @@ class Ring:
         return {(_merged(reciprocal, ((below, -1),)), ()): over(1, factor)}
 
     def quotient(self, a: Poly, b: Poly) -> Poly:
+        """a / b: a number where a is a multiple of b, else a times the inverse of b."""
         ratio = _ratio(a, b)
         return {UNIT: ratio} if ratio is not None else self.product(a, self.inverse(b))
 
     def root(self, a: Poly) -> Poly:
+        """√a, with exact squares taken out: √(4 l²) is 2 |l|, as the sign of l is not known."""
         if not a:
             return {}
         factor, monomial, rest = parted(self.pythagorean(a))
@@ -250,10 +263,14 @@ class Ring:
         return other.sine(argument) if kind == "sin" else other.cosine(argument)
 
     def call(self, name: str, arguments: tuple[Poly, ...]) -> Poly:
+        """A function of polynomials as an atom: nothing is known of it but that equal arguments
+        give equal values."""
         key = tuple(frozen(x) for x in arguments)
         return {(((self.atom(name, arguments, key), 1),), ()): 1}
 
     def sine(self, a: Poly) -> Poly:
+        """sin a: a Fourier term where a is an integer combination of angles, else an atom. sin(−a)
+        is written −sin a, so that both meet."""
         if not a:
             return {}
         sign = -1 if a[min(a)] < 0 else 1
@@ -264,6 +281,8 @@ class Ring:
         return self.scaled(self.call("sin", (angle,)), sign)
 
     def cosine(self, a: Poly) -> Poly:
+        """cos a: a Fourier term where a is an integer combination of angles, else an atom. cos(−a)
+        is written cos a."""
         if not a:
             return {UNIT: 1}
         angle = self.scaled(a, -1) if a[min(a)] < 0 else a

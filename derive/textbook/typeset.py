@@ -44,6 +44,7 @@ class Typesetter:
         self._order: dict[sympy.Basic, int] = {}
 
     def latex(self, x: Expr) -> str:
+        """An expression as LaTeX."""
         return self._sum(x) if x.is_Add else self._product(x)
 
     def lines(self, x: Expr, line: int = LINE) -> tuple[str, ...]:
@@ -75,6 +76,7 @@ class Typesetter:
         return terms
 
     def matrix(self, rows: Sequence[Sequence[Expr]]) -> str:
+        """Rows of expressions as a bracketed matrix."""
         cells = [" & ".join(self.latex(x) for x in row) for row in rows]
         return r"\begin{bmatrix} " + r" \\ ".join(cells) + r" \end{bmatrix}"
 

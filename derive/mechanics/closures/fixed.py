@@ -11,6 +11,12 @@ from derive.model.records import (
 
 
 def fixed(scene: Scene, closure: Closure) -> list[Block]:
+    """6 rows (3 in a plane): the points meet, in m, and pairs of axes of the two frames stay at
+    right angles, each eᵢ · e'ⱼ = 0.
+
+    Right angles are products of unit vectors: smooth, and regular near the position where the
+    frames agree.
+    """
     return [
         meeting(scene, closure),
         right_angles(scene, closure, ((0, 1),) if scene.model.plane else LOCKED),

@@ -11,6 +11,8 @@ from derive.model.records import (
 
 
 def planar(scene: Scene, closure: Closure) -> list[Block]:
+    """3 rows: the point stays in the plane, n · (r₂ − r₁) = 0 in m, and its normal stays parallel
+    to that of the other body."""
     return [shifts(scene, closure, (2,)), right_angles(scene, closure, PARALLEL)]
 
 

@@ -11,6 +11,8 @@ from derive.model.records import (
 
 
 def revolute(scene: Scene, closure: Closure) -> list[Block]:
+    """5 rows: the points meet (3, in m) and the axes stay parallel (2). In a plane the axes always
+    are, and 2 rows are left."""
     return [
         meeting(scene, closure),
         *([] if scene.model.plane else [right_angles(scene, closure, PARALLEL)]),

@@ -14,6 +14,8 @@ from derive.model.records import (
 
 
 def holonomic(scene: Scene, constraint: Holonomic) -> Block:
+    """φ(q, t) = 0 as given, with its rate φ_q N v + φ_t = 0 as velocity row; `nonideal` are forces
+    that act where the constraint does work."""
     s = scene.symbols
     phi = ca.SX(s.scalar(constraint.expression))
     velocity = scene.rate(phi)

@@ -12,6 +12,8 @@ from derive.model.records import (
 
 
 def no_slip(scene: Scene, constraint: NoSlip) -> Block:
+    """d · (v + ω × r) = 0 in m/s: the point r of the body has no velocity along d, both fixed in
+    the body. It is nonholonomic: there is no φ."""
     place = scene.places[constraint.body]
     point = link_point(place, scene.symbols.vector(constraint.point))
     direction = link_direction(place, scene.symbols.vector(constraint.direction))

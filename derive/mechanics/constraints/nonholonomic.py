@@ -14,6 +14,8 @@ from derive.model.records import (
 
 
 def nonholonomic(scene: Scene, constraint: Nonholonomic) -> Block:
+    """A row linear in the rates, as given. Rates of coordinates are put over v by q̇ = N v first,
+    as A multiplies v."""
     velocity = scene.over_v(ca.SX(scene.symbols.scalar(constraint.expression)))
     row = row_form(scene, constraint.name, velocity)
     return Block(

@@ -48,6 +48,8 @@ def _unit(n: int, j: int, x: Scalar) -> ca.SX:
 
 
 def force_alone(scene: Scene, force: ca.SX) -> Applied:
+    """A load without potential: it adds to Q and not to V, so its work shows in the power balance.
+    """
     return Applied(ca.SX(0), force)
 
 
@@ -58,10 +60,13 @@ def rate_of(scene: Scene, velocity: str) -> ca.SX:
 
 
 def in_ground(scene: Scene, body: str, point: Vector) -> Vector:
+    """A point given in a body's frame, in ground axes, in m."""
     return ground_point(scene.places[body], point, scene.positions, scene.rotations)
 
 
 def components_in_ground(scene: Scene, body: str, frame: str, components: Vector) -> Vector:
+    """Components of a force or torque in ground axes. `frame` says what they were given in: "body"
+    turns them with the body, else they are in the ground already."""
     place = scene.places[body]
     if frame != "body" or place.link < 0:
         return components

@@ -27,6 +27,8 @@ class DistanceEntry(Entry):
 def distance(
     reader: Reader, document: Bodies, names: Names, key: Key, entry: DistanceEntry
 ) -> Distance:
+    """A massless rod of given length, in m, between points of two bodies, each in its body's frame.
+    A length that is not positive is reported."""
     pair = bodies(reader, document, key, entry.between)
     points = (reader.point(entry.at[0], "a point"), reader.point(entry.at[1], "a point"))
     return Distance(

@@ -28,6 +28,8 @@ class NoSlipEntry(Entry):
 
 
 def no_slip(reader: Reader, document: Bodies, names: Names, key: Key, entry: NoSlipEntry) -> NoSlip:
+    """A knife edge: point and direction in the frame of a body, which must not be the ground. The
+    direction must not be zero."""
     body = some_body(reader, document, entry.body, ground=False)
     point = reader.point(entry.at, "a point")
     return NoSlip(

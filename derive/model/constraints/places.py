@@ -10,6 +10,8 @@ from derive.model.records import Coordinate
 
 
 def of_joint(reader: Reader, names: Names, scalar: Scalar) -> Coordinate | None:
+    """The coordinate of a joint that has exactly one. A joint with several is reported, as which of
+    them is meant cannot be told."""
     owned = [
         coordinate
         for coordinate in names.coordinates
@@ -30,5 +32,7 @@ def of_joint(reader: Reader, names: Names, scalar: Scalar) -> Coordinate | None:
 
 
 def of_name(reader: Reader, names: Names, scalar: Scalar) -> Coordinate | None:
+    """The coordinate of that name; an unknown name is reported with the nearest known one, and the
+    result is None."""
     found = reader.word(scalar, [coordinate.name for coordinate in names.coordinates], "coordinate")
     return next((coordinate for coordinate in names.coordinates if coordinate.name == found), None)

@@ -42,6 +42,8 @@ class OnSurfaceEntry(Entry):
 def on_surface(
     reader: Reader, document: Bodies, names: Names, key: Key, entry: OnSurfaceEntry
 ) -> OnSurface:
+    """A point of a body that stays on a surface of another, or of the ground where none is named. A
+    body on its own surface is reported."""
     body = some_body(reader, document, entry.body, ground=False)
     carrier = GROUND if entry.of is None else some_body(reader, document, entry.of)
     if entry.of is not None and body == carrier:

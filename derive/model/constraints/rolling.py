@@ -81,6 +81,11 @@ SHAPES = {
 def rolling(
     reader: Reader, document: Bodies, names: Names, key: Key, entry: RollingEntry
 ) -> Rolling:
+    """A disk, sphere or torus of a body on a plane of the ground; lengths in m.
+
+    A radius of zero is a point, and the tube is zero for all but the torus, so that one record
+    serves every shape.
+    """
     kind, shape = _shape(reader, key, entry.shape)
     radius = (
         ZERO

@@ -34,6 +34,9 @@ def armature(
 
 
 def armature_at(reader: Reader, key: Key, name: str, inertia: Scalar, target: Velocity) -> Armature:
+    """The inertia of a rotor, reflected through its gear, that a generalized velocity carries: kg
+    m² where that is an angular velocity, kg where it is a linear one. A negative number is
+    reported."""
     unit = per_acceleration(target.unit)
     return Armature(
         name,

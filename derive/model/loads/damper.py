@@ -45,6 +45,8 @@ def damper(
 def damper_at(
     reader: Reader, key: Key, name: str, coefficient: Scalar, target: Velocity
 ) -> JointDamper:
+    """A damper, force −d v on one generalized velocity: d in N s/m, or in N m s for an angular
+    velocity."""
     unit = per(force_unit(target.unit), target.unit)
     return JointDamper(
         name, target.name, reader.formula(coefficient, "a damping coefficient", unit=unit), key.span

@@ -39,6 +39,8 @@ class At:
 def law(
     reader: Reader, document: Bodies, names: Names, key: Key, entry: ExpressionEntry
 ) -> GeneralisedForce | None:
+    """A force by formula along a generalized velocity, in the unit conjugate to it: N for m/s, N m
+    for rad/s. None where the target is not known, which is reported."""
     target = velocity_of(reader, key, entry, names.velocities)
     if target is None:
         return None

@@ -33,6 +33,8 @@ class ForceEntry(Entry):
 
 
 def force(reader: Reader, document: Bodies, names: Names, key: Key, entry: ForceEntry) -> Force:
+    """A force in N on a point of a body. The point is in the body's frame, the components in the
+    frame that `frame` names."""
     body = some_body(reader, document, entry.body, ground=False)
     components = reader.point(entry.components, "a force", "N", ANYTHING)
     return Force(

@@ -36,6 +36,11 @@ def friction(
 def friction_at(
     reader: Reader, key: Key, name: str, entry: LawOfFriction, target: Velocity
 ) -> JointFriction:
+    """Viscous and Coulomb friction along a generalized velocity.
+
+    Coulomb friction needs a smoothing velocity: a jump at v = 0 would leave f undefined there.
+    Negative coefficients and a friction without either are reported.
+    """
     force = force_unit(target.unit)
     per_rate = per(force, target.unit)
     if entry.viscous is None and entry.coulomb is None:

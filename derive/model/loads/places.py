@@ -33,12 +33,15 @@ def per(force: str, motion: str) -> str:
 
 
 def optional(reader: Reader, scalar: Scalar | None, where: str, unit: str) -> Expression:
+    """A formula, or zero where the file gives none; `unit` is what it must come out in."""
     return ZERO if scalar is None else reader.formula(scalar, where, unit=unit)
 
 
 def not_negative(
     reader: Reader, scalar: Scalar | None, what: str, where: str, unit: str
 ) -> Expression:
+    """A formula that must not be negative; zero where it is not given. Only a value that is known
+    from the defaults of the parameters is judged."""
     if scalar is None:
         return ZERO
     formula = reader.formula(scalar, where, unit=unit)
@@ -49,6 +52,8 @@ def not_negative(
 
 
 def frame(reader: Reader, scalar: Scalar | None) -> str:
+    """In which axes components are given: "body" or the ground's; the first of FRAMES where the
+    file does not say."""
     return FRAMES[0] if scalar is None else reader.word(scalar, FRAMES, "frame") or FRAMES[0]
 
 

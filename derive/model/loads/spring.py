@@ -64,6 +64,8 @@ def spring_at(
     entry: SpringEntry | JointSpringEntry,
     coordinate: Coordinate,
 ) -> JointSpring:
+    """A spring on one coordinate, V = ½ k (q − q₀)²: k in N/m and q₀ in m, or k in N m and q₀ in
+    rad."""
     unit = coordinate.unit
     stiffness = reader.formula(
         entry.stiffness, "a stiffness", unit=per(force_unit(f"{unit or '1'}/s"), unit)

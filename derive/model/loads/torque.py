@@ -31,6 +31,8 @@ class TorqueEntry(Entry):
 
 
 def torque(reader: Reader, document: Bodies, names: Names, key: Key, entry: TorqueEntry) -> Torque:
+    """A torque in N m on a body that must not be the ground: three components, or one about the
+    normal of a planar model."""
     body = some_body(reader, document, entry.body, ground=False)
     return Torque(
         str(key),

@@ -30,6 +30,8 @@ class Law:
 
     @property
     def plain(self) -> bool:
+        """Whether the force is gain · control alone, without a term in length or velocity: then it
+        is an input."""
         return not any(self.gain[1:]) and not any(self.bias)
 
 
@@ -113,6 +115,8 @@ def _tendon_forces(
 def actuators(
     reading: Reading, root: Element, known: dict[str, Transmission], scene: Scene
 ) -> None:
+    """Reads every <actuator> into inputs or forces of the robot. Ranges are left out and said so: a
+    clamped force is not smooth."""
     clamped = 0
     for section in root.all("actuator"):
         for element in section.children:

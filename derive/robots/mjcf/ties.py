@@ -16,6 +16,8 @@ from derive.robots.rotations import from_quaternion, minus, product, rotated, tr
 def equalities(
     reading: Reading, root: Element, tendons: dict[str, Transmission], scene: Scene
 ) -> None:
+    """Reads every <equality> into closures and constraints. An inactive one is left out and said
+    so; a kind that is not known is reported."""
     for section in root.all("equality"):
         for element in section.children:
             tie = completed(reading, element, scene.settings)

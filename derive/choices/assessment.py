@@ -49,7 +49,9 @@ class Comparison:
 
 @refuses_numerically("the choices of quasi-velocities")
 def comparison(system: System) -> Comparison:
-    """The best partitions, the declared choices, and every kind that needs no rows."""
+    """The best partitions, the declared choices, and every kind that needs no rows, best first;
+    what is no choice of this system stands under `refused` with the reason. Raises AssumptionError
+    where no admissible state can be found."""
     survey = survey_of(system)
     refused: dict[str, str] = {}
     found = {x.ranking.name: x for x in ranked_partitions(survey)}
@@ -120,7 +122,12 @@ def least_pivot(survey: Survey, found: Resolved) -> float:
 
 
 def violation(survey: Survey, found: Resolved) -> float:
-    """The worst over the sampled states; infinite where a step meets a singular position."""
+    """The |φ| that one Runge–Kutta step from a closed position leaves, the worst over the sampled
+    states, and never less than 2⁻⁵² cond [A; B]; infinite where a step meets a singular position.
+
+    The step is as long as the fastest coordinate takes for 0.1 (rad or m): choices are compared at
+    the same distance and not at the same time.
+    """
     system, s = survey.system, survey.sampled
     roundoff = ROUNDOFF * found.ranking.worst if system.rows else 0.0
     if not system.phi.numel() or not len(s.t):
@@ -179,7 +186,11 @@ def _stepped(f: Slope, t: float, x: np.ndarray, h: float) -> np.ndarray:
 def conditions_along(
     system: System, names: list[str], t: np.ndarray, q: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """cond [A; B] of the named choices at many states, rows scaled to length one there."""
+    """cond [A; B] of the named choices at many states (k,), rows scaled to length one there.
+
+    t is (k,), q is (k, nq); parameters are the defaults. It shows where along a motion one choice
+    comes near a singular position and another does not. Raises AssumptionError for an unknown name.
+    """
     survey, p = (
         survey_of(system),
         np.tile(system.parameters, (len(t), 1)).reshape(len(t), system.p.numel()),

@@ -108,11 +108,8 @@ class _Walk:
 
     def resolved_twist(self, i: int) -> Twist:
         """The twist (ω, v) of link i in its own frame, over what is not eliminated yet; the ground
-        (i < 0) rests.
-
-        The result replaces the stored one: a velocity that has been solved for is put in only once,
-        however many links hang on this one.
-        """
+        rests. It replaces the stored one: what has been solved for is put in once, however many
+        links follow."""
         if i < 0:
             return REST
         omega, velocity = self.twists[i]
@@ -160,7 +157,7 @@ class _Walk:
 
     def solve(self, residuals: Sequence[Form], keys: Sequence[Key]) -> Scalar:
         """Put each key as a form of the others: keys = −(block)⁻¹ rest. Returns the block's
-        determinant."""
+        determinant, which is the pivot that a guard watches."""
         if len(keys) > COFACTORS:
             return self._solve_by_reflections(residuals, keys)
         inverse, determinant = small_inverse(
@@ -192,10 +189,16 @@ def elimination(
     """Solve constraint `rows` and speed rows (whose values are w) for all generalized velocities;
     `sizes` are the rows' magnitudes, against which a coefficient counts as zero.
 
-    Raises Dependent where a speed depends on the constraints and on the speeds before it.
+    First walk: Y v = [c; w] gives v = S w + v₀. Second walk, with the same pivots and the velocity
+    products beside the same forms: Y v̇ = [β; ẇ − Ḃ v] at ẇ = 0 gives σ, v̇ = S ẇ + σ. No inverse
+    is differentiated. Twists are in the frames of the links.
+
+    Raises Dependent where a speed depends on the constraints and on the speeds before it,
+    Undetermined where a velocity is left over.
     """
     everything = [*rows, *speeds]
     outright = {s.coefficients[0][0]: k for k, s in enumerate(speeds) if _single(s)}
+    # constraint rows equal c, speed rows equal w
     sides = [constant(row.value) for row in rows] + [{("w", k): 1.0} for k in range(len(speeds))]
     waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
     known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
@@ -458,7 +461,8 @@ class _Coefficients:
     def best(
         self, residuals: dict[int, Form]
     ) -> tuple[tuple[int, ...], tuple[Key, ...], Block] | None:
-        """The best pivot among the rows and their unknowns."""
+        """The best pivot among the rows and their unknowns, rows over their sizes so that m/s and
+        rad/s compare; None where nothing is away from zero."""
         rows = list(residuals)
         keys = sorted({key for form in residuals.values() for key in form if key[0] == "v"})
         if not keys:

@@ -24,8 +24,8 @@ DIGITS = 12  # of the numbers in B: any numbers near N₀ will do, these are the
 
 
 def frozen(survey: Survey, choice: Choice) -> Resolved:
-    """Raises AssumptionError where A has not its full rank at the initial state, or the basis is of
-    no use elsewhere."""
+    """The choice w = N₀ᵀ v with the numbers N₀ from `tangent`. Raises AssumptionError where A has
+    not its full rank at the initial state, or the basis is of no use elsewhere."""
     rows = [
         RowForm(f"w{k + 1}", (), tuple((j, float(x)) for j, x in enumerate(direction) if x != 0.0))
         for k, direction in enumerate(tangent(survey))
@@ -49,8 +49,13 @@ def frozen(survey: Survey, choice: Choice) -> Resolved:
 
 
 def tangent(survey: Survey) -> np.ndarray:
-    """Orthonormal rows, nw × nv: the columns of the projector on ker A at the base point, longest
-    remainder first."""
+    """Orthonormal rows, nw × nv: the columns of the projector 1 − A⁺A on ker A at the base point,
+    longest remainder first (a pivoted Gram–Schmidt).
+
+    Any orthonormal basis of ker A would do; this one is made of the projector, which is unique, so
+    that the same numbers come out on every machine. Raises AssumptionError where A loses rank at
+    the initial state.
+    """
     system = survey.system
     q = initial_state(system).q
     A = survey.solver.velocities(0.0, q, np.array(system.parameters))[0][list(survey.kept)]
@@ -67,6 +72,7 @@ def tangent(survey: Survey) -> np.ndarray:
     rows: list[np.ndarray] = []
     for _ in range(survey.freedom):
         lengths: NDArray[np.float64] = np.linalg.norm(projector, axis=0)
+        # rounded, so that ties go the same way on every machine
         row = projector[:, int(np.argmax(np.round(lengths, 6)))]
         row = row / np.linalg.norm(row)
         projector = projector - np.outer(row, row @ projector)

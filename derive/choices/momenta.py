@@ -25,7 +25,9 @@ from derive.model.records import Choice, Span
 
 
 def mass_orthogonal(survey: Survey, choice: Choice) -> Resolved:
-    """Raises AssumptionError where M is not written out."""
+    """The choice w = NᵀM v of momenta along the free directions, in N s or N m s where those are
+    plain velocities. Raises AssumptionError where M is not written out, or where no partition
+    exists that N could be taken from."""
     system = survey.system
     if not system.written:
         raise AssumptionError(
@@ -50,6 +52,7 @@ def _in_momenta(system: System, base: Reduction) -> tuple[Reduction, Explicit]:
     given = ca.substitute(base.v, base.w, ca.SX.zeros(base.w.numel()))
     nu = ca.mtimes(inverse, w - ca.mtimes(B, given))
     v, turned = ca.mtimes(N, nu) + given, ca.substitute(base.sigma, base.w, nu)
+    # Ḃ v, as the derivative of B v along the motion with v held
     turning = ca.jtimes(
         ca.mtimes(B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot)
     )

@@ -79,6 +79,6 @@ CARRIED: dict[str, Callable[[Survey, Choice], Resolved]] = {
 
 
 def carried_through(survey: Survey, choice: Choice) -> Resolved:
-    """The choice with its reduction and explicit equations. Raises AssumptionError where it is no
-    choice."""
+    """The choice with its reduction v = S w + v₀, v̇ = S ẇ + σ and its explicit equations. Raises
+    AssumptionError where it is no choice of this system."""
     return CARRIED.get(choice.kind, resolved)(survey, choice)

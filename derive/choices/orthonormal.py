@@ -33,8 +33,13 @@ LENGTH = "length of basis vector"  # the guards of the frame are called so
 def orthonormal(
     system: System, rows: Independent, kept: Sequence[int], sampled: States, moving: bool = False
 ) -> Reduction:
-    """The reduction with B = Nᵀ; `rows` are independent and stand for all, `kept` are such rows of
-    A. With `moving` the frame is symbols, else numbers."""
+    """The reduction with B = Nᵀ, S = N, NᵀN = 1: w are components of v along orthonormal directions
+    of ker A. v = N w + A⁺ c.
+
+    `rows` are independent and stand for all, `kept` are such rows of A. With `moving` the frame is
+    symbols, else numbers. Orthonormal in v as it is counted, so entries in m/s and rad/s weigh
+    alike: a matter of conditioning, not of mechanics.
+    """
     A = scalars(rows.A) if kept else []
     nv, nc = system.v.numel(), len(kept)
     frame = None
@@ -81,6 +86,7 @@ def _reduction(
     S = _columns(N, system.v.numel())
     v = ca.mtimes(S, w) + _particular(A, [c[i] for i in range(len(kept))])
     qdot = ca.substitute(system.qdot, system.v, v)
+    # v(t, q, w) with w held: all of v̇ that is not S ẇ
     sigma = ca.jtimes(v, ca.vertcat(system.t, system.q), ca.vertcat(1, qdot))
     return Reduction(
         names=names,

@@ -52,7 +52,9 @@ def by_reflections(found: Solved) -> bool:
 
 
 def block_guards(found: Solved, names: Sequence[str]) -> tuple[Guard, ...]:
-    """Of the pivots that vary; `names` are those of the matrix' rows."""
+    """A guard for each pivot that varies with the configuration, its tolerance relative to the
+    largest determinant at the sampled states; `names` are those of the matrix' rows. Pivots that
+    are numbers, or the same at every state, need none."""
     return tuple(
         Guard(
             f"pivot of {', '.join(names[i] for i in block.rows)}",
@@ -67,7 +69,8 @@ def block_guards(found: Solved, names: Sequence[str]) -> tuple[Guard, ...]:
 def quadratic_guards(
     survey: Survey, names: Sequence[str], pivots: Sequence[Scalar]
 ) -> tuple[Guard, ...]:
-    """Of the pivots of A M⁻¹ Aᵀ or A Aᵀ: they vanish where A loses rank."""
+    """Of the pivots of A M⁻¹ Aᵀ or A Aᵀ: they vanish where A loses rank, and with the square of its
+    distance from that. So their tolerance is a square, too."""
     symbolic = [
         (name, x) for name, x in zip(names, pivots) if isinstance(x, ca.SX) and not x.is_constant()
     ]

@@ -51,7 +51,8 @@ def by_elimination(
     sizes: Sequence[float],
 ) -> Reduction:
     """The reduction for speed rows and constraint rows in one way of writing them; `kept` rows of A
-    are independent."""
+    are independent. S is nv × nw, σ is nv × 1, guards are the pivots that vary. Raises Dependent
+    and Undetermined as `elimination` does."""
     w = symbols_for(names)
     found = elimination(system, rows, speeds, w, sampled, sizes)
     return Reduction(
@@ -70,8 +71,8 @@ def by_elimination(
 
 
 def unreduced(system: System, names: tuple[str, ...]) -> Reduction:
-    """The generalized velocities of a system without constraints are the quasi-velocities: v =
-    w."""
+    """The generalized velocities of a system without constraints are the quasi-velocities: v = w, S
+    = B = 1, σ = 0, and nothing is divided by."""
     nv, w = system.v.numel(), symbols_for(names)
     one = ca.SX.eye(nv)
     return Reduction(names, w, one, one, w, ca.SX(nv, 1), None, (), (), (), True)
@@ -96,6 +97,7 @@ def _guard(found: Elimination, step: Step) -> Guard:
     return Guard(
         f"pivot of {names}",
         ca.SX(step.pivot),
+        # the block was judged with rows of length one, the pivot in the code is not
         SINGULAR * step.block.largest * prod(found.sizes[i] for i in step.rows),
     )
 

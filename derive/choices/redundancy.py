@@ -53,7 +53,8 @@ class Independent:
         )
 
     def spread(self, forces: Sequence[Scalar]) -> ca.SX:
-        """λ of all rows, for the multipliers of these."""
+        """λ = Eᵀ y of all rows (nc × 1), for the multipliers y of these: where rows repeat each
+        other, the λ of least norm among those with the same Aᵀ λ."""
         result = ca.SX.zeros(self.E.size2())
         for k, i in zip(*self.E.sparsity().get_triplet()):
             result[i] += self.E[k, i] * forces[k]
@@ -62,7 +63,11 @@ class Independent:
 
 def groups(A: np.ndarray, kept: Sequence[int]) -> tuple[Group, ...]:
     """From A at regular states (k × nc × nv, rows scaled alike); a row of zeros is a group of its
-    own, with nothing kept."""
+    own, with nothing kept.
+
+    The weights of a dependent row are A_other A_kept⁺, and a kept row takes part where its weight
+    is not roundoff at some state. Groups that share a kept row are one.
+    """
     others = [i for i in range(A.shape[1]) if i not in kept]
     if not others:
         return ()
@@ -81,7 +86,8 @@ def groups(A: np.ndarray, kept: Sequence[int]) -> tuple[Group, ...]:
 
 
 def selected(system: System, kept: Sequence[int]) -> Independent:
-    """The kept rows alone."""
+    """The kept rows alone, E a selection of rows of the unit matrix. The others carry no force
+    then: a convention, as their reactions are not determined by rigid bodies."""
     rows, E = list(kept), ca.SX(len(kept), len(system.rows))
     for k, i in enumerate(rows):
         E[k, i] = 1
@@ -179,8 +185,8 @@ def _owner(row: Row) -> str:
 
 
 def keeps(system: System) -> bool:
-    """Whether the model asks to keep rows that depend on each other (`redundant: keep`) rather than
-    to refuse them."""
+    """Whether the model asks to keep rows that repeat others (`redundant: keep`) and share the
+    reactions among them, rather than to drop them."""
     return system.model.redundant == "keep"
 
 

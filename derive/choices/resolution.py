@@ -66,8 +66,9 @@ class Resolved:
 
 
 def resolved(survey: Survey, choice: Choice) -> Resolved:
-    """The choice of the given declaration, carried through. Raises AssumptionError where it is no
-    choice."""
+    """The choice of the given declaration, carried through: `auto` (best partition), `orthonormal`,
+    or rows of its own. Raises AssumptionError where the rows are not as many as degrees of freedom,
+    or depend on the constraints and on each other."""
     match choice.kind:
         case "orthonormal":
             return _orthonormal(survey, choice)
@@ -330,7 +331,11 @@ def _try(survey: Survey, name: str, rows: tuple[RowForm, ...]) -> Resolved | Non
 
 def score(ranking: Ranking) -> Score:
     """Least is best. A follower is no choice while its leader is one; of what is alike in all else
-    an actuated speed comes first."""
+    an actuated speed comes first.
+
+    Conditions count by decades and a half: a ratio below about 30 is no reason to prefer a
+    partition that needs more operations.
+    """
     safety = (ranking.followers, not ranking.constant_pivots)
     condition = round(float(np.log10(ranking.worst)) / 1.5)
     return safety, condition, ranking.operations, -ranking.driven

@@ -34,8 +34,9 @@ ENFORCEMENTS: tuple[Enforcement, ...] = (
 def kept_equations(
     system: System, choice: str | None, formulation: str, enforcement: Enforcement, options: Options
 ) -> Equations:
-    """The equations that a simulation with this enforcement integrates. Raises AssumptionError
-    where it does not fit them."""
+    """The equations that a simulation with this enforcement integrates: the system may get another
+    β (Baumgarte), the result another q̇ (feedback) or further functions (invariants). Every chart
+    gets the same. Raises AssumptionError where the enforcement does not fit them."""
     found = equations(enforcement.system(system, options), choice, formulation, moving=True)
     reason = enforcement.refusal(found, options)
     if reason:

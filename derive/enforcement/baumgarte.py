@@ -33,6 +33,7 @@ def _stabilised(system: System, options: Options) -> System:
 
 def _pull(system: System, i: int, slip: ca.SX, alpha: float) -> ca.SX:
     position = system.rows[i].position
+    # φ̈ + 2 α φ̇ + α² φ = 0 is critically damped; a nonholonomic row has no φ to come back to
     return alpha * slip if position < 0 else 2 * alpha * slip + alpha**2 * system.phi[position]
 
 

@@ -29,6 +29,7 @@ def _fed_back(found: Equations, options: Options) -> Equations:
     pull = found.request("pull").make()
     shift = (options.alpha or 0.0) * pull.result.value
     dynamics = found.function("dynamics")
+    # only q̇ is changed: ẇ stays that of mechanics, so no force is invented
     value = dynamics.result.value + ca.vertcat(shift, ca.SX.zeros(len(found.w)))
     fed = replace(
         dynamics,

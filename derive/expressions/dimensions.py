@@ -35,8 +35,12 @@ Inferred = Dimension | str | None
 
 
 def infer(expression: Expression, known: Mapping[str, Inferred], text: str = "") -> Inferred:
-    """The dimension of a formula. `known` has an entry for each name, and "der(q)" for each rate;
-    absent ones are UNKNOWN."""
+    """The dimension of a formula, from the bottom up without recursion: terms of a sum must agree,
+    factors multiply, sines are taken of plain numbers.
+
+    `known` has an entry for each name, and "der(q)" for each rate; absent ones are UNKNOWN. Raises
+    FormulaError at the part that does not fit.
+    """
     stack: list[Inferred] = []
     for node in tree.walk(expression):
         count = len(tree.children(node))

@@ -86,7 +86,8 @@ def _power(
 
 
 def number(expression: Expression, names: Mapping[str, float], text: str = "") -> float:
-    """The float value of a tree without rates; FormulaError where it has none."""
+    """The float value of a tree without rates. Raises FormulaError where it has none (1/0, a root
+    of a negative number) or is too large, KeyError for a name that is not known."""
     try:
         result = value(expression, names, {}, float_functions())
     except (ArithmeticError, ValueError):

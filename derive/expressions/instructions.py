@@ -40,7 +40,8 @@ class Listing:
 
 
 def listing(function: ca.Function) -> Listing:
-    """The program of an SX function."""
+    """The program of an SX function, each instruction with a result of its own: CasADi's workspace
+    is renamed to single assignment."""
     outputs = [[0] * function.nnz_out(i) for i in range(function.n_out())]
     instructions: list[Instruction] = []
     places: dict[int, int] = {}  # by place in CasADi's workspace: who wrote it last

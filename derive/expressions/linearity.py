@@ -34,7 +34,7 @@ def degree(
     definitions: Mapping[str, Degree] | None = None,
 ) -> Degree:
     """Degree in all rates der(q) and in the names in `velocities`; `definitions` gives the degree
-    of defined names."""
+    of defined names. A row of constraints or quasi-velocities is to be of degree one at most."""
     stack: list[Degree] = []
     for node in tree.walk(expression):
         count = len(tree.children(node))

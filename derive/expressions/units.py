@@ -33,8 +33,7 @@ class Unit:
 
 
 def product_of(a: Dimension, b: Dimension) -> Dimension:
-    """The dimension of a product: powers of metre, kilogram, second and the fourth base unit add.
-    """
+    """The dimension of a product: the powers of metre, kilogram, second and ampere add."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
 
 

@@ -27,7 +27,11 @@ def reduced(
     found: Explicit,
     lam: ca.SX,
 ) -> Equations:
-    """x = (q, w), v = S w + R c."""
+    """Equations with x = (q, w) and v = S w + R c, out of a choice that was carried through.
+
+    `found` holds q̇, ẇ, v̇; `lam` (nc × 1) is the force along each constraint row, zero or shared
+    where rows repeat others. A v = c holds identically in these velocities, so only φ can drift.
+    """
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
@@ -57,8 +61,12 @@ def in_generalized_velocities(
     solving: tuple[Guard, ...],
     named: tuple[Named, ...],
 ) -> Equations:
-    """x = (q, v): the constraints hold through their forces only. `lam` are the multipliers of the
-    independent rows."""
+    """Equations with x = (q, v): the constraints hold through their forces only, A v̇ = β, so both
+    φ and A v − c can drift where nothing enforces them.
+
+    `vdot` (nv) and `lam`, the multipliers of the independent rows, come from the formulation;
+    `solving` are the pivots it divided by.
+    """
     system = survey.system
     motion = Motion(
         w=system.v,
@@ -175,12 +183,14 @@ def _combining(survey: Survey) -> tuple[Guard, ...]:
 
 
 def combination(survey: Survey) -> tuple[Named, ...]:
-    """E, where rows that repeat others are kept."""
+    """E (r × nc), where rows that repeat others are kept: E A are independent rows that stand for
+    all. Nothing where no row repeats another or those that do are dropped."""
     E = Named("E", "independent combinations of the constraint rows", survey.independent_rows.E)
     return (E,) if survey.combines else ()
 
 
 def per_unit_of_c(survey: Survey, Y: ca.SX, rows: int, given: Reduction | None = None) -> ca.SX:
-    """R, the first columns of Y⁻¹."""
+    """R (nv × rows), the first columns of Y⁻¹ = [R S] with Y = [A; B]: A R = 1, B R = 0. It carries
+    what moving constraints prescribe, v = S w + R c."""
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(Y.size1())] for k in range(rows)]
     return ca.horzcat(*[ca.vertcat(*x) for x in solved(survey, Y, sides, given).columns])

@@ -34,7 +34,8 @@ BY_ROWS = (
 
 
 def charted(found: Sequence[Equations], survey: Survey) -> Equations:
-    """The first with the others as its charts. Raises AssumptionError where a choice is named
+    """The first with the others as its charts, each with the largest values of its guards at the
+    sampled states: what a margin is relative to. Raises AssumptionError where a choice is named
     twice."""
     names = [one.choice for one in found]
     for name in names:
@@ -90,12 +91,15 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     """With further charts where neither this choice nor any other candidate is safe at all sampled
     states.
 
-    Candidates are the partitions that `auto` ranks and the choices of the file; `made` gives the
-    equations of one by name. The next chart is the one that takes the worst state farthest from
-    singular. Where the file leaves the choice open, a pivot that is of both signs over the states,
-    and so vanishes between them, is a reason, too: then a choice that is safe alone is a chart,
-    too. Where none is, and no few are far from singular together, the orthonormal choice is the
-    other chart: it goes wherever A has full rank.
+    The margin of a chart at a state is the smallest |guard| there over the largest that the guard
+    has at any sampled state: 1 is far from singular, 0 is a singular position. Candidates are the
+    partitions that `auto` ranks and the choices of the file; `made` gives the equations of one by
+    name. The next chart is the one that takes the worst state farthest from singular.
+
+    Where the file leaves the choice open, a pivot that is of both signs over the states, and so
+    vanishes between them, is a reason, too: then a choice that is safe alone is a chart, too. Where
+    none is, and no few are far from singular together, the orthonormal choice is the other chart:
+    it goes wherever A has full rank.
     """
     guards = _at_frame(first, _guards(first))
     here = _margins(guards, survey)
@@ -197,7 +201,7 @@ def _margins(guards: Sequence[Guard], survey: Survey, at: States | None = None) 
 
 def differs(equations: Equations, function: Function) -> bool:
     """Whether a function depends on the choice: it takes w, other than to hand it on, has guards,
-    or is made of B."""
+    or is made of B. What does not differ is written once for all charts of a module."""
     x = equations.argument("x").symbols
     nq, value = equations.system.q.numel(), function.result.value
     w = x[nq:, 0]

@@ -28,7 +28,8 @@ TINY = 1e-30
 
 
 def is_plain(system: System) -> bool:
-    """q̇ = v: coordinates and generalized velocities are the same things."""
+    """Whether q̇ = v, N = 1: coordinates and generalized velocities are the same things, and q ⊕ d
+    is a sum."""
     return system.q.numel() == system.v.numel() and ca.is_equal(
         system.N, ca.SX.eye(system.v.numel()), 1
     )
@@ -195,5 +196,6 @@ def _rotation_vector(start: Vector, end: Vector) -> Vector:
         a * z - b * y + c * x - d * w,
     ]
     size = ca.sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2] + TINY)
+    # q and −q are the same rotation: |real| takes the one less than half a turn away
     share = 2.0 * ca.copysign(ca.atan2(size, ca.fabs(real)), real) / size
     return [share * e for e in turn]

@@ -34,7 +34,12 @@ SENSITIVITY = "[∂x⁺/∂x, ∂x⁺/∂u] of `step`, nx × (nx + nu), from (x,
 def derivatives(
     arguments: Sequence[Argument], functions: Sequence[Function]
 ) -> tuple[Request, ...]:
-    """The requests that follow from `dynamics`; none where the module has no state derivative."""
+    """The requests that follow from `dynamics`; none where the module has no state derivative.
+
+    Jacobians ∂ẋ/∂x (nx × nx), ∂ẋ/∂u (nx × nu), ∂ẋ/∂p (nx × np), ∂ẋ/∂t, products with them from the
+    right (forward) and from the left (adjoint), and one Runge–Kutta step with its sensitivities.
+    They are made when asked for: differentiating costs more than all default functions.
+    """
     dynamics = {function.name: function for function in functions}.get("dynamics")
     if dynamics is None or not dynamics.result.value.numel():
         return ()
@@ -76,6 +81,7 @@ def _values(dynamics: Function, by: Argument, name: str, about: str) -> Function
     jacobian = ca.jacobian(dynamics.result.value, by.symbols)
     if not jacobian.nnz():
         raise AssumptionError(f"{name} would be empty: ẋ does not depend on {_BY[by.name]}")
+    # CasADi stores by columns: those of the transpose are the rows wanted
     rows, columns = jacobian.T.sparsity().get_triplet()[::-1]
     labels = tuple(f"{dynamics.result.labels[i]} by {by.labels[j]}" for i, j in zip(rows, columns))
     result = Result(

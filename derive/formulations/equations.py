@@ -31,6 +31,13 @@ def equations(
     """The functions of the generated module for a choice (the first declared one when not named)
     and a formulation.
 
+        q̇ = N v,   v = S w + R c,   (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)        x = (q, w)
+        q̇ = N v,   M v̇ + h = Q + Aᵀ λ,   A v̇ = β                         x = (q, v)
+
+    The first for formulations that choose quasi-velocities, the second for the others. All
+    quantities are SI; the components of v are in the axes of the moving body for planar, ball and
+    free joints.
+
     Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets
     further ones where no choice is safe. With `moving` directions that a choice is based on are
     data, as generated modules have them. Raises AssumptionError for an unknown name, where the
@@ -86,7 +93,11 @@ def source(formulation: str) -> str:
 
 @refuses_numerically("the formulations that fit")
 def misfits(system: System) -> dict[str, str]:
-    """Why each formulation does not fit the system, "" for those that do."""
+    """Why each formulation does not fit the system, "" for those that do.
+
+    Judged at sampled admissible states, by the ranks of M and [M; A] and by the form of the system
+    (a tree, a mass matrix that is written out): see `fitness`.
+    """
     survey = survey_of(system)
     return {formulation.name: formulation.misfit(survey) for formulation in FORMULATIONS}
 

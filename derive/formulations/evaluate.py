@@ -47,7 +47,8 @@ class Evaluator:
         return x
 
     def acceleration(self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """v̇ (nv) as the derivative of v(t, x) along ẋ."""
+        """v̇ (nv) as the derivative of v(t, x) along ẋ, ∂v/∂t + ∂v/∂x ẋ. It uses nothing of how ẇ
+        was found, so it is an independent check of σ."""
         return np.array(self.rate(t, x, u, p, self.functions["dynamics"](t, x, u, p))).ravel()
 
     def has(self, name: str) -> bool:

@@ -40,7 +40,8 @@ def unwritten(survey: Survey) -> str:
 
 
 def singular(survey: Survey) -> str:
-    """M has no inverse, but with the constraints v̇ is determined."""
+    """M has no inverse, but with the constraints v̇ is determined: a body without inertia along
+    some direction. "" where M is positive definite at most sampled states."""
     if survey.system.definite:
         return ""
     where = _null_velocities(survey, masses(survey))
@@ -52,7 +53,8 @@ def singular(survey: Survey) -> str:
 
 
 def undetermined(survey: Survey) -> str:
-    """rank [M; A] < nv: neither inertia nor a constraint determines some acceleration."""
+    """rank [M; A] < nv: neither inertia nor a constraint determines some acceleration. Then no
+    formulation has an answer, as SᵀM S is singular for every choice."""
     if survey.system.definite:
         return ""
     M = masses(survey)
@@ -68,7 +70,8 @@ def undetermined(survey: Survey) -> str:
 
 
 def constrained(survey: Survey) -> str:
-    """The recursion is over a tree."""
+    """The recursion M = U D Uᵀ is over a tree: a closed loop or any other row would couple
+    branches."""
     rows = survey.system.rows
     if not rows:
         return ""
@@ -96,7 +99,8 @@ def not_of_links(survey: Survey) -> str:
 
 
 def masses(survey: Survey) -> list[np.ndarray]:
-    """M at the sampled states, scaled to a unit diagonal."""
+    """M at the sampled states, scaled to a unit diagonal, D^−½ M D^−½ with D = diag M: so that kg
+    beside kg m² does not look like a small pivot."""
     return [_scaled(M) for M in sampled(survey, survey.system.M)]
 
 

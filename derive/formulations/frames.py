@@ -24,7 +24,8 @@ def in_numbers(expressions: Sequence[ca.SX], frame: Frame) -> list[ca.SX]:
 
 
 def based(equations: Equations) -> Equations:
-    """The equations for the usual frame: over the parameters of the model alone."""
+    """The equations for the usual frame: over the parameters of the model alone. A generated module
+    can base its frame anew; references, linear equations and derivations look at one frame only."""
     frame = equations.frame
     if frame is None:
         return equations

@@ -43,7 +43,8 @@ class Motion:
 
 
 def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
-    """t, x = (q, w), u, p."""
+    """The slots t (s), x = (q, w), u and p with labels and SI units. A frame of directions, where
+    the choice has one, stands behind the model's own parameters."""
     model = system.model
     free = [x for x in model.parameters if x.name not in system.constants]
     return (
@@ -77,7 +78,9 @@ def with_frame(p: Argument, frame: Frame | None) -> Argument:
 
 
 def functions(system: System, motion: Motion) -> tuple[Function, ...]:
-    """In the order they stand in the generated code; what the scene has no use for is absent."""
+    """The functions of the module in the order they stand in the generated code: dynamics, mass,
+    bias, inverse_dynamics, constraints, project, reactions, energy, power, outputs, events,
+    velocity, state, and those of the configuration. What the model has no use for is absent."""
     found = [
         _dynamics(system, motion),
         _mass(system) if system.written else None,
@@ -162,6 +165,7 @@ def _inverse_dynamics(system: System) -> Function:
         labels,
         (*units, *(_per_second(v.unit) for v in model.velocities)),
     )
+    # the inputs are what inverse dynamics is asked for; springs, dampers and friction stay
     idle = ca.substitute(system.Q, system.u, ca.SX.zeros(system.u.numel()))
     value = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot) + system.h_extra - idle
     about = "forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇)"
@@ -175,7 +179,7 @@ def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...
 
 def positions(system: System) -> int:
     """How many of the leading rows of `constraints` are about positions: φ, then the lengths of
-    quaternions."""
+    quaternions. The rest are velocities, A v − c."""
     return system.phi.numel() + len(system.quaternions)
 
 
@@ -238,6 +242,7 @@ def _project(system: System, motion: Motion) -> Function | None:
 
 def _lengths(system: System) -> ca.SX:
     """|q|² − 1 of each quaternion."""
+    # squares: no root, and regular at every quaternion but zero
     lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
     return ca.vertcat(*lengths) if lengths else ca.SX(0, 1)
 
@@ -279,6 +284,7 @@ def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:
 def _position_step(system: System, closing: list[int]) -> ca.SX:
     phi = [system.phi[system.rows[i].position] for i in closing]
     nothing: Vector = [0.0] * system.v.numel()
+    # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
     step = bordered_solution(metric(system), system.A[closing, :], nothing, [-x for x in phi])
     return ca.substitute(system.qdot, system.v, ca.vertcat(*step.x))
 
@@ -294,8 +300,12 @@ def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
 
 
 def metric(system: System) -> ca.SX:
-    """M where it is positive definite for certain (no massless direction shows at the nominal
-    values), else 1."""
+    """The matrix in which a projection is nearest: M where it is positive definite for certain (no
+    massless direction shows at the nominal values), else 1.
+
+    In the metric of M the correction is the one that takes least kinetic energy, and it does not
+    depend on the units of the coordinates.
+    """
     return system.M if system.definite and system.written else ca.SX.eye(system.v.numel())
 
 

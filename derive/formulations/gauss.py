@@ -28,10 +28,17 @@ class Constrained:
 
 
 def constrained_motion(A: ca.SX, beta: Vector, inverse: Sequence[Vector]) -> Constrained:
-    """`inverse` holds M⁻¹ F, then M⁻¹ of every row of A."""
+    """Gauss's principle in closed form, with F the applied forces less the bias:
+
+        G = A M⁻¹ Aᵀ,   λ = G⁻¹ (β − A a),   v̇ = a + M⁻¹ Aᵀ λ,   a = M⁻¹ F.
+
+    `inverse` holds a, then M⁻¹ of every row of A (nv each). A has full row rank: the pivots of G,
+    which the caller guards, vanish where it loses it. Source: Gauss 1829; Udwadia, Kalaba 1992.
+    """
     free, response = inverse[0], inverse[1:]
     rows = rows_of(A)
     G = [
+        # G is symmetric: both halves from one product, so that rounding keeps it so
         [dot(rows[max(i, j)], response[min(i, j)]) for j in range(len(rows))]
         for i in range(len(rows))
     ]
@@ -43,8 +50,8 @@ def constrained_motion(A: ca.SX, beta: Vector, inverse: Sequence[Vector]) -> Con
 
 
 def inverse_applied(system: System, sides: Sequence[Vector]) -> list[Vector]:
-    """M⁻¹ of each side: L D Lᵀ from tip to base, or the recursion over the links where M is not
-    written out."""
+    """M⁻¹ of each side (nv each): L D Lᵀ from tip to base, which on a tree fills nothing in, or the
+    O(n) recursion over the links where M is not written out."""
     n = system.v.numel()
     if system.written:
         return ldl_solution(scalars(system.M), sides, list(reversed(range(n)))).x
@@ -55,8 +62,7 @@ def inverse_applied(system: System, sides: Sequence[Vector]) -> list[Vector]:
 
 
 def rows_of(A: ca.SX) -> Matrix:
-    """A dense matrix as lists of its rows, exact zeros as floats: what `solve` needs to skip them.
-    """
+    """The rows of a matrix as lists, what is not stored as the float 0: `solve` skips those."""
     return scalars(A)
 
 

@@ -58,7 +58,7 @@ def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> t
 
 def keeps_velocities(found: Equations) -> bool:
     """The state holds all generalized velocities although they are constrained, so that A v = c can
-    drift."""
+    drift. In quasi-velocities it holds identically and only φ = 0 can."""
     return bool(found.system.rows) and found.generalized_velocities
 
 
@@ -126,7 +126,8 @@ def _pull(found: Equations, kept: Sequence[int]) -> Function:
 
 
 def speed_rows(found: Equations) -> ca.SX:
-    """B of w = B v, from the function that makes states."""
+    """B (nw × nv) of w = B v, from the function that makes states; the unit matrix where no choice
+    was made."""
     state = found.function("state")
     assert state.x is not None
     nq = found.system.q.numel()

@@ -21,8 +21,12 @@ class Bordered:
 
 
 def bordered_solution(M: ca.SX, A: ca.SX, top: Vector, bottom: Vector) -> Bordered:
-    """x, y of M x + Aᵀ y = top, A x = bottom, for M positive definite and A of full row rank, by
-    one unrolled L D Lᵀ."""
+    """x (nv), y (nc) of M x + Aᵀ y = top, A x = bottom, by one unrolled L D Lᵀ.
+
+    M must be positive definite and A of full row rank: then the matrix is quasi-definite and every
+    order of pivots is safe. Multipliers come last, so that their pivots are those of −A M⁻¹ Aᵀ. The
+    multipliers of M v̇ = F + Aᵀ λ are λ = −y.
+    """
     nv, nc = M.size1(), A.size1()
     matrix = scalars(ca.blockcat([[M, A.T], [A, ca.SX(nc, nc)]]))
     found = ldl_solution(matrix, [[*top, *bottom]], [*reversed(range(nv)), *range(nv, nv + nc)])

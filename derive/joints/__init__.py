@@ -24,8 +24,7 @@ PLANAR_CLOSURES = tuple(
 
 def joint_type(name: str, orientation: str = "", pitch: Scalar = 1.0) -> JointType:
     """The table of a joint type; for a free joint with the Euler sequence `orientation` or
-    "quaternion", for a screw with its pitch. Raises KeyError for an unknown name.
-    """
+    "quaternion", for a screw with its pitch (m a turn). Raises KeyError for an unknown name."""
     if name == "free" and orientation:
         return FLOATING if orientation == "quaternion" else free_joint(orientation)
     if name == "screw":

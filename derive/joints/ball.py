@@ -18,7 +18,11 @@ SPIN = tuple(Slot(s, "rad/s") for s in ("wx", "wy", "wz"))
 
 
 def quaternion_matrix(q: Sequence[Scalar]) -> Matrix:
-    """R = 1 + (2/|q|²) (w [e]× + [e]× [e]×), e the vector part."""
+    """R = 1 + (2/|q|²) (w [e]× + [e]× [e]×), e the vector part: parent ← child, 3 × 3.
+
+    The division keeps R orthogonal where integration lets |q| drift, so that a norm that is
+    slightly off stretches nothing.
+    """
     w, x, y, z = q
     s = 2.0 / dot(q, q)
     sx, sy, sz = s * x, s * y, s * z
@@ -47,7 +51,7 @@ def quaternion_rotation(q: Sequence[Scalar]) -> Rotation:
 
 
 def quaternion_rates(q: Sequence[Scalar], omega: Sequence[Scalar]) -> Vector:
-    """½ q ∘ (0, ω)."""
+    """q̇ = ½ q ∘ (0, ω), ω in the child's frame. |q| is constant under it, as q · q̇ = 0."""
     w, x, y, z = q
     a, b, c = (0.5 * e for e in omega)
     return [

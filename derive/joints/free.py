@@ -19,6 +19,7 @@ from derive.joints.turns import UNIT, euler_rotation
 def _angle_rates(sequence: str, angles: Sequence[Scalar], omega: Sequence[Scalar]) -> Vector:
     """θ̇ from ω: θ̇₁ and θ̇₂ along the dual axes, taken in the frame before the last turn where
     they are single components."""
+    # components of ω in the frame before the last turn
     before = rotated(principal_rotation(sequence[2], angles[2]), omega)
     first = rotated(transpose(principal_rotation(sequence[1], angles[1])), UNIT[sequence[0]])
     second, third = UNIT[sequence[1]], UNIT[sequence[2]]
@@ -36,7 +37,11 @@ def _motion(q: Sequence[Scalar], axis: Sequence[Scalar]) -> list[Vector]:
 
 
 def free_joint(sequence: str) -> JointType:
-    """The free joint with Euler angles of the given intrinsic sequence, such as "zxy"."""
+    """The free joint with Euler angles of the given intrinsic sequence, such as "zxy".
+
+    q = (x, y, z, θ₁, θ₂, θ₃): position in the parent's axes, angles about axes that turn along. v =
+    (v, ω) in the child's frame, so that M is constant for a single body.
+    """
 
     def rotation(q: Sequence[Scalar], axis: Sequence[Scalar]) -> Rotation:
         """Parent ← child from the three Euler angles q[3:], turned one after the other about axes

@@ -18,7 +18,7 @@ LOCKED = (*PARALLEL, "turn3")
 
 
 def meeting(plane: str) -> tuple[str, ...]:
-    """Rows of two points that coincide, along the ground's axes."""
+    """Rows of two points that coincide, along the ground's axes: two in a plane, three in space."""
     return tuple(plane or "xyz")
 
 

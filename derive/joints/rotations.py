@@ -15,7 +15,8 @@ IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 
 def axis_rotation(axis: Sequence[Scalar], angle: Scalar) -> Matrix:
-    """Rodrigues: R = cos θ 1 + sin θ [e]× + (1 − cos θ) e eᵀ for a unit axis e."""
+    """Rodrigues: R = cos θ 1 + sin θ [e]× + (1 − cos θ) e eᵀ for a unit axis e, θ in rad. About x,
+    y or z it is the principal rotation, with exact zeros."""
     s, c = ca.sin(angle), ca.cos(angle)
     for letter, unit in UNIT.items():
         if tuple(axis) == unit:
@@ -38,7 +39,8 @@ def _versine(weight: Scalar, c: Scalar) -> Scalar:
 
 
 def is_zero(value: Scalar) -> bool:
-    """Exactly zero, as a float or as a CasADi constant."""
+    """Exactly zero, as a float or as a CasADi constant. A formula that cancels to zero is none:
+    nothing is simplified to find out."""
     return value.is_constant() and float(value) == 0 if isinstance(value, ca.SX) else value == 0
 
 

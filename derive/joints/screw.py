@@ -9,7 +9,8 @@ from derive.joints.turns import turn
 
 
 def screw_joint(pitch: Scalar) -> JointType:
-    """The screw joint with the given advance per turn."""
+    """The screw joint with the given advance per turn, in m: positive is right-handed, it advances
+    by pitch/2π a radian. One coordinate, so no constraint ties slide and turn."""
     advance = pitch / (2 * pi)
     return JointType(
         name="screw",

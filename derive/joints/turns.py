@@ -21,7 +21,7 @@ UNIT: dict[str, tuple[float, float, float]] = {
 
 def euler_rotation(sequence: str, angles: Sequence[Scalar]) -> Rotation:
     """Intrinsic rotations about the letters of `sequence`, first letter first: R = R₁(θ₁) R₂(θ₂)
-    R₃(θ₃)."""
+    R₃(θ₃), parent ← child. The same as extrinsic ones about fixed axes in reverse order."""
     return tuple(Turn(UNIT[letter], angle) for letter, angle in zip(sequence, angles))
 
 

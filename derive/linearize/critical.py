@@ -32,7 +32,12 @@ class Critical:
 def critical_values(
     matrices: Spectra, values: np.ndarray, found: np.ndarray
 ) -> tuple[Critical, ...]:
-    """All changes between neighbouring `values`, whose eigenvalues are the rows of `found`."""
+    """All changes between neighbouring `values`, whose eigenvalues are the rows of `found`.
+
+    An interval whose ends differ in kind is halved until one change is left in it, then the change
+    is located as a root to the last digits. Two changes that cancel between neighbouring values are
+    not seen: that is a matter of how finely is swept.
+    """
     kinds = [signature(row) for row in found]
     changes = [k for k in range(len(values) - 1) if kinds[k] != kinds[k + 1]]
     return tuple(
@@ -125,7 +130,8 @@ def _changing(kind: str, values: np.ndarray) -> complex:
 
 def root(measure: Callable[[float], float], a: float, b: float) -> float:
     """A zero of `measure` between a and b to the last digits, by false position (Illinois) with
-    bisection when that is slow."""
+    bisection when that is slow. Where the ends have the same sign, the end with the smaller
+    measure. Source: Dowell, Jarratt, BIT 11 (1971)."""
     fa, fb = measure(a), measure(b)
     if not fa * fb < 0:
         return a if abs(fa) <= abs(fb) else b

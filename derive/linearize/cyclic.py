@@ -59,8 +59,8 @@ def _speed_rows(equations: Equations) -> ca.SX:
 
 
 def confirmed(equations: Equations, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Indices of coordinates that are said to be cyclic. Raises AssumptionError where one is
-    not."""
+    """Indices in q of coordinates that are said to be cyclic. Raises AssumptionError where a name
+    is unknown or the equations depend on the coordinate."""
     known = [c.name for c in equations.system.model.coordinates]
     found = cyclic_coordinates(equations)
     for name in names:

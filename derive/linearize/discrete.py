@@ -32,7 +32,8 @@ class Discrete:
     def __call__(
         self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, h: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(Φ, Γ) over the step of length h (s) from (t, x) with inputs u."""
+        """(Φ, Γ) over the step of length h (s) from (t, x) with inputs u held: δx_i(t + h) = Φ δx_i
+        + Γ δu, Φ = [∂x⁺/∂x]_i T."""
         _, Fx, Fu = (m.full() for m in self.flow(t, x, u, p, h))
         rows = list(self.form.independent)
         return Fx[rows] @ self.T(t, x, u, p).full(), Fu[rows]

@@ -31,8 +31,11 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
     """The linear equations with the dependent coordinates chosen at a configuration q on the
     constraints.
 
-    A (n × n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for
-    quasi-velocities that are not minimal (the augmented formulation).
+        δẋ_i = A δx_i + B δu,   δy = C δx_i + D δu,   A = ∂f_i/∂x T,   B = ∂f_i/∂u
+
+    x_i are the n independent coordinates and quasi-velocities, δx = T δx_i with φ_q δq = 0. A (n ×
+    n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for any
+    formulation but `quasi_velocities`: the others are not minimal.
     """
     if equations.formulation != "quasi_velocities":
         raise AssumptionError(
@@ -45,6 +48,7 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
     independent = [j for j in range(x.numel()) if j not in dependent]
     T, guards = _tangent(equations, pivots, independent, q, p)
     f, y = _value(equations, "dynamics"), _value(equations, "outputs")
+    # f_i alone: the dependent rates follow from φ_q q̇ = 0 and would repeat these
     rates = f[independent]
     argument = equations.arguments[1]
     return Linear(
@@ -73,7 +77,8 @@ def _labels(equations: Equations, name: str) -> tuple[str, ...]:
 
 
 def position_rows(system: System) -> ca.SX:
-    """What is zero in q: φ, and a unit quaternion's length."""
+    """What is zero in q: φ, and |q|² − 1 of each unit quaternion, which ties its four coordinates
+    as a constraint does."""
     return ca.vertcat(system.phi, *[ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions])
 
 
@@ -92,7 +97,8 @@ def _pivots(equations: Equations, q: np.ndarray, p: np.ndarray) -> list[tuple[in
 
 
 def pivoted(matrix: np.ndarray, rank: int) -> list[tuple[int, int]]:
-    """Gauss elimination with complete pivoting: places of the first `rank` pivots."""
+    """Gauss elimination with complete pivoting: places (row, column) of the first `rank` pivots.
+    The columns become dependent coordinates: those that the rows determine best."""
     left = matrix.copy()
     places: list[tuple[int, int]] = []
     for _ in range(rank):
@@ -178,8 +184,9 @@ ABOUT = (
 
 
 def linearization(equations: Equations) -> Function:
-    """[A B; C D] as a function of the generated module; dependent coordinates are chosen at the
-    initial configuration."""
+    """[A B; C D], (n + ny) × (n + nu), as a function of the generated module; dependent coordinates
+    are chosen at the initial configuration. A guard tells where their pivots come near zero: there
+    other coordinates would have to be the dependent ones."""
     initial = initial_state(equations.system)
     found = linear(equations, initial.q, np.array(equations.system.parameters))
     value = ca.densify(ca.blockcat([[found.A, found.B], [found.C, found.D]]))
@@ -199,7 +206,8 @@ Evaluator = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def evaluator(equations: Equations, value: ca.SX) -> Evaluator:
-    """`value` at t = 0 for rows of x, u and p: (N, rows, columns)."""
+    """`value` at t = 0 for rows of x (N × nx), u (N × nu) and p (N × np): an array N × rows ×
+    columns."""
     symbols = [argument.symbols for argument in equations.arguments]
     function = ca.Function("value", symbols, [ca.cse(ca.densify(value))])
     shape = value.shape

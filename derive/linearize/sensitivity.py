@@ -25,7 +25,13 @@ class Mode:
 
 
 def modes(found: Study) -> tuple[Mode, ...]:
-    """The modes at the study's own values, of each pair the one above the real axis."""
+    """The modes at the study's own values, of each pair the one above the real axis.
+
+        dλ/dθ = yᴴ (dA/dθ) x / (yᴴ x),   A x = λ x,   yᴴ A = λ yᴴ
+
+    dA/dθ holds the shift of the steady motion with θ. Where yᴴ x all but vanishes, two eigenvalues
+    are one and no derivative exists: the sensitivity is empty then.
+    """
     motions = found.motions({})
     A = found.full(motions)[0]
     slopes = _slopes(found, motions.x[0], motions.u[0], motions.p[0])

@@ -21,10 +21,12 @@ Stage = tuple[int, ...]  # coordinates in whose place families are counted
 
 def families(samples: np.ndarray, velocity: Sequence[bool]) -> tuple[Stage, ...]:
     """Which coordinates to count along families, stage by stage (indices into what is left), from A
-    at motions chosen at random.
+    (N × k × k) at motions chosen at random.
 
-    `velocity` marks the states that are quasi-velocities: families of steady motions are told apart
-    by those where possible.
+    A single motion may have a null direction by chance; one that all have belongs to a family. What
+    a stage leaves may have null directions again: those are Jordan chains of the zero eigenvalue,
+    as of a position and its constant speed. `velocity` marks the states that are quasi-velocities:
+    families of steady motions are told apart by those where possible.
     """
     found: list[Stage] = []
     left, marks = samples, np.array(velocity, dtype=bool)
@@ -60,7 +62,8 @@ def _stage(spaces: np.ndarray, velocity: np.ndarray) -> Stage:
 
 
 def without(A: np.ndarray, stage: Stage) -> np.ndarray:
-    """A (N × k × k) modulo its null directions, counted in place of the coordinates of a stage."""
+    """A (N × k × k) modulo its null directions, counted in place of the coordinates of a stage: A'
+    = A_rest − r r_j⁻¹ A_j, (N × k' × k') with the other eigenvalues of A."""
     at = list(stage)
     rest = [i for i in range(A.shape[1]) if i not in stage]
     inner = A[:, rest][:, :, rest]
@@ -93,6 +96,7 @@ def eigenvalues(A: np.ndarray) -> NDArray[np.complex128]:
     """(N, k), each row by falling real part, of a pair the one with positive imaginary part
     first."""
     found = np.asarray(np.linalg.eigvals(A), dtype=np.complex128)
+    # rounded, so that a pair stays together though its real parts differ in the last digit
     order = (
         np.lexsort((-found.imag, -found.real.round(12)), axis=1)
         if found.shape[1]
@@ -103,12 +107,13 @@ def eigenvalues(A: np.ndarray) -> NDArray[np.complex128]:
 
 def signature(values: NDArray[np.complex128]) -> tuple[int, int, int]:
     """Of one spectrum: how many are real, how many of those unstable, how many unstable ones are
-    not real."""
+    not real. Along a parameter it changes exactly at critical values."""
     real = np.abs(values.imag) <= REAL * (1e-300 + np.abs(values))
     unstable = is_unstable(values)
     return int(np.sum(real)), int(np.sum(real & unstable)), int(np.sum(~real & unstable))
 
 
 def is_unstable(values: NDArray[np.complex128]) -> np.ndarray:
-    """Which eigenvalues have a real part above what rounding leaves of an imaginary pair."""
+    """Which eigenvalues have a real part above what rounding leaves of an imaginary pair, relative
+    to the largest |λ| of the spectrum."""
     return values.real > REAL * np.max(np.abs(values), axis=-1, keepdims=True, initial=0.0)

@@ -44,7 +44,7 @@ class Problem:
     scale: np.ndarray  # one of each unknown
 
     def given(self, p: np.ndarray, s: np.ndarray) -> dict[str, float]:
-        """Held values by name."""
+        """Held values by name, in SI, for these parameters p and free names s."""
         return dict(zip(self.names, self.held(p, s).full().ravel().tolist()))
 
 
@@ -73,7 +73,9 @@ def motion_of(equations: Equations, name: str | None) -> SteadyMotion:
 
 
 def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -> Problem:
-    """Raises AssumptionError where the equations depend on time."""
+    """The equations of a steady motion: φ = 0, f = 0 in all rows but those of cyclic coordinates,
+    and held = given. Unknowns are (x, u). Raises AssumptionError where the equations depend on
+    time."""
     system = equations.system
     t, x, u, p = (argument.symbols for argument in equations.arguments)
     f = equations.function("dynamics").result
@@ -87,6 +89,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         if motion.sweepable
         else ca.SX(0, 1)
     )
+    # a cyclic coordinate may go on changing: a rolling wheel's angle does
     still = [i for i in range(f.value.numel()) if i not in cyclic]
     wanted = _values_by_name(equations, motion, s)
     quantities = _quantities(equations)
@@ -245,8 +248,9 @@ def _velocities(
 
 
 def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(x, u) of the steady motion near y. Raises AssumptionError, with the residual, where there is
-    none."""
+    """(x, u) of the steady motion near y, by damped Newton in the model's own units. Steps are
+    those of least squares: a family of steady motions leaves directions open, and rows may repeat
+    each other. Raises AssumptionError, with the residual, where there is none."""
     y, free = _with_inputs(found, y, p, s)
     D = found.scale
     rows = _sizes(found, _evaluated(found, y, p, s)[1])
@@ -355,8 +359,9 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionErr
 
 
 def family(found: Problem, p: np.ndarray, s: np.ndarray) -> Steady:
-    """The steady motions for rows of p and s: continued from row to row, with straight lines
-    between where those will do."""
+    """The steady motions for rows of p (N × np) and s (N × ns): continued from row to row, with
+    straight lines between where those will do. Continuation stays on one branch where several
+    exist. Raises AssumptionError where a row has no steady motion."""
     many, nx = len(p), found.equations.arguments[1].symbols.numel()
     y = np.zeros((many, nx + found.equations.system.u.numel()))
     y[0] = settled(found, p[0], s[0])

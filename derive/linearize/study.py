@@ -81,16 +81,18 @@ class Study:
         return np.array(p).reshape(len(p), many).T, np.array(s).reshape(len(s), many).T
 
     def motions(self, sweep: Columns) -> Steady:
-        """The steady motions, one for each row of values. Raises AssumptionError where there is
-        none."""
+        """The steady motions, one for each row of values, continued along the sweep. Raises
+        AssumptionError where there is none."""
         return family(self.problem, *self.values(sweep))
 
     def full(self, motions: Steady) -> np.ndarray:
-        """A in all minimal states, N × n × n."""
+        """A in all minimal states, N × n × n, cyclic coordinates and families included: its zero
+        eigenvalues belong to them."""
         return self.A(motions.x, motions.u, motions.p)
 
     def matrices(self, motions: Steady) -> np.ndarray:
-        """A without cyclic coordinates and families, N × k × k."""
+        """A without cyclic coordinates and families, N × k × k: the matrix whose eigenvalues are
+        reported."""
         return deflated(self.A_kept(motions.x, motions.u, motions.p), self.families)
 
     def along(self, sweep: Columns) -> np.ndarray:

@@ -39,12 +39,12 @@ class Sizes:
 
     @property
     def state(self) -> np.ndarray:
-        """(q, s): all coordinates, and the velocities that this formulation linearises in."""
+        """Units of (q, s): all coordinates, and the velocities that are linearised in."""
         return np.append(self.q, self.s)
 
     @property
     def x(self) -> np.ndarray:
-        """(q, w): the state of the equations of motion at the same point."""
+        """Units of (q, w), the state of the minimal equations; (nx,)."""
         return np.append(self.q, self.w)
 
 
@@ -213,6 +213,7 @@ def _matrix(
     _, K, slope, direct, Ln, rates, turn = terms
     accelerations = -_solved(K, slope, sizes)[:nv]
     G = np.vstack([rates, direct + Ln @ accelerations])  # over (δq, δv)
+    # s = L(q) v: at held s a change of q changes v as well
     at_rest = np.linalg.solve(Ln, turn)
     inverse = np.linalg.inv(Ln)
     into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-at_rest, inverse]])
@@ -250,7 +251,7 @@ def _compared(
 
 def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int, int]:
     """(m_h, m_n): independent position rows at q, and how many more independent velocity rows there
-    are."""
+    are. The minimal form has 2n − 2 m_h − m_n states, n coordinates."""
     own, model = scales(system.model), system.model
     sizes = (
         own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities)

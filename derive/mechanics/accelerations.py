@@ -38,8 +38,14 @@ def newton_euler(
     vdot: Sequence[Scalar],
     gravity: Vector,
 ) -> list[Wrench]:
-    """The wrench (n, f) at each link's origin that gives it its motion against gravity."""
+    """The wrench (n in N m, f in N) at each link's origin, in the link's frame, that gives it its
+    motion against gravity. The equations are at the head of this module.
+
+    Gravity enters as an acceleration −g of the ground, so that no link needs its weight. `v`,
+    `vdot` are over all generalized velocities; `gravity` is in ground axes, m/s².
+    """
     states: list[State] = []
+    # gravity as an upward acceleration of the ground: every link then carries its weight by itself
     ground: State = ([0.0] * 3, [0.0] * 3, [-g for g in gravity], [[0.0] * 3 for _ in range(3)])
     for link in links:
         parent = states[link.parent] if link.parent >= 0 else ground
@@ -58,6 +64,8 @@ def _child(link: Link, parent: State, v: Vector, vdot: Vector) -> State:
     omega = sum_of(carried_omega, turn)
     alpha = sum_of(sum_of(carried_alpha, cross(carried_omega, turn)), turn_rate)
     a = sum_of(
+        # 2 ω_p × v_J + ω_J × v_J: Coriolis with the parent's spin, and the turning of the slide's
+        # own axis
         sum_of(carried_a, cross(sum_of(sum_of(carried_omega, carried_omega), turn), slide)),
         slide_rate,
     )

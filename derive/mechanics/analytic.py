@@ -31,10 +31,12 @@ class Lagrangian:
 
 
 def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
-    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q in q̇, carried over to v by q̇ = N v: M = Nᵀ M_q N, h = Nᵀ (h_q +
-    M_q Ṅ v).
+    """Lagrange's equations in q̇, carried over to v by q̇ = N v:
 
-    Raises ModelError where T is not quadratic in the rates.
+        d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = M_q q̈ + h_q,   M = Nᵀ M_q N,   h = Nᵀ (h_q + M_q Ṅ v).
+
+    h holds the forces of the potential, so they are not in Q again. Raises ModelError where T is
+    not quadratic in the rates.
     """
     nq = s.q.numel()
     T = ca.SX(s.scalar(model.kinetic)) if model.kinetic is not None else ca.SX(0)
@@ -60,6 +62,7 @@ def _over_v(M_q: ca.SX, h_q: ca.SX, s: Symbols, qdot: ca.SX) -> tuple[ca.SX, ca.
     N = ca.jacobian(qdot, s.v)
     if _is_identity(N):
         return M_q, h_q
+    # N depends on q, so q̈ = N v̇ + Ṅ v: the second part is a bias
     turning = ca.jtimes(qdot, s.q, qdot)  # Ṅ v
     h = ca.mtimes(N.T, ca.substitute(h_q, s.qd, qdot) + ca.mtimes(M_q, turning))
     return ca.mtimes(N.T, ca.mtimes(M_q, N)), h

@@ -62,7 +62,12 @@ class Factored:
 def tree_solution(
     links: Sequence[Link], inertias: Sequence[Inertia], rotors: Vector, tau: Vector
 ) -> Factored:
-    """v̇ of M v̇ = τ; `rotors` are added to the diagonal of M."""
+    """v̇ (nv) of M v̇ = τ without M, in O(n); the equations are at the head of this module.
+
+    `inertias` are about the links' origins, in their frames; `rotors` (nv) are added to the
+    diagonal of M; `tau` holds all forces conjugate to v, the bias taken off. The pivots m̂ are
+    positive where M is positive definite. Sources: Featherstone 1983; Saha 1999.
+    """
     bodies = [_rigid(moved(body, (), [-x for x in link.b])) for link, body in zip(links, inertias)]
     wrenches: list[Vector] = [[0.0] * 6 for _ in links]
     steps: list[list[Elimination]] = [[] for _ in links]
@@ -172,6 +177,7 @@ def _accelerations(
     twists: list[Vector] = []
     for link, eliminated in zip(links, steps):
         mu = _received(links, twists, link)
+        # the velocity eliminated last is known first
         for step in reversed(eliminated):
             vdot[step.column] = (step.phi - dot(step.psi, mu)) / step.m
             pivots[step.column] = step.m

@@ -40,12 +40,13 @@ def constant(value: Scalar) -> Form:
 
 
 def rotated(columns: Sequence[Sequence[Scalar]], forms: Sequence[Form]) -> list[Form]:
-    """Rᵀ applied to three forms, R given by rows."""
+    """Rᵀ applied to three forms, R given by rows: from the parent's axes to the link's, which is
+    the way that velocities go."""
     return [total((columns[j][i], forms[j]) for j in range(3)) for i in range(3)]
 
 
 def crossed(forms: Sequence[Form], arm: Sequence[Scalar]) -> list[Form]:
-    """forms × arm, three forms and a vector of scalars."""
+    """forms × arm, three forms and a vector of scalars: ω × r as a form."""
     pairs = ((1, 2), (2, 0), (0, 1))
     return [total(((arm[k], forms[j]), (-arm[j], forms[k]))) for j, k in pairs]
 

@@ -67,7 +67,7 @@ def triad(axis: Vector, plane: str) -> Rotation:
 def joint_frame(
     scene: Scene, body: str, at: Placement, turned: Rotation
 ) -> tuple[ca.SX, tuple[ca.SX, ca.SX, ca.SX]]:
-    """Origin and axes, in the ground, of a frame placed on a body and turned there."""
+    """Origin (m) and axes, in the ground, of a frame placed on a body and turned there."""
     place = scene.places[body]
     on_body, origin = placement(scene.symbols, at)
     R = product(ground_rotation(scene, place), matrix(merged(on_body, turned)))
@@ -84,7 +84,7 @@ def ground_rotation(scene: Scene, place: Place) -> Matrix:
 
 
 def angular_velocity(scene: Scene, place: Place) -> Vector:
-    """In ground axes."""
+    """ω of the body in ground axes, rad/s; links carry theirs in their own axes."""
     if place.link < 0:
         return NOTHING
     return rotated(scene.rotations[place.link], scene.omegas[place.link])

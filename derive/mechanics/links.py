@@ -38,7 +38,12 @@ NOTHING = Inertia(0.0, [0.0] * 3, [[0.0] * 3 for _ in range(3)])
 
 
 def links_and_places(model: Model, symbols: Symbols) -> tuple[tuple[Link, ...], dict[str, Place]]:
-    """The links, parents first, and for every body (ground too) where it sits in which link."""
+    """The links, parents first, and for every body (ground too) where it sits in which link.
+
+    A joint with several parts gives massless links between; a fixed joint gives none, its body is
+    merged into its carrier. A link's frame has an axis along the joint where that can be had, as a
+    turn about x, y or z costs least.
+    """
     places: dict[str, Place] = {GROUND: ON_GROUND}
     links: list[Link] = []
     bodies = {body.name: body for body in model.bodies}
@@ -57,6 +62,7 @@ def _placed(
     parts = _parts(model, symbols, joint)
     on_parent, in_parent = placement(symbols, joint.at_parent)
     start = sum_of(carrier.position, rotated(matrix(carrier.rotation), in_parent))
+    # the carrier may be a body that is merged into another: its own place comes first
     on_carrier, parent = merged(carrier.rotation, on_parent), carrier.link
     for part in parts[:-1]:
         links.append(_link(f"{joint.child} at {joint.name}", parent, on_carrier, start, part, ()))
@@ -178,7 +184,8 @@ def _principal_turn(motion: tuple[Vector, ...]) -> int:
 
 
 def placement(symbols: Symbols, at: Placement) -> tuple[Rotation, Vector]:
-    """body ← joint frame, and the joint frame's origin in the body."""
+    """body ← joint frame, and the joint frame's origin in the body (m); no factor where the axes
+    agree, so that nothing is multiplied."""
     if at.rotation is None:
         return (), symbols.vector(at.position)
     return (Still([symbols.vector(row) for row in at.rotation]),), symbols.vector(at.position)
@@ -201,7 +208,12 @@ def _absorb(links: list[Link], place: Place, extra: Inertia) -> None:
 
 
 def inertia(symbols: Symbols, body: Body) -> Inertia:
-    """About the body's origin: I_o = I_c + m (c·c 1 − c cᵀ)."""
+    """Mass, first moment m c and tensor of a body about its own origin, in its frame: I_o = I_c + m
+    (c·c 1 − c cᵀ), in kg, kg m, kg m².
+
+    The file's tensor is about the centre of mass, with products of inertia as entries of the matrix
+    (Ixy = −∫ x y dm).
+    """
     mass, com = symbols.scalar(body.mass), symbols.vector(body.com)
     xx, yy, zz, xy, xz, yz = symbols.vector(body.inertia)
     about_com = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
@@ -302,6 +314,7 @@ def regrouped(links: Sequence[Link]) -> tuple[Inertia, ...]:
         common = _unfelt(link, result[i])
         if common is None:
             continue
+        # negative masses are no mistake here: only what the joint feels is left
         result[i] = summed(result[i], _negative(moved(common, (), link.b)))
         if link.parent >= 0:
             seen = moved(common, _at_zero(link.rotation), _start(link))
@@ -341,6 +354,7 @@ def _start(link: Link) -> Vector:
 
 
 def carried(twist: tuple[Vector, Vector], R: Matrix, a: Vector) -> tuple[Vector, Vector]:
-    """(ω, v) of the parent at the joint point, in the link's frame: Rᵀ ω, Rᵀ (v + ω × a)."""
+    """(ω, v) of the parent at the joint point, in the link's frame: Rᵀ ω, Rᵀ (v + ω × a). R: parent
+    ← link, a in the parent's frame."""
     back = transpose(R)
     return rotated(back, twist[0]), rotated(back, sum_of(twist[1], cross(twist[0], a)))

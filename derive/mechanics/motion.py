@@ -49,7 +49,8 @@ def joint_part(link: Link, joint: Sequence[Form]) -> Twist:
 
 
 def twist(link: Link, before: Twist, joint: Twist) -> Twist:
-    """The link's twist at its own origin from what the parent hands on and what the joint adds."""
+    """The link's twist (ω, v) at its own origin, in its frame, from what the parent hands on and
+    what the joint adds: ω = Rᵀ ω_p + ω_J, v = u − ω × b."""
     omega = added(before[0], joint[0])
     at_joint = added(before[1], joint[1])
     return omega, shifted(link, omega, at_joint)
@@ -61,7 +62,11 @@ def shifted(link: Link, omega: list[Form], at_joint: list[Form]) -> list[Form]:
 
 
 def velocity_products(link: Link, parent: Numbers, joint_velocities: Vector) -> Products:
-    """−ω_J × Rᵀ ω_p and Rᵀ ω_p × v_J − ω_J × Rᵀ (v_p + ω_p × a), from the velocities' values."""
+    """−ω_J × Rᵀ ω_p and Rᵀ ω_p × v_J − ω_J × Rᵀ (v_p + ω_p × a), from the velocities' values.
+
+    They are the rates of components in a turning frame: what is left of ω̇ and u̇ where all v̇ are
+    zero and the parent's rates are taken off.
+    """
     omega, velocity = carried(parent, link.R, link.a)
     relative = [dot([column[i] for column in link.motion], joint_velocities) for i in range(6)]
     turn, slide = relative[:3], relative[3:]
@@ -69,7 +74,8 @@ def velocity_products(link: Link, parent: Numbers, joint_velocities: Vector) -> 
 
 
 def with_products(before: Twist, products: Products) -> Twist:
-    """A twist's rate with the velocity products added: what is in it when every v̇ is zero."""
+    """The parent's part of a twist's rate with the link's velocity products added; the joint's own
+    H v̇ is what is still missing."""
     return (
         added(before[0], [constant(x) for x in products.angular]),
         added(before[1], [constant(x) for x in products.linear]),
@@ -87,7 +93,8 @@ def child_numbers(link: Link, parent: Numbers, joint_velocities: Vector) -> Numb
 
 def row_form(row: RowForm, twists: Mapping[int, Twist], joints: dict[int, Form]) -> Form:
     """Σ direction · (v + ω × point) + moment · ω + Σ coefficients v, as one form (the row's value
-    is not in it)."""
+    is not in it). With rates of twists in place of twists it is the row's rate, but for
+    `row_products`."""
     parts = [(1.0, _term_form(term, twists[term.link])) for term in row.terms if term.link >= 0]
     parts += [(coefficient, joints[j]) for j, coefficient in row.coefficients]
     return total(parts)

@@ -17,8 +17,8 @@ BODY_FUNCTIONS = ("position", "velocity", "angle")
 
 
 def outputs(scene: Scene) -> tuple[tuple[str, ca.SX, str], ...]:
-    """(name, value, unit) of each output; points have as many components as the model has
-    dimensions."""
+    """(name, value, unit) of each output over (t, q, v, u, p) and reactions; points have as many
+    components as the model has dimensions, in ground axes."""
     return tuple(
         (output.name, _output(scene, output), output.unit) for output in scene.model.outputs
     )

@@ -43,7 +43,8 @@ def row_form(scene: Scene, name: str, velocity: ca.SX) -> RowForm:
 def velocity_row(
     s: Symbols, qdot: ca.SX, velocity: ca.SX
 ) -> tuple[tuple[tuple[int, Scalar], ...], Scalar, Scalar]:
-    """((j, aⱼ), …), −b and −d(a)/dt v − d(b)/dt of a·v + b."""
+    """((j, aⱼ), …), −b and −d(a)/dt v − d(b)/dt of a·v + b, for a velocity that is linear in v. The
+    row then reads a v = −b, and its rate a v̇ = −ȧ v − ḃ."""
     coefficients = ca.jacobian(velocity, s.v)
     offset = ca.substitute(velocity, s.v, ca.SX.zeros(s.v.numel()))
     rate = -ca.jtimes(velocity, ca.vertcat(s.t, s.q), ca.vertcat(1, qdot))
@@ -52,6 +53,6 @@ def velocity_row(
 
 
 def nonideal_forces(scene: Scene, forces: Sequence[Expression]) -> tuple[ca.SX, ...]:
-    """The forces of a nonideal constraint over v (Udwadia and Kalaba 2001), one for each that the
-    model gives; rates are put over v by q̇ = N v."""
+    """The force C of a nonideal constraint (Udwadia and Kalaba 2001), one entry for each coordinate
+    and conjugate to q̇; rates in the formulas are put over v by q̇ = N v."""
     return tuple(scene.over_v(ca.SX(scene.symbols.scalar(f))) for f in forces)

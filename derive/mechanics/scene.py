@@ -33,12 +33,13 @@ class Scene:
     omegas: list[Vector]  # of the links, in their frames
 
     def rate(self, expression: ca.SX) -> ca.SX:
-        """d/dt of a function of t and q."""
+        """d/dt of a function of t and q: ∂/∂t + ∂/∂q N v."""
         s = self.symbols
         return ca.jtimes(expression, ca.vertcat(s.t, s.q), ca.vertcat(1, self.qdot))
 
     def over_v(self, expression: ca.SX) -> ca.SX:
-        """The same with q̇ replaced by N v."""
+        """The same with q̇ replaced by N v: formulas of a file may speak of either, the System
+        speaks of v alone."""
         return ca.substitute(expression, self.symbols.qd, self.qdot)
 
 

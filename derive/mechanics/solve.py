@@ -32,7 +32,8 @@ from derive.mechanics.limits import (
 
 
 def scalars(matrix: ca.SX) -> Matrix:
-    """Rows of scalars; entries that are not stored, and constants, are floats."""
+    """Rows of scalars; entries that are not stored, and constants, are floats. So a structural zero
+    is known as one, and no operation is spent on it."""
     rows: Matrix = [[0.0] * matrix.size2() for _ in range(matrix.size1())]
     for i, j in zip(*matrix.sparsity().get_triplet()):
         x = matrix[i, j]
@@ -47,11 +48,17 @@ class Solution:
 
 
 def ldl_solution(M: Matrix, sides: Sequence[Vector], order: Sequence[int]) -> Solution:
-    """M x = b by M = L D Lᵀ, eliminating unknowns in `order` (tip to base on a tree: no fill)."""
+    """M x = b by M = L D Lᵀ, eliminating unknowns in `order`; D are the `pivots` of the solution.
+
+    Tip to base on a tree there is no fill: M couples links on one path alone, and the tips go first
+    (Featherstone 2008, chapter 6). No square roots and no pivoting, which a positive definite or
+    quasi-definite M does not need. Each of `sides` is one b.
+    """
     A = [list(row) for row in M]
     right = [list(b) for b in sides]
     weights: list[dict[int, Scalar]] = []
     for step, k in enumerate(order):
+        # structural zeros alone: what vanishes at some states is not known here
         rest = [i for i in order[step + 1 :] if not is_zero(A[i][k])]
         factors = {i: A[i][k] / A[k][k] for i in rest}
         for a, i in enumerate(rest):
@@ -96,7 +103,8 @@ class Block:
 
 
 def lu_solution(A: Matrix, sides: Sequence[Vector], pivots: Sequence[Block]) -> Solution:
-    """A x = b by Gauss elimination with the given pivot blocks."""
+    """A x = b by Gauss elimination with the given pivot blocks; the `pivots` of the solution are
+    their determinants, in the order of the blocks, which guards watch."""
     rows = [list(row) for row in A]
     right = [list(b) for b in sides]
     inverses: list[Matrix] = []
@@ -150,7 +158,7 @@ def _substituted(
 
 def small_inverse(A: Matrix) -> tuple[Matrix, Scalar]:
     """Inverse and determinant of a 1 × 1, 2 × 2 or 3 × 3 matrix, by cofactors, and of a larger one
-    by reflections: regular wherever the determinant is."""
+    by reflections: regular wherever the determinant is, while single pivots may vanish."""
     if len(A) > COFACTORS:
         return _inverse_by_reflections(A)
     if len(A) == 1:

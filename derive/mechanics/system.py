@@ -110,7 +110,9 @@ def _assembled(
     )
     T = ca.SX(kinetic_energy(links, numbers)) + extra.T
     V = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g)) + extra.V + loads.energy
+    # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
+    # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
     energy = T + V if extra.missing.is_zero() else T + V - extra.missing
     power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
@@ -210,7 +212,8 @@ def _newton_euler(
 
 
 def inertial_forces(system: System, vdot: ca.SX) -> ca.SX:
-    """M v̇ + h of the links alone."""
+    """M v̇ + h of the links alone, (nv × 1), by Newton–Euler: gravity is in it, but neither rotors
+    nor the energies that a file gives by formula (M_extra, h_extra)."""
     return _newton_euler(
         system.links, system.inertias, _entries(system.v), _entries(vdot), system.gravity
     )
@@ -228,6 +231,7 @@ def _rows(scene: Scene, numbers: list[Numbers], rows: list[RowForm]) -> tuple[ca
             A[i, j] = coefficient
         moving = row_form(row, rates, joints).get(ONE, 0.0)
         c[i] = row.value
+        # all of the row's rate but A v̇, on the other side
         beta[i] = row.rate - moving - row_products(row, numbers)
     return A, c, beta
 
@@ -255,6 +259,7 @@ def _nonideal(scene: Scene, found: list[Block]) -> ca.SX:
     force = ca.SX.zeros(scene.symbols.q.numel())
     for block in found:
         if block.nonideal:
+            # conjugate to q̇: power C · q̇ = C · N v makes it Nᵀ C over v
             force = force + ca.vertcat(*block.nonideal)
     return ca.mtimes(ca.jacobian(scene.qdot, scene.symbols.v).T, force)
 

@@ -43,7 +43,8 @@ def path(links: Sequence[Link], i: int) -> list[int]:
 
 
 def relative_rotation(links: Sequence[Link], to: int, of: int) -> Rotation:
-    """Frame `to` ← frame `of`, through their nearest common carrier; −1 is the ground."""
+    """Frame `to` ← frame `of`, through their nearest common carrier; −1 is the ground. Not through
+    the ground: what carries both would turn and turn back."""
     down, up = path(links, of), path(links, to)
     shared = sum(1 for _ in _common(down, up))
     back = merged(*[links[i].rotation for i in up[shared:]])
@@ -87,7 +88,8 @@ def ground_positions(links: Sequence[Link], rotations: Sequence[Matrix]) -> list
 def ground_point(
     place: Place, point: Vector, positions: Sequence[Vector], rotations: Sequence[Matrix]
 ) -> Vector:
-    """A body point in the ground frame."""
+    """A body point in the ground frame, in m: r + R (p + R_b x) for a body that sits at (p, R_b) in
+    its link."""
     inside = link_point(place, point)
     if place.link < 0:
         return inside
@@ -105,7 +107,8 @@ def link_direction(place: Place, direction: Vector) -> Vector:
 
 
 def twists(links: Sequence[Link], v: Sequence[Scalar]) -> list[Numbers]:
-    """(ω, v) of every link for the generalized velocities v."""
+    """(ω, v) of every link for the generalized velocities v: rad/s and m/s, of the link's origin,
+    in the link's frame."""
     result: list[Numbers] = []
     for link in links:
         parent = result[link.parent] if link.parent >= 0 else STILL
@@ -114,7 +117,8 @@ def twists(links: Sequence[Link], v: Sequence[Scalar]) -> list[Numbers]:
 
 
 def momentum(body: Inertia, twist: Numbers) -> Wrench:
-    """(I ω + mc × v, m v + ω × mc)."""
+    """(I ω + mc × v, m v + ω × mc): angular momentum about the link's origin and linear momentum,
+    in its frame. mc is the first moment, so that no centre of mass is divided out."""
     omega, velocity = twist
     angular = sum_of([dot(row, omega) for row in body.tensor], cross(body.moment, velocity))
     return angular, sum_of([dot([body.mass], [x]) for x in velocity], cross(omega, body.moment))
@@ -134,8 +138,8 @@ def inertia_force(body: Inertia, twist: Numbers, rate: Numbers, gravity: Vector)
 
 
 def handed_down(link: Link, wrench: Wrench) -> tuple[Wrench, Wrench]:
-    """A wrench at the link's origin: at the joint point in the link's frame, and at the parent's
-    origin in the parent's frame."""
+    """A wrench (n, f) at the link's origin: at the joint point in the link's frame, n − b × f, and
+    at the parent's origin in the parent's frame, R n + a × R f."""
     moment, force = wrench
     at_joint = (difference(moment, cross(link.b, force)), force)
     turned = rotated(link.R, at_joint[0]), rotated(link.R, force)
@@ -143,7 +147,8 @@ def handed_down(link: Link, wrench: Wrench) -> tuple[Wrench, Wrench]:
 
 
 def joint_forces(links: Sequence[Link], wrenches: Sequence[Wrench], nv: int) -> list[Scalar]:
-    """Hᵀ (n, f) summed from tip to base: the generalised forces that equal the given wrenches."""
+    """Hᵀ (n, f) summed from tip to base: the generalised forces (nv), conjugate to v, that equal
+    the given wrenches at the links' origins. By d'Alembert's principle they do the same power."""
     carried = [(list(n), list(f)) for n, f in wrenches]
     result: list[Scalar] = [0.0] * nv
     for i in reversed(range(len(links))):
@@ -158,7 +163,8 @@ def joint_forces(links: Sequence[Link], wrenches: Sequence[Wrench], nv: int) -> 
 
 
 def composite_inertias(links: Sequence[Link], inertias: Sequence[Inertia]) -> list[Inertia]:
-    """Each link's inertia with everything that hangs on it."""
+    """Each link's inertia with everything that hangs on it, about its own origin, in its frame, as
+    if all joints beyond were locked (Walker, Orin 1982)."""
     result = list(inertias)
     for i in reversed(range(len(links))):
         link = links[i]
@@ -171,11 +177,13 @@ def composite_inertias(links: Sequence[Link], inertias: Sequence[Inertia]) -> li
 
 
 def mass_matrix(links: Sequence[Link], inertias: Sequence[Inertia], nv: int) -> Matrix:
-    """Composite-body M, nv × nv; entries of links on different branches stay exact zeros."""
+    """Composite-body M, nv × nv: Mⱼₖ = pₖᵀ (momentum of what hangs on joint j at unit speed, handed
+    down to joint k). Entries of links on different branches stay exact zeros."""
     result: Matrix = [[0.0] * nv for _ in range(nv)]
     for i, (link, body) in enumerate(zip(links, composite_inertias(links, inertias))):
         for column, j in zip(link.motion, link.columns):
             omega, slide = list(column[:3]), list(column[3:])
+            # from the joint point to the link's origin: v = u − ω × b
             at_origin = (omega, sum_of(slide, cross(link.b, omega)))
             _fill(result, links, i, j, momentum(body, at_origin))
     return result
@@ -190,7 +198,7 @@ def _fill(result: Matrix, links: Sequence[Link], i: int, j: int, wrench: Wrench)
 
 
 def kinetic_energy(links: Sequence[Link], numbers: Sequence[Numbers]) -> Scalar:
-    """½ Σ (ω·n + v·f) with the momenta (n, f)."""
+    """T = ½ Σ (ω·n + v·f) with the momenta (n, f), in J."""
     result: Scalar = 0.0
     for link, twist in zip(links, numbers):
         n, f = momentum(link.inertia, twist)
@@ -201,7 +209,8 @@ def kinetic_energy(links: Sequence[Link], numbers: Sequence[Numbers]) -> Scalar:
 def gravity_energy(
     links: Sequence[Link], positions: Sequence[Vector], rotations: Sequence[Matrix], g: Vector
 ) -> Scalar:
-    """−Σ g · (m r + R mc)."""
+    """V = −Σ g · (m r + R mc), in J, zero where all mass is at the ground's origin; g in ground
+    axes, m/s²."""
     result: Scalar = 0.0
     for link, r, R in zip(links, positions, rotations):
         moment = sum_of([dot([link.inertia.mass], [x]) for x in r], rotated(R, link.inertia.moment))
@@ -210,5 +219,5 @@ def gravity_energy(
 
 
 def gravities(links: Sequence[Link], rotations: Sequence[Matrix], g: Vector) -> list[Vector]:
-    """Rᵀ g, the gravity vector in every link's frame."""
+    """Rᵀ g (m/s²), the gravity vector in every link's frame."""
     return [rotated(transpose(R), g) for R in rotations]

@@ -21,7 +21,12 @@ _SLACK = 1e-9  # relative: a thin disk has Ixx + Izz = Iyy exactly, up to roundi
 
 
 def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
-    """One body, checked with the parameters' defaults."""
+    """One body, checked with the parameters' defaults: mass in kg, centre of mass in m, tensor in
+    kg m² about the centre of mass in the body's axes.
+
+    No mass or principal moment is negative, and the largest principal moment is at most the sum of
+    the other two, as ∫(y² + z²) dm and so on demand. What does not hold is reported.
+    """
     mass = reader.formula(entry.mass, "a mass", unit="kg")
     com = reader.point(entry.com, "a centre of mass")
     inertia = _inertia(reader, entry, mass, com)

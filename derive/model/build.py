@@ -34,7 +34,8 @@ LONGEST_TEXT = 64 << 10
 
 
 def built(document: Document, source: Source) -> Model:
-    """The Model of a document; ModelError with every problem in it."""
+    """The Model of a document. Raises ModelError with every problem in it; but names first, as
+    formulas that use names which are not known would all be reported in their wake."""
     reader = Reader(source, Space(document.plane or ""))
     _check_head(reader, document)
     joints, names = _names(reader, document)

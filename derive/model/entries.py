@@ -111,8 +111,7 @@ def _kind(**tags: Callable[[Any], bool]) -> Discriminator:
     the right one."""
 
     def tag(value: Any) -> str | None:
-        """The tag of the first class whose form fits the value; None has pydantic report the value.
-        """
+        """The tag of the first class whose form fits the value; None where none does."""
         return next((f"<{name}>" for name, fits in tags.items() if fits(value)), None)
 
     return Discriminator(tag)

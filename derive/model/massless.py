@@ -28,7 +28,7 @@ from derive.model.records import (
 
 def check_tips(reader: Reader, model: Model) -> None:
     """Report moving joints that carry no inertia at all, where no constraint speaks of what they
-    carry either."""
+    carry either: M is singular then along a motion that nothing determines."""
     felt = _bodies_with_equations(reader, model)
     below: set[str] = set()  # bodies that carry one which was reported
     for joint in reversed(model.joints):

@@ -26,7 +26,8 @@ Rows = list[tuple[str, Expression, Span]]
 
 
 def choices(reader: Reader, document: Document) -> tuple[Choice, ...]:
-    """The declared choices of quasi-velocities; `auto` where there are none."""
+    """The declared choices of quasi-velocities; `auto` where there are none. Rows that are not
+    linear and homogeneous in the velocities, or the same as another, are reported."""
     found = tuple(_choice(reader, key, entry) for key, entry in document.quasi_velocities.items())
     return found or (AUTO,)
 
@@ -127,7 +128,8 @@ def _row(reader: Reader, scalar: Scalar) -> Expression:
 
 
 def initial(reader: Reader, document: Document, joints: list[Frame]) -> tuple[InitialValue, ...]:
-    """Values at t = 0, held or, under `guess`, only a start."""
+    """Values at t = 0, held or, under `guess`, only a start: held ones are kept where the
+    constraints let them, guesses move."""
     found: dict[str, InitialValue] = {}
     for key, entry in document.initial.items():
         if isinstance(entry, Scalar):

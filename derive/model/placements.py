@@ -27,8 +27,8 @@ Place = Items | list[Any] | SidesEntry | None
 def placements(
     reader: Reader, key: Key, at: Place, entry: TurnedEntry | None = None
 ) -> tuple[Placement, Placement]:
-    """The two sides of a joint, closure or bushing. Keys beside `at` turn the frame in the first
-    body."""
+    """The two sides of a joint, closure or bushing: body ← joint frame, origin in m. Keys beside
+    `at` turn the frame in the first body."""
     sides = _sides(at)
     first, second = (_placement(reader, side) for side in sides)
     beside = None if entry is None else rotation(reader, entry)

@@ -118,7 +118,8 @@ class Reader:
         functions: dict[str, Function] = FUNCTIONS,
     ) -> Expression:
         """A scalar formula; `where` names the place ("a mass") for messages, `unit` is the SI unit
-        it must have."""
+        it must have, `allowed` are the kinds of names it may use. A bad one is reported and read as
+        UNREAD."""
         try:
             return self._formula(scalar, where, allowed, unit, functions)
         except FormulaError as error:
@@ -245,7 +246,7 @@ class Reader:
 
     def direction(self, node: Scalar | Items, where: str, constant: bool = True) -> Vector3:
         """A direction as a letter, `-x`, or components; of length one where it is constant, which
-        `constant` demands."""
+        `constant` demands. Exactly one: the lengths of axes are divided out nowhere later."""
         if isinstance(node, Scalar):
             return self._letter(node, where)
         if not self.sized(node, self.space.size, where):
@@ -312,6 +313,7 @@ def _first_place(text: str) -> int:
 
 @cache
 def force_unit(unit_of_velocity: str) -> str:
-    """The unit of the force conjugate to a velocity: N for m/s, N*m for rad/s."""
+    """The unit of the force conjugate to a velocity, such that force times velocity is a power in
+    W: N for m/s, N*m for rad/s."""
     coordinate = product_of(dimension_of(unit_of_velocity), TIME)
     return "N*m" if coordinate == NUMBER else pretty(quotient_of(ENERGY, coordinate))

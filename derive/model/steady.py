@@ -24,7 +24,7 @@ COUNT = 101  # values in a range that does not say how many
 
 def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMotion:
     """What is held along a steady motion. Names the model does not know are free: they can be
-    swept."""
+    swept. Inputs that are not named are zero, those called `free` are found with the motion."""
     reader.name(key)
     sweepable: dict[str, None] = {}
     values: dict[str, Expression] = {}

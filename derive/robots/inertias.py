@@ -22,8 +22,9 @@ NOISE = 1e-15  # kg m²: what exporters write instead of zero; a gram at a micro
 
 
 def possible(mass: float, tensor: Sequence[float]) -> bool:
-    """Whether a body can have this mass and this tensor (xx, yy, zz, xy, xz, yz) about its centre
-    of mass."""
+    """Whether a body can have this mass (kg) and this tensor (xx, yy, zz, xy, xz, yz in kg m²)
+    about its centre of mass: principal moments are not negative and meet the triangle inequality.
+    """
     if not any(tensor):
         return True
     xx, yy, zz, xy, xz, yz = tensor
@@ -37,7 +38,8 @@ def possible(mass: float, tensor: Sequence[float]) -> bool:
 
 
 def gather(robot: Robot) -> None:
-    """Count impossible tensors with the bodies they are fixed to, and say so."""
+    """Count impossible tensors with the bodies they are fixed to, and say so. The motion of the
+    robot is that of the file: a rigid piece feels only the sum of its tensors."""
     _drop_noise(robot)
     wrong = [body for body in robot.bodies if not possible(body.mass, body.inertia)]
     places = _places(robot) if wrong else {}

@@ -50,7 +50,8 @@ def unrounded(word: str) -> float | None:
 
 
 def sine_cosine(angle: float) -> tuple[float, float]:
-    """Exact at right angles."""
+    """(sin, cos) of an angle in rad, exact at right angles: sin π is 1e-16 in floats, and would
+    leave terms in the equations that are not there."""
     degrees = whole_degrees(angle)
     if degrees is not None and degrees % 90 == 0:
         return ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))[degrees // 90 % 4]
@@ -65,7 +66,7 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 
 
 def transposed(a: Matrix) -> Matrix:
-    """Aᵀ; of a rotation it is the inverse."""
+    """Aᵀ; of a rotation it is the inverse, so it leads back."""
     return (
         _three([row[0] for row in a]),
         _three([row[1] for row in a]),

@@ -21,14 +21,15 @@ class Kinematics:
     system: System
 
     def positions(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """φ and its Jacobian in q."""
+        """φ (m,) and its Jacobian ∂φ/∂q (m, nq). In q and not along v: single coordinates can be
+        held."""
         phi, jacobian = self._positions(t, q, p)
         return phi.full().ravel(), jacobian.full()
 
     def velocities(
         self, t: float, q: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A (nc × nv), c, N (nq × nv)."""
+        """A (nc × nv), c (nc,), N (nq × nv) at one state: A v = c, q̇ = N v."""
         A, c, N = self._velocities(t, q, p)
         return A.full(), c.full().ravel(), N.full()
 
@@ -52,7 +53,8 @@ class Kinematics:
         return self._many(self._function("values", matrix), t, q, p)[0]
 
     def carried(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
-        """q + N · along with unit quaternions, at k states."""
+        """q + N · along with unit quaternions, at k states: `along` (k, nv) is a displacement over
+        v."""
         N = self.rates(t, q, p)
         moved = q + (along if N is None else (N @ along[:, :, None])[:, :, 0])
         return normalised(self.system, moved) if self.system.quaternions else moved
@@ -115,7 +117,7 @@ def nominal(system: System) -> np.ndarray:
 
 def normalised(system: System, q: np.ndarray) -> np.ndarray:
     """q, one or many in rows, with its quaternions divided by their length; a zero one becomes (1,
-    0, 0, 0)."""
+    0, 0, 0), no rotation."""
     result = q.copy()
     for i in system.quaternions:
         part = q[..., i : i + 4]
@@ -144,7 +146,10 @@ def closed(
     """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that
     fails.
 
-    `by_row`: each row is judged in its own unit, which need not be that of the coordinates.
+        q ← q − W (J W)⁺ φ,   J = ∂φ/∂q,   W = diag(free)
+
+    The pseudo-inverse takes the shortest step, and bears rows that repeat others. `by_row`: each
+    row is judged in its own unit, which need not be that of the coordinates.
     """
     weights = np.ones(len(q)) if free is None else free.astype(float)
     for _ in range(NEWTON):

@@ -38,8 +38,9 @@ def initial_state(
     """The state at time t. Held values are kept, guesses and unnamed ones move; where that has no
     solution everything may move, and is reported.
 
-    `changes` overrides values by name and holds them. Raises ModelError where no consistent state
-    is found.
+    q on φ(q, t) = 0 first, as A and N depend on it; then the v on A v = c nearest to guesses and
+    held rates. Both are solved in the model's own units and given in SI. `changes` overrides values
+    by name and holds them. Raises ModelError where no consistent state is found.
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
     told, held = _start_values(system, changes or {}, parameters, t)
@@ -70,8 +71,7 @@ class Own:
     t: float  # of the state
 
     def one_of(self, name: str) -> float:
-        """How large one unit of that quantity is in the model's own units; 1 where its unit is not
-        known."""
+        """One of the model's own units of that quantity, in SI; 1 where the name is not known."""
         return self.units.get(name, 1.0)
 
 
@@ -89,6 +89,7 @@ def _consistent(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """q, v and N in the model's own units."""
     solver, here = Kinematics(own.system), p / own.parameters
+    # positions before velocities: A and N of A v = c depend on q
     q = _closed(own, solver, _start(own.system, given), held, here)
     if q is None:
         told = {name: x * own.one_of(name) for name, x in given.items()}

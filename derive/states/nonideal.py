@@ -43,7 +43,8 @@ def with_nonideal(system: System, C: ca.SX) -> System:
     """The system, whose Q has no nonideal forces yet, with C (conjugate to v) among the applied
     ones.
 
-    Raises AssumptionError where C uses a reaction that is not unique.
+    Of C only what works on admissible motions matters, wᵀC for w in ker A; what lies along Aᵀ
+    changes λ and not the motion. Raises AssumptionError where C uses a reaction that is not unique.
     """
     used = [i for i, row in enumerate(system.rows) if _depends(system, C, f"reaction.{row.name}")]
     if not used:
@@ -68,7 +69,9 @@ def _depends(system: System, C: ca.SX, name: str) -> bool:
 
 
 def ideal_reactions(system: System, used: list[int]) -> ca.SX:
-    """λ° of every row, zero for those that repeat others."""
+    """λ° of every row (nc × 1) over (t, q, v, u, p), zero for those that repeat others: M v̇° + h =
+    Q° + Aᵀ λ°, A v̇° = β. Raises AssumptionError where a row in `used` repeats others, or a motion
+    that the constraints allow has no mass."""
     solver = Kinematics(system)
     found = states(system, SAMPLES, solver=solver)
     sampled = solver.rows(found.t, found.q, found.p)[0]

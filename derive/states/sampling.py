@@ -127,6 +127,7 @@ def _parameters(system: System, rng: np.random.Generator, many: int, vary: float
     """The first are the file's own."""
     usual = np.array(system.parameters, dtype=float)
     varied = usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
+    # one state at least with the mechanism as the file has it
     varied[:1] = usual
     return varied
 
@@ -158,7 +159,8 @@ class View:
         return np.where(np.isfinite(size), size, np.inf)
 
     def solved(self, right: np.ndarray, rank: int) -> np.ndarray:
-        """J⁺ right, with the `rank` strongest directions."""
+        """J⁺ right (k, nv), with the `rank` strongest directions: the least step that meets all
+        rows, also where some repeat others."""
         if rank == self.J.shape[1]:
             along = self.inverse @ right[:, :, None]
         else:
@@ -199,6 +201,7 @@ class View:
     def inverse(self) -> np.ndarray:
         """(J Jᵀ)⁻¹, kept finite where rows depend on each other."""
         m = self.J.shape[1]
+        # far below GAP, so that it changes no direction that counts
         small = 1e-14 * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + 1e-300
         regular: NDArray[np.float64] = self.gram + small * np.eye(m)
         return np.linalg.inv(regular)
@@ -221,8 +224,8 @@ class Walk:
     floor: float = 0.0  # strength below which a walker turns round
 
     def view(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
-        """φ and ∂φ/∂q over (t, q, p), freed of units: rows are divided by their length, columns
-        multiplied by the width of their coordinate, so that singular values can be compared."""
+        """φ and its derivative along v, freed of units: rows over their usual length, columns times
+        the width of their velocity, so that singular values can be compared."""
         phi, slopes = self.solver.closing(t, q, p)
         J = np.ascontiguousarray(np.nan_to_num(slopes) * self.width / self.lengths[:, None])
         return View(phi / self.lengths, J)
@@ -239,8 +242,8 @@ class Walk:
         return self.moved(t, q, p, -step), view
 
     def closed(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """q on φ = 0, and which of them got there: one more step is taken once all are, for the
-        rank to be clear."""
+        """q on φ = 0 (k, nq), and which of them got there (k,): one more step is taken once all
+        are, for the rank to be clear."""
         done = np.zeros(len(t), dtype=bool)
         for _ in range(NEWTON):
             moved, view = self.corrected(t, q, p)
@@ -265,8 +268,8 @@ class Walk:
         )
 
     def tangent(self, view: View, wish: np.ndarray) -> np.ndarray:
-        """The wish without what the rows forbid, its largest entry one; zero where nothing is
-        left."""
+        """The wish without what the rows forbid, (1 − J⁺J) wish, its largest entry one; zero where
+        nothing is left."""
         left = wish - view.solved((view.J @ wish[:, :, None])[:, :, 0], self.rank)
         size = np.max(np.abs(left), axis=1, initial=0.0)[:, None]
         return np.where(size > 1e-8, left / np.maximum(size, 1e-300), 0.0)

@@ -56,12 +56,12 @@ class Scales:
 
     @property
     def energy(self) -> float:
-        """One unit of energy in J: m l²/t²."""
+        """One of the model's own units of energy, in J: m l²/t²."""
         return self.mass * (self.length / self.time) ** 2
 
     @property
     def power(self) -> float:
-        """One unit of power in W: m l²/t³."""
+        """One of the model's own units of power, in W: m l²/t³."""
         return self.energy / self.time
 
     def of(self, unit: str) -> float:
@@ -71,12 +71,13 @@ class Scales:
         return float(self.length ** float(m) * self.mass ** float(kg) * self.time ** float(s))
 
     def all_of(self, units: Iterable[str]) -> np.ndarray:
-        """One unit of each of these quantities in SI, (n,)."""
+        """One of the model's own units in SI for each of these, (n,): own = SI / this."""
         return np.array([self.of(unit) for unit in units], dtype=float)
 
 
 def scales(model: Model) -> Scales:
-    """The model's own; where nothing in it tells, say, of mass, that is the kilogram."""
+    """The model's own units; where nothing in it tells, say, of mass, that is the kilogram. Powers
+    of a thousand, so that converting a number rounds it but does not change how it reads."""
     found = [
         (dimension, abs(value))
         for dimension, value in _magnitudes(model)
@@ -96,7 +97,8 @@ def _power(decades: float) -> float:
 
 def scaled(system: System, own: Scales) -> System:
     """The kinematics and M of a system in the model's own units, for whoever draws or closes
-    states; forces stay in SI."""
+    states; forces stay in SI. Rows of A are also divided by their usual size, as the unit of a
+    formula cannot always be told."""
     model = system.model
     units = {x.name: x.unit for x in (*model.coordinates, *model.velocities)}
     q, v = (own.all_of(x.unit for x in items) for items in (model.coordinates, model.velocities))
@@ -153,7 +155,8 @@ def _of_like_rows(system: System) -> System:
 
 
 def typical(sizes: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """The median of each column, as a power of a thousand; one where it is zero."""
+    """The median of each column, as a power of a thousand; one where it is zero. A median, as one
+    state near a singular position should not tell what is usual."""
     if not len(sizes):
         return np.zeros(0)
     found = np.median(sizes, axis=0)

@@ -20,8 +20,8 @@ FEWEST, MOST = 2, 8  # links for which the factors are written out
 
 
 def complement(doc: Manuscript) -> None:
-    """N_l, N_d, M = Nᵀ 𝓜 N and its pivots, where the system is a tree of joints with one velocity
-    each."""
+    """N_l, N_d, M = N_dᵀ N_lᵀ 𝓜 N_l N_d and its pivots, where the system is a tree of joints with
+    one velocity each. Twists are (ω, v) at the links' origins, in their frames."""
     if not _fits(doc.system):
         return
     doc.section("Decoupled natural orthogonal complement")

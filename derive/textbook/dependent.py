@@ -31,7 +31,7 @@ def dependent_columns(doc: Manuscript) -> list[int]:
 
     def regularity(subset: tuple[int, ...]) -> tuple[float, list[int]]:
         """How far columns stay from singular: the smallest singular value of A₁ over the samples,
-        rounded so that ties go to the later columns."""
+        rounded so that ties go to the first columns."""
         return round(_smallest(matrices, subset), DIGITS), [-j for j in subset]
 
     return list(max(combinations(range(columns), rows), key=regularity))

@@ -27,7 +27,8 @@ class Elimination:
         self.steps: list[tuple[sympy.Symbol, sympy.Expr, ca.SX]] = []
 
     def accelerations(self) -> list[sympy.Expr]:
-        """Prints the elimination; ẇ one after the other, each over the rates before it."""
+        """Prints the elimination; ẇ one after the other, each over the rates before it: ẇₖ = ηₖ/δₖ
+        − Σ ℓᵢₖ ẇᵢ."""
         doc = self.doc
         doc.say(
             "Solved by symmetric elimination, $!M_w=!L\\,!D\\,!L^T$ from the last quasi-velocity "

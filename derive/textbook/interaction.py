@@ -42,7 +42,8 @@ class _Coupling:
 
 
 def interaction(doc: Manuscript) -> None:
-    """R, δM and δC, where only the platform of a tree is held by constraints."""
+    """R, δM and δC, where only the platform of a tree is held by constraints: what the arm adds to
+    the platform's equations, and what couples the two."""
     parts = _parts(doc.system)
     if parts is None:
         return

@@ -71,7 +71,7 @@ def numbers_in_symbols(system: System, twists: Sequence[Component]) -> list[Numb
 
 
 def coordinates(doc: Manuscript) -> None:
-    """q, v and q̇ = N v."""
+    """Prints q, v and q̇ = N v, with units and the joint that each belongs to."""
     model = doc.system.model
     doc.section("Coordinates and generalized velocities")
     doc.say("The configuration is described by the coordinates $!q$:")

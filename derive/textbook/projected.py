@@ -22,7 +22,8 @@ MOST_SPEEDS = 6  # more quasi-velocities than this are not solved for on the pag
 
 
 def projected(doc: Manuscript) -> None:
-    """M_w ẇ = f_w, its entries, and ẇ."""
+    """M_w ẇ = f_w with M_w = SᵀM S (nw × nw) and f_w = Sᵀ (Q − h − M σ), its entries, and ẇ solved
+    for. Each law that is printed is checked in numbers against the equations of the module."""
     if doc.equations.generalized_velocities or not doc.w:
         return
     doc.section("Equations without multipliers")

@@ -56,6 +56,7 @@ def _inverted(survey: Survey, given: Reduction) -> tuple[ca.SX, Reduction]:
     inverse = _matrix(found.columns, n)
     R, S = inverse[:, : survey.rank], inverse[:, survey.rank :]
     v = ca.mtimes(S, given.w) + ca.mtimes(R, rows.c)
+    # Ḃ v, as the derivative of B v along the motion with v held
     turning = ca.jtimes(
         ca.mtimes(given.B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot)
     )

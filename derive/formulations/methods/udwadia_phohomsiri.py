@@ -33,6 +33,7 @@ def _equations(survey: Survey, choice: Choice) -> Equations:
     system, rows = survey.system, survey.independent_rows
     A, beta = rows.A, rows.beta
     W = ca.diag(ca.SX(ca.DM(_weights(survey)))) if survey.rank else ca.SX(0, 0)
+    # Aᵀ W (A v̇ − β) is zero on every motion that the constraints allow: it only makes M_A regular
     weighted = ca.mtimes(A.T, W)
     M_A = system.M + ca.mtimes(weighted, A)
     F_A = entries(system.Q - system.h + ca.mtimes(weighted, beta))

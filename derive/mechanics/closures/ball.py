@@ -11,8 +11,7 @@ from derive.model.records import (
 
 
 def ball(scene: Scene, closure: Closure) -> list[Block]:
-    """φ = r₁ − r₂: the two joint points meet, 3 rows in m (2 in a plane); all rotations stay free.
-    """
+    """φ = p₂ − p₁: the two joint points meet, 3 rows in m; all rotations stay free."""
     return [meeting(scene, closure)]
 
 

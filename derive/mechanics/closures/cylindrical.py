@@ -11,8 +11,8 @@ from derive.model.records import (
 
 
 def cylindrical(scene: Scene, closure: Closure) -> list[Block]:
-    """4 rows: no shift along the first two axes of the joint frame (m), and its axis stays parallel
-    to that of the other body (1). Sliding along the axis and turning about it stay free."""
+    """4 rows: two against shifts across the axis, in m, and two by which the axes of both bodies
+    stay parallel. Sliding along the axis and turning about it stay free."""
     return [shifts(scene, closure, (0, 1)), right_angles(scene, closure, PARALLEL)]
 
 

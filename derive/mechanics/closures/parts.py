@@ -26,7 +26,11 @@ LOCKED = (*PARALLEL, (1, 0))
 
 
 def meeting(scene: Scene, closure: Closure) -> Block:
-    """The two points coincide."""
+    """The two points coincide: φ = p₂ − p₁ in ground axes, in m.
+
+    The velocity rows can be taken along the axes of the ground or of either body: they say the
+    same, but which entries are constant, and so which pivots are safe, differs.
+    """
     axes = IN_PLANE[scene.model.plane]
     points = [placement(scene.symbols, at)[1] for at in closure.placements]
     where = [scene.places[body] for body in closure.bodies]
@@ -66,7 +70,8 @@ def _closure_rows(
 
 
 def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]]) -> Block:
-    """φ = bⱼ · aᵢ for the given axes i of the first and j of the second joint frame."""
+    """φ = bⱼ · aᵢ for the given axes i of the first and j of the second joint frame, unit vectors:
+    the cosine of the angle, whose slope is one where the angle is right."""
     frames = closure_frames(scene, closure)
     phi = [ca.dot(frames.axes[1][j], frames.axes[0][i]) for i, j in pairs]
     return block_of_positions(
@@ -75,7 +80,8 @@ def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]
 
 
 def shifts(scene: Scene, closure: Closure, axes: Sequence[int]) -> Block:
-    """φ = aᵢ · (p₂ − p₁) along axes of the first joint frame."""
+    """φ = aᵢ · (p₂ − p₁) along axes of the first joint frame, in m. These axes turn, so the row's
+    rate holds ω × aᵢ as well."""
     frames = closure_frames(scene, closure)
     gap = frames.origins[1] - frames.origins[0]
     phi = [ca.dot(frames.axes[0][i], gap) for i in axes]

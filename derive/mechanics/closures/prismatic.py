@@ -11,7 +11,8 @@ from derive.model.records import (
 
 
 def prismatic(scene: Scene, closure: Closure) -> list[Block]:
-    """Across the axis nothing shifts and nothing turns."""
+    """Across the axis nothing shifts and nothing turns: 2 rows in m and 3 of angles; in a plane one
+    of each."""
     if scene.model.plane:
         return [shifts(scene, closure, (0,)), right_angles(scene, closure, ((0, 2),))]
     return [shifts(scene, closure, (0, 1)), right_angles(scene, closure, LOCKED)]

@@ -21,8 +21,9 @@ from derive.model.records import (
 
 def screw(scene: Scene, closure: Closure) -> list[Block]:
     """A cylindrical closure whose slide follows its turn. The turn has no single-valued angle, so
-    that row is held as a velocity: axis · (ṗ₂ − ṗ₁) = pitch/2π axis · (ω₂ − ω₁).
-    """
+    that row is held as a velocity: axis · (ṗ₂ − ṗ₁) = pitch/2π axis · (ω₂ − ω₁), in m/s. It is
+    integrable all the same, but where the slide stands along the thread is left to the initial
+    values."""
     frames = closure_frames(scene, closure)
     axis = frames.axes[0][2]
     slide = scene.rate(ca.dot(axis, frames.origins[1] - frames.origins[0]))

@@ -16,7 +16,8 @@ from derive.model.records import (
 
 
 def distance(scene: Scene, constraint: Distance) -> Block:
-    """φ = |p₂ − p₁| − length."""
+    """φ = |p₂ − p₁| − length, in m. The distance and not its square: φ is a length then, but
+    singular where the ends meet, which a rod of positive length excludes."""
     ends = [
         on_ground(scene, body, point) for body, point in zip(constraint.bodies, constraint.points)
     ]

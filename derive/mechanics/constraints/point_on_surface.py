@@ -23,7 +23,8 @@ from derive.model.records import (
 
 
 def on_surface(scene: Scene, constraint: OnSurface) -> Block:
-    """φ = surface(x, y, z) at the point, in the frame of the body that carries the surface."""
+    """φ = surface(x, y, z) at the point, in the frame of the body that carries the surface. The
+    unit of φ is that of the formula; its slope must not vanish on the surface, or the row does."""
     s, carrier = scene.symbols, scene.places[constraint.frame_body]
     gap = on_ground(scene, constraint.body, constraint.point) - on_ground(
         scene, constraint.frame_body, (ZERO, ZERO, ZERO)

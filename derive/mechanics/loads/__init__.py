@@ -36,7 +36,9 @@ LAW_OF = {law.record: law.applied for law in LAWS}
 
 
 def applied(scene: Scene) -> Applied:
-    """Sum over the loads and inputs of the model."""
+    """The potential energy V (J) of springs and bushings, and the forces without potential
+    conjugate to v (nv), summed over loads and inputs. Of springs no force is formed here: the
+    assembly differentiates V."""
     energy, force = ca.SX(0), ca.SX.zeros(scene.symbols.v.numel())
     for load in scene.model.loads:
         one = LAW_OF[type(load)](scene, load)

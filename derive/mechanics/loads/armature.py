@@ -15,8 +15,8 @@ def nothing(scene: Scene, load: Armature) -> Applied:
 
 
 def armatures(scene: Scene) -> ca.SX:
-    """Rotor inertias on the diagonal of M: the rotor turns with the joint's generalized
-    velocity."""
+    """Rotor inertias on the diagonal of M (nv × nv): the rotor turns with the joint's generalized
+    velocity. Its gyroscopic moment on the carrier is left out: only ½ J v² counts."""
     result = ca.SX(scene.symbols.v.numel(), scene.symbols.v.numel())
     names = [v.name for v in scene.model.velocities]
     for load in scene.model.loads:

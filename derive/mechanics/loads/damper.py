@@ -8,7 +8,7 @@ from derive.model.records import JointDamper
 
 
 def joint_damper(scene: Scene, load: JointDamper) -> Applied:
-    """−d times the rate."""
+    """−d times the rate, conjugate to that rate: power −d v² ≤ 0."""
     return force_alone(
         scene,
         along(

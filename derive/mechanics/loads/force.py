@@ -16,7 +16,7 @@ from derive.model.records import Force
 
 
 def force(scene: Scene, load: Force) -> Applied:
-    """Jᵀ f with J v the velocity of the point."""
+    """Jᵀ f with J v the velocity of the point, f in ground axes (N): its power is f · J v."""
     s = scene.symbols
     point = ca.vertcat(*in_ground(scene, load.body, s.vector(load.point)))
     applied = ca.vertcat(

@@ -10,7 +10,8 @@ from derive.model.records import JointFriction
 
 
 def joint_friction(scene: Scene, load: JointFriction) -> Applied:
-    """−viscous v − coulomb tanh(v/smoothing): Coulomb friction made smooth."""
+    """−viscous v − coulomb tanh(v/smoothing): Coulomb friction made smooth. Below the smoothing
+    velocity it creeps where dry friction would stick."""
     s, rate = scene.symbols, rate_of(scene, load.velocity)
     force = -s.scalar(load.viscous) * rate - s.scalar(load.coulomb) * ca.tanh(
         rate / s.scalar(load.smoothing)

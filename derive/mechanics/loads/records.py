@@ -31,8 +31,8 @@ class Law:
 
 
 def along(scene: Scene, velocity: str, force: Scalar) -> ca.SX:
-    """A force conjugate to one generalized velocity or, for a coordinate whose rate is none, to
-    that rate: Nᵀ e f."""
+    """A force conjugate to one generalized velocity, e f, or, for a coordinate whose rate is none,
+    to that rate: its power f q̇ᵢ = f eᵀ N v makes it Nᵀ e f over v (nv × 1)."""
     for j, v in enumerate(scene.model.velocities):
         if v.name == velocity or (v.rate_of and velocity == f"der({v.rate_of})"):
             return _unit(scene.symbols.v.numel(), j, force)
@@ -48,8 +48,7 @@ def _unit(n: int, j: int, x: Scalar) -> ca.SX:
 
 
 def force_alone(scene: Scene, force: ca.SX) -> Applied:
-    """A load without potential: it adds to Q and not to V, so its work shows in the power balance.
-    """
+    """A load without potential: it adds to Q and not to V, so its work shows in the power."""
     return Applied(ca.SX(0), force)
 
 

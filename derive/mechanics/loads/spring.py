@@ -11,7 +11,7 @@ from derive.model.records import JointSpring, PointSpring
 
 
 def joint_spring(scene: Scene, load: JointSpring) -> Applied:
-    """½ k (q − rest)²."""
+    """V = ½ k (q − rest)², in J."""
     s = scene.symbols
     stretch = s.names[load.coordinate] - s.scalar(load.rest)
     return Applied(
@@ -20,7 +20,8 @@ def joint_spring(scene: Scene, load: JointSpring) -> Applied:
 
 
 def point_spring(scene: Scene, load: PointSpring) -> Applied:
-    """½ k (d − length)² and, through d = |p₂ − p₁|, the damping force −damping ḋ ∂d/∂q."""
+    """V = ½ k (d − length)² and, through d = |p₂ − p₁|, the damping force −damping ḋ ∂d/∂q carried
+    over to v. Singular where the two points meet."""
     s = scene.symbols
     ends = [
         in_ground(scene, body, s.vector(point)) for body, point in zip(load.bodies, load.points)

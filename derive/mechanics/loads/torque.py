@@ -11,8 +11,8 @@ from derive.model.records import Torque
 
 
 def torque(scene: Scene, load: Torque) -> Applied:
-    """Conjugate to the body's angular velocity: Σ columns of Jω, found from the links' own
-    recursion."""
+    """Jωᵀ n with Jω v the body's angular velocity in ground axes, n in N m: Σ columns of Jω, found
+    from the links' own recursion."""
     s = scene.symbols
     place = scene.places[load.body]
     if place.link < 0:

@@ -83,8 +83,8 @@ def rolling(
 ) -> Rolling:
     """A disk, sphere or torus of a body on a plane of the ground; lengths in m.
 
-    A radius of zero is a point, and the tube is zero for all but the torus, so that one record
-    serves every shape.
+    The tube is zero for all but the torus, so that one record serves every shape; so is the radius
+    where the shape was reported as none.
     """
     kind, shape = _shape(reader, key, entry.shape)
     radius = (

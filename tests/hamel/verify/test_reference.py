@@ -1,9 +1,8 @@
 """The independent reference, tested by itself: closed forms, published numbers and identities along
 the motion.
 
-Of hamel.verify.reference: analytic, formulas, jets, layout, outputs, rolling, states, vectors.
-
-Of hamel.verify.reference: closures.
+Of hamel.verify.reference: analytic, closures, formulas, jets, layout, outputs, rolling, states,
+vectors.
 """
 
 import numpy as np

@@ -131,10 +131,13 @@ def theirs(site: Site) -> Iterator[Simulation]:
     n = site.scene.links
     if n:
         turned = np.concatenate([np.cumsum(site.x[:n]), np.cumsum(site.x[n:])])
-        relative = lambda x: np.concatenate(  # noqa: E731
-            [np.diff(x[:n], prepend=0.0), np.diff(x[n:], prepend=0.0)]
-        )
-        yield series.simulation(OWN, series.of_chain(n), turned, span, relative)
+        yield series.simulation(OWN, series.of_chain(n), turned, span, _relative)
+
+
+def _relative(end: np.ndarray) -> np.ndarray:
+    """Angles and rates between the links from those of the links."""
+    q, v = np.split(end, 2)
+    return np.concatenate([np.diff(q, prepend=0.0), np.diff(v, prepend=0.0)])
 
 
 def tuned(of: Simulation, error: Callable[[np.ndarray], float]) -> dict[float, Chosen]:

@@ -18,8 +18,10 @@ _loads = itertools.count(1)
 
 
 def load(folder: str | os.PathLike[str]) -> ModuleType:
-    """The module in `folder`, under a name of its own, so that several versions live side by
-    side."""
+    """The module in `folder`, under a name of its own, so that several versions live side by side.
+
+    Raises ToolchainError where the folder is no generated module or cannot be imported.
+    """
     place = Path(os.path.abspath(folder))
     if not (place / "__init__.py").is_file():
         raise ToolchainError(f"{place} is not a generated module: it has no __init__.py")

@@ -49,14 +49,17 @@ class Real:
 
     @property
     def epsilon(self) -> float:
+        """The distance from 1 to the next larger number: 2⁻⁵² of float64, 2⁻²³ of float32."""
         return float(np.finfo(self.name).eps)
 
     @property
     def bits(self) -> int:
+        """The length of a number, from which follows how many a vector register holds."""
         return int(np.finfo(self.name).bits)
 
     @property
     def reach_squared(self) -> str:
+        """reach² as a constant of C: the squares of four angles together are compared with it."""
         return f"1e{2 * int(self.reach[2:])}"
 
     @property
@@ -150,7 +153,8 @@ _TOKENS = re.compile(
 
 
 def recast(source: str, real: Real) -> str:
-    """C that was written for double in another precision."""
+    """C that was written for double in another precision: words by the table of `real`, constants
+    with its suffix; comments and strings are kept. Text for double comes back as it is."""
     if not real.words:
         return source
 

@@ -19,6 +19,8 @@ class Page(Console):
     """A console that leaves a broken pipe to whoever started it."""
 
     def on_broken_pipe(self) -> None:
+        """Raises BrokenPipeError, so that the command line ends as it does for every closed
+        pipe."""
         raise BrokenPipeError  # rich would end the process with a code of its own
 
 
@@ -38,10 +40,12 @@ def shortened(name: str) -> str:
 
 
 def operations(counts: Mapping[str, int]) -> str:
+    """Counts by name on one line, such as `dynamics 41, energy 12`."""
     return ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
 def durations(seconds: Mapping[str, float]) -> str:
+    """Stages with their seconds on one line, to hundredths."""
     return ", ".join(f"{stage} {value:.2f} s" for stage, value in seconds.items())
 
 

@@ -93,7 +93,7 @@ def test_the_commands_of_the_methods_run(command: str, monkeypatch: pytest.Monke
 
 def test_the_tests_that_the_methods_name_are_there() -> None:
     table = (DOCS / "methods.md").read_text("utf-8").split("## Paper by paper")[1]
-    tests = {path.name: path.read_text("utf-8") for path in (ROOT / "tests").glob("test_*.py")}
+    tests = {path.name: path.read_text("utf-8") for path in (ROOT / "tests").rglob("test_*.py")}
     assert set(re.findall(r"`(test_\w+\.py)", table)) <= set(tests)
     for name in re.findall(r"::(\w+)`", table):
         assert any(f"def {name}(" in text for text in tests.values())

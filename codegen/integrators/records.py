@@ -55,10 +55,12 @@ class Tableau:
 
     @property
     def adaptive(self) -> bool:
+        """Without weights of an error estimate there are fixed steps only."""
         return bool(self.errors)
 
     @property
     def estimate(self) -> int:
+        """The power of h in the difference from the embedded solution: h^p at order p."""
         return self.order
 
 
@@ -90,6 +92,7 @@ class Rosenbrock:
 
     @property
     def estimate(self) -> int:
+        """The power of h in the last U, the difference from the embedded solution: h^p."""
         return self.order
 
 
@@ -123,6 +126,8 @@ class Collocation:
 
     @property
     def estimate(self) -> int:
+        """h^(s + 1) with s stages, below the order of the step itself (Hairer, Wanner, 1996,
+        IV.8)."""
         return len(self.c) + 1
 
 
@@ -190,7 +195,8 @@ def centred(powers: Sequence[Row]) -> tuple[Row, ...]:
 
 
 def collocated(c: Row) -> tuple[Row, ...]:
-    """The polynomial that is 0 at 0 and zᵢ at cᵢ: rows of weights of the zᵢ, of 1, θ, θ² …"""
+    """The polynomial that is 0 at 0 and zᵢ at cᵢ: rows of weights of the zᵢ, of 1, θ, θ² … By
+    Lagrange's formula, in exact fractions."""
     columns: list[list[Fraction]] = []
     for i, own in enumerate(c):
         roots = [Fraction(0), *(x for k, x in enumerate(c) if k != i)]

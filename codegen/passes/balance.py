@@ -67,9 +67,12 @@ class _Rewriting:
     moved: dict[int, int] = field(default_factory=dict[int, int])
 
     def there(self, operand: Operand) -> Operand:
+        """Where an old operand stands in the new code; a number is itself."""
         return operand if isinstance(operand, float) else self.moved[operand]
 
     def again(self, operations: list[Operation], i: int, inside: set[int]) -> int:
+        """The place of operation i in the new code. A sum or product is opened into its parts, and
+        they are joined in the order in which they are known."""
         operation = operations[i]
         if operation.name == "input":
             return self._input(*operation.slot)
@@ -102,6 +105,8 @@ class _Rewriting:
         return made
 
     def _ready_at(self, name: str, operands: tuple[Operand, ...]) -> int:
+        """The cycle at which a result is known: that of its latest operand and the operation's own,
+        a product that goes into a sum being one fused operation with it."""
         if max(map(self._when, operands)) < 0:
             return EARLY
         if KINDS.get(name) == "sum" and any(map(self._is_product, operands)):

@@ -185,6 +185,7 @@ def _square(graph: Graph, sums: dict[Factors, float], factors: Factors, node: in
         return
     rest = _without(_without(factors, (node, 1)), (node, 1))
     twin = tuple(sorted([*rest, (other, 2)]))
+    # a y sin² + b y cos²: cos² becomes 1 − sin²
     if twin in sums:
         value = sums.pop(twin)
         sums[factors] = nearly_sum(sums[factors], -value)
@@ -206,7 +207,8 @@ def _angle(graph: Graph, node: int) -> int | None:
 
 
 def factored(graph: Graph, terms: Sequence[Term]) -> Reference:
-    """The sum of the terms, the factor that saves most taken out first."""
+    """The sum of the terms, the factor that saves most taken out first: a x + b x + c → (a + b) x +
+    c, again inside and outside until nothing is saved (greedy, so not always the least)."""
     while (best := _best_factor(terms)) is not None:
         inside = [
             (value, _without(factors, best)) for value, factors in terms if _holds(factors, best)
@@ -226,6 +228,8 @@ def _best_factor(terms: Sequence[Term]) -> tuple[int, int] | None:
     any."""
     saved: dict[tuple[int, int], int] = {}
     for value, factors in terms:
+        # of k terms with the factor k − 1 multiplications fall away; a term that is the bare factor
+        # saves none: a x + a → a (x + 1)
         degree = sum(abs(exponent) for _, exponent in factors) - (abs(value) == 1.0)
         for node, exponent in factors:
             key = (node, 1 if exponent > 0 else -1)

@@ -115,6 +115,7 @@ class Graph:
         return (1.0, ONE) if isinstance(node, One) else self._literal(node.text)
 
     def input(self, argument: str, index: int) -> Reference:
+        """The reference to an entry of an argument; the same node however often it is asked for."""
         node = self._inputs.get((argument, index))
         if node is None:
             node = self._append(Input(argument, index), ())
@@ -160,6 +161,7 @@ class Graph:
                 scale *= factor if exponent == 1 else power(factor, exponent)
             if node != ONE:
                 merged[node] = merged.get(node, 0) + exponent
+        # a constant that left the range of doubles may come back with the factors beside it
         if scale == 0.0 or scale == math.inf or scale == -math.inf:
             return self._extreme_product(scale, merged, members)
         self._cancel(merged)
@@ -230,7 +232,11 @@ class Graph:
         return (scale, found)
 
     def call(self, function: str, operands: Sequence[Reference]) -> Reference:
-        """A function of references; signs leave odd and even functions, constants are evaluated."""
+        """A function of references; signs leave odd and even functions, constants are evaluated.
+
+        sin(−x) = −sin x, cos(−x) = cos x and |c x| = |c| |x|, so that arguments of either sign
+        share one node. What has no value at its constants stays a call.
+        """
         if all(node == ONE for _, node in operands):
             value = _evaluate(function, [factor for factor, _ in operands])
             if value is not None:
@@ -270,6 +276,7 @@ class Work:
         for _, node in self.roots:
             needed[node] = 1
         operands = self.graph.operands
+        # ids grow from operands to users: one walk down meets all users of a node before the node
         for node in range(len(needed) - 1, ONE, -1):
             if needed[node]:
                 for other in operands[node]:
@@ -344,7 +351,9 @@ def rewrite(work: Work, rule: Rule) -> Work:
     """A new graph in which each live node became rule(new graph, node, earlier results), None where
     its user needs no node of it.
 
-    Marks follow where their nodes survive.
+    Nodes are visited in increasing order, so a rule finds its operands done. Roots keep their
+    factors, and marks follow where their nodes survive. What becomes equal on the way is one node,
+    for the new graph is hash-consed as well.
     """
     graph = Graph()
     done: dict[int, Reference] = {ONE: (1.0, ONE)}
@@ -392,7 +401,8 @@ def _leading(terms: list[tuple[int, float]]) -> float:
 
 
 def power(factor: float, exponent: float) -> float:
-    """factor^exponent, infinite where Python has an exception."""
+    """factor^exponent, infinite where Python has an exception: whether that matters is seen when
+    all constants of a product are together."""
     if factor == 0.0 and exponent < 0:
         return math.copysign(math.inf, factor) if exponent % 2 else math.inf
     try:
@@ -410,6 +420,8 @@ def _signs(function: str, operands: tuple[Reference, ...]) -> tuple[float, tuple
 
 
 def _evaluate(function: str, values: Sequence[float]) -> float | None:
+    """The value at constants; None outside of the function's domain, so that the generated code
+    meets it at run time and answers as it does for all other arguments."""
     evaluate = CALLS[function] or _LOGIC.get(function)
     try:
         return float(evaluate(*values)) if evaluate else None

@@ -20,16 +20,22 @@ class Hoisted:
 
 
 def hoist(lowered: Lowered) -> Hoisted | None:
-    """None where nothing is computed from parameters alone."""
+    """None where nothing is computed from parameters alone.
+
+    c holds every value that needs p alone and is used by something that needs more, or is a result
+    itself; both halves together do the same operations as the whole.
+    """
     operations = lowered.code.operations
     roots = [root for root in lowered.roots if isinstance(root, int)]
     wanted = lowered.wanted
     alone = _of_parameters_alone(lowered.code, wanted)
     inner = lowered.code.inner
+    # what crosses over: made from parameters, used by what depends on more
     edge = [i for user in wanted if user not in alone for i in inner[user] if i in alone]
     places = {
         i: k for k, i in enumerate(sorted({*edge, *(root for root in roots if root in alone)}))
     }
+    # only plain parameters would cross: there is no work to take out
     if all(operations[i].name == "input" for i in places):
         return None
     before = _copied(lowered, [i for i in wanted if i in alone], {})

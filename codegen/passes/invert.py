@@ -47,6 +47,7 @@ def _operation(code: Code, operation: Operation, moved: dict[int, int], shared: 
         or isinstance(operation.operands[1], float)
     ):
         return code.put(operation.name, *operands)
+    # equal operations are one: every user of the divisor gets the same reciprocal
     reciprocal = code.put("div", 1.0, operands[1])
     return (
         reciprocal

@@ -112,7 +112,12 @@ class Lowered:
 
 def lower(work: Work, loose: Sequence[int] = ()) -> Lowered:
     """Operations for all roots; the roots numbered in `loose` may come out times a constant (they
-    are only compared)."""
+    are only compared).
+
+    Every value is computed as scale · node; a user that needs factor · node multiplies by factor /
+    scale, or not at all where the two are equal. Raises AssumptionError where constants multiply to
+    zero or infinity.
+    """
     nodes = work.live
     found = scales(work, nodes, set(loose))
     maker = _Maker(work.graph, found)
@@ -181,6 +186,8 @@ class _Maker:
         self.partners = _partners(graph, scales)
 
     def make(self, node: int) -> None:
+        """Append the operations of a node, whose operands have theirs, and note its place: the
+        value there is scale · node. Only sums and products have a scale other than 1."""
         inside = self.graph.nodes[node]
         if isinstance(inside, Sum):
             self.places[node] = self._sum(inside.terms, self.scales[node])
@@ -222,6 +229,7 @@ class _Maker:
     def _sum(self, terms: Sequence[tuple[int, float]], scale: float) -> tuple[Operand, float]:
         """The value and its scale; the sign of the scale may have turned where all terms are
         subtracted."""
+        # terms of the same size are added first and multiplied once
         groups: dict[float, list[tuple[float, Operand]]] = {}
         for node, factor in terms:
             size, sign, operand = self._term(node, snapped(scale * factor))
@@ -248,6 +256,8 @@ class _Maker:
             return signed[0]
         half = (len(signed) + 1) // 2 if len(signed) > 3 else len(signed) - 1
         (sign, left), (other, right) = self._add(signed[:half]), self._add(signed[half:])
+        # a minus is never an operation here: it turns an addition into a subtraction, and the sign
+        # that is left over goes to whoever uses the sum
         if sign == other:
             return sign, self.code.put("add", left, right)
         if sign < 0:
@@ -255,6 +265,8 @@ class _Maker:
         return 1.0, self.code.put("sub", left, right)
 
     def _product(self, product: int, factors: Sequence[tuple[int, int]], scale: float) -> Operand:
+        """scale · Π node^exponent: what the factors' own scales contribute is divided out of the
+        constant, and a factor that several products share takes it in."""
         above: list[tuple[Operand, int]] = []
         below: list[tuple[Operand, int]] = []
         partner = self.partners.get(product)
@@ -271,6 +283,7 @@ class _Maker:
     def _quotient(
         self, above: list[tuple[Operand, int]], below: list[tuple[Operand, int]], factor: float
     ) -> Operand:
+        """One division whatever stands below: factor · Π above / Π below."""
         if not above:
             return self.code.put("div", factor, self._multiply(below))
         top = self._multiply(above)
@@ -279,6 +292,7 @@ class _Maker:
         return self._times(factor, self.code.put("div", top, self._multiply(below)))
 
     def _multiply(self, factors: Sequence[tuple[Operand, int]]) -> Operand:
+        """Pairs, then pairs of pairs: a tree waits for fewer multiplications than a chain."""
         values = [self._power(operand, exponent) for operand, exponent in factors]
         while len(values) > 1:
             values = [
@@ -288,6 +302,8 @@ class _Maker:
         return values[0]
 
     def _power(self, operand: Operand, exponent: int) -> Operand:
+        """By repeated squaring; powers of one operand share their squares, for equal operations are
+        one."""
         if exponent == 1:
             return operand
         half = self._power(operand, exponent // 2)

@@ -76,7 +76,9 @@ def program(
 
     `integrators` and `enforcements` are those that `simulate` of the module can use (projection,
     where there is anything to project on, and none, where `enforcements` is None); functions that
-    they need are added.
+    they need are added. Raises HamelError for a name that the model or the program does not know,
+    AssumptionError where a Jacobian is too large for the stack or a series was asked for that does
+    not exist.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
     chosen = _selection(equations, functions)
@@ -135,6 +137,7 @@ def program(
     )
     if SERIES in named and made.integrators:
         check_series(made)
+    # by name it was asked for and refused above; as a part of `auto` it is left out
     elif SERIES in made.integrators and series_refusal(made):
         return replace(made, integrators=tuple(x for x in made.integrators if x != SERIES))
     return made
@@ -170,6 +173,8 @@ class _Turning:
 
     @property
     def found(self) -> tuple[int, ...]:
+        """Entries of x that occur within sines and cosines and are seen nowhere else, sorted: whole
+        turns of these may be taken off during a simulation."""
         return tuple(sorted(self.round - self.seen))
 
 
@@ -401,6 +406,7 @@ def _variants(work: Work, loose: range, operations: int) -> Iterator[tuple[str, 
         return
     found = _candidate(lower(work, loose), work.marks)
     yield "fold", found
+    # later rounds may cost more than they save: the least decides whether to go on
     least = found.total
     for _ in range(1 if operations > LONG else ROUNDS):
         start = least
@@ -482,6 +488,7 @@ def _written(
 ) -> Kernel:
     free = Names([*Names().taken, *inputs.values(), identifier(function.result.name)])
     done = schedule(lowered, marks, f"{function.result.name}: {function.about}", inputs, free)
+    # the value stands there over `factor`, for guards are only compared, and so does its bound
     guards = [
         Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance, guard.part)
         for guard, value, factor in zip(function.guards, done.roots[size:], lowered.factors[size:])

@@ -26,7 +26,12 @@ _ONLY = frozenset({1.0})
 
 
 def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float]:
-    """For every live node the multiple of it to compute."""
+    """For every live node the multiple of it to compute.
+
+    The value that is computed is scale · node; a use of it with a factor costs a multiplication
+    unless factor / scale is ±1. `loose` numbers the roots whose constant does not matter. Where
+    there are too many nodes to search, the numbers of the derivation are taken.
+    """
     if len(nodes) > LARGE_SCALES:
         return _from_origin(work, nodes)
     wants = _wants(work, nodes, loose)
@@ -41,6 +46,8 @@ def _best_start(structure: Structure, users: dict[int, float], origin: dict[int,
     starts = Balance(structure, users), Balance(structure, origin)
     first, second = sorted(starts, key=Balance.total)
     first.settle()
+    # it can end with MOST_GAIN of what it has at best; in a large graph, where settling takes long,
+    # it has to be the better one as it stands
     gain = 1.0 if len(structure.nodes) > LONG_SCALES else MOST_GAIN
     if gain * second.total() < first.total():
         second.settle()

@@ -108,6 +108,7 @@ def _nested(
             count[operand] = count.get(operand, 0) + 1
             user[operand] = i
     for root in roots:
+        # two uses: a result is never nested, so that it can be seen under its own name
         count[root] = count.get(root, 0) + 2
     return _fitting(
         code,

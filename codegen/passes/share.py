@@ -78,6 +78,8 @@ def _extract(
     while heap:
         size, pair = heapq.heappop(heap)
         nodes = where.get(pair, set())
+        # counts change while a pair waits in the heap: an outdated one goes back with its present
+        # count
         if len(nodes) < 2 or len(nodes) != -size:
             if len(nodes) > 1:
                 heapq.heappush(heap, (-len(nodes), pair))

@@ -42,7 +42,11 @@ class Parts:
 
 
 def split(kernel: Kernel) -> Parts:
-    """The kernel in parts of at most LONGEST statements, or as it is where it is short."""
+    """The kernel in parts of at most LONGEST statements, or as it is where it is short.
+
+    A result or guard belongs to the first part after which all that it needs is known; the residual
+    of a loop to the last. The sequence of statements is that of the kernel.
+    """
     parts = [Part(sections=sections) for sections in _cut(kernel.sections)]
     home = {
         s.name: k
@@ -127,6 +131,8 @@ def _share_slots(
             size += not free
             slots[name] = heapq.heappop(free) if free else size - 1
             part.kept.append((name, slots[name]))
+        # freed after this part has got its own slots: a part may store a value before it loads
+        # another
         for name, slot in part.taken:
             if last[name] == k:
                 heapq.heappush(free, slot)

@@ -102,7 +102,11 @@ def suffixes(program: Program) -> tuple[str, ...]:
 
 
 def series(program: Program, suffix: str = "") -> Series:
-    """Recurrences of `dynamics`, and of `power` where there is one. Raises NoSeries."""
+    """Recurrences of `dynamics`, and of `power` where there is one. Raises NoSeries.
+
+    The state follows from its own derivative: (n + 1) xₙ₊₁ = ẋₙ. Where constants are precomputed,
+    the series are those of the rest, for parameters do not vary along a motion.
+    """
     known = {kernel.name: kernel for kernel in program.kernels}
     dynamics = known.get(f"dynamics{suffix}", known["dynamics"])
     hoisted = dynamics.hoisted
@@ -171,6 +175,7 @@ class _Tape:
         self._held: dict[tuple[Expression, ...], str] = {}
 
     def made(self, rates: Sequence[Expression]) -> Series:
+        """What was read as a record, sums of sums flattened; `rates` are ẋ, then the power."""
         states, inputs = (
             tuple((load.name, load.index) for load in self.loads.values() if load.argument == name)
             for name in ("x", "u")
@@ -207,6 +212,7 @@ class _Tape:
         return self.coefficients.get(value, 0.0) if isinstance(value, str) else 0.0
 
     def varies(self, value: Expression) -> bool:
+        """Parameters, numbers and what is made of them alone have no coefficients n > 0."""
         return self.coefficient(value) != 0.0
 
     # ---- values at the start
@@ -242,6 +248,7 @@ class _Tape:
         name = self.begin((operation, *operands), wanted)
         if any(map(self.varies, operands)):
             self.in_pieces = self.in_pieces or operation in PIECES
+            # a comparison or a whole number is the same all along a step, as long as no piece ends
             if operation not in FLAT:
                 self._rule(operation)(self, name, *operands)
         return name
@@ -287,15 +294,20 @@ class _Tape:
             self.steps.append(Step(name, terms, condition))
 
     def add(self, name: str, a: Expression, b: Expression) -> None:
+        """zₙ = aₙ + bₙ."""
         self.grow(name, *self.term(a), *self.term(b))
 
     def sub(self, name: str, a: Expression, b: Expression) -> None:
+        """zₙ = aₙ − bₙ."""
         self.grow(name, *self.term(a), *self.term(b, sign=-1))
 
     def neg(self, name: str, a: Expression) -> None:
+        """zₙ = −aₙ."""
         self.grow(name, *self.term(a, sign=-1))
 
     def mul(self, name: str, a: Expression, b: Expression) -> None:
+        """zₙ = S + aₙ b₀ + a₀ bₙ with S = Σ aⱼ bₙ₋ⱼ over 0 < j < n; no S where one of them does not
+        vary, and S + 2 a₀ aₙ of a square."""
         if not (self.varies(a) and self.varies(b)):
             self.grow(name, *self.term(a, b), *self.term(b, a))
             return
@@ -321,20 +333,26 @@ class _Tape:
         self.grow(name, Term(self.slot(name, name), half, -1), *self.term(a, half))
 
     def integral(self, name: str, slope: Expression, a: Expression, sign: int = 1) -> None:
-        """name' = ± slope · a'; the slope may be one that gets its own coefficients later."""
+        """z' = ± slope · a', hence zₙ = ± (Σ j aⱼ slopeₙ₋ⱼ / n + aₙ slope₀), the sum over 0 < j <
+        n. It asks for coefficients of the slope below n, so that the slope may be made of z
+        itself."""
         slot = Term(self.slot(a, slope, True), 1.0, sign)
         self.grow(name, slot, *self.term(a, slope, sign))
 
     def exp(self, name: str, a: Expression) -> None:
+        """z' = z a', the slope being the result itself."""
         self.integral(name, name, a)
 
     def expm1(self, name: str, a: Expression) -> None:
+        """z' = exp(a) a': exp(a) and not 1 + z, which cancels where a is very negative."""
         self.integral(name, self.put("exp", a), a)
 
     def log(self, name: str, a: Expression) -> None:
+        """z' = a'/a."""
         self.integral(name, self.put("div", 1.0, a), a)
 
     def log1p(self, name: str, a: Expression) -> None:
+        """z' = a'/(1 + a)."""
         self.integral(name, self.put("div", 1.0, self.put("add", 1.0, a)), a)
 
     def _pair(self, name: str, operation: str, a: Expression) -> None:
@@ -347,21 +365,27 @@ class _Tape:
         self.integral(cosine, sine, a, 1 if operation.endswith("h") else -1)
 
     def sin(self, name: str, a: Expression) -> None:
+        """z' = cos(a) a'; the cosine comes along, for each is the other's slope."""
         self._pair(name, "sin", a)
 
     def cos(self, name: str, a: Expression) -> None:
+        """z' = −sin(a) a', together with the sine."""
         self._pair(name, "cos", a)
 
     def sinh(self, name: str, a: Expression) -> None:
+        """z' = cosh(a) a', together with it."""
         self._pair(name, "sinh", a)
 
     def cosh(self, name: str, a: Expression) -> None:
+        """z' = sinh(a) a', together with it."""
         self._pair(name, "cosh", a)
 
     def tan(self, name: str, a: Expression) -> None:
+        """z' = (1 + z²) a'."""
         self._by_square(name, a, "add")
 
     def tanh(self, name: str, a: Expression) -> None:
+        """z' = (1 − z²) a'."""
         self._by_square(name, a, "sub")
 
     def _by_square(self, name: str, a: Expression, sign: str) -> None:
@@ -379,24 +403,31 @@ class _Tape:
         return self.put("mul", a, a)
 
     def asin(self, name: str, a: Expression) -> None:
+        """z' = a'/√(1 − a²)."""
         self._over_root(name, a, self.put("sub", 1.0, self._square(a)))
 
     def acos(self, name: str, a: Expression) -> None:
+        """z' = −a'/√(1 − a²)."""
         self._over_root(name, a, self.put("sub", 1.0, self._square(a)), -1.0)
 
     def asinh(self, name: str, a: Expression) -> None:
+        """z' = a'/√(1 + a²)."""
         self._over_root(name, a, self.put("add", 1.0, self._square(a)))
 
     def acosh(self, name: str, a: Expression) -> None:
+        """z' = a'/√(a² − 1)."""
         self._over_root(name, a, self.put("sub", self._square(a), 1.0))
 
     def atan(self, name: str, a: Expression) -> None:
+        """z' = a'/(1 + a²)."""
         self.integral(name, self.put("div", 1.0, self.put("add", 1.0, self._square(a))), a)
 
     def atanh(self, name: str, a: Expression) -> None:
+        """z' = a'/(1 − a²)."""
         self.integral(name, self.put("div", 1.0, self.put("sub", 1.0, self._square(a))), a)
 
     def erf(self, name: str, a: Expression) -> None:
+        """z' = 2/√π exp(−a²) a'."""
         bell = self.put("exp", self.put("neg", self._square(a)))
         self.integral(name, self.put("mul", 2.0 / math.sqrt(math.pi), bell), a)
 
@@ -414,13 +445,18 @@ class _Tape:
         self.sub(name, parts[0], parts[1])
 
     def hypot(self, name: str, a: Expression, b: Expression) -> None:
+        """z² = a² + b², by the recurrence of the square root."""
         self.sqrt(name, self.put("add", self._square(a), self._square(b)))
 
     def pow(self, name: str, a: Expression, b: Expression) -> None:
+        """Products of a small whole power; z' = (b z/a) a' of a constant exponent; else z' = z (b
+        log a)'."""
         if isinstance(b, float) and b.is_integer() and 0 < abs(b) <= _MOST_MULTIPLIED:
             whole = self._whole_power(a, round(abs(b)))
             self.grow(name, *self.term(whole if b > 0 else self.put("div", 1.0, whole)))
         elif not self.varies(b):
+            # values first: the coefficients of the slope follow those of the power, which it is
+            # made of
             over = self.begin(("div", name, a))
             slope = self.begin(("mul", b, over))
             self.integral(name, slope, a)
@@ -440,19 +476,24 @@ class _Tape:
     # ---- in pieces: as it is at the start of the step
 
     def fabs(self, name: str, a: Expression) -> None:
+        """zₙ = ± aₙ with the sign that a has at the start of the step."""
         self.grow(name, *self.term(a, self.begin(("copysign", 1.0, a))))
 
     def copysign(self, name: str, a: Expression, b: Expression) -> None:
+        """zₙ = ± aₙ: + where a and b have the same sign at the start of the step."""
         sign = self.begin(("mul", ("copysign", 1.0, a), ("copysign", 1.0, b)))
         self.grow(name, *self.term(a, sign))
 
     def where(self, name: str, condition: Expression, a: Expression) -> None:
+        """zₙ = aₙ where the condition holds at the start of the step, else 0."""
         self.grow(name, *self.term(a), condition=condition)
 
     def fmin(self, name: str, a: Expression, b: Expression) -> None:
+        """The coefficients of the one that is less at the start of the step."""
         self._either(name, ("le", a, b), a, b)
 
     def fmax(self, name: str, a: Expression, b: Expression) -> None:
+        """The coefficients of the one that is greater at the start of the step."""
         self._either(name, ("le", b, a), a, b)
 
     def _either(self, name: str, holds: Expression, a: Expression, b: Expression) -> None:
@@ -462,6 +503,7 @@ class _Tape:
         self.grow(name, *self.term(one), *self.term(other))
 
     def fmod(self, name: str, a: Expression, b: Expression) -> None:
+        """zₙ = aₙ − k bₙ with k = (a₀ − z₀)/b₀, the whole number taken off at the start."""
         whole = self.begin(("div", ("sub", a, name), b))
         self.grow(name, *self.term(a), *self.term(b, whole, -1))
 
@@ -492,6 +534,8 @@ class _Flattening:
         self.users = Counter(term.of for step in tape.steps for term in step.terms)
 
     def steps(self) -> tuple[Step, ...]:
+        """The steps in order, each with what its terms consist of in place of them; those that no
+        slot, no rate and no other step asks for are left out."""
         for step in self.tape.steps:
             terms = [inner for term in step.terms for inner in self._terms(term)]
             self.flat[step.name] = Step(step.name, tuple(self._merged(terms)), step.condition)

@@ -44,7 +44,11 @@ class Watched:
 
 
 def watch(lowered: Lowered, size: int, arguments: dict[str, int]) -> Watched:
-    """For the first `size` roots as results; `arguments` are the slots in use and their lengths."""
+    """For the first `size` roots as results; `arguments` are the slots in use and their lengths.
+
+    An entry is left out where both NaN and infinity in it certainly reach a computed result; that
+    result is looked at instead.
+    """
     code = lowered.code
     outputs = [(i, root) for i, root in enumerate(lowered.roots[:size]) if isinstance(root, int)]
     computed = [(i, root) for i, root in outputs if code.operations[root].name != "input"]
@@ -83,6 +87,8 @@ def _through(name: str, place: int, level: int) -> int:
     """What of an operand shows where `level` of the operation's result does."""
     if name in _KEEPS or (name == "div" and place == 0):
         return level
+    # whatever is not finite leaves these as NaN, and NaN is not lost again before the result
     if name in _SPOILS:
         return BOTH
+    # 1/∞ is 0 and exp(−∞) too: of such an operand only NaN is sure to show
     return NAN if name in _DULLS or name == "div" else LOST

@@ -19,7 +19,8 @@ import numpy as np
 
 from derive.choices.limits import ROUNDOFF, STEP
 from derive.choices.named import carried_through, declared
-from derive.choices.resolution import Ranking, Resolved, Survey, ranked_partitions, score, survey_of
+from derive.choices.resolution import Ranking, Resolved, ranked_partitions, score
+from derive.choices.survey import Survey, survey_of
 from derive.diagnostics import HamelError
 from derive.mechanics.records import System
 from derive.model.records import CHOICE_KINDS

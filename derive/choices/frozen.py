@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.limits import RANK
-from derive.choices.resolution import Resolved, Survey, carried_out
+from derive.choices.resolution import Resolved, carried_out
+from derive.choices.survey import Survey
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import RowForm
 from derive.model.records import Choice

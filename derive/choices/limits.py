@@ -37,3 +37,6 @@ MOST_WAYS = 16  # combinations of the ways to write constraint rows that are tri
 FINALISTS = 5  # the best by pivots and condition, for which the equations are formed and counted
 RANK = 1e-9  # singular values of rows of length one below this are zero
 LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
+# of large systems fewer states are looked at: about so many velocities, at least so many states
+ENTRIES = 2_000
+FEWEST = 10

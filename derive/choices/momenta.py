@@ -14,7 +14,8 @@ import casadi as ca
 
 from derive.choices.explicit import Explicit
 from derive.choices.reduction import Reduction, symbols_for
-from derive.choices.resolution import Resolved, Survey, judged, resolved
+from derive.choices.resolution import Resolved, judged, resolved
+from derive.choices.survey import Survey
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
 from derive.expressions.scalars import Vector

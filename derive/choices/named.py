@@ -12,7 +12,8 @@ from collections.abc import Callable
 
 from derive.choices.frozen import frozen
 from derive.choices.momenta import mass_orthogonal
-from derive.choices.resolution import Resolved, Survey, resolved, speed_name
+from derive.choices.resolution import Resolved, resolved
+from derive.choices.survey import Survey, speed_name
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.expressions.tree import Name, Rate
 from derive.mechanics.records import System

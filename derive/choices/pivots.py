@@ -12,7 +12,7 @@ import numpy as np
 from derive.choices.limits import SINGULAR, SQUARED
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.limits import COFACTORS
 from derive.mechanics.solve import Block, lu_solution, pivot_order, scalars

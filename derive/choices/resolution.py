@@ -8,11 +8,9 @@ operations of ẋ.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations
-from itertools import product as cartesian
 from math import comb
 
 import casadi as ca
@@ -22,40 +20,19 @@ from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.explicit import Explicit, explicit
 from derive.choices.limits import (
     FINALISTS,
-    LEFT_OVER,
     MOST_SUBSETS,
-    MOST_WAYS,
-    RANK,
     REGULAR,
-    RESOLUTION_MANY,
-    SAMPLES,
 )
 from derive.choices.orthonormal import orthonormal
 from derive.choices.reduction import Reduction, by_elimination, unreduced
-from derive.choices.redundancy import (
-    Group,
-    Independent,
-    combined,
-    groups,
-    keeps,
-    selected,
-    sentences,
-)
-from derive.diagnostics import NAMES, AssumptionError, Diagnostic, ModelError, listed
+from derive.choices.survey import Survey, even_rows, row_lengths, speed_name
+from derive.diagnostics import NAMES, AssumptionError, listed
 from derive.expressions.counting import alternatives
 from derive.joints.rotations import is_one
 from derive.mechanics.records import RowForm, System
 from derive.mechanics.rows import velocity_row
-from derive.model.records import Choice, Holonomic, Velocity
-from derive.states.closing import Kinematics
-from derive.states.initial import initial_state
-from derive.states.sampling import States, states
-
-ENTRIES, FEWEST = (
-    2_000,
-    10,
-)  # of large systems fewer states are looked at: about so many velocities, at least so many states
-
+from derive.model.records import Choice
+from derive.states.sampling import States
 
 Score = tuple[tuple[int, bool], int, int, int]
 
@@ -86,219 +63,6 @@ class Resolved:
     reduction: Reduction
     explicit: Explicit
     reason: str
-
-
-@dataclass(frozen=True)
-class Survey:
-    """The system with what every choice needs to know of it: sampled states and the rank of A.
-
-    With `moving` frames of directions are data of the module that is to be generated.
-    """
-
-    system: System
-    moving: bool = False
-
-    @cached_property
-    def solver(self) -> Kinematics:
-        """φ, A, c and N of the system in numbers, set up once for all candidates."""
-        return Kinematics(self.system)
-
-    @cached_property
-    def sampled(self) -> States:
-        """Admissible states at which every candidate is judged. Fewer on large systems: the number
-        of entries that are evaluated stays bounded, but never fewer than FEWEST states."""
-        nv = max(1, self.system.v.numel())
-        return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
-
-    @cached_property
-    def many(self) -> States:
-        """More states than are worked with: enough to see where pivots come near zero."""
-        return states(
-            self.system, RESOLUTION_MANY * len(self.sampled.t), seed=1, solver=self.solver
-        )
-
-    def sampled_for(self, B: ca.SX) -> States:
-        """The sampled states, and the initial one where [A; B] is regular there.
-
-        It is no random state: a pivot that is zero just there must not be taken where another is
-        not.
-        """
-        start = self.initial
-        if start is None or not len(self.sampled.t):
-            return self.sampled
-        A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
-        Y = np.concatenate(
-            [_scaled(A), _scaled(self.solver.values(B, start.t, start.q, start.p))], axis=1
-        )[0]
-        if np.linalg.svd(Y, compute_uv=False)[-1] < REGULAR:
-            return self.sampled
-        pairs = (
-            (getattr(self.sampled, name), getattr(start, name))
-            for name in ("t", "q", "v", "u", "p")
-        )
-        return States(*(np.concatenate(pair) for pair in pairs))
-
-    @cached_property
-    def initial(self) -> States | None:
-        """The consistent initial state of the model, where there is one."""
-        try:
-            start = initial_state(self.system)
-        except ModelError:
-            return None
-        u, p = np.zeros((1, self.system.u.numel())), np.array([self.system.parameters], dtype=float)
-        return States(np.zeros(1), start.q[None, :], start.v[None, :], u, p.reshape(1, -1))
-
-    @cached_property
-    def plain_rows(self) -> np.ndarray:
-        """A at the sampled states, k × nc × nv."""
-        s = self.sampled
-        return self.solver.rows(s.t, s.q, s.p)[0]
-
-    @cached_property
-    def rows(self) -> np.ndarray:
-        """The same, each row divided by its largest length over them."""
-        return _scaled(self.plain_rows)
-
-    @cached_property
-    def sizes(self) -> list[float]:
-        """The largest length of each row of A over the sampled states."""
-        return _lengths(self.plain_rows)
-
-    @property
-    def rank(self) -> int:
-        """The rank of A at the sampled states."""
-        return len(self.kept)
-
-    @cached_property
-    def kept(self) -> tuple[int, ...]:
-        """Independent constraint rows, first come first kept."""
-        return self.independent(range(len(self.system.rows)))
-
-    @cached_property
-    def closing(self) -> tuple[int, ...]:
-        """Independent rows among the holonomic ones alone: φ = 0 needs them even where a
-        nonholonomic row repeats their rate."""
-        return self.independent([i for i, row in enumerate(self.system.rows) if row.position >= 0])
-
-    def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
-        """Of the given rows those that add rank, judged at most of the sampled states, by
-        Gram–Schmidt in the order given: a row that depends on earlier ones at a singular position
-        alone is kept."""
-        rest = self.rows.copy()
-        kept: list[int] = []
-        for i in rows:
-            lengths = np.linalg.norm(rest[:, i], axis=1)
-            if np.sum(lengths > RANK) <= len(rest) / 2:
-                continue
-            kept.append(i)
-            unit = rest[:, i] / np.where(lengths > RANK, lengths, 1.0)[:, None]
-            for _ in range(2):  # once more, for what roundoff left along it
-                rest = rest - (rest @ unit[:, :, None]) * unit[:, None, :]
-        return tuple(kept)
-
-    @cached_property
-    def groups(self) -> tuple[Group, ...]:
-        """Rows that depend on each other at the sampled states."""
-        return groups(self.rows, self.kept)
-
-    @cached_property
-    def repetitions(self) -> tuple[str, ...]:
-        """One sentence for every closure or constraint with rows that repeat others."""
-        return sentences(self.system, self.groups)
-
-    @cached_property
-    def independent_rows(self) -> Independent:
-        """What stands for all rows, by the policy of the model: the kept ones, or all with those of
-        a group combined."""
-        if self.combines:
-            return combined(self.system, self.kept, self.groups)
-        return selected(self.system, self.kept)
-
-    @cached_property
-    def forms(self) -> list[list[RowForm]]:
-        """The rows to eliminate, in every way of writing them."""
-        if not self.combines:
-            return [
-                [row for block, way in zip(self.system.blocks, ways) for row in block[way]]
-                for ways in _ways(self.system)
-            ]
-        rows = [row for block in self.system.blocks for row in block[0]]
-        combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
-        return [
-            [row for i, row in enumerate(rows) if i not in self.grouped]
-            + [self.independent_rows.form(k) for k in combined]
-        ]
-
-    @cached_property
-    def form_sizes(self) -> list[float]:
-        """Their magnitudes over the sampled states."""
-        if not self.combines:
-            return self.sizes
-        combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
-        s, A = self.sampled, self.independent_rows.A
-        found = _lengths(self.solver.values(A[combined, :], s.t, s.q, s.p)) if combined else []
-        return [size for i, size in enumerate(self.sizes) if i not in self.grouped] + found
-
-    @cached_property
-    def combines(self) -> bool:
-        """Whether some rows repeat others and all are to be kept."""
-        return keeps(self.system) and any(group.kept for group in self.groups)
-
-    @cached_property
-    def grouped(self) -> set[int]:
-        """The rows that depend on others."""
-        return {i for group in self.groups for i in (*group.kept, *group.others)}
-
-    @cached_property
-    def followers(self) -> frozenset[str]:
-        """Names of the speeds that a coupling gives by another coordinate, as a mimic joint."""
-        model = self.system.model
-        named = {c.follower for c in model.constraints if isinstance(c, Holonomic) and c.follower}
-        return self._speeds(lambda velocity: velocity.rate_of in named)
-
-    @cached_property
-    def driven(self) -> frozenset[str]:
-        """Names of the speeds that an input acts on."""
-        named = {given.velocity for given in self.system.model.inputs}
-        return self._speeds(lambda velocity: velocity.name in named)
-
-    def _speeds(self, wanted: Callable[[Velocity], bool]) -> frozenset[str]:
-        velocities = enumerate(self.system.model.velocities)
-        return frozenset(speed_name(self.system, j) for j, v in velocities if wanted(v))
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom: nv less the rank of A, which is how many quasi-velocities a choice
-        must name."""
-        return self.system.v.numel() - self.rank
-
-
-def _scaled(matrices: np.ndarray) -> np.ndarray:
-    return matrices / np.array(_lengths(matrices))[:, None]
-
-
-def _lengths(matrices: np.ndarray) -> list[float]:
-    """The largest length of each row over the matrices; 1 for a row of zeros, or of what rounding
-    has left of them."""
-    lengths = np.max(np.linalg.norm(matrices, axis=2), axis=0)
-    least = LEFT_OVER * float(np.max(lengths, initial=0.0))
-    return [float(x) if x > least else 1.0 for x in lengths]
-
-
-def survey_of(system: System, moving: bool = False) -> Survey:
-    """The survey of a system. Raises AssumptionError where no consistent state can be found to look
-    at: ranks and pivots are judged at admissible states alone, as off φ = 0 rows that repeat others
-    look independent."""
-    found = Survey(system, moving)
-    if not len(found.sampled.t):
-        message = "no configuration near the initial values satisfies the constraints"
-        if not system.rows:
-            message = (
-                "at no configuration near the initial values are masses and rates of the "
-                "coordinates finite"
-            )
-        raise AssumptionError(Diagnostic(file=system.model.file, message=message))
-    return found
 
 
 def resolved(survey: Survey, choice: Choice) -> Resolved:
@@ -363,7 +127,10 @@ def _culprits(survey: Survey, rows: Sequence[RowForm]) -> str:
     """The constraints that take part in the dependency: the left null vector of [A; B] at a sampled
     state."""
     Y = np.vstack(
-        [survey.rows[0], _scaled(_numeric_rows(survey, _matrix(rows, survey.system.v.numel())))[0]]
+        [
+            survey.rows[0],
+            even_rows(_numeric_rows(survey, _matrix(rows, survey.system.v.numel())))[0],
+        ]
     )
     weights = np.abs(np.linalg.svd(Y)[0][:, -1])
     names = [row.name for row in survey.system.rows] + [row.name for row in rows]
@@ -415,7 +182,7 @@ def carried_out(
         return Resolved(ranking, reduction, equations, reason)
     B = _matrix(rows, survey.system.v.numel())
     sizes, sampled = (
-        [*survey.form_sizes, *_lengths(_numeric_rows(survey, B))],
+        [*survey.form_sizes, *row_lengths(_numeric_rows(survey, B))],
         survey.sampled_for(B),
     )
     found = _in_every_way(survey, names, rows, sampled, sizes)
@@ -432,7 +199,7 @@ def carried_out(
 def _in_every_way(
     survey: Survey,
     names: tuple[str, ...],
-    rows: tuple[RowForm, ...],
+    rows: Sequence[RowForm],
     sampled: States,
     sizes: Sequence[float],
 ) -> list[Reduction]:
@@ -458,15 +225,6 @@ def _are_the_base(rows: Sequence[RowForm]) -> bool:
     return len(singles) == len(rows) and all(
         j == k and is_one(x) for k, (j, x) in enumerate(singles)
     )
-
-
-def _ways(system: System) -> list[tuple[int, ...]]:
-    """Index of the way of writing per block: all combinations while they are few, else the same way
-    for all blocks."""
-    counts = [len(block) for block in system.blocks]
-    if np.prod(counts, dtype=float) <= MOST_WAYS:
-        return list(cartesian(*[range(n) for n in counts]))
-    return [tuple(min(k, n - 1) for n in counts) for k in range(max(counts))]
 
 
 def judged(
@@ -502,7 +260,7 @@ def judged(
 def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
     """Median and largest condition number of [A; B], rows scaled to length one."""
     nv = survey.system.v.numel()
-    values = np.linalg.svd(np.concatenate([survey.rows, _scaled(B)], axis=1), compute_uv=False)
+    values = np.linalg.svd(np.concatenate([survey.rows, even_rows(B)], axis=1), compute_uv=False)
     if not values.size or values.shape[1] < nv:
         return (1.0, 1.0) if not nv else (np.inf, np.inf)
     found = values[:, 0] / np.maximum(values[:, nv - 1], 1e-300)
@@ -640,13 +398,6 @@ def _deflated(A: np.ndarray, j: int) -> np.ndarray:
     length = np.linalg.norm(A[:, :, j], axis=1)
     unit = A[:, :, j] / np.where(length > 0, length, 1.0)[:, None]
     return A - unit[:, :, None] * (unit[:, None, :] @ A)
-
-
-def speed_name(system: System, j: int) -> str:
-    """How a generalized velocity is called as a quasi-velocity: `x_dot` where it is the rate of x,
-    else its own name with dots as underscores, as names in generated code cannot hold dots."""
-    velocity = system.model.velocities[j]
-    return f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
 
 
 def _in_words(best: Ranking, others: Sequence[Ranking]) -> str:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from derive.choices.resolution import survey_of
+from derive.choices.survey import survey_of
 from derive.enforcement.records import Enforcement, Options
 from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations, Function, Request, Result

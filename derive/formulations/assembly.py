@@ -11,7 +11,7 @@ from derive.choices.explicit import Explicit
 from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.functions import Motion, arguments, functions
 from derive.formulations.records import Equations

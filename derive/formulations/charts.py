@@ -16,7 +16,8 @@ import numpy as np
 
 from derive.choices.named import carried_through
 from derive.choices.records import Guard
-from derive.choices.resolution import Resolved, Survey, ranked_partitions
+from derive.choices.resolution import Resolved, ranked_partitions
+from derive.choices.survey import Survey
 from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations.frames import in_numbers
 from derive.formulations.functions import with_frame

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from derive.choices.named import declared
-from derive.choices.resolution import Ranking, Survey, ranked_partitions, survey_of
+from derive.choices.resolution import Ranking, ranked_partitions
+from derive.choices.survey import Survey, survey_of
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.charts import BETWEEN, charted, covered
 from derive.formulations.configuration import configuration, is_plain

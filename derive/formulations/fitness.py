@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from derive.choices.pivots import sampled
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.diagnostics import listed
 from derive.formulations.limits import NULL, TAKES_PART
 from derive.joints.rotations import is_zero

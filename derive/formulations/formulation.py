@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.formulations.records import Equations
 from derive.model.records import Choice
 

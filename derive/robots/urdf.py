@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, field
 
 from derive.diagnostics import listed
+from derive.robots.couplings import check_coupled_masses
 from derive.robots.markup import Element
 from derive.robots.numbers import listing, scalar, vector, written
 from derive.robots.robot import (
@@ -88,7 +89,7 @@ def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robo
         )
     _mimics(reading, tree, result)
     reading.finish()
-    _check_massless(reading, result, {entry.place for entry in result.constraints})
+    check_coupled_masses(reading, result, {entry.place for entry in result.constraints})
     _inputs(reading, tree, result)
     reading.finish()
     _notes(reading, root, result)
@@ -439,50 +440,6 @@ def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str)
     ):  # nothing to follow: it stays at the offset
         text = f"{{holonomic: {joint.name} - ({written(offset)})}}"
     result.constraints.append(Entry(reading.symbols(f"mimic_{joint.name}", "mimic"), text, mimic))
-
-
-def _check_massless(reading: Reading, result: Robot, mimics: set[Element]) -> None:
-    """Joints that mimic each other move together; report those of which none carries any mass.
-
-    A single joint without mass behind it is for the model language to report; a coupled one passes
-    there.
-    """
-    heavy = _carrying_mass(result)
-    coupled = [joint for joint in result.joints if joint.place.first("mimic") in mimics]
-    leaders = {joint.name: joint for joint in result.joints if joint.type in ONE_RATE}
-    by_file = {joint.place.get("name"): joint for joint in leaders.values()}
-    groups: dict[str, list[Joint]] = {}
-    for joint in coupled:
-        leader = joint
-        while (
-            (mimic := leader.place.first("mimic")) is not None
-            and mimic in mimics
-            and mimic.get("joint") in by_file
-        ):
-            leader = by_file[mimic.get("joint")]
-        groups.setdefault(leader.name, [leaders[leader.name]]).append(joint)
-    for group in groups.values():
-        if not any(joint.child in heavy for joint in group):
-            names = ", ".join(quoted(joint.place.get("name")) for joint in group[:3])
-            problem = (
-                f"the joints {names}{' …' if len(group) > 3 else ''} move together and "
-                "carry nothing that has mass"
-            )
-            reading.report(
-                group[0].place, problem, "links with mass, or fixed joints", attribute="name"
-            )
-
-
-def _carrying_mass(result: Robot) -> set[str]:
-    """Bodies that have mass or carry one that has."""
-    above = {joint.child: joint.parent for joint in result.joints}
-    found: set[str] = set()
-    for body in result.bodies:
-        name = body.name if body.mass or any(body.inertia) else GROUND
-        while name != GROUND and name not in found:
-            found.add(name)
-            name = above[name]
-    return found
 
 
 def _inputs(reading: Reading, tree: Tree, result: Robot) -> None:

@@ -35,11 +35,14 @@ class Event:
     stop: bool = False
 
 
+Own = tuple[tuple[str, int, bool], ...]  # of the model: names, directions, stops
+
+
 class Watch:
     """What is looked for: functions of the model (names, directions, stops), then those of a
     caller, and where what happens is written, for `rows` motions."""
 
-    def __init__(self, own: tuple, given: Mapping[str, Any] | None, width: int, real: Any) -> None:
+    def __init__(self, own: Own, given: Mapping[str, Any] | None, width: int, real: Any) -> None:
         events = {n: e if isinstance(e, Event) else Event(e) for n, e in (given or {}).items()}
         self.names = (*(name for name, *_ in own), *events)
         self.functions = tuple(event.function for event in events.values())
@@ -58,7 +61,7 @@ class Watch:
         return Buffers(self, count)
 
 
-def _check(names: tuple[str, ...], events: Mapping[str, Event], own: tuple) -> None:
+def _check(names: tuple[str, ...], events: Mapping[str, Event], own: Own) -> None:
     for name, event in events.items():
         if not callable(event.function):
             raise ValueError(f"simulate() needs a function f(t, x) for the event {name!r}")
@@ -166,7 +169,9 @@ def changes_inside(step: Inside, sign: np.ndarray, end: np.ndarray) -> Any:
         sign[:] = signs(g[j], sign)
 
 
-def _changes(step: Inside, j: int, k: int, before: int, g: np.ndarray) -> list:
+def _changes(
+    step: Inside, j: int, k: int, before: int, g: np.ndarray
+) -> list[tuple[float, int, int]]:
     a, b, ga, gb = (j - 1) / EIGHTHS, j / EIGHTHS, g[j - 1, k], g[j, k]
     after = int(np.sign(gb)) or before
     if not before:
@@ -186,10 +191,10 @@ def _changes(step: Inside, j: int, k: int, before: int, g: np.ndarray) -> list:
     return [(left, k, -before), (right, k, before)]
 
 
-def _suspects(three: np.ndarray, early: bool) -> bool:
+def _suspects(values: np.ndarray, early: bool) -> bool:
     """Whether the smallest value of a parabola through three is near zero or beyond, between the
     first two (`early`) or the last two."""
-    first, middle, last = three
+    first, middle, last = values
     bend, tilt = first - 2 * middle + last, 0.5 * (last - first)
     if not bend > 0:
         return False

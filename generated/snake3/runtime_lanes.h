@@ -140,7 +140,7 @@ typedef uint64_t Bits __attribute__((vector_size(8 * LANES), may_alias)); /* all
 
 /* The state of LANES motions. */
 typedef struct {
-    double y[N * LANES], own[N * LANES], z[N * LANES], next[N * LANES], k[EXPLICIT_STAGES + 1][N * LANES], e[N * LANES], other[N * LANES];
+    double y[N * LANES], own[N * LANES], z[N * LANES], next[N * LANES], k[EXPLICIT_STAGES + 1 + DENSE_STAGES][N * LANES], e[N * LANES], other[N * LANES];
     double u[(INPUTS + 1) * LANES], p[(PARAMETERS + 1) * LANES], c[(CONSTANTS + 1) * LANES];
     double t[LANES], h[LANES], end[LANES], at[LANES], error[LANES], last[LANES], stray[LANES], residual[LANES], before[LANES];
     double position_violation[LANES], velocity_violation[LANES];
@@ -149,6 +149,9 @@ typedef struct {
     double guard[(GUARDS + 1) * LANES], guard_size[(GUARDS + 1) * LANES], guard_rate[(GUARDS + 1) * LANES], seen[(GUARDS + 1) * LANES];
     double violation[(CONSTRAINT_ROWS + 1) * LANES];
     double constants[LANES][CONSTANTS + 1]; /* the same for the loop of one motion */
+    double a[DENSE_DEGREE + 1][N * LANES]; /* the continuous output, as powers of 2 theta - 1 */
+    double values[EIGHTHS + 1][EVENTS_MOST * LANES], signs[EVENTS_MOST * LANES]; /* of events */
+    Dense dense; /* of the lane that is done alone */
     uint64_t good[LANES], moved[LANES], active[LANES];
 #if HAS_INPUTS
     double knot[LANES], table[4 * INPUTS * LANES]; /* where the segment of each lane begins, and its polynomials */
@@ -342,6 +345,7 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
             finish(all, row, m, told(&m->run, status));
             continue;
         }
+        m->run.dense = all->events ? &w->dense : NULL;
         w->busy[lane] = 1;
         w->row[lane] = row;
         for (i = 0; i < INPUTS; i++)
@@ -520,6 +524,106 @@ static inline void lanes_looked(Lanes *w)
     (void)w;
 }
 
+/* The continuous output in all lanes, as runtime_dense.h makes it of one. */
+static inline void lanes_dense(const Tableau *m, Lanes *w)
+{
+    const int first = m->stages + m->errors;
+    int i, n;
+    memcpy(w->k[0], w->own, sizeof w->own);
+    for (n = 0; n < m->extra; n++) {
+        combine(m, first + n, w, w->y, w->e);
+        store(w->at, vector(w->t) + m->c[m->stages + n] * vector(w->h));
+        slopes(w, w->at, w->e, 0, w->k[m->stages + 1 + n]);
+    }
+    for (n = 0; n <= m->degree && m->degree; n++)
+        combine(m, first + m->extra + n, w, n ? NULL : w->y, w->a[n]);
+    for (i = 0; i < NX; i++) {
+        const Vector h = vector(w->h), y = vector(w->y + i * LANES), z = vector(w->z + i * LANES);
+        const Vector own = vector(w->own + i * LANES), next = vector(w->next + i * LANES), rise = 0.5 * (z - y);
+        Vector off = z;
+        if (!m->degree) {
+            store(w->a[2] + i * LANES, 0.125 * h * (next - own));
+            store(w->a[3] + i * LANES, 0.125 * h * (next + own) - 0.5 * rise);
+            store(w->a[0] + i * LANES, 0.5 * (y + z) - vector(w->a[2] + i * LANES));
+            store(w->a[1] + i * LANES, rise - vector(w->a[3] + i * LANES));
+        }
+        for (n = 0; n <= (m->degree ? m->degree : 3); n++)
+            off -= vector(w->a[n] + i * LANES);
+        store(w->a[0] + i * LANES, vector(w->a[0] + i * LANES) + 0.5 * off);
+        store(w->a[1] + i * LANES, vector(w->a[1] + i * LANES) + 0.75 * off);
+        store(w->a[3] + i * LANES, vector(w->a[3] + i * LANES) - 0.25 * off);
+    }
+}
+
+/* All functions of events at place j of the step; lanes without a value become bad. */
+static inline void lanes_values(const Motions *all, const Tableau *m, Lanes *w, int j)
+{
+    const double sigma = 2.0 * eighth(j) - 1.0;
+    const int degree = m->degree ? m->degree : 3, own = EVENTS;
+    double *const z = j < EIGHTHS ? w->e : w->z;
+    int i, k, lane;
+    for (i = 0; i < NX && j < EIGHTHS; i++) {
+        Vector sum = vector(w->a[degree] + i * LANES);
+        for (k = degree - 1; k >= 0; k--)
+            sum = sum * sigma + vector(w->a[k] + i * LANES);
+        store(w->e + i * LANES, sum);
+    }
+    store(w->at, vector(w->t) + eighth(j) * vector(w->h));
+#if HAS_INPUTS
+    if (w->tables)
+        feed_lanes(w, w->at, z);
+#endif
+#if EVENTS && HAS_LANES_EVENTS
+    LANES_events(w->at, z, w->u, w->p, w->values[j], w->stray);
+    store(w->bad, vector(w->bad) + vector(w->stray));
+#endif
+    for (lane = 0; lane < LANES && all->events->count; lane++) {
+        Run *const r = &w->motion[lane].run;
+        double y[NX], x[NX], g[EVENTS_MOST];
+        if (!w->busy[lane])
+            continue;
+        for (i = 0; i < NX; i++)
+            y[i] = z[i * LANES + lane];
+        if (as_row(r, w->at[lane], y, x) != OK || r->s->events->call(w->at[lane], x, g, r->s->events->data))
+            w->bad[lane] = 1.0;
+        for (k = 0; k < all->events->count; k++)
+            w->values[j][(own + k) * LANES + lane] = g[k];
+    }
+}
+
+/* Lanes where something may happen in the step become bad: the loop of one motion looks closer. What is asked is what it asks. */
+static inline void lanes_watched(const Motions *all, const Tableau *m, Lanes *w)
+{
+    const int count = EVENTS + all->events->count;
+    const Vector one = (Vector){0.0} + 1.0;
+    Vector bad;
+    int j, k, lane;
+    lanes_dense(m, w);
+    for (j = 0; j <= EIGHTHS; j++)
+        lanes_values(all, m, w, j);
+    for (lane = 0; lane < LANES; lane++)
+        for (k = 0; k < count; k++)
+            w->signs[k * LANES + lane] = w->busy[lane] ? (double)w->motion[lane].s.events->sign[k] : 1.0;
+    bad = vector(w->bad);
+    for (k = 0; k < count; k++) {
+        const Vector sign = vector(w->signs + k * LANES);
+        Bits seen = (Bits)(one < 0.0);
+        for (j = 0; j <= EIGHTHS; j++)
+            seen |= ~(Bits)(sign * vector(w->values[j] + k * LANES) > 0.0);
+        for (j = 1; j < EIGHTHS; j++) {
+            const Vector before = sign * vector(w->values[j - 1] + k * LANES), here = sign * vector(w->values[j] + k * LANES);
+            const Vector after = sign * vector(w->values[j + 1] + k * LANES), bend = before - 2.0 * here + after, tilt = 0.5 * (after - before);
+            /* the parabola's smallest size, times its bend, which is positive */
+            seen |= (Bits)(bend > 0.0) & (Bits)(size_of(tilt) <= bend) &
+                (Bits)(here * bend - 0.5 * tilt * tilt < 0.2 * bend * larger(before, larger(here, after)));
+        }
+        bad += either(seen, one, one - one);
+    }
+    store(w->bad, bad);
+    for (lane = 0; lane < LANES; lane++)
+        w->motion[lane].s.calls += w->good[lane] && w->bad[lane] == 0.0 ? m->extra : 0;
+}
+
 /* Good lanes take their step. */
 static inline void lanes_accept(Lanes *w)
 {
@@ -618,7 +722,9 @@ static int lanes_sizes(const Motions *all, const Method *method, Lanes *w, size_
             int status = OK;
             left[lane] = time - s->t;
             h = next_size(s, left[lane]);
-            if (s->steps + s->rejected >= all->budget)
+            if (s->events && !has_room(s->events))
+                status = FULL;
+            else if (s->steps + s->rejected >= all->budget)
                 status = MORE;
             else if (h < left[lane] && h < fmax(16.0 * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(m->times[all->n - 1])))
                 status = m->failed ? m->failed : STEP_TOO_SMALL;
@@ -629,7 +735,7 @@ static int lanes_sizes(const Motions *all, const Method *method, Lanes *w, size_
                 break;
             }
             leave_lane(w, lane);
-            finish(all, w->row[lane], m, status == MORE ? MORE : told(&m->run, status));
+            finish(all, w->row[lane], m, status == MORE || status == FULL ? status : told(&m->run, status));
             refill(all, method, w, lane, queue);
         }
     return count;
@@ -691,6 +797,9 @@ static void side_by_side(const Motions *all, const Method *method, Lanes *w)
 #endif
         lanes_looked(w);
         *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
+        if (all->events)
+            lanes_watched(all, tableau, w);
+        *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
         lanes_accept(w);
         for (lane = 0; lane < LANES; lane++) {
             Motion *const m = w->motion + lane;
@@ -723,7 +832,7 @@ static void run_all(const Motions *all, const Method *method, void *workspace)
 {
 #if HAS_LANES && EXPLICIT_STAGES
     const int plain = all->enforcement == PROJECTION || all->enforcement == NONE;
-    if (plain && method->step == explicit_step && !all->events) {
+    if (plain && method->step == explicit_step && (!all->events || !EVENTS || HAS_LANES_EVENTS)) {
         const uintptr_t place = ((uintptr_t)workspace + 63) / 64 * 64;
         side_by_side(all, method, (Lanes *)place);
         return;

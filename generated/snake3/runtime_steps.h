@@ -44,8 +44,7 @@ static inline void combination(const Tableau *m, int n, double k[][N], double *s
 static int explicit_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
 {
     const Tableau *const m = (const Tableau *)coefficients;
-    double kept[EXPLICIT_STAGES + 1][N], sum[N], other;
-    double(*const k)[N] = r->dense ? r->dense->stages : kept;
+    double k[EXPLICIT_STAGES + 1][N], sum[N], other;
     int i, n, status;
     for (i = 0; i < N; i++)
         k[0][i] = own[i];
@@ -62,6 +61,8 @@ static int explicit_step(Run *r, const void *coefficients, double t, double h, c
     }
     for (i = 0; i < N; i++)
         next[i] = k[m->stages][i];
+    if (r->dense)
+        memcpy(r->dense->stages, k, sizeof k);
     *error = 0.0;
     if (m->errors == 0)
         return OK;

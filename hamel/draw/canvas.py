@@ -78,10 +78,12 @@ class Frame:
 
     @property
     def right(self) -> float:
+        """x of the right edge, in pixels from the left of the picture."""
         return self.left + self.width
 
     @property
     def bottom(self) -> float:
+        """y of the bottom edge, in pixels downwards as SVG counts them."""
         return self.top + self.height
 
     def x(self, value: float) -> float:
@@ -97,6 +99,8 @@ class Frame:
         return [(self.x(x), self.y(y)) for x, y in values]
 
     def border(self) -> str:
+        """The rectangle around the frame as an SVG element; its look is that of the class
+        `frame`."""
         return element(
             "rect",
             class_="frame",

@@ -55,6 +55,8 @@ def _unit(model: Model, motion: SteadyMotion, name: str) -> str | None:
 def values(
     model: Model, motion: SteadyMotion, given: Mapping[str, float | str]
 ) -> dict[str, float]:
+    """All of them by name, in SI. Raises ModelError for a name that is neither free in the motion
+    nor a parameter, and for what is no finite number."""
     return {name: value(model, motion, name, text) for name, text in given.items()}
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from codegen.integrators import AUTO, AUTOMATIC
 from codegen.reals import real_of
 from derive.choices.redundancy import dependent_rows
-from derive.choices.resolution import survey_of
+from derive.choices.survey import survey_of
 from derive.diagnostics import AssumptionError, ModelError
 from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations

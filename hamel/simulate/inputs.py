@@ -135,13 +135,17 @@ class _Line:
 
     @property
     def parts(self) -> list[str]:
+        """The columns, at the first of the separators that the line has, else at blanks."""
         separator = next((mark for mark in SEPARATORS if mark in self.text), None)
         return [part.strip() for part in self.text.split(separator)]
 
     def is_header(self) -> bool:
+        """Two words of which neither is a number."""
         return len(self.parts) == 2 and not any(map(_is_number, self.parts))
 
     def numbers(self, name: str) -> tuple[float, float]:
+        """Time (s) and value. Raises ModelError with the place of what is missing, no number or not
+        finite."""
         if len(self.parts) != 2:
             what = "one column" if len(self.parts) == 1 else f"{len(self.parts)} columns"
             raise self.problem(0, f"{what} in the table of '{name}'", "two: time and value")

@@ -194,5 +194,6 @@ def check_numbers(real: Real, system: System, *values: np.ndarray) -> None:
 
 
 def check_positive(name: str, value: float) -> None:
+    """Raises ModelError unless the value is finite and more than zero."""
     if not (value > 0 and math.isfinite(value)):
         raise ModelError(f"{name} is {value}, which is not a positive number")

@@ -102,6 +102,8 @@ class Motion:
 
     @property
     def energy_balance(self) -> float:
+        """The largest |balance| of all rows: energy that came from nowhere, relative to the largest
+        energy exchanged."""
         return float(np.max(np.abs(self.balance)))
 
 
@@ -157,7 +159,12 @@ def integrated(
     by: Stepping,
     progress: Callable[[float], None] | None = None,
 ) -> Motion:
-    """The motion from its start."""
+    """The motion from its start: by the module's own `simulate`, or by a library where one is named
+    as the integrator.
+
+    Raises InputError where a function of the inputs or events fails, AssumptionError where the
+    motion comes to a singular position or the integrator cannot go on.
+    """
     begin = time.perf_counter()
     times, x, u, p = start.times, start.x, start.u, start.p
     library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
@@ -225,7 +232,11 @@ def judged(
     p: np.ndarray,
     seconds: float,
 ) -> Motion:
-    """What the module's own functions say about every row, in the chart it was made in."""
+    """What the module's own functions say about every row, in the chart it was made in.
+
+    |φ| and |A v − c| are those of `reduced`, the state as it was integrated: without whole turns of
+    angles where nothing depends on these.
+    """
     t, x = found.t, found.x
     reduced = found if found.reduced is None else replace(found, x=found.reduced.astype(float))
     results = {function.name: function.result for function in equations.functions}
@@ -316,6 +327,7 @@ def _acceleration_violation(
     v = equations.function("velocity").result.value
     xdot = ca.SX.sym("xdot", slots["x"].numel())
     vdot = ca.jtimes(v, slots["x"], xdot) + ca.jacobian(v, slots["t"])
+    # β stands over v, the state over w: v(t, x) takes its place
     beta = ca.substitute(system.beta, system.v, v)
     residual = ca.Function(
         "residual", [slots["t"], slots["x"], slots["p"], xdot], [ca.mtimes(system.A, vdot) - beta]

@@ -30,10 +30,13 @@ def good(rows: Iterable[Row]) -> list[Row]:
 
 
 def is_library(row: Row) -> bool:
+    """Is it integrated by somebody else's solver, such as SciPy's or SUNDIALS'?"""
     return row["integrator"] not in OWN
 
 
 def is_traditional(row: Row) -> bool:
+    """All of v with multipliers or a pseudo-inverse, and one of our own integrators: what
+    quasi-velocities are compared with."""
     return row["formulation"] in MULTIPLIERS and not is_library(row)
 
 
@@ -81,4 +84,5 @@ def method(row: Row) -> str:
 
 
 def accuracy(row: Row) -> str:
+    """What was asked of the run, in words: a relative tolerance, or the length of equal steps."""
     return f"rtol {row['rtol']:.0e}" if row["rtol"] else f"steps of {row['step']:.2g} s"

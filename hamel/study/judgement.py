@@ -47,6 +47,7 @@ class Reference:
 
     @property
     def contradicted(self) -> bool:
+        """Two tight runs agreed on an end, and yet other runs speak against it."""
         return bool(self.doubt) and self.end is not None
 
 
@@ -91,6 +92,7 @@ class Judge:
                 bound=apart,
                 doubt=f"the two reference runs differ by {apart:.1e}",
             )
+        # each of the two may be as far off as they are apart; twice that is on the safe side
         return replace(reference, bound=max(2 * apart, LEAST))
 
     def _distance(self, end: Sequence[float], wanted: Sequence[float]) -> float:
@@ -98,6 +100,7 @@ class Judge:
         same."""
         found, target = np.array(end, dtype=float), np.array(wanted)
         for i in self.system.quaternions:
+            # both turn a body alike: the nearer of the two is compared
             if found[i : i + 4] @ target[i : i + 4] < 0:
                 found[i : i + 4] *= -1
         return float(np.max(np.abs(found - target) / self.scales, initial=0.0))
@@ -121,6 +124,12 @@ class Judge:
     def rows(
         self, model: str, made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]
     ) -> list[dict[str, Any]]:
+        """Rows of the report, one per run, with errors relative to the scales.
+
+        An error above FAR is no result: the status says "wrong" where another method of the same
+        integrator and tolerance came near, so that the tolerance cannot be to blame, else "too
+        coarse".
+        """
         rows = [self._row(model, unit, run, row) for unit, run, row in made]
         best: dict[tuple[Any, ...], float] = {}
         for row in rows:

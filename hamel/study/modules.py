@@ -48,6 +48,8 @@ class Start:
 
 
 def start(path: str, values: Mapping[str, float | str]) -> Start:
+    """System, consistent initial state, inputs and parameters of a model file with settings; kept,
+    because one process makes many runs of the same model."""
     return _start(path, tuple(sorted(values.items())))
 
 

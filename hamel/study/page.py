@@ -89,6 +89,7 @@ Table = tuple[Sequence[str], list[list[Cell]]]
 
 
 def table(names: Sequence[str], rows: Sequence[Row]) -> Table:
+    """A head and rows of cells as text: of each row the entries called `names`."""
     return names, [[_cell(row[name]) for name in names] for row in rows]
 
 

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from codegen.integrators import INTEGRATORS, Integrator
-from derive.choices.resolution import survey_of
+from derive.choices.survey import survey_of
 from derive.diagnostics import AssumptionError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS, equations, misfits
@@ -58,6 +58,7 @@ class Unit:
 
     @property
     def about(self) -> dict[str, str]:
+        """The fields by name, as the worker processes get them."""
         return asdict(self)
 
 
@@ -254,6 +255,7 @@ def _family(
 
 
 def default_tolerances(every: int) -> list[float]:
+    """1e-LOOSEST down to 1e-TIGHTEST, every so many decades."""
     return [float(f"1e-{k}") for k in range(LOOSEST, TIGHTEST + 1, every)]
 
 
@@ -265,6 +267,8 @@ def missing_libraries() -> dict[str, str]:
 
 
 def library_runs(solver: str, tolerances: Sequence[float]) -> list[dict[str, Any]]:
+    """One run per tolerance with a library's solver, every second decade when none are given;
+    without an enforcement, for the libraries know of none."""
     shown = tolerances or default_tolerances(2)
     return [
         {"enforcement": "none", "integrator": solver, "rtol": rtol, "key": f"{solver} {rtol:.0e}"}

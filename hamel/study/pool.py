@@ -48,6 +48,8 @@ class _Process(SpawnProcess):
     run a second time."""
 
     def start(self) -> None:
+        """As the process starts the caller's script is out of sight: multiprocessing would import
+        it again."""
         script = sys.modules["__main__"]
         sys.modules["__main__"] = ModuleType("__main__")
         try:

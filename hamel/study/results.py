@@ -26,8 +26,10 @@ class Results:
         return self._known[name]
 
     def get(self, name: str) -> Any:
+        """What an earlier run left under this name; None where there was none."""
         return self._known.get(name)
 
     def put(self, name: str, value: Any) -> None:
+        """Keep a result here and append it to the file of the store at once."""
         self._known[name] = value
         store.add_line(KIND, self._key, name, value)

@@ -40,6 +40,7 @@ class Case:
 
     @property
     def start(self) -> dict[str, Any]:
+        """What a worker process needs to read the model again: the path and the settings."""
         return {"path": self.path, "values": dict(self.values)}
 
 

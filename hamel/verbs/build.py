@@ -10,6 +10,7 @@ from hamel.show import durations, ledger, operations
 
 
 def show(record: Built, console: Console) -> None:
+    """Where the module is, its choice and why it was chosen, operations, size and time."""
     how = (
         "verified when it was built from the same, copied to"
         if record.kept

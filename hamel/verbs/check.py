@@ -28,6 +28,12 @@ RANK = 1e-9
 
 
 def run(path: str | PathLike[str]) -> Checked:
+    """Rank of A and the degrees of freedom nv − rank A at the consistent initial state, the usable
+    choices, and why the others are refused.
+
+    Raises ModelError where the file is wrong, AssumptionError where the first choice cannot be
+    made: it is the default.
+    """
     model = load(path)
     mechanics = mechanics_of(model)
     initial = initial_state(mechanics)
@@ -65,6 +71,8 @@ def _rank(mechanics: System, q: Any) -> int:
 
 
 def show(record: Checked, console: Console) -> None:
+    """One line of verdict, then what the equations assume, what is refused, and initial values that
+    had to move."""
     velocities = counted(len(record.velocities), "velocity", "velocities")
     size = f"{velocities}, {counted(len(record.constraints), 'constraint')} of rank {record.rank}"
     freedom = f"{counted(record.degrees_of_freedom, 'degree')} of freedom"

@@ -33,6 +33,12 @@ DRAWN = 7  # curves that can be told apart
 
 
 def run(path: str | PathLike[str], time: bool, plot: Path | None, until: float) -> Choices:
+    """The candidates in the order of their ranking; with `time` each is built and timed, with
+    `plot` the best are drawn along a motion of `until` seconds.
+
+    Raises ModelError where the plot is no .svg, AssumptionError where quasi-velocities do not fit
+    the model.
+    """
     if plot is not None and plot.suffix.lower() != ".svg":
         raise ModelError(f"--plot {plot}: the file must end in .svg")
     model = load(path)
@@ -100,6 +106,7 @@ def _draw(
 
 
 def show(record: Choices, console: Console) -> None:
+    """A row per candidate, best first, the pivots of the first, then what was refused and why."""
     timed = any(r.ns is not None for r in record.choices)
     rows = [
         (

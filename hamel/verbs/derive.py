@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 
 def run(path: str | PathLike[str], choice: str | None, folder: Path, formulation: str) -> Derived:
+    """The derivation of one choice (the file's first when None), written as derivation.html and
+    derivation.tex into the folder. Both are made from the same Equations."""
     equations = equations_of(path, choice, formulation=formulation)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
     write_text(pages["html"], html(equations))
@@ -24,6 +26,7 @@ def run(path: str | PathLike[str], choice: str | None, folder: Path, formulation
 
 
 def show(record: Derived, console: Console) -> None:
+    """The choice with its reason, and where the two files are."""
     console.print(f"{record.model}, choice {record.choice}: {record.reason}")
     console.print(f"  read    {record.html}")
     console.print(f"  typeset {record.tex}")

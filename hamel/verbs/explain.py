@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 
 def run(path: str | PathLike[str], choice: str | None, constants: Constants) -> Explained:
+    """The reason for the choice, its pivots, and what each pass did to the number of operations.
+    The program is made, but nothing is emitted or compiled."""
     equations = equations_of(path, choice, constants)
     program = program_of(equations)
     return Explained(
@@ -33,6 +35,8 @@ def run(path: str | PathLike[str], choice: str | None, constants: Constants) -> 
 
 
 def show(record: Explained, console: Console) -> None:
+    """What was chosen, what has to stay away from zero, operations, and the ledger of the
+    passes."""
     console.print(
         f"{record.model}, choice {record.choice} ({listed(record.quasi_velocities)}): "
         f"{record.reason}"

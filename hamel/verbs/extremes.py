@@ -21,6 +21,11 @@ def run(
     case: str | None,
     progress: Callable[[str], None] | None = None,
 ) -> Extremes:
+    """Every case of the files, or those called `case`, run and judged. Passed: each row came out as
+    its case expects, survived or refused.
+
+    Raises ModelError where there is no case at all, for a check of nothing would pass.
+    """
     rows = extremes_table(paths, case, progress)
     if not rows:
         asked = f"no case '{case}' in" if case else "no `extremes:` cases in"
@@ -33,6 +38,7 @@ def run(
 
 
 def show(record: Extremes, console: Console) -> None:
+    """A row per case and method, the count of outcomes, and initial values that had to move."""
     rows = []
     for row in record.rows:
         told = row.status if row.error is None else f"error {number(row.error)}"

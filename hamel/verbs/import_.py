@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 
 
 def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Imported:
+    """The model file for a URDF or MJCF robot, written to `out` or only returned as text;
+    `floating`: the base moves freely.
+
+    Raises ModelError where the result would overwrite the robot's own file.
+    """
     file = Path(out) if out else None
     if file and file.exists() and Path(path).exists() and file.samefile(path):
         raise ModelError(
@@ -39,6 +44,8 @@ def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Im
 
 
 def show(record: Imported, console: Console) -> None:
+    """The file's text itself where none was written, else its size and what was changed or left
+    out."""
     if record.file is None:
         console.print(record.text, end="", soft_wrap=True)
         return

@@ -51,6 +51,13 @@ class Options:
 
 
 def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> Linearized:
+    """A, B, C, D in minimal states along a steady motion, eigenvalues over the ranges of `sweep`
+    (one name, or two for a map), critical values and modes; with `out` the page as well.
+
+    A free name of the motion that is swept stands at the middle of its range in A to D, unless it
+    is given. With a step (s) Φ and Γ of δx(t + step) = Φ δx + Γ δu come along. Raises ModelError
+    for more than two swept names, unknown names, and a step that is not positive.
+    """
     sweep, step = options.sweep, options.step
     if len(sweep) > 2:
         raise ModelError(f"{len(sweep)} names are swept", "one, or two for a map")
@@ -162,6 +169,8 @@ def _pair(x: complex | np.complexfloating) -> list[float]:
 
 
 def show(record: Linearized, console: Console) -> None:
+    """The steady motion, the minimal states, eigenvalues per swept value (at most so many rows),
+    modes, and where stability changes."""
     at = ", ".join(
         f"{name} {value:.6g}" for name, value in record.steady.items() if abs(value) > SEEN
     )

@@ -37,6 +37,7 @@ _AUTO = Known(AUTO, f"one of {', '.join(AUTOMATIC)}, by the tolerance and the nu
 
 
 def run(path: str | PathLike[str] | None) -> Listed:
+    """Without a path what hamel offers by name, with one what the model names."""
     return Listed(_catalogue()) if path is None else Listed(_named(path))
 
 
@@ -113,6 +114,7 @@ def _functions(model: Model) -> dict[str, Iterable[Known]]:
 
 
 def show(record: Listed, console: Console) -> None:
+    """A line per name under the heading of its kind, all aligned."""
     width = max((len(item.name) for names in record.kinds.values() for item in names), default=0)
     for kind, names in record.kinds.items():
         console.print(kind)

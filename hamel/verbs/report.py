@@ -45,6 +45,14 @@ def run(
     extremes: Sequence[str | PathLike[str]],
     progress: Callable[[float], None] | None,
 ) -> Reported:
+    """Every model studied for `time` seconds of its motion, extreme cases judged, and report.html,
+    report.csv and report.json written to `out`.
+
+    Models are studied one after the other, the runs of each in as many processes as there are
+    cores; `progress` gets the share of the whole from 0 to 1. What is wrong with a model, a setting
+    or a name is raised as ModelError before anything is run, ToolchainError where nothing can be
+    written.
+    """
     _check((*paths, *extremes), time, asked)
     cases = _cases(paths, time, values)
     studies = []
@@ -181,6 +189,7 @@ def _written(studies: Sequence[Study], extremes: tuple[ExtremeRow, ...], out: Pa
 
 
 def show(record: Reported, console: Console) -> None:
+    """The advice for each model, the extreme cases, and where the files are."""
     for model in record.models:
         console.print(f"{model['model']}, {model['time']:g} s:")
         for line in model["advice"]:

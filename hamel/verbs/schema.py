@@ -12,8 +12,10 @@ if TYPE_CHECKING:
 
 
 def run() -> dict[str, Any]:
+    """The JSON Schema of model files, made from the records that read them."""
     return schema()
 
 
 def show(record: dict[str, Any], console: Console) -> None:
+    """The schema as indented JSON, whatever the width of the terminal."""
     console.print(json.dumps(record, indent=2), soft_wrap=True)

@@ -44,6 +44,13 @@ def run(
     formulation: str,
     mutate: bool = False,
 ) -> Verified:
+    """Checks of each usable choice, or of `choice` alone, at `states` random admissible states
+    drawn from `seed`. Each choice is compiled for it. Without a choice what `build` makes by itself
+    is among them, where that is several charts.
+
+    With `mutate` errors are planted too: passed then means that each was caught. Raises ModelError
+    for a count below one or a negative seed.
+    """
     for name, value, least in (("states", states, 1), ("seed", seed, 0)):
         if value < least:
             raise ModelError(f"{name} is {value}, which is less than {least}")

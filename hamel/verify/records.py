@@ -39,6 +39,7 @@ class Verification:
 
     @property
     def failed(self) -> tuple[CheckResult, ...]:
+        """The checks that did not pass, in the order of the suite."""
         return tuple(check for check in self.checks if not check.passed)
 
     def as_json(self) -> dict[str, Any]:

@@ -41,6 +41,8 @@ CLOSE = 2e-6  # of fourth-order differences over STEP; a wrong sign or term errs
 SINGULAR = 1e-4  # σ_min/σ_max of A below which a refusal for a singular position is true
 AGREE = 1e-4  # m, between motions of one second with different enforcement, rtol 1e-9
 FEW = ("dynamics", "energy", "power")  # functions of a module that are compared
+RATES = ("tangent", "feedback", "baumgarte")  # enforcements
+CHOICE_ALONE = "this choice of quasi-velocities is singular here"
 LIMIT = 600.0  # seconds for one mechanism
 
 
@@ -711,12 +713,8 @@ def simulated(made: Mechanism, answer: dict) -> Iterator[str]:
     places = {}
     for name, end in answer["ends"].items():
         if isinstance(end, str):
-            unfit = end.startswith("2 ") and "does not fit" in end
-            yield from (
-                []
-                if unfit or _true_stop(made, answer, end)
-                else [f"simulate with {name}: {end.splitlines()[0]}"]
-            )
+            if not (_told(name, end) or _true_stop(made, answer, end)):
+                yield f"simulate with {name}: {end.splitlines()[0]}"
             continue
         q = np.array([end[n] for n in made.names])
         places[name] = np.array([p for _, p in made.frames(q)])
@@ -727,6 +725,13 @@ def simulated(made: Mechanism, answer: dict) -> Iterator[str]:
         apart = float(np.abs(places[one] - places[other]).max())
         if apart > AGREE:
             yield f"after 1 s {one} and {other} are {apart:.1g} m apart"
+
+
+def _told(name: str, end: str) -> bool:
+    """Refusals that say what they are: an enforcement that does not fit, and one that acts on the
+    rates, which cannot change the choice of quasi-velocities on the way."""
+    alone = name in RATES and CHOICE_ALONE in end
+    return end.startswith("2 ") and ("does not fit" in end or alone)
 
 
 def _true_stop(made: Mechanism, answer: dict, end: str) -> bool:
@@ -745,7 +750,7 @@ def fits(made: Mechanism, seed: int) -> list[str]:
     itself; without constraints there is none but `none`."""
     if not made.residuals and not made.rates:
         return ["none", "none"]
-    return [("tangent", "feedback", "baumgarte")[seed % 3], "projection", "none"]
+    return [RATES[seed % 3], "projection", "none"]
 
 
 def refusal(made: Mechanism, said: str) -> str:
@@ -787,7 +792,9 @@ def _end(made: Mechanism, outcome: Outcome) -> tuple[str, list[str]]:
     if "refused" in answer:
         wrong = refusal(made, answer["refused"])
         return f"mechanism refused {answer['refused'][:1]}", [wrong] if wrong else []
-    return "mechanism", list(_faults(made, answer))
+    stops = [end for name, end in answer["ends"].items() if name in RATES and CHOICE_ALONE in end]
+    kind = "mechanism, stopped where one choice is singular" if stops else "mechanism"
+    return kind, list(_faults(made, answer))
 
 
 def _faults(made: Mechanism, answer: dict) -> Iterator[str]:

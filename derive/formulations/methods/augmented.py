@@ -9,7 +9,7 @@ base, multipliers last.
 from __future__ import annotations
 
 from derive.choices.pivots import quadratic_guards
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.formulations.assembly import entries, in_generalized_velocities
 from derive.formulations.fitness import first_of, singular, undetermined, unwritten
 from derive.formulations.formulation import Formulation

@@ -17,7 +17,7 @@ from derive.choices.explicit import Explicit
 from derive.choices.named import carried_through
 from derive.choices.pivots import Solved, block_guards, solved
 from derive.choices.reduction import Reduction
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
 from derive.expressions.scalars import Vector

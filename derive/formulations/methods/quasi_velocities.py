@@ -8,7 +8,7 @@ import casadi as ca
 from derive.choices.named import carried_through
 from derive.choices.pivots import by_reflections, solved
 from derive.choices.reduction import Reduction
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.formulations.assembly import entries, reduced
 from derive.formulations.fitness import undetermined
 from derive.formulations.formulation import Formulation

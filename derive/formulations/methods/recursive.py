@@ -3,7 +3,7 @@ generalized velocities."""
 
 from __future__ import annotations
 
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.expressions.counting import cheapest
 from derive.expressions.scalars import Scalar
 from derive.formulations.assembly import column, entries, in_generalized_velocities

@@ -11,7 +11,7 @@ with force C enters as a + M⁻¹ C, of which the second term keeps what lies al
 from __future__ import annotations
 
 from derive.choices.pivots import quadratic_guards
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.formulations.assembly import entries, in_generalized_velocities
 from derive.formulations.fitness import first_of, not_of_links, singular, undetermined
 from derive.formulations.formulation import Formulation

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.pivots import quadratic_guards, sampled
-from derive.choices.resolution import Survey
+from derive.choices.survey import Survey
 from derive.formulations.assembly import column, entries, in_generalized_velocities
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation

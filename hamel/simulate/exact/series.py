@@ -46,10 +46,12 @@ class Fixed:
     bits: int
 
     def of(self, value: float | Fraction) -> int:
+        """The integer ⌊value · 2ᵇⁱᵗˢ⌋; a double is a fraction and is taken as it is."""
         found = Fraction(value)
         return (found.numerator << self.bits) // found.denominator
 
     def fraction(self, number: int) -> Fraction:
+        """The exact value of a fixed-point number, number/2ᵇⁱᵗˢ."""
         return Fraction(number, 1 << self.bits)
 
     def call(self, function: Callable[..., Any], *numbers: int) -> int:
@@ -84,6 +86,7 @@ class Graph:
             terms.append(rule(k))
 
     def number(self, value: float) -> Series:
+        """A constant: one term, which is the value itself."""
         return Series([self.fixed.of(value)], True)
 
     def _result(self, code: int, x: list[Series]) -> Series:
@@ -121,31 +124,40 @@ class Graph:
     # ---- operations
 
     def same(self, x: Series) -> Series:
+        """CasADi's assignment: the series itself, not a copy, so that it grows once."""
         return x
 
     def sum(self, x: Series, y: Series) -> Series:
+        """zₖ = xₖ + yₖ."""
         return self._grown((x, y), lambda k: x[k] + y[k])
 
     def difference(self, x: Series, y: Series) -> Series:
+        """zₖ = xₖ − yₖ."""
         return self._grown((x, y), lambda k: x[k] - y[k])
 
     def negative(self, x: Series) -> Series:
+        """zₖ = −xₖ."""
         return self._grown((x,), lambda k: -x[k])
 
     def twice(self, x: Series) -> Series:
+        """zₖ = 2 xₖ."""
         return self._grown((x,), lambda k: 2 * x[k])
 
     def product(self, x: Series, y: Series) -> Series:
+        """zₖ = Σ xᵢ yₖ₋ᵢ, i from 0 to k; one product alone where one of the two is a constant."""
         if y.constant:
             x, y = y, x
+        # two numbers with `bits` behind the point make one with twice as many: hence the shift
         if x.constant:
             return self._grown((x, y), lambda k: x.terms[0] * y[k] >> self.bits)
         return self._grown((x, y), lambda k: self._convolved(x, y, k) >> self.bits)
 
     def square(self, x: Series) -> Series:
+        """zₖ = Σ xᵢ xₖ₋ᵢ."""
         return self.product(x, x)
 
     def quotient(self, x: Series, y: Series) -> Series:
+        """y z = x: y₀ zₖ = xₖ − Σ zᵢ yₖ₋ᵢ, i < k. Raises NotAnalytic where y₀ is zero."""
         z = Series()
 
         def rule(k: int) -> int:
@@ -156,9 +168,12 @@ class Graph:
         return self._grown((x, y), rule, z)
 
     def inverse(self, x: Series) -> Series:
+        """x z = 1, as a quotient."""
         return self.quotient(self.number(1.0), x)
 
     def root(self, x: Series) -> Series:
+        """z² = x: 2 z₀ zₖ = xₖ − Σ zᵢ zₖ₋ᵢ, 0 < i < k. Raises NotAnalytic where x₀ is negative, and
+        where it is zero and x varies."""
         z = Series()
 
         def rule(k: int) -> int:
@@ -168,6 +183,7 @@ class Graph:
                 )
             if x.terms[0] < 0:
                 raise NotAnalytic("the root of a negative number")
+            # z₀² = x₀ in units of 2⁻ᵇⁱᵗˢ: rounded down to a whole number
             return math.isqrt(x.terms[0] << self.bits)
 
         return self._grown((x,), rule, z)
@@ -234,33 +250,42 @@ class Graph:
         return self._grown((x,), rule, z)
 
     def exp(self, x: Series) -> Series:
+        """z′ = z x′."""
         z = Series()
         return self._follows(x, z, 1, mpmath.exp, z)
 
     def log(self, x: Series) -> Series:
+        """x z′ = x′."""
         return self._resists(x, x, mpmath.log)
 
     def _pair(
         self, x: Series, sign: int, first: Callable[..., Any], second: Callable[..., Any]
     ) -> list[Series]:
+        """s and c with s′ = c x′ and c′ = ± s x′: term k of each needs the other's terms below k
+        alone."""
         s, c = Series(), Series()
         self._follows(x, c, 1, first, s)
         self._follows(x, s, sign, second, c)
         return [s, c]
 
     def sin(self, x: Series) -> Series:
+        """The first of the pair s′ = c x′, c′ = −s x′."""
         return self._pair(x, -1, mpmath.sin, mpmath.cos)[0]
 
     def cos(self, x: Series) -> Series:
+        """The second of that pair."""
         return self._pair(x, -1, mpmath.sin, mpmath.cos)[1]
 
     def tan(self, x: Series) -> Series:
+        """sin x/cos x; a division by zero where the cosine vanishes at the start of the step."""
         return self.quotient(*self._pair(x, -1, mpmath.sin, mpmath.cos))
 
     def sinh(self, x: Series) -> Series:
+        """The first of the pair s′ = c x′, c′ = s x′."""
         return self._pair(x, 1, mpmath.sinh, mpmath.cosh)[0]
 
     def cosh(self, x: Series) -> Series:
+        """The second of that pair."""
         return self._pair(x, 1, mpmath.sinh, mpmath.cosh)[1]
 
     def tanh(self, x: Series) -> Series:
@@ -273,13 +298,16 @@ class Graph:
         return self.root(self.difference(self.number(1.0), self.square(x)))
 
     def asin(self, x: Series) -> Series:
+        """√(1 − x²) z′ = x′."""
         return self._resists(x, self._complement(x), mpmath.asin)
 
     def acos(self, x: Series) -> Series:
+        """π/2 − asin x, π/2 in all bits."""
         half = Series([self.fixed.call(lambda one: mpmath.pi / 2, self.one)], True)
         return self.difference(half, self.asin(x))
 
     def atan(self, x: Series) -> Series:
+        """(1 + x²) z′ = x′."""
         return self._resists(x, self.sum(self.number(1.0), self.square(x)), mpmath.atan)
 
     def atan2(self, y: Series, x: Series) -> Series:
@@ -297,35 +325,45 @@ class Graph:
         return self._grown((y, x), rule)
 
     def hypot(self, x: Series, y: Series) -> Series:
+        """√(x² + y²): integers do not overflow, so that nothing has to be scaled first."""
         return self.root(self.sum(self.square(x), self.square(y)))
 
     # ---- in pieces: as it is at the start of the step
 
     def absolute(self, x: Series) -> Series:
+        """zₖ = ± xₖ with the sign of x₀."""
         return self._grown((x,), lambda k: _sign(x) * x[k])
 
     def sign(self, x: Series) -> Series:
+        """The sign of x₀, without further terms."""
         return self._grown((x,), lambda k: 0 if k else _sign(x) * self.one)
 
     def least(self, x: Series, y: Series) -> Series:
+        """The terms of the one that is less at the start of the step; x where both are the same."""
         return self._grown((x, y), lambda k: x[k] if x.terms[0] <= y.terms[0] else y[k])
 
     def greatest(self, x: Series, y: Series) -> Series:
+        """The terms of the one that is greater at the start of the step; x where both are the
+        same."""
         return self._grown((x, y), lambda k: x[k] if x.terms[0] >= y.terms[0] else y[k])
 
     def _truth(self, operands: Sequence[Series], holds: Callable[[], bool]) -> Series:
         return self._grown(operands, lambda k: self.one * holds() if k == 0 else 0)
 
     def less(self, x: Series, y: Series) -> Series:
+        """1 where x₀ < y₀, else 0; without further terms."""
         return self._truth((x, y), lambda: x.terms[0] < y.terms[0])
 
     def at_most(self, x: Series, y: Series) -> Series:
+        """1 where x₀ ≤ y₀, else 0; without further terms."""
         return self._truth((x, y), lambda: x.terms[0] <= y.terms[0])
 
     def no(self, x: Series) -> Series:
+        """1 where x₀ is zero, else 0; without further terms."""
         return self._truth((x,), lambda: x.terms[0] == 0)
 
     def where(self, condition: Series, x: Series) -> Series:
+        """The terms of x where the condition holds at the start of the step, else zeros."""
         return self._grown((condition, x), lambda k: x[k] if condition.terms[0] else 0)
 
 

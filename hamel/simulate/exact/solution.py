@@ -71,6 +71,7 @@ class Solution:
     steps: int
 
     def at(self, row: int) -> dict[str, Decimal]:
+        """Coordinates and generalized velocities by name at one of the times, in all digits."""
         return dict(zip(self.names, map(Decimal, self.values[row])))
 
 
@@ -88,8 +89,8 @@ def state_of(e: Equations, initial: Initial, p: np.ndarray, t: float = 0.0) -> n
 
 
 def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solution:
-    """The motion at rising `times`. Raises NotAnalytic where a series or the motion ends.
-    Remembered by content."""
+    """The motion at rising `times` (s), as decimals that are to be right in `digits` behind the
+    point. Raises NotAnalytic where a series or the motion ends. Remembered by content."""
     name = _fingerprint(problem, times, digits)
     kept = _stored_solution(name)
     if kept is None:
@@ -99,6 +100,8 @@ def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solu
 
 
 def _computed(problem: Problem, times: Sequence[float], digits: int) -> Solution:
+    """Two runs of different order, bits and steps, for what they share is then only the equations;
+    the values are those of the finer one."""
     e = problem.equations
     flow = Flow(
         function_of(e, "dynamics"),
@@ -165,6 +168,7 @@ def _consistent(problem: Problem) -> tuple[Fraction, ...]:
         size = max(map(abs, off))
         if size == 0:
             break
+        # scaled to one: each correction then gains all the digits of a double, however small it is
         change = back @ [float(value / size) for value in off]
         q = [value - size * Fraction(float(part)) for value, part in zip(q, change)]
     return (*q, *w)

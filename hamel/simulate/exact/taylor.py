@@ -71,6 +71,7 @@ def _terms(
     for k in range(order):
         graph.grow(k)
         for entry, rate in zip(x, rates):
+            # over one step s runs from 0 to 1, so dx/ds = h f and xₖ₊₁ = h fₖ/(k + 1)
             entry.terms.append((length * rate[k] >> fixed.bits) // (k + 1))
     return [entry.terms for entry in x]
 

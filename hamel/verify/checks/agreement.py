@@ -70,6 +70,9 @@ def mass_errors(e: Evidence, got: Sequence[Array], tolerance: float) -> list[flo
 
 
 def mass_error(got: Array, wanted: Array, least: Array) -> float:
+    """The largest difference of the entries of M relative to √(Mᵢᵢ Mⱼⱼ), which no entry of a
+    positive definite matrix exceeds; `least` are floors for entries that are left of sums that
+    cancel."""
     root = np.sqrt(np.abs(np.diag(wanted)))
     return worst((got - wanted) / np.maximum(np.maximum(np.outer(root, root), least), 1e-300))
 

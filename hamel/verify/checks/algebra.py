@@ -15,6 +15,7 @@ from hamel.verify.reference.vectors import Array
 
 
 def symmetric(e: Evidence) -> float:
+    """The largest |M − Mᵀ| relative to the largest entry of M, in the model's own units."""
     own = [t.M / e.units.M for t in e.terms]
     return worst([worst(M - M.T) / max(worst(M), 1e-300) for M in own])
 

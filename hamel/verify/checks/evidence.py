@@ -219,6 +219,7 @@ class Evidence:
 
     @cached_property
     def terms(self) -> tuple[Terms, ...]:
+        """M, h, Q … of the System at every state."""
         return tuple(self.terms_at(s.t, s.q, s.v, s.u, s.p) for s in self.samples)
 
     @cached_property
@@ -233,6 +234,7 @@ class Evidence:
 
     @cached_property
     def conditions(self) -> list[float]:
+        """Per state by what factor roundoff may grow on the way to v̇ of this choice."""
         return self.conditions_of(self.graph)
 
     def conditions_of(self, graph: Evaluator) -> list[float]:
@@ -322,6 +324,7 @@ class Evidence:
         return Sums(tolerance, 1.0 + self.speeds)
 
     def of_forces(self, tolerance: float) -> Sums:
+        """Sums of forces, from which h and Q are left: compared with the largest part."""
         return Sums(tolerance, self.forces)
 
     def of_accelerations(self, tolerance: float) -> Sums:
@@ -342,6 +345,7 @@ class Evidence:
         return Sums(tolerance, np.array(size) / self.units.energy)
 
     def of_powers(self, tolerance: float) -> Sums:
+        """Sums of forces times velocities: the largest force times Σ |v|."""
         return Sums(tolerance, self.forces * self.speeds)
 
     def of_masses(self, tolerance: float) -> list[Array]:
@@ -352,14 +356,17 @@ class Evidence:
 
     @property
     def redundant(self) -> bool:
+        """At some state rank A is less than the number of rows, so that λ is not unique."""
         return any(s.outcome.rank < len(s.outcome.lam) for s in self.samples)
 
     def states_of(self, graph: Evaluator) -> tuple[Array, ...]:
+        """The states x = (q, w) of a choice that (q, v) of the samples become there."""
         return tuple(
             graph("state", s.t, np.concatenate([s.q, s.v]), s.u, s.p) for s in self.samples
         )
 
     def accelerations_of(self, graph: Evaluator) -> tuple[Array, ...]:
+        """v̇ of a choice at its own states, by which choices with different w can be compared."""
         rows = zip(self.samples, self.states_of(graph))
         return tuple(graph.acceleration(s.t, x, s.u, s.p) for s, x in rows)
 

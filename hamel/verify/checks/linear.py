@@ -93,6 +93,8 @@ def _regular(e: Evidence, name: str) -> list[int]:
 
 
 def _columns(e: Evidence, k: int) -> Iterator[float]:
+    """Per column of [A B; C D] its error at one state, rounding allowed for by the condition
+    there."""
     function, s, x = _function(e), e.samples[k], e.x[k]
     argument = e.graph.equations.arguments[1]
     independent = [argument.labels.index(name) for name in _states(function, argument.labels)]

@@ -88,6 +88,7 @@ def _momenta(e: Evidence, s: Sample, t: float, q: Array, v: Array) -> tuple[Arra
     )
     of_bodies = np.tile(units, len(frames))[:, None]
     J = k.J * e.units.v / of_bodies
+    # v_S of J v_S = G S by least squares: what is left is the gap that the joints leave
     moved = np.linalg.pinv(J, rcond=KEPT) @ (G / of_bodies)
     parts = (e.units.v[:, None] * moved).T @ mass(e.reference, there, k) * v
     return parts.sum(axis=1), np.abs(parts).max(axis=1, initial=0.0), J @ moved - G / of_bodies

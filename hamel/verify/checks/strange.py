@@ -38,6 +38,8 @@ def wrong_answers(e: Evidence) -> float | None:
 
 
 def backends(module: ModuleType) -> Iterator[ModuleType]:
+    """The module as it was loaded, then its NumPy text where it has any: both are to refuse
+    alike."""
     yield module
     with suppress(ImportError):
         yield importlib.import_module(f"{module.__name__}._numpy")

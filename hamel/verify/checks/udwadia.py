@@ -34,6 +34,8 @@ def udwadia_kalaba(e: Evidence) -> float | None:
 
 
 def _udwadia_kalaba(M: Array, force: Array, A: Array, beta: Array) -> Array:
+    """With M = L Lᵀ in place of M^½: roots of M differ by a rotation, which the pseudo-inverse
+    passes on."""
     L = np.linalg.cholesky(M)
     a, G = np.linalg.solve(M, force), np.linalg.solve(L, A.T).T
     return a + np.linalg.solve(L.T, _pseudo_inverse(G) @ (beta - A @ a))
@@ -46,6 +48,7 @@ def udwadia_phohomsiri(e: Evidence) -> float:
 
 
 def _udwadia_phohomsiri(M: Array, force: Array, A: Array, beta: Array) -> Array:
+    """v̇ from the part of M v̇ = Q − h that no constraint force reaches, and A v̇ = β."""
     free = np.eye(len(M)) - _pseudo_inverse(A) @ A
     return _pseudo_inverse(np.vstack([free @ M, A])) @ np.concatenate([free @ force, beta])
 

@@ -34,10 +34,12 @@ class Units:
 
     @property
     def time(self) -> float:
+        """In s."""
         return self.own.time
 
     @property
     def x(self) -> Array:
+        """Of the state (q, w)."""
         return np.concatenate([self.q, self.w])
 
     @property
@@ -47,18 +49,22 @@ class Units:
 
     @property
     def qdot(self) -> Array:
+        """Of q̇."""
         return self.q / self.time
 
     @property
     def vdot(self) -> Array:
+        """Of v̇."""
         return self.v / self.time
 
     @property
     def N(self) -> Array:
+        """nq × nv, of N in q̇ = N v."""
         return np.outer(self.qdot, 1.0 / self.v)
 
     @property
     def M(self) -> Array:
+        """nv × nv, such that ½ vᵀ M v is an energy."""
         return self.own.energy * np.outer(1.0 / self.v, 1.0 / self.v)
 
     @property
@@ -68,22 +74,27 @@ class Units:
 
     @property
     def A(self) -> Array:
+        """nc × nv, of A in A v = c."""
         return np.outer(self.rows, 1.0 / self.v)
 
     @property
     def beta(self) -> Array:
+        """Of β in A v̇ = β."""
         return self.rows / self.time
 
     @property
     def lam(self) -> Array:
+        """Of λ: a multiplier times its row A v is a power."""
         return self.own.power / self.rows
 
     @property
     def energy(self) -> float:
+        """In J."""
         return self.own.energy
 
     @property
     def power(self) -> float:
+        """In W."""
         return self.own.power
 
     def taken(self, name: str, count: int) -> Array:

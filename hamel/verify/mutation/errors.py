@@ -204,6 +204,8 @@ class Tape:
 
 
 def recorded(value: ca.SX) -> Tape:
+    """The instructions of an expression over the symbols in it, so that one of them can be made
+    wrong."""
     symbols = ca.vertcat(*ca.symvar(value))
     program = listing(ca.Function("program", [symbols], [ca.densify(value)]))
     return Tape(symbols, program, value.size1(), value.size2())

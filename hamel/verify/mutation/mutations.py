@@ -59,6 +59,7 @@ class Target:
     planted: Callable[[ca.SX], Evidence]
 
     def at_places(self, value: ca.SX, places: list[tuple[Any, ...]]) -> Array:
+        """Places × entries: an expression over `arguments` evaluated by CasADi at each of them."""
         function = ca.Function("value", self.arguments, [ca.densify(value)])
         return np.array([np.ravel(np.array(function(*place))) for place in places])
 
@@ -74,14 +75,17 @@ class Target:
 
     @cached_property
     def sound(self) -> Array:
+        """The numbers without an error, which a change has to move to be one."""
         return self.at_places(self.value, self.places)
 
     @cached_property
     def sound_beside(self) -> Array:
+        """The same a little off the constraints."""
         return self.at_places(self.value, self.beside)
 
     @cached_property
     def roundoff(self) -> Array:
+        """Places × entries: a bound of what rounding alone may move there."""
         places = np.array([np.concatenate([np.ravel(x) for x in place]) for place in self.places])
         return bound(self.arguments, self.value, places)
 

@@ -44,6 +44,8 @@ class Symbols:
     rates: dict[str, Any]
 
     def read(self, expression: tree.Expression) -> Any:
+        """A formula of the file as a SymPy expression; its names and the rates der(q) become
+        symbols."""
         return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), SYMBOLIC))
 
     def along(self, expression: Any) -> Any:

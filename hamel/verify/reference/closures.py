@@ -41,6 +41,7 @@ class Loop:
 
     @property
     def gap(self) -> Jet:
+        """p₂ − p₁, from the first joint frame to the second, along the ground's axes."""
         return self.origins[1] - self.origins[0]
 
 

@@ -46,11 +46,13 @@ class Jet:
         )
 
     def scaled(self, factor: float) -> Jet:
+        """A constant times the quantity: value and derivatives alike."""
         return Jet(factor * self.value, factor * self.rate, factor * self.over, factor * self.rest)
 
 
 def direction(place: Layout, state: State, body: str, fixed: Array) -> Jet:
-    """A vector fixed in a body: ḋ = ω × d, d̈ = α × d + ω × (ω × d)."""
+    """A vector fixed in a body: ḋ = ω × d, d̈ = α × d + ω × (ω × d), along the ground's axes. X has
+    −[d]× over the body's angular velocity, rest is ω × (ω × d)."""
     frame = state.frames[body]
     d = frame.point(fixed)
     over = np.zeros((3, place.size))
@@ -60,7 +62,8 @@ def direction(place: Layout, state: State, body: str, fixed: Array) -> Jet:
 
 
 def point(place: Layout, state: State, body: str, position: Array) -> Jet:
-    """A material point of a body, from the ground's origin."""
+    """A material point of a body, from the ground's origin, `position` in body coordinates: ṙ = v +
+    ω × s, r̈ = a + α × s + ω × (ω × s) with the arm s = R · position."""
     frame = state.frames[body]
     arm = frame.point(position)
     over = np.zeros((3, place.size))
@@ -82,14 +85,14 @@ def joint_frame(
 
 
 def dot(a: Jet, b: Jet) -> Jet:
-    """a · b, a scalar."""
+    """s = a · b, a scalar: ṡ = ȧ · b + a · ḃ, and s̈ has 2 ȧ · ḃ besides ä · b + a · b̈."""
     rate = a.rate @ b.value + a.value @ b.rate
     rest = a.rest @ b.value + a.value @ b.rest + 2.0 * a.rate @ b.rate
     return Jet(a.value @ b.value, rate, b.value @ a.over + a.value @ b.over, rest)
 
 
 def product(a: Jet, b: Jet) -> Jet:
-    """a × b."""
+    """a × b: its acceleration has 2 ȧ × ḃ besides ä × b + a × b̈."""
     rate = cross(a.rate, b.value) + cross(a.value, b.rate)
     rest = cross(a.rest, b.value) + cross(a.value, b.rest) + 2.0 * cross(a.rate, b.rate)
     return Jet(cross(a.value, b.value), rate, skew(a.value) @ b.over - skew(b.value) @ a.over, rest)

@@ -38,11 +38,13 @@ class Motion:
 
 
 def revolute(q: Array, v: Array, axis: Array) -> Motion:
+    """A turn by q about the axis, which is the same in both joint frames: ω = axis q̇."""
     H = np.concatenate([axis, np.zeros(3)])[:, None]
     return Motion(turn(axis, q[0]), np.zeros(3), H, np.eye(1), np.zeros(1))
 
 
 def prismatic(q: Array, v: Array, axis: Array) -> Motion:
+    """A shift by q along the axis: velocity axis q̇, no turn."""
     H = np.concatenate([np.zeros(3), axis])[:, None]
     return Motion(np.eye(3), q[0] * axis, H, np.eye(1), np.zeros(1))
 
@@ -92,6 +94,7 @@ def ball(q: Array, v: Array, axis: Array) -> Motion:
 
 
 def fixed(q: Array, v: Array, axis: Array) -> Motion:
+    """No motion: q and v are empty, H has no columns."""
     return Motion(np.eye(3), np.zeros(3), np.zeros((6, 0)), np.zeros((0, 0)), np.zeros(0))
 
 

@@ -39,9 +39,11 @@ class Layout:
 
     @property
     def size(self) -> int:
+        """nz = nv + 6 nb."""
         return self.nv + 6 * len(self.bodies)
 
     def twist(self, body: str) -> slice:
+        """Where (ω, velocity of the origin) of a body stands in z; the first three are ω."""
         start = self.nv + 6 * self.bodies.index(body)
         return slice(start, start + 6)
 
@@ -52,6 +54,7 @@ class Layout:
 
 
 def layout(model: Model) -> Layout:
+    """Bodies in the order of the model; the ground has no place, for it does not move."""
     return Layout(len(model.velocities), tuple(body.name for body in model.bodies))
 
 

@@ -43,6 +43,7 @@ class Applied:
 
     @property
     def total(self) -> Array:
+        """All of them along z (nz), with a potential or without."""
         return self.weight + self.springs + self.other
 
 
@@ -223,6 +224,8 @@ def _bushing(bushing: Bushing, place: Layout, state: State) -> Applied:
 
 
 def _elastic(place: Layout, deflections: list[Jet], stiffness: Array, damping: Array) -> Applied:
+    """Springs and dampers over deflections x with ẋ = X z: V = ½ Σ k x², forces −(k x) X and
+    −(damping ẋ) X."""
     over = np.array([x.over for x in deflections])
     value, rate = (np.array([getattr(x, name) for x in deflections]) for name in ("value", "rate"))
     springs, other = -(stiffness * value) @ over, -(damping * rate) @ over

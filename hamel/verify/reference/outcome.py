@@ -61,6 +61,7 @@ class Kinematics:
     phi: Array
 
     def violation(self, v: Array) -> Array:
+        """A v − c, in the units of each row; zero at admissible states."""
         return self.A @ v - self.c
 
 
@@ -84,7 +85,10 @@ class Summed:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the reference says at one state. vdot nv, lam nc."""
+    """What the reference says at one state. vdot nv, lam nc.
+
+    M v̇ + h = Q + Aᵀ λ, A v̇ = β and q̇ = N v, in SI, h and Q along the generalized velocities v.
+    """
 
     vdot: Array
     qdot: Array
@@ -176,7 +180,11 @@ def state_of(
 
 def kinematics(ref: Reference, s: State) -> Kinematics:
     """Twists and twist rates as functions of v and v̇, from the base to the tips; then the
-    constraint rows in v."""
+    constraint rows in v.
+
+    X_c ẋ_c = X_p ẋ_p + E H v̇ + γ of each joint gives J and drift of the child from those of the
+    parent. Rows G_v v̇ + G_z ż = γ become A = G_v + G_z J and β = γ − G_z drift.
+    """
     nv = ref.place.nv
     J, drift = np.zeros((ref.place.size - nv, nv)), np.zeros(ref.place.size - nv)
     for seat in s.seats:
@@ -186,6 +194,7 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
         if seat.joint.parent != GROUND:
             above = ref.place.row(seat.joint.parent)
             moved += of_parent @ np.column_stack([J[above], drift[above]])
+        # six by six, and regular: the joint's frame moves with its child as one body
         here, solution = ref.place.row(seat.joint.child), np.linalg.solve(of_child, moved)
         J[here], drift[here] = solution[:, :nv], solution[:, nv]
     rows = ref.constraints(s)
@@ -209,8 +218,11 @@ def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> E
 
 
 def evaluate(ref: Reference, s: State) -> Outcome:
-    """Solve for v̇ and λ at one state; twice where a nonideal force uses a reaction of the ideal
-    problem."""
+    """Solve [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] for v̇ and λ at one state; twice where a nonideal
+    force uses a reaction of the ideal problem, which is put under the names reaction.ROW.
+
+    Raises numpy.linalg.LinAlgError where this has no solution, or the state is no number any more.
+    """
     if not _uses_reactions(ref.model):
         return _evaluated(ref, s, nonideal=True)
     ideal = _evaluated(ref, s, nonideal=False)
@@ -248,6 +260,7 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     solution, residual = solved(
         saddle(M, kin.A), np.concatenate([Q - h, kin.beta]), redundant=rank < len(kin.A)
     )
+    # the saddle matrix is symmetric with −λ as its unknown
     vdot, lam = solution[:nv], -solution[nv:]
     z = np.concatenate([s.v, kin.J @ s.v])
     power = float(loads.other @ z) + analytic.power
@@ -263,6 +276,7 @@ def _summed(
     ref: Reference, analytic: Lagrange, loads: Applied, kin: Kinematics, bodies: Bodies
 ) -> Summed:
     J, nv = np.abs(kin.J), ref.place.nv
+    # the same sums with all signs positive: how large the parts are that may cancel
     sizes = [(abs(twist), abs(inertia), abs(wrench)) for twist, inertia, wrench in bodies]
     mass = np.einsum("ij,ij->j", J, _inertial(sizes, J)) + np.abs(np.diag(analytic.inertia))
     forces = np.abs(loads.weight) + np.abs(loads.springs) + np.abs(loads.other)

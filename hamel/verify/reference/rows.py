@@ -78,7 +78,8 @@ def no_slip_row(wheel: NoSlip, place: Layout, state: State) -> Rows:
 
 
 def distance_row(rod: Distance, place: Layout, state: State) -> Rows:
-    """φ = |p₂ − p₁| − length."""
+    """φ = |p₂ − p₁| − length; its λ is the force along the rod, positive where it pushes the points
+    apart."""
     ends = [point(place, state, body, state.vector(at)) for body, at in zip(rod.bodies, rod.points)]
     gap = length(ends[1] - ends[0])
     return stays(

@@ -20,14 +20,15 @@ def left_over(G: Array) -> Array:
 
 
 def saddle(K: Array, G: Array) -> Array:
-    """[K Gᵀ; G 0]; rows of G that rounding has left of zeros are zeros."""
+    """[K Gᵀ; G 0], nv + nc square; rows of G that rounding has left of zeros are zeros."""
     G = np.where(left_over(G)[:, None], 0.0, G)
     return np.block([[K, G.T], [G, np.zeros((len(G), len(G)))]])
 
 
 def scales(matrix: Array) -> Array:
-    """D with the rows of D X D of like size (Ruiz 2001), so that units do not pass for
-    ill-conditioning."""
+    """D with the rows of D X D of like size, for a symmetric X, so that units do not pass for
+    ill-conditioning (D. Ruiz: A scaling algorithm to equilibrate both rows and columns norms in
+    matrices, 2001)."""
     D, absolute = np.ones(len(matrix)), np.abs(matrix)
     for sweep in range(SWEEPS):
         size = D * (absolute * D).max(axis=1, initial=0.0)
@@ -45,6 +46,7 @@ def solved(matrix: Array, right: Array, redundant: bool) -> tuple[Array, float]:
     scaled, wanted = D[:, None] * matrix * D, D * right
     inverse = np.linalg.pinv(scaled, rcond=RANK) if redundant else np.linalg.inv(scaled)
     y = inverse @ wanted
+    # one step of refinement takes back most of what the explicit inverse lost
     y += inverse @ (wanted - scaled @ y)
     residual = np.abs(scaled @ y - wanted).max(initial=0.0)
     return D * y, float(

@@ -75,19 +75,26 @@ class State:
     def value(
         self, expression: tree.Expression, further: Mapping[str, float] | None = None
     ) -> float:
+        """A formula of the model as a number at this state; `further` names go before its own."""
         names = {**self.names, **further} if further else self.names
         return float(evaluated(expression, lookup(names, self.named_rates), NUMERIC))
 
     def vector(self, entries: Sequence[tree.Expression]) -> Array:
+        """Formulas as numbers, one entry each."""
         return np.array([self.value(entry) for entry in entries])
 
     def matrix(self, rows: Sequence[Sequence[tree.Expression]]) -> Array:
+        """Formulas as numbers, row by row."""
         return np.array([self.vector(row) for row in rows])
 
 
 def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> State:
-    """Walk the joints from the ground outwards, then evaluate the definitions in their order."""
+    """Walk the joints from the ground outwards, then evaluate the definitions in their order.
+
+    Frames are in the ground's axes, from N, H and biases of each joint; rates are q̇ = N v.
+    """
     names = _values_by_name(model, t, q, v, u, p)
+    # placements and joint axes are formulas of parameters: they need names before there are frames
     bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {})
     N, drift, frames, seats = _walk(model, bare)
     rates = N @ v

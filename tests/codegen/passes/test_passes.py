@@ -1,4 +1,7 @@
-"""The passes change rounding only, and the operations they save are counted."""
+"""The passes change rounding only, and the operations they save are counted.
+
+Of codegen.passes: hoist, initial, names, plain, schedule, turns, watch.
+"""
 
 from __future__ import annotations
 

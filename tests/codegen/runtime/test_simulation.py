@@ -1,5 +1,8 @@
 """The generated integrator: accurate, on the constraints, the same in C, ctypes and NumPy, and
-honest when it must stop."""
+honest when it must stop.
+
+Of codegen.runtime: events, simulation.
+"""
 
 from __future__ import annotations
 

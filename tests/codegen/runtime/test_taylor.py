@@ -198,3 +198,32 @@ def test_refuses_what_acts_at_every_stage(tmp_path: Path) -> None:
     x, u, p = start(e)
     with pytest.raises(ValueError, match="taylor does not fit the enforcement tangent"):
         found.simulate((0.0, 1.0), x, u, p, enforcement="tangent")
+
+
+def test_auto_takes_series_for_one_motion_and_lanes_for_many(tmp_path: Path) -> None:
+    """The record says which it was."""
+    e = equations_of_text(HANGING)
+    found = loader.load(published(program(e, None, ("auto",)), tmp_path / "auto").folder)
+    assert found.integrators == ("dop853", "verner9", "taylor")
+    x = start(e)[0]
+    picked = [
+        found.simulate((0.0, 0.1), state, integrator="auto", rtol=rtol, atol=rtol).integrator
+        for state, rtol in ((x, 1e-10), (x, 1e-4), ([x, x + 0.1], 1e-10), ([x], 1e-4))
+    ]
+    assert picked == ["taylor", "dop853", "verner9", "dop853"]
+
+
+def test_the_polynomial_of_a_step_finds_events(
+    hanging: tuple[Equations, ModuleType], hanging_end: np.ndarray
+) -> None:
+    """q1 passes where it is after a second, within a step, at that second."""
+    e, made = hanging
+    found = made.simulate(
+        (0.0, 1.5),
+        start(e)[0],
+        integrator="taylor",
+        rtol=1e-13,
+        atol=1e-15,
+        events={"met": lambda t, x: x[0] - hanging_end[0]},
+    )
+    assert np.abs(found.events.t - 1.0).min() < 1e-12

@@ -1,5 +1,8 @@
 """Every example.c compiles by the command in its first comment, without warnings, and prints what
-the module computes at the model's initial state."""
+the module computes at the model's initial state.
+
+Of codegen.targets: example.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""C, ctypes and NumPy give the graph's numbers; the text is safe, deterministic, and portable."""
+"""C, ctypes and NumPy give the graph's numbers; the text is safe, deterministic, and portable.
+
+Of codegen.targets: c, charts, extension, manifest, nullspace, numpy, package, taylor.
+"""
 
 from __future__ import annotations
 

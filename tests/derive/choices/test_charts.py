@@ -1,5 +1,9 @@
 """Modules of several charts: choices of quasi-velocities that take over from each other where one
-is singular."""
+is singular.
+
+Of derive.choices: assessment, elimination, explicit, limits, momenta, reduction, resolution.
+Of derive.formulations: charts.
+"""
 
 from __future__ import annotations
 

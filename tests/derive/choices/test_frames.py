@@ -1,5 +1,8 @@
 """The orthonormal choice goes wherever the constraints are independent: its frame is data of the
-module, based anew on the way."""
+module, based anew on the way.
+
+Of derive.choices: frozen, orthonormal.
+"""
 
 from __future__ import annotations
 

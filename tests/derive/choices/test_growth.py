@@ -1,4 +1,7 @@
-"""Pivots that may lose digits give way to reflections."""
+"""Pivots that may lose digits give way to reflections.
+
+Of derive.choices: pivots.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 import pytest
 
 from derive.choices.named import carried_through, declared
-from derive.choices.resolution import survey_of
+from derive.choices.survey import survey_of
 from derive.mechanics.limits import COFACTORS
 from derive.mechanics.solve import (
     Block,

@@ -1,5 +1,8 @@
 """What single enforcements and integrators promise: refusals, invariants, singular positions,
-published digits, long runs."""
+published digits, long runs.
+
+Of derive.enforcement: baumgarte, charts, feedback, invariants, projection, rate, records.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The formula parser and the evaluation of its trees."""
+"""The formula parser and the evaluation of its trees.
+
+Of derive.expressions: scalars.
+"""
 
 import math
 import pickle

@@ -1,5 +1,8 @@
 """qdot, integrate, difference and normalise: the identities that define them, for every joint there
-is."""
+is.
+
+Of derive.joints: ball, cylindrical, fixed, free, planar, prismatic, revolute, screw, universal.
+"""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ import pytest
 
 from derive.formulations import equations
 from derive.mechanics.records import System
-from derive.robots import load
+from derive.robots.reading import load
 from derive.states import system
 from derive.states.initial import initial_state
 from hamel import charts

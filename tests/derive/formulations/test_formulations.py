@@ -1,5 +1,10 @@
 """Choices of quasi-velocities: what is refused, what is preferred, what it costs, and that all of
-them mean the same."""
+them mean the same.
+
+Of derive.formulations: assembly, fitness, formulation, functions, gauss, limits, manifold,
+multipliers.
+Of derive.formulations.methods: augmented, maggi, quasi_velocities, recursive, udwadia_phohomsiri.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,9 @@
 """Linear equations along steady motions: published digits, closed forms, and the bookkeeping of
-zeros."""
+zeros.
+
+Of derive.linearize: cyclic, limits, records.
+Of hamel.linear: figure, page, plots, ranges, sweep, words.
+"""
 
 import re
 from xml.etree import ElementTree

@@ -1,4 +1,7 @@
-"""Constraint rows that repeat others: named, dropped or kept, and the motion is the same."""
+"""Constraint rows that repeat others: named, dropped or kept, and the motion is the same.
+
+Of derive.choices: redundancy.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""What a model file means: the Model that comes out of it."""
+"""What a model file means: the Model that comes out of it.
+
+Of derive.model: axes, bodies, build, definitions, events, frames, massless, mechanism, motions,
+placements, published, quaternions, scope, space, steady, structure, ties.
+"""
 
 import json
 import math

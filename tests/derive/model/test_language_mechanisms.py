@@ -1,5 +1,11 @@
 """The language of mechanisms: placed frames, every joint and closure, constraints between bodies
-and coordinates, loads."""
+and coordinates, loads.
+
+Of derive.model.constraints: coupling, distance, holonomic, lengths, no_slip, nonholonomic,
+nonideal, point_on_surface, prescribed, rolling.
+Of derive.model.loads: armature, bushing, damper, expression, force, friction, in_joint, places,
+spring, torque.
+"""
 
 import math
 

@@ -3,6 +3,8 @@ meant.
 
 The mark « stands before the place that the message must point at; it is taken out before the text
 is read.
+
+Of derive.model: collisions, document, kinds, reader, shape.
 """
 
 import json

@@ -1,5 +1,9 @@
 """Robots from URDF and MJCF: what they become, against kinematics written anew here; and one
-message for each bad file."""
+message for each bad file.
+
+Of derive.robots: couplings, inertias, robot, urdf, writing.
+Of derive.robots.mjcf: actuators, bodies, settings, ties.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""What the textbook prints is evaluated, formula by formula, and must equal what is compiled."""
+"""What the textbook prints is evaluated, formula by formula, and must equal what is compiled.
+
+Of derive.textbook: charts, choice, complement, compose, constraints, dependent, elimination,
+energy, given, graph, interaction, inverse, kinematics, layout, linear, manuscript, methods,
+motion, multipliers, notation, outputs, pages, projected, records, ring, sentences, terms.
+"""
 
 import functools
 import hashlib

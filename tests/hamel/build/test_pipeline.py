@@ -1,5 +1,8 @@
 """The pipeline: stages in the log, names that clash, what is stored, and the shipped module
-verified by itself."""
+verified by itself.
+
+Of hamel.build: clock, files.
+"""
 
 from __future__ import annotations
 

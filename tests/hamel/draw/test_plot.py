@@ -1,4 +1,7 @@
-"""The line plots: well-formed, the same bytes every time, honest axes."""
+"""The line plots: well-formed, the same bytes every time, honest axes.
+
+Of hamel.draw: axis, canvas, panels.
+"""
 
 import math
 import xml.etree.ElementTree as ET

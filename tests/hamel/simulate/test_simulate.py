@@ -1,5 +1,8 @@
 """`hamel simulate`: motions against closed forms, on their constraints, in balance; files; starts
-that contradict themselves."""
+that contradict themselves.
+
+Of hamel.simulate: automatic, files, inputs, method.
+"""
 
 import csv
 import math

@@ -1,4 +1,7 @@
-"""Stiff, extreme and singular cases: survived, or refused by name; never wrong."""
+"""Stiff, extreme and singular cases: survived, or refused by name; never wrong.
+
+Of hamel.simulate.exact: series, taylor.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,8 @@
 """hamel report: rows to believe, a page without network, nothing computed twice, and a wrong
-reference that is noticed."""
+reference that is noticed.
+
+Of hamel.study: libraries, page, plan, plots, results, runs.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,9 @@
 """Other people's engines: where one is installed its check is green on what it knows, red on what
-is wrong, silent on the rest."""
+is wrong, silent on the rest.
+
+Of hamel.verify.reference: engines.
+Of hamel.verify.reference.engines: exudyn, mujoco, pinocchio, records.
+"""
 
 import importlib.util
 from dataclasses import replace

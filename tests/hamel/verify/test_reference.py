@@ -1,5 +1,9 @@
 """The independent reference, tested by itself: closed forms, published numbers and identities along
-the motion."""
+the motion.
+
+Of hamel.verify.reference: analytic, closures, formulas, jets, layout, outputs, rolling, states,
+vectors.
+"""
 
 import numpy as np
 import pytest

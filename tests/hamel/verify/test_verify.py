@@ -1,4 +1,8 @@
-"""The suite: green on sound models of every kind, and every check seen red on a planted error."""
+"""The suite: green on sound models of every kind, and every check seen red on a planted error.
+
+Of hamel.verify: limits, shipped.
+Of hamel.verify.checks: algebra, charts, configuration, inverse, motion, udwadia, units.
+"""
 
 import json
 import sys

@@ -1,0 +1,258 @@
+"""What every choice needs to know of a system: sampled consistent states, the rank of A and which
+of its rows are independent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product as cartesian
+
+import casadi as ca
+import numpy as np
+
+from derive.choices.limits import (
+    ENTRIES,
+    FEWEST,
+    LEFT_OVER,
+    MOST_WAYS,
+    RANK,
+    REGULAR,
+    RESOLUTION_MANY,
+    SAMPLES,
+)
+from derive.choices.redundancy import (
+    Group,
+    Independent,
+    combined,
+    groups,
+    keeps,
+    selected,
+    sentences,
+)
+from derive.diagnostics import AssumptionError, Diagnostic, ModelError
+from derive.mechanics.records import RowForm, System
+from derive.model.records import Holonomic, Velocity
+from derive.states.closing import Kinematics
+from derive.states.initial import initial_state
+from derive.states.sampling import States, states
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The system with what every choice needs to know of it: sampled states and the rank of A.
+
+    With `moving` frames of directions are data of the module that is to be generated.
+    """
+
+    system: System
+    moving: bool = False
+
+    @cached_property
+    def solver(self) -> Kinematics:
+        return Kinematics(self.system)
+
+    @cached_property
+    def sampled(self) -> States:
+        nv = max(1, self.system.v.numel())
+        return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
+
+    @cached_property
+    def many(self) -> States:
+        """More states than are worked with: enough to see where pivots come near zero."""
+        return states(
+            self.system, RESOLUTION_MANY * len(self.sampled.t), seed=1, solver=self.solver
+        )
+
+    def sampled_for(self, B: ca.SX) -> States:
+        """The sampled states, and the initial one where [A; B] is regular there.
+
+        It is no random state: a pivot that is zero just there must not be taken where another is
+        not.
+        """
+        start = self.initial
+        if start is None or not len(self.sampled.t):
+            return self.sampled
+        A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
+        Y = np.concatenate(
+            [even_rows(A), even_rows(self.solver.values(B, start.t, start.q, start.p))], axis=1
+        )[0]
+        if np.linalg.svd(Y, compute_uv=False)[-1] < REGULAR:
+            return self.sampled
+        pairs = (
+            (getattr(self.sampled, name), getattr(start, name))
+            for name in ("t", "q", "v", "u", "p")
+        )
+        return States(*(np.concatenate(pair) for pair in pairs))
+
+    @cached_property
+    def initial(self) -> States | None:
+        """The consistent initial state of the model, where there is one."""
+        try:
+            start = initial_state(self.system)
+        except ModelError:
+            return None
+        u, p = np.zeros((1, self.system.u.numel())), np.array([self.system.parameters], dtype=float)
+        return States(np.zeros(1), start.q[None, :], start.v[None, :], u, p.reshape(1, -1))
+
+    @cached_property
+    def plain_rows(self) -> np.ndarray:
+        """A at the sampled states, k × nc × nv."""
+        s = self.sampled
+        return self.solver.rows(s.t, s.q, s.p)[0]
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """The same, each row divided by its largest length over them."""
+        return even_rows(self.plain_rows)
+
+    @cached_property
+    def sizes(self) -> list[float]:
+        """The largest length of each row of A over the sampled states."""
+        return row_lengths(self.plain_rows)
+
+    @property
+    def rank(self) -> int:
+        """The rank of A at the sampled states."""
+        return len(self.kept)
+
+    @cached_property
+    def kept(self) -> tuple[int, ...]:
+        """Independent constraint rows, first come first kept."""
+        return self.independent(range(len(self.system.rows)))
+
+    @cached_property
+    def closing(self) -> tuple[int, ...]:
+        """Independent rows among the holonomic ones alone: φ = 0 needs them even where a
+        nonholonomic row repeats their rate."""
+        return self.independent([i for i, row in enumerate(self.system.rows) if row.position >= 0])
+
+    def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
+        """Of the given rows those that add rank, judged at most of the sampled states."""
+        rest = self.rows.copy()
+        kept: list[int] = []
+        for i in rows:
+            lengths = np.linalg.norm(rest[:, i], axis=1)
+            if np.sum(lengths > RANK) <= len(rest) / 2:
+                continue
+            kept.append(i)
+            unit = rest[:, i] / np.where(lengths > RANK, lengths, 1.0)[:, None]
+            for _ in range(2):  # once more, for what roundoff left along it
+                rest = rest - (rest @ unit[:, :, None]) * unit[:, None, :]
+        return tuple(kept)
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Rows that depend on each other at the sampled states."""
+        return groups(self.rows, self.kept)
+
+    @cached_property
+    def repetitions(self) -> tuple[str, ...]:
+        """One sentence for every closure or constraint with rows that repeat others."""
+        return sentences(self.system, self.groups)
+
+    @cached_property
+    def independent_rows(self) -> Independent:
+        """What stands for all rows, by the policy of the model: the kept ones, or all with those of
+        a group combined."""
+        if self.combines:
+            return combined(self.system, self.kept, self.groups)
+        return selected(self.system, self.kept)
+
+    @cached_property
+    def forms(self) -> list[list[RowForm]]:
+        """The rows to eliminate, in every way of writing them."""
+        if not self.combines:
+            return [
+                [row for block, way in zip(self.system.blocks, ways) for row in block[way]]
+                for ways in _ways(self.system)
+            ]
+        rows = [row for block in self.system.blocks for row in block[0]]
+        combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
+        return [
+            [row for i, row in enumerate(rows) if i not in self.grouped]
+            + [self.independent_rows.form(k) for k in combined]
+        ]
+
+    @cached_property
+    def form_sizes(self) -> list[float]:
+        """Their magnitudes over the sampled states."""
+        if not self.combines:
+            return self.sizes
+        combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
+        s, A = self.sampled, self.independent_rows.A
+        found = row_lengths(self.solver.values(A[combined, :], s.t, s.q, s.p)) if combined else []
+        return [size for i, size in enumerate(self.sizes) if i not in self.grouped] + found
+
+    @cached_property
+    def combines(self) -> bool:
+        """Whether some rows repeat others and all are to be kept."""
+        return keeps(self.system) and any(group.kept for group in self.groups)
+
+    @cached_property
+    def grouped(self) -> set[int]:
+        """The rows that depend on others."""
+        return {i for group in self.groups for i in (*group.kept, *group.others)}
+
+    @cached_property
+    def followers(self) -> frozenset[str]:
+        """Names of the speeds that a coupling gives by another coordinate, as a mimic joint."""
+        model = self.system.model
+        named = {c.follower for c in model.constraints if isinstance(c, Holonomic) and c.follower}
+        return self._speeds(lambda velocity: velocity.rate_of in named)
+
+    @cached_property
+    def driven(self) -> frozenset[str]:
+        """Names of the speeds that an input acts on."""
+        named = {given.velocity for given in self.system.model.inputs}
+        return self._speeds(lambda velocity: velocity.name in named)
+
+    def _speeds(self, wanted: Callable[[Velocity], bool]) -> frozenset[str]:
+        velocities = enumerate(self.system.model.velocities)
+        return frozenset(speed_name(self.system, j) for j, v in velocities if wanted(v))
+
+    @property
+    def freedom(self) -> int:
+        return self.system.v.numel() - self.rank
+
+
+def even_rows(matrices: np.ndarray) -> np.ndarray:
+    """Matrices (k, rows, columns) with rows of length at most one, divided alike in all."""
+    return matrices / np.array(row_lengths(matrices))[:, None]
+
+
+def row_lengths(matrices: np.ndarray) -> list[float]:
+    """The largest length of each row over the matrices; 1 for a row of zeros, or of what rounding
+    has left of them."""
+    lengths = np.max(np.linalg.norm(matrices, axis=2), axis=0)
+    least = LEFT_OVER * float(np.max(lengths, initial=0.0))
+    return [float(x) if x > least else 1.0 for x in lengths]
+
+
+def survey_of(system: System, moving: bool = False) -> Survey:
+    """Raises AssumptionError where no consistent state can be found to look at."""
+    found = Survey(system, moving)
+    if not len(found.sampled.t):
+        message = "no configuration near the initial values satisfies the constraints"
+        if not system.rows:
+            message = (
+                "at no configuration near the initial values are masses and rates of the "
+                "coordinates finite"
+            )
+        raise AssumptionError(Diagnostic(file=system.model.file, message=message))
+    return found
+
+
+def _ways(system: System) -> list[tuple[int, ...]]:
+    """Index of the way of writing per block: all combinations while they are few, else the same way
+    for all blocks."""
+    counts = [len(block) for block in system.blocks]
+    if np.prod(counts, dtype=float) <= MOST_WAYS:
+        return list(cartesian(*[range(n) for n in counts]))
+    return [tuple(min(k, n - 1) for n in counts) for k in range(max(counts))]
+
+
+def speed_name(system: System, j: int) -> str:
+    """What the quasi-velocity that is generalized velocity j is called."""
+    velocity = system.model.velocities[j]
+    return f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")

@@ -50,10 +50,13 @@ class Survey:
 
     @cached_property
     def solver(self) -> Kinematics:
+        """φ, A, c and N of the system in numbers, set up once for all candidates."""
         return Kinematics(self.system)
 
     @cached_property
     def sampled(self) -> States:
+        """Admissible states at which every candidate is judged. Fewer on large systems: the number
+        of entries that are evaluated stays bounded, but never fewer than FEWEST states."""
         nv = max(1, self.system.v.numel())
         return states(self.system, max(FEWEST, min(SAMPLES, ENTRIES // nv)), solver=self.solver)
 
@@ -97,13 +100,14 @@ class Survey:
 
     @cached_property
     def plain_rows(self) -> np.ndarray:
-        """A at the sampled states, k × nc × nv."""
+        """A at the sampled states, k × nc × nv, in SI: rows in m/s beside rows in rad/s."""
         s = self.sampled
         return self.solver.rows(s.t, s.q, s.p)[0]
 
     @cached_property
     def rows(self) -> np.ndarray:
-        """The same, each row divided by its largest length over them."""
+        """The same, each row divided by its largest length over them, so that rows of all units
+        compare and one that vanishes at a singular position is seen to."""
         return even_rows(self.plain_rows)
 
     @cached_property
@@ -113,7 +117,7 @@ class Survey:
 
     @property
     def rank(self) -> int:
-        """The rank of A at the sampled states."""
+        """The rank of A at most of the sampled states: that of regular positions."""
         return len(self.kept)
 
     @cached_property
@@ -128,7 +132,9 @@ class Survey:
         return self.independent([i for i, row in enumerate(self.system.rows) if row.position >= 0])
 
     def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
-        """Of the given rows those that add rank, judged at most of the sampled states."""
+        """Of the given rows those that add rank, judged at most of the sampled states, by
+        Gram–Schmidt in the order given: a row that depends on earlier ones at a singular position
+        alone is kept."""
         rest = self.rows.copy()
         kept: list[int] = []
         for i in rows:
@@ -213,6 +219,8 @@ class Survey:
 
     @property
     def freedom(self) -> int:
+        """Degrees of freedom: nv less the rank of A, which is how many quasi-velocities a choice
+        must name."""
         return self.system.v.numel() - self.rank
 
 
@@ -230,7 +238,9 @@ def row_lengths(matrices: np.ndarray) -> list[float]:
 
 
 def survey_of(system: System, moving: bool = False) -> Survey:
-    """Raises AssumptionError where no consistent state can be found to look at."""
+    """The survey of a system. Raises AssumptionError where no consistent state can be found to look
+    at: ranks and pivots are judged at admissible states alone, as off φ = 0 rows that repeat others
+    look independent."""
     found = Survey(system, moving)
     if not len(found.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"

@@ -21,7 +21,7 @@ class Terms:
 
     @property
     def system(self) -> System:
-        """The system of the equations: M, h, Q, A and their symbols."""
+        """The mechanics before any choice: M, h, Q, A and their symbols."""
         return self.equations.system
 
     def named(self, name: str) -> ca.SX:

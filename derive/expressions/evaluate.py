@@ -194,7 +194,7 @@ def _over_all(function: Callable[[Any, Any], Any]) -> Callable[..., Any]:
     """A function of two arguments as one of any number, from left to right."""
 
     def folded(*arguments: Any) -> Any:
-        """f(f(f(a, b), c), …): a function of two arguments, such as min, over any number of them."""
+        """f(f(f(a, b), c), …) for a function of two arguments such as min."""
         result = arguments[0]
         for argument in arguments[1:]:
             result = function(result, argument)

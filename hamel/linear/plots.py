@@ -85,8 +85,8 @@ def stability_map(sweep: Sweep) -> str:
     parts = []
     for (y, x), colour in zip(sweep.values, _colours(sweep)):
         place = {
-            "x": frame.left + np.searchsorted(along, x) * width,
-            "y": frame.bottom - (np.searchsorted(up, y) + 1) * height,
+            "x": frame.left + int(np.searchsorted(along, x)) * width,
+            "y": frame.bottom - (int(np.searchsorted(up, y)) + 1) * height,
         }
         # a little wider than its share, so that no line shows between two cells
         parts.append(element("rect", **place, width=width + 0.3, height=height + 0.3, fill=colour))

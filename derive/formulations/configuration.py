@@ -77,7 +77,7 @@ def _qdot(system: System) -> Function:
 
 
 def _integrate(system: System) -> Function:
-    """q ⊕ d: q + N d for plain coordinates, q ∘ exp(d/2) for unit quaternions."""
+    """q ⊕ d: q + N d for plain coordinates, q ∘ exp(d/2) for quaternions, still of length 1."""
     d = _symbols("d_", [v.name for v in system.model.velocities])
     # exact for coordinates in a vector space, of first order for Euler angles; quaternions follow
     # below

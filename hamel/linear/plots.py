@@ -90,7 +90,9 @@ def stability_map(sweep: Sweep) -> str:
         }
         # a little wider than its share, so that no line shows between two cells
         parts.append(element("rect", **place, width=width + 0.3, height=height + 0.3, fill=colour))
-    return _drawing(frame, f"{outer} and {inner}: {share}", sweep.labels[::-1], parts)
+    return _drawing(
+        frame, f"{outer} and {inner}: {share}", (sweep.labels[1], sweep.labels[0]), parts
+    )
 
 
 def _colours(sweep: Sweep) -> list[str]:

@@ -9,6 +9,10 @@ What they were is counted. Twelve times the difference over s^(9p/10) - 1 is tak
 least the error in 99 of 100 motions, and some thirty times as large in the middle.
 """
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 
 SAFETY = 12.0
@@ -18,7 +22,9 @@ LOOSEST = 1e-2  # a tolerance means little above
 BY_TOLERANCE = 8  # in place of an order that follows from the tolerance
 
 
-def coarser(rtol, atol, step_size, order):
+def coarser(
+    rtol: float, atol: float, step_size: float | None, order: float | None
+) -> tuple[float, float, float | None]:
     """Tolerances and step size of the companion."""
     if step_size is not None:
         return rtol, atol, 2.0 * step_size
@@ -26,12 +32,12 @@ def coarser(rtol, atol, step_size, order):
     return rtol * factor, atol * factor, None
 
 
-def rows(times):
+def rows(times: np.ndarray) -> np.ndarray:
     """Every second time, the last one among them."""
     return np.ascontiguousarray(times[..., ::-1][..., ::2][..., ::-1])
 
 
-def estimate(found, companion, order, rtol):
+def estimate(found: Any, companion: Any, order: float | None, rtol: float) -> np.ndarray:
     """Of every entry of x at every row, never falling along the motion; NaN where the companion did
     not arrive."""
     count = found.x.shape[-2]
@@ -54,5 +60,5 @@ def estimate(found, companion, order, rtol):
     return np.where(np.isfinite(every), np.maximum(every, least), np.nan)
 
 
-def _tried(found):
+def _tried(found: Any) -> np.ndarray:
     return np.asarray(found.steps, float) + np.asarray(found.rejected, float)

@@ -29,7 +29,7 @@ static double longest_step(const Run *r, int order, const double *series)
         double size = 0.0;
         for (i = 0; i < MOVING; i++)
             size += term[i] * weight[i] * (term[i] * weight[i]);
-        least = fmin(least, (2.0 * (order - n) - 2.7 - 0.5 * log(size / N)) / n);
+        least = fmin(least, (2.0 * (double)(order - n) - 2.7 - 0.5 * log(size / N)) / (double)n);
     }
     return exp(least);
 }

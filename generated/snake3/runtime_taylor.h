@@ -29,7 +29,7 @@ static double longest_step(const Run *r, int order, const double *series)
         double size = 0.0;
         for (i = 0; i < MOVING; i++)
             size += term[i] * weight[i] * (term[i] * weight[i]);
-        least = fmin(least, (2.0 * (double)(order - n) - 2.7 - 0.5 * log(size / N)) / (double)n);
+        least = fmin(least, (2.0 * (double)(order - n) - 2.7 - 0.5 * log(size / (double)N)) / (double)n);
     }
     return exp(least);
 }
@@ -103,7 +103,7 @@ static void along(int order, const double *series, double h, double *z, double *
         double *const value = n % 2 ? odd : even, *const rate = n % 2 ? odd_slope : even_slope;
         for (i = 0; i < N; i++) {
             value[i] = value[i] * square + term[i];
-            rate[i] = rate[i] * square + n * term[i];
+            rate[i] = rate[i] * square + (double)n * term[i];
         }
     }
     for (i = 0; i < N; i++) {

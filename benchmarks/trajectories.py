@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from peers import series, simulations
 from peers.contest import BUILD, Unavailable, pinned
-from peers.simulations import Simulation
+from peers.simulations import Chosen, Simulation, in_turn
 
 from codegen.passes import program
 from derive.formulations import equations
@@ -55,13 +55,6 @@ SCENES = (
     ),
     Scene("four_bar", 1.0, {}, {OURS: (0.45, 0.45, 0.45)}),
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Chosen:
-    simulation: Simulation
-    setting: float
-    ms: float
 
 
 class Site:
@@ -150,21 +143,10 @@ def tuned(of: Simulation, error: Callable[[np.ndarray], float]) -> dict[float, C
         wrong = error(made[1])
         for most in ERRORS:
             if wrong <= most and (most not in best or made[0] < best[most].ms):
-                best[most] = Chosen(of, setting, made[0])
+                best[most] = Chosen(of, setting, made[0], wrong)
         if len(best) == len(ERRORS) and made[0] > 2.0 * best[ERRORS[-1]].ms:
             break
     return best
-
-
-def timed(chosen: Sequence[Chosen]) -> list[float]:
-    """The least ms of each, all in turn."""
-    least = [c.ms for c in chosen]
-    for _ in range(ROUNDS):
-        for i, c in enumerate(chosen):
-            made = c.simulation.run(c.setting, max(1, round(ROUND / c.ms)))
-            if made is not None:
-                least[i] = min(least[i], made[0])
-    return least
 
 
 def rows(scene: Scene) -> Iterator[dict[str, Any]]:
@@ -173,7 +155,7 @@ def rows(scene: Scene) -> Iterator[dict[str, Any]]:
     other = [tuned(each, site.error) for each in theirs(site)]
     for k, most in enumerate(ERRORS):
         mine, peers = ([c[most] for c in found if most in c] for found in (own, other))
-        ms = timed([*mine, *peers])
+        ms = in_turn([*mine, *peers], ROUNDS, ROUND)
         if not mine:
             continue
         fastest = min(range(len(mine)), key=lambda i: ms[i])

@@ -23,7 +23,7 @@ import numpy as np
 from peers import exudyn_loops, mechanisms, simulations
 from peers.contest import Unavailable, pinned
 from peers.mechanisms import Mechanism
-from peers.simulations import LONGEST, Course, Simulation
+from peers.simulations import LONGEST, Chosen, Course, Simulation, in_turn
 
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
@@ -61,14 +61,6 @@ SCENES = (
     Scene("andrews", mechanisms.andrews, 0.03, {}),
     Scene("car_axis", mechanisms.car_axis, 3.0, {}),
 )
-
-
-@dataclass(frozen=True)
-class Chosen:
-    simulation: Simulation
-    setting: float
-    ms: float
-    error: float
 
 
 class Site:
@@ -219,17 +211,6 @@ def tuned(of: Simulation, error: Callable[[np.ndarray], float]) -> Chosen | None
     return found
 
 
-def timed(chosen: Sequence[Chosen]) -> list[float]:
-    """The least ms of each, all in turn."""
-    least = [c.ms for c in chosen]
-    for _ in range(ROUNDS):
-        for i, c in enumerate(chosen):
-            made = c.simulation.run(c.setting, max(1, round(ROUND / c.ms)))
-            if made is not None:
-                least[i] = min(least[i], made[0])
-    return least
-
-
 def rows(scene: Scene) -> Iterator[dict[str, Any]]:
     site = Site(scene)
     with ExitStack() as stack:
@@ -249,7 +230,7 @@ def rows(scene: Scene) -> Iterator[dict[str, Any]]:
             ):
                 short[simulation.peer] = chosen
         everyone = [*ours, *(c for found in peers.values() for c in found)]
-        ms = dict(zip(everyone, timed(everyone)))
+        ms = dict(zip(everyone, in_turn(everyone, ROUNDS, ROUND)))
     own = min(ours, key=lambda c: ms[c])
     best = {
         peer: min(found, key=lambda c: ms[c]) if found else None for peer, found in peers.items()

@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from tests.conftest import LONG
 from tests.scenes import ROOT
 
 HEAVY = ("casadi", "sympy", "numpy", "pydantic", "jinja2", "yaml", "rich")
@@ -71,3 +72,9 @@ def test_rooms_of_tests_are_rooms_of_the_packages() -> None:
         for path in (ROOT / "tests" / package).rglob("test_*.py"):
             room = ROOT / path.relative_to(ROOT / "tests").parent
             assert room.is_dir(), f"{path.relative_to(ROOT)} tests no room"
+
+
+def test_long_runs_are_those_of_tests() -> None:
+    tests = "".join(path.read_text("utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
+    for name in LONG:
+        assert not name or f"def {name}(" in tests, f"conftest.py: there is no {name}"

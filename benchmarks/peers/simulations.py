@@ -61,6 +61,27 @@ class Simulation:
     settings: Sequence[float] = TOLERANCES
 
 
+@dataclass(frozen=True)
+class Chosen:
+    """A setting of a simulation, with the ms it takes and the error it ends with."""
+
+    simulation: Simulation
+    setting: float
+    ms: float
+    error: float
+
+
+def in_turn(chosen: Sequence[Chosen], rounds: int, share: float) -> list[float]:
+    """The least ms of each, all in turn: each is timed `rounds` times for `share` ms."""
+    least = [c.ms for c in chosen]
+    for _ in range(rounds):
+        for i, c in enumerate(chosen):
+            made = c.simulation.run(c.setting, max(1, round(share / c.ms)))
+            if made is not None:
+                least[i] = min(least[i], made[0])
+    return least
+
+
 # ---- ours
 
 

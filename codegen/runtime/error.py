@@ -39,12 +39,15 @@ def rows(times: np.ndarray) -> np.ndarray:
 
 def estimate(found: Any, companion: Any, order: float | None, rtol: float) -> np.ndarray:
     """Of every entry of x at every row, never falling along the motion; NaN where the companion did
-    not arrive."""
+    not arrive, and of those of many motions that ended before their last row: how many steps their
+    companions took as far as there is not known."""
     count = found.x.shape[-2]
     lean = found.x[..., ::-1, :][..., ::2, :][..., ::-1, :]
     reached = companion.x.shape[-2]
     apart = np.full(lean.shape, np.nan)
     apart[..., :reached, :] = np.abs(lean[..., :reached, :] - companion.x)
+    if apart.ndim > 2:
+        apart[np.asarray(found.status) != 0] = np.nan
     grown = np.maximum.accumulate(np.nan_to_num(apart, nan=np.inf), axis=-2)
     longer = np.asarray(_tried(found) / np.maximum(_tried(companion), 1))[
         ..., np.newaxis, np.newaxis

@@ -78,17 +78,18 @@ def run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progres
     integrator = _automatic(rtol, step_size, (t_span, times, x, u, p), enforcement, sample) if integrator == "auto" else integrator
     ways = {"integrator": integrator, "enforcement": enforcement, "sample": sample, "threads": threads, "batch": batch}
     found = _run(advance, backend, t_span, x, u, p, rtol, atol, times, max_steps, progress, step_size=step_size, events=events, **ways)
-    found = replace(found, integrator=INTEGRATORS[_named("integrator", integrator, INTEGRATORS)])
+    number = _named("integrator", integrator, INTEGRATORS)
+    found = replace(found, integrator=INTEGRATORS[number])
     if not error:
         return found
-    order = ORDERS[_named("integrator", integrator, INTEGRATORS)]
-    *tolerances, step_size = _error.coarser(rtol, atol, step_size, order)
-    rows = _error.rows(found.t)
-    try:
-        companion = _run(advance, backend, t_span, x, u, p, *tolerances, rows, max_steps, None, step_size=step_size, events=False, **ways)
-    except Stopped as stopped:
-        companion = stopped.partial
-    apart = _error.estimate(found, companion, order, rtol)
+    *tolerances, step_size = _error.coarser(rtol, atol, step_size, ORDERS[number])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of motions that the caller does not see
+        try:
+            companion = _run(advance, backend, t_span, x, u, p, *tolerances, _error.rows(found.t), max_steps, None, step_size=step_size, events=False, **ways)
+        except Stopped as stopped:
+            companion = stopped.partial
+    apart = _error.estimate(found, companion, ORDERS[number], rtol)
     return replace(found, error=apart)
 
 

@@ -19,6 +19,7 @@ def test_every_verb_is_a_function():
     assert all(callable(getattr(hamel, name)) for name in hamel.__all__)
 
 
+@pytest.mark.slow
 def test_the_package_verify_does_not_hide_the_verb():
     package = importlib.import_module("hamel.verify")
     assert hamel.verify is not package
@@ -44,6 +45,7 @@ def test_a_build_looks_at_fewer_states_where_there_are_many_bodies(bodies, state
     assert affordable(equations, 20) == states
 
 
+@pytest.mark.slow
 def test_constants_by_name(tmp_path):
     built = hamel.build(
         MODELS / "snake3.yaml", choice="head", out=tmp_path / "snake3", constants=["l"]
@@ -51,6 +53,7 @@ def test_constants_by_name(tmp_path):
     assert hamel.load(built.folder).parameters == ("m", "J")
 
 
+@pytest.mark.slow
 def test_only_the_functions_asked_for(tmp_path):
     built = hamel.build(
         MODELS / "snake3.yaml",
@@ -102,6 +105,7 @@ def test_dependent_speeds_are_a_violated_assumption(tmp_path):
     assert caught.value.exit_code == 2
 
 
+@pytest.mark.slow
 def test_a_choice_that_is_none_does_not_keep_the_others_from_being_verified(tmp_path):
     text = (MODELS / "snake3.yaml").read_text()
     (tmp_path / "bad.yaml").write_text(text.replace("  best: auto", "  bad: [base.vy, base.w]"))

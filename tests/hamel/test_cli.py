@@ -134,6 +134,7 @@ def test_build_replaces_only_what_it_made(hamel, tmp_path):
     assert (tmp_path / "mine/thesis.tex").read_text() == "years of work"
 
 
+@pytest.mark.slow
 def test_verify_prefixes_checks_with_the_choice(hamel):
     _, out, _ = hamel("verify", FOUR_BAR, "--states", "5", "--json")
     found = one_object(out)
@@ -364,6 +365,7 @@ joints: {{{joints}}}
 """
 
 
+@pytest.mark.slow
 def test_long_lists_of_names_are_summarised(hamel, tmp_path):
     """Thirty hinges: every verb that names the choice stays short, the manifest has all."""
     bodies = ", ".join(f"b{k}: {{mass: 1 kg, inertia: 1}}" for k in range(30))

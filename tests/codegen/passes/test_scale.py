@@ -129,6 +129,7 @@ def test_parts_share_slots(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_parts_compute_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """To rounding (the compiler joins other products and sums), with guards, iterations, and both
     bindings."""

@@ -74,6 +74,23 @@ def test_many_motions_have_the_estimates_of_each(pendulum: ModuleType) -> None:
         np.testing.assert_allclose(both.error[row], alone.error, rtol=1e-6)
 
 
+def test_motions_that_end_early_have_none(pendulum: ModuleType) -> None:
+    """One is not finite, the other is stopped by an event; the third is as it is alone."""
+    x = np.array([START, [np.nan, 0.0, 0.0, 0.0]])
+    times = np.linspace(0.0, 2.0, 9)
+    given = {"times": times, "rtol": 1e-7, "atol": 1e-8, "error": True}
+    with pytest.warns(RuntimeWarning, match="1 of 2 motions") as told:
+        both = pendulum.simulate((0.0, 2.0), x, **given)
+    assert len(told) == 1
+    alone = pendulum.simulate((0.0, 2.0), START, **given)
+    np.testing.assert_allclose(both.error[0], alone.error, rtol=1e-6)
+    assert np.isnan(both.error[1]).all()
+    stop = {"events": {"stop": pendulum.Event(lambda t, x: t - 0.7, stop=True)}}
+    assert np.isnan(pendulum.simulate((0.0, 2.0), x[:1], **given, **stop).error).all()
+    ended = pendulum.simulate((0.0, 2.0), START, **given, **stop)
+    assert ended.t[-1] == pytest.approx(0.7) and (ended.error[-1] < 1e-4).all()
+
+
 def test_the_companion_ends_with_the_motion() -> None:
     assert error.rows(np.arange(6.0)).tolist() == [1, 3, 5]
     assert error.rows(np.arange(5.0)).tolist() == [0, 2, 4]

@@ -158,7 +158,10 @@ def test_each_of_many_motions_has_its_own(spring: ModuleType) -> None:
 
 def test_events_between_samples_of_a_controller(spring: ModuleType) -> None:
     """A switching force; sign changes just at a sample are not lost."""
-    push = lambda t, x: np.where(np.sin(3 * t) > 0, 1.0, -1.0) * np.ones_like(x[..., :1])  # noqa: E731
+
+    def push(t: float, x: np.ndarray) -> np.ndarray:
+        return np.where(np.sin(3 * t) > 0, 1.0, -1.0) * np.ones_like(x[..., :1])
+
     one = spring.simulate((0.0, 15.0), [1.0, 0.0], push, sample=0.1)
     fine = spring.simulate(
         (0.0, 15.0), [1.0, 0.0], push, sample=0.1, times=np.linspace(0, 15, 15001)

@@ -112,10 +112,9 @@ def test_without_knots_as_ends_of_steps_a_jump_is_smeared(cart: ModuleType) -> N
 @pytest.mark.parametrize("kind", ["hold", "linear", "cubic"])
 @pytest.mark.parametrize("way", ["numpy", "ctypes"])
 def test_every_way_gives_the_same(cart: ModuleType, way: str, kind: str) -> None:
-    u = {"F": Table, "brake": 0.3}
-    of = lambda table: u | {"F": table(KNOTS, VALUES, kind)}  # noqa: E731
-    first = cart.simulate((0.0, 2.0), [0.0, 0.0], of(cart.Table))
-    other = by(cart, way, (0.0, 2.0), [0.0, 0.0], of(cart.Table))
+    u = {"F": cart.Table(KNOTS, VALUES, kind), "brake": 0.3}
+    first = cart.simulate((0.0, 2.0), [0.0, 0.0], u)
+    other = by(cart, way, (0.0, 2.0), [0.0, 0.0], u)
     np.testing.assert_allclose(other.x, first.x, rtol=1e-12, atol=1e-14)
     np.testing.assert_array_equal(other.u, first.u)
 

@@ -188,6 +188,7 @@ def test_progress_and_interrupts(modules: dict[str, ModuleType]) -> None:
     )
 
 
+@pytest.mark.slow
 def test_what_goes_one_by_one_is_the_same(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Implicit methods and other enforcements behind the same call: to the bit."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

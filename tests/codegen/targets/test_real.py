@@ -479,6 +479,7 @@ def test_every_wrong_sign_is_seen(tmp_path: Path) -> None:
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_a_build_with_a_wrong_sign_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

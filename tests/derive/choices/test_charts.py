@@ -216,6 +216,7 @@ def test_all_backends_take_the_same_steps(crank: Case, slider_rod: ModuleType) -
         np.testing.assert_allclose(other.v, first.v, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_it_can_start_in_any_chart(crank: Case, slider_rod: ModuleType) -> None:
     """Also at the dead centre, where the slider's speed says nothing."""
     x = slider_rod.state_chart1(0.0, crank.qv, crank.u, crank.p)
@@ -320,6 +321,7 @@ def test_the_margin_is_zero_where_a_chart_is_singular(crank: Case, slider_rod: M
 # ---- other mechanisms
 
 
+@pytest.mark.slow
 def test_universal_shaft_by_the_angles_of_its_crosses() -> None:
     """Two universal joints: the angles of a cross stand still twice per turn, those of its other
     axis in between."""
@@ -333,6 +335,7 @@ def test_universal_shaft_by_the_angles_of_its_crosses() -> None:
         np.testing.assert_allclose(found.x[-1, :nq], whole.x[-1, :nq], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_four_bar_goes_through_the_dead_centres_of_its_rocker() -> None:
     with ExitStack() as stack:
         case = Case(changed("four_bar"), stack)
@@ -356,6 +359,7 @@ def _in(module: ModuleType, case: Case, qv: np.ndarray, chart: int) -> np.ndarra
 
 
 @pytest.mark.parametrize("integrator", ["dop853", "verner9"])
+@pytest.mark.slow
 def test_a_coarse_tolerance_does_not_add_up_over_singular_positions(integrator: str) -> None:
     """Some 40 passages in ten seconds in the speed of the rocker; 69.99285 rad by all methods at
     1e-12."""
@@ -510,6 +514,7 @@ def test_the_example_runs(tmp_path: Path, crank: Case) -> None:
     )
 
 
+@pytest.mark.slow
 def test_verification_sees_every_chart_and_the_way_between(
     crank: Case, slider_rod: ModuleType
 ) -> None:
@@ -575,6 +580,7 @@ def test_named_charts_are_simulated_as_they_are() -> None:
 
 @needs_compiler
 @pytest.mark.parametrize("enforcement", ["invariants", "invariants_euclidean"])
+@pytest.mark.slow
 def test_the_energy_is_held_through_the_changes(enforcement: str, tmp_path: Path) -> None:
     """That of the start, in every chart, where projection lets it go by what the tolerance is."""
     path = tmp_path / "slider_crank.yaml"
@@ -612,6 +618,7 @@ def test_what_are_no_charts_is_refused(choice: str, options: dict[str, Any], say
         hamel.simulate(SLIDER_CRANK, choice=choice, time=0.1, **options)
 
 
+@pytest.mark.slow
 def test_generalized_velocities_make_no_charts() -> None:
     found = hamel.simulate(SLIDER_CRANK, choice="slider+crank", formulation="augmented", time=0.1)
     assert not found.switches and found.formulation == "augmented"

@@ -29,6 +29,7 @@ from tests.scenes import MODELS
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
 
+@pytest.mark.slow
 def test_the_euclidean_metric_leads_to_the_same_motion() -> None:
     mass, plain_ = (
         hamel.simulate(
@@ -136,6 +137,7 @@ POINTS_OF_THE_CHAIN = (
 CHARTED = ("none", "projection", "partitioning", "selective", "tangent")
 
 
+@pytest.mark.slow
 def test_chain_through_its_singular_positions(tmp_path: Path) -> None:
     """IFToMM A02, N = 2: ten passages where one degree of freedom becomes three. The right end or
     an honest status, nothing else; rods that stay parallel have a closed form."""

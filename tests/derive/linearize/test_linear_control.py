@@ -130,6 +130,7 @@ def test_the_regulator_holds_the_nonlinear_pole():
     assert np.max(np.abs(np.degrees(late[:, 1]))) < 1.0 and np.max(np.abs(late[:, 0])) < 0.08
 
 
+@pytest.mark.slow
 def test_a_and_b_go_to_python_control():
     found = example("bicycle_state_space").state_space(5.0)
     weave = -0.775341882195841925 + 4.46486771378822514j

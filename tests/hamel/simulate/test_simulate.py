@@ -100,6 +100,7 @@ def test_progress_is_told_up_to_the_end():
 
 
 @pytest.mark.filterwarnings("ignore:no C compiler")
+@pytest.mark.slow
 def test_without_a_compiler_numpy_finds_the_same_motion(monkeypatch):
     compiled = hamel.simulate(FOUR_BAR, choice="crank", time=0.3).final
     monkeypatch.setenv("CC", "no-such-compiler")
@@ -118,6 +119,7 @@ def changed(tmp_path, old, new):
     return tmp_path / "changed.yaml"
 
 
+@pytest.mark.slow
 def test_guesses_move_silently_and_held_values_are_reported_when_they_move(tmp_path):
     assert hamel.simulate(FOUR_BAR, time=0.01).moved == {}
     path = changed(tmp_path, "guess: {q2: -30 deg, q3: 100 deg}", "q2: -30 deg, q3: 100 deg")
@@ -135,6 +137,7 @@ def test_a_linkage_that_cannot_close_is_said_where_it_starts(tmp_path):
     assert caught.value.diagnostics[0].file == str(path)
 
 
+@pytest.mark.slow
 def test_a_pivot_that_vanishes_on_the_way_is_told():
     crank = hamel.simulate(FOUR_BAR, choice="crank", time=1.0)
     assert crank.crossings == 0 and not crank.switches
@@ -145,6 +148,7 @@ def test_a_pivot_that_vanishes_on_the_way_is_told():
     assert rocker.final["q1"] == pytest.approx(crank.final["q1"], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_where_no_other_choice_may_take_over_the_motion_ends_with_the_reason():
     """An enforcement that changes the equations belongs to its choice."""
     with pytest.raises(

@@ -74,6 +74,7 @@ def test_every_case_comes_out_as_its_file_expects(path: Path) -> None:
         assert row.passed and row.outcome != "wrong", row
 
 
+@pytest.mark.slow
 def test_stiff_cases_need_at_most_three_times_the_steps_of_scipy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -136,6 +137,7 @@ def test_what_a_case_is_computed_in(tmp_path: Path) -> None:
     assert set(RTOL) == {real.name for real in REALS}
 
 
+@pytest.mark.slow
 def test_many_turns_stay_on_the_constraints() -> None:
     """Angles of thousands of radians have lost digits, and the linkage closes as well as these let
     it."""

@@ -249,6 +249,7 @@ def test_the_front_is_what_none_beats() -> None:
     assert front.front([{"ms": 1, "error": 1, "status": "too long"}]) == []
 
 
+@pytest.mark.slow
 def test_extreme_cases_are_on_the_page(place: Path) -> None:
     path = Path(__file__).parents[3] / "models" / "extremes" / "mass_ratio.yaml"
     made = hamel.report([], extremes=[path], out=place / "extremes")

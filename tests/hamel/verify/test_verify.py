@@ -99,6 +99,7 @@ def test_a_surface_that_moves_passes():
     assert found.passed, shown(found)
 
 
+@pytest.mark.slow
 def test_a_hundred_states_and_json():
     model = load(MODELS / "hoop.yaml")
     found = verification(model, equations(system(model)), states=100)

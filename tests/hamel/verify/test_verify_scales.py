@@ -109,6 +109,7 @@ def test_a_model_without_units_is_its_own():
     ).plain
 
 
+@pytest.mark.slow
 def test_what_is_left_of_velocity_products_is_no_error(tmp_path):
     """Nothing pulls, and the screw advances by millimetres: h is what gyroscopic terms of order one
     leave when they cancel."""

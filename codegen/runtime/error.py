@@ -49,9 +49,8 @@ def estimate(found: Any, companion: Any, order: float | None, rtol: float) -> np
     if apart.ndim > 2:
         apart[np.asarray(found.status) != 0] = np.nan
     grown = np.maximum.accumulate(np.nan_to_num(apart, nan=np.inf), axis=-2)
-    longer = np.asarray(_tried(found) / np.maximum(_tried(companion), 1))[
-        ..., np.newaxis, np.newaxis
-    ]
+    steps = _tried(found)
+    longer = steps / np.maximum(_tried(companion), 1.0)
     if order:
         growth = longer ** (EXPONENT * order)
     else:
@@ -59,9 +58,12 @@ def estimate(found: Any, companion: Any, order: float | None, rtol: float) -> np
     gain = SAFETY / np.maximum(growth - 1.0, 0.5)
     size = np.maximum.accumulate(np.abs(found.x), axis=-2)
     every = np.repeat(gain * grown, 2, axis=-2)[..., -count:, :]
-    least = np.where(longer < ALIKE, rtol, np.finfo(found.x.dtype).eps) * size
+    rounding = np.finfo(found.x.dtype).eps * np.sqrt(steps)  # adds up at random
+    least = np.where(longer < ALIKE, rtol, rounding) * size
     return np.where(np.isfinite(every), np.maximum(every, least), np.nan)
 
 
 def _tried(found: Any) -> np.ndarray:
-    return np.asarray(found.steps, float) + np.asarray(found.rejected, float)
+    """Steps of each motion, with room for its rows and entries."""
+    tried = np.asarray(found.steps, float) + np.asarray(found.rejected, float)
+    return tried[..., np.newaxis, np.newaxis]

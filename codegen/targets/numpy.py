@@ -14,7 +14,6 @@ from codegen.passes.split import Part, split
 from codegen.program import Kernel, Program
 from codegen.targets.records import Target
 
-
 # what steps may call beside `dynamics`
 NEEDED = ("jacobian", "jacobian_t", "jacobian_u", "jacobian_forward")
 

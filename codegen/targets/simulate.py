@@ -124,7 +124,10 @@ def files(program: Program) -> dict[str, str]:
         f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
         f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
         "_simulate.py": text.render("simulate.py.j2", tableaux=_tableaux(data["chosen"]), **data),
-        **{f"_{name}.py": (FOLDER / f"{name}.py").read_text("utf-8") for name in _python_files(program)},
+        **{
+            f"_{name}.py": (FOLDER / f"{name}.py").read_text("utf-8")
+            for name in _python_files(program)
+        },
         **{path.name: recast(path.read_text("utf-8"), program.real) for path in _runtime(program)},
     }
 

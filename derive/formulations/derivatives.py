@@ -55,9 +55,7 @@ def derivatives(
         Request("jacobian_t", RATE, lambda: _rate(dynamics, slots["t"])),
         Request("dynamics_forward", FORWARD, lambda: _forward(dynamics, slots)),
         Request("dynamics_adjoint", ADJOINT, lambda: _adjoint(dynamics, slots)),
-        Request(
-            "jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots)
-        ),
+        Request("jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots)),
         Request("step", STEP, needs=("dynamics", *IMPLICIT)),
         Request("step_sensitivity", SENSITIVITY, needs=("dynamics", *IMPLICIT, *_slopes(slots))),
     )

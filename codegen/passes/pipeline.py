@@ -23,6 +23,7 @@ from codegen.passes.plain import plain
 from codegen.passes.schedule import schedule
 from codegen.passes.share import share
 from codegen.passes.split import is_long
+from codegen.passes.steppers import with_steppers
 from codegen.passes.taylor import SERIES, check_series, series_refusal
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
@@ -46,7 +47,7 @@ from derive.enforcement import ENFORCEMENTS
 from derive.formulations import records
 from derive.formulations.charts import differs
 from derive.formulations.functions import positions
-from derive.formulations.records import Equations, Function
+from derive.formulations.records import Equations, Function, Request
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
@@ -81,7 +82,7 @@ def program(
     not exist.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
-    chosen = _selection(equations, functions)
+    chosen, loops = _selection(equations, functions), _loops(equations, functions)
     named, integrators = integrators, _spelled_out(integrators)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
@@ -89,7 +90,8 @@ def program(
         watched = _watched(equations)
         further = (*_needs(integrators), *_needs_of_enforcements(equations, enforcements), *watched)
         chosen = _selection(equations, [*(function.name for function in chosen), *further])
-        _check_size([function for function in chosen if function.name in further])
+        called = {*further, *(name for loop in loops for name in loop.needs[1:])}
+        _check_size([function for function in chosen if function.name in called])
     charts = (equations, *equations.charts)
     if len(charts) > 1:
         chosen = _selection(
@@ -135,6 +137,7 @@ def program(
         if len(charts) > 1
         else (),
     )
+    made = with_steppers(made, loops)
     if SERIES in named and made.integrators:
         check_series(made)
     # by name it was asked for and refused above; as a part of `auto` it is left out
@@ -267,9 +270,11 @@ def _usual(chosen: Sequence[Function]) -> tuple[str, ...]:
 
 
 def _selection(equations: Equations, names: Sequence[str] | None) -> list[Function]:
-    """The functions asked for; those with an empty result have no code."""
+    """The functions asked for, and those that loops asked for call; those with an empty result
+    have no code."""
     default = {function.name: function for function in equations.functions}
     requests = {request.name: request for request in equations.requests}
+    loops = {name: request.needs for name, request in requests.items() if request.needs}
     wanted = [
         n for name in (names or ("default",)) for n in (default if name == "default" else (name,))
     ]
@@ -278,11 +283,17 @@ def _selection(equations: Equations, names: Sequence[str] | None) -> list[Functi
             raise HamelError(
                 f"this model has no function {name!r}; it has {', '.join((*default, *requests))}"
             )
+    needed = [n for name in wanted for n in loops.get(name, (name,))]
     chosen = [
-        default[name] if name in default else requests[name].make()
-        for name in dict.fromkeys(wanted)
+        default[name] if name in default else requests[name].function
+        for name in dict.fromkeys(needed)
     ]
     return [function for function in chosen if function.result.value.numel()]
+
+
+def _loops(equations: Equations, names: Sequence[str] | None) -> tuple[Request, ...]:
+    """What was asked for and is a loop around other functions."""
+    return tuple(r for r in equations.requests if r.needs and r.name in (names or ()))
 
 
 def _arguments(

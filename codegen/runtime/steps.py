@@ -21,6 +21,7 @@ CAUSE = (
     "method rosenbrock"
 )
 MEANINGLESS = 0.2  # of what an entry is or does in the step: from here on an error leaves no digit
+NEGLIGIBLE = 0.001  # of the largest change of an entry of the same unit
 MOST = 10_000_000  # substeps
 Kernel = Callable[..., Any]
 
@@ -119,6 +120,7 @@ class Model:
     kernels: Mapping[str, Kernel]
     nx: int
     nu: int
+    alike: Sequence[int]  # the first entry of x with the same unit as each
     rosenbrock: Mapping[str, Any]
 
     @property
@@ -196,7 +198,9 @@ class _Step:
 
     def meaningless(self) -> np.ndarray:
         """Is there an entry whose error is as large as what it is or does?"""
-        limit = MEANINGLESS * np.maximum(self.size, self.way)
+        alike = np.array(self.model.alike)
+        most = np.stack([self.way[..., alike == i].max(axis=-1) for i in alike], axis=-1)
+        limit = np.maximum(MEANINGLESS * np.maximum(self.size, self.way), NEGLIGIBLE * most)
         return ~(self.error <= np.maximum(limit, self.floor[..., np.newaxis])).all(axis=-1)
 
 
@@ -213,6 +217,11 @@ def _stepped(
         else:
             slope = _rk4(step, t, part, slope)
     return step
+
+
+def _part(d: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """d min(1, d / most)"""
+    return d * np.divide(d, most, out=np.ones_like(d), where=d < most)
 
 
 def _rk4(step: _Step, t: np.ndarray, h: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -232,10 +241,10 @@ def _rk4(step: _Step, t: np.ndarray, h: np.ndarray, slope: np.ndarray) -> np.nda
     k.append(step.rates(t + h, z))
     step.D = total
     most = np.max(np.abs(k), axis=0)
-    ratio = np.divide(k[2] - k[1], most, out=np.zeros_like(most), where=most > 0)
+    bend = np.maximum(np.abs(k[2] - k[1]), np.abs(k[0] - k[1] - k[2] + k[3]) / 2)
     late = np.abs(k[3] - k[4]) / 6
     size = np.abs(wide)
-    step.arrive(z, size * np.maximum(late, ratio * (k[2] - k[1])), size * most)
+    step.arrive(z, size * np.maximum(late, _part(bend, most)), size * most)
     return k[4]
 
 
@@ -246,16 +255,18 @@ def _rosenbrock(step: _Step, t: np.ndarray, h: np.ndarray) -> None:
     h = np.where(still, np.ones_like(h), h)
     wide = h[..., np.newaxis]
     eye = np.eye(nx, dtype=step.z.dtype) / (m["gamma"] * h)[..., np.newaxis, np.newaxis]
-    W = eye - step.call("jacobian", t, step.z, (nx, nx))
+    J = step.call("jacobian", t, step.z, (nx, nx))
+    W = eye - J
     rate = step.call("jacobian_t", t, step.z, (nx,))
     bad = ~np.isfinite(W).all(axis=(-1, -2)) | (np.linalg.slogdet(W)[0] == 0)
     step.refuse(1, bad)
     W[bad] = np.eye(nx)
-    U, points, y = [], [], step.z
+    U, points, slopes, y = [], [], [], step.z
     for n, alpha in enumerate(m["alpha"]):
         y = step.z + sum((a * V for a, V in zip(m["a"][n], U)), np.zeros_like(step.z))
         points.append(y)
-        right = step.rates(t + alpha * h, y) + m["gammas"][n] * wide * rate
+        slopes.append(step.rates(t + alpha * h, y))
+        right = slopes[n] + m["gammas"][n] * wide * rate
         right = right + sum((c / wide * V for c, V in zip(m["c"][n], U)), np.zeros_like(step.z))
         U.append(np.linalg.solve(W, right[..., np.newaxis])[..., 0])
     if step.sensitive:
@@ -264,7 +275,17 @@ def _rosenbrock(step: _Step, t: np.ndarray, h: np.ndarray) -> None:
     moving = ~still[..., np.newaxis]
     z = np.where(moving, y + U[-1], step.z)
     way = np.max(np.abs([*(point - step.z for point in points), z - step.z]), axis=0)
-    step.arrive(z, np.where(moving, np.abs(U[-1]), 0.0), np.where(moving, way, 0.0))
+
+    def beyond(point: np.ndarray, slope: np.ndarray, alpha: float) -> np.ndarray:
+        linear = slopes[0] + np.einsum("...ij,...j", J, point - step.z) + alpha * wide * rate
+        return np.linalg.solve(W, (slope - linear)[..., np.newaxis])[..., 0] / m["gamma"]
+
+    end = beyond(z, step.rates(t + h, z), 1.0)
+    bend = np.abs(end) / 3
+    for point, slope, alpha in zip(points[1:], slopes[1:], m["alpha"][1:]):
+        bend = np.maximum(bend, np.abs(beyond(point, slope, alpha) - alpha**2 * end))
+    error = np.maximum(np.abs(U[-1]), _part(bend, np.maximum(way, np.abs(end))))
+    step.arrive(z, np.where(moving, error, 0.0), np.where(moving, way, 0.0))
 
 
 def _rosenbrock_slopes(

@@ -235,7 +235,7 @@ static int meaningless(const Step *s)
 
 /* A step of length h in `substeps` equal parts from x: to z, and where they are not NULL its derivatives, NX x SENSES row by row, and
    the estimates of its error. What it comes to counts also where it is INACCURATE. */
-static int stepped(Run *r, const Rosenbrock *m, int method, int substeps, double t, const double *x, double h, double *z, double *sensitivity, double *error)
+static int whole_step(Run *r, const Rosenbrock *m, int method, int substeps, double t, const double *x, double h, double *z, double *sensitivity, double *error)
 {
     const double part = h / substeps;
     Step s;

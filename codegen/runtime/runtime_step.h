@@ -16,7 +16,7 @@
 
 enum { STEP_RK4, STEP_ROSENBROCK, INACCURATE = 13, SENSES = NX + INPUTS };
 
-/* From this part on of what an entry is, or does in the step, an error leaves no digit of it. */
+/* From this part on of the largest that an entry is an error leaves no digit of it; what it changes by is less than twice that. */
 #define MEANINGLESS 0.2
 
 /* And up to this part of the largest change of an entry of the same unit it may be: what has hardly begun to move has no digit yet. */
@@ -26,7 +26,6 @@ enum { STEP_RK4, STEP_ROSENBROCK, INACCURATE = 13, SENSES = NX + INPUTS };
 typedef struct {
     double z[N], slope[N];
     double error[NX]; /* sums of the estimates */
-    double way[NX]; /* sums of the largest changes within */
     double size[NX]; /* the largest of the state */
     double floor; /* what rounding makes of an error at least */
 #if STEP_SENSITIVITY
@@ -71,14 +70,13 @@ static int derivatives(Run *r, double t, double *y, double G[][NX], double K[][N
 }
 #endif
 
-/* After a substep to z: its error, the change within, and the sizes. */
-static void arrive(Step *s, const double *z, const double *error, const double *way)
+/* After a substep to z: its error and the sizes. */
+static void arrive(Step *s, const double *z, const double *error)
 {
     int i;
     for (i = 0; i < NX; i++) {
         s->z[i] = z[i];
         s->error[i] += error[i];
-        s->way[i] += way[i];
         s->size[i] = greater(s->size[i], fabs(z[i]));
     }
 }
@@ -86,7 +84,7 @@ static void arrive(Step *s, const double *z, const double *error, const double *
 static int rk4_substep(Run *r, double t, double h, Step *s, int sensitive)
 {
     static const double place[] = {0.0, 0.5, 0.5, 1.0}, weight[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
-    double k[5][N], y[N], z[NX], error[NX], way[NX];
+    double k[5][N], y[N], z[NX], error[NX];
 #if STEP_SENSITIVITY
     double G[SENSES][NX], K[SENSES][NX], sum[SENSES][NX];
     int c;
@@ -121,7 +119,6 @@ static int rk4_substep(Run *r, double t, double h, Step *s, int sensitive)
         const double early = greater(fabs(k[0][i]), fabs(k[1][i])), late = greater(fabs(k[2][i]), fabs(k[3][i]));
         const double most = greater(early, late); /* not that at the end, which grows with the error of an unstable step */
         const double d = greater(fabs(k[2][i] - k[1][i]), 0.5 * fabs(k[0][i] - k[1][i] - k[2][i] + k[3][i]));
-        way[i] = fabs(h) * most;
         error[i] = fabs(h) * greater(fabs(k[3][i] - k[4][i]) / 6.0, part_of(d, most));
     }
 #if STEP_SENSITIVITY
@@ -130,7 +127,7 @@ static int rk4_substep(Run *r, double t, double h, Step *s, int sensitive)
 #else
     (void)sensitive;
 #endif
-    arrive(s, z, error, way);
+    arrive(s, z, error);
     return OK;
 }
 
@@ -214,20 +211,20 @@ static int rosenbrock_substep(Run *r, const Rosenbrock *m, double t, double h, S
     }
     for (i = 0; i < NX; i++)
         error[i] = greater(fabs(made.U[ROSENBROCK_STAGES - 1][i]), part_of(bend[i], greater(way[i], fabs(end[i]))));
-    arrive(s, z, error, way);
+    arrive(s, z, error);
     return OK;
 }
 
-/* Is there an entry whose error is as large as what it is or does? */
-static int meaningless(const Step *s)
+/* Is there an entry of which its error leaves no digit? The step began at x. */
+static int meaningless(const Step *s, const double *x)
 {
     double most[NX] = {0.0};
     int i;
     for (i = 0; i < NX; i++)
-        most[alike[i]] = greater(most[alike[i]], s->way[i]);
+        most[alike[i]] = greater(most[alike[i]], fabs(s->z[i] - x[i]));
     for (i = 0; i < NX; i++) {
-        const double own = MEANINGLESS * greater(s->size[i], s->way[i]);
-        if (!(s->error[i] <= greater(greater(own, NEGLIGIBLE * most[alike[i]]), s->floor)))
+        const double part = greater(MEANINGLESS * s->size[i], NEGLIGIBLE * most[alike[i]]);
+        if (!(s->error[i] <= greater(part, s->floor)))
             return 1;
     }
     return 0;
@@ -273,5 +270,5 @@ static int whole_step(Run *r, const Rosenbrock *m, int method, int substeps, dou
 #endif
         }
     }
-    return meaningless(&s) ? INACCURATE : OK;
+    return meaningless(&s, x) ? INACCURATE : OK;
 }

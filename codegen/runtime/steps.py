@@ -20,7 +20,7 @@ CAUSE = (
     "inaccurate: the estimate of the error leaves no digit of the step; take more substeps, or the "
     "method rosenbrock"
 )
-MEANINGLESS = 0.2  # of what an entry is or does in the step: from here on an error leaves no digit
+MEANINGLESS = 0.2  # of the largest that an entry is: from here on an error leaves no digit
 NEGLIGIBLE = 0.01  # of the largest change of an entry of the same unit
 MOST = 10_000_000  # substeps
 Kernel = Callable[..., Any]
@@ -161,7 +161,7 @@ class _Step:
         self.t, self.h = np.broadcast_to(t, lead), whole[..., model.nx]
         self.z = whole[..., : model.nx].copy()
         self.status = np.where(np.isfinite(self.h), 0, 3)
-        self.error, self.way = np.zeros_like(self.z), np.zeros_like(self.z)
+        self.start, self.error = self.z, np.zeros_like(self.z)
         self.size = np.abs(self.z)
         self.floor = 16 * np.finfo(self.z.dtype).eps * self.size.max(axis=-1, initial=0.0)
         self.D = np.zeros((*lead, model.senses, model.nx), self.z.dtype)
@@ -190,17 +190,18 @@ class _Step:
             K[..., nx:, :] += self.call("jacobian_u", t, x, (nx, nu)).swapaxes(-1, -2)
         return K
 
-    def arrive(self, z: np.ndarray, error: np.ndarray, way: np.ndarray) -> None:
+    def arrive(self, z: np.ndarray, error: np.ndarray) -> None:
         """After a substep to z."""
         self.z = z
-        self.error, self.way = self.error + error, self.way + way
+        self.error = self.error + error
         self.size = np.maximum(self.size, np.abs(z))
 
     def meaningless(self) -> np.ndarray:
-        """Is there an entry whose error is as large as what it is or does?"""
+        """Is there an entry of which its error leaves no digit?"""
         alike = np.array(self.model.alike)
-        most = np.stack([self.way[..., alike == i].max(axis=-1) for i in alike], axis=-1)
-        limit = np.maximum(MEANINGLESS * np.maximum(self.size, self.way), NEGLIGIBLE * most)
+        change = np.abs(self.z - self.start)
+        most = np.stack([change[..., alike == i].max(axis=-1) for i in alike], axis=-1)
+        limit = np.maximum(MEANINGLESS * self.size, NEGLIGIBLE * most)
         return ~(self.error <= np.maximum(limit, self.floor[..., np.newaxis])).all(axis=-1)
 
 
@@ -244,7 +245,7 @@ def _rk4(step: _Step, t: np.ndarray, h: np.ndarray, slope: np.ndarray) -> np.nda
     bend = np.maximum(np.abs(k[2] - k[1]), np.abs(k[0] - k[1] - k[2] + k[3]) / 2)
     late = np.abs(k[3] - k[4]) / 6
     size = np.abs(wide)
-    step.arrive(z, size * np.maximum(late, _part(bend, most)), size * most)
+    step.arrive(z, size * np.maximum(late, _part(bend, most)))
     return k[4]
 
 
@@ -285,7 +286,7 @@ def _rosenbrock(step: _Step, t: np.ndarray, h: np.ndarray) -> None:
     for point, slope, alpha in zip(points[1:], slopes[1:], m["alpha"][1:]):
         bend = np.maximum(bend, np.abs(beyond(point, slope, alpha) - alpha**2 * end))
     error = np.maximum(np.abs(U[-1]), _part(bend, np.maximum(way, np.abs(end))))
-    step.arrive(z, np.where(moving, error, 0.0), np.where(moving, way, 0.0))
+    step.arrive(z, np.where(moving, error, 0.0))
 
 
 def _rosenbrock_slopes(

@@ -162,8 +162,8 @@ def test_dry_friction_is_refused_and_not_answered(arm: ModuleType) -> None:
     np.testing.assert_allclose(*ends, rtol=1e-5, atol=1e-8)
 
 
-def test_no_step_that_is_ok_is_wrong_by_half(arm: ModuleType) -> None:
-    """From slow to fast through friction, short to long steps. Half of the largest value or change
+def test_no_step_that_is_ok_is_far_off(arm: ModuleType) -> None:
+    """From slow to fast through friction, short to long steps. Three tenths of the largest value
     of the entry, or of the twentieth part of the other speed's change, of which the rule lets pass
     a hundredth."""
     rng = np.random.default_rng(3)
@@ -182,7 +182,7 @@ def test_no_step_that_is_ok_is_wrong_by_half(arm: ModuleType) -> None:
         size = np.max([np.abs(truth)[:, 2], np.abs(x)[:, 2], 0.05 * change], axis=0)
         wrong = np.abs(found - truth)[:, 2] / size
         assert ok.sum() > 60 and (~ok).sum() > 40
-        assert np.max(wrong[ok]) < 0.5
+        assert np.max(wrong[ok]) < 0.3
 
 
 def test_a_stiff_damper_takes_the_implicit_step(home) -> None:

@@ -10,7 +10,7 @@ import operator
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -24,6 +24,7 @@ MEANINGLESS = 0.2  # of the largest that an entry is: from here on an error leav
 NEGLIGIBLE = 0.01  # of the largest change of an entry of the same unit
 MOST = 10_000_000  # substeps
 Kernel = Callable[..., Any]
+Array: TypeAlias = Any  # of NumPy, of any precision
 
 
 # ---- the face
@@ -41,7 +42,7 @@ class Face:
     shape: tuple[int, ...]
     states: tuple[str, ...]
 
-    def __call__(
+    def __call__(  # noqa: PLR0913
         self,
         t: Any,
         x: Any,
@@ -67,14 +68,14 @@ class Face:
             value = out
         return (value, apart) if error else value
 
-    def _row(self, x: Any, substeps: int, method: str) -> np.ndarray:
+    def _row(self, x: Any, substeps: int, method: str) -> Array:
         """x and h with the number of the method and that of the substeps behind them."""
         if method not in METHODS:
             raise ValueError(f"{self.name}() has no method {method!r}; it has {', '.join(METHODS)}")
         many = operator.index(substeps)
         if not 1 <= many <= MOST:
             raise ValueError(f"{self.name}() needs substeps from 1 to {MOST}, got {many}")
-        given = np.asarray(x)
+        given: Array = np.asarray(x)
         length = len(self.states) + 1
         if not given.ndim or given.shape[-1] != length:
             raise ValueError(
@@ -85,13 +86,13 @@ class Face:
         ways[...] = METHODS.index(method), many
         return np.concatenate([given, ways], axis=-1)
 
-    def _check(self, out: Any, value: np.ndarray) -> None:
+    def _check(self, out: Any, value: Array) -> None:
         if not isinstance(out, np.ndarray) or out.dtype != value.dtype:
             raise TypeError(f"{self.name}() needs a {value.dtype} array as out")
         if out.shape != value.shape:
             raise ValueError(f"{self.name}() needs out of shape {value.shape}, got {out.shape}")
 
-    def _report(self, t: Any, status: np.ndarray, apart: np.ndarray) -> None:
+    def _report(self, t: Any, status: Array, apart: Array) -> None:
         """Raise for one step that says nothing; warn for rows of a batch, which are NaN."""
         failed = np.flatnonzero(status == INACCURATE)
         if not failed.size:
@@ -154,7 +155,9 @@ def kernel(model: Model, sensitive: bool, row: bool) -> Kernel:
 class _Step:
     """Where the steps of a batch are; `D` are the derivatives, column by column."""
 
-    def __init__(self, model: Model, sensitive: bool, given: Sequence[Any], lead: tuple) -> None:
+    def __init__(
+        self, model: Model, sensitive: bool, given: Sequence[Any], lead: tuple[int, ...]
+    ) -> None:
         t, x, self.u, self.p = given
         whole = np.broadcast_to(x, (*lead, x.shape[-1]))
         self.model, self.sensitive = model, sensitive
@@ -167,22 +170,22 @@ class _Step:
         self.D = np.zeros((*lead, model.senses, model.nx), self.z.dtype)
         self.D[..., : model.nx, :] = np.eye(model.nx)
 
-    def call(self, name: str, t: Any, x: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    def call(self, name: str, t: Any, x: Array, shape: tuple[int, ...]) -> Array:
         """A function of the model; rows where it fails keep why."""
         out = np.empty((*self.t.shape, math.prod(shape)), self.z.dtype)
         found = self.model.kernels[name](t, x, self.u, self.p, out)
         self.status = np.where(self.status, self.status, found)
         return out.reshape(*self.t.shape, *shape)
 
-    def rates(self, t: Any, x: np.ndarray) -> np.ndarray:
+    def rates(self, t: Any, x: Array) -> Array:
         """ẋ."""
         return self.call("dynamics", t, x, (self.model.nx,))
 
-    def refuse(self, status: int, rows: np.ndarray) -> None:
+    def refuse(self, status: int, rows: Array) -> None:
         """Rows that fail, unless they did before."""
         self.status = np.where((self.status == 0) & rows, status, self.status)
 
-    def slopes(self, t: Any, x: np.ndarray, G: np.ndarray) -> np.ndarray:
+    def slopes(self, t: Any, x: Array, G: Array) -> Array:
         """Derivatives of ẋ at x, where those of x are G."""
         nx, nu = self.model.nx, self.model.nu
         K = G @ self.call("jacobian", t, x, (nx, nx)).swapaxes(-1, -2)
@@ -190,13 +193,13 @@ class _Step:
             K[..., nx:, :] += self.call("jacobian_u", t, x, (nx, nu)).swapaxes(-1, -2)
         return K
 
-    def arrive(self, z: np.ndarray, error: np.ndarray) -> None:
+    def arrive(self, z: Array, error: Array) -> None:
         """After a substep to z."""
         self.z = z
         self.error = self.error + error
         self.size = np.maximum(self.size, np.abs(z))
 
-    def meaningless(self) -> np.ndarray:
+    def meaningless(self) -> Array:
         """Is there an entry of which its error leaves no digit?"""
         alike = np.array(self.model.alike)
         change = np.abs(self.z - self.start)
@@ -206,7 +209,12 @@ class _Step:
 
 
 def _stepped(
-    model: Model, sensitive: bool, method: int, substeps: int, given: Sequence[Any], lead: tuple
+    model: Model,
+    sensitive: bool,
+    method: int,
+    substeps: int,
+    given: Sequence[Any],
+    lead: tuple[int, ...],
 ) -> _Step:
     step = _Step(model, sensitive, given, lead)
     part = step.h / substeps
@@ -220,16 +228,16 @@ def _stepped(
     return step
 
 
-def _part(d: np.ndarray, most: np.ndarray) -> np.ndarray:
+def _part(d: Array, most: Array) -> Array:
     """d min(1, d / most)"""
     return d * np.divide(d, most, out=np.ones_like(d), where=d < most)
 
 
-def _rk4(step: _Step, t: np.ndarray, h: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def _rk4(step: _Step, t: Array, h: Array, slope: Array) -> Array:
     """One substep; the slope at its end."""
     wide, deep = h[..., np.newaxis], h[..., np.newaxis, np.newaxis]
     k, y, z, D = [slope], step.z, step.z, step.D
-    K = np.zeros_like(D)
+    slopes = np.zeros_like(D)
     total = D
     for n, (place, weight) in enumerate(((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))):
         if n:
@@ -237,8 +245,8 @@ def _rk4(step: _Step, t: np.ndarray, h: np.ndarray, slope: np.ndarray) -> np.nda
             k.append(step.rates(t + place * h, y))
         z = z + weight * wide * k[-1]
         if step.sensitive:
-            K = step.slopes(t + place * h, y, D + place * deep * K)
-            total = total + weight * deep * K
+            slopes = step.slopes(t + place * h, y, D + place * deep * slopes)
+            total = total + weight * deep * slopes
     k.append(step.rates(t + h, z))
     step.D = total
     most = np.max(np.abs(k[:4]), axis=0)  # that at the end grows with an unstable step
@@ -249,20 +257,23 @@ def _rk4(step: _Step, t: np.ndarray, h: np.ndarray, slope: np.ndarray) -> np.nda
     return k[4]
 
 
-def _rosenbrock(step: _Step, t: np.ndarray, h: np.ndarray) -> None:
+def _rosenbrock(step: _Step, t: Array, h: Array) -> None:
     """One substep; rows of length zero stay where they are."""
     m, nx = step.model.rosenbrock, step.model.nx
     still = h == 0
-    h = np.where(still, np.ones_like(h), h)
-    wide = h[..., np.newaxis]
-    eye = np.eye(nx, dtype=step.z.dtype) / (m["gamma"] * h)[..., np.newaxis, np.newaxis]
+    h = cast(Array, np.where(still, np.ones_like(h), h))
+    wide: Array = h[..., np.newaxis]
+    eye: Array = np.eye(nx, dtype=step.z.dtype) / (m["gamma"] * h)[..., np.newaxis, np.newaxis]
     J = step.call("jacobian", t, step.z, (nx, nx))
-    W = eye - J
+    W: Array = eye - J
     rate = step.call("jacobian_t", t, step.z, (nx,))
     bad = ~np.isfinite(W).all(axis=(-1, -2)) | (np.linalg.slogdet(W)[0] == 0)
     step.refuse(1, bad)
     W[bad] = np.eye(nx)
-    U, points, slopes, y = [], [], [], step.z
+    U: list[Array] = []
+    points: list[Array] = []
+    slopes: list[Array] = []
+    y = step.z
     for n, alpha in enumerate(m["alpha"]):
         y = step.z + sum((a * V for a, V in zip(m["a"][n], U)), np.zeros_like(step.z))
         points.append(y)
@@ -277,8 +288,8 @@ def _rosenbrock(step: _Step, t: np.ndarray, h: np.ndarray) -> None:
     z = np.where(moving, y + U[-1], step.z)
     way = np.max(np.abs([*(point - step.z for point in points), z - step.z]), axis=0)
 
-    def beyond(point: np.ndarray, slope: np.ndarray, alpha: float) -> np.ndarray:
-        linear = slopes[0] + np.einsum("...ij,...j", J, point - step.z) + alpha * wide * rate
+    def beyond(point: Array, slope: Array, alpha: float) -> Array:
+        linear: Array = slopes[0] + np.einsum("...ij,...j", J, point - step.z) + alpha * wide * rate
         return np.linalg.solve(W, (slope - linear)[..., np.newaxis])[..., 0] / m["gamma"]
 
     end = beyond(z, step.rates(t + h, z), 1.0)
@@ -291,24 +302,24 @@ def _rosenbrock(step: _Step, t: np.ndarray, h: np.ndarray) -> None:
 
 def _rosenbrock_slopes(
     step: _Step,
-    t: np.ndarray,
-    h: np.ndarray,
-    W: np.ndarray,
-    U: Sequence[np.ndarray],
-    points: Sequence[np.ndarray],
-) -> np.ndarray:
+    t: Array,
+    h: Array,
+    W: Array,
+    U: Sequence[Array],
+    points: Sequence[Array],
+) -> Array:
     """The equations of the stages, differentiated; W is the same."""
     m, nx = step.model.rosenbrock, step.model.nx
     deep = h[..., np.newaxis, np.newaxis]
-    dU: list[np.ndarray] = []
-    G = step.D
+    dU: list[Array] = []
+    moved = step.D
     for n, alpha in enumerate(m["alpha"]):
-        G = step.D + sum((a * V for a, V in zip(m["a"][n], dU)), np.zeros_like(step.D))
-        right = step.slopes(t + alpha * h, points[n], G)
-        right = right + sum((c / deep * V for c, V in zip(m["c"][n], dU)), np.zeros_like(G))
+        moved = step.D + sum((a * V for a, V in zip(m["a"][n], dU)), np.zeros_like(step.D))
+        right = step.slopes(t + alpha * h, points[n], moved)
+        right = right + sum((c / deep * V for c, V in zip(m["c"][n], dU)), np.zeros_like(moved))
         along = np.concatenate([step.z, U[n], (m["gammas"][n] * h)[..., np.newaxis]], axis=-1)
         H = step.call("jacobian_forward", t, along, (nx, step.model.senses)).swapaxes(-1, -2)
         right = right + step.D @ H[..., :nx, :]
         right[..., nx:, :] += H[..., nx:, :]
         dU.append(np.linalg.solve(W, right.swapaxes(-1, -2)).swapaxes(-1, -2))
-    return G + dU[-1]
+    return moved + dU[-1]

@@ -173,8 +173,8 @@ def integrated(
     """The motion from its start: by the module's own `simulate`, or by a library where one is named
     as the integrator.
 
-    Raises Unfinished after `most` steps, InputError where a function of the inputs or events fails, AssumptionError where the
-    motion comes to a singular position or the integrator cannot go on.
+    Raises Unfinished after `most` steps, InputError where a function of the inputs or events fails,
+    AssumptionError where the motion comes to a singular position or the integrator cannot go on.
     """
     begin = time.perf_counter()
     times, x, u, p = start.times, start.x, start.u, start.p

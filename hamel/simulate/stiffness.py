@@ -31,9 +31,8 @@ def reason(module: ModuleType, start: Start, far: Unfinished) -> str:
     mean = far.covered / max(1, far.partial.steps)
     if not (rate.real < 0 and mean * abs(rate) >= HELD):
         return ""
-    return (
-        f"steps of {mean:.2g} s were held down by stiffness, the fastest rate is {abs(rate):.2g} 1/s"
-    )
+    held = f"steps of {mean:.2g} s were held down by stiffness"
+    return f"{held}, the fastest rate is {abs(rate):.2g} 1/s"
 
 
 def _fastest(module: ModuleType, start: Start, far: Unfinished) -> complex:

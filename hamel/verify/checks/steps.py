@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -77,12 +78,14 @@ def _function(e: Evidence, name: str) -> Callable[..., Array] | None:
 def _rows(e: Evidence, name: str) -> Iterator[tuple[Row, float, Rates]]:
     """States whose step is no question, with its length and ẋ."""
     step = _function(e, name)
+    if step is None:
+        return
     length = float(e.real.nearest(SHORT * e.units.time))
     for row in islice(e.rows_of("dynamics"), SEEN):
         t, x, u, p = row
         try:
             for method in METHODS:
-                step and step(t, np.append(x, length), u, p, method=method)
+                step(t, np.append(x, length), u, p, method=method)
         except FloatingPointError:
             continue
         yield row, length, lambda t, x, u=u, p=p: np.ravel(e.graph("dynamics", t, x, u, p))
@@ -105,7 +108,7 @@ def _classical(rates: Rates, row: Row, h: float, parts: int) -> Array:
 
 
 def _beyond_estimate(
-    e: Evidence, step: Callable[..., tuple[Array, Array]], row: Row, h: float, rates: Rates
+    e: Evidence, step: Callable[..., Any], row: Row, h: float, rates: Rates
 ) -> Iterator[float]:
     found, estimate = step(*_with_length(row, h), method="rosenbrock", error=True)
     solution, coarse = (_classical(rates, row, h, n) for n in (MANY, MANY // 2))
@@ -122,9 +125,7 @@ def _scale(e: Evidence, x: Array) -> Array:
     return np.maximum(e.units.x, np.abs(x))
 
 
-def _difference(
-    step: Callable[..., Array], row: Row, h: float, d: Array, method: str
-) -> Array:
+def _difference(step: Callable[..., Array], row: Row, h: float, d: Array, method: str) -> Array:
     t, x, u, p = row
 
     def central(part: float) -> Array:

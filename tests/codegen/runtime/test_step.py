@@ -106,7 +106,7 @@ def test_rk4_is_the_classical_step(arm: ModuleType) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_a_step_is_of_order_four(arm: ModuleType, method: str) -> None:
     """And so are its parts: half of them, a sixteenth of the error."""
-    x, u = np.append(ARM_STATE + [0, 0, 2.0, 0], 0.2), np.array([3.0])
+    x, u = np.append(ARM_STATE + np.array([0, 0, 2.0, 0]), 0.2), np.array([3.0])
     exact = arm.step(0.3, x, u, substeps=4000)
     errors = [
         np.abs(arm.step(0.3, x, u, substeps=n, method=method) - exact).max() for n in (8, 16, 32)
@@ -151,7 +151,7 @@ def test_dry_friction_is_refused_and_not_answered(arm: ModuleType) -> None:
     estimate says why; with steps that are short enough both methods agree."""
     x = np.append([-1.4, 0.2, 0.01, 0.0], 4e-2)
     for method in METHODS:
-        with pytest.raises(FloatingPointError, match="inaccurate.*more substeps"):
+        with pytest.raises(FloatingPointError, match=r"inaccurate.*more substeps"):
             arm.step(0.0, x, [0.0], method=method)
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")

@@ -87,10 +87,11 @@ class Face:
         return np.concatenate([given, ways], axis=-1)
 
     def _check(self, out: Any, value: Array) -> None:
-        if not isinstance(out, np.ndarray) or out.dtype != value.dtype:
+        if type(out) is not np.ndarray or cast(Any, out).dtype != value.dtype:
             raise TypeError(f"{self.name}() needs a {value.dtype} array as out")
-        if out.shape != value.shape:
-            raise ValueError(f"{self.name}() needs out of shape {value.shape}, got {out.shape}")
+        shape = cast(Any, out).shape
+        if shape != value.shape:
+            raise ValueError(f"{self.name}() needs out of shape {value.shape}, got {shape}")
 
     def _report(self, t: Any, status: Array, apart: Array) -> None:
         """Raise for one step that says nothing; warn for rows of a batch, which are NaN."""
@@ -290,7 +291,8 @@ def _rosenbrock(step: _Step, t: Array, h: Array) -> None:
 
     def beyond(point: Array, slope: Array, alpha: float) -> Array:
         linear: Array = slopes[0] + np.einsum("...ij,...j", J, point - step.z) + alpha * wide * rate
-        return np.linalg.solve(W, (slope - linear)[..., np.newaxis])[..., 0] / m["gamma"]
+        apart = cast(Any, np.linalg.solve(W, (slope - linear)[..., np.newaxis]))
+        return apart[..., 0] / m["gamma"]
 
     end = beyond(z, step.rates(t + h, z), 1.0)
     bend = np.abs(end) / 3
@@ -321,5 +323,5 @@ def _rosenbrock_slopes(
         H = step.call("jacobian_forward", t, along, (nx, step.model.senses)).swapaxes(-1, -2)
         right = right + step.D @ H[..., :nx, :]
         right[..., nx:, :] += H[..., nx:, :]
-        dU.append(np.linalg.solve(W, right.swapaxes(-1, -2)).swapaxes(-1, -2))
+        dU.append(cast(Any, np.linalg.solve(W, right.swapaxes(-1, -2))).swapaxes(-1, -2))
     return moved + dU[-1]

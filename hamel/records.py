@@ -382,6 +382,7 @@ class Simulated:
     at_events: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
     motion: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
     automatic: bool = False  # the integrator was left to `auto`
+    why: str = ""  # it is not the one by the tolerance
     units: Mapping[str, str] = field(repr=False, default_factory=dict, metadata={"json": False})
     figure: Callable[[], str] | None = field(repr=False, default=None, metadata={"json": False})
 

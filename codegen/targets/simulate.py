@@ -183,8 +183,14 @@ def _data(program: Program) -> dict[str, Any]:
         "chosen": chosen,
         "schemes": [_scheme(x) for x in chosen],
         "implicit": _scheme(ROSENBROCK),
-        "called": _called(program),
+        "alike": alike(program),
     }
+
+
+def alike(program: Program) -> list[int]:
+    """The first entry of x with the same unit as each."""
+    units = program.argument("x").units
+    return [units.index(unit) for unit in units]
 
 
 def _called(program: Program) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
-from hamel.simulate import motion
+from hamel.simulate import motion, stiffness
 from hamel.simulate.automatic import picked
 from hamel.simulate.exact import state_of
 from hamel.simulate.figure import figure
@@ -133,12 +133,17 @@ def simulation(
     problem = _problem(path, method, rows, values, feed)
     if automatic:
         method = replace(method, integrator=_picked(problem, method))
-    chosen, course = _integrated(problem, method, times, progress)
+    why = ""
+    try:
+        chosen, course = _integrated(problem, method, times, progress, automatic)
+    except stiffness.Stiff as stiff:
+        why, method = str(stiff), replace(method, integrator=stiffness.IMPLICIT)
+        chosen, course = _integrated(problem, method, times, progress)
     for write in writing:
         write(course)
     used = replace(method, enforcement=problem.enforcement.name, alpha=problem.options.alpha)
     record = _record(chosen, used, problem.initial, course, places)
-    return replace(record, automatic=automatic)
+    return replace(record, automatic=automatic, why=why)
 
 
 def _picked(problem: Problem, method: Method) -> str:
@@ -182,13 +187,20 @@ def _problem(
 
 
 def _integrated(
-    problem: Problem, method: Method, times: np.ndarray, progress: Progress | None
+    problem: Problem,
+    method: Method,
+    times: np.ndarray,
+    progress: Progress | None,
+    automatic: bool = False,
 ) -> tuple[Equations, motion.Motion]:
     """The motion, and the equations it was made with: those of the choice, or charts of all choices
-    where that one comes to a singular position."""
+    where that one comes to a singular position.
+
+    Raises Stiff where the integrator was picked and turns out to be the wrong one.
+    """
     chosen = problem.equations(method.choice)
     try:
-        return chosen, _motion(problem, chosen, method, times, progress)
+        return chosen, _motion(problem, chosen, method, times, progress, automatic)
     except motion.InputError:
         raise
     except AssumptionError as error:
@@ -197,7 +209,7 @@ def _integrated(
             raise _explained(error, problem) from None
         several = charted([chosen, *others], survey_of(problem.system))
         try:
-            return several, _motion(problem, several, method, times, progress)
+            return several, _motion(problem, several, method, times, progress, automatic)
         except AssumptionError:
             raise _explained(error, problem) from None
 
@@ -208,6 +220,7 @@ def _motion(
     method: Method,
     times: np.ndarray,
     progress: Progress | None,
+    automatic: bool,
 ) -> motion.Motion:
     """Built as a module that is dropped afterwards, and integrated."""
     u, p, initial, enforcement = problem.u, problem.p, problem.initial, problem.enforcement.name
@@ -222,6 +235,14 @@ def _motion(
         else:
             x, chart = state_of(problem.plain, initial, p, problem.t), 0
         start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
+        # who asks a function twice may get two answers
+        looking = automatic and method.step_size is None and problem.changes.function is None
+        for most in stiffness.LOOKS if looking else ():
+            try:
+                return motion.integrated(module, by, start, stepping, progress, most)
+            except motion.Unfinished as far:
+                if why := stiffness.reason(module, start, far):
+                    raise stiffness.Stiff(why) from None
         return motion.integrated(module, by, start, stepping, progress)
 
 

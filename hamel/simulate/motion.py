@@ -152,21 +152,33 @@ class Start:
         return numbers | tables
 
 
+class Unfinished(Exception):
+    """A motion that used up its steps: `partial` holds the rows up to there, `covered` is how long
+    it is."""
+
+    def __init__(self, partial: Any, covered: float) -> None:
+        super().__init__("too many steps")
+        self.partial = partial
+        self.covered = covered
+
+
 def integrated(
     module: ModuleType,
     equations: Equations,
     start: Start,
     by: Stepping,
     progress: Callable[[float], None] | None = None,
+    most: int = MOST_STEPS,
 ) -> Motion:
     """The motion from its start: by the module's own `simulate`, or by a library where one is named
     as the integrator.
 
-    Raises InputError where a function of the inputs or events fails, AssumptionError where the
-    motion comes to a singular position or the integrator cannot go on.
+    Raises Unfinished after `most` steps, InputError where a function of the inputs or events fails,
+    AssumptionError where the motion comes to a singular position or the integrator cannot go on.
     """
     begin = time.perf_counter()
     times, x, u, p = start.times, start.x, start.u, start.p
+    watch = _Covered(None)
     library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
     try:
         if library is not None:
@@ -174,7 +186,7 @@ def integrated(
             found = library.prepare(Problem(module, equations, times, x, u, p, by.rtol, by.atol))()
         else:
             several: dict[str, Any] = {"chart": start.chart} if equations.charts else {}
-            watch = paced(progress, float(times[-1] - times[0]), _haste(by))
+            watch = _Covered(paced(progress, float(times[-1] - times[0]), _haste(by)))
             if start.changes.sample is not None:
                 several["sample"] = start.changes.sample
             if start.events:
@@ -184,7 +196,7 @@ def integrated(
                 x,
                 start.inputs(module),
                 p,
-                max_steps=MOST_STEPS,
+                max_steps=most,
                 progress=watch,
                 error=start.changes.function
                 is None,  # who asks a function twice may get two answers
@@ -192,6 +204,8 @@ def integrated(
                 **several,
             )
     except FloatingPointError as error:
+        if _status(error) is Status.MORE and most < MOST_STEPS:
+            raise Unfinished(vars(error)["partial"], watch.covered) from None
         if _status(error) in (Status.NO_INPUT, Status.NO_EVENT):
             raise InputError(str(error)) from error.__cause__
         hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
@@ -204,6 +218,19 @@ def integrated(
         found, t=found.t.astype(float), x=found.x.astype(float), work=found.work.astype(float)
     )
     return judged(module, equations, found, u, p, time.perf_counter() - begin)
+
+
+class _Covered:
+    """How far a motion came, told on."""
+
+    def __init__(self, watch: Callable[[float], None] | None) -> None:
+        self.watch = watch
+        self.covered = 0.0
+
+    def __call__(self, covered: float) -> None:
+        self.covered = covered
+        if self.watch is not None:
+            self.watch(covered)
 
 
 def _status(error: FloatingPointError) -> Status:

@@ -10,6 +10,9 @@ TRIALS := build/trials
 BENCH  := build/bench/venv
 PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
 
+# Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo report test test-slow lint robots loops growth bench bench-page report-page whole matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time

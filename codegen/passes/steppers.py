@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from codegen.passes.selection import chart_suffix
 from codegen.program import KINDS, Argument, Kernel, Program, Stepper
 from derive.formulations.records import Request
 
@@ -22,7 +21,8 @@ def with_steppers(program: Program, asked: Sequence[Request]) -> Program:
 
 
 def _stepper(program: Program, request: Request, chart: int) -> Stepper:
-    x, suffix = program.argument("x"), chart_suffix(chart)
+    x = program.argument("x")
+    suffix = program.charts[chart].suffix if program.charts else ""
     about = request.about + (f"; chart {chart}" if chart else "")
     columns = len(x.names) + len(program.argument("u").names)
     shape = (len(x.names), columns) if request.name == SENSITIVE else (len(x.names),)

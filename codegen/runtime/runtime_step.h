@@ -27,6 +27,12 @@ typedef struct {
 #endif
 } Step;
 
+/* Of two that are finite; fmax is a call, and has to look whether they are. */
+static inline double greater(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 #if STEP_SENSITIVITY
 /* Derivatives K of the slope at y, where those of y are G. */
 static int derivatives(Run *r, double t, double *y, double G[][NX], double K[][NX])
@@ -60,7 +66,7 @@ static void arrive(Step *s, const double *z, const double *error, const double *
         s->z[i] = z[i];
         s->error[i] += error[i];
         s->way[i] += way[i];
-        s->size[i] = fmax(s->size[i], fabs(z[i]));
+        s->size[i] = greater(s->size[i], fabs(z[i]));
     }
 }
 
@@ -99,10 +105,10 @@ static int rk4_substep(Run *r, double t, double h, Step *s, int sensitive)
         return status;
     memcpy(s->slope, k[4], sizeof k[4]);
     for (i = 0; i < NX; i++) {
-        const double most = fmax(fmax(fabs(k[0][i]), fabs(k[1][i])), fmax(fmax(fabs(k[2][i]), fabs(k[3][i])), fabs(k[4][i])));
-        const double apart = k[2][i] - k[1][i];
+        const double early = greater(fabs(k[0][i]), fabs(k[1][i])), late = greater(fabs(k[2][i]), fabs(k[3][i]));
+        const double most = greater(greater(early, late), fabs(k[4][i])), apart = k[2][i] - k[1][i];
         way[i] = fabs(h) * most;
-        error[i] = fabs(h) * fmax(fabs(k[3][i] - k[4][i]) / 6.0, most > 0.0 ? apart / most * apart : 0.0);
+        error[i] = fabs(h) * greater(fabs(k[3][i] - k[4][i]) / 6.0, most > 0.0 ? apart / most * apart : 0.0);
     }
 #if STEP_SENSITIVITY
     if (sensitive)
@@ -171,7 +177,7 @@ static int rosenbrock_substep(Run *r, const Rosenbrock *m, double t, double h, S
         error[i] = fabs(made.U[ROSENBROCK_STAGES - 1][i]);
         way[i] = fabs(z[i] - y[i]);
         for (n = 1; n < ROSENBROCK_STAGES; n++)
-            way[i] = fmax(way[i], fabs(made.at[n][i] - y[i]));
+            way[i] = greater(way[i], fabs(made.at[n][i] - y[i]));
         if (!(fabs(z[i]) < INFINITY))
             return NOT_FINITE;
     }
@@ -184,7 +190,7 @@ static int meaningless(const Step *s)
 {
     int i;
     for (i = 0; i < NX; i++)
-        if (!(s->error[i] <= fmax(MEANINGLESS * fmax(s->size[i], s->way[i]), s->floor)))
+        if (!(s->error[i] <= greater(MEANINGLESS * greater(s->size[i], s->way[i]), s->floor)))
             return 1;
     return 0;
 }
@@ -204,7 +210,7 @@ static int stepped(Run *r, const Rosenbrock *m, int method, int substeps, double
     for (i = 0; i < NX; i++) {
         s.z[i] = x[i];
         s.size[i] = fabs(x[i]);
-        s.floor = fmax(s.floor, 16.0 * DBL_EPSILON * s.size[i]);
+        s.floor = greater(s.floor, 16.0 * DBL_EPSILON * s.size[i]);
 #if STEP_SENSITIVITY
         s.D[i][i] = 1.0;
 #endif

@@ -26,10 +26,9 @@ def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
     """Energy, always where it is conserved, and the momenta asked for, over the state. Unknown
     names raise KeyError."""
     system = found.system
-    functions = {function.name: function for function in found.functions}
-    v = functions["velocity"].result.value
+    v = found.function("velocity").result.value
     w = found.argument("x").symbols[system.q.numel() :]
-    energy = functions["energy"].result.value
+    energy = found.function("energy").result.value
     momenta = ca.substitute(ca.jacobian(system.T, system.v).T, system.v, v)
     names = {velocity.name: j for j, velocity in enumerate(system.model.velocities)}
     # a sum that constraints which move leave constant, too, where the motion in w does not show

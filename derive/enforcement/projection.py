@@ -6,7 +6,7 @@ from derive.formulations.records import Equations
 
 
 def _refusal(found: Equations, options: Options) -> str:
-    if any(function.name == "project" for function in found.functions):
+    if found.has("project"):
         return ""
     return (
         "there is nothing to project on: no position constraints, and A v = c holds in these "

@@ -23,9 +23,7 @@ def usual_rate(
     1/s. `time` is the length of the motion in s. Where the Jacobian is not finite only the length
     counts."""
     slots = {argument.name: argument.symbols for argument in found.arguments}
-    xdot = next(
-        function for function in found.functions if function.name == "dynamics"
-    ).result.value
+    xdot = found.function("dynamics").result.value
     function = ca.Function(
         "J", [slots[name] for name in "txup"], [ca.densify(ca.jacobian(xdot, slots["x"]))]
     )

@@ -168,9 +168,7 @@ def _guards_of(found: Resolved) -> tuple[Guard, ...]:
 
 
 def _guards(equations: Equations) -> tuple[Guard, ...]:
-    return next(
-        (function.guards for function in equations.functions if function.name == "dynamics"), ()
-    )
+    return equations.function("dynamics").guards if equations.has("dynamics") else ()
 
 
 def _values(guards: Sequence[Guard], survey: Survey, s: States) -> np.ndarray:

@@ -41,9 +41,7 @@ def _slopes(equations: Equations) -> np.ndarray:
     """Which of (φ, q̇, ẇ) depend on which coordinate: flags."""
     system = equations.system
     _, x, *_ = (argument.symbols for argument in equations.arguments)
-    f = next(
-        function.result.value for function in equations.functions if function.name == "dynamics"
-    )
+    f = equations.function("dynamics").result.value
     value = ca.vertcat(position_rows(system), f)
     B = ca.Function("B", [system.t, system.q, system.p], [ca.densify(_speed_rows(equations))])
     sampled = states(system, CYCLIC_SAMPLES, seed=1)

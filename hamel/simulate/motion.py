@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from codegen.integrators import INTEGRATORS, Tableau
+from codegen.integrators import Tableau, integrator_of
 from codegen.runtime.simulation import Simulation, Status
 from derive.diagnostics import AssumptionError
 from hamel.progress import paced
 from hamel.simulate.inputs import Changes
-from hamel.simulate.libraries import REFERENCES, Problem
+from hamel.simulate.libraries import Problem, library_of
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
@@ -85,7 +85,7 @@ def integrated(
     Raises InputError where a function of the inputs or events fails, AssumptionError where the
     motion comes to a singular position or the integrator cannot go on.
     """
-    library = next((reference for reference in REFERENCES if reference.name == by.integrator), None)
+    library = library_of(by.integrator)
     try:
         if library is not None:
             at = (start.times, start.x, start.u, start.p)
@@ -148,8 +148,7 @@ def _haste(by: Stepping) -> str:
     """What to do about a motion that takes very long."""
     if by.step_size is not None:
         return f"steps of {by.step_size:g} s are many"
-    explicit = next(integrator for integrator in INTEGRATORS if integrator.name == by.integrator)
-    if isinstance(explicit, Tableau):
+    if isinstance(integrator_of(by.integrator), Tableau):
         return (
             "where fast motions have died out the system is stiff, which --integrator radau is for"
         )

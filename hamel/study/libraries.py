@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from derive.formulations.records import Equations
-from hamel.simulate.libraries import REFERENCES, Problem, Reference, Refusal
+from hamel.simulate.libraries import Problem, Reference, Refusal, library_of
 from hamel.study.modules import Start, plain_equations, start
 from hamel.study.runs import judged, loaded, timed
 
@@ -29,7 +29,8 @@ def row(
     """One run of a solver on one unit's equations, and whether tighter ones would take too long."""
     begin, module = start(path, values), loaded(folder)
     equations = plain_equations(begin, unit)
-    reference = next(each for each in REFERENCES if each.name == run["integrator"])
+    reference = library_of(run["integrator"])
+    assert reference is not None  # the plan named it
     reason = reference.refusal(equations)
     if reason:
         return {"status": reason, "slow": False}

@@ -7,4 +7,10 @@ from hamel.simulate.libraries.sundials import CVODES, IDAS
 
 REFERENCES: tuple[Reference, ...] = (*SCIPY, CVODES, IDAS)
 
-__all__ = ["REFERENCES", "Problem", "Reference", "Refusal"]
+
+def library_of(name: str) -> Reference | None:
+    """The library solver of that name; None where there is none."""
+    return {reference.name: reference for reference in REFERENCES}.get(name)
+
+
+__all__ = ["REFERENCES", "Problem", "Reference", "Refusal", "library_of"]

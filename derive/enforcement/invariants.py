@@ -13,12 +13,12 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.survey import survey_of
+from derive.enforcement.limits import CONSERVED
 from derive.enforcement.records import Enforcement, Options
 from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations, Function, Request, Result
 from derive.mechanics.solve import ldl_solution, scalars
 
-CONSERVED = 1e-8  # largest rate of an invariant, relative to the rates of its parts
 ABOUT = "constraints and invariants for the projection on them: [g, G W⁻¹ Gᵀ, W⁻¹ Gᵀ] row by row"
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
-from derive.linearize.limits import CYCLIC_SAMPLES, NOTHING
+from derive.linearize.limits import CYCLIC_SAMPLES, LEAST_SCALE, NOTHING
 from derive.linearize.minimal import evaluator, position_rows
 from derive.states.sampling import states
 
@@ -49,7 +49,7 @@ def _slopes(equations: Equations) -> np.ndarray:
     at = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1)])
     found = np.abs(evaluator(equations, ca.jacobian(value, x))(at, sampled.u, sampled.p))
     scale = np.max(found, axis=2, keepdims=True, initial=0.0)
-    return np.any(found[:, :, : system.q.numel()] > NOTHING * (1e-3 + scale), axis=0)
+    return np.any(found[:, :, : system.q.numel()] > NOTHING * (LEAST_SCALE + scale), axis=0)
 
 
 def _speed_rows(equations: Equations) -> ca.SX:

@@ -12,7 +12,7 @@ import numpy as np
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
-from derive.linearize.limits import SAME_ROWS, STUDY_SAMPLES
+from derive.linearize.limits import SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families
@@ -173,7 +173,7 @@ def _samples(found: Study) -> np.ndarray:
     family."""
     rng = np.random.default_rng(0)
     stacks: list[np.ndarray] = []
-    for spread in (1e-2, 1e-2, 1e-2, 1e-3, 1e-4):
+    for spread in SPREADS:
         changed = {
             name: value * (1 + spread * rng.uniform(-1, 1)) for name, value in found.at.items()
         }

@@ -28,6 +28,7 @@ from derive.joints.rotations import (
     sum_of,
     transpose,
 )
+from derive.mechanics.limits import EXACT
 from derive.mechanics.records import Inertia, Link, Place
 from derive.mechanics.symbols import Symbols
 from derive.model.records import GROUND, Body, Joint, Model, Placement
@@ -156,7 +157,7 @@ def _exact(x: Scalar) -> Scalar:
     if not isinstance(x, float):
         return x
     nearest = float(round(x))
-    return nearest if abs(x - nearest) < 1e-14 else x
+    return nearest if abs(x - nearest) < EXACT else x
 
 
 def _aligning(axis: Vector) -> Rotation:

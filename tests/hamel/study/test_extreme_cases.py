@@ -20,7 +20,7 @@ from codegen.runtime.simulation import Status, Stopped
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.model import load
-from derive.model.extremes import RTOL
+from derive.model.limits import RTOL
 from derive.states import system
 from derive.states.initial import initial_state
 from hamel.simulate.exact import Problem, Solution, solution, state_of, taylor

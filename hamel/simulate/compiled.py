@@ -259,16 +259,16 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     )
 
 
-def _others(problem: Problem, chosen: Equations) -> list[Equations]:
+def _others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
-    alone = chosen.generalized_velocities or chosen.charts
+    alone = equations.generalized_velocities or equations.charts
     if not system.rows or alone or problem.enforcement.level not in ("none", "steps"):
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))
     others = []
     for name in names:
-        if name != chosen.choice:
+        if name != equations.choice:
             with contextlib.suppress(AssumptionError):
                 others.append(problem.equations(name))
     return others

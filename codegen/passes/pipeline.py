@@ -174,7 +174,7 @@ class _Turning:
 
 def _events(equations: Equations) -> tuple[Event, ...]:
     """What the entries of the function `events` are, where there is one."""
-    if not any(function.name == "events" for function in equations.functions):
+    if not equations.has("events"):
         return ()
     return tuple(Event(x.name, x.direction, x.stop) for x in equations.system.model.events)
 

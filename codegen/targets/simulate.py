@@ -310,7 +310,7 @@ def _choice(
 
 
 def _labels(program: Program, name: str) -> tuple[str, ...]:
-    return next((kernel.labels for kernel in program.kernels if kernel.name == name), ())
+    return program.kernel(name).labels if program.has(name) else ()
 
 
 def fields(program: Program) -> list[tuple[str, str, int, str]]:

@@ -1,6 +1,7 @@
 """Steps for controllers: what they come to, their derivatives, their estimate, and what is refused.
 
 Of codegen.runtime: steps.
+Of codegen.passes: steppers.
 """
 
 from __future__ import annotations

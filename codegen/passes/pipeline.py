@@ -47,6 +47,7 @@ from derive.formulations import records
 from derive.formulations.charts import differs
 from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
+from derive.formulations.requests import requested, unknown_function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
@@ -214,13 +215,10 @@ def _in_chart(
 ) -> list[Function]:
     """The functions of a further chart: those of the first that depend on the chart, and its own
     guards."""
-    known = {
-        *(function.name for function in chart.functions),
-        *(request.name for request in chart.requests),
-    }
+    known = {function.name for function in chart.functions}
     wanted = dict.fromkeys([*(function.name for function in chosen), *_for_charts(chart)])
     varying = {function.name for function in chosen if differs(first, function)}
-    own = _selection(chart, [name for name in wanted if name in known])
+    own = _selection(chart, [name for name in wanted if name in known or requested(chart, name)])
     where = f"; chart {number}, {chart.choice}"
     return [
         replace(function, name=f"{function.name}{_suffix(number)}", about=function.about + where)
@@ -269,20 +267,21 @@ def _usual(chosen: Sequence[Function]) -> tuple[str, ...]:
 def _selection(equations: Equations, names: Sequence[str] | None) -> list[Function]:
     """The functions asked for; those with an empty result have no code."""
     default = {function.name: function for function in equations.functions}
-    requests = {request.name: request for request in equations.requests}
     wanted = [
         n for name in (names or ("default",)) for n in (default if name == "default" else (name,))
     ]
-    for name in wanted:
-        if name not in default and name not in requests:
-            raise HamelError(
-                f"this model has no function {name!r}; it has {', '.join((*default, *requests))}"
-            )
-    chosen = [
-        default[name] if name in default else requests[name].make()
-        for name in dict.fromkeys(wanted)
-    ]
+    chosen = [_function(equations, default, name) for name in dict.fromkeys(wanted)]
     return [function for function in chosen if function.result.value.numel()]
+
+
+def _function(equations: Equations, default: dict[str, Function], name: str) -> Function:
+    """The function of that name, made now where it stands among the requests."""
+    if name in default:
+        return default[name]
+    request = requested(equations, name)
+    if request is None:
+        raise unknown_function(equations, name)
+    return request.make()
 
 
 def _arguments(

@@ -72,6 +72,16 @@ class Placement:
 
 
 @dataclass(frozen=True)
+class NamedFrame:
+    """A frame fixed to a body, that functions and loads can be asked for by name: a tool, a camera,
+    a body's own frame, or a joint's on its child."""
+
+    name: str
+    body: str
+    at: Placement
+
+
+@dataclass(frozen=True)
 class Body:
     """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz
     about the centre of mass)."""
@@ -270,6 +280,19 @@ class Torque:
     body: str
     components: Vector3
     frame: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """Force (N) at the origin of a named frame and moment (N m); components along the ground's axes
+    or, `axes` = "frame", along the frame's."""
+
+    name: str
+    frame: str
+    force: Vector3
+    moment: Vector3
+    axes: str
     span: Span
 
 
@@ -487,6 +510,7 @@ class Model:
     published: tuple[Published, ...] = ()
     extremes: tuple[Extreme, ...] = ()
     events: tuple[Event, ...] = ()
+    frames: tuple[NamedFrame, ...] = ()  # those of `frames:`; bodies and joints have theirs
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[

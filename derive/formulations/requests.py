@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from derive.diagnostics import AssumptionError, HamelError, did_you_mean, listed
+from derive.diagnostics import AssumptionError, HamelError, did_you_mean, listed, nearest
 from derive.formulations.named_frames import about_frame
 from derive.formulations.records import Equations, Family, Request
 from derive.model.named_frames import frames_of, readings
@@ -33,17 +33,20 @@ def unknown_function(equations: Equations, name: str) -> HamelError:
     """What to say of a name that is none of a function: the frame, or the function, that was
     probably meant."""
     model = equations.system.model
-    frames = frames_of(model)
-    prefixes = [x.name for x in equations.families if name.startswith(f"{x.name}_")]
     single = [x.name for x in (*equations.functions, *equations.requests)]
-    if prefixes and not did_you_mean(name, single):
-        family = max(prefixes, key=len)
+    prefixes = [x.name for x in equations.families if name.startswith(f"{x.name}_")]
+    frames = frames_of(model)
+    for family in sorted(prefixes, key=len, reverse=True):
         frame = name[len(family) + 1 :]
-        hint = did_you_mean(name, [f"{family}_{known}" for known in frames])
-        return HamelError(
-            f"{model.name} has no frame '{frame}' for {family}",
-            hint or f"its frames: {listed(frames)}",
-        )
+        near = nearest(frame, frames)
+        if near:
+            return HamelError(
+                f"{model.name} has no frame '{frame}'", f"did you mean '{family}_{near}'?"
+            )
+    hint = did_you_mean(name, single)
+    if prefixes and not hint:
+        frame = name[len(max(prefixes, key=len)) + 1 :]
+        return HamelError(f"{model.name} has no frame '{frame}'", f"it has {listed(frames)}")
     families = [f"{family.name}_FRAME" for family in equations.families]
-    hint = did_you_mean(name, single) or f"it has {', '.join((*single, *families))}"
+    hint = hint or f"it has {', '.join((*single, *families))}"
     return HamelError(f"{model.name} has no function '{name}'", hint)

@@ -74,7 +74,7 @@ def readings(function: str, known: Collection[str]) -> list[tuple[str, str]]:
     return [
         (family, frame)
         for family, frame in split
-        if frame in known and function == f"{family}_{frame}"
+        if function not in TAKEN and frame in known and function == f"{family}_{frame}"
     ]
 
 

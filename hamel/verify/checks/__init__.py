@@ -13,6 +13,8 @@ from hamel.verify.checks import (
     linear,
     momenta,
     motion,
+    named_frames,
+    quasi,
     strange,
     udwadia,
 )
@@ -26,6 +28,8 @@ CHECKS: tuple[Check, ...] = (
     *inverse.CHECKS,
     *configuration.CHECKS,
     *linear.CHECKS,
+    *named_frames.CHECKS,
+    *quasi.CHECKS,
     *code.CHECKS,
     *charts.CHECKS,
     *strange.CHECKS,
@@ -36,5 +40,7 @@ CHECKS: tuple[Check, ...] = (
 QUICK = (
     *agreement.CHECKS,
     *linear.CHECKS,
+    *named_frames.CHECKS,
+    *quasi.CHECKS,
 )  # every term against the reference, and what was derived from ẋ on request
 LOADED = (*code.CHECKS[:1], *charts.CHECKS)  # the loaded module against the graph

@@ -15,11 +15,11 @@ import casadi as ca
 from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import cheapest
-from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.expressions.scalars import Vector
 from derive.formulations.distribution import distributed
 from derive.formulations.functions import Motion, Projected, at_motion, outputs_of, per_second
 from derive.formulations.records import Argument, Function, Request, Result
-from derive.mechanics.coriolis import coriolis_column
+from derive.mechanics.coriolis import coriolis_matrix
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
 from derive.mechanics.system import inertial_forces
@@ -168,36 +168,18 @@ def _with_rates(system: System, motion: Motion, wdot: ca.SX) -> Argument:
 
 
 def _coriolis(system: System, motion: Motion, of: Projected) -> Function:
+    """Sᵀ (C S + M Ṡ) of the tree's C: Ṁ_w = C_w + C_wᵀ holds with it, whatever S is, so with loops
+    and nonholonomic constraints as well."""
     _check_coriolis(system, of)
-    turning = ca.jtimes(of.S, system.q, ca.substitute(system.qdot, system.v, motion.v))
-    sets = [_columns(system, motion, of.S, turning, k) for k in range(len(system.inertias))]
-    links = cheapest_matrix(sets)
+    qdot = ca.substitute(system.qdot, system.v, motion.v)
+    turning = ca.jtimes(of.S, system.q, qdot)
+    v = [system.v[j] for j in range(system.v.numel())]
+    links = cheapest([coriolis_matrix(system.links, x, v) for x in system.inertias])
+    # of a kinetic energy in rates of coordinates: half the slope of h, Christoffel's symbols
     extra = 0.5 * ca.jacobian(system.h_extra, system.v)
-    further = at_motion(system, motion, ca.mtimes(extra, of.S)) + ca.mtimes(
-        system.M_extra, turning
-    )
-    value = ca.mtimes(of.S.T, links + further)
+    tree = at_motion(system, motion, ca.vertcat(*(ca.horzcat(*row) for row in links)) + extra)
+    value = ca.mtimes(of.S.T, ca.mtimes(ca.sparsify(tree), of.S) + ca.mtimes(system.M, turning))
     return _matrix("coriolis_w", CORIOLIS, "C_w", value, motion.names, motion)
-
-
-def cheapest_matrix(ways: list[Matrix]) -> ca.SX:
-    """Of equivalent matrices, each a list of its columns, the one with fewest operations."""
-    return ca.horzcat(*(ca.vertcat(*column) for column in cheapest(ways)))
-
-
-def _columns(system: System, motion: Motion, S: ca.SX, turning: ca.SX, k: int) -> Matrix:
-    """Forces conjugate to v, one list for each quasi-velocity, from one set of inertias."""
-    v = _entries(motion.v)
-    return [
-        coriolis_column(
-            system.links, system.inertias[k], v, _entries(S[:, i]), _entries(turning[:, i])
-        )
-        for i in range(S.size2())
-    ]
-
-
-def _entries(column: ca.SX) -> list[Scalar]:
-    return [row[0] for row in scalars(column)]
 
 
 def _check_coriolis(system: System, of: Projected) -> None:

@@ -193,8 +193,8 @@ def _check_coriolis(system: System, of: Projected) -> None:
         )
     if not system.homogeneous:
         raise AssumptionError(
-            f"{name}: the kinetic energy has terms that are not quadratic in the rates, so velocity "
-            "products are not C w",
+            f"{name}: the kinetic energy has terms that are not quadratic in the rates, so "
+            "velocity products are not C w",
             "bias_w holds all of them",
         )
     slopes = ca.sparsify(ca.jacobian(system.h_extra, system.v))

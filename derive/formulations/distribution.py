@@ -58,10 +58,12 @@ _HINT = "input_map tells which forces the inputs reach; mass_w and bias_w serve 
 
 def _out_of_reach(system: System, motion: Motion, rows: list[int], columns: list[int]) -> str:
     names = ", ".join(motion.names[i] for i in rows)
-    inputs = ", ".join(system.model.inputs[j].name for j in columns) or "no input"
+    inputs = ", ".join(system.model.inputs[j].name for j in columns)
+    if not columns:
+        return f"{system.model.name}: no input acts on {names}, so not every ẇ can be had"
     return (
-        f"{system.model.name}: {len(columns)} inputs ({inputs}) cannot give any acceleration of "
-        f"{len(rows)} quasi-velocities ({names})"
+        f"{system.model.name}: {inputs} cannot give every ẇ of {names}: {len(columns)} for "
+        f"{len(rows)}"
     )
 
 

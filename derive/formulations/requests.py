@@ -36,6 +36,11 @@ def unknown_function(equations: Equations, name: str) -> HamelError:
     single = [x.name for x in (*equations.functions, *equations.requests)]
     prefixes = [x.name for x in equations.families if name.startswith(f"{x.name}_")]
     frames = frames_of(model)
+    if readings(name, frames):
+        return HamelError(
+            f"{model.name} has no function '{name}'",
+            f"formulation {equations.formulation} chooses no quasi-velocities w",
+        )
     for family in sorted(prefixes, key=len, reverse=True):
         frame = name[len(family) + 1 :]
         near = nearest(frame, frames)

@@ -83,7 +83,9 @@ def _tree(links: Sequence[Link], inertias: Sequence[Inertia], v: Sequence[Scalar
         parent = links[i].parent
         if parent >= 0:
             below = _flow_below(links[i], speeds[i], composites[i], flows[i])
-            flows[parent] = _Flow(sum_of(flows[parent].p, below.p), _added(flows[parent].G, below.G))
+            flows[parent] = _Flow(
+                sum_of(flows[parent].p, below.p), _added(flows[parent].G, below.G)
+            )
     return _Tree(links, omegas, speeds, composites, flows)
 
 

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from codegen.reals import FLOAT64
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.compare import Sums, deviation, slope, worst
-from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.checks.compare import Sums, deviation, sizes, slope, worst
+from hamel.verify.checks.evidence import Evidence, Sample, roundoff
 from hamel.verify.checks.identities import DIFFERENCES, step
 from hamel.verify.limits import SOLVED
 from hamel.verify.reference.outcome import Outcome, evaluate, mass, state_of
@@ -44,10 +45,10 @@ def partial(e: Evidence) -> float | None:
         return None
     unit = np.outer(e.units.v, 1.0 / e.units.w)
     got = [np.reshape(S, unit.shape) for S in e.results("partial_velocities")]
-    sizes = [1.0 + worst(S / unit) for S in got]
-    error = deviation(got, partial_velocities(e), e.conditions, unit=unit, sums=Sums(SOLVED, sizes))
+    size = [1.0 + worst(S / unit) for S in got]
+    error = deviation(got, partial_velocities(e), e.conditions, unit=unit, sums=Sums(SOLVED, size))
     along = [s.outcome.kinematics.A / e.units.A @ (S / unit) for s, S in zip(e.samples, got)]
-    rows = [worst(x) / size / k for x, size, k in zip(along, sizes, e.conditions)]
+    rows = [worst(x) / length / k for x, length, k in zip(along, size, e.conditions)]
     return max(error, worst(rows))
 
 
@@ -110,16 +111,19 @@ def products(e: Evidence) -> float | None:
     if not e.graph.has("coriolis_w"):
         return None
     nq = len(e.samples[0].q)
-    got = [C @ x[nq:] for C, x in zip(_coriolis(e), e.x)]
-    return _compared(e, got, [_projected(e, k, _still) for k in range(len(e.samples))])
+    speeds = [x[nq:] for x in e.x]
+    got = [C @ w for C, w in zip(_coriolis(e), speeds)]
+    doubts = [bound @ np.abs(w) for bound, w in zip(_rounding(e), speeds)]
+    wanted = [_projected(e, k, _still) for k in range(len(e.samples))]
+    return _compared(e, got, wanted, np.array(doubts))
 
 
 def antisymmetric(e: Evidence) -> float | None:
     """Ṁ_w = C + Cᵀ: Sᵀ M S with the reference's M, differentiated along the motion."""
     if not e.graph.has("coriolis_w"):
         return None
-    rows = zip(e.samples, e.velocities, _coriolis(e))
-    return worst([_skew(e, s, v, C) for s, v, C in rows])
+    rows = zip(e.samples, e.velocities, _coriolis(e), _rounding(e))
+    return worst([_skew(e, s, v, C, rounding) for s, v, C, rounding in rows])
 
 
 def _coriolis(e: Evidence) -> list[Array]:
@@ -128,7 +132,13 @@ def _coriolis(e: Evidence) -> list[Array]:
     return [np.reshape(C, (n, n)) for C in e.results("coriolis_w")]
 
 
-def _skew(e: Evidence, s: Sample, v: Array, C: Array) -> float:
+def _rounding(e: Evidence) -> list[Array]:
+    """The running error bound of C: Ṡ loses twice the digits that S does where a pivot is small."""
+    name, n = "coriolis_w", len(e.units.w)
+    return [np.reshape(x, (n, n)) for x in roundoff(e.graph, name, e.rows_of(name), FLOAT64)]
+
+
+def _skew(e: Evidence, s: Sample, v: Array, C: Array, rounding: Array) -> float:
     rate = state_of(e.reference, s.t, s.q, v, s.u, s.full).rates
 
     def inertia(time: float) -> Array:
@@ -139,6 +149,7 @@ def _skew(e: Evidence, s: Sample, v: Array, C: Array) -> float:
     change, doubt = slope(inertia, step(e, s, s.v / e.units.time))
     unit = e.units.energy * np.outer(1.0 / e.units.w, 1.0 / e.units.w) / e.units.time
     size = unit + np.abs(change) + np.max(np.abs(C / unit), initial=0.0) * unit
+    doubt = doubt + rounding + rounding.T
     return worst((change - C - C.T) / (size + doubt / DIFFERENCES))
 
 
@@ -157,9 +168,7 @@ def _still(e: Evidence, s: Sample) -> Array:
 
 
 def _at_rest(e: Evidence, s: Sample) -> Outcome:
-    return evaluate(
-        e.reference, state_of(e.reference, s.t, s.q, np.zeros_like(s.v), s.u, s.full)
-    )
+    return evaluate(e.reference, state_of(e.reference, s.t, s.q, np.zeros_like(s.v), s.u, s.full))
 
 
 def _projected(e: Evidence, k: int, rest: Rest) -> Array:
@@ -174,14 +183,26 @@ def _forces(e: Evidence, name: str, wanted: Sequence[Array]) -> float | None:
     return _compared(e, e.results(name), wanted) if e.graph.has(name) else None
 
 
-def _compared(e: Evidence, got: Sequence[Array], wanted: Sequence[Array]) -> float:
-    """Forces over w, per condition number: against all that is summed, the inertia of v̇ too."""
+def _compared(
+    e: Evidence, got: Sequence[Array], wanted: Sequence[Array], doubts: Array | float = 0.0
+) -> float:
+    """Forces over w, per condition number: against all that is summed; `doubts` of the entries are
+    no error."""
     unit = e.units.power / e.units.w
-    inertia = [
-        worst((np.abs(s.outcome.M) @ np.abs(s.outcome.vdot)) / e.units.force) for s in e.samples
-    ]
-    sizes = e.of_forces(SOLVED).sizes + np.array(inertia)
-    return deviation(got, wanted, e.conditions, unit=unit, sums=Sums(SOLVED, sizes))
+    sums = Sums(SOLVED, [_summed(e, k, unit) for k in range(len(e.samples))])
+    left, right = np.array(got) / unit, np.array(wanted) / unit
+    size = np.maximum(sizes(right), sums.floors[:, None]) + doubts / unit / SOLVED
+    return worst((left - right) / size / np.array(e.conditions)[:, None])
+
+
+def _summed(e: Evidence, k: int, unit: Array) -> float:
+    """The largest entry of |S|ᵀ (|M| (|v̇| + |S| |ẇ|) + forces), in its unit: near a singular
+    position S is large, and what it multiplies cancels."""
+    s, x, S = e.samples[k], e.x[k], np.abs(partial_velocities_at(e, k))
+    wdot = np.abs(e.graph("dynamics", s.t, x, s.u, s.p)[len(s.q) :])
+    rates = np.abs(s.outcome.vdot) + S @ wdot
+    forces = np.abs(s.outcome.M) @ rates + e.forces[k] * e.units.force
+    return worst(S.T @ forces / unit)
 
 
 def _input_maps(e: Evidence) -> list[Array]:

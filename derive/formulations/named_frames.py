@@ -52,6 +52,7 @@ def families(system: System, motion: Motion) -> tuple[Family, ...]:
     offered = [x for x in _QUANTITIES if motion.projected is not None or not x.projected]
     return (
         Family("pose", _POSE, lambda name: _pose(system, name)),
+        Family("pose_jacobian", _BOTH, lambda name: _pose_jacobian(system, motion, name)),
         *(_family(system, motion, x, written) for x in offered for written in _WRITTEN),
     )
 
@@ -87,11 +88,35 @@ _POSE = (
 )
 
 
+_BOTH = (
+    "`pose_FRAME` and `jacobian_FRAME` in one: the 12 numbers of [R p], then the 6 × nv of J, row by "
+    "row"
+)
+
+
 def _pose(system: System, name: str) -> Function:
-    rows = mechanics.pose(_carried(system, name))
-    value = ca.densify(ca.vertcat(*(ca.horzcat(*row) for row in rows)))
-    result = Result("T", ca.SX(value), ("x", "y", "z"), (), matrix=True)
+    value = _matrix(_carried(system, name))
+    result = Result("T", value, ("x", "y", "z"), (), matrix=True)
     return Function(f"pose_{name}", about_frame(_POSE, name), result)
+
+
+def _matrix(frame: Carried) -> ca.SX:
+    rows = mechanics.pose(frame)
+    return ca.SX(ca.densify(ca.vertcat(*(ca.horzcat(*row) for row in rows))))
+
+
+def _pose_jacobian(system: System, motion: Motion, name: str) -> Function:
+    frame = _carried(system, name)
+    J = ca.densify(_jacobian(system, motion, frame, mechanics.ALIGNED))
+    value = ca.vertcat(ca.vec(_matrix(frame).T), ca.vec(J.T))
+    velocities = [v.name for v in system.model.velocities]
+    labels = (
+        *(f"{axis}{k}" for axis in "xyz" for k in range(4)),
+        *(f"{part} by {v}" for part in TWIST for v in velocities),
+    )
+    return Function(
+        f"pose_jacobian_{name}", about_frame(_BOTH, name), Result("TJ", value, labels, ())
+    )
 
 
 def _jacobian(system: System, motion: Motion, frame: Carried, written: str) -> ca.SX:

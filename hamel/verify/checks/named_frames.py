@@ -30,13 +30,19 @@ def functions_of(e: Evidence, *quantities: str) -> Iterator[tuple[str, str, str]
 
 
 def poses(e: Evidence) -> float | None:
-    """R and p of the reference; p against the distance from the ground's origin."""
+    """R and p of the reference, also where J comes with them."""
     unit = np.ones((3, 4))
     unit[:, 3] = e.units.own.length
     errors = [
         deviation(_results(e, name), [s.pose for s in _motions(e, frame, "")], unit=unit)
         for name, frame, _ in functions_of(e, "pose")
     ]
+    for name, frame, _ in functions_of(e, "pose_jacobian"):
+        motions = _motions(e, frame, "")
+        own = np.concatenate([np.ravel(unit), np.ravel(_jacobian_unit(e, e.units.v))])
+        both = [np.concatenate([np.ravel(s.pose), np.ravel(s.J)]) for s in motions]
+        sums = Sums(TERMS, [1.0 + worst(x / own) for x in both])
+        errors.append(deviation(_results(e, name), both, unit=own, sums=sums))
     return worst(errors) if errors else None
 
 
@@ -57,9 +63,13 @@ def _of_matrix(
     e: Evidence, name: str, wanted: list[Array], columns: Array, relax: list[float] | None
 ) -> float:
     """Sums of lever arms, of which the largest counts."""
-    unit = np.outer(_twist_unit(e), 1.0 / columns)
+    unit = _jacobian_unit(e, columns)
     sums = Sums(TERMS, [1.0 + worst(x / unit) for x in wanted])
     return deviation(_results(e, name), wanted, relax, unit=unit, sums=sums)
+
+
+def _jacobian_unit(e: Evidence, columns: Array) -> Array:
+    return np.outer(_twist_unit(e), 1.0 / columns)
 
 
 def velocities(e: Evidence) -> float | None:

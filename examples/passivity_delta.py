@@ -60,7 +60,8 @@ GAIN, RATE, STEP = 0.5, 5.0, 1e-3  # K in N m s, Λ in 1/s, s
 def built(folder: Path) -> ModuleType:
     path = folder / "delta.yaml"
     path.write_text(DELTA, "utf-8")
-    return hamel.load(hamel.build(path, out=folder / "module", functions=FUNCTIONS).folder)
+    built = hamel.build(path, out=folder / "module", choice="arms", functions=FUNCTIONS)
+    return hamel.load(built.folder)
 
 
 def start(module: ModuleType) -> Array:
@@ -113,7 +114,7 @@ def motion(module: ModuleType, time: float) -> tuple[Array, Array]:
         d = rate(module, t + STEP, x + STEP * c)
         x = module.project(t + STEP, x + STEP / 6 * (a + 2 * b + 2 * c + d))
         states.append(x)
-    return STEP * np.arange(len(states)), np.array(states)
+    return np.array([STEP * k for k in range(len(states))]), np.array(states)
 
 
 def main() -> None:

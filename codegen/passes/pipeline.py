@@ -47,7 +47,7 @@ from derive.formulations import records
 from derive.formulations.charts import differs
 from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
-from derive.formulations.requests import requested, unknown_function
+from derive.formulations.requests import request_of, unknown_function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
@@ -218,7 +218,7 @@ def _in_chart(
     known = {function.name for function in chart.functions}
     wanted = dict.fromkeys([*(function.name for function in chosen), *_for_charts(chart)])
     varying = {function.name for function in chosen if differs(first, function)}
-    own = _selection(chart, [name for name in wanted if name in known or requested(chart, name)])
+    own = _selection(chart, [name for name in wanted if name in known or request_of(chart, name)])
     where = f"; chart {number}, {chart.choice}"
     return [
         replace(function, name=f"{function.name}{_suffix(number)}", about=function.about + where)
@@ -278,7 +278,7 @@ def _function(equations: Equations, default: dict[str, Function], name: str) -> 
     """The function of that name, made now where it stands among the requests."""
     if name in default:
         return default[name]
-    request = requested(equations, name)
+    request = request_of(equations, name)
     if request is None:
         raise unknown_function(equations, name)
     return request.make()

@@ -14,7 +14,7 @@ from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.control import control
-from derive.formulations.functions import Motion, Projected, arguments, functions
+from derive.formulations.functions import Minimal, Motion, arguments, functions
 from derive.formulations.named_frames import families
 from derive.formulations.records import Equations
 from derive.mechanics.records import Named, System
@@ -51,7 +51,7 @@ def reduced(
         closing=survey.closing,
         projects_velocity=False,
         frame=reduction.frame,
-        projected=Projected(reduction.S, reduction.sigma, found.mass, found.force),
+        minimal=Minimal(reduction.S, reduction.sigma, found.mass, found.force),
     )
     named = (*_matrices(survey, reduction), *motion.named[1:])
     return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)

@@ -16,8 +16,8 @@ from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import cheapest
 from derive.expressions.scalars import Vector
-from derive.formulations.distribution import distributed
-from derive.formulations.functions import Motion, Projected, at_motion, outputs_of, per_second
+from derive.formulations.distribution import distribution
+from derive.formulations.functions import Minimal, Motion, at_motion, outputs_of, per_second
 from derive.formulations.records import Argument, Function, Request, Result
 from derive.mechanics.coriolis import coriolis_matrix
 from derive.mechanics.records import System
@@ -46,10 +46,10 @@ OUTPUTS = "Jacobian ∂y/∂x of the outputs by the state, ny × nx"
 def control(system: System, motion: Motion) -> tuple[Request, ...]:
     """The requests that there is something for; in generalized velocities, where multipliers hold
     the constraints, only `outputs_jacobian`."""
-    return (*_projected(system, motion, motion.projected), *_outputs(system, motion))
+    return (*_over_quasi_velocities(system, motion, motion.minimal), *_outputs(system, motion))
 
 
-def _projected(system: System, motion: Motion, of: Projected | None) -> Iterator[Request]:
+def _over_quasi_velocities(system: System, motion: Motion, of: Minimal | None) -> Iterator[Request]:
     if of is None or not motion.names:
         return
     yield Request("partial_velocities", PARTIAL, lambda: _partial(system, motion, of))
@@ -68,16 +68,16 @@ def _outputs(system: System, motion: Motion) -> Iterator[Request]:
         yield Request("outputs_jacobian", OUTPUTS, lambda: _outputs_jacobian(system, motion))
 
 
-def _partial(system: System, motion: Motion, of: Projected) -> Function:
+def _partial(system: System, motion: Motion, of: Minimal) -> Function:
     names = tuple(v.name for v in system.model.velocities)
     return _matrix("partial_velocities", PARTIAL, "S", of.S, names, motion)
 
 
-def _mass(motion: Motion, of: Projected) -> Function:
+def _mass(motion: Motion, of: Minimal) -> Function:
     return _matrix("mass_w", MASS, "M_w", of.mass, motion.names, motion)
 
 
-def _input_map(system: System, motion: Motion, of: Projected) -> Function:
+def _input_map(system: System, motion: Motion, of: Minimal) -> Function:
     return _matrix("input_map", INPUTS, "B_w", _of_inputs(system, of), motion.names, motion)
 
 
@@ -88,12 +88,12 @@ def _matrix(
     return Function(name, about, result, guards=motion.guards)
 
 
-def _bias(system: System, motion: Motion, of: Projected) -> Function:
+def _bias(system: System, motion: Motion, of: Minimal) -> Function:
     value = -_without_inputs(system, of.force)
     return Function("bias_w", BIAS, _over_w("b_w", value, motion), guards=motion.guards)
 
 
-def _gravity(system: System, motion: Motion, of: Projected) -> Function:
+def _gravity(system: System, motion: Motion, of: Minimal) -> Function:
     value = ca.mtimes(of.S.T, _at_rest(system))
     return Function("gravity_w", GRAVITY, _over_w("g_w", value, motion), guards=motion.guards)
 
@@ -110,7 +110,7 @@ def _without_inputs(system: System, expression: ca.SX) -> ca.SX:
     return ca.substitute(expression, system.u, ca.SX.zeros(system.u.numel()))
 
 
-def _of_inputs(system: System, of: Projected) -> ca.SX:
+def _of_inputs(system: System, of: Minimal) -> ca.SX:
     """B_w; refused where a force is no linear function of the inputs."""
     B = ca.jacobian(system.Q, system.u)
     if ca.depends_on(B, system.u):
@@ -127,13 +127,13 @@ def _of_inputs(system: System, of: Projected) -> ca.SX:
     return ca.sparsify(ca.mtimes(of.S.T, B))
 
 
-def _inverse(system: System, motion: Motion, of: Projected) -> Function:
+def _inverse(system: System, motion: Motion, of: Minimal) -> Function:
     """r = mass_w ẇ + bias_w, by matrices or by Newton–Euler on v̇ = S ẇ + σ, whichever takes fewer
     operations; then u of input_map u = r."""
     wdot = ca.vertcat(*[ca.SX.sym(f"d_{name}") for name in motion.names])
     wanted = cheapest([scalars(x) for x in _demands(system, motion, of, wdot)])
     needed: Vector = [row[0] for row in wanted]
-    found = distributed(system, motion, _of_inputs(system, of), needed)
+    found = distribution(system, motion, _of_inputs(system, of), needed)
     names = tuple(item.name for item in system.model.inputs)
     units = tuple(item.unit for item in system.model.inputs)
     result = Result("u", ca.densify(ca.vertcat(*found.u)), names, units)
@@ -142,7 +142,7 @@ def _inverse(system: System, motion: Motion, of: Projected) -> Function:
     return Function("inverse_dynamics_u", INVERSE, result, guards=guards, x=taken)
 
 
-def _demands(system: System, motion: Motion, of: Projected, wdot: ca.SX) -> Iterator[ca.SX]:
+def _demands(system: System, motion: Motion, of: Minimal, wdot: ca.SX) -> Iterator[ca.SX]:
     if system.written:
         yield ca.mtimes(of.mass, wdot) - _without_inputs(system, of.force)
     vdot = ca.mtimes(of.S, wdot) + of.sigma
@@ -167,7 +167,7 @@ def _with_rates(system: System, motion: Motion, wdot: ca.SX) -> Argument:
     return Argument("x", ca.vertcat(system.q, motion.w, wdot), labels, units)
 
 
-def _coriolis(system: System, motion: Motion, of: Projected) -> Function:
+def _coriolis(system: System, motion: Motion, of: Minimal) -> Function:
     """Sᵀ (C S + M Ṡ) of the tree's C: Ṁ_w = C_w + C_wᵀ holds with it, whatever S is, so with loops
     and nonholonomic constraints as well."""
     _check_coriolis(system, of)
@@ -182,7 +182,7 @@ def _coriolis(system: System, motion: Motion, of: Projected) -> Function:
     return _matrix("coriolis_w", CORIOLIS, "C_w", value, motion.names, motion)
 
 
-def _check_coriolis(system: System, of: Projected) -> None:
+def _check_coriolis(system: System, of: Minimal) -> None:
     """C stands for all velocity products where every velocity is S w, and the part of T that a file
     gives by formula is in rates of coordinates."""
     name = system.model.name

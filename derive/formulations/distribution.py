@@ -31,7 +31,7 @@ class Distribution:
     guards: tuple[Guard, ...]
 
 
-def distributed(system: System, motion: Motion, B: ca.SX, needed: Vector) -> Distribution:
+def distribution(system: System, motion: Motion, B: ca.SX, needed: Vector) -> Distribution:
     """u of B u = needed (nw). Raises AssumptionError where some force is out of reach of the
     inputs: with fewer inputs than degrees of freedom, or where B has not full rank at sampled
     states."""
@@ -44,7 +44,7 @@ def distributed(system: System, motion: Motion, B: ca.SX, needed: Vector) -> Dis
     guards: list[Guard] = []
     for rows, columns in pieces:
         block = [[table[i][j] for j in columns] for i in rows]
-        part, pivots = _solved(block, [needed[i] for i in rows])
+        part, pivots = _solution(block, [needed[i] for i in rows])
         for j, x in zip(columns, part):
             u[j] = x
         name = ", ".join(motion.names[i] for i in rows)
@@ -80,7 +80,7 @@ def _pieces(table: Matrix) -> list[tuple[list[int], list[int]]]:
     return sorted((sorted(rows), sorted(columns)) for rows, columns in groups)
 
 
-def _solved(block: Matrix, needed: Vector) -> tuple[Vector, Vector]:
+def _solution(block: Matrix, needed: Vector) -> tuple[Vector, Vector]:
     """u of a square or wide block, and what it was divided by."""
     if len(block) == len(block[0]):
         inverse, determinant = small_inverse(block)

@@ -59,7 +59,10 @@ def _request(request: Request, frame: Frame) -> Request:
 
 
 def _family(family: Family, frame: Frame) -> Family:
-    return replace(family, make=lambda name: _function(family.make(name), frame))
+    def make(name: str) -> Function:
+        return _function(family.make(name), frame)
+
+    return replace(family, make=make)
 
 
 def _function(function: Function, frame: Frame) -> Function:

@@ -22,7 +22,7 @@ from derive.states.closing import Kinematics, nominal
 
 
 @dataclass(frozen=True)
-class Projected:
+class Minimal:
     """v = S w + R c, v̇ = S ẇ + σ and what is left of the equations, mass ẇ = force: mass = Sᵀ M S,
     force = Sᵀ (Q − h − M σ)."""
 
@@ -52,7 +52,7 @@ class Motion:
     closing: tuple[int, ...]  # independent rows among the holonomic ones
     projects_velocity: bool
     frame: Frame | None = None
-    projected: Projected | None = None  # none where w are all of v, held by forces
+    minimal: Minimal | None = None  # none where w are all of v, held by forces
 
 
 def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:

@@ -18,7 +18,7 @@ from derive.expressions.scalars import Vector
 from derive.formulations.functions import Motion, at_motion
 from derive.formulations.records import Family, Function, Result
 from derive.mechanics import named_frames as mechanics
-from derive.mechanics.named_frames import Carried, carried_frame, place_of
+from derive.mechanics.named_frames import FrameChain, frame_chain, place_of
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
 from derive.model.named_frames import frame_named
@@ -39,17 +39,17 @@ class _Quantity:
 
     name: str
     about: str
-    value: Callable[[System, Motion, Carried, str], ca.SX]
+    value: Callable[[System, Motion, FrameChain, str], ca.SX]
     guards: Callable[[Motion], tuple[Guard, ...]]
     symbol: str
     units: tuple[str, ...] = ()
-    projected: bool = False  # asks for quasi-velocities
+    minimal: bool = False  # asks for quasi-velocities
 
 
 def families(system: System, motion: Motion) -> tuple[Family, ...]:
     """pose, jacobian, jdot_v, frame_velocity and frame_acceleration of any frame; jacobian_w and
     jdot_w where there are quasi-velocities."""
-    offered = [x for x in _QUANTITIES if motion.projected is not None or not x.projected]
+    offered = [x for x in _QUANTITIES if motion.minimal is not None or not x.minimal]
     return (
         Family("pose", _POSE, lambda name: _pose(system, name)),
         Family("pose_jacobian", _BOTH, lambda name: _pose_jacobian(system, motion, name)),
@@ -63,7 +63,7 @@ def _family(system: System, motion: Motion, quantity: _Quantity, written: str) -
 
     def make(frame: str) -> Function:
         """The function of one frame."""
-        value = quantity.value(system, motion, _carried(system, frame), written)
+        value = quantity.value(system, motion, _chain(system, frame), written)
         matrix = quantity.name.startswith("jacobian")
         result = Result(quantity.symbol, ca.densify(value), TWIST, quantity.units, matrix=matrix)
         guards = quantity.guards(motion)
@@ -77,9 +77,9 @@ def about_frame(about: str, frame: str) -> str:
     return about.replace("FRAME", frame)
 
 
-def _carried(system: System, name: str) -> Carried:
+def _chain(system: System, name: str) -> FrameChain:
     frame = frame_named(system.model, name)
-    return carried_frame(system.links, place_of(system.symbols, dict(system.places), frame))
+    return frame_chain(system.links, place_of(system.symbols, dict(system.places), frame))
 
 
 _POSE = (
@@ -89,24 +89,24 @@ _POSE = (
 
 
 _BOTH = (
-    "`pose_FRAME` and `jacobian_FRAME` in one: the 12 numbers of [R p], then the 6 × nv of J, row by "
-    "row"
+    "`pose_FRAME` and `jacobian_FRAME` in one: the 12 numbers of [R p], then the 6 × nv of J, row "
+    "by row"
 )
 
 
 def _pose(system: System, name: str) -> Function:
-    value = _matrix(_carried(system, name))
+    value = _matrix(_chain(system, name))
     result = Result("T", value, ("x", "y", "z"), (), matrix=True)
     return Function(f"pose_{name}", about_frame(_POSE, name), result)
 
 
-def _matrix(frame: Carried) -> ca.SX:
+def _matrix(frame: FrameChain) -> ca.SX:
     rows = mechanics.pose(frame)
     return ca.SX(ca.densify(ca.vertcat(*(ca.horzcat(*row) for row in rows))))
 
 
 def _pose_jacobian(system: System, motion: Motion, name: str) -> Function:
-    frame = _carried(system, name)
+    frame = _chain(system, name)
     J = ca.densify(_jacobian(system, motion, frame, mechanics.ALIGNED))
     value = ca.vertcat(ca.vec(_matrix(frame).T), ca.vec(J.T))
     velocities = [v.name for v in system.model.velocities]
@@ -119,41 +119,41 @@ def _pose_jacobian(system: System, motion: Motion, name: str) -> Function:
     )
 
 
-def _jacobian(system: System, motion: Motion, frame: Carried, written: str) -> ca.SX:
+def _jacobian(system: System, motion: Motion, frame: FrameChain, written: str) -> ca.SX:
     J = ca.SX(6, system.v.numel())
     for j, column in mechanics.jacobian(frame, written).items():
         J[:, j] = ca.vertcat(*column)
     return ca.sparsify(J)
 
 
-def _jacobian_w(system: System, motion: Motion, frame: Carried, written: str) -> ca.SX:
-    assert motion.projected is not None  # else it is not offered
-    return ca.mtimes(_jacobian(system, motion, frame, written), motion.projected.S)
+def _jacobian_w(system: System, motion: Motion, frame: FrameChain, written: str) -> ca.SX:
+    assert motion.minimal is not None  # else it is not offered
+    return ca.mtimes(_jacobian(system, motion, frame, written), motion.minimal.S)
 
 
-def _jdot_v(system: System, motion: Motion, frame: Carried, written: str) -> ca.SX:
-    return _accelerated(system, motion, frame, written, [0.0] * system.v.numel())
+def _jdot_v(system: System, motion: Motion, frame: FrameChain, written: str) -> ca.SX:
+    return _rate_of_twist(system, motion, frame, written, [0.0] * system.v.numel())
 
 
-def _jdot_w(system: System, motion: Motion, frame: Carried, written: str) -> ca.SX:
+def _jdot_w(system: System, motion: Motion, frame: FrameChain, written: str) -> ca.SX:
     """J̇ v + J σ: what J v̇ + J̇ v is where ẇ = 0."""
-    assert motion.projected is not None  # else it is not offered
-    sigma = [row[0] for row in scalars(ca.SX(motion.projected.sigma))]
-    return _accelerated(system, motion, frame, written, sigma)
+    assert motion.minimal is not None  # else it is not offered
+    sigma = [row[0] for row in scalars(ca.SX(motion.minimal.sigma))]
+    return _rate_of_twist(system, motion, frame, written, sigma)
 
 
-def _velocity(system: System, motion: Motion, frame: Carried, written: str) -> ca.SX:
+def _velocity(system: System, motion: Motion, frame: FrameChain, written: str) -> ca.SX:
     v = [system.v[j] for j in range(system.v.numel())]
     return at_motion(system, motion, ca.vertcat(*mechanics.velocity(frame, v, written)))
 
 
-def _acceleration(system: System, motion: Motion, frame: Carried, written: str) -> ca.SX:
-    vdot = [motion.vdot[j] for j in range(motion.vdot.numel())]
-    return _accelerated(system, motion, frame, written, vdot)
+def _acceleration(system: System, motion: Motion, frame: FrameChain, written: str) -> ca.SX:
+    vdot: Vector = [motion.vdot[j] for j in range(motion.vdot.numel())]
+    return _rate_of_twist(system, motion, frame, written, vdot)
 
 
-def _accelerated(
-    system: System, motion: Motion, frame: Carried, written: str, vdot: Vector
+def _rate_of_twist(
+    system: System, motion: Motion, frame: FrameChain, written: str, vdot: Vector
 ) -> ca.SX:
     v = [system.v[j] for j in range(system.v.numel())]
     value = ca.vertcat(*mechanics.acceleration(frame, v, vdot, written))

@@ -8,7 +8,7 @@ from derive.formulations.records import Equations, Family, Request
 from derive.model.named_frames import frames_of, readings
 
 
-def requested(equations: Equations, name: str) -> Request | None:
+def request_of(equations: Equations, name: str) -> Request | None:
     """The function of that name that is made when it is asked for; None where there is none. Raises
     AssumptionError where the name may stand for two."""
     single = {request.name: request for request in equations.requests}

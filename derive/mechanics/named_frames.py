@@ -44,7 +44,7 @@ NOTHING: Vector = [0.0, 0.0, 0.0]
 
 
 @dataclass(frozen=True)
-class Carried:
+class FrameChain:
     """A frame at the end of the chain of links that carry it, the first on the ground."""
 
     chain: tuple[Link, ...]
@@ -59,13 +59,13 @@ def place_of(symbols: Symbols, places: Mapping[str, Place], frame: NamedFrame) -
     return Place(body.link, merged(body.rotation, on_body), position)
 
 
-def carried_frame(links: Sequence[Link], place: Place) -> Carried:
+def frame_chain(links: Sequence[Link], place: Place) -> FrameChain:
     """The frame with the links from the base to its own, each the child of the one before."""
     chain = [links[i] for i in path(links, place.link)]
-    return Carried(tuple(replace(x, parent=k - 1) for k, x in enumerate(chain)), place)
+    return FrameChain(tuple(replace(x, parent=k - 1) for k, x in enumerate(chain)), place)
 
 
-def pose(frame: Carried) -> Matrix:
+def pose(frame: FrameChain) -> Matrix:
     """[R p], 3 × 4: R ground ← frame, p (m) the origin of the frame in the ground."""
     place = frame.place
     if not frame.chain:
@@ -86,7 +86,7 @@ def _beside(R: Matrix, point: Vector) -> Matrix:
     return [[*row, x] for row, x in zip(R, point)]
 
 
-def arms(frame: Carried, axes: Sequence[Matrix]) -> list[Vector]:
+def arms(frame: FrameChain, axes: Sequence[Matrix]) -> list[Vector]:
     """From the joint point of each link to the origin of the frame, along the axes that `axes`
     (target ← link) turn to. Summed from the frame back, so that no position is subtracted."""
     result: list[Vector] = []
@@ -98,7 +98,7 @@ def arms(frame: Carried, axes: Sequence[Matrix]) -> list[Vector]:
     return result[::-1]
 
 
-def jacobian(frame: Carried, written: str) -> dict[int, Vector]:
+def jacobian(frame: FrameChain, written: str) -> dict[int, Vector]:
     """The columns of J, (v, ω) = J v, by their index in v: six numbers each. What does not move the
     frame has none."""
     axes = _frame_axes(frame) if written == LOCAL else ground_rotations(frame.chain)
@@ -111,7 +111,7 @@ def jacobian(frame: Carried, written: str) -> dict[int, Vector]:
     return result
 
 
-def _frame_axes(frame: Carried) -> list[Matrix]:
+def _frame_axes(frame: FrameChain) -> list[Matrix]:
     """Frame ← link for every link of the chain, walked from the frame back to the base."""
     steps = [inverse(frame.place.rotation), *(inverse(x.rotation) for x in frame.chain[:0:-1])]
     back = [
@@ -121,28 +121,28 @@ def _frame_axes(frame: Carried) -> list[Matrix]:
     return ground_rotations(back)[::-1]
 
 
-def _from_origin(frame: Carried, axes: Sequence[Matrix]) -> list[Vector]:
+def _from_origin(frame: FrameChain, axes: Sequence[Matrix]) -> list[Vector]:
     """From the joint points back to the ground's origin."""
     result: list[Vector] = []
-    point, before, R = NOTHING, NOTHING, IDENTITY
-    for link, turned in zip(frame.chain, axes):
-        point = difference(point, rotated(R, difference(link.a, before)))
+    point, before, carrier = NOTHING, NOTHING, IDENTITY
+    for link, own in zip(frame.chain, axes):
+        point = difference(point, rotated(carrier, difference(link.a, before)))
         result.append(point)
-        before, R = link.b, turned
+        before, carrier = link.b, own
     return result
 
 
-def velocity(frame: Carried, v: Sequence[Scalar], written: str) -> Vector:
+def velocity(frame: FrameChain, v: Sequence[Scalar], written: str) -> Vector:
     """J v by recursion over the links: (velocity of the origin, angular velocity), m/s and
     rad/s."""
     if not frame.chain:
         return [0.0] * 6
     omega, speed = _at_origin(frame, _twists(frame, v)[-1])
-    return _turned(frame, (omega, speed), written)
+    return _along_axes(frame, (omega, speed), written)
 
 
 def acceleration(
-    frame: Carried, v: Sequence[Scalar], vdot: Sequence[Scalar], written: str
+    frame: FrameChain, v: Sequence[Scalar], vdot: Sequence[Scalar], written: str
 ) -> Vector:
     """J v̇ + J̇ v: the rate of the six components of `velocity`.
 
@@ -155,18 +155,18 @@ def acceleration(
     omega, speed = _at_origin(frame, _twists(frame, v)[-1])
     alpha, rate = _at_origin(frame, _rates(frame, v, vdot))
     if written == LOCAL:
-        return _turned(frame, (alpha, rate), LOCAL)
+        return _along_axes(frame, (alpha, rate), LOCAL)
     # v̇ holds the rates of components along axes that turn with ω
-    moved = _turned(frame, (alpha, sum_of(rate, cross(omega, speed))), ALIGNED)
+    moved = _along_axes(frame, (alpha, sum_of(rate, cross(omega, speed))), ALIGNED)
     if written == ALIGNED:
         return moved
-    now = _turned(frame, (omega, speed), ALIGNED)
+    now = _along_axes(frame, (omega, speed), ALIGNED)
     point = [row[3] for row in pose(frame)]
     swung = sum_of(cross(point, moved[3:]), cross(now[:3], now[3:]))
     return [*sum_of(moved[:3], swung), *moved[3:]]
 
 
-def _twists(frame: Carried, v: Sequence[Scalar]) -> list[Numbers]:
+def _twists(frame: FrameChain, v: Sequence[Scalar]) -> list[Numbers]:
     result: list[Numbers] = []
     for link in frame.chain:
         before = result[-1] if result else STILL
@@ -174,7 +174,7 @@ def _twists(frame: Carried, v: Sequence[Scalar]) -> list[Numbers]:
     return result
 
 
-def _rates(frame: Carried, v: Sequence[Scalar], vdot: Sequence[Scalar]) -> Numbers:
+def _rates(frame: FrameChain, v: Sequence[Scalar], vdot: Sequence[Scalar]) -> Numbers:
     """(ω̇, v̇) of the last link: the rates of its twist's components."""
     rate = before = STILL
     for link, numbers in zip(frame.chain, _twists(frame, v)):
@@ -197,21 +197,21 @@ def rate_of(
     return alpha, sum_of(at_joint, cross(link.b, alpha))
 
 
-def _at_origin(frame: Carried, numbers: Numbers) -> Numbers:
+def _at_origin(frame: FrameChain, numbers: Numbers) -> Numbers:
     """(ω, v) of the link at the frame's origin, still along the axes of the link."""
     omega, speed = numbers
     return omega, sum_of(speed, cross(omega, frame.place.position))
 
 
-def _turned(frame: Carried, numbers: Numbers, written: str) -> Vector:
+def _along_axes(frame: FrameChain, numbers: Numbers, written: str) -> Vector:
     """(v, ω) along the axes, and at the point, that it is to be written down for."""
     omega, speed = numbers
     if written == LOCAL:
-        R = transpose(matrix(frame.place.rotation))
-        return [*rotated(R, speed), *rotated(R, omega)]
+        back = transpose(matrix(frame.place.rotation))
+        return [*rotated(back, speed), *rotated(back, omega)]
     R = ground_rotations(frame.chain)[-1]
-    turned, moved = rotated(R, omega), rotated(R, speed)
+    spin, motion = rotated(R, omega), rotated(R, speed)
     if written == WORLD:
         point = [row[3] for row in pose(frame)]
-        moved = sum_of(moved, cross(point, turned))
-    return [*moved, *turned]
+        motion = sum_of(motion, cross(point, spin))
+    return [*motion, *spin]

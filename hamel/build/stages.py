@@ -13,7 +13,7 @@ from codegen.program import Program
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.formulations.requests import requested
+from derive.formulations.requests import request_of
 from derive.linearize.minimal import with_linearization
 from derive.mechanics.records import System
 from derive.model.records import Model
@@ -118,6 +118,6 @@ def with_emitted(equations: Equations, program: Program) -> Equations:
 def _with_requested(equations: Equations, emitted: Collection[str], suffix: str) -> Equations:
     known = {function.name for function in equations.functions}
     names = [name.removesuffix(suffix) for name in emitted if name.endswith(suffix)]
-    asked = [requested(equations, name) for name in names if name not in known]
+    asked = [request_of(equations, name) for name in names if name not in known]
     further = tuple(request.make() for request in asked if request is not None)
     return replace(equations, functions=(*equations.functions, *further))

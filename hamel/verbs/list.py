@@ -111,7 +111,7 @@ def _functions(model: Model) -> dict[str, Iterable[Known]]:
     return {
         "functions": (Known(f.name, f.about) for f in found.functions if f.result.value.numel()),
         "functions on request": (Known(request.name, request.about) for request in found.requests),
-        "functions of a frame on request": (
+        "frame functions": (
             Known(f"{family.name}_FRAME", family.about) for family in found.families
         ),
     }

@@ -64,7 +64,7 @@ def masses(e: Evidence) -> float | None:
 
 def biases(e: Evidence) -> float | None:
     """Sᵀ (M σ + h − Q(u = 0)) with the reference's M, h, Q and σ = v̇ − S ẇ."""
-    wanted = [_projected(e, k, _idle) for k in range(len(e.samples))]
+    wanted = [_over_w(e, k, _idle) for k in range(len(e.samples))]
     return _forces(e, "bias_w", wanted)
 
 
@@ -76,7 +76,7 @@ def weights(e: Evidence) -> float | None:
     return _forces(e, "gravity_w", [each.T @ _at_rest(e, s).h for s, each in zip(e.samples, S)])
 
 
-def driven(e: Evidence) -> float | None:
+def input_maps(e: Evidence) -> float | None:
     """Sᵀ ∂Q/∂u: the reference's Q is linear in u, so its differences are exact."""
     if not e.graph.has("input_map"):
         return None
@@ -96,7 +96,7 @@ def inputs(e: Evidence) -> float | None:
     maps, S, units = _input_maps(e), partial_velocities(e), _input_units(e)
     for k, (s, x) in enumerate(zip(e.samples, e.arguments_of(name))):
         wdot = x[len(e.x[k]) :]
-        needed = S[k].T @ s.outcome.M @ S[k] @ wdot + _projected(e, k, _idle)
+        needed = S[k].T @ s.outcome.M @ S[k] @ wdot + _over_w(e, k, _idle)
         scaled = maps[k] / (e.units.power / e.units.w)[:, None]
         wanted = np.linalg.pinv(scaled) @ (needed / (e.units.power / e.units.w))
         got = e.graph(name, s.t, x, s.u, s.p)
@@ -114,8 +114,8 @@ def products(e: Evidence) -> float | None:
     speeds = [x[nq:] for x in e.x]
     got = [C @ w for C, w in zip(_coriolis(e), speeds)]
     doubts = [bound @ np.abs(w) for bound, w in zip(_rounding(e), speeds)]
-    wanted = [_projected(e, k, _still) for k in range(len(e.samples))]
-    return _compared(e, got, wanted, np.array(doubts))
+    wanted = [_over_w(e, k, _still) for k in range(len(e.samples))]
+    return _force_error(e, got, wanted, np.array(doubts))
 
 
 def antisymmetric(e: Evidence) -> float | None:
@@ -171,7 +171,7 @@ def _at_rest(e: Evidence, s: Sample) -> Outcome:
     return evaluate(e.reference, state_of(e.reference, s.t, s.q, np.zeros_like(s.v), s.u, s.full))
 
 
-def _projected(e: Evidence, k: int, rest: Rest) -> Array:
+def _over_w(e: Evidence, k: int, rest: Rest) -> Array:
     """Sᵀ (M σ + h − rest)."""
     s, x, S = e.samples[k], e.x[k], partial_velocities_at(e, k)
     wdot = e.graph("dynamics", s.t, x, s.u, s.p)[len(s.q) :]
@@ -180,22 +180,22 @@ def _projected(e: Evidence, k: int, rest: Rest) -> Array:
 
 
 def _forces(e: Evidence, name: str, wanted: Sequence[Array]) -> float | None:
-    return _compared(e, e.results(name), wanted) if e.graph.has(name) else None
+    return _force_error(e, e.results(name), wanted) if e.graph.has(name) else None
 
 
-def _compared(
+def _force_error(
     e: Evidence, got: Sequence[Array], wanted: Sequence[Array], doubts: Array | float = 0.0
 ) -> float:
     """Forces over w, per condition number: against all that is summed; `doubts` of the entries are
     no error."""
     unit = e.units.power / e.units.w
-    sums = Sums(SOLVED, [_summed(e, k, unit) for k in range(len(e.samples))])
+    sums = Sums(SOLVED, [_sizes_of_sums(e, k, unit) for k in range(len(e.samples))])
     left, right = np.array(got) / unit, np.array(wanted) / unit
     size = np.maximum(sizes(right), sums.floors[:, None]) + doubts / unit / SOLVED
     return worst((left - right) / size / np.array(e.conditions)[:, None])
 
 
-def _summed(e: Evidence, k: int, unit: Array) -> float:
+def _sizes_of_sums(e: Evidence, k: int, unit: Array) -> float:
     """The largest entry of |S|ᵀ (|M| (|v̇| + |S| |ẇ|) + forces), in its unit: near a singular
     position S is large, and what it multiplies cancels."""
     s, x, S = e.samples[k], e.x[k], np.abs(partial_velocities_at(e, k))
@@ -229,7 +229,7 @@ CHECKS = (
     Check("Sᵀ M S", SOLVED, "reference: M between partial velocities, per condition", masses),
     Check("bias over w", SOLVED, "reference: Sᵀ (M σ + h − Q), per condition number", biases),
     Check("gravity over w", SOLVED, "reference: Sᵀ h at rest, per condition number", weights),
-    Check("input map", SOLVED, "reference: Sᵀ ∂Q/∂u, per condition number", driven),
+    Check("input map", SOLVED, "reference: Sᵀ ∂Q/∂u, per condition number", input_maps),
     Check(
         "inputs for ẇ",
         SOLVED,

@@ -13,7 +13,7 @@ import pytest
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.formulations.requests import requested, unknown_function
+from derive.formulations.requests import request_of, unknown_function
 from derive.model import load_text
 from derive.states import system
 from derive.states.sampling import states
@@ -30,7 +30,7 @@ def made(text: str) -> Equations:
 
 
 def function(found: Equations, name: str) -> ca.Function:
-    request = requested(found, name)
+    request = request_of(found, name)
     assert request is not None, name
     made = request.make()
     slots = [
@@ -81,8 +81,8 @@ def test_the_rate_of_mass_w_is_c_and_its_transpose(name):
     found = derived(name)
     x = found.argument("x").symbols
     nq = found.system.q.numel()
-    M = requested(found, "mass_w").make().result.value
-    C = requested(found, "coriolis_w").make().result.value
+    M = request_of(found, "mass_w").make().result.value
+    C = request_of(found, "coriolis_w").make().result.value
     qdot = found.function("dynamics").result.value[:nq]
     rate = ca.reshape(ca.jtimes(ca.vec(M), x[:nq, 0], qdot), *M.shape)
     gap = ca.Function("gap", [slot.symbols for slot in found.arguments], [rate - C - C.T, C])
@@ -126,7 +126,7 @@ def test_of_redundant_inputs_the_least_is_given():
     ],
 )
 def test_what_there_is_not_is_refused_with_the_reason(text, name, words):
-    request = requested(made(text), name)
+    request = request_of(made(text), name)
     assert request is not None
     with pytest.raises(AssumptionError, match=words):
         request.make()
@@ -134,7 +134,7 @@ def test_what_there_is_not_is_refused_with_the_reason(text, name, words):
 
 def test_too_few_inputs_for_a_coupled_motion_are_refused():
     text = ARM + "inputs: {f: {unit: N}}\nloads: {p: {type: force, body: c, components: [f, 0]}}\n"
-    request = requested(made(text), "inverse_dynamics_u")
+    request = request_of(made(text), "inverse_dynamics_u")
     assert request is not None
     with pytest.raises(AssumptionError, match="f cannot give every ẇ of q1_dot, q2_dot: 1 for 2"):
         request.make()
@@ -142,10 +142,10 @@ def test_too_few_inputs_for_a_coupled_motion_are_refused():
 
 def test_generalized_velocities_have_no_functions_over_w():
     found = derived("four_bar", None, "augmented")
-    assert requested(found, "mass_w") is None and requested(found, "jacobian_w_coupler") is None
+    assert request_of(found, "mass_w") is None and request_of(found, "jacobian_w_coupler") is None
     said = str(unknown_function(found, "jacobian_w_coupler"))
     assert "augmented chooses no quasi-velocities" in said
-    assert requested(found, "jacobian_coupler") is not None
+    assert request_of(found, "jacobian_coupler") is not None
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_generalized_velocities_have_no_functions_over_w():
 )
 def test_an_unknown_function_is_told_the_nearest_one(name, words):
     found = derived("four_bar")
-    assert requested(found, name) is None
+    assert request_of(found, name) is None
     assert words in str(unknown_function(found, name))
 
 
@@ -170,14 +170,14 @@ def test_a_name_with_two_meanings_is_refused():
     text = text.replace("parent: b", "parent: local_a")
     found = made(text)
     with pytest.raises(AssumptionError, match="jacobian of local_a or jacobian_local of a"):
-        requested(found, "jacobian_local_a")
-    assert requested(found, "pose_local_a") is not None
+        request_of(found, "jacobian_local_a")
+    assert request_of(found, "pose_local_a") is not None
 
 
 def test_the_jacobian_of_outputs_is_their_derivative():
     found = derived("four_bar")
     x = found.argument("x").symbols
     y = found.function("outputs").result.value
-    J = requested(found, "outputs_jacobian").make().result.value
+    J = request_of(found, "outputs_jacobian").make().result.value
     gap = ca.Function("gap", [slot.symbols for slot in found.arguments], [J - ca.jacobian(y, x)])
     assert np.abs(np.array(gap(*places(found)[0]))).max() == 0.0

@@ -1,6 +1,6 @@
 """`frames:` and wrenches in model files: what is read, what is refused with which words.
 
-Of derive.model: named_frames, loads.wrench.
+Of derive.model: named_frames. Of its loads: derive.model.loads.wrench, derive.mechanics.loads.wrench.
 """
 
 import pytest

@@ -1,8 +1,8 @@
 """Frames and functions over quasi-velocities are held to the reference, and every planted error in
 them is seen.
 
-Of hamel.verify: checks.named_frames, checks.quasi, checks.linear (outputs), reference.named_frames,
-reference.loads (wrench).
+Of hamel.verify.checks: named_frames, quasi, linear.
+Of hamel.verify.reference: named_frames, loads.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ import pytest
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.formulations.records import Equations
-from derive.formulations.requests import requested
+from derive.formulations.requests import request_of
 from derive.model import load_text
 from derive.states import system
 from hamel.verify.checks import CHECKS, linear, named_frames, quasi
@@ -79,7 +79,7 @@ def seen(case: str) -> Evidence:
     found = equations(system(model))
     names = [f"{family.name}_{frame}" for family in found.families]
     names += ["pose_ground", "jacobian_ground", *OVER_W, "outputs_jacobian"]
-    asked = [requested(found, name) for name in names]
+    asked = [request_of(found, name) for name in names]
     functions = tuple(request.make() for request in asked if request is not None)
     full = replace(found, functions=(*found.functions, *functions))
     return evidence(reference(model), full, None, FEW)

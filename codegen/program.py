@@ -152,6 +152,22 @@ class Kernel:
 
 
 @dataclass(frozen=True)
+class Stepper:
+    """A loop of the runtime around kernels, offered like one: `kernel` takes (x, h) and goes one
+    explicit step; `row` takes (x, h, method, substeps), and has the estimate of the error and a
+    status behind its result. Neither has statements."""
+
+    kernel: Kernel
+    row: Kernel
+    chart: int  # of which choice
+
+    @property
+    def sensitive(self) -> bool:
+        """Does it give the derivatives of the step?"""
+        return len(self.kernel.shape) > 1
+
+
+@dataclass(frozen=True)
 class Hoisted:
     """A kernel in two: `precompute` makes c from p, `rest` the result from t, x, u and c."""
 
@@ -226,6 +242,7 @@ class Program:
         default=(), repr=False
     )  # coordinates whose whole turns nothing in `simulate` sees
     events: tuple[Event, ...] = field(default=(), repr=False)  # what `simulate` looks for
+    steppers: tuple[Stepper, ...] = field(default=(), repr=False)  # loops that were asked for
     frame: int = field(default=0, repr=False)  # last entries of p: directions that are based anew
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
 
@@ -233,7 +250,9 @@ class Program:
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
         several = "".join(
-            repr(more) for more in (self.charts, self.turning, self.frame, self.events) if more
+            repr(more)
+            for more in (self.charts, self.turning, self.frame, self.events, self.steppers)
+            if more
         )
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
@@ -243,14 +262,33 @@ class Program:
     def simulates(self) -> bool:
         """Is there a state derivative to integrate?"""
         length = len(self.argument("x").names)
-        return any(
-            kernel.name == "dynamics" and kernel.shape == (length,) for kernel in self.kernels
-        )
+        return self.has("dynamics") and self.kernel("dynamics").shape == (length,)
+
+    @property
+    def offered(self) -> tuple[Kernel, ...]:
+        """What a user can call: the kernels and the loops around them."""
+        return (*self.kernels, *(stepper.kernel for stepper in self.steppers))
+
+    @property
+    def bound(self) -> tuple[Kernel, ...]:
+        """What bindings hold."""
+        return (*self.offered, *(stepper.row for stepper in self.steppers))
 
     def argument(self, name: str) -> Argument:
-        """The argument slot called `name`."""
-        return next(argument for argument in self.arguments if argument.name == name)
+        """The argument slot called `name`. Raises KeyError where there is none."""
+        return {argument.name: argument for argument in self.arguments}[name]
+
+    def has(self, name: str) -> bool:
+        """Whether there is a function of that name."""
+        return any(kernel.name == name for kernel in self.kernels)
 
     def kernel(self, name: str) -> Kernel:
-        """The function called `name`."""
-        return next(kernel for kernel in self.kernels if kernel.name == name)
+        """The function called `name`. Raises KeyError where there is none."""
+        return {kernel.name: kernel for kernel in self.kernels}[name]
+
+    def in_chart(self, name: str, suffix: str) -> Kernel | None:
+        """The function as a chart has it: its own, else that of all charts; None without either."""
+        own = f"{name}{suffix}"
+        if self.has(own):
+            return self.kernel(own)
+        return self.kernel(name) if self.has(name) else None

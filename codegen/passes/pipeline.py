@@ -3,33 +3,41 @@ each one did."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
-from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
 from codegen.passes import hoist as parameters
-from codegen.passes.balance import balance
-from codegen.passes.factor import factor
-from codegen.passes.graph import Mark, Work, same
+from codegen.passes.graph import Mark
 from codegen.passes.hoist import hoist
+from codegen.passes.improve import Candidate, count, improve, used_operations
 from codegen.passes.initial import initial
-from codegen.passes.invert import invert
 from codegen.passes.lanes import BATCHED
-from codegen.passes.lower import Lowered, Operation, lower
+from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
-from codegen.passes.plain import plain
 from codegen.passes.schedule import schedule
-from codegen.passes.share import share
+from codegen.passes.selection import (
+    chart_suffix,
+    check_size,
+    enforcement_needs,
+    for_charts,
+    in_chart,
+    integrator_needs,
+    loops_asked,
+    selection,
+    spelled_out,
+    usual_enforcements,
+    watched_functions,
+)
 from codegen.passes.split import is_long
+from codegen.passes.steppers import with_steppers
 from codegen.passes.taylor import SERIES, check_series, series_refusal
-from codegen.passes.trace import Tape, record, trace
+from codegen.passes.trace import Tape, record
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
 from codegen.program import (
     CALLED,
-    KINDS,
     Argument,
     Chart,
     Entry,
@@ -41,29 +49,9 @@ from codegen.program import (
     Pivot,
     Program,
 )
-from derive.diagnostics import AssumptionError, HamelError
-from derive.enforcement import ENFORCEMENTS
 from derive.formulations import records
-from derive.formulations.charts import differs
 from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
-from derive.formulations.requests import request_of, unknown_function
-
-PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
-ROUNDS = 4  # as long as a round of passes helps
-LONG = 2_000  # operations from which one round has to do
-MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
-LARGE = 10_000  # operations from which factoring once has to do
-
-_KIND = {
-    "add": "add",
-    "sub": "add",
-    "mul": "multiply",
-    "div": "divide",
-    "sqrt": "sqrt",
-    "sin": "sin",
-    "cos": "cos",
-}
 
 
 def program(
@@ -82,25 +70,30 @@ def program(
     not exist.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
-    chosen = _selection(equations, functions)
-    named, integrators = integrators, _spelled_out(integrators)
+    chosen, loops = selection(equations, functions), loops_asked(equations, functions)
+    named, integrators = integrators, spelled_out(integrators)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
-        enforcements = _usual(chosen) if enforcements is None else enforcements
-        watched = _watched(equations)
-        further = (*_needs(integrators), *_needs_of_enforcements(equations, enforcements), *watched)
-        chosen = _selection(equations, [*(function.name for function in chosen), *further])
-        _check_size([function for function in chosen if function.name in further])
+        enforcements = usual_enforcements(chosen) if enforcements is None else enforcements
+        watched = watched_functions(equations)
+        further = (
+            *integrator_needs(integrators),
+            *enforcement_needs(equations, enforcements),
+            *watched,
+        )
+        chosen = selection(equations, [*(function.name for function in chosen), *further])
+        called = {*further, *(name for loop in loops for name in loop.needs[1:])}
+        check_size([function for function in chosen if function.name in called])
     charts = (equations, *equations.charts)
     if len(charts) > 1:
-        chosen = _selection(
-            equations, [*(function.name for function in chosen), *_for_charts(equations)]
+        chosen = selection(
+            equations, [*(function.name for function in chosen), *for_charts(equations)]
         )
     emitted = [(equations, function) for function in chosen]
     emitted += [
         (chart, f)
         for number, chart in enumerate(charts[1:], 1)
-        for f in _in_chart(equations, chosen, chart, number)
+        for f in in_chart(equations, chosen, chart, number)
     ]
     kernels: list[Kernel] = []
     ledger: list[Entry] = []
@@ -132,10 +125,9 @@ def program(
         turning=turning.found,
         frame=len(equations.frame.labels) if equations.frame and simulates else 0,
         events=_events(equations) if simulates else (),
-        charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts))
-        if len(charts) > 1
-        else (),
+        charts=_charts(charts),
     )
+    made = with_steppers(made, loops)
     if SERIES in named and made.integrators:
         check_series(made)
     # by name it was asked for and refused above; as a part of `auto` it is left out
@@ -144,10 +136,11 @@ def program(
     return made
 
 
-def _spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
-    """With what `auto` stands for."""
-    names = [name for word in integrators for name in (AUTOMATIC if word == AUTO else (word,))]
-    return tuple(dict.fromkeys(names))
+def _charts(charts: Sequence[Equations]) -> tuple[Chart, ...]:
+    """What is known of each chart, where there are several."""
+    if len(charts) == 1:
+        return ()
+    return tuple(Chart(x.choice, chart_suffix(k), x.w, x.largest) for k, x in enumerate(charts))
 
 
 @dataclass
@@ -181,107 +174,9 @@ class _Turning:
 
 def _events(equations: Equations) -> tuple[Event, ...]:
     """What the entries of the function `events` are, where there is one."""
-    if not any(function.name == "events" for function in equations.functions):
+    if not equations.has("events"):
         return ()
     return tuple(Event(x.name, x.direction, x.stop) for x in equations.system.model.events)
-
-
-def _watched(equations: Equations) -> list[str]:
-    """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
-    then; and events."""
-    known = [request.name for request in equations.requests]
-    guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
-    events = [function.name for function in equations.functions if function.name == "events"]
-    return [x for x in ("guards", "constraint_rows") if guarded and x in known] + events
-
-
-def _names_of(equations: Equations) -> list[str]:
-    return [request.name for request in equations.requests]
-
-
-def _suffix(number: int) -> str:
-    return f"_chart{number}" if number else ""
-
-
-def _for_charts(equations: Equations) -> list[str]:
-    """What carries a state from one chart to another, and tells how good a chart is where it has
-    something to tell."""
-    known = [request.name for request in equations.requests]
-    return ["velocity", "state", *(name for name in ("guards",) if name in known)]
-
-
-def _in_chart(
-    first: Equations, chosen: Sequence[Function], chart: Equations, number: int
-) -> list[Function]:
-    """The functions of a further chart: those of the first that depend on the chart, and its own
-    guards."""
-    known = {function.name for function in chart.functions}
-    wanted = dict.fromkeys([*(function.name for function in chosen), *_for_charts(chart)])
-    varying = {function.name for function in chosen if differs(first, function)}
-    own = _selection(chart, [name for name in wanted if name in known or request_of(chart, name)])
-    where = f"; chart {number}, {chart.choice}"
-    return [
-        replace(function, name=f"{function.name}{_suffix(number)}", about=function.about + where)
-        for function in own
-        if function.name in varying or differs(chart, function)
-    ]
-
-
-def _needs(integrators: Sequence[str]) -> list[str]:
-    """The functions that integrators call beside `dynamics`."""
-    known = {integrator.name: integrator for integrator in INTEGRATORS}
-    for name in integrators:
-        if name not in known:
-            raise HamelError(f"unknown integrator {name!r}; known: {', '.join(known)}")
-    return list(dict.fromkeys(need for name in integrators for need in known[name].needs))
-
-
-def _check_size(chosen: Sequence[Function]) -> None:
-    """Jacobians are worked on in place, on the stack: refuse those that would not fit there."""
-    for function in chosen:
-        many = function.result.value.numel()
-        if many > MOST_ON_STACK:
-            raise AssumptionError(
-                f"{function.name} has {many} entries, too many to solve with on the stack",
-                "an explicit integrator and the enforcement projection or none have no such limit",
-            )
-
-
-def _needs_of_enforcements(equations: Equations, enforcements: Sequence[str]) -> list[str]:
-    return [
-        need
-        for enforcement in ENFORCEMENTS
-        if enforcement.name in enforcements
-        for need in enforcement.needs(equations)
-    ]
-
-
-def _usual(chosen: Sequence[Function]) -> tuple[str, ...]:
-    return (
-        ("projection", "none")
-        if any(function.name == "project" for function in chosen)
-        else ("none",)
-    )
-
-
-def _selection(equations: Equations, names: Sequence[str] | None) -> list[Function]:
-    """The functions asked for; those with an empty result have no code."""
-    default = {function.name: function for function in equations.functions}
-    wanted = [
-        n for name in (names or ("default",)) for n in (default if name == "default" else (name,))
-    ]
-    chosen = [_function(equations, default, name) for name in dict.fromkeys(wanted)]
-    return [function for function in chosen if function.result.value.numel()]
-
-
-def _function(equations: Equations, default: dict[str, Function], name: str) -> Function:
-    """The function of that name, made now where it stands among the requests."""
-    if name in default:
-        return default[name]
-    request = request_of(equations, name)
-    if request is None:
-        raise unknown_function(equations, name)
-    return request.make()
 
 
 def _arguments(
@@ -327,7 +222,7 @@ def _kernel(
     symbols = [(slot.name, slot.symbols) for slot in slots]
     tape = record(symbols, _roots(function), [(n.name, n.about, n.value) for n in function.named])
     turning.look(function, tape)
-    best, entries = _improve(function.name, tape, _loose(function, size))
+    best, entries = improve(function.name, tape, _loose(function, size))
     kernel = _finish(function, best, _arguments(slots, equations.parameters), size)
     if kernel.hoisted:
         entries.append(
@@ -347,81 +242,8 @@ def _loose(function: Function, size: int) -> range:
     return range(size, size + len(function.guards))
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """A function as operations, their number (signs are counted apart), and where its named entries
-    are."""
-
-    lowered: Lowered
-    marks: tuple[Mark, ...]
-    total: int
-    signs: int
-
-
-def _candidate(lowered: Lowered, marks: tuple[Mark, ...]) -> _Candidate:
-    operations = used_operations(lowered)
-    return _Candidate(
-        lowered,
-        marks,
-        count(operations)["total"],
-        sum(operation.name == "neg" for operation in operations),
-    )
-
-
-def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entry]]:
-    """Rounds of passes; the best result wins, for a pass may cost something that a later one does
-    not regain."""
-    best = _candidate(*plain(tape, loose))
-    entries = [Entry(name, "number", tape.count(), best.total)]
-    for step, found in _variants(trace(tape), loose, best.total):
-        entries.append(Entry(name, step, entries[-1].after, found.total))
-        best = min(found, best, key=lambda candidate: (candidate.total, candidate.signs))
-    entries.append(Entry(name, "choose", entries[-1].after, best.total))
-    inverted = _candidate(invert(best.lowered), best.marks)
-    if inverted.total != best.total:
-        entries.append(Entry(name, "invert", best.total, inverted.total))
-    if inverted.total > LONG:  # these wait for instructions, not for operands (measured)
-        return inverted, entries
-    return _candidate(balance(inverted.lowered, _named(inverted)), inverted.marks), entries
-
-
-def _named(candidate: _Candidate) -> set[int]:
-    """The operations that are shown under a name."""
-    places = candidate.lowered.places
-    found = (
-        places[node][0]
-        for mark in candidate.marks
-        for _, (_, node) in mark.entries
-        if node in places
-    )
-    return {operand for operand in found if isinstance(operand, int)}
-
-
-def _variants(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:
-    """The folded graph, then what each pass makes of it, for as long as a round helps."""
-    if operations > LARGE:
-        work = factor(work)
-        yield "fold and factor", _candidate(lower(work, loose), work.marks)
-        return
-    found = _candidate(lower(work, loose), work.marks)
-    yield "fold", found
-    # later rounds may cost more than they save: the least decides whether to go on
-    least = found.total
-    for _ in range(1 if operations > LONG else ROUNDS):
-        start = least
-        for step, improve in PASSES:
-            improved = improve(work)
-            if not same(improved, work):
-                work = improved
-                found = _candidate(lower(work, loose), work.marks)
-                least = min(least, found.total)
-            yield step, found
-        if least == start:
-            return
-
-
 def _finish(
-    function: Function, best: _Candidate, arguments: Sequence[Argument], size: int
+    function: Function, best: Candidate, arguments: Sequence[Argument], size: int
 ) -> Kernel:
     kernel = _written(function, best.lowered, best.marks, arguments, _names(arguments), size)
     if function.name not in BATCHED or is_long(kernel):
@@ -517,18 +339,3 @@ def _written(
         operations=count(used_operations(lowered)),
         pattern=function.result.pattern and Pattern(**vars(function.result.pattern)),
     )
-
-
-def used_operations(lowered: Lowered) -> list[Operation]:
-    """The operations that the roots need."""
-    operations = lowered.code.operations
-    return [operations[i] for i in lowered.wanted]
-
-
-def count(operations: Iterable[Operation]) -> dict[str, int]:
-    """Operations of each kind. A negation is a sign, not an operation, and is not counted."""
-    counts: dict[str, int] = dict.fromkeys(KINDS, 0)
-    for operation in operations:
-        if operation.name not in ("input", "neg"):
-            counts[_KIND.get(operation.name, "other")] += 1
-    return {**counts, "total": sum(counts.values())}

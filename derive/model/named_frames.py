@@ -28,7 +28,7 @@ FAMILIES = (
 )
 # what `jacobian_…` means already: a frame of such a name could not be asked for
 TAKEN = tuple(
-    f"jacobian_{rest}" for rest in ("u", "p", "t", "values", "u_values", "p_values")
+    f"jacobian_{rest}" for rest in ("u", "p", "t", "forward", "values", "u_values", "p_values")
 )  # fmt: skip
 
 

@@ -133,89 +133,6 @@ class Closure:
     pitch: Expression = ZERO
 
 
-@dataclass(frozen=True)
-class Holonomic:
-    """expression(q, t) = 0. `nonideal`: the constraint's own generalised force per coordinate, or
-    () when ideal. `follower`: of a coupling the coordinate that is said by the other, else ""."""
-
-    name: str
-    expression: Expression
-    nonideal: tuple[Expression, ...]
-    span: Span
-    follower: str = ""
-
-
-@dataclass(frozen=True)
-class Nonholonomic:
-    """expression(q, der(q), t) = 0, linear in the rates (checked when loaded)."""
-
-    name: str
-    expression: Expression
-    nonideal: tuple[Expression, ...]
-    span: Span
-
-
-@dataclass(frozen=True)
-class NoSlip:
-    """The body's material point `point` does not move along `direction` (both in body
-    coordinates)."""
-
-    name: str
-    body: str
-    point: Vector3
-    direction: Vector3
-    span: Span
-
-
-@dataclass(frozen=True)
-class Rolling:
-    """A body rolls without slip on the plane through `origin`, normal to `normal` (ground frame; in
-    the body's: centre, axis).
-
-    `shape`: "disk" (thin: wheel, knife edge), "sphere" (its axis means nothing) or "torus", whose
-    circle of `radius` about the axis carries a tube of the smaller radius `tube`. In a planar model
-    the plane is a line and the disk a circle.
-    """
-
-    name: str
-    body: str
-    centre: Vector3
-    radius: Expression
-    axis: Vector3
-    origin: Vector3
-    normal: Vector3
-    span: Span
-    shape: str = "disk"
-    tube: Expression = ZERO
-
-
-@dataclass(frozen=True)
-class Distance:
-    """Two points of two bodies (one may be the ground) stay `length` apart: a massless rod."""
-
-    name: str
-    bodies: tuple[str, str]
-    points: tuple[Vector3, Vector3]
-    length: Expression
-    span: Span
-
-
-@dataclass(frozen=True)
-class OnSurface:
-    """`surface` vanishes at the body's `point`; its names x, y, z are the point's coordinates in
-    the frame of `frame_body`.
-
-    The three names shadow whatever the model calls x, y or z.
-    """
-
-    name: str
-    body: str
-    point: Vector3
-    frame_body: str
-    surface: Expression
-    span: Span
-
-
 class Constraint(Protocol):
     """The record of any constraint: those of this file, and of whoever adds one."""
 
@@ -224,130 +141,6 @@ class Constraint(Protocol):
 
     @property
     def span(self) -> Span: ...
-
-
-@dataclass(frozen=True)
-class JointSpring:
-    """Generalised force −stiffness (q − rest) on one coordinate."""
-
-    name: str
-    coordinate: str
-    stiffness: Expression
-    rest: Expression
-    span: Span
-
-
-@dataclass(frozen=True)
-class JointDamper:
-    """Generalised force −coefficient · rate on one coordinate's generalized velocity."""
-
-    name: str
-    velocity: str
-    coefficient: Expression
-    span: Span
-
-
-@dataclass(frozen=True)
-class PointSpring:
-    """Along the line between two points: tension stiffness (distance − length) + damping ·
-    d(distance)/dt."""
-
-    name: str
-    bodies: tuple[str, str]
-    points: tuple[Vector3, Vector3]
-    stiffness: Expression
-    length: Expression
-    damping: Expression
-    span: Span
-
-
-@dataclass(frozen=True)
-class Force:
-    """Force (N) on a body's point; components in the ground frame or, `frame` = "body", in the
-    body's."""
-
-    name: str
-    body: str
-    point: Vector3
-    components: Vector3
-    frame: str
-    span: Span
-
-
-@dataclass(frozen=True)
-class Torque:
-    name: str
-    body: str
-    components: Vector3
-    frame: str
-    span: Span
-
-
-@dataclass(frozen=True)
-class Wrench:
-    """Force (N) at the origin of a named frame and moment (N m); components along the ground's axes
-    or, `axes` = "frame", along the frame's."""
-
-    name: str
-    frame: str
-    force: Vector3
-    moment: Vector3
-    axes: str
-    span: Span
-
-
-@dataclass(frozen=True)
-class GeneralisedForce:
-    """Expression added to the force conjugate to one generalized velocity (a joint's force law, or
-    `forces:` of the analytic form)."""
-
-    name: str
-    velocity: str
-    expression: Expression
-    span: Span
-
-
-@dataclass(frozen=True)
-class Bushing:
-    """Springs and dampers along and about the three axes of the first body's placed frame, towards
-    the second body's.
-
-    Force on the second body −stiffness · displacement − damping · relative velocity, torque
-    −torsion · rotation vector − torsion_damping · relative angular velocity, all in the first
-    frame; the first body gets the opposite.
-    """
-
-    name: str
-    bodies: tuple[str, str]
-    placements: tuple[Placement, Placement]
-    stiffness: Vector3
-    torsion: Vector3
-    damping: Vector3
-    torsion_damping: Vector3
-    span: Span
-
-
-@dataclass(frozen=True)
-class JointFriction:
-    """Generalised force −viscous · v − coulomb · tanh(v/smoothing) on one generalized velocity."""
-
-    name: str
-    velocity: str
-    viscous: Expression
-    coulomb: Expression
-    smoothing: Expression
-    span: Span
-
-
-@dataclass(frozen=True)
-class Armature:
-    """Inertia of a rotor as the joint feels it: `inertia` is added to the diagonal of M at one
-    generalized velocity."""
-
-    name: str
-    velocity: str
-    inertia: Expression
-    span: Span
 
 
 class Load(Protocol):
@@ -516,6 +309,22 @@ class Model:
     fixed: tuple[
         tuple[str, float], ...
     ] = ()  # inputs and parameters of the file that are numbers here, in SI units
+
+    def body(self, name: str) -> Body:
+        """The body of that name. Raises KeyError where there is none."""
+        return {body.name: body for body in self.bodies}[name]
+
+    def coordinate_index(self, name: str) -> int:
+        """Which entry of q that coordinate is. Raises ValueError where there is none."""
+        return [coordinate.name for coordinate in self.coordinates].index(name)
+
+    def velocity_index(self, name: str) -> int:
+        """Which entry of v that generalized velocity is. Raises ValueError where there is none."""
+        return [velocity.name for velocity in self.velocities].index(name)
+
+    def place(self, name: str) -> Span | None:
+        """Where the closure or the constraint of that name stands; None where it is neither."""
+        return {tie.name: tie.span for tie in (*self.constraints, *self.closures)}.get(name)
 
     def diagnostic(self, span: Span | None, message: str, expected: str = "") -> Diagnostic:
         """The problem at a place of the file; of the file as a whole where it has no such line."""

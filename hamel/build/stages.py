@@ -119,5 +119,5 @@ def _with_requested(equations: Equations, emitted: Collection[str], suffix: str)
     known = {function.name for function in equations.functions}
     names = [name.removesuffix(suffix) for name in emitted if name.endswith(suffix)]
     asked = [request_of(equations, name) for name in names if name not in known]
-    further = tuple(request.make() for request in asked if request is not None)
+    further = tuple(x.function for x in asked if x is not None and x.make is not None)
     return replace(equations, functions=(*equations.functions, *further))

@@ -11,8 +11,8 @@ from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import Wrench as Couple
 from derive.mechanics.tree import joint_forces
+from derive.model.load_records import Wrench
 from derive.model.named_frames import frame_named
-from derive.model.records import Wrench
 
 NONE: Vector = [0.0, 0.0, 0.0]
 

@@ -9,9 +9,10 @@ from derive.model.document import Key, Scalar
 from derive.model.entries import Entry, Formula, FormulaOrList, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import Wrench
 from derive.model.loads.torque import torque_components
 from derive.model.reader import Reader
-from derive.model.records import GROUND, Wrench
+from derive.model.records import GROUND
 from derive.model.scope import ANYTHING
 
 AXES = ("ground", "frame")

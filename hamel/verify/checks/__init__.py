@@ -15,6 +15,7 @@ from hamel.verify.checks import (
     motion,
     named_frames,
     quasi,
+    steps,
     strange,
     udwadia,
 )
@@ -32,6 +33,7 @@ CHECKS: tuple[Check, ...] = (
     *quasi.CHECKS,
     *code.CHECKS,
     *charts.CHECKS,
+    *steps.CHECKS,
     *strange.CHECKS,
     *motion.CHECKS,
     *momenta.CHECKS,
@@ -43,4 +45,5 @@ QUICK = (
     *named_frames.CHECKS,
     *quasi.CHECKS,
 )  # every term against the reference, and what was derived from ẋ on request
-LOADED = (*code.CHECKS[:1], *charts.CHECKS)  # the loaded module against the graph
+# the loaded module against the graph
+LOADED = (*code.CHECKS[:1], *charts.CHECKS, *steps.CHECKS)

@@ -15,6 +15,7 @@ from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.formulations.requests import request_of, unknown_function
 from derive.model import load_text
+from derive.model.named_frames import TAKEN, readings
 from derive.states import system
 from derive.states.sampling import states
 from tests.scenes import derived
@@ -32,7 +33,7 @@ def made(text: str) -> Equations:
 def function(found: Equations, name: str) -> ca.Function:
     request = request_of(found, name)
     assert request is not None, name
-    made = request.make()
+    made = request.function
     slots = [
         made.x.symbols if made.x is not None and slot.name == "x" else slot.symbols
         for slot in found.arguments
@@ -81,8 +82,8 @@ def test_the_rate_of_mass_w_is_c_and_its_transpose(name):
     found = derived(name)
     x = found.argument("x").symbols
     nq = found.system.q.numel()
-    M = request_of(found, "mass_w").make().result.value
-    C = request_of(found, "coriolis_w").make().result.value
+    M = request_of(found, "mass_w").function.result.value
+    C = request_of(found, "coriolis_w").function.result.value
     qdot = found.function("dynamics").result.value[:nq]
     rate = ca.reshape(ca.jtimes(ca.vec(M), x[:nq, 0], qdot), *M.shape)
     gap = ca.Function("gap", [slot.symbols for slot in found.arguments], [rate - C - C.T, C])
@@ -129,7 +130,7 @@ def test_what_there_is_not_is_refused_with_the_reason(text, name, words):
     request = request_of(made(text), name)
     assert request is not None
     with pytest.raises(AssumptionError, match=words):
-        request.make()
+        _ = request.function
 
 
 def test_too_few_inputs_for_a_coupled_motion_are_refused():
@@ -137,7 +138,7 @@ def test_too_few_inputs_for_a_coupled_motion_are_refused():
     request = request_of(made(text), "inverse_dynamics_u")
     assert request is not None
     with pytest.raises(AssumptionError, match="f cannot give every ẇ of q1_dot, q2_dot: 1 for 2"):
-        request.make()
+        _ = request.function
 
 
 def test_generalized_velocities_have_no_functions_over_w():
@@ -178,6 +179,16 @@ def test_the_jacobian_of_outputs_is_their_derivative():
     found = derived("four_bar")
     x = found.argument("x").symbols
     y = found.function("outputs").result.value
-    J = request_of(found, "outputs_jacobian").make().result.value
+    J = request_of(found, "outputs_jacobian").function.result.value
     gap = ca.Function("gap", [slot.symbols for slot in found.arguments], [J - ca.jacobian(y, x)])
     assert np.abs(np.array(gap(*places(found)[0]))).max() == 0.0
+
+
+def test_no_frame_can_be_named_so_that_a_known_function_is_meant():
+    """Every function that a name of a frame function could be is reserved."""
+    found = derived("four_bar")
+    single = {x.name for x in (*found.functions, *found.requests)} | {"jacobian_p_values"}
+    families = [family.name for family in found.families]
+    meant = {x for x in single for family in families if x.startswith(f"{family}_")}
+    assert {x for x in meant if readings(x, {x.split("_", 1)[1], x.rsplit("_", 1)[1]})} == set()
+    assert {x for x in meant if x.startswith("jacobian_")} <= {*TAKEN}

@@ -53,7 +53,7 @@ def values(found: Equations, names: list[str], seed: int = 0) -> list[np.ndarray
     """Functions on request at a random state with unit quaternions."""
     slots = [slot.symbols for slot in found.arguments]
     asked = [request_of(found, name) for name in names]
-    results = [request.make().result.value for request in asked if request is not None]
+    results = [request.function.result.value for request in asked if request is not None]
     assert len(results) == len(names)
     x = np.random.default_rng(seed).normal(size=slots[1].numel())
     for start in found.system.quaternions:
@@ -85,11 +85,11 @@ def test_j_times_v_is_the_rate_of_the_pose_to_all_digits(text):
     """Ṗ by CasADi's own differentiation of `pose` along q̇ = N v."""
     found = made(text)
     s = found.system
-    pose = request_of(found, "pose_tool").make().result.value
+    pose = request_of(found, "pose_tool").function.result.value
     v = found.function("velocity").result.value
     along = ca.substitute(s.qdot, s.v, v)
     rate = ca.reshape(ca.jtimes(ca.vec(pose), s.q, along), 3, 4)
-    J = request_of(found, "jacobian_tool").make().result.value
+    J = request_of(found, "jacobian_tool").function.result.value
     gap = [rate[:, 3] - ca.mtimes(J[:3, :], v)]
     turned = ca.mtimes(rate[:, :3], pose[:, :3].T)  # ω ×
     omega = ca.vertcat(turned[2, 1], turned[0, 2], turned[1, 0])
@@ -104,11 +104,11 @@ def test_jdot_v_is_the_rate_of_j_to_all_digits(text, axes):
     found = made(text)
     s = found.system
     v = found.function("velocity").result.value
-    J = request_of(found, f"jacobian{axes}_tool").make().result.value
+    J = request_of(found, f"jacobian{axes}_tool").function.result.value
     along = ca.substitute(s.qdot, s.v, v)
     rate = ca.reshape(ca.jtimes(ca.vec(J), s.q, along), 6, s.v.numel())
-    claimed = request_of(found, f"jdot_v{axes}_tool").make().result.value
-    twist = request_of(found, f"frame_velocity{axes}_tool").make().result.value
+    claimed = request_of(found, f"jdot_v{axes}_tool").function.result.value
+    twist = request_of(found, f"frame_velocity{axes}_tool").function.result.value
     assert worst(found, ca.mtimes(rate, v) - claimed) < 1e-12
     assert worst(found, ca.mtimes(J, v) - twist) < 1e-13
 
@@ -147,7 +147,7 @@ def test_a_wrench_does_the_power_of_its_frame(axes):
     found = made(text)
     s = found.system
     name = "frame_velocity_tool" if axes == "ground" else "frame_velocity_local_tool"
-    twist = request_of(found, name).make().result.value
+    twist = request_of(found, name).function.result.value
     fx, fy, nz = (s.u[k] for k in range(3))
     v = found.function("velocity").result.value
     power = ca.dot(ca.substitute(s.Q, s.v, v), v)
@@ -186,6 +186,6 @@ def test_pose_and_jacobian_of_an_arm_take_few_operations():
     from derive.expressions.counting import operations
 
     found = derived("stanford_arm")
-    both = request_of(found, "pose_jacobian_flange").make().result.value
+    both = request_of(found, "pose_jacobian_flange").function.result.value
     assert operations(both) <= 125
     assert len(scalars(both)) == 12 + 36

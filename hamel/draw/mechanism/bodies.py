@@ -12,14 +12,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from derive.model.records import Body, Rolling
-from hamel.draw.mechanism.records import GROUND, Shape, Vector
-from hamel.draw.mechanism.scene import NEAR, Anchor, Scene, spot
+from derive.model.records import Body, NoSlip, Rolling
+from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
+from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.scene import NEAR, Scene
 from hamel.draw.mechanism.solids import box, cylinder, ring
 
 SLENDER = 0.15  # of the largest moment of inertia: the smallest one of a rod
 MOST_MASSES = 12  # centres of mass are marked where bodies are few
-LEAST, MOST = 12.0, 62.0  # pixels: radius of a body that nothing tells the size of
+LEAST, MOST = 12.0, 46.0  # pixels: radius of a body that nothing tells the size of
+LOOSE = ("planar", "free")
 BESIDE = 9.0  # pixels between a centre of mass and a joint that would hide it
 
 
@@ -29,13 +31,17 @@ def body_shapes(scene: Scene, index: int) -> list[Shape]:
     rolling = [x for x in scene.model.constraints if isinstance(x, Rolling) and x.body == body.name]
     points = distinct(scene, scene.held[index + 1])
     shapes = [shape for x in rolling for shape in _roller(scene, index, x)]
-    if len(points) < 2 and (rolling or _is_block(scene, index)):
+    alone = len(distinct(scene, [*points, centre(scene, body)])) < 2
+    if (len(points) < 2 and rolling) or (alone and _is_block(scene, index)):
+        return shapes
+    if not points and _on_wheels(scene, body):
         return shapes
     points = points or [centre(scene, body)]
     points = _extended(scene, body, points, bool(rolling))
     if len(points) == 1:
-        return shapes + _lump(scene, index, body, points[0])
-    return [*_skeleton(scene, index, points), *shapes, *_bob(scene, index, body, points)]
+        return shapes if _on_wheels(scene, body) else shapes + _lump(scene, index, body, points[0])
+    frame = [*_stay(scene, index, points), *_skeleton(scene, index, points)]
+    return [*frame, *shapes, *_bob(scene, index, body, points)]
 
 
 def distinct(scene: Scene, points: Sequence[Vector]) -> list[Vector]:
@@ -58,6 +64,12 @@ def inertia(scene: Scene, body: Body) -> tuple[float, Vector]:
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     mass = scene.numbers.scalar(body.mass)
     return (mass if mass > 0 else 0.0), np.nan_to_num(tensor)
+
+
+def gyration(scene: Scene, body: Body) -> float:
+    """The radius of gyration (m), of all three axes together."""
+    mass, tensor = inertia(scene, body)
+    return math.sqrt(max(float(np.trace(tensor)), 0.0) / (2 * mass)) if mass > 0 else 0.0
 
 
 def _is_block(scene: Scene, index: int) -> bool:
@@ -119,7 +131,40 @@ def _skeleton(scene: Scene, index: int, points: list[Vector]) -> list[Shape]:
         order = _around(scene, points)
         spots = tuple(spot(index, points[k]) for k in order)
         return [Shape("line", "plate", spots, closed=True)]
-    return [bar for point in points[1:] for bar in _bar(index, [points[0], point])]
+    hub = _hub(scene, index, points)
+    return [
+        bar
+        for point in points
+        if float(np.linalg.norm(point - hub)) > NEAR * scene.size
+        for bar in _bar(index, [hub, point])
+    ]
+
+
+def _hub(scene: Scene, index: int, points: Sequence[Vector]) -> Vector:
+    """Where the bars of a body meet: at the joint that carries it, else at its centre of mass."""
+    for anchor in scene.anchors:
+        if anchor.bodies[1] == index and anchor.coordinates and anchor.type not in LOOSE:
+            return anchor.at(1)
+    return scene.com(index) if len(points) > 2 else points[0]
+
+
+def _stay(scene: Scene, index: int, points: Sequence[Vector]) -> list[Shape]:
+    """A thin line to a centre of mass that is not on the bars."""
+    com = scene.com(index)
+    if not _is_line(scene, points):
+        return []
+    first, last = _ends(points)
+    length = float(np.linalg.norm(last - first))
+    along = (last - first) / (length or 1.0)
+    foot = first + min(max(float((com - first) @ along), 0.0), length) * along
+    if float(np.linalg.norm(com - foot)) * scene.view.scale < BESIDE:
+        return []
+    return [Shape("line", "stay", (spot(index, foot), spot(index, com)))]
+
+
+def _on_wheels(scene: Scene, body: Body) -> bool:
+    """Whether wheels that do not slip are what is seen of it."""
+    return any(isinstance(x, NoSlip) and x.body == body.name for x in scene.model.constraints)
 
 
 def _bar(index: int, points: Sequence[Vector]) -> list[Shape]:
@@ -171,26 +216,29 @@ def _lump(scene: Scene, index: int, body: Body, at: Vector) -> list[Shape]:
         return disc(scene, index, at, _sensible(scene, radius))
     axle = next((a for a in scene.anchors if _is_axle(scene, a, index, tensor)), None)
     if axle is not None:
-        axis = axle.axes[1]
+        axis = axle.axes[axle.bodies.index(index)]
         radius = math.sqrt(2 * float(axis @ tensor @ axis) / mass)
         return wheel(scene, index, at, axis, _sensible(scene, radius))
     return [_block(scene, index, mass, tensor, at)]
 
 
 def _is_axle(scene: Scene, anchor: Anchor, index: int, tensor: Vector) -> bool:
-    axis = anchor.axes[1]
+    if index not in anchor.bodies or anchor.type not in ("revolute", "cylindrical"):
+        return False
+    axis = anchor.axes[anchor.bodies.index(index)]
     most = float(np.linalg.eigvalsh(tensor)[-1])
-    return (
-        anchor.type == "revolute"
-        and anchor.bodies[1] == index
-        and float(axis @ tensor @ axis) > 0.99 * most
-    )
+    return float(axis @ tensor @ axis) > 0.99 * most
 
 
 def _sensible(scene: Scene, radius: float) -> float:
     """Neither a dot nor all of the paper."""
     pixel = scene.view.pixel
-    return min(max(radius, LEAST * pixel), MOST * pixel)
+    return min(max(radius, LEAST * pixel), _most(scene) * pixel)
+
+
+def _most(scene: Scene) -> float:
+    """The largest radius in pixels; a body by itself may be large."""
+    return MOST if len(scene.model.bodies) > 1 else 2.2 * MOST
 
 
 def _block(scene: Scene, index: int, mass: float, tensor: Vector, at: Vector) -> Shape:
@@ -201,7 +249,7 @@ def _block(scene: Scene, index: int, mass: float, tensor: Vector, at: Vector) ->
     sides = np.sqrt(np.maximum(6 * (np.sum(moments) - 2 * moments) / mass, 0.0))
     pixel = scene.view.pixel
     longest = float(sides.max()) or 1.0
-    factor = min(max(longest, 2 * LEAST * pixel), 2 * MOST * pixel) / longest
+    factor = min(max(longest, 2 * LEAST * pixel), 2 * _most(scene) * pixel) / longest
     halves = np.maximum(sides * factor / 2, 3 * pixel)
     return box(index, at, axes, halves, "body")
 

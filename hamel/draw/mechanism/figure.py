@@ -10,27 +10,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from derive.mechanics.records import System
+from derive.model.records import Rolling
 from hamel.draw.mechanism import notes as write
-from hamel.draw.mechanism.bodies import body_shapes, masses
+from hamel.draw.mechanism.bodies import body_shapes, gyration, masses
 from hamel.draw.mechanism.joints import bearings, joint_shapes
 from hamel.draw.mechanism.marks import marks
 from hamel.draw.mechanism.notes import Note
 from hamel.draw.mechanism.placing import Ground, placed
-from hamel.draw.mechanism.records import Box, Label, Lettering, Mark, Point, Shape
+from hamel.draw.mechanism.records import GROUND, Box, Label, Lettering, Mark, Point, Shape, spot
 from hamel.draw.mechanism.scene import Scene, scene
 from hamel.draw.mechanism.state import Configuration, configuration
-from hamel.draw.mechanism.ties import load_shapes, skates, tie_shapes
+from hamel.draw.mechanism.points import plane_of
+from hamel.draw.mechanism.ties import load_shapes, point_shapes, skates, tie_shapes
 from hamel.draw.mechanism.view import AXES, View, axonometric, planar
 from hamel.draw.mechanism.words import described
 
 WIDTH = 420.0  # pixels at most, so that letters stay readable on a phone
 ROOM = (300.0, 250.0)  # for the mechanism itself
 MARGIN = 10.0
-TRIES = 5
-MOST_LABELS = 26
+TRIES = 6
+MOST_LABELS, MOST_IN_SPACE = 20, 15
 MOST_NAMED = 14  # bodies, above which only some are named
-CROWDED = 40.0  # pixels between joints: symbols shrink where they are nearer
-SMALLEST = 0.3
+CROWDED = 30.0  # pixels between joints: symbols shrink where they are nearer
+SMALLEST = 0.42
+DIAL = 62.0  # pixels of a needle
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ def figure(system: System, state: Configuration | None = None) -> Figure:
 
 def framed(system: System, state: Configuration) -> Scene:
     """The scene with a view whose scale fits the paper."""
-    plane = system.model.plane
+    plane = plane_of(system.model)
     flat = View(*np.eye(3), flat=False) if not plane else planar(plane)
     space = scene(system, state.q, state.p, flat)
     points = [space.pose(k - 1).point(x) for k, some in enumerate(space.held) for x in some]
@@ -73,8 +76,14 @@ def framed(system: System, state: Configuration) -> Scene:
     view = planar(plane) if plane else axonometric(_upward(space), points)
     laid = np.array([view.paper(x) for x in points] or [(0.0, 0.0)])
     extent = np.ptp(laid, axis=0)
+    extent = np.append(extent, [0.0, 0.0])[:2]
     ratios = [room / x for room, x in zip(ROOM, extent) if x > 0]
-    return replace(space, view=replace(view, scale=min(ratios, default=1.0)))
+    return replace(space, view=replace(view, scale=min([*ratios, *_largest(space)], default=1.0)))
+
+
+def _largest(space: Scene) -> list[float]:
+    """Dials stay small."""
+    return [DIAL] if space.names and not space.model.bodies and not space.loose else []
 
 
 def _scaled(space: Scene, by: float) -> Scene:
@@ -90,11 +99,11 @@ def _upward(space: Scene) -> np.ndarray:
 
 def _extremes(space: Scene) -> list[np.ndarray]:
     """What reaches beyond the points held: centres of mass, and rims of what rolls."""
-    from derive.model.records import Rolling
-
     points = []
     for index, body in enumerate(space.model.bodies):
-        points.append(space.pose(index).point(space.numbers.vector(body.com)))
+        com = space.pose(index).point(space.com(index))
+        radius = gyration(space, body) if len(space.held[index + 1]) < 2 else 0.0
+        points += [com + s * radius * axis for s in (-1, 1) for axis in np.eye(3)]
     for x in space.model.constraints:
         if isinstance(x, Rolling):
             pose = space.pose(space.index(x.body))
@@ -111,9 +120,11 @@ def shapes(space: Scene) -> list[Shape]:
     """Everything that bodies carry, back to front."""
     scale = crowding(space)
     result = tie_shapes(space, scale) + bearings(space, scale) + load_shapes(space, scale)
-    for index in range(len(space.names)):
+    for index in range(len(space.model.bodies)):
         result += body_shapes(space, index)
-    return result + skates(space, scale) + joint_shapes(space, scale) + masses(space)
+    result += point_shapes(space)
+    result += skates(space, scale) + joint_shapes(space, scale) + masses(space)
+    return result + [Shape("dot", "point", (at,), size=2.2) for _, at in space.traced]
 
 
 def crowding(space: Scene) -> float:
@@ -146,14 +157,16 @@ def _notes(space: Scene) -> tuple[list[Note], list[Label], int]:
     owned = [c.name for c in model.coordinates]
     shown = some(owned, MOST_NAMED)
     notes = write.body_frames(space) + write.coordinates(space, shown)
+    notes += write.point_coordinates(space, shown)
     pushes = write.inputs(space)
     driven = pushes if len(pushes) <= MOST_NAMED else [pushes[0], pushes[-1]]
     notes += driven
     count = sum(len(note.labels) for note in notes)
-    joints, bodies = [a.name for a in space.anchors], list(space.names)
+    joints, bodies = [a.name for a in space.anchors if a.type != "fixed"], [body.name for body in model.bodies]
     labels: list[Label] = []
-    for wanted, naming in ((bodies, write.body_names), (joints, write.joint_names)):
-        room = MOST_LABELS - count - len(labels)
+    for wanted, naming in ((joints, write.joint_names), (bodies, write.body_names)):
+        most = MOST_LABELS if space.view.flat else MOST_IN_SPACE
+        room = most - count - len(labels)
         if len(wanted) <= min(room, MOST_NAMED):
             labels += naming(space, wanted)
     unnamed = len(owned) - len(shown) + len(pushes) - len(driven)
@@ -170,14 +183,14 @@ def _corners(space: Scene, around: Sequence[Mark]) -> list[Note]:
     that is free."""
     result = []
     origin = next((a for a in space.anchors if a.type in ("planar", "free")), None)
-    if origin is not None:
-        at = write.paper(space, origin.spot(0))
+    if origin is not None or space.loose:
+        at = write.paper(space, origin.spot(0) if origin else spot(GROUND, np.zeros(3)))
         result.append(write.triad(space, at, np.eye(3), write.AXIS, "ground"))
-    else:
+    elif space.model.bodies:
         at = _free_corner(around, (52.0, 52.0), "lower")
         result.append(write.triad(space, at, np.eye(3), write.AXIS, "ground"))
     if space.model.gravity:
-        taken = [*around, *result[0].marks]
+        taken = [*around, *(mark for note in result for mark in note.marks)]
         at = _free_corner(taken, (30.0, 48.0), "upper")
         result.append(write.gravity(space, at))
     return result

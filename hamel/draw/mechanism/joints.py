@@ -12,14 +12,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from hamel.draw.mechanism.bodies import distinct
-from hamel.draw.mechanism.records import GROUND, Shape, Vector
-from hamel.draw.mechanism.scene import Anchor, Scene, spot
+from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
+from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.scene import Scene
 from hamel.draw.mechanism.solids import box, cylinder, ring
 
 PIN = 4.5
 BEARING = (11.0, 17.0)  # half width and height of the triangle under a pin
 HATCH = (5.0, 6.0)  # between strokes, and how far they go
-BLOCK = (15.0, 9.0)  # half sides of a block
+BLOCK = (16.0, 12.0)  # half sides of a block
 ROOM = 26.0  # of a guide beyond its block
 COLLAR = (13.0, 6.5, 6.5)
 BARREL = (11.0, 6.5)  # half length and radius of a hinge
@@ -46,7 +47,7 @@ def bearings(scene: Scene, scale: float = 1.0) -> list[Shape]:
         if GROUND not in anchor.bodies or anchor.type not in STANDING:
             continue
         side = anchor.bodies.index(GROUND)
-        at = anchor.points[side] + anchor.shift * anchor.axes[side]
+        at = anchor.at(side)
         if len(distinct(scene, [*places, at])) > len(places):
             places.append(at)
             if scene.view.flat:
@@ -61,14 +62,10 @@ def _hangs(scene: Scene, anchor: Anchor) -> bool:
     other = anchor.bodies[1 - anchor.bodies.index(GROUND)]
     here = scene.place(anchor.spot(0))
     points = [scene.pose(other).point(x) for x in scene.held[other + 1]]
-    points.append(scene.pose(other).point(_mass_point(scene, other)))
+    points.append(scene.pose(other).point(scene.com(other)))
     away = [(x - here) @ scene.view.up for x in points]
     across = [abs((x - here) @ scene.view.right) for x in points]
     return min(away) < 0 and -min(away) > max(*away, 0.8 * max(across))
-
-
-def _mass_point(scene: Scene, body: int) -> Vector:
-    return scene.numbers.vector(scene.model.bodies[body].com)
 
 
 def bearing(scene: Scene, at: Vector, above: bool, scale: float) -> list[Shape]:

@@ -10,8 +10,8 @@ import numpy as np
 from hamel.draw.mechanism.records import Mark, Point, Shape, Vector
 from hamel.draw.mechanism.scene import Scene
 
-COILS, AMPLITUDE, LEAD = 7, 5.5, 0.14  # of a spring: windings, half width (px), straight ends
-CUP, PISTON = 5.5, 3.8  # of a damper: half widths in pixels
+COILS, AMPLITUDE, LEAD = 7, 4.5, 0.14  # of a spring: windings, half width (px), straight ends
+CUP, PISTON = 4.6, 3.2  # of a damper: half widths in pixels
 HEAD = (7.5, 2.7)  # of an arrow: length and half width in pixels
 QUARTER = 9  # corners of a quarter disc
 

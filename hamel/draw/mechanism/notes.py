@@ -14,10 +14,12 @@ import numpy as np
 
 from derive.model.records import Force, Torque
 from derive.textbook import names
-from hamel.draw.mechanism.bodies import centre
 from hamel.draw.mechanism.marks import arrow
-from hamel.draw.mechanism.records import GROUND, Label, Mark, Point, Spot, Vector
-from hamel.draw.mechanism.scene import Anchor, Scene, spot
+from hamel.draw.mechanism.points import plane_of
+from hamel.draw.mechanism.records import GROUND, Label, Mark, Point, Spot, Vector, spot
+from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.scene import Scene
+from hamel.draw.mechanism.typeset import extent
 
 ARC, INPUT_ARC, TURN = 30.0, 19.0, 15.0  # radii in pixels: of an angle, of a torque, in space
 SHORT = math.radians(9.0)  # an arc less than that shows a sense only
@@ -25,6 +27,7 @@ SENSE = math.radians(48.0)
 PUSH, AXIS, BODY_AXIS, GRAVITY = 32.0, 30.0, 22.0, 34.0  # lengths of arrows in pixels
 OFFSET = 20.0  # of a dimension from what it measures
 LEAST = 14.0  # pixels: a dimension shorter than that is left out
+MERGED = 34.0  # pixels: a longer name of an input has an arrow of its own
 PARTS = 24  # of an arc
 
 
@@ -51,7 +54,7 @@ def coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
             case "revolute" if scene.view.flat:
                 notes.append(_angle(scene, anchor))
             case "revolute" | "screw":
-                notes.append(_turn(scene, anchor, anchor.coordinates[0]))
+                notes.append(_turn(scene, anchor, anchor.coordinates[0], _driving(scene, anchor)))
             case "prismatic":
                 notes.append(_slide(scene, anchor))
             case "planar":
@@ -68,6 +71,29 @@ def coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
     return notes
 
 
+def _driving(scene: Scene, anchor: Anchor) -> str:
+    """The input of a hinge in space, which shares its arrow with the coordinate."""
+    own = [v.name for v in scene.model.velocities if v.owner == anchor.name]
+    if anchor.type != "revolute" or scene.view.flat:
+        return ""
+    latex = ", ".join(_symbol(x.name) for x in scene.model.inputs if x.velocity in own)
+    return latex if extent(latex)[0] < MERGED else ""
+
+
+def point_coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
+    """Of models without bodies: the way from the origin to each point."""
+    notes: list[Note] = []
+    all_names = [x.name for x in scene.model.coordinates]
+    for k, point in enumerate(scene.loose):
+        end = scene.pose(len(scene.model.bodies) + k).position
+        used = [(axis, j) for axis, j in zip(np.eye(3), point.indices) if j >= 0]
+        labels = [all_names[j] for _, j in used]
+        if set(labels) & set(wanted):
+            axes = [axis for axis, _ in used]
+            notes += _offsets(scene, end, axes, [float(end @ axis) for axis in axes], labels)
+    return notes
+
+
 def _symbol(name: str) -> str:
     return names.symbol(name)
 
@@ -75,10 +101,8 @@ def _symbol(name: str) -> str:
 def arm(scene: Scene, anchor: Anchor) -> Vector:
     """The direction of the second body from the joint, in its own frame: to the farthest point that
     it carries, else its first axis."""
-    index, at = anchor.bodies[1], anchor.points[1]
-    points = [*scene.held[index + 1]]
-    if index != GROUND:
-        points.append(centre(scene, scene.model.bodies[index]))
+    index, at = anchor.bodies[1], anchor.at(1)
+    points = [*scene.held[index + 1], scene.com(index)]
     lengths = [float(np.linalg.norm(point - at)) for point in points]
     far = int(np.argmax(lengths)) if lengths else 0
     if not lengths or lengths[far] < 1e-6 * scene.size:
@@ -138,11 +162,11 @@ def arc(at: Point, radius: float, start: float, sweep: float) -> list[Point]:
     return [_polar(at, radius, start + sweep * k / PARTS) for k in range(PARTS + 1)]
 
 
-def _turn(scene: Scene, anchor: Anchor, name: str, side: int = 0) -> Note:
+def _turn(scene: Scene, anchor: Anchor, name: str, driving: str = "") -> Note:
     """In space: an arrow around the axis, beside the joint."""
-    pose = scene.pose(anchor.bodies[side])
-    axis = pose.rotation @ anchor.axes[side]
-    return about(scene, scene.place(anchor.spot(side)), axis, _symbol(name), "dimension")
+    axis = scene.pose(anchor.bodies[0]).rotation @ anchor.axes[0]
+    latex = f"{_symbol(name)}, {driving}" if driving else _symbol(name)
+    return about(scene, scene.place(anchor.spot(0)), axis, latex, "dimension")
 
 
 def about(scene: Scene, at: Vector, axis: Vector, latex: str, style: str, out: float = 17.0) -> Note:  # noqa: PLR0913
@@ -323,13 +347,27 @@ def inputs(scene: Scene) -> list[Note]:
     rates = {v.name: (v.owner, v.rate_of) for v in scene.model.velocities}
     for x in scene.model.inputs:
         owner, coordinate = rates.get(x.velocity, ("", ""))
-        anchor = next((a for a in scene.anchors if a.name == owner), None)
-        if anchor is not None:
+        anchor = next((a for a in scene.anchors if a.name in (owner, coordinate)), None)
+        if anchor is None:
+            notes += _on_point(scene, coordinate, _symbol(x.name))
+        elif not _driving(scene, anchor):
             notes += _driven(scene, anchor, x.velocity, coordinate, _symbol(x.name))
     for x in scene.model.loads:
         if isinstance(x, Force | Torque):
             notes += _load(scene, x)
     return notes
+
+
+def _on_point(scene: Scene, coordinate: str, latex: str) -> list[Note]:
+    """A force along a coordinate of a loose point."""
+    all_names = [x.name for x in scene.model.coordinates]
+    index = all_names.index(coordinate) if coordinate in all_names else -2
+    for k, point in enumerate(scene.loose):
+        if index in point.indices:
+            axis = np.eye(3)[point.indices.index(index)]
+            at = scene.pose(len(scene.model.bodies) + k).position
+            return [push(scene, at, axis, latex, 9.0)]
+    return []
 
 
 def _driven(
@@ -347,7 +385,7 @@ def _driven(
         return [_torque(scene, anchor, latex)]
     if turning:
         axis = scene.pose(anchor.bodies[0]).rotation @ anchor.axes[0]
-        return [_around_other_end(scene, scene.place(anchor.spot(0)), axis, latex)]
+        return [about(scene, scene.place(anchor.spot(0)), -axis, latex, "input", 24.0)]
     body = scene.pose(anchor.bodies[1])
     if anchor.type in ("prismatic", "cylindrical"):
         direction = body.rotation @ anchor.axes[1]
@@ -369,20 +407,6 @@ def _torque(scene: Scene, anchor: Anchor, latex: str) -> Note:
     points = arc(at, INPUT_ARC, middle - sweep / 2, sweep)
     label = Label(latex, "input", _polar(at, INPUT_ARC, middle), _headings(middle), 5.0)
     return Note(tuple(arrow("input", points)), (label,))
-
-
-def _around_other_end(scene: Scene, at: Vector, axis: Vector, latex: str) -> Note:
-    """At the end of the axis where the coordinate is not."""
-    free = _freer_end(scene, at, axis, 17.0)
-    other = 2 * at - free
-    away = (other - at) / float(np.linalg.norm(other - at))
-    sign = 1.0 if away @ axis > 0 else -1.0
-    end = at + 17.0 * scene.view.pixel * away
-    note = about(scene, end, axis, latex, "input", 0.0)
-    here, middle = scene.view.paper(end), scene.view.paper(at)
-    heading = math.atan2(middle[1] - here[1], here[0] - middle[0])
-    label = Label(latex, "input", here, _headings(heading), TURN + 3)
-    return Note(note.marks, (label,)) if sign else note
 
 
 def push(scene: Scene, at: Vector, direction: Vector, latex: str, short: float) -> Note:
@@ -419,8 +443,7 @@ def _load(scene: Scene, x: Force | Torque) -> list[Note]:
     if isinstance(x, Force):
         at = scene.pose(index).point(numbers.vector(x.point))
         return [push(scene, at, direction, latex, 3.0)]
-    body = scene.model.bodies[index] if index != GROUND else None
-    at = scene.pose(index).point(centre(scene, body) if body else np.zeros(3))
+    at = scene.pose(index).point(scene.com(index))
     if scene.view.flat:
         sweep = 2.4 if direction @ scene.view.toward > 0 else -2.4
         points = arc(scene.view.paper(at), INPUT_ARC, 0.4, sweep)
@@ -438,7 +461,7 @@ def triad(scene: Scene, at: Point, rotation: Vector, length: float, letters: str
     shown = (
         [(scene.view.right, ""), (scene.view.up, "")] if scene.view.flat and not letters else []
     )
-    plane = scene.model.plane or ("xyz" if not scene.view.flat else "xy")
+    plane = plane_of(scene.model) or "xyz"
     if letters or not scene.view.flat:
         shown = [(axes["xyz".index(letter)], letter) for letter in plane]
     elif shown:
@@ -461,7 +484,7 @@ def body_frames(scene: Scene) -> list[Note]:
     """Of bodies that move freely: their axes, small."""
     notes = []
     for anchor in scene.anchors:
-        if anchor.type in ("planar", "free"):
+        if anchor.type == "free":
             at = paper(scene, anchor.spot(1))
             rotation = scene.pose(anchor.bodies[1]).rotation @ anchor.frames[1]
             notes.append(triad(scene, at, rotation, BODY_AXIS))
@@ -486,11 +509,12 @@ def gravity(scene: Scene, at: Point) -> Note:
 def joint_names(scene: Scene, wanted: Sequence[str]) -> list[Label]:
     """Beside their joints."""
     labels = []
+    away = 8.0 if scene.view.flat else 11.0
     for anchor in scene.anchors:
         if anchor.name in wanted and anchor.type not in ("planar", "free"):
             at = paper(scene, anchor.spot(1))
             labels.append(
-                Label(_word(anchor.name), "joint", at, (135.0, 45.0, 225.0, 315.0), 8.0)
+                Label(_word(anchor.name), "joint", at, (135.0, 45.0, 225.0, 315.0), away)
             )
     return labels
 
@@ -502,7 +526,7 @@ def body_names(scene: Scene, wanted: Sequence[str]) -> list[Label]:
         if body.name not in wanted:
             continue
         points = [scene.view.paper(scene.pose(index).point(x)) for x in scene.held[index + 1]]
-        com = scene.view.paper(scene.pose(index).point(centre(scene, body)))
+        com = scene.view.paper(scene.pose(index).point(scene.com(index)))
         points = points or [com]
         far = max(points, key=lambda x: math.dist(x, points[0]))
         if math.dist(far, points[0]) < 8:

@@ -18,6 +18,7 @@ CLEAR = 2.0  # pixels between labels
 COVERED, FURTHER, ELSEWHERE = 9.0, 0.55, 1.5  # what a covered point, a pixel and a direction cost
 FAR = 17.0  # pixels from which a line leads to what is named
 GRID = 3.0  # pixels between points of a line that are looked at
+HALF_BAR = 5.0  # pixels
 ENOUGH = 0.4  # a place that costs less is taken at once
 
 
@@ -52,12 +53,27 @@ def _sampled(mark: Mark) -> list[Point]:
         count = max(8, int(2 * math.pi * r / GRID))
         angles = [2 * math.pi * k / count for k in range(count)]
         return [(x, y), *((x + r * math.cos(a), y + r * math.sin(a)) for a in angles)]
+    if mark.style == "bar":
+        return _edges(mark)
     points: list[Point] = []
     ends = (*mark.points, mark.points[0]) if mark.closed else mark.points
     for (x0, y0), (x1, y1) in zip(ends, ends[1:]):
         count = max(1, int(math.dist((x0, y0), (x1, y1)) / GRID))
         points += [(x0 + (x1 - x0) * k / count, y0 + (y1 - y0) * k / count) for k in range(count)]
     return [*points, ends[-1]]
+
+
+def _edges(mark: Mark) -> list[Point]:
+    """Of a bar, which is wide."""
+    (x0, y0), (x1, y1) = mark.points[0], mark.points[-1]
+    length = math.dist((x0, y0), (x1, y1)) or 1.0
+    across = (-(y1 - y0) / length * HALF_BAR, (x1 - x0) / length * HALF_BAR)
+    points: list[Point] = []
+    for s in (-1, 0, 1):
+        a = (x0 + s * across[0], y0 + s * across[1])
+        b = (x1 + s * across[0], y1 + s * across[1])
+        points += _sampled(Mark("edge", (a, b)))
+    return points
 
 
 def placed(labels: Sequence[Label], marks: Iterable[Mark]) -> tuple[list[Lettering], list[Label]]:

@@ -10,6 +10,7 @@ import numpy as np
 from derive.joints.rotations import matrix, product
 from derive.mechanics.records import Place, System
 from derive.mechanics.tree import ground_point, ground_positions, ground_rotations
+from hamel.draw.mechanism.points import Dial, Loose
 from hamel.draw.mechanism.records import Pose, Vector
 
 ORIGIN = [0.0, 0.0, 0.0]
@@ -17,11 +18,16 @@ MOVING = 12  # numbers of a pose: three rows of the rotation, and the position
 
 
 class Bodies:
-    """Poses of all bodies of a system, in the order of `names`."""
+    """Poses of all bodies of a system, then of its loose points and dials, in the order of
+    `names`."""
 
-    def __init__(self, system: System) -> None:
-        self.system = system
-        self.names = tuple(body.name for body in system.model.bodies)
+    def __init__(
+        self, system: System, loose: tuple[Loose, ...] = (), dials: tuple[Dial, ...] = ()
+    ) -> None:
+        self.system, self.loose, self.dials = system, loose, dials
+        own = [body.name for body in system.model.bodies]
+        points = [f"point {x.name}" for x in loose]
+        self.names = (*own, *points, *(x.label for x in dials))
 
     @cached_property
     def _function(self) -> ca.Function:
@@ -30,12 +36,13 @@ class Bodies:
         rotations = ground_rotations(links)
         positions = ground_positions(links, rotations)
         entries = [ca.SX(0, 1)]
-        for name in self.names:
-            place = places[name]
+        for body in self.system.model.bodies:
+            place = places[body.name]
             R = _rotation(place, rotations)
             r = ground_point(place, ORIGIN, positions, rotations)
             entries.append(ca.vertcat(*R[0], *R[1], *R[2], *r))
         s = self.system
+        entries += [_point(s.q, x) for x in self.loose] + [_needle(s.q, x) for x in self.dials]
         return ca.Function("poses", [s.t, s.q, s.p], [ca.densify(ca.vertcat(*entries))])
 
     def many(self, t: Vector, q: Vector, p: Vector) -> Vector:
@@ -58,3 +65,17 @@ def _rotation(place: Place, rotations: list) -> list:  # type: ignore[type-arg]
     """Ground ← body."""
     own = matrix(place.rotation)
     return own if place.link < 0 else product(rotations[place.link], own)
+
+
+def _point(q: ca.SX, point: Loose) -> ca.SX:
+    """It does not turn."""
+    at = [q[k] if k >= 0 else 0.0 for k in point.indices]
+    return ca.vertcat(1, 0, 0, 0, 1, 0, 0, 0, 1, *at)
+
+
+def _needle(q: ca.SX, dial: Dial) -> ca.SX:
+    x = q[dial.index]
+    if dial.turns:
+        c, s = ca.cos(x), ca.sin(x)
+        return ca.vertcat(c, -s, 0, s, c, 0, 0, 0, 1, dial.centre, 0, 0)
+    return ca.vertcat(1, 0, 0, 0, 1, 0, 0, 0, 1, dial.centre + dial.factor * x, 0, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +36,12 @@ class Spot:
 
     body: int
     at: tuple[float, float, float]
+
+
+def spot(body: int, at: Sequence[float] | Vector) -> Spot:
+    """A point of a body, in its frame."""
+    x, y, z = (float(entry) for entry in at)
+    return Spot(body, (x, y, z))
 
 
 @dataclass(frozen=True)

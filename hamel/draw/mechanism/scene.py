@@ -27,8 +27,11 @@ from derive.model.records import (
     PointSpring,
     Rolling,
 )
+from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.poses import Bodies
-from hamel.draw.mechanism.records import GROUND, Pose, Spot, Vector
+from hamel.draw.mechanism.points import Bonds, Dial, Loose, bonds, dials, loose_points
+from hamel.draw.mechanism.records import GROUND, Pose, Spot, Vector, spot
+from hamel.draw.mechanism.shifts import shifted
 from hamel.draw.mechanism.view import View
 
 IDENTITY = Pose(np.eye(3), np.zeros(3))
@@ -62,30 +65,6 @@ class Numbers:
 
 
 @dataclass(frozen=True)
-class Anchor:
-    """A joint, or a closure, as its two bodies carry it: its point and its axis in either frame.
-
-    `shown` is along the axis where the symbol stands; `coordinates` are empty for closures.
-    """
-
-    name: str
-    type: str
-    bodies: tuple[int, int]
-    points: tuple[Vector, Vector]
-    axes: tuple[Vector, Vector]
-    frames: tuple[Vector, Vector]  # body ← joint frame
-    coordinates: tuple[str, ...] = ()
-    orientation: str = ""
-    axis2: Vector | None = None  # of a universal joint, in the second body
-    shift: float = 0.0
-
-    def spot(self, side: int) -> Spot:
-        """The joint's point on one of its bodies, moved along the axis by the shift."""
-        at = self.points[side] + self.shift * self.axes[side]
-        return spot(self.bodies[side], at)
-
-
-@dataclass(frozen=True)
 class Scene:
     """Everything a drawing reads; `view` has its scale when shapes are drawn. `spans`: the lowest
     and highest value of coordinates that a motion reaches."""
@@ -100,6 +79,9 @@ class Scene:
     traced: tuple[tuple[str, Spot], ...]  # outputs that are points
     spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     reach: tuple[Vector, ...] = ()  # points of the ground that a motion reaches
+    bonds: Bonds = Bonds()
+    loose: tuple[Loose, ...] = ()
+    dials: tuple[Dial, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -115,12 +97,18 @@ class Scene:
         return self.pose(at.body).point(at.at)
 
     def index(self, name: str) -> int:
-        """Of a body by its name."""
+        """Of a body by its name; the ground's is −1."""
         return GROUND if name == GROUND_NAME else self.names.index(name)
 
     def fixed(self, body: int, at: Vector) -> Spot:
         """The spot of a body that is now at a point of the ground."""
         return spot(body, self.pose(body).inside(at))
+
+    def com(self, body: int) -> Vector:
+        """The centre of mass of a body, in its frame; the origin where it is none of the model's
+        bodies."""
+        some = self.model.bodies
+        return self.numbers.vector(some[body].com) if 0 <= body < len(some) else np.zeros(3)
 
     @property
     def size(self) -> float:
@@ -128,12 +116,6 @@ class Scene:
         points = [self.pose(k - 1).point(x) for k, some in enumerate(self.held) for x in some]
         extent = float(np.max(np.ptp(np.array(points), axis=0))) if points else 0.0
         return extent or 1.0
-
-
-def spot(body: int, at: Sequence[float] | Vector) -> Spot:
-    """A point of a body, in its frame."""
-    x, y, z = (float(entry) for entry in at)
-    return Spot(body, (x, y, z))
 
 
 def scene(
@@ -144,17 +126,40 @@ def scene(
     spans: Mapping[str, tuple[float, float]] | None = None,
 ) -> Scene:
     """The model at q, t = 0."""
-    bodies, numbers = Bodies(system), Numbers(system, q, p)
-    anchors = tuple(_anchors(system.model, bodies.names, numbers))
-    traced = tuple(_traced(system.model, bodies.names, numbers))
-    held = _held(system.model, bodies.names, numbers, anchors)
+    model, numbers = system.model, Numbers(system, q, p)
+    loose = loose_points(model)
+    bodies = Bodies(system, loose, dials(model, q, spans or {}))
+    poses = bodies.at(0.0, q, p)
+    coms = [numbers.vector(body.com) for body in model.bodies]
+    anchors = [*_anchors(model, bodies.names, numbers), *(_dial(bodies, x) for x in bodies.dials)]
+    if not view.flat:
+        anchors = shifted(anchors, poses, coms)
+    traced = tuple(_traced(model, bodies.names, numbers))
+    held = _held(model, bodies.names, numbers, anchors)
     for _, at in traced:
         held[at.body + 1].append(np.array(at.at))
+    joined = bonds(system, loose, len(model.bodies), q, p)
+    held[0] += [*joined.ends, *([np.zeros(3)] if loose else [])]
+    for k in range(len(model.bodies), len(bodies.names)):
+        held[k + 1].append(np.zeros(3))
+    for x in bodies.dials:
+        held[bodies.names.index(x.label) + 1] += [np.eye(3)[0]] if x.turns else []
     points = tuple(tuple(some) for some in held)
-    poses = bodies.at(0.0, q, p)
+    reached = dict(spans or {}) | {x.name: (0.0, 0.0) for x in bodies.dials}
     return Scene(
-        system, numbers, bodies.names, poses, anchors, points, view, traced, dict(spans or {})
-    )
+        system, numbers, bodies.names, poses, tuple(anchors), points, view, traced, reached,
+        bonds=joined, loose=loose, dials=bodies.dials,
+    )  # fmt: skip
+
+
+def _dial(bodies: Bodies, dial: Dial) -> Anchor:
+    """A pivot or a guide on the ground that shows a coordinate."""
+    index = bodies.names.index(dial.label)
+    at = (np.array([dial.centre, 0.0, 0.0]), np.zeros(3))
+    kind = "revolute" if dial.turns else "prismatic"
+    axis = np.eye(3)[2 if dial.turns else 0]
+    frames = (np.eye(3), np.eye(3))
+    return Anchor(dial.name, kind, (GROUND, index), at, (axis, axis), frames, (dial.name,))
 
 
 def _anchors(model: Model, names: Sequence[str], numbers: Numbers) -> list[Anchor]:
@@ -205,9 +210,9 @@ def _held(
     """Points per body, the ground first."""
     held: list[list[Vector]] = [[] for _ in range(len(names) + 1)]
     for anchor in anchors:
-        for body, point in zip(anchor.bodies, anchor.points):
-            if body != GROUND or anchor.type not in ("planar", "free"):
-                held[body + 1].append(point)
+        for side, body in enumerate(anchor.bodies):
+            if anchor.type not in ("planar", "free"):
+                held[body + 1].append(anchor.at(side))
     known = {GROUND_NAME: 0} | {name: k for k, name in enumerate(names, 1)}
     for x in (*model.constraints, *model.loads):
         for body, point in _points(x):

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from hamel.draw.mechanism.records import Shape, Vector
-from hamel.draw.mechanism.scene import spot
+from hamel.draw.mechanism.records import Shape, Vector, spot
 
 AROUND = 36  # corners of a circle
 CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))

@@ -19,6 +19,7 @@ LIGHT = {
     "blue": "#1554a0",
     "red": "#a8320a",
     "floor": "#f1f2f4",
+    "veil": "#dfe5ee",
 }
 DARK = {
     "paper": "#17191c",
@@ -29,6 +30,7 @@ DARK = {
     "blue": "#86b9e8",
     "red": "#f2a079",
     "floor": "#1f2226",
+    "veil": "#333b47",
 }
 TEXT_COLOURS = ("ink", "soft", "blue", "red")
 # style: (stroke, fill, width in pixels, dashes)
@@ -36,17 +38,19 @@ STYLES: dict[str, tuple[str, str, float, str]] = {
     "bar": ("ink", "none", 0.0, ""),
     "core": ("fill", "none", 0.0, ""),
     "plate": ("ink", "plate", 1.8, ""),
-    "body": ("ink", "plate", 1.4, ""),
+    "body": ("ink", "veil", 1.4, ""),
     "block": ("ink", "plate", 1.8, ""),
-    "disc": ("ink", "plate", 1.8, ""),
+    "disc": ("ink", "veil", 1.8, ""),
     "sphere": ("ink", "plate", 1.6, ""),
-    "rim": ("ink", "none", 2.2, ""),
+    "rim": ("ink", "veil", 2.2, ""),
+    "stay": ("ink", "none", 1.2, ""),
     "fine": ("soft", "none", 1.0, ""),
     "pin": ("ink", "paper", 1.6, ""),
     "joint": ("ink", "fill", 1.3, ""),
     "ball": ("ink", "plate", 1.6, ""),
     "bob": ("ink", "plate", 1.8, ""),
     "mass": ("ink", "paper", 1.0, ""),
+    "point": ("ink", "ink", 0.8, ""),
     "quarter": ("none", "ink", 0.0, ""),
     "support": ("ink", "paper", 1.5, ""),
     "post": ("ink", "none", 3.0, ""),
@@ -116,6 +120,7 @@ def style(bar: float) -> str:
     for name, (stroke, fill, width, dashes) in STYLES.items():
         wide = {"bar": bar + 2.4, "core": bar - 0.6}.get(name, width)
         look = f"stroke:{_variable(stroke)};fill:{_variable(fill)};stroke-width:{wide:.1f}"
+        look += ";fill-opacity:0.55" if fill == "veil" else ""
         look += f";stroke-dasharray:{dashes}" if dashes else ""
         rules.append(f".{CLASS} .{name}{{{look}}}")
     rules.append(f".{CLASS} .line{{stroke-linecap:round;stroke-linejoin:round}}")

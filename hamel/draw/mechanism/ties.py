@@ -18,16 +18,18 @@ from derive.model.records import (
     PointSpring,
     Rolling,
 )
-from hamel.draw.mechanism.joints import hatched
-from hamel.draw.mechanism.records import GROUND, Shape, Vector
-from hamel.draw.mechanism.scene import Anchor, Scene, spot
+from hamel.draw.mechanism.joints import PIN, bearing, hatched
+from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
+from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.scene import Scene
 from hamel.draw.mechanism.solids import ring
 
 AXLE, TYRE = 13.0, (7.0, 2.6)  # half an axle; half sides of a wheel, in pixels
 FLOOR = 40.0  # pixels of floor beyond what rolls on it
 LINES = 4  # of a floor in space, each way
 COIL = (17.0, 2.25)  # pixels of a spiral spring, and its turns
-BESIDE = 7.0  # pixels between a spring and a damper of one joint
+BESIDE = 6.0  # pixels of a spring, and a damper, beside the middle between them
+WAY, EDGE, WALL = 72.0, 16.0, 12.0  # from the middle of a block to a wall; its edge; half a wall
 
 
 def tie_shapes(scene: Scene, scale: float) -> list[Shape]:
@@ -235,31 +237,30 @@ def _in_joint(scene: Scene, coordinate: str, kind: str, scale: float) -> list[Sh
     if anchor is None or not coordinate:
         return []
     if anchor.type == "prismatic":
-        return [_along(scene, anchor, kind, scale)]
+        return _along(scene, anchor, kind, scale)
     if anchor.type == "revolute" and kind == "spring":
         return [_spiral(scene, anchor, scale)]
     return []
 
 
-def _along(scene: Scene, anchor: Anchor, kind: str, scale: float) -> Shape:
-    """From the far end of the guide to the block."""
+def _along(scene: Scene, anchor: Anchor, kind: str, scale: float) -> list[Shape]:
+    """From the block to a wall beyond all that it reaches."""
     carrier, child = anchor.bodies
     pixel = scene.view.pixel * scale
     axis = anchor.axes[0]
     here = scene.pose(carrier).inside(scene.place(anchor.spot(1)))
-    at = float((here - anchor.points[0]) @ axis)
     spans = [scene.spans[name] for name in anchor.coordinates if name in scene.spans]
-    low = min([at, *(low for low, _ in spans)])
-    # behind the block, clear of what is between the joint and its zero
-    high = max([at, *(high for _, high in spans)])
-    wall = anchor.points[0] + (high + 75 * pixel) * axis
-    if abs(low) < 1e-12 and high > low:
-        wall = anchor.points[0] + (high + 75 * pixel) * axis
-    end = anchor.points[1] + 15 * pixel * anchor.axes[1]
-    beside = BESIDE if kind == "spring" else -BESIDE
-    return Shape(
-        kind, kind, (spot(child, end), spot(carrier, wall)), size=beside * scale * 0.55
-    )
+    high = max([float((here - anchor.points[0]) @ axis), *(high for _, high in spans)])
+    wall = anchor.points[0] + (high + WAY * pixel) * axis
+    end = anchor.points[1] + EDGE * pixel * anchor.axes[1]
+    both = {type(x) for x in scene.model.loads} >= {JointSpring, JointDamper}
+    beside = (BESIDE if kind == "spring" else -BESIDE) * scale if both else 0.0
+    shape = Shape(kind, kind, (spot(child, end), spot(carrier, wall)), size=beside)
+    if carrier != GROUND or not scene.view.flat:
+        return [shape]
+    across = np.cross(scene.view.toward, axis)
+    half = WALL * pixel * (across if across @ scene.view.up >= 0 else -across)
+    return [*hatched(scene, (wall - half, wall + half), axis, scale), shape]
 
 
 def _spiral(scene: Scene, anchor: Anchor, scale: float) -> Shape:
@@ -279,3 +280,30 @@ def _spiral(scene: Scene, anchor: Anchor, scale: float) -> Shape:
         at + r * (math.cos(a) * across + math.sin(a) * up) for r, a in zip(reach, angles)
     ]
     return Shape("line", "spring", tuple(spot(anchor.bodies[0], x) for x in points))
+
+
+def point_shapes(scene: Scene) -> list[Shape]:
+    """Of models without bodies: rods, curves, points, and the needles of dials."""
+    first = len(scene.model.bodies)
+    shapes = [*scene.bonds.curves, *scene.bonds.rods]
+    for rod in scene.bonds.rods:
+        if rod.spots[0].body == GROUND:
+            shapes += _support(scene, rod)
+    for k, _ in enumerate(scene.loose):
+        shapes.append(Shape("dot", "bob", (spot(first + k, np.zeros(3)),), size=8.0))
+    for x in scene.dials:
+        if x.turns:
+            index = scene.names.index(x.label)
+            ends = (spot(index, np.zeros(3)), spot(index, np.eye(3)[0]))
+            shapes += [Shape("line", "bar", ends), Shape("line", "core", ends)]
+    return shapes
+
+
+def _support(scene: Scene, rod: Shape) -> list[Shape]:
+    """The pin of a rod on the ground, in the plane with its bearing."""
+    pin = Shape("dot", "pin", (rod.spots[0],), size=PIN)
+    if not scene.view.flat:
+        return [pin]
+    here, there = (scene.place(at) for at in rod.spots)
+    hangs = float((there - here) @ scene.view.up) < 0
+    return [*bearing(scene, here, hangs, 1.0), rod, pin]

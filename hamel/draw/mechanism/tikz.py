@@ -35,6 +35,8 @@ def _mark(mark: Mark, bar: float) -> str:
         options.append(f"draw=mechanism{stroke}")
     if fill != "none":
         options.append(f"fill=mechanism{fill}")
+    if fill == "veil":
+        options.append("fill opacity=0.55")
     if dashes:
         options.append(f"dash pattern={_dashes(dashes)}")
     return rf"\path[{','.join(options)}] {_way(mark)};"
@@ -58,6 +60,7 @@ def _at(point: Point) -> str:
 
 def _lettering(x: Lettering) -> str:
     middle = ((x.box.left + x.box.right) / 2, (x.box.top + x.box.bottom) / 2)
+    latex = x.label.latex.replace(r"\_", r"\ ")
     colour = LETTERS[x.label.style]
     look = rf"inner sep=0pt,text=mechanism{colour},font=\footnotesize"
-    return rf"\node[{look}] at {_at(middle)} {{${x.label.latex}$}};"
+    return rf"\node[{look}] at {_at(middle)} {{${latex}$}};"

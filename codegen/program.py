@@ -152,6 +152,22 @@ class Kernel:
 
 
 @dataclass(frozen=True)
+class Stepper:
+    """A loop of the runtime around kernels, offered like one: `kernel` takes (x, h) and goes one
+    explicit step; `row` takes (x, h, method, substeps), and has the estimate of the error and a
+    status behind its result. Neither has statements."""
+
+    kernel: Kernel
+    row: Kernel
+    chart: int  # of which choice
+
+    @property
+    def sensitive(self) -> bool:
+        """Does it give the derivatives of the step?"""
+        return len(self.kernel.shape) > 1
+
+
+@dataclass(frozen=True)
 class Hoisted:
     """A kernel in two: `precompute` makes c from p, `rest` the result from t, x, u and c."""
 
@@ -226,6 +242,7 @@ class Program:
         default=(), repr=False
     )  # coordinates whose whole turns nothing in `simulate` sees
     events: tuple[Event, ...] = field(default=(), repr=False)  # what `simulate` looks for
+    steppers: tuple[Stepper, ...] = field(default=(), repr=False)  # loops that were asked for
     frame: int = field(default=0, repr=False)  # last entries of p: directions that are based anew
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
 
@@ -233,7 +250,9 @@ class Program:
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
         several = "".join(
-            repr(more) for more in (self.charts, self.turning, self.frame, self.events) if more
+            repr(more)
+            for more in (self.charts, self.turning, self.frame, self.events, self.steppers)
+            if more
         )
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
@@ -246,6 +265,16 @@ class Program:
         return any(
             kernel.name == "dynamics" and kernel.shape == (length,) for kernel in self.kernels
         )
+
+    @property
+    def offered(self) -> tuple[Kernel, ...]:
+        """What a user can call: the kernels and the loops around them."""
+        return (*self.kernels, *(stepper.kernel for stepper in self.steppers))
+
+    @property
+    def bound(self) -> tuple[Kernel, ...]:
+        """What bindings hold."""
+        return (*self.offered, *(stepper.row for stepper in self.steppers))
 
     def argument(self, name: str) -> Argument:
         """The argument slot called `name`."""

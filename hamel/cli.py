@@ -1,5 +1,4 @@
-"""The command line: click options around the verbs of hamel.api; records go out as text or, with
---json, as one object.
+"""The command line: click options around the verbs of hamel.api.
 
 Only click is imported until a verb runs.
 """
@@ -8,208 +7,46 @@ from __future__ import annotations
 
 import functools
 import gc
-import importlib
 import io
-import keyword
-import logging
-import math
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import click
 
 import hamel
 from hamel import failures
-
-Function = Callable[..., Any]
+from hamel.arguments import (
+    CHOICE,
+    CONSTANTS,
+    FINITE,
+    FORMULATION,
+    POSITIVE,
+    REAL,
+    constant_names,
+    model_argument,
+    name_and_value,
+    name_list,
+    number_list,
+)
+from hamel.command import group, verb
 
 # objects that may be new before garbage is looked for: a command makes many that stay, and ends
 # soon
 YOUNG = 100_000
-EPILOG = (
-    "Exit codes: 0 ok, 1 model error, 2 assumption violated, 3 toolchain missing or output not "
-    "writable, 4 verification failed, "
-    "64 wrong usage, 70 internal error, 130 interrupted."
-)
-
-
-@click.group(
-    epilog=EPILOG,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
-)
-@click.version_option(hamel.__version__, prog_name="hamel")
-def group() -> None:
-    """Explicit equations of motion from a model file: derived, compiled, verified."""
-
-
-def verb(function: Function) -> click.Command:
-    """Make a command of a function that returns a record: `--json` prints the record, else the
-    verb's `show` does."""
-    name = function.__name__.rstrip("_")
-
-    @functools.wraps(function)
-    def run(as_json: bool, debug: bool, verbose: bool, **options: Any) -> None:
-        if verbose:
-            _log()
-        record = function(**options)
-        _print(name, record, as_json, options)
-        if getattr(record, "passed", True) is False:
-            raise click.exceptions.Exit(failures.VERIFICATION)
-
-    run = click.option("--debug", is_flag=True, help="Show the traceback of an error.")(run)
-    run = click.option(
-        "-v", "--verbose", is_flag=True, help="Say every stage of the work with its seconds."
-    )(run)
-    run = click.option(
-        "--json", "as_json", is_flag=True, help="Print one JSON object and nothing else."
-    )(run)
-    return group.command(name)(run)
-
-
-def _log() -> None:
-    """What is logged goes to standard error as it is."""
-    handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("%(message)s"))
-    log = logging.getLogger("hamel")
-    log.handlers[:] = [handler]
-    log.setLevel(logging.DEBUG)
-
-
-def _print(name: str, record: Any, as_json: bool, options: dict[str, Any]) -> None:
-    if as_json:
-        _print_json(record)
-        return
-    from hamel.show import page
-
-    console = page()
-    shown = importlib.import_module(f"hamel.verbs.{name}{'_' * keyword.iskeyword(name)}")
-    shown.show(record, console)
-    if options.get("explain"):
-        shown.explain(record, console)
-
-
-def _print_json(record: Any) -> None:
-    import json
-
-    from hamel.records import as_json
-
-    click.echo(json.dumps(as_json(record), allow_nan=False))
-
-
-ROBOT = (
-    click.option(
-        "--floating", is_flag=True, help="Of a URDF or MJCF file: the root link moves freely."
-    ),
-    click.option(
-        "--exact",
-        is_flag=True,
-        help="Of a URDF file: angles to the last digit (default: 1.5708 is a right angle).",
-    ),
-    click.option(
-        "--include",
-        multiple=True,
-        metavar="DIR",
-        help="Of an MJCF file: a folder it may include from, beside its own; may be repeated.",
-    ),
-)
-
-
-def _model(function: Function, required: bool = True, name: str = "model") -> Function:
-    """The argument MODEL with the options that belong to it."""
-
-    @functools.wraps(function)
-    def run(floating: bool, exact: bool, include: tuple[str, ...], **options: Any) -> Any:
-        model = options.pop(name)
-        if (floating or exact or include) and model is not None:
-            model = hamel.RobotFile(model, floating, exact, include)
-        elif floating or exact or include:
-            raise click.UsageError("--floating, --exact and --include are said of a file")
-        return function(model, **options)
-
-    for option in reversed(ROBOT):
-        run = option(run)
-    return click.argument(name, required=required)(run)
-
-
-CHOICE = click.option(
-    "--choice",
-    metavar="NAME",
-    help="The choice of quasi-velocities, or a+b for charts of one motion (default: the file's "
-    "first).",
-)
-FORMULATION = click.option(
-    "--formulation",
-    metavar="NAME",
-    default="quasi_velocities",
-    show_default=True,
-    help="How the equations are formed: see list.",
-)
-REAL = click.option(
-    "--real",
-    default="float64",
-    show_default=True,
-    metavar="NAME",
-    help="What the code computes in: float64 or float32.",
-)
-CONSTANTS = click.option(
-    "--constants",
-    metavar="all|a,b",
-    default="",
-    help="Parameters to bake in as numbers (default: none, all stay arguments).",
-)
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name for name in (part.strip() for part in text.split(",")) if name)
-
-
-def _constants(text: str) -> Any:
-    return "all" if text.strip() == "all" else _names(text)
-
-
-class _Positive(click.ParamType):
-    """A finite number above zero."""
-
-    name = "float"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        number = click.FLOAT.convert(value, param, ctx)
-        if not (number > 0 and math.isfinite(number)):
-            self.fail(f"{value} is not a positive number.", param, ctx)
-        return float(number)
-
-
-class _Finite(click.ParamType):
-    """A finite number."""
-
-    name = "float"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        number = click.FLOAT.convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value} is not a finite number.", param, ctx)
-        return float(number)
-
-
-POSITIVE, FINITE = _Positive(), _Finite()
 
 
 @verb
-@_model
+@model_argument
 def check(model: str) -> Any:
     """Read MODEL and say what mechanical system it is."""
     return hamel.check(model)
 
 
 @verb
-@_model
+@model_argument
 @CHOICE
 @FORMULATION
 @click.option(
@@ -263,13 +100,16 @@ def build(
     **options: Any,
 ) -> Any:
     """Derive, compile and quickly verify a module of MODEL."""
-    values = dict(_setting(text, "--fix") for text in _names(fix))
-    lists = {"functions": _names(functions) or None, "integrators": _names(integrators)}
-    return hamel.build(model, constants=_constants(constants), fix=values, **lists, **options)
+    values = dict(name_and_value(text, "--fix") for text in name_list(fix))
+    lists = {
+        "functions": name_list(functions) or None,
+        "integrators": name_list(integrators),
+    }
+    return hamel.build(model, constants=constant_names(constants), fix=values, **lists, **options)
 
 
 @verb
-@_model
+@model_argument
 @click.option(
     "--choice",
     metavar="NAME",
@@ -293,7 +133,7 @@ def build(
 def verify(model: str, constants: str, **options: Any) -> Any:
     """Compare MODEL's code with an independent derivation; or the module in a folder with the
     values that were stored when it was verified."""
-    return hamel.verify(model, constants=_constants(constants), **options)
+    return hamel.verify(model, constants=constant_names(constants), **options)
 
 
 @verb
@@ -310,7 +150,7 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
 
 
 @verb
-@_model
+@model_argument
 @CHOICE
 @FORMULATION
 @click.option(
@@ -397,15 +237,15 @@ def simulate(
     """Integrate MODEL from its consistent initial state."""
     from hamel.progress import bar
 
-    values = dict(_setting(text) for text in settings)
-    tables = dict(_setting(text, "--input") for text in inputs)
+    values = dict(name_and_value(text) for text in settings)
+    tables = dict(name_and_value(text, "--input") for text in inputs)
     with bar(options["time"] - options["start"]) as progress:
         return hamel.simulate(
             model,
             values=values,
             inputs=tables or None,
             progress=progress,
-            conserve=_names(conserve),
+            conserve=name_list(conserve),
             **options,
         )
 
@@ -476,34 +316,20 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
     """Compare every method that fits MODEL: error against run time."""
     from hamel.progress import bar
 
-    values = dict(_setting(text) for text in settings)
+    values = dict(name_and_value(text) for text in settings)
     names = {
-        kind: _names(options.pop(kind))
+        kind: name_list(options.pop(kind))
         for kind in ("formulations", "choices", "enforcements", "integrators")
     }
-    tolerances = _numbers(options.pop("tolerances"))
+    tolerances = number_list(options.pop("tolerances"))
     with bar(1.0, "running") as progress:
         return hamel.report(
             models, values=values, tolerances=tolerances, progress=progress, **names, **options
         )
 
 
-def _numbers(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(map(float, _names(text)))
-    except ValueError:
-        raise click.BadParameter(f"'{text}' is no list of numbers", param_hint="--rtol") from None
-
-
-def _setting(text: str, option: str = "--set") -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not (name.strip() and equals and value.strip()):
-        raise click.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=option)
-    return name.strip(), value.strip()
-
-
 @verb
-@_model
+@model_argument
 @click.option(
     "--at",
     metavar="NAME",
@@ -545,19 +371,23 @@ def linearize(
     model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any
 ) -> Any:
     """Linearise MODEL along a steady motion in minimal states, and find its eigenvalues."""
-    ranges = dict(_setting(text, "--sweep") for text in sweep)
+    ranges = dict(name_and_value(text, "--sweep") for text in sweep)
     if len(ranges) < len(sweep):
         raise click.BadParameter("a name is swept twice", param_hint="--sweep")
-    left_out = None if cyclic is None else () if cyclic.strip() == "none" else _names(cyclic)
+    left_out = None if cyclic is None else () if cyclic.strip() == "none" else name_list(cyclic)
     if not click.get_current_context().params["as_json"]:
         options["out"] = options["out"] or "."
     return hamel.linearize(
-        model, sweep=ranges, values=dict(map(_setting, settings)), cyclic=left_out, **options
+        model,
+        sweep=ranges,
+        values=dict(map(name_and_value, settings)),
+        cyclic=left_out,
+        **options,
     )
 
 
 @verb
-@_model
+@model_argument
 @CHOICE
 @FORMULATION
 @click.option(
@@ -572,7 +402,7 @@ def derive(model: str, **options: Any) -> Any:
 
 
 @verb
-@functools.partial(_model, name="robot")
+@functools.partial(model_argument, name="robot")
 @click.option(
     "-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it)."
 )
@@ -582,7 +412,7 @@ def import_(robot: str, out: str | None) -> Any:
 
 
 @verb
-@_model
+@model_argument
 @click.option(
     "--time", is_flag=True, help="Compile each choice and measure how long its dynamics take."
 )
@@ -603,19 +433,19 @@ def choices(model: str, **options: Any) -> Any:
 
 
 @verb
-@functools.partial(_model, required=False)
+@functools.partial(model_argument, required=False)
 def list_(model: str | None) -> Any:
     """Name all that hamel knows, or all that MODEL names."""
     return hamel.list(model)
 
 
 @verb
-@_model
+@model_argument
 @CHOICE
 @CONSTANTS
 def explain(model: str, choice: str | None, constants: str) -> Any:
     """Say why MODEL's module looks as it does."""
-    return hamel.explain(model, choice=choice, constants=_constants(constants))
+    return hamel.explain(model, choice=choice, constants=constant_names(constants))
 
 
 @verb

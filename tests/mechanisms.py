@@ -21,31 +21,29 @@ from derive.expressions.tree import (
     Sum,
 )
 from derive.joints import joint_type
-from derive.model.records import (
-    GROUND,
+from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, OnSurface, Rolling
+from derive.model.load_records import (
     Armature,
-    Body,
     Bushing,
-    Choice,
-    Closure,
-    Coordinate,
-    Distance,
     Force,
-    Holonomic,
-    InitialValue,
-    Input,
-    Joint,
     JointDamper,
     JointFriction,
     JointSpring,
-    Model,
-    Nonholonomic,
-    OnSurface,
-    Placement,
     PointSpring,
-    Rolling,
-    Span,
     Torque,
+)
+from derive.model.records import (
+    GROUND,
+    Body,
+    Choice,
+    Closure,
+    Coordinate,
+    InitialValue,
+    Input,
+    Joint,
+    Model,
+    Placement,
+    Span,
     Velocity,
 )
 from hamel.verify.reference.outcome import reference, state_of

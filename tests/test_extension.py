@@ -109,7 +109,7 @@ from derive.model.algebra import minus
 from derive.model.constraints.places import of_name
 from derive.model.entries import Entry, Formula
 from derive.model.kind import Kind
-from derive.model.records import Holonomic
+from derive.model.constraint_records import Holonomic
 
 
 class PinnedEntry(Entry):

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from derive.model.records import GROUND, Model, NoSlip
+from derive.model.constraint_records import NoSlip
+from derive.model.records import GROUND, Model
 from hamel.verify.reference.outcome import reference, state_of
 from hamel.verify.reference.states import State, inertia_tensor, placed
 from peers.simulations import Simulation, timed

@@ -40,6 +40,7 @@ __all__ = [
     "AUTO",
     "AUTOMATIC",
     "INTEGRATORS",
+    "ROSENBROCK",
     "TIGHT",
     "Collocation",
     "Dense",

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
-from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
 from codegen.passes import hoist as parameters
 from codegen.passes.balance import balance
 from codegen.passes.factor import factor
@@ -21,8 +20,22 @@ from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import Names, identifier
 from codegen.passes.plain import plain
 from codegen.passes.schedule import schedule
+from codegen.passes.selection import (
+    chart_suffix,
+    check_size,
+    enforcement_needs,
+    for_charts,
+    in_chart,
+    integrator_needs,
+    loops_asked,
+    selection,
+    spelled_out,
+    usual_enforcements,
+    watched_functions,
+)
 from codegen.passes.share import share
 from codegen.passes.split import is_long
+from codegen.passes.steppers import with_steppers
 from codegen.passes.taylor import SERIES, check_series, series_refusal
 from codegen.passes.trace import Tape, record, trace
 from codegen.passes.turns import turns
@@ -41,17 +54,13 @@ from codegen.program import (
     Pivot,
     Program,
 )
-from derive.diagnostics import AssumptionError, HamelError
-from derive.enforcement import ENFORCEMENTS
 from derive.formulations import records
-from derive.formulations.charts import differs
 from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
 
 PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
 ROUNDS = 4  # as long as a round of passes helps
 LONG = 2_000  # operations from which one round has to do
-MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
 LARGE = 10_000  # operations from which factoring once has to do
 
 _KIND = {
@@ -81,25 +90,30 @@ def program(
     not exist.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
-    chosen = _selection(equations, functions)
-    named, integrators = integrators, _spelled_out(integrators)
+    chosen, loops = selection(equations, functions), loops_asked(equations, functions)
+    named, integrators = integrators, spelled_out(integrators)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
-        enforcements = _usual(chosen) if enforcements is None else enforcements
-        watched = _watched(equations)
-        further = (*_needs(integrators), *_needs_of_enforcements(equations, enforcements), *watched)
-        chosen = _selection(equations, [*(function.name for function in chosen), *further])
-        _check_size([function for function in chosen if function.name in further])
+        enforcements = usual_enforcements(chosen) if enforcements is None else enforcements
+        watched = watched_functions(equations)
+        further = (
+            *integrator_needs(integrators),
+            *enforcement_needs(equations, enforcements),
+            *watched,
+        )
+        chosen = selection(equations, [*(function.name for function in chosen), *further])
+        called = {*further, *(name for loop in loops for name in loop.needs[1:])}
+        check_size([function for function in chosen if function.name in called])
     charts = (equations, *equations.charts)
     if len(charts) > 1:
-        chosen = _selection(
-            equations, [*(function.name for function in chosen), *_for_charts(equations)]
+        chosen = selection(
+            equations, [*(function.name for function in chosen), *for_charts(equations)]
         )
     emitted = [(equations, function) for function in chosen]
     emitted += [
         (chart, f)
         for number, chart in enumerate(charts[1:], 1)
-        for f in _in_chart(equations, chosen, chart, number)
+        for f in in_chart(equations, chosen, chart, number)
     ]
     kernels: list[Kernel] = []
     ledger: list[Entry] = []
@@ -131,10 +145,9 @@ def program(
         turning=turning.found,
         frame=len(equations.frame.labels) if equations.frame and simulates else 0,
         events=_events(equations) if simulates else (),
-        charts=tuple(Chart(x.choice, _suffix(k), x.w, x.largest) for k, x in enumerate(charts))
-        if len(charts) > 1
-        else (),
+        charts=_charts(charts),
     )
+    made = with_steppers(made, loops)
     if SERIES in named and made.integrators:
         check_series(made)
     # by name it was asked for and refused above; as a part of `auto` it is left out
@@ -143,10 +156,11 @@ def program(
     return made
 
 
-def _spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
-    """With what `auto` stands for."""
-    names = [name for word in integrators for name in (AUTOMATIC if word == AUTO else (word,))]
-    return tuple(dict.fromkeys(names))
+def _charts(charts: Sequence[Equations]) -> tuple[Chart, ...]:
+    """What is known of each chart, where there are several."""
+    if len(charts) == 1:
+        return ()
+    return tuple(Chart(x.choice, chart_suffix(k), x.w, x.largest) for k, x in enumerate(charts))
 
 
 @dataclass
@@ -183,106 +197,6 @@ def _events(equations: Equations) -> tuple[Event, ...]:
     if not any(function.name == "events" for function in equations.functions):
         return ()
     return tuple(Event(x.name, x.direction, x.stop) for x in equations.system.model.events)
-
-
-def _watched(equations: Equations) -> list[str]:
-    """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
-    then; and events."""
-    known = [request.name for request in equations.requests]
-    guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
-    events = [function.name for function in equations.functions if function.name == "events"]
-    return [x for x in ("guards", "constraint_rows") if guarded and x in known] + events
-
-
-def _names_of(equations: Equations) -> list[str]:
-    return [request.name for request in equations.requests]
-
-
-def _suffix(number: int) -> str:
-    return f"_chart{number}" if number else ""
-
-
-def _for_charts(equations: Equations) -> list[str]:
-    """What carries a state from one chart to another, and tells how good a chart is where it has
-    something to tell."""
-    known = [request.name for request in equations.requests]
-    return ["velocity", "state", *(name for name in ("guards",) if name in known)]
-
-
-def _in_chart(
-    first: Equations, chosen: Sequence[Function], chart: Equations, number: int
-) -> list[Function]:
-    """The functions of a further chart: those of the first that depend on the chart, and its own
-    guards."""
-    known = {
-        *(function.name for function in chart.functions),
-        *(request.name for request in chart.requests),
-    }
-    wanted = dict.fromkeys([*(function.name for function in chosen), *_for_charts(chart)])
-    varying = {function.name for function in chosen if differs(first, function)}
-    own = _selection(chart, [name for name in wanted if name in known])
-    where = f"; chart {number}, {chart.choice}"
-    return [
-        replace(function, name=f"{function.name}{_suffix(number)}", about=function.about + where)
-        for function in own
-        if function.name in varying or differs(chart, function)
-    ]
-
-
-def _needs(integrators: Sequence[str]) -> list[str]:
-    """The functions that integrators call beside `dynamics`."""
-    known = {integrator.name: integrator for integrator in INTEGRATORS}
-    for name in integrators:
-        if name not in known:
-            raise HamelError(f"unknown integrator {name!r}; known: {', '.join(known)}")
-    return list(dict.fromkeys(need for name in integrators for need in known[name].needs))
-
-
-def _check_size(chosen: Sequence[Function]) -> None:
-    """Jacobians are worked on in place, on the stack: refuse those that would not fit there."""
-    for function in chosen:
-        many = function.result.value.numel()
-        if many > MOST_ON_STACK:
-            raise AssumptionError(
-                f"{function.name} has {many} entries, too many to solve with on the stack",
-                "an explicit integrator and the enforcement projection or none have no such limit",
-            )
-
-
-def _needs_of_enforcements(equations: Equations, enforcements: Sequence[str]) -> list[str]:
-    return [
-        need
-        for enforcement in ENFORCEMENTS
-        if enforcement.name in enforcements
-        for need in enforcement.needs(equations)
-    ]
-
-
-def _usual(chosen: Sequence[Function]) -> tuple[str, ...]:
-    return (
-        ("projection", "none")
-        if any(function.name == "project" for function in chosen)
-        else ("none",)
-    )
-
-
-def _selection(equations: Equations, names: Sequence[str] | None) -> list[Function]:
-    """The functions asked for; those with an empty result have no code."""
-    default = {function.name: function for function in equations.functions}
-    requests = {request.name: request for request in equations.requests}
-    wanted = [
-        n for name in (names or ("default",)) for n in (default if name == "default" else (name,))
-    ]
-    for name in wanted:
-        if name not in default and name not in requests:
-            raise HamelError(
-                f"this model has no function {name!r}; it has {', '.join((*default, *requests))}"
-            )
-    chosen = [
-        default[name] if name in default else requests[name].make()
-        for name in dict.fromkeys(wanted)
-    ]
-    return [function for function in chosen if function.result.value.numel()]
 
 
 def _arguments(

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from codegen.program import Expression, Kernel, Pivot, Program
+from codegen.program import Expression, Kernel, Pivot, Program, Stepper
 from codegen.reals import FLOAT64, Real, real_of
 from derive.diagnostics import AssumptionError
 
@@ -21,7 +21,13 @@ def in_precision(program: Program, name: str) -> Program:
     if real == FLOAT64:
         return program
     made = replace(
-        program, real=real, kernels=tuple(_kernel(kernel, real) for kernel in program.kernels)
+        program,
+        real=real,
+        kernels=tuple(_kernel(kernel, real) for kernel in program.kernels),
+        steppers=tuple(
+            Stepper(_kernel(stepper.kernel, real), _kernel(stepper.row, real), stepper.chart)
+            for stepper in program.steppers
+        ),
     )
     for where, value in _numbers(made):
         if not real.holds(value):

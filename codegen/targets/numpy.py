@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 from codegen import text
+from codegen.integrators import ROSENBROCK
 from codegen.passes.lanes import is_batched
 from codegen.passes.split import Part, split
 from codegen.program import Kernel, Program
 from codegen.targets.records import Target
+
+# what steps may call beside `dynamics`
+NEEDED = ("jacobian", "jacobian_t", "jacobian_u", "jacobian_forward")
 
 
 @dataclass(frozen=True)
@@ -49,12 +54,42 @@ def files(program: Program) -> dict[str, str]:
         for line in (*c.lines, *c.outputs)
     )
     return {
-        "_numpy.py": text.render("numpy.py.j2", bodies=bodies, erf=erf, **data),
+        "_numpy.py": text.render(
+            "numpy.py.j2",
+            bodies=bodies,
+            erf=erf,
+            rosenbrock=_coefficients(),
+            models=_stepped(program),
+            **data,
+        ),
         "_library.py": text.render(
             "library.py.j2", batched=[k.name for k in program.kernels if is_batched(k)], **data
         ),
         "_shared.py": text.render("shared.py.j2", **data),
     }
+
+
+def _coefficients() -> dict[str, object]:
+    """Of the linearly implicit step, as text of Python numbers."""
+    method = ROSENBROCK
+    rows = {name: [_numbers(row) for row in getattr(method, name)] for name in ("a", "c")}
+    lists = {name: _numbers(getattr(method, name)) for name in ("alpha", "gammas")}
+    return {"gamma": repr(float(method.gamma)), **lists, **rows}
+
+
+def _numbers(row: Sequence[Fraction]) -> str:
+    return "[" + ", ".join(repr(float(value)) for value in row) + "]"
+
+
+def _stepped(program: Program) -> list[dict[str, str]]:
+    """By chart, the kernels that a step calls by their plain names."""
+    known = {kernel.name for kernel in program.kernels}
+    suffixes = [chart.suffix for chart in program.charts] or [""]
+    named = [name for name in ("dynamics", *NEEDED) if name in known]
+    return [
+        {name: name + suffix if name + suffix in known else name for name in named}
+        for suffix in suffixes
+    ]
 
 
 def _body(kernel: Kernel, language: text.Language) -> Body:

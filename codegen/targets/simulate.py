@@ -13,6 +13,7 @@ from typing import Any
 from codegen import text
 from codegen.integrators import (
     INTEGRATORS,
+    ROSENBROCK,
     TIGHT,
     Collocation,
     Dense,
@@ -69,8 +70,10 @@ OF_SERIES = (
 # loss of rank than a motion stops before one.
 INDEPENDENT = 0.02
 NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as good as new
+STEPPED = ("jacobian_u", "jacobian_forward")  # what the sensitivity of a step calls besides
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
+STEP = "runtime_step.h"  # for modules that have a step alone
 RUNTIME = tuple(sorted(FOLDER.glob("runtime_*.h")))
 SHARED = (
     "simulation",
@@ -121,9 +124,20 @@ def files(program: Program) -> dict[str, str]:
         f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
         f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
         "_simulate.py": text.render("simulate.py.j2", tableaux=_tableaux(data["chosen"]), **data),
-        **{f"_{name}.py": (FOLDER / f"{name}.py").read_text("utf-8") for name in SHARED},
-        **{path.name: recast(path.read_text("utf-8"), program.real) for path in RUNTIME},
+        **{
+            f"_{name}.py": (FOLDER / f"{name}.py").read_text("utf-8")
+            for name in _python_files(program)
+        },
+        **{path.name: recast(path.read_text("utf-8"), program.real) for path in _runtime(program)},
     }
+
+
+def _python_files(program: Program) -> tuple[str, ...]:
+    return (*SHARED, *(("steps",) if program.steppers else ()))
+
+
+def _runtime(program: Program) -> list[Path]:
+    return [path for path in RUNTIME if program.steppers or path.name != STEP]
 
 
 def _tableaux(chosen: Sequence[Integrator]) -> list[dict[str, object]]:
@@ -168,7 +182,14 @@ def _data(program: Program) -> dict[str, Any]:
         "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
         "chosen": chosen,
         "schemes": [_scheme(x) for x in chosen],
+        "implicit": _scheme(ROSENBROCK),
+        "called": _called(program),
     }
+
+
+def _called(program: Program) -> tuple[str, ...]:
+    """What `simulate` calls, and a step."""
+    return (*CALLED, *(STEPPED if program.steppers else ()))
 
 
 def _parts(
@@ -183,7 +204,7 @@ def _parts(
         not program.charts and not program.frame and program.kernel("dynamics").hoisted is not None
     )
     has["rows"] = "constraint_rows" in sizes
-    has["linear"] = has["charts"] or any(x.needs for x in chosen)
+    has["linear"] = has["charts"] or bool(program.steppers) or any(x.needs for x in chosen)
     return has
 
 
@@ -200,7 +221,8 @@ def _flags(
 ) -> dict[str, int]:
     """Macros of the runtime."""
     explicit = [len(x.c) - 1 for x in chosen if isinstance(x, Tableau)]
-    rosenbrock = [len(x.alpha) for x in chosen if isinstance(x, Rosenbrock)]
+    implicit = [*chosen, *([ROSENBROCK] if program.steppers else [])]
+    rosenbrock = [len(x.alpha) for x in implicit if isinstance(x, Rosenbrock)]
     return {
         "HAS_INPUTS": int(bool(program.argument("u").names)),
         "HAS_POWER": int(has["power"]),
@@ -248,7 +270,7 @@ def _calls(
     program: Program, sizes: Mapping[str, int], tabled: Sequence[str], constants: bool
 ) -> dict[str, str]:
     """The function that stands for each name."""
-    own = {name: f"{program.name}_{name}" for name in CALLED if name in sizes}
+    own = {name: f"{program.name}_{name}" for name in _called(program) if name in sizes}
     if constants:
         own["dynamics"] += "_precomputed"
     return own | {name: f"here(r)->{name}" for name in tabled}
@@ -265,7 +287,7 @@ def _tabled(program: Program, sizes: Mapping[str, int]) -> tuple[str, ...]:
     """What differs between the charts."""
     return tuple(
         name
-        for name in CALLED
+        for name in _called(program)
         if any(chart.suffix and name + chart.suffix in sizes for chart in program.charts)
     )
 

@@ -8,7 +8,9 @@ from typing import Any
 
 from codegen import text
 from codegen.passes.names import RESERVED, Names
-from codegen.passes.taylor import HIGHEST, SERIES, TAKEN, Series, Term, series, suffixes
+from codegen.passes.recurrences import TAKEN
+from codegen.passes.series import Series, Term
+from codegen.passes.taylor import HIGHEST, SERIES, series, suffixes
 from codegen.program import Expression, Program, Statement
 from codegen.targets.records import Target
 

@@ -32,7 +32,8 @@ from derive.choices.redundancy import (
 )
 from derive.diagnostics import AssumptionError, Diagnostic, ModelError
 from derive.mechanics.records import RowForm, System
-from derive.model.records import Holonomic, Velocity
+from derive.model.constraint_records import Holonomic
+from derive.model.records import Velocity
 from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
 from derive.states.sampling import States, states

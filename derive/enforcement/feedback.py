@@ -27,7 +27,7 @@ def _refusal(found: Equations, options: Options) -> str:
 
 def _fed_back(found: Equations, options: Options) -> Equations:
     """q̇ + α N R (−φ) in the place of q̇; derivatives on request follow the changed function."""
-    pull = found.request("pull").make()
+    pull = found.request("pull").function
     shift = (options.alpha or 0.0) * pull.result.value
     dynamics = found.function("dynamics")
     # only q̇ is changed: ẇ stays that of mechanics, so no force is invented

@@ -110,8 +110,8 @@ def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) 
     nq = system.q.numel()
     w = x[nq:, 0]
     made = {request.name: request for request in found.requests}
-    closure = made["closure"].make().result if "closure" in made else None
-    slip = made["slip"].make().result if "slip" in made and keeps_velocities(found) else None
+    closure = made["closure"].function.result if "closure" in made else None
+    slip = made["slip"].function.result if "slip" in made and keeps_velocities(found) else None
     parts = [result.value[:, 0] for result in (closure, slip) if result is not None] + [
         value for _, value in held
     ]

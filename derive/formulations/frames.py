@@ -54,7 +54,9 @@ def based(equations: Equations) -> Equations:
 
 
 def _request(request: Request, frame: Frame) -> Request:
-    return replace(request, make=lambda: _function(request.make(), frame))
+    if request.make is None:
+        return request
+    return replace(request, make=lambda: _function(request.function, frame))
 
 
 def _function(function: Function, frame: Frame) -> Function:

@@ -95,7 +95,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _events(system, motion),
         _velocity(system, motion),
         _state(system, motion),
-        *([] if is_plain(system) else [request.make() for request in configuration(system)]),
+        *([] if is_plain(system) else [request.function for request in configuration(system)]),
     ]
     return tuple(function for function in found if function is not None)
 

@@ -85,11 +85,22 @@ class Function:
 @dataclass(frozen=True)
 class Request:
     """A function that is derived and emitted only when it is asked for by name (`--functions
-    default,NAME`)."""
+    default,NAME`).
+
+    One without `make` is no formula of its own but a loop of the runtime around those it `needs`.
+    """
 
     name: str
     about: str
-    make: Callable[[], Function]
+    make: Callable[[], Function] | None = None
+    needs: tuple[str, ...] = ()
+
+    @property
+    def function(self) -> Function:
+        """Made now. Raises ValueError where there is none to be made."""
+        if self.make is None:
+            raise ValueError(f"{self.name} is a loop around {', '.join(self.needs)}")
+        return self.make()
 
 
 @dataclass(frozen=True)

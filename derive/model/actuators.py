@@ -15,8 +15,9 @@ from derive.model import algebra
 from derive.model.document import Key, Scalar
 from derive.model.entries import InputEntry
 from derive.model.frames import Names
+from derive.model.load_records import Armature
 from derive.model.reader import Reader, dimension_of, force_unit
-from derive.model.records import Armature, Input, Velocity
+from derive.model.records import Input, Velocity
 from derive.model.scope import INPUT, Symbol
 
 if TYPE_CHECKING:

@@ -9,21 +9,17 @@ from derive.expressions import tree
 from derive.expressions.evaluate import number
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression, Name, Rate
-from derive.model.reader import Reader
-from derive.model.records import (
-    Armature,
-    Body,
-    Closure,
-    Constraint,
+from derive.model.constraint_records import (
     Distance,
     Holonomic,
-    Joint,
-    Model,
     Nonholonomic,
     NoSlip,
     OnSurface,
     Rolling,
 )
+from derive.model.load_records import Armature
+from derive.model.reader import Reader
+from derive.model.records import Body, Closure, Constraint, Joint, Model
 
 
 def check_tips(reader: Reader, model: Model) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from derive.expressions.tree import Call, Expression
 from derive.joints import JOINTS
-from derive.model.records import Closure, Model, Rolling
+from derive.model.constraint_records import Rolling
+from derive.model.records import Closure, Model
 
 
 def row_names(model: Model) -> tuple[str, ...]:

@@ -11,22 +11,16 @@ from dataclasses import fields
 from typing import Any, cast
 
 from derive.expressions.tree import ONE, Expression
-from derive.model.records import (
-    Closure,
-    Distance,
+from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, NoSlip, Rolling
+from derive.model.load_records import (
     Force,
     GeneralisedForce,
-    Holonomic,
-    Input,
     JointDamper,
     JointSpring,
-    Nonholonomic,
-    NoSlip,
-    Placement,
     PointSpring,
-    Rolling,
     Torque,
 )
+from derive.model.records import Closure, Input, Placement
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript, runs
 from derive.textbook.records import Math, Run, Runs, Text

@@ -14,7 +14,8 @@ from dataclasses import replace
 
 from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions.tree import Number, Product
-from derive.model.records import GeneralisedForce, Input, Load, Model
+from derive.model.load_records import GeneralisedForce
+from derive.model.records import Input, Load, Model
 from hamel.build.options import Constants
 from hamel.settings import settings
 

@@ -116,6 +116,6 @@ def with_emitted(equations: Equations, program: Program) -> Equations:
 
 def _with_requested(equations: Equations, emitted: Collection[str], suffix: str) -> Equations:
     requested = tuple(
-        request.make() for request in equations.requests if f"{request.name}{suffix}" in emitted
+        request.function for request in equations.requests if f"{request.name}{suffix}" in emitted
     )
     return replace(equations, functions=(*equations.functions, *requested))

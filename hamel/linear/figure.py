@@ -14,7 +14,7 @@ from derive.linearize.sensitivity import Mode
 from derive.linearize.study import Study
 from derive.mechanics.records import System
 from derive.mechanics.tree import ground_positions, ground_rotations, link_direction, link_point
-from derive.model.records import Rolling
+from derive.model.constraint_records import Rolling
 from hamel.draw.canvas import COLOURS, coordinates, element
 
 FRAMES = 24

@@ -1,7 +1,7 @@
 """The command line: one JSON object on standard output, documented exit codes, no traceback for a
 user's mistake.
 
-Of hamel: show.
+Of hamel: arguments, command, show.
 Of hamel.verbs: build, choices, derive, explain, extremes, import_, linearize, list, report,
 schema, simulate, verify.
 """

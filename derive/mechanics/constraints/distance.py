@@ -10,9 +10,7 @@ from derive.mechanics.frames import (
 )
 from derive.mechanics.rows import block_of_positions
 from derive.mechanics.scene import Block, Scene
-from derive.model.records import (
-    Distance,
-)
+from derive.model.constraint_records import Distance
 
 
 def distance(scene: Scene, constraint: Distance) -> Block:

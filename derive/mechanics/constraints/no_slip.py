@@ -6,9 +6,7 @@ from derive.mechanics.constraints.records import Tie
 from derive.mechanics.records import Row, RowForm, TwistTerm
 from derive.mechanics.scene import NOTHING, Block, Scene
 from derive.mechanics.tree import link_direction, link_point
-from derive.model.records import (
-    NoSlip,
-)
+from derive.model.constraint_records import NoSlip
 
 
 def no_slip(scene: Scene, constraint: NoSlip) -> Block:

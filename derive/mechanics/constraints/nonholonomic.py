@@ -8,9 +8,7 @@ from derive.mechanics.constraints.records import Tie
 from derive.mechanics.records import Row
 from derive.mechanics.rows import nonideal_forces, row_form
 from derive.mechanics.scene import Block, Scene
-from derive.model.records import (
-    Nonholonomic,
-)
+from derive.model.constraint_records import Nonholonomic
 
 
 def nonholonomic(scene: Scene, constraint: Nonholonomic) -> Block:

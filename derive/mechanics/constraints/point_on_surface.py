@@ -17,9 +17,7 @@ from derive.mechanics.frames import (
 )
 from derive.mechanics.rows import block_of_positions
 from derive.mechanics.scene import Block, Scene
-from derive.model.records import (
-    OnSurface,
-)
+from derive.model.constraint_records import OnSurface
 
 
 def on_surface(scene: Scene, constraint: OnSurface) -> Block:

@@ -26,9 +26,7 @@ from derive.mechanics.limits import FLAT
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.scene import NORMAL, NOTHING, Block, Scene
 from derive.mechanics.tree import link_direction, link_point
-from derive.model.records import (
-    Rolling,
-)
+from derive.model.constraint_records import Rolling
 
 
 def rolling(scene: Scene, constraint: Rolling) -> Block:

@@ -6,7 +6,7 @@ import casadi as ca
 
 from derive.mechanics.loads.records import Applied, Law, force_alone
 from derive.mechanics.scene import Scene
-from derive.model.records import Armature
+from derive.model.load_records import Armature
 
 
 def nothing(scene: Scene, load: Armature) -> Applied:

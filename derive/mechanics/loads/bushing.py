@@ -7,7 +7,7 @@ import casadi as ca
 from derive.mechanics.frames import joint_frame
 from derive.mechanics.loads.records import Applied, Law
 from derive.mechanics.scene import Scene
-from derive.model.records import Bushing
+from derive.model.load_records import Bushing
 
 
 def bushing(scene: Scene, load: Bushing) -> Applied:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from derive.mechanics.loads.records import Applied, Law, along, force_alone, rate_of
 from derive.mechanics.scene import Scene
-from derive.model.records import JointDamper
+from derive.model.load_records import JointDamper
 
 
 def joint_damper(scene: Scene, load: JointDamper) -> Applied:

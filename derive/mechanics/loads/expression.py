@@ -6,7 +6,7 @@ import casadi as ca
 
 from derive.mechanics.loads.records import Applied, Law, along, force_alone
 from derive.mechanics.scene import Scene
-from derive.model.records import GeneralisedForce
+from derive.model.load_records import GeneralisedForce
 
 
 def law(scene: Scene, load: GeneralisedForce) -> Applied:

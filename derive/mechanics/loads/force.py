@@ -12,7 +12,7 @@ from derive.mechanics.loads.records import (
     in_ground,
 )
 from derive.mechanics.scene import Scene
-from derive.model.records import Force
+from derive.model.load_records import Force
 
 
 def force(scene: Scene, load: Force) -> Applied:

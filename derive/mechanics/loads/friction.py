@@ -6,7 +6,7 @@ import casadi as ca
 
 from derive.mechanics.loads.records import Applied, Law, along, force_alone, rate_of
 from derive.mechanics.scene import Scene
-from derive.model.records import JointFriction
+from derive.model.load_records import JointFriction
 
 
 def joint_friction(scene: Scene, load: JointFriction) -> Applied:

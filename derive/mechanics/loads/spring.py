@@ -7,7 +7,7 @@ import casadi as ca
 from derive.joints.rotations import difference
 from derive.mechanics.loads.records import Applied, Law, in_ground
 from derive.mechanics.scene import Scene
-from derive.model.records import JointSpring, PointSpring
+from derive.model.load_records import JointSpring, PointSpring
 
 
 def joint_spring(scene: Scene, load: JointSpring) -> Applied:

@@ -7,7 +7,7 @@ import casadi as ca
 from derive.joints.rotations import rotated
 from derive.mechanics.loads.records import Applied, Law, components_in_ground, force_alone
 from derive.mechanics.scene import Scene
-from derive.model.records import Torque
+from derive.model.load_records import Torque
 
 
 def torque(scene: Scene, load: Torque) -> Applied:

@@ -8,13 +8,14 @@ from derive.expressions.parser import unit as parsed_unit
 from derive.expressions.tree import ZERO, Name, Product
 from derive.expressions.units import pretty, quotient_of
 from derive.model.algebra import minus, negated, plus
+from derive.model.constraint_records import Holonomic
 from derive.model.constraints.places import of_joint, of_name
 from derive.model.document import Items, Key
 from derive.model.entries import Entry, Formula, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
-from derive.model.records import Coordinate, Holonomic
+from derive.model.records import Coordinate
 
 
 class CouplingEntry(Entry):

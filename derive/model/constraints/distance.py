@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from derive.model.constraint_records import Distance
 from derive.model.constraints.lengths import length
 from derive.model.document import Key
 from derive.model.entries import Entry, Formula, Pair, Point
@@ -11,7 +12,6 @@ from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import bodies
 from derive.model.reader import Reader
-from derive.model.records import Distance
 
 
 class DistanceEntry(Entry):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pydantic import Field
 
 from derive.expressions.tree import Expression
+from derive.model.constraint_records import Holonomic
 from derive.model.constraints.nonideal import nonideal
 from derive.model.document import Key, Scalar
 from derive.model.entries import Entry, Formula, PerCoordinate
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
-from derive.model.records import Holonomic
 from derive.model.scope import COORDINATE, POSITION, used
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from derive.model.constraint_records import NoSlip
 from derive.model.document import Key
 from derive.model.entries import Direction, Entry, Formula, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.records import NoSlip
 
 
 class NoSlipEntry(Entry):

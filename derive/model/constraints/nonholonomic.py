@@ -7,13 +7,13 @@ import math
 from pydantic import Field
 
 from derive.expressions.tree import Expression
+from derive.model.constraint_records import Nonholonomic
 from derive.model.constraints.nonideal import nonideal, velocity_degree
 from derive.model.document import Key, Scalar
 from derive.model.entries import Entry, Formula, PerCoordinate
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
-from derive.model.records import Nonholonomic
 from derive.model.scope import MOTION
 
 

@@ -10,13 +10,14 @@ from pydantic import Field
 from derive.expressions import tree
 from derive.expressions.tree import Expression
 from derive.expressions.units import LENGTH
+from derive.model.constraint_records import OnSurface
 from derive.model.document import Key, Scalar
 from derive.model.entries import Entry, Formula, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.records import GROUND, OnSurface
+from derive.model.records import GROUND
 from derive.model.scope import COORDINATE, PARAMETER, TIME, Symbol
 
 

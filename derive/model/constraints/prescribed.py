@@ -6,13 +6,14 @@ from pydantic import Field
 
 from derive.expressions.tree import ZERO, Expression, Name, Sum
 from derive.model.algebra import negated
+from derive.model.constraint_records import Holonomic
 from derive.model.constraints.places import of_joint, of_name
 from derive.model.document import Key
 from derive.model.entries import Entry, Formula
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
-from derive.model.records import Coordinate, Holonomic
+from derive.model.records import Coordinate
 from derive.model.scope import PARAMETER, TIME
 
 

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from derive.diagnostics import listed
 from derive.expressions.tree import ZERO
+from derive.model.constraint_records import Rolling
 from derive.model.constraints.lengths import length
 from derive.model.document import Key
 from derive.model.entries import Direction, Entry, Formula, Point
@@ -13,7 +14,7 @@ from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.records import Rolling, Vector3
+from derive.model.records import Vector3
 
 
 class DiskEntry(Entry):

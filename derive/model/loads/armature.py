@@ -9,9 +9,10 @@ from derive.model.document import Key, Scalar
 from derive.model.entries import Entry, Formula
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import Armature
 from derive.model.loads.places import not_negative
 from derive.model.reader import Reader
-from derive.model.records import Armature, Velocity
+from derive.model.records import Velocity
 
 
 class ArmatureEntry(Entry):

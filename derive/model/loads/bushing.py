@@ -9,10 +9,11 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.entries import Entry, Formula, FormulaOrList, Point, Sides
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import Bushing
 from derive.model.mechanism import bodies
 from derive.model.placements import placements
 from derive.model.reader import Reader
-from derive.model.records import Bushing, Vector3
+from derive.model.records import Vector3
 from derive.model.space import ORIGIN
 
 

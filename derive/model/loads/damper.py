@@ -10,9 +10,10 @@ from derive.model.document import Key, Scalar
 from derive.model.entries import Entry, Formula, Pair, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import JointDamper, PointSpring
 from derive.model.loads.places import per, refuse_keys, two_points
 from derive.model.reader import Reader, force_unit
-from derive.model.records import JointDamper, PointSpring, Velocity
+from derive.model.records import Velocity
 
 
 class DamperEntry(Entry):

@@ -12,8 +12,9 @@ from derive.model.document import Key, Scalar
 from derive.model.entries import Entry, Formula
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import GeneralisedForce
 from derive.model.reader import Reader, force_unit
-from derive.model.records import GeneralisedForce, Velocity
+from derive.model.records import Velocity
 from derive.model.scope import ANYTHING
 
 

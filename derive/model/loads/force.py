@@ -8,10 +8,10 @@ from derive.model.document import Key
 from derive.model.entries import Entry, Formula, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import Force
 from derive.model.loads.places import frame
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.records import Force
 from derive.model.scope import ANYTHING
 
 

@@ -10,9 +10,10 @@ from derive.model.document import Key
 from derive.model.entries import Formula, LawOfFriction
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import JointFriction
 from derive.model.loads.places import not_negative, per
 from derive.model.reader import Reader, force_unit
-from derive.model.records import JointFriction, Velocity
+from derive.model.records import Velocity
 
 
 class FrictionEntry(LawOfFriction):

@@ -9,9 +9,10 @@ from derive.model.document import Key
 from derive.model.entries import Entry, Formula, JointSpringEntry, Pair, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import JointSpring, PointSpring
 from derive.model.loads.places import optional, per, refuse_keys, two_points
 from derive.model.reader import Reader, force_unit
-from derive.model.records import Coordinate, JointSpring, PointSpring
+from derive.model.records import Coordinate
 
 
 class SpringEntry(Entry):

@@ -9,10 +9,11 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.entries import Entry, Formula, FormulaOrList
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
+from derive.model.load_records import Torque
 from derive.model.loads.places import frame
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.records import Torque, Vector3
+from derive.model.records import Vector3
 from derive.model.scope import ANYTHING
 
 

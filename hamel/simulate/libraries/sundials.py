@@ -105,7 +105,7 @@ def _multipliers(problem: Problem, kept: list[int]) -> np.ndarray:
 def _independent_rows(equations: Equations) -> list[int]:
     """The independent rows, by the names that their own function shows."""
     names = [row.name for row in equations.system.rows]
-    slip = equations.request("slip").make()
+    slip = equations.request("slip").function
     return [names.index(label) for label in slip.result.labels]
 
 

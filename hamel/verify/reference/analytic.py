@@ -15,7 +15,8 @@ import numpy as np
 import sympy
 
 from derive.expressions import tree
-from derive.model.records import Holonomic, Model, Nonholonomic, OnSurface
+from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
+from derive.model.records import Model
 from hamel.verify.reference.formulas import NUMERIC, evaluated, lookup
 from hamel.verify.reference.jets import Jet, direction, dot, point
 from hamel.verify.reference.layout import Layout, Rows

@@ -8,21 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from derive.diagnostics import AssumptionError
-from derive.model.records import (
-    GROUND,
+from derive.model.load_records import (
     Armature,
-    Body,
     Bushing,
     Force,
     GeneralisedForce,
     JointDamper,
     JointFriction,
     JointSpring,
-    Load,
-    Model,
     PointSpring,
     Torque,
 )
+from derive.model.records import GROUND, Body, Load, Model
 from hamel.verify.reference.jets import Jet, dot, joint_frame, product
 from hamel.verify.reference.layout import Layout
 from hamel.verify.reference.rows import nonideal_force

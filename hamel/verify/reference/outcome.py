@@ -21,7 +21,9 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from derive.expressions import tree
-from derive.model.records import GROUND, Armature, Holonomic, Model, Nonholonomic, OnSurface
+from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
+from derive.model.load_records import Armature
+from derive.model.records import GROUND, Model
 from derive.model.rows import row_names
 from hamel.verify.limits import ROUNDING, UNDONE
 from hamel.verify.reference import analytic as by_formula

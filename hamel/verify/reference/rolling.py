@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from derive.model.records import Rolling
+from derive.model.constraint_records import Rolling
 from hamel.verify.reference.closures import NORMAL, triad
 from hamel.verify.reference.layout import Layout, Rows, centripetal, point_velocity
 from hamel.verify.reference.states import Frame, State

@@ -10,17 +10,15 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError
 from derive.expressions import tree
-from derive.model.records import (
-    Closure,
-    Constraint,
+from derive.model.constraint_records import (
     Distance,
     Holonomic,
-    Model,
     Nonholonomic,
     NoSlip,
     OnSurface,
     Rolling,
 )
+from derive.model.records import Closure, Constraint, Model
 from hamel.verify.reference.closures import closure_rows
 from hamel.verify.reference.jets import Jet, length, point, stays
 from hamel.verify.reference.layout import Layout, Rows, centripetal, layout, point_velocity

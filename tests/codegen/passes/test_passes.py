@@ -1,6 +1,6 @@
 """The passes change rounding only, and the operations they save are counted.
 
-Of codegen.passes: hoist, initial, names, plain, schedule, turns, watch.
+Of codegen.passes: hoist, initial, names, plain, schedule, selection, turns, watch.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def assert_never_worse(found: Equations) -> None:
         if entry.step == "invert"
     }
     for kernel in made.kernels:
-        asked = [request.make() for request in found.requests if request.name == kernel.name]
+        asked = [request.function for request in found.requests if request.name == kernel.name]
         function = next(f for f in (*found.functions, *asked) if f.name == kernel.name)
         most = operations(*_roots(function))
         assert kernel.operations["total"] - reciprocals.get(kernel.name, 0) <= most, kernel.name

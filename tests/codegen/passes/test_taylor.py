@@ -1,5 +1,8 @@
 """Taylor coefficients by recurrences over a program: every operation gives the series that many
-digits give."""
+digits give.
+
+Of codegen.passes: recurrences, series.
+"""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ NAMES = ("free_body", "rolling_sphere", "universal_shaft", "snake3", "four_bar",
 
 def functions(mechanics):
     p = np.array(mechanics.parameters)
-    made = {request.name: request.make() for request in configuration(mechanics)}
+    made = {request.name: request.function for request in configuration(mechanics)}
 
     def call(name, *parts):
         function = made[name]

@@ -239,4 +239,4 @@ def test_what_is_not_there_cannot_be_asked_for() -> None:
     still = "model: idle\ncoordinates: {x: m}\nparameters: {a: 1 m}\nkinetic: der(x)**2/2 * 1 kg\noutputs: {y: a*x/(1 m)}\n"
     asked = {request.name: request for request in equations(system(load_text(still))).requests}
     with pytest.raises(AssumptionError, match="does not depend on the parameters"):
-        asked["jacobian_p_values"].make()
+        asked["jacobian_p_values"].function

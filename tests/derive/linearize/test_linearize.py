@@ -464,7 +464,7 @@ def test_the_metre_does_not_matter(size):
     chosen = with_linearization(equations(system(model)))
     function = next(
         request for request in chosen.requests if request.name == "linearization"
-    ).make()
+    ).function
     margins = [guard.value / guard.tolerance for guard in function.guards]
     start = initial_state(chosen.system)
     x = np.concatenate([start.q, [0.0]])

@@ -15,18 +15,16 @@ from derive.expressions.parser import expression
 from derive.expressions.tree import ONE, ZERO, Name, Negative, Number, Rate
 from derive.joints import JOINTS
 from derive.model import Model, load, load_text, schema
-from derive.model.records import (
+from derive.model.constraint_records import Holonomic, NoSlip, Rolling
+from derive.model.load_records import (
     Force,
     GeneralisedForce,
-    Holonomic,
     JointDamper,
     JointSpring,
-    NoSlip,
     PointSpring,
-    Rolling,
-    Span,
     Torque,
 )
+from derive.model.records import Span
 
 FOLDER = Path(__file__).parents[3] / "models"
 MODELS = sorted(FOLDER.rglob("*.yaml"))

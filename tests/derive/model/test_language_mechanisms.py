@@ -19,17 +19,8 @@ from derive.expressions.parser import expression, quantity
 from derive.expressions.tree import ONE, ZERO, Name, Number
 from derive.joints import JOINTS
 from derive.model import KINDS, load, load_text, schema
-from derive.model.records import (
-    Armature,
-    Bushing,
-    Distance,
-    Holonomic,
-    JointDamper,
-    JointFriction,
-    JointSpring,
-    OnSurface,
-    Rolling,
-)
+from derive.model.constraint_records import Distance, Holonomic, OnSurface, Rolling
+from derive.model.load_records import Armature, Bushing, JointDamper, JointFriction, JointSpring
 from derive.states import system
 from derive.states.initial import initial_state
 from tests.scenes import MODELS

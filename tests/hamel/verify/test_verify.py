@@ -466,7 +466,7 @@ def linearised(four_bar):
     """The crank choice with what is derived from its ẋ on request."""
     model, choices = four_bar
     chosen = with_linearization(choices["crank"])
-    made = tuple(request.make() for request in chosen.requests if request.name in JACOBIANS)
+    made = tuple(request.function for request in chosen.requests if request.name in JACOBIANS)
     return evidence(
         reference(model), replace(chosen, functions=(*chosen.functions, *made)), None, FEW
     )

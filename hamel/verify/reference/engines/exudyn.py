@@ -14,7 +14,8 @@ import exudyn as exu  # pyright: ignore[reportMissingImports]
 import numpy as np
 from exudyn.utilities import RigidBodyInertia  # pyright: ignore[reportMissingImports]
 
-from derive.model.records import GROUND, Body, Closure, Joint, Model, Placement, Rolling
+from derive.model.constraint_records import Rolling
+from derive.model.records import GROUND, Body, Closure, Joint, Model, Placement
 from hamel.verify.reference.states import State, inertia_tensor, placed
 from hamel.verify.reference.vectors import Array
 

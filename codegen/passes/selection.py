@@ -1,0 +1,130 @@
+"""Which functions a program holds: those that were asked for, and those that they, the integrators,
+the enforcements and the charts need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
+from derive.diagnostics import AssumptionError, HamelError
+from derive.enforcement import ENFORCEMENTS
+from derive.formulations.charts import differs
+from derive.formulations.records import Equations, Function, Request
+
+MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
+
+
+def spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
+    """With what `auto` stands for."""
+    names = [name for word in integrators for name in (AUTOMATIC if word == AUTO else (word,))]
+    return tuple(dict.fromkeys(names))
+
+
+def watched_functions(equations: Equations) -> list[str]:
+    """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
+    then; and events."""
+    known = [request.name for request in equations.requests]
+    guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
+    events = [function.name for function in equations.functions if function.name == "events"]
+    return [x for x in ("guards", "constraint_rows") if guarded and x in known] + events
+
+
+def _names_of(equations: Equations) -> list[str]:
+    return [request.name for request in equations.requests]
+
+
+def chart_suffix(number: int) -> str:
+    return f"_chart{number}" if number else ""
+
+
+def for_charts(equations: Equations) -> list[str]:
+    """What carries a state from one chart to another, and tells how good a chart is where it has
+    something to tell."""
+    known = [request.name for request in equations.requests]
+    return ["velocity", "state", *(name for name in ("guards",) if name in known)]
+
+
+def in_chart(
+    first: Equations, chosen: Sequence[Function], chart: Equations, number: int
+) -> list[Function]:
+    """The functions of a further chart: those of the first that depend on the chart, and its own
+    guards."""
+    known = {
+        *(function.name for function in chart.functions),
+        *(request.name for request in chart.requests),
+    }
+    wanted = dict.fromkeys([*(function.name for function in chosen), *for_charts(chart)])
+    varying = {function.name for function in chosen if differs(first, function)}
+    own = selection(chart, [name for name in wanted if name in known])
+    where = f"; chart {number}, {chart.choice}"
+    return [
+        replace(
+            function, name=f"{function.name}{chart_suffix(number)}", about=function.about + where
+        )
+        for function in own
+        if function.name in varying or differs(chart, function)
+    ]
+
+
+def integrator_needs(integrators: Sequence[str]) -> list[str]:
+    """The functions that integrators call beside `dynamics`."""
+    known = {integrator.name: integrator for integrator in INTEGRATORS}
+    for name in integrators:
+        if name not in known:
+            raise HamelError(f"unknown integrator {name!r}; known: {', '.join(known)}")
+    return list(dict.fromkeys(need for name in integrators for need in known[name].needs))
+
+
+def check_size(chosen: Sequence[Function]) -> None:
+    """Jacobians are worked on in place, on the stack: refuse those that would not fit there."""
+    for function in chosen:
+        many = function.result.value.numel()
+        if many > MOST_ON_STACK:
+            raise AssumptionError(
+                f"{function.name} has {many} entries, too many to solve with on the stack",
+                "an explicit integrator and the enforcement projection or none have no such limit",
+            )
+
+
+def enforcement_needs(equations: Equations, enforcements: Sequence[str]) -> list[str]:
+    return [
+        need
+        for enforcement in ENFORCEMENTS
+        if enforcement.name in enforcements
+        for need in enforcement.needs(equations)
+    ]
+
+
+def usual_enforcements(chosen: Sequence[Function]) -> tuple[str, ...]:
+    return (
+        ("projection", "none")
+        if any(function.name == "project" for function in chosen)
+        else ("none",)
+    )
+
+
+def selection(equations: Equations, names: Sequence[str] | None) -> list[Function]:
+    """The functions asked for, and those that loops asked for call; those with an empty result have
+    no code."""
+    default = {function.name: function for function in equations.functions}
+    requests = {request.name: request for request in equations.requests}
+    loops = {name: request.needs for name, request in requests.items() if request.needs}
+    asked = names or ("default",)
+    wanted = [n for name in asked for n in (default if name == "default" else (name,))]
+    for name in wanted:
+        if name not in default and name not in requests:
+            raise HamelError(
+                f"this model has no function {name!r}; it has {', '.join((*default, *requests))}"
+            )
+    needed = [n for name in wanted for n in loops.get(name, (name,))]
+    chosen = [
+        default[name] if name in default else requests[name].function
+        for name in dict.fromkeys(needed)
+    ]
+    return [function for function in chosen if function.result.value.numel()]
+
+
+def loops_asked(equations: Equations, names: Sequence[str] | None) -> tuple[Request, ...]:
+    """What was asked for and is a loop around other functions."""
+    return tuple(r for r in equations.requests if r.needs and r.name in (names or ()))

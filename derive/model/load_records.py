@@ -1,0 +1,119 @@
+"""What a model file says of each load: forces, springs, dampers, rotors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from derive.expressions.tree import Expression
+from derive.model.records import Placement, Span, Vector3
+
+
+@dataclass(frozen=True)
+class JointSpring:
+    """Generalised force −stiffness (q − rest) on one coordinate."""
+
+    name: str
+    coordinate: str
+    stiffness: Expression
+    rest: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class JointDamper:
+    """Generalised force −coefficient · rate on one coordinate's generalized velocity."""
+
+    name: str
+    velocity: str
+    coefficient: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class PointSpring:
+    """Along the line between two points: tension stiffness (distance − length) + damping ·
+    d(distance)/dt."""
+
+    name: str
+    bodies: tuple[str, str]
+    points: tuple[Vector3, Vector3]
+    stiffness: Expression
+    length: Expression
+    damping: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class Force:
+    """Force (N) on a body's point; components in the ground frame or, `frame` = "body", in the
+    body's."""
+
+    name: str
+    body: str
+    point: Vector3
+    components: Vector3
+    frame: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Torque:
+    name: str
+    body: str
+    components: Vector3
+    frame: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class GeneralisedForce:
+    """Expression added to the force conjugate to one generalized velocity (a joint's force law, or
+    `forces:` of the analytic form)."""
+
+    name: str
+    velocity: str
+    expression: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class Bushing:
+    """Springs and dampers along and about the three axes of the first body's placed frame, towards
+    the second body's.
+
+    Force on the second body −stiffness · displacement − damping · relative velocity, torque
+    −torsion · rotation vector − torsion_damping · relative angular velocity, all in the first
+    frame; the first body gets the opposite.
+    """
+
+    name: str
+    bodies: tuple[str, str]
+    placements: tuple[Placement, Placement]
+    stiffness: Vector3
+    torsion: Vector3
+    damping: Vector3
+    torsion_damping: Vector3
+    span: Span
+
+
+@dataclass(frozen=True)
+class JointFriction:
+    """Generalised force −viscous · v − coulomb · tanh(v/smoothing) on one generalized velocity."""
+
+    name: str
+    velocity: str
+    viscous: Expression
+    coulomb: Expression
+    smoothing: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class Armature:
+    """Inertia of a rotor as the joint feels it: `inertia` is added to the diagonal of M at one
+    generalized velocity."""
+
+    name: str
+    velocity: str
+    inertia: Expression
+    span: Span

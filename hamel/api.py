@@ -257,6 +257,18 @@ def derive(
     return run(path, choice, Path(out or "."), formulation)
 
 
+def draw(path: Model, *, out: str | Path | None = None) -> records.Drawn:
+    """Draw the mechanism as a textbook does, into `out`: FILE.svg, or FILE.tex for a TikZ picture
+    (default: <model>.svg in the current folder).
+
+    It is drawn at the consistent initial state; coordinates that would hide something there are
+    moved a little, and named in the record.
+    """
+    from hamel.verbs.draw import run
+
+    return run(path, out)
+
+
 def import_(
     path: Model, *, out: str | Path | None = None, floating: bool = False
 ) -> records.Imported:

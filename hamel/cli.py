@@ -402,6 +402,19 @@ def derive(model: str, **options: Any) -> Any:
 
 
 @verb
+@model_argument
+@click.option(
+    "-o",
+    "--out",
+    metavar="FILE",
+    help="FILE.svg, or FILE.tex for a TikZ picture (default: <model>.svg here).",
+)
+def draw(model: str, out: str | None) -> Any:
+    """Draw the mechanism of MODEL as a textbook does."""
+    return hamel.draw(model, out=out)
+
+
+@verb
 @functools.partial(model_argument, name="robot")
 @click.option(
     "-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it)."

@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import zip_longest
 from typing import Any
 
 from markupsafe import Markup
@@ -40,8 +41,14 @@ HEADINGS = {
 }  # fmt: skip
 
 
-def page(studies: Sequence[Study], extremes: Sequence[ExtremeRow], version: str) -> str:
-    """A section for each model, the comparison of all, and the extreme cases."""
+def page(
+    studies: Sequence[Study],
+    extremes: Sequence[ExtremeRow],
+    version: str,
+    figures: Sequence[str] = (),
+) -> str:
+    """A section for each model, which opens with its figure (SVG), the comparison of all, and the
+    extreme cases."""
     subjects = [study.model for study in studies]
     if extremes:
         subjects.append("extreme cases")
@@ -49,7 +56,10 @@ def page(studies: Sequence[Study], extremes: Sequence[ExtremeRow], version: str)
         "hamel.study/page.html.j2",
         title=f"Error against run time: {', '.join(subjects)}",
         version=version,
-        sections=[_section(study) for study in studies],
+        sections=[
+            _section(study) | {"figure": Markup(figure)}
+            for study, figure in zip_longest(studies, figures, fillvalue="")
+        ],
         heading=_heading,
         comparison=_comparison(studies),
         extremes=_extremes(extremes),

@@ -28,6 +28,7 @@ VERBS = (
     "check",
     "choices",
     "derive",
+    "draw",
     "explain",
     "import",
     "linearize",

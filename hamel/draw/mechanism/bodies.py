@@ -12,7 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from derive.model.records import Body, NoSlip, Rolling
+from derive.model.constraint_records import NoSlip, Rolling
+from derive.model.records import Body
 from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
 from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.scene import NEAR, Scene

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from derive.diagnostics import HamelError
 from derive.mechanics.records import System
-from derive.model.records import Rolling
+from derive.model.constraint_records import Rolling
 from hamel.draw.mechanism import notes as write
 from hamel.draw.mechanism.bodies import body_shapes, gyration, masses
 from hamel.draw.mechanism.joints import bearings, joint_shapes
@@ -64,6 +65,14 @@ def figure(system: System, state: Configuration | None = None) -> Figure:
         space = _scaled(space, max(0.6, (WIDTH - 2) / drawing.width))
         drawing = _drawn(space, state)
     return drawing
+
+
+def picture(system: System) -> Figure | None:
+    """The same for a page, which stands without it; None where the model has no such state."""
+    try:
+        return figure(system)
+    except HamelError:
+        return None
 
 
 def framed(system: System, state: Configuration) -> Scene:

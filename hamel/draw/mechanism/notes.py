@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from derive.model.records import Force, Torque
+from derive.model.load_records import Force, Torque
 from derive.textbook import names
 from hamel.draw.mechanism.marks import arrow
 from hamel.draw.mechanism.points import plane_of

@@ -13,20 +13,10 @@ from derive.expressions.evaluate import float_functions, value
 from derive.expressions.tree import Call, Expression, Name
 from derive.expressions.tree import Vector as Entries
 from derive.mechanics.records import System
-from derive.model.records import (
-    GROUND as GROUND_NAME,
-)
-from derive.model.records import (
-    Bushing,
-    Distance,
-    Force,
-    Model,
-    NoSlip,
-    OnSurface,
-    Placement,
-    PointSpring,
-    Rolling,
-)
+from derive.model.constraint_records import Distance, NoSlip, OnSurface, Rolling
+from derive.model.load_records import Bushing, Force, PointSpring
+from derive.model.records import GROUND as GROUND_NAME
+from derive.model.records import Model, Placement
 from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.poses import Bodies
 from hamel.draw.mechanism.points import Bonds, Dial, Loose, bonds, dials, loose_points

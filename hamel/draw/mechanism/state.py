@@ -25,8 +25,8 @@ TURNED = (20.0, -35.0, 40.0, -30.0, 35.0, -25.0)  # degrees, one after the other
 ROOM = (0.06, 0.22)  # between the origin and a platform, in sizes of the mechanism
 ASIDE = 0.55  # of the other coordinates of a point, against gravity
 MOST = 60  # coordinates; in longer ones what is straight is shown straight
-INITIAL = "the consistent initial state"
-NEARBY = "near the initial state, with {names} moved so that they can be seen"
+INITIAL = "at the consistent initial state"
+NEARBY = "near the initial state, with {names} moved to be seen"
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,8 @@ import math
 import numpy as np
 
 from derive.expressions.tree import Name, walk
-from derive.model.records import (
-    Bushing,
-    Distance,
-    Holonomic,
-    JointDamper,
-    JointSpring,
-    NoSlip,
-    PointSpring,
-    Rolling,
-)
+from derive.model.constraint_records import Distance, Holonomic, NoSlip, Rolling
+from derive.model.load_records import Bushing, JointDamper, JointSpring, PointSpring
 from hamel.draw.mechanism.joints import PIN, bearing, hatched
 from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
 from hamel.draw.mechanism.anchors import Anchor

@@ -14,7 +14,7 @@ MOST = 12  # things of one kind that are listed
 def described(scene: Scene, state: Configuration) -> str:
     """Bodies, joints, closures, constraints and inputs by name, and which state is drawn."""
     model = scene.model
-    sentences = [f"Drawn at {state.about}."]
+    sentences = [f"Drawn {state.about}."]
     if scene.anchors:
         joints = [_joint(scene, anchor) for anchor in scene.anchors]
         sentences.append(f"Joints: {_listed(joints)}.")

@@ -51,13 +51,13 @@ def bearings(scene: Scene, scale: float = 1.0) -> list[Shape]:
         if len(distinct(scene, [*places, at])) > len(places):
             places.append(at)
             if scene.view.flat:
-                shapes += bearing(scene, at, _hangs(scene, anchor), scale)
+                shapes += bearing(scene, at, hangs(scene, anchor), scale)
             else:
                 shapes += _foot(scene, at, anchor.axes[side], scale)
     return shapes
 
 
-def _hangs(scene: Scene, anchor: Anchor) -> bool:
+def hangs(scene: Scene, anchor: Anchor) -> bool:
     """Whether its body goes down from a pin, so that the ground is above."""
     other = anchor.bodies[1 - anchor.bodies.index(GROUND)]
     here = scene.place(anchor.spot(0))

@@ -14,6 +14,7 @@ import numpy as np
 
 from derive.model.load_records import Force, Torque
 from derive.textbook import names
+from hamel.draw.mechanism.joints import hangs
 from hamel.draw.mechanism.marks import arrow
 from hamel.draw.mechanism.points import plane_of
 from hamel.draw.mechanism.records import GROUND, Label, Mark, Point, Spot, Vector, spot
@@ -402,11 +403,21 @@ def _torque(scene: Scene, anchor: Anchor, latex: str) -> Note:
     along = scene.pose(anchor.bodies[1]).rotation @ arm(scene, anchor)
     axis = scene.pose(anchor.bodies[1]).rotation @ anchor.axes[1]
     sign = 1.0 if axis @ scene.view.toward >= 0 else -1.0
-    middle = _heading(scene, along) + math.pi - sign * 0.5
-    sweep = sign * 2.1
+    middle = _free_side(scene, anchor, _heading(scene, along))
+    sweep = sign * 2.0
     points = arc(at, INPUT_ARC, middle - sweep / 2, sweep)
     label = Label(latex, "input", _polar(at, INPUT_ARC, middle), _headings(middle), 5.0)
     return Note(tuple(arrow("input", points)), (label,))
+
+
+def _free_side(scene: Scene, anchor: Anchor, link: float) -> float:
+    """A heading away from the link, and from the bearing of a pin on the ground."""
+    headings = [link + math.pi + turn for turn in (0.0, 0.5, -0.5, 0.9, -0.9, 1.3, -1.3)]
+    if GROUND not in anchor.bodies:
+        return headings[0]
+    bearing = math.pi / 2 if hangs(scene, anchor) else -math.pi / 2
+    free = [x for x in headings if abs(math.remainder(x - bearing, math.tau)) > 1.75]
+    return free[0] if free else headings[0]
 
 
 def push(scene: Scene, at: Vector, direction: Vector, latex: str, short: float) -> Note:
@@ -514,7 +525,7 @@ def joint_names(scene: Scene, wanted: Sequence[str]) -> list[Label]:
         if anchor.name in wanted and anchor.type not in ("planar", "free"):
             at = paper(scene, anchor.spot(1))
             labels.append(
-                Label(_word(anchor.name), "joint", at, (135.0, 45.0, 225.0, 315.0), away)
+                Label(_word(anchor.name), "joint", at, (135.0, 45.0, 225.0, 315.0, 180.0, 0.0), away)
             )
     return labels
 

@@ -18,7 +18,7 @@ CLEAR = 2.0  # pixels between labels
 COVERED, FURTHER, ELSEWHERE = 9.0, 0.55, 1.5  # what a covered point, a pixel and a direction cost
 FAR = 17.0  # pixels from which a line leads to what is named
 GRID = 3.0  # pixels between points of a line that are looked at
-HALF_BAR = 5.0  # pixels
+HALF_BAR = 6.0  # pixels
 ENOUGH = 0.4  # a place that costs less is taken at once
 
 
@@ -99,7 +99,7 @@ def _best(label: Label, ground: Ground, taken: Sequence[Box]) -> Lettering | Non
             box = _box(label, direction, label.away + further)
             if any(box.grown(CLEAR).overlaps(other) for other in taken):
                 continue
-            cost = FURTHER * further + _strange(label, rank) + COVERED * ground.covered(box)
+            cost = FURTHER * further + _strange(label, rank) + COVERED * ground.covered(box.grown(1.5))
             if best is None or cost < best[0] - 1e-9:
                 best = (cost, box, further)
         if best is not None and best[0] < ENOUGH:

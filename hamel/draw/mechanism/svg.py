@@ -11,7 +11,7 @@ from hamel.draw.mechanism.records import Lettering, Mark
 from hamel.draw.mechanism.typeset import SIZE, SMALL, extent, runs
 
 LIGHT = {
-    "paper": "#ffffff",
+    "paper": "#fdfdfb",
     "ink": "#1d1f23",
     "soft": "#5d6470",
     "fill": "#e9ecf1",

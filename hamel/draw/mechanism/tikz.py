@@ -11,7 +11,8 @@ UNIT = 0.8  # points a pixel
 
 def tikz(figure: Figure) -> str:
     """The tikzpicture; it needs the package tikz and nothing else."""
-    lines = [_colour(name, value) for name, value in LIGHT.items()]
+    colours = LIGHT | {"paper": "#ffffff"}
+    lines = [_colour(name, value) for name, value in colours.items()]
     lines.append(
         rf"\begin{{tikzpicture}}[x={UNIT}bp,y=-{UNIT}bp,line cap=round,line join=round]"
     )

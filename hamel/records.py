@@ -391,6 +391,7 @@ class Simulated:
     final: Mapping[str, float]
     file: Path | None
     plot: Path | None
+    view: Path | None = None
     events: Mapping[str, Sequence[float]] = field(default_factory=dict)  # times by name
     stopped_by: str | None = None  # the event that ended the motion
     # the state (coordinates, quasi-velocities) at each of these times, a row each

@@ -30,10 +30,10 @@ WIDTH = 420.0  # pixels at most, so that letters stay readable on a phone
 ROOM = (300.0, 250.0)  # for the mechanism itself
 MARGIN = 10.0
 TRIES = 6
-MOST_LABELS, MOST_IN_SPACE = 20, 15
+MOST_LABELS, MOST_IN_SPACE = 20, 14
 MOST_NAMED = 14  # bodies, above which only some are named
 CROWDED = 30.0  # pixels between joints: symbols shrink where they are nearer
-SMALLEST = 0.42
+SMALLEST, LEGIBLE = 0.42, 0.66
 DIAL = 62.0  # pixels of a needle
 
 
@@ -145,7 +145,8 @@ def crowding(space: Scene) -> float:
     for k, here in enumerate(spots):
         away = [math.dist(here, x) for x in spots[k + 1 :]]
         least = min([least, *(x for x in away if x > 1.0)])
-    return min(1.0, max(SMALLEST, least / CROWDED))
+    floor = SMALLEST if space.view.flat or len(spots) > MOST_NAMED else LEGIBLE
+    return min(1.0, max(floor, least / CROWDED))
 
 
 def _drawn(space: Scene, state: Configuration) -> Figure:

@@ -105,7 +105,7 @@ def svg(figure: Figure, name: str = "mechanism") -> str:
         element("desc", html.escape(figure.about), id=f"{name}-about"),
         f"<style>{style(figure.bar)}</style>",
         '<rect class="paper" width="100%" height="100%"/>',
-        *(_mark(mark) for mark in figure.marks),
+        *(drawn(mark) for mark in figure.marks),
         *(_lettering(x) for x in figure.letterings),
         "</svg>",
         "",
@@ -145,7 +145,8 @@ def _variable(name: str) -> str:
     return name if name == "none" else f"var(--m-{name})"
 
 
-def _mark(mark: Mark) -> str:
+def drawn(mark: Mark) -> str:
+    """One mark as an element."""
     if mark.radius:
         (x, y) = mark.points[0]
         return element("circle", class_=mark.style, cx=x, cy=y, r=float(mark.radius))

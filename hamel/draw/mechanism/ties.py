@@ -18,7 +18,7 @@ from hamel.draw.mechanism.solids import ring
 
 AXLE, TYRE = 13.0, (7.0, 2.6)  # half an axle; half sides of a wheel, in pixels
 FLOOR = 40.0  # pixels of floor beyond what rolls on it
-LINES = 4  # of a floor in space, each way
+LINES, SPACING = (4, 60), 70.0  # of a floor in space, each way: least, most; pixels between them
 COIL = (17.0, 2.25)  # pixels of a spiral spring, and its turns
 BESIDE = 6.0  # pixels of a spring, and a damper, beside the middle between them
 WAY, EDGE, WALL = 72.0, 16.0, 12.0  # from the middle of a block to a wall; its edge; half a wall
@@ -137,14 +137,20 @@ def _grid(scene: Scene, normal: Vector, origin: Vector, feet: list[Vector]) -> l
     (a0, a1), (b0, b1) = spans
     corners = [base + a * first + b * second for a, b in ((a0, b0), (a1, b0), (a1, b1), (a0, b1))]
     shapes = [Shape("line", "floor", tuple(spot(GROUND, x) for x in corners), closed=True)]
-    for k in range(1, LINES):
-        a, b = a0 + k / LINES * (a1 - a0), b0 + k / LINES * (b1 - b0)
-        for ends in (
-            (base + a * first + b0 * second, base + a * first + b1 * second),
-            (base + a0 * first + b * second, base + a1 * first + b * second),
-        ):
-            shapes.append(Shape("line", "grid", tuple(spot(GROUND, x) for x in ends)))
-    return shapes
+    lines = [(base + a * first + b0 * second, base + a * first + b1 * second)
+             for a in _lines(scene, a0, a1)]  # fmt: skip
+    lines += [(base + a0 * first + b * second, base + a1 * first + b * second)
+              for b in _lines(scene, b0, b1)]  # fmt: skip
+    return shapes + [
+        Shape("line", "grid", tuple(spot(GROUND, x) for x in ends)) for ends in lines
+    ]
+
+
+def _lines(scene: Scene, low: float, high: float) -> list[float]:
+    """Evenly between two sides of a floor."""
+    fitting = int((high - low) * scene.view.scale / SPACING)
+    count = min(max(fitting, LINES[0]), LINES[1])
+    return [low + k / count * (high - low) for k in range(1, count)]
 
 
 def _meshing(scene: Scene, x: Holonomic) -> list[Shape]:

@@ -1,0 +1,191 @@
+"""A motion of the mechanism as data for a page: shapes in the frames of their bodies, and the pose
+of every body at every frame.
+
+A pose is a position and a unit quaternion, seven columns a body; each column is 16-bit whole numbers
+between its least and largest value, which is a hundredth of a pixel on the paper.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from derive.mechanics.records import System
+from derive.model.constraint_records import Rolling
+from hamel.draw.mechanism.figure import ROOM, bar_width, framed, shapes
+from hamel.draw.mechanism.marks import marks
+from hamel.draw.mechanism.poses import Bodies, pose
+from hamel.draw.mechanism.records import GROUND, Mark, Shape, Vector
+from hamel.draw.mechanism.scene import Scene
+from hamel.draw.mechanism.state import INITIAL, Configuration
+
+MOST_FRAMES = 600
+LEVELS = 65535
+MARGIN = 34.0  # pixels around what moves
+TRAVEL = 4.0  # sizes of the mechanism, beyond which the picture goes along with it
+LOOKED = 60  # frames that the extent is read from
+CONSTANT = 1e-12
+
+
+@dataclass(frozen=True)
+class Moving:
+    """`data` for the page (JSON values), the marks of the first frame, the box (left, top, width,
+    height in pixels), and how wide a bar is."""
+
+    data: Mapping[str, Any]
+    marks: tuple[Mark, ...]
+    box: tuple[float, float, float, float]
+    bar: float
+
+
+def frames(count: int) -> Vector:
+    """Rows of a motion that are shown, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
+
+
+def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
+    """The motion q (a row for each time of t, in SI units)."""
+    names = [c.name for c in system.model.coordinates]
+    spans = {
+        name: (float(low), float(high))
+        for name, low, high in zip(names, q.min(axis=0), q.max(axis=0))
+    }
+    start = replace(framed(system, Configuration(q[0], p, INITIAL)), spans=spans)
+    bodies = Bodies(system, start.loose, start.dials)
+    poses = bodies.many(t, q, p)
+    scene, follow, box = _fitted(start, poses)
+    parts = shapes(scene)
+    first = tuple(marks(scene, parts))
+    data = {
+        "t": [round(float(x), 9) for x in t],
+        "poses": _packed(poses),
+        "shapes": [_shape(scene, x) for x in parts],
+        "view": _view(scene),
+        "traces": [[at.body, *at.at, name] for name, at in scene.traced],
+        "follow": follow,
+        "box": [round(x, 1) for x in box],
+    }
+    return Moving(data, first, box, bar_width(scene))
+
+
+def _fitted(scene: Scene, poses: Vector) -> tuple[Scene, int, tuple[float, float, float, float]]:
+    """The scene at a scale at which the motion fits, which body is followed (−1 for none), and the
+    box of the picture."""
+    some = poses[:: max(1, len(poses) // LOOKED)]
+    paths = _paths(scene, some)
+    whole = np.array([scene.view.paper(x) for x in paths.reshape(-1, 3)]).reshape(*paths.shape[:2], 2)
+    extent = np.ptp(whole.reshape(-1, 2), axis=0)
+    own = np.max(np.ptp(whole, axis=1), axis=0)
+    travels = float(np.max(extent)) > TRAVEL * max(float(np.max(own)), 1e-9) and poses.shape[1] > 0
+    follow = 0 if travels else GROUND
+    if travels:
+        base = np.array([scene.view.paper(x) for x in some[:, 0, 9:]])
+        whole = whole - base[:, None, :]
+        extent = np.ptp(whole.reshape(-1, 2), axis=0)
+    ratios = [room / x for room, x in zip(ROOM, extent) if x > 0]
+    by = min(ratios, default=1.0)
+    low, high = whole.reshape(-1, 2).min(axis=0) * by, whole.reshape(-1, 2).max(axis=0) * by
+    box = (
+        float(low[0]) - MARGIN,
+        float(low[1]) - MARGIN,
+        float(high[0] - low[0]) + 2 * MARGIN,
+        float(high[1] - low[1]) + 2 * MARGIN,
+    )
+    view = replace(scene.view, scale=scene.view.scale * by)
+    return replace(scene, view=view, reach=_reach(scene, some)), follow, box
+
+
+def _paths(scene: Scene, poses: Vector) -> Vector:
+    """Points that bodies hold, and rims of what rolls, at each frame: frames × points × 3."""
+    bodies = [(k - 1, x) for k, some in enumerate(scene.held) for x in some]
+    bodies += [(k, scene.com(k)) for k in range(len(scene.model.bodies))]
+    for x in scene.model.constraints:
+        if isinstance(x, Rolling):
+            index, at = scene.index(x.body), scene.numbers.vector(x.centre)
+            radius = abs(scene.numbers.scalar(x.radius)) + abs(scene.numbers.scalar(x.tube))
+            bodies += [(index, at + s * radius * axis) for s in (-1, 1) for axis in np.eye(3)]
+    rows = [
+        [x if body == GROUND else pose(row[body]).point(x) for body, x in bodies] for row in poses
+    ]
+    return np.array(rows if bodies else [[np.zeros(3)]])
+
+
+def _reach(scene: Scene, poses: Vector) -> tuple[Vector, ...]:
+    """Where a motion takes what rolls."""
+    rolling = {scene.index(x.body) for x in scene.model.constraints if isinstance(x, Rolling)}
+    return tuple(row[index][9:] for row in poses for index in sorted(rolling) if index != GROUND)
+
+
+def _view(scene: Scene) -> dict[str, Any]:
+    view = scene.view
+    vectors = {"right": view.right, "up": view.up, "toward": view.toward}
+    numbers = {name: [round(float(x), 9) for x in vector] for name, vector in vectors.items()}
+    return numbers | {"scale": float(f"{view.scale:.9g}"), "flat": view.flat}
+
+
+def _shape(scene: Scene, shape: Shape) -> dict[str, Any]:
+    """Keys are short: there may be thousands."""
+    step = scene.view.pixel / 20
+    digits = max(0, int(np.ceil(-np.log10(step)))) if step < 1 else 0
+    carriers = [at.body for at in shape.spots]
+    one = len(set(carriers)) == 1
+    data: dict[str, Any] = {
+        "k": shape.kind,
+        "s": shape.style,
+        "b": carriers[0] if one else carriers,
+        "p": [round(x, digits) for at in shape.spots for x in at.at],
+    }
+    if shape.closed:
+        data["c"] = 1
+    if shape.size:
+        data["z"] = round(shape.size, 2)
+    if shape.faces:
+        data["f"] = [list(face) for face in shape.faces]
+    return data
+
+
+def _packed(poses: Vector) -> list[list[Any]]:
+    """[least, step, base64 of whole numbers] of each column; [value] where nothing changes."""
+    columns: list[list[Any]] = []
+    for body in range(poses.shape[1]):
+        rotations = poses[:, body, :9].reshape(-1, 3, 3)
+        turned = _continuous(np.array([quaternion(R) for R in rotations]))
+        columns += [_column(x) for x in (*poses[:, body, 9:].T, *turned.T)]
+    return columns
+
+
+def _column(values: Sequence[float] | Vector) -> list[Any]:
+    values = np.asarray(values)
+    low, high = float(values.min()), float(values.max())
+    if not high - low > CONSTANT * max(1.0, abs(low), abs(high)):
+        return [float(f"{low:.9g}")]
+    step = float(f"{(high - low) / LEVELS:.9g}")
+    levels = np.clip(np.round((values - low) / step), 0, LEVELS).astype("<u2")
+    return [float(f"{low:.9g}"), step, base64.b64encode(levels.tobytes()).decode("ascii")]
+
+
+def quaternion(R: Vector) -> Vector:
+    """(w, x, y, z) of a rotation, from its largest entry (Shepperd 1978)."""
+    trace = float(np.trace(R))
+    squares = np.array([trace, *np.diag(R)])
+    k = int(np.argmax(squares))
+    if k == 0:
+        parts = [1 + trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+    else:
+        i, j, m = k - 1, k % 3, (k + 1) % 3
+        parts = [R[m, j] - R[j, m], 0.0, 0.0, 0.0]
+        parts[1 + i] = 1 + 2 * R[i, i] - trace
+        parts[1 + j], parts[1 + m] = R[j, i] + R[i, j], R[m, i] + R[i, m]
+    whole = np.array(parts)
+    return whole / float(np.linalg.norm(whole))
+
+
+def _continuous(turned: Vector) -> Vector:
+    """Signs so that neighbours are near each other: q and −q are one rotation."""
+    flips = np.sign(np.sum(turned[1:] * turned[:-1], axis=1))
+    signs = np.concatenate([[1.0], np.cumprod(np.where(flips < 0, -1.0, 1.0))])
+    return turned * signs[:, None]

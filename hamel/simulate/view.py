@@ -21,7 +21,7 @@ from hamel.draw.mechanism.svg import CLASS, drawn, style
 from hamel.simulate.motion import Motion
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 420, 150, 52, 10, 24, 34
-LOOKED_AT = (4.0, 20.0)  # seconds of a motion that is shown at its own speed
+LOOKED_AT = (2.0, 20.0)  # seconds of a motion that is shown at its own speed
 SHOWN = 10.0  # seconds in which another one is shown
 Curves = Mapping[str, np.ndarray]
 
@@ -114,7 +114,8 @@ def _plot(about: str, t: np.ndarray, curves: Curves, log: bool) -> str:
     cursor = {"x1": frame.left, "x2": frame.left, "y1": frame.top, "y2": frame.bottom}
     parts.append(element("line", class_="cursor", **cursor))
     height = TOP + HEIGHT + BOTTOM + ENTRY
-    head = f'<svg class="plot" viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{about} over time">'
+    size = f'class="plot" viewBox="0 0 {WIDTH} {height}"'
+    head = f'<svg {size} role="img" aria-label="{about} over time">'
     return "\n".join([head, *parts, "</svg>"])
 
 

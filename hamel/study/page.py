@@ -7,7 +7,6 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from itertools import zip_longest
 from typing import Any
 
 from markupsafe import Markup
@@ -57,8 +56,8 @@ def page(
         title=f"Error against run time: {', '.join(subjects)}",
         version=version,
         sections=[
-            _section(study) | {"figure": Markup(figure)}
-            for study, figure in zip_longest(studies, figures, fillvalue="")
+            _section(study) | {"figure": Markup("".join(figures[k : k + 1]))}
+            for k, study in enumerate(studies)
         ],
         heading=_heading,
         comparison=_comparison(studies),

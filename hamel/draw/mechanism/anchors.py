@@ -9,8 +9,8 @@ from hamel.draw.mechanism.records import Spot, Vector, spot
 
 @dataclass(frozen=True)
 class Anchor:
-    """Its point and its axis in either body; `coordinates` are empty for closures. The symbol stands
-    on the axis, `shift` (m) from the point."""
+    """Its point and its axis in either body; `coordinates` are empty for closures. The symbol
+    stands on the axis, `shift` (m) from the point."""
 
     name: str
     type: str

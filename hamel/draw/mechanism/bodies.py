@@ -14,10 +14,11 @@ import numpy as np
 
 from derive.model.constraint_records import NoSlip, Rolling
 from derive.model.records import Body
-from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
 from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
 from hamel.draw.mechanism.scene import NEAR, Scene
 from hamel.draw.mechanism.solids import box, cylinder, ring
+from hamel.draw.mechanism.vectors import across, cross
 
 SLENDER = 0.15  # of the largest moment of inertia: the smallest one of a rod
 MOST_MASSES = 12  # centres of mass are marked where bodies are few
@@ -78,9 +79,7 @@ def _is_block(scene: Scene, index: int) -> bool:
     return any(a.type == "prismatic" and a.bodies[1] == index for a in scene.anchors)
 
 
-def _extended(
-    scene: Scene, body: Body, points: list[Vector], rolls: bool
-) -> list[Vector]:
+def _extended(scene: Scene, body: Body, points: list[Vector], rolls: bool) -> list[Vector]:
     """With the ends of the rod that the body is; with the centre of mass where there is but one
     point."""
     com = centre(scene, body)
@@ -94,7 +93,7 @@ def _extended(
     ends = [com + half * along, com - half * along]
     if len(points) == 1:
         ends.append(com)
-    return distinct(scene, _ends([*points, *ends]) + [x for x in points])
+    return distinct(scene, _ends([*points, *ends]) + points)
 
 
 def _ends(points: Sequence[Vector]) -> list[Vector]:
@@ -263,12 +262,10 @@ def disc(scene: Scene, index: int, at: Vector, radius: float) -> list[Shape]:
     return [Shape("line", "disc", tuple(spot(index, x) for x in rim), closed=True), line]
 
 
-def wheel(
-    scene: Scene, index: int, at: Vector, axis: Vector, radius: float
-) -> list[Shape]:
+def wheel(scene: Scene, index: int, at: Vector, axis: Vector, radius: float) -> list[Shape]:
     """A wheel in space: rim, spokes, and an axle."""
-    first = _across(axis)
-    second = np.cross(axis, first)
+    first = across(axis)
+    second = cross(axis, first)
     rim = tuple(spot(index, x) for x in ring(at, first, second, radius))
     shapes = [Shape("line", "rim", rim, closed=True)]
     for angle in np.arange(3) * math.pi / 3:
@@ -276,11 +273,6 @@ def wheel(
         shapes.append(Shape("line", "fine", (spot(index, at - arm), spot(index, at + arm))))
     hub = min(5 * scene.view.pixel, radius / 3)
     return [*shapes, cylinder(index, at, axis, hub, hub, "joint")]
-
-
-def _across(axis: Vector) -> Vector:
-    side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    return side / float(np.linalg.norm(side))
 
 
 def _roller(scene: Scene, index: int, x: Rolling) -> list[Shape]:
@@ -305,7 +297,8 @@ def _roller(scene: Scene, index: int, x: Rolling) -> list[Shape]:
 def _ball(scene: Scene, index: int, at: Vector, radius: float) -> list[Shape]:
     """A sphere with two great circles that turn with it."""
     size = radius * scene.view.scale
-    circles = [ring(at, *axes, radius) for axes in (np.eye(3)[[0, 1]], np.eye(3)[[0, 2]])]
+    x, y, z = np.eye(3)
+    circles = [ring(at, x, y, radius), ring(at, x, z, radius)]
     lines = [
         Shape("line", "fine", tuple(spot(index, x) for x in circle), closed=True)
         for circle in circles
@@ -316,8 +309,8 @@ def _ball(scene: Scene, index: int, at: Vector, radius: float) -> list[Shape]:
 def _tube(scene: Scene, index: int, x: Rolling, at: Vector, axis: Vector) -> list[Shape]:
     """Both edges of the tyre."""
     radius, tube = (abs(scene.numbers.scalar(value)) for value in (x.radius, x.tube))
-    first = _across(axis)
-    second = np.cross(axis, first)
+    first = across(axis)
+    second = cross(axis, first)
     sides = [ring(at + s * tube * axis, first, second, radius) for s in (-1.0, 1.0)]
     inner = ring(at, first, second, max(radius - tube, 0.0))
     return [

@@ -18,12 +18,12 @@ from hamel.draw.mechanism.joints import bearings, joint_shapes
 from hamel.draw.mechanism.marks import marks
 from hamel.draw.mechanism.notes import Note
 from hamel.draw.mechanism.placing import Ground, placed
+from hamel.draw.mechanism.points import plane_of
 from hamel.draw.mechanism.records import GROUND, Box, Label, Lettering, Mark, Point, Shape, spot
 from hamel.draw.mechanism.scene import Scene, scene
 from hamel.draw.mechanism.state import Configuration, configuration
-from hamel.draw.mechanism.points import plane_of
 from hamel.draw.mechanism.ties import load_shapes, point_shapes, skates, tie_shapes
-from hamel.draw.mechanism.view import AXES, View, axonometric, planar
+from hamel.draw.mechanism.view import View, axonometric, planar
 from hamel.draw.mechanism.words import described
 
 WIDTH = 420.0  # pixels at most, so that letters stay readable on a phone
@@ -78,7 +78,8 @@ def picture(system: System) -> Figure | None:
 def framed(system: System, state: Configuration) -> Scene:
     """The scene with a view whose scale fits the paper."""
     plane = plane_of(system.model)
-    flat = View(*np.eye(3), flat=False) if not plane else planar(plane)
+    right, up, toward = np.eye(3)
+    flat = planar(plane) if plane else View(right, up, toward, flat=False)
     space = scene(system, state.q, state.p, flat)
     points = [space.pose(k - 1).point(x) for k, some in enumerate(space.held) for x in some]
     points += _extremes(space)
@@ -172,7 +173,10 @@ def _notes(space: Scene) -> tuple[list[Note], list[Label], int]:
     driven = pushes if len(pushes) <= MOST_NAMED else [pushes[0], pushes[-1]]
     notes += driven
     count = sum(len(note.labels) for note in notes)
-    joints, bodies = [a.name for a in space.anchors if a.type != "fixed"], [body.name for body in model.bodies]
+    joints, bodies = (
+        [a.name for a in space.anchors if a.type != "fixed"],
+        [body.name for body in model.bodies],
+    )
     labels: list[Label] = []
     for wanted, naming in ((joints, write.joint_names), (bodies, write.body_names)):
         most = MOST_LABELS if space.view.flat else MOST_IN_SPACE

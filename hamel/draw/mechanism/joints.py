@@ -1,5 +1,5 @@
-"""Joints and the ground as shapes: pins on their bearings, blocks on their guides, cylinders, balls,
-crosses, and hatching where something stands on the ground.
+"""Joints and the ground as shapes: pins on their bearings, blocks on their guides, cylinders,
+balls, crosses, and hatching where something stands on the ground.
 
 Sizes are in pixels; a shape is in metres, so that it turns with what carries it.
 """
@@ -11,11 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.bodies import distinct
 from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
-from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.scene import Scene
-from hamel.draw.mechanism.solids import box, cylinder, ring
+from hamel.draw.mechanism.solids import box, cylinder
+from hamel.draw.mechanism.vectors import across, cross
 
 PIN = 4.5
 BEARING = (11.0, 17.0)  # half width and height of the triangle under a pin
@@ -64,8 +65,8 @@ def hangs(scene: Scene, anchor: Anchor) -> bool:
     points = [scene.pose(other).point(x) for x in scene.held[other + 1]]
     points.append(scene.pose(other).point(scene.com(other)))
     away = [(x - here) @ scene.view.up for x in points]
-    across = [abs((x - here) @ scene.view.right) for x in points]
-    return min(away) < 0 and -min(away) > max(*away, 0.8 * max(across))
+    aside = [abs((x - here) @ scene.view.right) for x in points]
+    return bool(min(away) < 0 and -min(away) > max(*away, 0.8 * max(aside)))
 
 
 def bearing(scene: Scene, at: Vector, above: bool, scale: float) -> list[Shape]:
@@ -91,9 +92,7 @@ def hatched(scene: Scene, line: tuple[Vector, Vector], side: Vector, scale: floa
     for k in range(math.floor(length / gap + 1e-9)):
         foot = start + (k + 1) * gap * along
         if float(np.linalg.norm(foot - start)) <= length:
-            strokes.append(
-                Shape("line", "hatch", (spot(GROUND, foot), spot(GROUND, foot + slant)))
-            )
+            strokes.append(Shape("line", "hatch", (spot(GROUND, foot), spot(GROUND, foot + slant))))
     return strokes
 
 
@@ -107,8 +106,7 @@ def _foot(scene: Scene, at: Vector, axis: Vector, scale: float) -> list[Shape]:
     first, second = _level_axes(scene, up)
     wide, deep = (x * pixel for x in PLATE)
     corners = [
-        base + a * wide * first + b * deep * second
-        for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        base + a * wide * first + b * deep * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
     plate = Shape("line", "floor", tuple(spot(GROUND, x) for x in corners), closed=True)
     post = Shape("line", "post", (spot(GROUND, at), spot(GROUND, base)))
@@ -134,9 +132,9 @@ def _upward(scene: Scene) -> Vector:
 
 
 def _level_axes(scene: Scene, up: Vector) -> tuple[Vector, Vector]:
-    first = np.cross(scene.view.toward, up)
+    first = cross(scene.view.toward, up)
     first = -np.eye(3)[int(np.argmax(np.abs(first)))]
-    return first, np.cross(up, first)
+    return first, cross(up, first)
 
 
 # the plane
@@ -174,7 +172,7 @@ def _slider(scene: Scene, anchor: Anchor, scale: float) -> list[Shape]:
 def _across(scene: Scene, anchor: Anchor) -> Vector:
     """To the upper side of a guide in the plane, in ground axes."""
     axis = scene.pose(anchor.bodies[0]).rotation @ anchor.axes[0]
-    across = np.cross(scene.view.toward, axis)
+    across = cross(scene.view.toward, axis)
     return across if across @ scene.view.up >= -1e-9 else -across
 
 
@@ -231,9 +229,8 @@ def _collar(scene: Scene, anchor: Anchor, scale: float) -> list[Shape]:
 
 def _triad(axis: Vector) -> Vector:
     """Columns: the axis and two across."""
-    side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    side = side / float(np.linalg.norm(side))
-    return np.column_stack([axis, side, np.cross(axis, side)])
+    side = across(axis)
+    return np.column_stack([axis, side, cross(axis, side)])
 
 
 def _sleeve(scene: Scene, anchor: Anchor, scale: float) -> list[Shape]:
@@ -248,7 +245,9 @@ def _nut(scene: Scene, anchor: Anchor, scale: float) -> list[Shape]:
     angles = np.linspace(0, 6 * math.pi, 40)
     half, radius = 1.5 * BARREL[0] * pixel, BARREL[1] * pixel
     thread = [
-        at + triad @ np.array([half * (a / (3 * math.pi) - 1), radius * math.cos(a), radius * math.sin(a)])
+        at
+        + triad
+        @ np.array([half * (a / (3 * math.pi) - 1), radius * math.cos(a), radius * math.sin(a)])
         for a in angles
     ]
     line = Shape("line", "fine", tuple(spot(anchor.bodies[0], x) for x in thread))

@@ -1,8 +1,8 @@
 """A motion of the mechanism as data for a page: shapes in the frames of their bodies, and the pose
 of every body at every frame.
 
-A pose is a position and a unit quaternion, seven columns a body; each column is 16-bit whole numbers
-between its least and largest value, which is a hundredth of a pixel on the paper.
+A pose is a position and a unit quaternion, seven columns a body; each column is whole
+numbers of 16 bits between its least and largest value, whose step is a hundredth of a pixel.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.mechanics.records import System
 from derive.model.constraint_records import Rolling
@@ -42,9 +43,9 @@ class Moving:
     bar: float
 
 
-def frames(count: int) -> Vector:
+def frames(count: int) -> NDArray[np.int64]:
     """Rows of a motion that are shown, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(np.int64))
 
 
 def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
@@ -77,7 +78,9 @@ def _fitted(scene: Scene, poses: Vector) -> tuple[Scene, int, tuple[float, float
     box of the picture."""
     some = poses[:: max(1, len(poses) // LOOKED)]
     paths = _paths(scene, some)
-    whole = np.array([scene.view.paper(x) for x in paths.reshape(-1, 3)]).reshape(*paths.shape[:2], 2)
+    whole = np.array([scene.view.paper(x) for x in paths.reshape(-1, 3)]).reshape(
+        *paths.shape[:2], 2
+    )
     extent = np.ptp(whole.reshape(-1, 2), axis=0)
     own = np.max(np.ptp(whole, axis=1), axis=0)
     travels = float(np.max(extent)) > TRAVEL * max(float(np.max(own)), 1e-9) and poses.shape[1] > 0

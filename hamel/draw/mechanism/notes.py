@@ -14,13 +14,14 @@ import numpy as np
 
 from derive.model.load_records import Force, Torque
 from derive.textbook import names
+from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.joints import hangs
 from hamel.draw.mechanism.marks import arrow
 from hamel.draw.mechanism.points import plane_of
 from hamel.draw.mechanism.records import GROUND, Label, Mark, Point, Spot, Vector, spot
-from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.scene import Scene
 from hamel.draw.mechanism.typeset import extent
+from hamel.draw.mechanism.vectors import cross
 
 ARC, INPUT_ARC, TURN = 30.0, 19.0, 15.0  # radii in pixels: of an angle, of a torque, in space
 SHORT = math.radians(9.0)  # an arc less than that shows a sense only
@@ -128,18 +129,14 @@ def _angle(scene: Scene, anchor: Anchor) -> Note:
     far = _polar(at, radius + 9, start)
     marks = (Mark("reference", (at, far)), *arrow("dimension", line))
     middle = start + sweep / 2
-    label = Label(
-        _symbol(name), "coordinate", _polar(at, radius, middle), _headings(middle), 5.0
-    )
+    label = Label(_symbol(name), "coordinate", _polar(at, radius, middle), _headings(middle), 5.0)
     return Note(marks, (label,))
 
 
 def _radius(scene: Scene, anchor: Anchor) -> float:
     """Of an arc: inside short links."""
     here = paper(scene, anchor.spot(1))
-    others = [
-        paper(scene, spot(anchor.bodies[1], x)) for x in scene.held[anchor.bodies[1] + 1]
-    ]
+    others = [paper(scene, spot(anchor.bodies[1], x)) for x in scene.held[anchor.bodies[1] + 1]]
     reach = [math.dist(here, other) for other in others if math.dist(here, other) > 1]
     return min(ARC, max(0.62 * min(reach, default=ARC / 0.62), 14.0))
 
@@ -170,14 +167,16 @@ def _turn(scene: Scene, anchor: Anchor, name: str, driving: str = "") -> Note:
     return about(scene, scene.place(anchor.spot(0)), axis, latex, "dimension")
 
 
-def about(scene: Scene, at: Vector, axis: Vector, latex: str, style: str, out: float = 17.0) -> Note:  # noqa: PLR0913
+def about(
+    scene: Scene, at: Vector, axis: Vector, latex: str, style: str, out: float = 17.0
+) -> Note:
     """An arrow around an axis, at the freer end of it."""
     end = _freer_end(scene, at, axis, out)
     towards = scene.view.toward - axis * float(axis @ scene.view.toward)
     if float(np.linalg.norm(towards)) < 0.15:
         towards = scene.view.up - axis * float(axis @ scene.view.up)
     first = towards / float(np.linalg.norm(towards))
-    second = np.cross(axis, first)
+    second = cross(axis, first)
     radius = TURN * scene.view.pixel
     angles = np.linspace(-2.0, 2.0, PARTS + 1)
     points = [
@@ -255,7 +254,7 @@ def _platform(scene: Scene, anchor: Anchor) -> list[Note]:
     if scene.view.flat:
         notes.append(_tilt(scene, anchor, axes[0], angle))
     else:
-        normal = np.cross(axes[0], axes[1])
+        normal = cross(axes[0], axes[1])
         notes.append(about(scene, end, normal, _symbol(angle), "dimension"))
     return notes
 
@@ -298,9 +297,7 @@ def _tilt(scene: Scene, anchor: Anchor, level: Vector, name: str) -> Note:
     reference = Mark("reference", (at, _polar(at, radius + 12, start)))
     own = Mark("reference", (at, _polar(at, radius + 12, start + sweep)))
     middle = start + sweep / 2
-    label = Label(
-        _symbol(name), "coordinate", _polar(at, radius, middle), _headings(middle), 5.0
-    )
+    label = Label(_symbol(name), "coordinate", _polar(at, radius, middle), _headings(middle), 5.0)
     return Note((reference, own, *arrow("dimension", line)), (label,))
 
 
@@ -371,15 +368,13 @@ def _on_point(scene: Scene, coordinate: str, latex: str) -> list[Note]:
     return []
 
 
-def _driven(
-    scene: Scene, anchor: Anchor, velocity: str, coordinate: str, latex: str
-) -> list[Note]:
+def _driven(scene: Scene, anchor: Anchor, velocity: str, coordinate: str, latex: str) -> list[Note]:
     """The arrow of an actuator at its joint."""
     slot = velocity.rpartition(".")[2]
     turning = anchor.type in ("revolute", "screw") or slot.startswith("w")
     if anchor.type == "universal":
-        second = coordinate == anchor.coordinates[-1] and anchor.axis2 is not None
-        axis = anchor.axis2 if second else anchor.axes[1]
+        second = anchor.axis2 if coordinate == anchor.coordinates[-1] else None
+        axis = anchor.axes[1] if second is None else second
         axis = scene.pose(anchor.bodies[1]).rotation @ axis
         return [about(scene, scene.place(anchor.spot(1)), -axis, latex, "input")]
     if turning and scene.view.flat:
@@ -469,9 +464,7 @@ def _load(scene: Scene, x: Force | Torque) -> list[Note]:
 def triad(scene: Scene, at: Point, rotation: Vector, length: float, letters: str = "") -> Note:
     """The axes of a frame on the paper."""
     axes = [rotation[:, k] for k in range(3)]
-    shown = (
-        [(scene.view.right, ""), (scene.view.up, "")] if scene.view.flat and not letters else []
-    )
+    shown = [(scene.view.right, ""), (scene.view.up, "")] if scene.view.flat and not letters else []
     plane = plane_of(scene.model) or "xyz"
     if letters or not scene.view.flat:
         shown = [(axes["xyz".index(letter)], letter) for letter in plane]
@@ -510,7 +503,9 @@ def gravity(scene: Scene, at: Point) -> Note:
     if not length > 0:
         return Note((), ())
     tip = (at[0] + GRAVITY * dx / length, at[1] + GRAVITY * dy / length)
-    label = Label(r"\mathbf{g}", "gravity", ((at[0] + tip[0]) / 2, (at[1] + tip[1]) / 2), (0.0, 180.0), 5.0)
+    label = Label(
+        r"\mathbf{g}", "gravity", ((at[0] + tip[0]) / 2, (at[1] + tip[1]) / 2), (0.0, 180.0), 5.0
+    )
     return Note(tuple(arrow("gravity", [at, tip])), (label,))
 
 
@@ -525,7 +520,9 @@ def joint_names(scene: Scene, wanted: Sequence[str]) -> list[Label]:
         if anchor.name in wanted and anchor.type not in ("planar", "free"):
             at = paper(scene, anchor.spot(1))
             labels.append(
-                Label(_word(anchor.name), "joint", at, (135.0, 45.0, 225.0, 315.0, 180.0, 0.0), away)
+                Label(
+                    _word(anchor.name), "joint", at, (135.0, 45.0, 225.0, 315.0, 180.0, 0.0), away
+                )
             )
     return labels
 

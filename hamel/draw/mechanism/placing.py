@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 from hamel.draw.mechanism.records import Box, Label, Lettering, Mark, Point
 from hamel.draw.mechanism.typeset import extent
@@ -57,7 +58,7 @@ def _sampled(mark: Mark) -> list[Point]:
         return _edges(mark)
     points: list[Point] = []
     ends = (*mark.points, mark.points[0]) if mark.closed else mark.points
-    for (x0, y0), (x1, y1) in zip(ends, ends[1:]):
+    for (x0, y0), (x1, y1) in pairwise(ends):
         count = max(1, int(math.dist((x0, y0), (x1, y1)) / GRID))
         points += [(x0 + (x1 - x0) * k / count, y0 + (y1 - y0) * k / count) for k in range(count)]
     return [*points, ends[-1]]
@@ -99,7 +100,9 @@ def _best(label: Label, ground: Ground, taken: Sequence[Box]) -> Lettering | Non
             box = _box(label, direction, label.away + further)
             if any(box.grown(CLEAR).overlaps(other) for other in taken):
                 continue
-            cost = FURTHER * further + _strange(label, rank) + COVERED * ground.covered(box.grown(1.5))
+            cost = (
+                FURTHER * further + _strange(label, rank) + COVERED * ground.covered(box.grown(1.5))
+            )
             if best is None or cost < best[0] - 1e-9:
                 best = (cost, box, further)
         if best is not None and best[0] < ENOUGH:

@@ -7,13 +7,15 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from derive.expressions.scalars import Matrix
+from derive.expressions.scalars import Vector as Numbers
 from derive.joints.rotations import matrix, product
 from derive.mechanics.records import Place, System
 from derive.mechanics.tree import ground_point, ground_positions, ground_rotations
 from hamel.draw.mechanism.points import Dial, Loose
 from hamel.draw.mechanism.records import Pose, Vector
 
-ORIGIN = [0.0, 0.0, 0.0]
+ORIGIN: Numbers = [0.0, 0.0, 0.0]
 MOVING = 12  # numbers of a pose: three rows of the rotation, and the position
 
 
@@ -61,7 +63,7 @@ def pose(row: Vector) -> Pose:
     return Pose(row[:9].reshape(3, 3), row[9:])
 
 
-def _rotation(place: Place, rotations: list) -> list:  # type: ignore[type-arg]
+def _rotation(place: Place, rotations: list[Matrix]) -> Matrix:
     """Ground ← body."""
     own = matrix(place.rotation)
     return own if place.link < 0 else product(rotations[place.link], own)

@@ -18,8 +18,8 @@ from derive.model.load_records import Bushing, Force, PointSpring
 from derive.model.records import GROUND as GROUND_NAME
 from derive.model.records import Model, Placement
 from hamel.draw.mechanism.anchors import Anchor
-from hamel.draw.mechanism.poses import Bodies
 from hamel.draw.mechanism.points import Bonds, Dial, Loose, bonds, dials, loose_points
+from hamel.draw.mechanism.poses import Bodies
 from hamel.draw.mechanism.records import GROUND, Pose, Spot, Vector, spot
 from hamel.draw.mechanism.shifts import shifted
 from hamel.draw.mechanism.view import View
@@ -69,7 +69,7 @@ class Scene:
     traced: tuple[tuple[str, Spot], ...]  # outputs that are points
     spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     reach: tuple[Vector, ...] = ()  # points of the ground that a motion reaches
-    bonds: Bonds = Bonds()
+    bonds: Bonds = field(default_factory=Bonds)
     loose: tuple[Loose, ...] = ()
     dials: tuple[Dial, ...] = ()
 
@@ -225,9 +225,7 @@ def _points(x: object) -> list[tuple[str, Sequence[Expression]]]:
             return []
 
 
-def _traced(
-    model: Model, names: Sequence[str], numbers: Numbers
-) -> list[tuple[str, Spot]]:
+def _traced(model: Model, names: Sequence[str], numbers: Numbers) -> list[tuple[str, Spot]]:
     """Outputs that are the position of a point of a body."""
     spots = []
     for output in model.outputs:

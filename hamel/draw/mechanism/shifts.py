@@ -57,7 +57,7 @@ def _beside(anchor: Anchor, points: dict[int, list[Vector]], size: float) -> Anc
         others = [x for x in points[body] if float(np.linalg.norm(x - at)) > SAME * size]
         if not others:
             return anchor
-        reaches = [float((x - at) @ axis) for x in others] + ([] if not reaches else reaches)
+        reaches = [float((x - at) @ axis) for x in others] + reaches
     near = min(reaches, key=abs)
     same = all(reach * near > 0 for reach in reaches) and abs(near) > ASIDE * size
     child = [float((x - anchor.points[1]) @ anchor.axes[1]) for x in points[anchor.bodies[1]]]

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from hamel.draw.mechanism.records import Shape, Vector, spot
+from hamel.draw.mechanism.vectors import across, cross
 
 AROUND = 36  # corners of a circle
 CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -29,13 +30,10 @@ def box(index: int, at: Vector, axes: Vector, halves: Vector, style: str) -> Sha
     return Shape("solid", style, tuple(spots), faces=FACES)
 
 
-def cylinder(  # noqa: PLR0913
-    index: int, at: Vector, axis: Vector, half: float, radius: float, style: str
-) -> Shape:
+def cylinder(index: int, at: Vector, axis: Vector, half: float, radius: float, style: str) -> Shape:
     """A cylinder about a unit axis: its outline and its two ends."""
-    side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    first = side / float(np.linalg.norm(side))
-    second = np.cross(axis, first)
+    first = across(axis)
+    second = cross(axis, first)
     below = ring(at - half * axis, first, second, radius)
     above = ring(at + half * axis, first, second, radius)
     spots = tuple(spot(index, x) for x in (*below, *above))

@@ -1,8 +1,8 @@
 """The configuration that is drawn.
 
 The consistent initial state of the model; where single angles are zero there, which lays links on
-their lines of reference, they are turned a little, and a platform that stands on the ground's origin
-is moved away from it. What the constraints do not allow is left as it is.
+their lines of reference, they are turned a little, and a platform that stands on the ground's
+origin is moved away from it. What the constraints do not allow is left as it is.
 """
 
 from __future__ import annotations

@@ -156,7 +156,7 @@ def drawn(mark: Mark) -> str:
 
 def _lettering(x: Lettering) -> str:
     """The letters in the middle of their box, and the line that leads to what they name."""
-    width, above, _ = extent(x.label.latex)
+    _, above, _ = extent(x.label.latex)
     middle = (x.box.left + x.box.right) / 2
     base = x.box.top + above
     spans, level = [], 0
@@ -166,9 +166,7 @@ def _lettering(x: Lettering) -> str:
         level = run.level
         looks = {"italic": "i", "bold": "b"}.get(run.look, "")
         classes = " ".join(c for c in (looks, "s" if run.level else "") if c)
-        spans.append(
-            element("tspan", html.escape(run.text), class_=classes or None, dy=dy or None)
-        )
+        spans.append(element("tspan", html.escape(run.text), class_=classes or None, dy=dy or None))
     text = element(
         "text",
         "".join(spans),

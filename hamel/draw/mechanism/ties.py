@@ -10,11 +10,12 @@ import numpy as np
 from derive.expressions.tree import Name, walk
 from derive.model.constraint_records import Distance, Holonomic, NoSlip, Rolling
 from derive.model.load_records import Bushing, JointDamper, JointSpring, PointSpring
+from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.joints import PIN, bearing, hatched
 from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
-from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.scene import Scene
 from hamel.draw.mechanism.solids import ring
+from hamel.draw.mechanism.vectors import across, cross
 
 AXLE, TYRE = 13.0, (7.0, 2.6)  # half an axle; half sides of a wheel, in pixels
 FLOOR = 40.0  # pixels of floor beyond what rolls on it
@@ -65,9 +66,9 @@ def _wheels(scene: Scene, x: NoSlip, scale: float) -> list[Shape]:
         return []
     axle = axle / length
     normal = scene.view.toward if scene.view.flat else np.array([0.0, 0.0, 1.0])
-    along = np.cross(axle, normal)
+    along = cross(axle, normal)
     if not along.any():
-        along = np.cross(axle, np.array([1.0, 0.0, 0.0]))
+        along = cross(axle, np.array([1.0, 0.0, 0.0]))
     pixel = scene.view.pixel * scale
     ends = [at + s * AXLE * pixel * axle for s in (-1, 1)]
     shapes = [Shape("line", "axle", tuple(spot(index, end) for end in ends))]
@@ -91,7 +92,7 @@ def _floor(scene: Scene, x: Rolling, floors: set[tuple[float, ...]]) -> list[Sha
     floors.add(key)
     feet = _feet(scene, normal, origin)
     if scene.view.flat:
-        along = np.cross(normal, scene.view.toward)
+        along = cross(normal, scene.view.toward)
         reach = [float(along @ foot) for foot in feet]
         room = FLOOR * scene.view.pixel
         base = normal * float(origin @ normal)
@@ -115,9 +116,8 @@ def _feet(scene: Scene, normal: Vector, origin: Vector) -> list[Vector]:
 
 
 def _around(normal: Vector, radius: float) -> list[Vector]:
-    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    first = first / float(np.linalg.norm(first))
-    second = np.cross(normal, first)
+    first = across(normal)
+    second = cross(normal, first)
     return [radius * s * axis for s in (-1, 1) for axis in (first, second)]
 
 
@@ -127,7 +127,7 @@ def _grid(scene: Scene, normal: Vector, origin: Vector, feet: list[Vector]) -> l
     if float(np.linalg.norm(level)) < 0.5:
         level = np.eye(3)[1] - normal * normal[1]
     first = level / float(np.linalg.norm(level))
-    second = np.cross(normal, first)
+    second = cross(normal, first)
     base = normal * float(origin @ normal)
     room = 0.6 * FLOOR * scene.view.pixel
     spans = [
@@ -141,9 +141,7 @@ def _grid(scene: Scene, normal: Vector, origin: Vector, feet: list[Vector]) -> l
              for a in _lines(scene, a0, a1)]  # fmt: skip
     lines += [(base + a0 * first + b * second, base + a1 * first + b * second)
               for b in _lines(scene, b0, b1)]  # fmt: skip
-    return shapes + [
-        Shape("line", "grid", tuple(spot(GROUND, x) for x in ends)) for ends in lines
-    ]
+    return shapes + [Shape("line", "grid", tuple(spot(GROUND, x) for x in ends)) for ends in lines]
 
 
 def _lines(scene: Scene, low: float, high: float) -> list[float]:
@@ -167,9 +165,7 @@ def _meshing(scene: Scene, x: Holonomic) -> list[Shape]:
     if distance * scene.view.scale < 4 or not whole > 0 or rates[0] * rates[1] <= 0:
         return []
     # c₁ ω₁ + c₂ ω₂ = 0 and r₁ ω₁ = −r₂ ω₂: radii are as the coefficients
-    return [
-        _pitch_circle(scene, a, distance * abs(rate) / whole) for a, rate in zip(wheels, rates)
-    ]
+    return [_pitch_circle(scene, a, distance * abs(rate) / whole) for a, rate in zip(wheels, rates)]
 
 
 def _occurs(x: Holonomic, name: str) -> bool:
@@ -189,9 +185,7 @@ def _slope(scene: Scene, x: Holonomic, name: str) -> float:
 
 def _pitch_circle(scene: Scene, anchor: Anchor, radius: float) -> Shape:
     rim = ring(anchor.points[1], scene.view.right, scene.view.up, radius)
-    return Shape(
-        "line", "pitch", tuple(spot(anchor.bodies[1], at) for at in rim), closed=True
-    )
+    return Shape("line", "pitch", tuple(spot(anchor.bodies[1], at) for at in rim), closed=True)
 
 
 def load_shapes(scene: Scene, scale: float) -> list[Shape]:
@@ -256,8 +250,8 @@ def _along(scene: Scene, anchor: Anchor, kind: str, scale: float) -> list[Shape]
     shape = Shape(kind, kind, (spot(child, end), spot(carrier, wall)), size=beside)
     if carrier != GROUND or not scene.view.flat:
         return [shape]
-    across = np.cross(scene.view.toward, axis)
-    half = WALL * pixel * (across if across @ scene.view.up >= 0 else -across)
+    side = cross(scene.view.toward, axis)
+    half = WALL * pixel * (side if side @ scene.view.up >= 0 else -side)
     return [*hatched(scene, (wall - half, wall + half), axis, scale), shape]
 
 
@@ -265,18 +259,15 @@ def _spiral(scene: Scene, anchor: Anchor, scale: float) -> Shape:
     """Carried by the parent."""
     radius, turns = COIL
     pixel = scene.view.pixel * scale
-    across, up = scene.view.right, scene.view.up
+    side, up = scene.view.right, scene.view.up
     if not scene.view.flat:
         axis = anchor.axes[0]
-        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-        across = across / float(np.linalg.norm(across))
-        up = np.cross(axis, across)
+        side = across(axis)
+        up = cross(axis, side)
     angles = np.linspace(0, 2 * math.pi * turns, 48)
     at = np.array(anchor.spot(0).at)
     reach = pixel * (6 + (radius - 6) * angles / angles[-1])
-    points = [
-        at + r * (math.cos(a) * across + math.sin(a) * up) for r, a in zip(reach, angles)
-    ]
+    points = [at + r * (math.cos(a) * side + math.sin(a) * up) for r, a in zip(reach, angles)]
     return Shape("line", "spring", tuple(spot(anchor.bodies[0], x) for x in points))
 
 

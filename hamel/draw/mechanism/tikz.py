@@ -13,9 +13,7 @@ def tikz(figure: Figure) -> str:
     """The tikzpicture; it needs the package tikz and nothing else."""
     colours = LIGHT | {"paper": "#ffffff"}
     lines = [_colour(name, value) for name, value in colours.items()]
-    lines.append(
-        rf"\begin{{tikzpicture}}[x={UNIT}bp,y=-{UNIT}bp,line cap=round,line join=round]"
-    )
+    lines.append(rf"\begin{{tikzpicture}}[x={UNIT}bp,y=-{UNIT}bp,line cap=round,line join=round]")
     lines += [_mark(mark, figure.bar) for mark in figure.marks]
     for x in figure.letterings:
         if x.leader:

@@ -8,16 +8,14 @@ from dataclasses import dataclass
 SIZE = 14.0  # pixels of a letter
 SMALL = 0.72  # of an index
 WIDE = 0.96  # of the widest capital letters, in sizes
-GREEK = dict(
-    zip(
-        (
-            "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma "
-            "tau upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi "
-            "Omega"
-        ).split(),
-        "αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΥΦΨΩ",
-    )
-)
+LETTERS = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ",
+    "eta": "η", "theta": "θ", "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν",
+    "xi": "ξ", "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "upsilon": "υ", "phi": "φ",
+    "chi": "χ", "psi": "ψ", "omega": "ω", "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ",
+    "Lambda": "Λ", "Xi": "Ξ", "Pi": "Π", "Sigma": "Σ", "Upsilon": "Υ", "Phi": "Φ", "Psi": "Ψ",
+    "Omega": "Ω",
+}  # fmt: skip
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|[_^{}]|.", re.DOTALL)
 _DOTS = {"dot": "\u0307", "ddot": "\u0308"}
 _UPRIGHT = {"mathrm": "upright", "text": "upright", "mathbf": "bold"}
@@ -62,8 +60,8 @@ def _piece(tokens: list[str], k: int, look: str, level: int) -> tuple[list[Run],
     if name in _DOTS and k + 1 < len(tokens):
         inner, k = _piece(tokens, k + 1, look, level)
         return [*inner[:-1], Run(inner[-1].text + _DOTS[name], inner[-1].look, level)], k
-    if name in GREEK:
-        return [Run(GREEK[name], "italic" if name[0].islower() else "upright", level)], k + 1
+    if name in LETTERS:
+        return [Run(LETTERS[name], "italic" if name[0].islower() else "upright", level)], k + 1
     digit = token.isdigit()
     return [Run(name or token, "upright" if digit else look, level)], k + 1
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hamel.draw.mechanism.records import Point, Vector
+from hamel.draw.mechanism.vectors import cross
 
 AXES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 ELEVATION = np.radians(20.0)
@@ -47,7 +48,7 @@ def planar(plane: str) -> View:
     """The plane's first axis to the right and its second up."""
     first, second = AXES[plane]
     right, up = np.eye(3)[first], np.eye(3)[second]
-    return View(right, up, np.cross(right, up))
+    return View(right, up, cross(right, up))
 
 
 def axonometric(up: Vector, points: Sequence[Vector]) -> View:
@@ -64,13 +65,13 @@ def _turned(up: Vector, azimuth: float) -> View:
     if np.linalg.norm(along) < 0.5:
         along = np.eye(3)[1] - up[1] * up
     along = along / np.linalg.norm(along)
-    across = np.cross(up, along)
+    aside = cross(up, along)
     angle = np.radians(azimuth)
-    level = np.cos(angle) * along + np.sin(angle) * across
+    level = np.cos(angle) * along + np.sin(angle) * aside
     toward = np.cos(ELEVATION) * level + np.sin(ELEVATION) * up
-    right = np.cross(up, toward)
+    right = cross(up, toward)
     right = right / np.linalg.norm(right)
-    return View(right, np.cross(toward, right), toward, flat=False)
+    return View(right, cross(toward, right), toward, flat=False)
 
 
 def _spread(view: View, points: Sequence[Vector]) -> float:

@@ -4,7 +4,7 @@ a phone, with every label in a place of its own."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,12 +75,14 @@ def picture(system: System) -> Figure | None:
         return None
 
 
-def framed(system: System, state: Configuration) -> Scene:
-    """The scene with a view whose scale fits the paper."""
+def framed(
+    system: System, state: Configuration, spans: Mapping[str, tuple[float, float]] | None = None
+) -> Scene:
+    """The scene with a view whose scale fits the paper; `spans`: what a motion reaches."""
     plane = plane_of(system.model)
     right, up, toward = np.eye(3)
     flat = planar(plane) if plane else View(right, up, toward, flat=False)
-    space = scene(system, state.q, state.p, flat)
+    space = scene(system, state.q, state.p, flat, spans)
     points = [space.pose(k - 1).point(x) for k, some in enumerate(space.held) for x in some]
     points += _extremes(space)
     view = planar(plane) if plane else axonometric(_upward(space), points)

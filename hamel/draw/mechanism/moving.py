@@ -12,21 +12,26 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from derive.mechanics.records import System
 from derive.model.constraint_records import Rolling
-from hamel.draw.mechanism.figure import ROOM, bar_width, framed, shapes
+from hamel.draw.mechanism.figure import ROOM, bar_width, bounds, framed, shapes
 from hamel.draw.mechanism.marks import marks
 from hamel.draw.mechanism.poses import Bodies, pose
-from hamel.draw.mechanism.records import GROUND, Mark, Shape, Vector
+from hamel.draw.mechanism.records import GROUND, Box, Mark, Shape, Vector
 from hamel.draw.mechanism.scene import Scene
 from hamel.draw.mechanism.state import INITIAL, Configuration
 
 MOST_FRAMES = 600
 LEVELS = 65535
-MARGIN = 34.0  # pixels around what moves
+MARGIN = 14.0  # pixels around what moves
+MOST = 320.0  # pixels beyond where it starts
+SMALL = 110.0  # pixels: a mechanism is not drawn smaller at the start
+BOXES = 16  # frames whose boxes are joined
+FLOORS = ("floor", "grid", "hatch", "ground", "rail")
 TRAVEL = 4.0  # sizes of the mechanism, beyond which the picture goes along with it
 LOOKED = 60  # frames that the extent is read from
 CONSTANT = 1e-12
@@ -55,12 +60,12 @@ def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
         name: (float(low), float(high))
         for name, low, high in zip(names, q.min(axis=0), q.max(axis=0))
     }
-    start = replace(framed(system, Configuration(q[0], p, INITIAL)), spans=spans)
+    start = framed(system, Configuration(q[0], p, INITIAL), spans)
     bodies = Bodies(system, start.loose, start.dials)
     poses = bodies.many(t, q, p)
-    scene, follow, box = _fitted(start, poses)
-    parts = shapes(scene)
-    first = tuple(marks(scene, parts))
+    scene, follow = _fitted(start, poses)
+    parts = [x for x in shapes(scene) if x.style != "curve" or not _changing(system)]
+    box = _box(scene, parts, poses, follow)
     data = {
         "t": [round(float(x), 9) for x in t],
         "poses": _packed(poses),
@@ -70,36 +75,57 @@ def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
         "follow": follow,
         "box": [round(x, 1) for x in box],
     }
-    return Moving(data, first, box, bar_width(scene))
+    return Moving(data, tuple(marks(scene, parts)), box, bar_width(scene))
 
 
-def _fitted(scene: Scene, poses: Vector) -> tuple[Scene, int, tuple[float, float, float, float]]:
-    """The scene at a scale at which the motion fits, which body is followed (−1 for none), and the
-    box of the picture."""
-    some = poses[:: max(1, len(poses) // LOOKED)]
+def _changing(system: System) -> bool:
+    """Whether constraints change by themselves: their curves are those of one time."""
+    return bool(ca.depends_on(system.phi, system.t)) if system.phi.numel() else False
+
+
+def _fitted(scene: Scene, poses: Vector) -> tuple[Scene, int]:
+    """The scene at a scale at which the motion fits, and which body the picture follows (−1 for
+    none)."""
+    some = _sample(poses, LOOKED)
     paths = _paths(scene, some)
-    whole = np.array([scene.view.paper(x) for x in paths.reshape(-1, 3)]).reshape(
-        *paths.shape[:2], 2
-    )
-    extent = np.ptp(whole.reshape(-1, 2), axis=0)
-    own = np.max(np.ptp(whole, axis=1), axis=0)
-    travels = float(np.max(extent)) > TRAVEL * max(float(np.max(own)), 1e-9) and poses.shape[1] > 0
-    follow = 0 if travels else GROUND
+    flat = np.array([scene.view.paper(x) for x in paths.reshape(-1, 3)])
+    whole = flat.reshape(*paths.shape[:2], 2)
+    extent, own = np.ptp(flat, axis=0), np.max(np.ptp(whole, axis=1), axis=0)
+    first = float(np.max(np.ptp(whole[0], axis=0)))
+    free = any(anchor.type in ("planar", "free") for anchor in scene.anchors)
+    travels = free and float(np.max(extent)) > TRAVEL * max(float(np.max(own)), 1e-9)
     if travels:
         base = np.array([scene.view.paper(x) for x in some[:, 0, 9:]])
-        whole = whole - base[:, None, :]
-        extent = np.ptp(whole.reshape(-1, 2), axis=0)
+        extent = np.ptp((whole - base[:, None, :]).reshape(-1, 2), axis=0)
     ratios = [room / x for room, x in zip(ROOM, extent) if x > 0]
-    by = min(ratios, default=1.0)
-    low, high = whole.reshape(-1, 2).min(axis=0) * by, whole.reshape(-1, 2).max(axis=0) * by
-    box = (
-        float(low[0]) - MARGIN,
-        float(low[1]) - MARGIN,
-        float(high[0] - low[0]) + 2 * MARGIN,
-        float(high[1] - low[1]) + 2 * MARGIN,
-    )
+    by = max(min(ratios, default=1.0), SMALL / first if first > 0 else 0.0)
     view = replace(scene.view, scale=scene.view.scale * by)
-    return replace(scene, view=view, reach=_reach(scene, some)), follow, box
+    return replace(scene, view=view, reach=_reach(scene, some)), 0 if travels else GROUND
+
+
+def _sample(poses: Vector, count: int) -> Vector:
+    """Some of the frames."""
+    return poses[:: max(1, len(poses) // count)]
+
+
+def _box(
+    scene: Scene, parts: Sequence[Shape], poses: Vector, follow: int
+) -> tuple[float, float, float, float]:
+    """Left, top, width and height (pixels) of what is drawn on the way, floors left aside; no more
+    than fits around the start."""
+    moved = [x for x in parts if x.style not in FLOORS]
+    boxes = []
+    for row in _sample(poses, BOXES):
+        here = replace(scene, poses=tuple(pose(x) for x in row))
+        box = bounds(marks(here, moved))
+        x, y = here.view.paper(row[follow][9:]) if follow >= 0 else (0.0, 0.0)
+        boxes.append(Box(box.left - x, box.top - y, box.right - x, box.bottom - y))
+    first = boxes[0]
+    left = max(min(x.left for x in boxes), first.left - MOST) - MARGIN
+    top = max(min(x.top for x in boxes), first.top - MOST) - MARGIN
+    right = min(max(x.right for x in boxes), first.right + MOST) + MARGIN
+    bottom = min(max(x.bottom for x in boxes), first.bottom + MOST) + MARGIN
+    return left, top, right - left, bottom - top
 
 
 def _paths(scene: Scene, poses: Vector) -> Vector:

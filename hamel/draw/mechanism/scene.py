@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -100,7 +101,7 @@ class Scene:
         some = self.model.bodies
         return self.numbers.vector(some[body].com) if 0 <= body < len(some) else np.zeros(3)
 
-    @property
+    @cached_property
     def size(self) -> float:
         """The largest extent of the points held, in metres."""
         points = [self.pose(k - 1).point(x) for k, some in enumerate(self.held) for x in some]

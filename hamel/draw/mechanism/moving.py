@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from derive.mechanics.records import System
 from derive.model.constraint_records import Rolling
-from hamel.draw.mechanism.figure import ROOM, bar_width, bounds, framed, shapes
+from hamel.draw.mechanism.figure import ROOM, WIDTH, bar_width, bounds, framed, shapes
 from hamel.draw.mechanism.marks import marks
 from hamel.draw.mechanism.poses import Bodies, pose
 from hamel.draw.mechanism.records import GROUND, Box, Mark, Shape, Vector
@@ -64,8 +64,11 @@ def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
     bodies = Bodies(system, start.loose, start.dials)
     poses = bodies.many(t, q, p)
     scene, follow = _fitted(start, poses)
-    parts = [x for x in shapes(scene) if x.style != "curve" or not _changing(system)]
-    box = _box(scene, parts, poses, follow)
+    parts, box = _drawn(scene, poses, follow)
+    if max(box[2:]) > WIDTH:  # bars go beyond what is held
+        by = WIDTH / max(box[2:])
+        scene = replace(scene, view=replace(scene.view, scale=by * scene.view.scale))
+        parts, box = _drawn(scene, poses, follow)
     data = {
         "t": [round(float(x), 9) for x in t],
         "poses": _packed(poses),
@@ -76,6 +79,15 @@ def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
         "box": [round(x, 1) for x in box],
     }
     return Moving(data, tuple(marks(scene, parts)), box, bar_width(scene))
+
+
+def _drawn(
+    scene: Scene, poses: Vector, follow: int
+) -> tuple[list[Shape], tuple[float, float, float, float]]:
+    """The shapes, and the box of the picture."""
+    still = not _changing(scene.system)
+    parts = [x for x in shapes(scene) if x.style != "curve" or still]
+    return parts, _box(scene, parts, poses, follow)
 
 
 def _changing(system: System) -> bool:

@@ -262,9 +262,7 @@ class Program:
     def simulates(self) -> bool:
         """Is there a state derivative to integrate?"""
         length = len(self.argument("x").names)
-        return any(
-            kernel.name == "dynamics" and kernel.shape == (length,) for kernel in self.kernels
-        )
+        return self.has("dynamics") and self.kernel("dynamics").shape == (length,)
 
     @property
     def offered(self) -> tuple[Kernel, ...]:
@@ -277,9 +275,20 @@ class Program:
         return (*self.offered, *(stepper.row for stepper in self.steppers))
 
     def argument(self, name: str) -> Argument:
-        """The argument slot called `name`."""
-        return next(argument for argument in self.arguments if argument.name == name)
+        """The argument slot called `name`. Raises KeyError where there is none."""
+        return {argument.name: argument for argument in self.arguments}[name]
+
+    def has(self, name: str) -> bool:
+        """Whether there is a function of that name."""
+        return any(kernel.name == name for kernel in self.kernels)
 
     def kernel(self, name: str) -> Kernel:
-        """The function called `name`."""
-        return next(kernel for kernel in self.kernels if kernel.name == name)
+        """The function called `name`. Raises KeyError where there is none."""
+        return {kernel.name: kernel for kernel in self.kernels}[name]
+
+    def in_chart(self, name: str, suffix: str) -> Kernel | None:
+        """The function as a chart has it: its own, else that of all charts; None without either."""
+        own = f"{name}{suffix}"
+        if self.has(own):
+            return self.kernel(own)
+        return self.kernel(name) if self.has(name) else None

@@ -17,6 +17,8 @@ from derive.diagnostics import AssumptionError, Diagnostic
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+# stands for zero under a line: what is divided by it is as large as can be, and yet a number
+NONZERO = 1e-300
 FAILURES = (ArithmeticError, np.linalg.LinAlgError)
 ADVICE = "numbers of like size: look for a mass, length or inertia that is zero or out of scale"
 

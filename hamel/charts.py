@@ -53,44 +53,46 @@ def inputs(found: Any, u: np.ndarray) -> np.ndarray:
 
 
 def pieces(
-    module: ModuleType, found: Simulation, nq: int, u: np.ndarray, p: np.ndarray
+    module: ModuleType, simulation: Simulation, nq: int, u: np.ndarray, p: np.ndarray
 ) -> Iterator[tuple[int, np.ndarray, Simulation]]:
     """Each chart that has rows of what simulate() found: its number, the rows, and these with x in
     its own coordinates."""
-    if found.chart is None:
-        yield 0, np.arange(len(found.t)), found
+    if simulation.chart is None:
+        yield 0, np.arange(len(simulation.t)), simulation
         return
-    for chart in sorted(set(found.chart.tolist()) - {-1}):
-        rows = np.nonzero(found.chart == chart)[0]
+    for chart in sorted(set(simulation.chart.tolist()) - {-1}):
+        rows = np.nonzero(simulation.chart == chart)[0]
         state = in_chart(module, "state", chart)
         assert state is not None  # every chart has one
-        assert found.v is not None  # it comes with the charts
+        assert simulation.v is not None  # it comes with the charts
         here = p[rows] if p.ndim > 1 else p
-        fed = None if found.u is None else found.u[rows]
+        fed = None if simulation.u is None else simulation.u[rows]
         now = u if fed is None else fed
-        x = state(found.t[rows], np.hstack([found.x[rows, :nq], found.v[rows]]), now, here)
-        framed = here if found.p is not None else None
-        t, work = found.t[rows], found.work[rows]
-        yield chart, rows, replace(found, t=t, x=x, work=work, p=framed, u=fed)
+        x = state(
+            simulation.t[rows], np.hstack([simulation.x[rows, :nq], simulation.v[rows]]), now, here
+        )
+        framed = here if simulation.p is not None else None
+        t, work = simulation.t[rows], simulation.work[rows]
+        yield chart, rows, replace(simulation, t=t, x=x, work=work, p=framed, u=fed)
 
 
 def at_rows(
-    module: ModuleType, name: str, found: Simulation, nq: int, u: np.ndarray, p: np.ndarray
+    module: ModuleType, name: str, simulation: Simulation, nq: int, u: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
     """The function at every row, in the chart the row was made in; no column where the module has
     no such function."""
     if not hasattr(module, name):
-        return np.zeros((len(found.t), 0))
+        return np.zeros((len(simulation.t), 0))
     parts = [
         (rows, in_chart(module, name, chart), part)
-        for chart, rows, part in pieces(module, found, nq, u, p)
+        for chart, rows, part in pieces(module, simulation, nq, u, p)
     ]
     values = [
         (rows, call(part.t, part.x, inputs(part, u), parameters(part, p)))
         for rows, call, part in parts
         if call is not None
     ]
-    made = np.full((len(found.t), *(values[0][1].shape[1:] if values else (0,))), np.nan)
+    made = np.full((len(simulation.t), *(values[0][1].shape[1:] if values else (0,))), np.nan)
     for rows, value in values:
         made[rows] = value
     return made

@@ -9,9 +9,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from derive.diagnostics import ToolchainError
+
+if TYPE_CHECKING:
+    from codegen.runtime.simulation import Simulation
 
 
 def as_json(record: Any) -> Any:
@@ -358,8 +361,8 @@ class Switch:
 
 @dataclass(frozen=True)
 class Simulated:
-    """A motion and how far it can be trusted. The arrays are in `motion` and are left out of
-    `--json`."""
+    """A motion and how far it can be trusted. The arrays are in `motion`, by name, and are left out
+    of `--json`; `simulation` is the motion as whoever integrated it gave it, with its status."""
 
     model: str
     formulation: str
@@ -397,7 +400,10 @@ class Simulated:
     # the state (coordinates, quasi-velocities) at each of these times, a row each
     at_events: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
     motion: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
+    simulation: Simulation | None = field(repr=False, default=None, metadata={"json": False})
+    title: str = field(repr=False, default="", metadata={"json": False})
     automatic: bool = False  # the integrator was left to `auto`
+    why: str = ""  # it is not the one by the tolerance
     units: Mapping[str, str] = field(repr=False, default_factory=dict, metadata={"json": False})
     figure: Callable[[], str] | None = field(repr=False, default=None, metadata={"json": False})
 

@@ -32,6 +32,12 @@ INTEGRATORS: tuple[Integrator, ...] = (
     TAYLOR,
 )
 
+
+def integrator_of(name: str) -> Integrator | None:
+    """The integrator of that name; None where there is none."""
+    return {integrator.name: integrator for integrator in INTEGRATORS}.get(name)
+
+
 AUTO = "auto"  # the word that leaves the choice to the tolerance and the number of motions
 AUTOMATIC = ("dop853", "verner9", "taylor")  # what it chooses from, where they fit the program
 TIGHT = 1e-7  # rtol; from it on the pair of order 9 takes less time than that of order 8
@@ -49,4 +55,5 @@ __all__ = [
     "Rosenbrock",
     "Tableau",
     "Taylor",
+    "integrator_of",
 ]

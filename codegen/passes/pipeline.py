@@ -3,22 +3,19 @@ each one did."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
 from codegen.passes import hoist as parameters
-from codegen.passes.balance import balance
-from codegen.passes.factor import factor
-from codegen.passes.graph import Mark, Work, same
+from codegen.passes.graph import Mark
 from codegen.passes.hoist import hoist
+from codegen.passes.improve import Candidate, count, improve, used_operations
 from codegen.passes.initial import initial
-from codegen.passes.invert import invert
 from codegen.passes.lanes import BATCHED
-from codegen.passes.lower import Lowered, Operation, lower
+from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
-from codegen.passes.plain import plain
 from codegen.passes.schedule import schedule
 from codegen.passes.selection import (
     chart_suffix,
@@ -33,16 +30,14 @@ from codegen.passes.selection import (
     usual_enforcements,
     watched_functions,
 )
-from codegen.passes.share import share
 from codegen.passes.split import is_long
 from codegen.passes.steppers import with_steppers
 from codegen.passes.taylor import SERIES, check_series, series_refusal
-from codegen.passes.trace import Tape, record, trace
+from codegen.passes.trace import Tape, record
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
 from codegen.program import (
     CALLED,
-    KINDS,
     Argument,
     Chart,
     Entry,
@@ -57,21 +52,6 @@ from codegen.program import (
 from derive.formulations import records
 from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
-
-PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
-ROUNDS = 4  # as long as a round of passes helps
-LONG = 2_000  # operations from which one round has to do
-LARGE = 10_000  # operations from which factoring once has to do
-
-_KIND = {
-    "add": "add",
-    "sub": "add",
-    "mul": "multiply",
-    "div": "divide",
-    "sqrt": "sqrt",
-    "sin": "sin",
-    "cos": "cos",
-}
 
 
 def program(
@@ -194,7 +174,7 @@ class _Turning:
 
 def _events(equations: Equations) -> tuple[Event, ...]:
     """What the entries of the function `events` are, where there is one."""
-    if not any(function.name == "events" for function in equations.functions):
+    if not equations.has("events"):
         return ()
     return tuple(Event(x.name, x.direction, x.stop) for x in equations.system.model.events)
 
@@ -242,7 +222,7 @@ def _kernel(
     symbols = [(slot.name, slot.symbols) for slot in slots]
     tape = record(symbols, _roots(function), [(n.name, n.about, n.value) for n in function.named])
     turning.look(function, tape)
-    best, entries = _improve(function.name, tape, _loose(function, size))
+    best, entries = improve(function.name, tape, _loose(function, size))
     kernel = _finish(function, best, _arguments(slots, equations.parameters), size)
     if kernel.hoisted:
         entries.append(
@@ -262,81 +242,8 @@ def _loose(function: Function, size: int) -> range:
     return range(size, size + len(function.guards))
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """A function as operations, their number (signs are counted apart), and where its named entries
-    are."""
-
-    lowered: Lowered
-    marks: tuple[Mark, ...]
-    total: int
-    signs: int
-
-
-def _candidate(lowered: Lowered, marks: tuple[Mark, ...]) -> _Candidate:
-    operations = used_operations(lowered)
-    return _Candidate(
-        lowered,
-        marks,
-        count(operations)["total"],
-        sum(operation.name == "neg" for operation in operations),
-    )
-
-
-def _improve(name: str, tape: Tape, loose: range) -> tuple[_Candidate, list[Entry]]:
-    """Rounds of passes; the best result wins, for a pass may cost something that a later one does
-    not regain."""
-    best = _candidate(*plain(tape, loose))
-    entries = [Entry(name, "number", tape.count(), best.total)]
-    for step, found in _variants(trace(tape), loose, best.total):
-        entries.append(Entry(name, step, entries[-1].after, found.total))
-        best = min(found, best, key=lambda candidate: (candidate.total, candidate.signs))
-    entries.append(Entry(name, "choose", entries[-1].after, best.total))
-    inverted = _candidate(invert(best.lowered), best.marks)
-    if inverted.total != best.total:
-        entries.append(Entry(name, "invert", best.total, inverted.total))
-    if inverted.total > LONG:  # these wait for instructions, not for operands (measured)
-        return inverted, entries
-    return _candidate(balance(inverted.lowered, _named(inverted)), inverted.marks), entries
-
-
-def _named(candidate: _Candidate) -> set[int]:
-    """The operations that are shown under a name."""
-    places = candidate.lowered.places
-    found = (
-        places[node][0]
-        for mark in candidate.marks
-        for _, (_, node) in mark.entries
-        if node in places
-    )
-    return {operand for operand in found if isinstance(operand, int)}
-
-
-def _variants(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Candidate]]:
-    """The folded graph, then what each pass makes of it, for as long as a round helps."""
-    if operations > LARGE:
-        work = factor(work)
-        yield "fold and factor", _candidate(lower(work, loose), work.marks)
-        return
-    found = _candidate(lower(work, loose), work.marks)
-    yield "fold", found
-    # later rounds may cost more than they save: the least decides whether to go on
-    least = found.total
-    for _ in range(1 if operations > LONG else ROUNDS):
-        start = least
-        for step, improve in PASSES:
-            improved = improve(work)
-            if not same(improved, work):
-                work = improved
-                found = _candidate(lower(work, loose), work.marks)
-                least = min(least, found.total)
-            yield step, found
-        if least == start:
-            return
-
-
 def _finish(
-    function: Function, best: _Candidate, arguments: Sequence[Argument], size: int
+    function: Function, best: Candidate, arguments: Sequence[Argument], size: int
 ) -> Kernel:
     kernel = _written(function, best.lowered, best.marks, arguments, _names(arguments), size)
     if function.name not in BATCHED or is_long(kernel):
@@ -432,18 +339,3 @@ def _written(
         operations=count(used_operations(lowered)),
         pattern=function.result.pattern and Pattern(**vars(function.result.pattern)),
     )
-
-
-def used_operations(lowered: Lowered) -> list[Operation]:
-    """The operations that the roots need."""
-    operations = lowered.code.operations
-    return [operations[i] for i in lowered.wanted]
-
-
-def count(operations: Iterable[Operation]) -> dict[str, int]:
-    """Operations of each kind. A negation is a sign, not an operation, and is not counted."""
-    counts: dict[str, int] = dict.fromkeys(KINDS, 0)
-    for operation in operations:
-        if operation.name not in ("input", "neg"):
-            counts[_KIND.get(operation.name, "other")] += 1
-    return {**counts, "total": sum(counts.values())}

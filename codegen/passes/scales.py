@@ -41,6 +41,17 @@ def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float
     return {node: _signed(best.scales[node], first[node]) for node in structure.order}
 
 
+def constants(work: Work, loose: set[int]) -> int:
+    """How many multiplications by constants the better start needs."""
+    nodes = work.live
+    wants = _wants(work, nodes, loose)
+    structure = structure_of(work.graph, nodes, wants)
+    origin = Balance(structure, _from_origin(work, nodes)).total()
+    if len(nodes) > LARGE_SCALES:
+        return origin
+    return min(origin, Balance(structure, _from_users(work, nodes, wants)).total())
+
+
 def _best_start(structure: Structure, users: dict[int, float], origin: dict[int, float]) -> Balance:
     """The start that begins better is settled; the other one where it may still end better."""
     starts = Balance(structure, users), Balance(structure, origin)

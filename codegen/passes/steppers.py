@@ -36,9 +36,8 @@ def _stepper(program: Program, request: Request, chart: int) -> Stepper:
 
 
 def _called(program: Program, needs: Sequence[str], suffix: str) -> list[Kernel]:
-    known = {kernel.name: kernel for kernel in program.kernels}
-    names = [name + suffix if name + suffix in known else name for name in needs]
-    return [known[name] for name in names if name in known]
+    kernels = [program.in_chart(name, suffix) for name in needs]
+    return [kernel for kernel in kernels if kernel is not None]
 
 
 def _longer(x: Argument, labels: tuple[str, ...], units: tuple[str, ...]) -> Argument:

@@ -35,13 +35,13 @@ def series(program: Program, suffix: str = "") -> Series:
     The state follows from its own derivative: (n + 1) xₙ₊₁ = ẋₙ. Where constants are precomputed,
     the series are those of the rest, for parameters do not vary along a motion.
     """
-    known = {kernel.name: kernel for kernel in program.kernels}
-    dynamics = known.get(f"dynamics{suffix}", known["dynamics"])
+    dynamics = program.in_chart("dynamics", suffix)
+    assert dynamics is not None  # it is what is simulated
     hoisted = dynamics.hoisted
     alone = not program.charts and not program.frame
     tape = Recurrences()
     rates = tape.read(hoisted.rest if hoisted and alone else dynamics)
-    power = known.get(f"power{suffix}", known.get("power"))
+    power = program.in_chart("power", suffix)
     if power:
         rates += tape.read(power)
     if len(tape.slots) > MOST_SLOTS:

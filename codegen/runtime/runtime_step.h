@@ -1,10 +1,14 @@
 /* Steps of a given length for controllers, with their exact derivatives and an estimate of their error.
 
    Explicit: the classical Runge-Kutta method, x+ = x + h / 6 (k1 + 2 k2 + 2 k3 + k4). With k5, the slope at x+, the weights 1/6 1/3 1/3 0 1/6
-   are of order three, so h / 6 |k4 - k5| is an estimate. It can be zero by chance where stages lie on both sides of a jump;
-   h (k3 - k2)^2 / max |k|, of order five, is not zero there. The larger one counts.
+   are of order three, so h / 6 |k4 - k5| is an estimate. It can be zero by chance where stages lie on both sides of a jump. There
+   d = h max(|k3 - k2|, |k1 - k2 - k3 + k4| / 2) is not, which is of order three for a smooth slope, so d min(1, d / (h max |k|)) is of
+   order five. The larger one counts.
 
-   Linearly implicit: the Rosenbrock method of runtime_steps.h, which is L-stable. Its embedded solution is the step less the last U.
+   Linearly implicit: the Rosenbrock method of runtime_steps.h, which is L-stable. Its embedded solution is the step less the last U,
+   which says nothing where the slope bends after the Jacobian was taken. b(n) is what the slope at stage n has beyond the linear one,
+   through the matrix of the step, b(end) that at the end; a smooth bend has b(n) = alpha(n)^2 b(end). With
+   d = max(|b(n) - alpha(n)^2 b(end)|, |b(end)| / 3) the second estimate is d min(1, d / max(|b(end)|, the change)).
 
    The derivatives are those of the step itself, stage by stage; of the implicit one with those of its Jacobian.
 
@@ -12,14 +16,16 @@
 
 enum { STEP_RK4, STEP_ROSENBROCK, INACCURATE = 13, SENSES = NX + INPUTS };
 
-/* From this part on of what an entry is, or does in the step, an error leaves no digit of it. */
+/* From this part on of the largest that an entry is an error leaves no digit of it; what it changes by is less than twice that. */
 #define MEANINGLESS 0.2
+
+/* And up to this part of the largest change of an entry of the same unit it may be: what has hardly begun to move has no digit yet. */
+#define NEGLIGIBLE 0.01
 
 /* Where the step is, and what is known of the way there. */
 typedef struct {
     double z[N], slope[N];
     double error[NX]; /* sums of the estimates */
-    double way[NX]; /* sums of the largest changes within */
     double size[NX]; /* the largest of the state */
     double floor; /* what rounding makes of an error at least */
 #if STEP_SENSITIVITY
@@ -31,6 +37,12 @@ typedef struct {
 static inline double greater(double a, double b)
 {
     return a > b ? a : b;
+}
+
+/* d min(1, d / most) */
+static inline double part_of(double d, double most)
+{
+    return d < most ? d / most * d : d;
 }
 
 #if STEP_SENSITIVITY
@@ -58,14 +70,13 @@ static int derivatives(Run *r, double t, double *y, double G[][NX], double K[][N
 }
 #endif
 
-/* After a substep to z: its error, the change within, and the sizes. */
-static void arrive(Step *s, const double *z, const double *error, const double *way)
+/* After a substep to z: its error and the sizes. */
+static void arrive(Step *s, const double *z, const double *error)
 {
     int i;
     for (i = 0; i < NX; i++) {
         s->z[i] = z[i];
         s->error[i] += error[i];
-        s->way[i] += way[i];
         s->size[i] = greater(s->size[i], fabs(z[i]));
     }
 }
@@ -73,7 +84,7 @@ static void arrive(Step *s, const double *z, const double *error, const double *
 static int rk4_substep(Run *r, double t, double h, Step *s, int sensitive)
 {
     static const double place[] = {0.0, 0.5, 0.5, 1.0}, weight[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
-    double k[5][N], y[N], z[NX], error[NX], way[NX];
+    double k[5][N], y[N], z[NX], error[NX];
 #if STEP_SENSITIVITY
     double G[SENSES][NX], K[SENSES][NX], sum[SENSES][NX];
     int c;
@@ -106,9 +117,9 @@ static int rk4_substep(Run *r, double t, double h, Step *s, int sensitive)
     memcpy(s->slope, k[4], sizeof k[4]);
     for (i = 0; i < NX; i++) {
         const double early = greater(fabs(k[0][i]), fabs(k[1][i])), late = greater(fabs(k[2][i]), fabs(k[3][i]));
-        const double most = greater(greater(early, late), fabs(k[4][i])), apart = k[2][i] - k[1][i];
-        way[i] = fabs(h) * most;
-        error[i] = fabs(h) * greater(fabs(k[3][i] - k[4][i]) / 6.0, most > 0.0 ? apart / most * apart : 0.0);
+        const double most = greater(early, late); /* not that at the end, which grows with the error of an unstable step */
+        const double d = greater(fabs(k[2][i] - k[1][i]), 0.5 * fabs(k[0][i] - k[1][i] - k[2][i] + k[3][i]));
+        error[i] = fabs(h) * greater(fabs(k[3][i] - k[4][i]) / 6.0, part_of(d, most));
     }
 #if STEP_SENSITIVITY
     if (sensitive)
@@ -116,7 +127,7 @@ static int rk4_substep(Run *r, double t, double h, Step *s, int sensitive)
 #else
     (void)sensitive;
 #endif
-    arrive(s, z, error, way);
+    arrive(s, z, error);
     return OK;
 }
 
@@ -159,13 +170,25 @@ static int rosenbrock_derivatives(Run *r, const Rosenbrock *m, double t, double 
 }
 #endif
 
+/* What the slope k at z has beyond the linear one of a step from y, a part `alpha` of h later, through the matrix of the step. */
+static void beyond(const Rosenbrock *m, const Stages *made, double alpha, double h, const double *y, const double *z, const double *k, double *b)
+{
+    int i, j;
+    for (i = 0; i < NX; i++) {
+        b[i] = (k[i] - made->k[0][i] - alpha * h * made->rate[i]) / m->gamma;
+        for (j = 0; j < NX; j++)
+            b[i] -= made->J[i * NX + j] * (z[j] - y[j]) / m->gamma;
+    }
+    solve(NX, made->W, made->order, b);
+}
+
 static int rosenbrock_substep(Run *r, const Rosenbrock *m, double t, double h, Step *s, int sensitive)
 {
     Stages made;
-    double z[N], y[N], error[NX], way[NX];
+    double z[N], y[N], k[N], end[NX], b[NX], error[NX], way[NX], bend[NX];
     int i, n, status;
     memcpy(y, s->z, sizeof y);
-    if ((status = rosenbrock_stages(r, m, t, h, y, &made, z)) != OK)
+    if ((status = rosenbrock_stages(r, m, t, h, y, &made, z)) != OK || (status = rates(r, t + h, z, k)) != OK)
         return status;
 #if STEP_SENSITIVITY
     if (sensitive && (status = rosenbrock_derivatives(r, m, t, h, y, &made, s)) != OK)
@@ -173,31 +196,43 @@ static int rosenbrock_substep(Run *r, const Rosenbrock *m, double t, double h, S
 #else
     (void)sensitive;
 #endif
+    beyond(m, &made, 1.0, h, y, z, k, end);
     for (i = 0; i < NX; i++) {
-        error[i] = fabs(made.U[ROSENBROCK_STAGES - 1][i]);
         way[i] = fabs(z[i] - y[i]);
-        for (n = 1; n < ROSENBROCK_STAGES; n++)
-            way[i] = greater(way[i], fabs(made.at[n][i] - y[i]));
-        if (!(fabs(z[i]) < INFINITY))
-            return NOT_FINITE;
+        bend[i] = fabs(end[i]) / 3.0;
     }
-    arrive(s, z, error, way);
+    for (n = 1; n < ROSENBROCK_STAGES; n++) {
+        const double alpha = m->alpha[n];
+        beyond(m, &made, alpha, h, y, made.at[n], made.k[n], b);
+        for (i = 0; i < NX; i++) {
+            way[i] = greater(way[i], fabs(made.at[n][i] - y[i]));
+            bend[i] = greater(bend[i], fabs(b[i] - alpha * alpha * end[i]));
+        }
+    }
+    for (i = 0; i < NX; i++)
+        error[i] = greater(fabs(made.U[ROSENBROCK_STAGES - 1][i]), part_of(bend[i], greater(way[i], fabs(end[i]))));
+    arrive(s, z, error);
     return OK;
 }
 
-/* Is there an entry whose error is as large as what it is or does? */
-static int meaningless(const Step *s)
+/* Is there an entry of which its error leaves no digit? The step began at x. */
+static int meaningless(const Step *s, const double *x)
 {
+    double most[NX] = {0.0};
     int i;
     for (i = 0; i < NX; i++)
-        if (!(s->error[i] <= greater(MEANINGLESS * greater(s->size[i], s->way[i]), s->floor)))
+        most[alike[i]] = greater(most[alike[i]], fabs(s->z[i] - x[i]));
+    for (i = 0; i < NX; i++) {
+        const double part = greater(MEANINGLESS * s->size[i], NEGLIGIBLE * most[alike[i]]);
+        if (!(s->error[i] <= greater(part, s->floor)))
             return 1;
+    }
     return 0;
 }
 
 /* A step of length h in `substeps` equal parts from x: to z, and where they are not NULL its derivatives, NX x SENSES row by row, and
    the estimates of its error. What it comes to counts also where it is INACCURATE. */
-static int stepped(Run *r, const Rosenbrock *m, int method, int substeps, double t, const double *x, double h, double *z, double *sensitivity, double *error)
+static int whole_step(Run *r, const Rosenbrock *m, int method, int substeps, double t, const double *x, double h, double *z, double *sensitivity, double *error)
 {
     const double part = h / substeps;
     Step s;
@@ -235,5 +270,5 @@ static int stepped(Run *r, const Rosenbrock *m, int method, int substeps, double
 #endif
         }
     }
-    return meaningless(&s) ? INACCURATE : OK;
+    return meaningless(&s, x) ? INACCURATE : OK;
 }

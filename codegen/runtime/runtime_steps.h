@@ -134,21 +134,22 @@ static int work(Run *r, double t, double h, const double *y, const double *own, 
     return OK;
 }
 
-/* A linearly implicit step and what it was made of: its matrix as `factor` left it, the U, and the points of its stages. */
+/* A linearly implicit step and what it was made of: the Jacobian, the matrix as `factor` left it, the rate of the slope by time, the
+   U, and the points of its stages with the slopes there. */
 typedef struct {
-    double W[NX * NX], U[ROSENBROCK_STAGES][NX], at[ROSENBROCK_STAGES][N];
+    double J[NX * NX], W[NX * NX], rate[NX], U[ROSENBROCK_STAGES][NX], at[ROSENBROCK_STAGES][N], k[ROSENBROCK_STAGES][N];
     int order[NX];
 } Stages;
 
 /* From y to z, but for the work. The last U is the error. */
 static int rosenbrock_stages(Run *r, const Rosenbrock *m, double t, double h, const double *y, Stages *made, double *z)
 {
-    double *const W = made->W, (*const U)[NX] = made->U, rate[NX], k[N];
+    double *const W = made->W, *const rate = made->rate, (*const U)[NX] = made->U;
     int *const order = made->order, i, j, n, status;
-    if ((status = jacobian(r, t, y, W)) != OK || (status = rate_of_time(r, t, h, y, rate)) != OK)
+    if ((status = jacobian(r, t, y, made->J)) != OK || (status = rate_of_time(r, t, h, y, rate)) != OK)
         return status;
     for (i = 0; i < NX * NX; i++)
-        W[i] = -W[i];
+        W[i] = -made->J[i];
     for (i = 0; i < NX; i++)
         W[i * NX + i] += 1.0 / (m->gamma * h);
     if (!factor(NX, W, order))
@@ -160,10 +161,10 @@ static int rosenbrock_stages(Run *r, const Rosenbrock *m, double t, double h, co
             for (i = 0; i < NX; i++)
                 z[i] += m->a[n][j] * U[j][i];
         memcpy(made->at[n], z, sizeof made->at[n]);
-        if ((status = rates(r, t + m->alpha[n] * h, z, k)) != OK)
+        if ((status = rates(r, t + m->alpha[n] * h, z, made->k[n])) != OK)
             return status;
         for (i = 0; i < NX; i++) {
-            U[n][i] = k[i] + m->gammas[n] * h * rate[i];
+            U[n][i] = made->k[n][i] + m->gammas[n] * h * rate[i];
             for (j = 0; j < n; j++)
                 U[n][i] += m->c[n][j] / h * U[j][i];
         }

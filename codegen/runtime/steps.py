@@ -10,7 +10,7 @@ import operator
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -20,9 +20,11 @@ CAUSE = (
     "inaccurate: the estimate of the error leaves no digit of the step; take more substeps, or the "
     "method rosenbrock"
 )
-MEANINGLESS = 0.2  # of what an entry is or does in the step: from here on an error leaves no digit
+MEANINGLESS = 0.2  # of the largest that an entry is: from here on an error leaves no digit
+NEGLIGIBLE = 0.01  # of the largest change of an entry of the same unit
 MOST = 10_000_000  # substeps
 Kernel = Callable[..., Any]
+Array: TypeAlias = Any  # of NumPy, of any precision
 
 
 # ---- the face
@@ -40,7 +42,7 @@ class Face:
     shape: tuple[int, ...]
     states: tuple[str, ...]
 
-    def __call__(
+    def __call__(  # noqa: PLR0913
         self,
         t: Any,
         x: Any,
@@ -66,14 +68,14 @@ class Face:
             value = out
         return (value, apart) if error else value
 
-    def _row(self, x: Any, substeps: int, method: str) -> np.ndarray:
+    def _row(self, x: Any, substeps: int, method: str) -> Array:
         """x and h with the number of the method and that of the substeps behind them."""
         if method not in METHODS:
             raise ValueError(f"{self.name}() has no method {method!r}; it has {', '.join(METHODS)}")
         many = operator.index(substeps)
         if not 1 <= many <= MOST:
             raise ValueError(f"{self.name}() needs substeps from 1 to {MOST}, got {many}")
-        given = np.asarray(x)
+        given: Array = np.asarray(x)
         length = len(self.states) + 1
         if not given.ndim or given.shape[-1] != length:
             raise ValueError(
@@ -84,13 +86,14 @@ class Face:
         ways[...] = METHODS.index(method), many
         return np.concatenate([given, ways], axis=-1)
 
-    def _check(self, out: Any, value: np.ndarray) -> None:
-        if not isinstance(out, np.ndarray) or out.dtype != value.dtype:
+    def _check(self, out: Any, value: Array) -> None:
+        if type(out) is not np.ndarray or cast(Any, out).dtype != value.dtype:
             raise TypeError(f"{self.name}() needs a {value.dtype} array as out")
-        if out.shape != value.shape:
-            raise ValueError(f"{self.name}() needs out of shape {value.shape}, got {out.shape}")
+        shape = cast(Any, out).shape
+        if shape != value.shape:
+            raise ValueError(f"{self.name}() needs out of shape {value.shape}, got {shape}")
 
-    def _report(self, t: Any, status: np.ndarray, apart: np.ndarray) -> None:
+    def _report(self, t: Any, status: Array, apart: Array) -> None:
         """Raise for one step that says nothing; warn for rows of a batch, which are NaN."""
         failed = np.flatnonzero(status == INACCURATE)
         if not failed.size:
@@ -119,6 +122,7 @@ class Model:
     kernels: Mapping[str, Kernel]
     nx: int
     nu: int
+    alike: Sequence[int]  # the first entry of x with the same unit as each
     rosenbrock: Mapping[str, Any]
 
     @property
@@ -152,35 +156,37 @@ def kernel(model: Model, sensitive: bool, row: bool) -> Kernel:
 class _Step:
     """Where the steps of a batch are; `D` are the derivatives, column by column."""
 
-    def __init__(self, model: Model, sensitive: bool, given: Sequence[Any], lead: tuple) -> None:
+    def __init__(
+        self, model: Model, sensitive: bool, given: Sequence[Any], lead: tuple[int, ...]
+    ) -> None:
         t, x, self.u, self.p = given
         whole = np.broadcast_to(x, (*lead, x.shape[-1]))
         self.model, self.sensitive = model, sensitive
         self.t, self.h = np.broadcast_to(t, lead), whole[..., model.nx]
         self.z = whole[..., : model.nx].copy()
         self.status = np.where(np.isfinite(self.h), 0, 3)
-        self.error, self.way = np.zeros_like(self.z), np.zeros_like(self.z)
+        self.start, self.error = self.z, np.zeros_like(self.z)
         self.size = np.abs(self.z)
         self.floor = 16 * np.finfo(self.z.dtype).eps * self.size.max(axis=-1, initial=0.0)
         self.D = np.zeros((*lead, model.senses, model.nx), self.z.dtype)
         self.D[..., : model.nx, :] = np.eye(model.nx)
 
-    def call(self, name: str, t: Any, x: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    def call(self, name: str, t: Any, x: Array, shape: tuple[int, ...]) -> Array:
         """A function of the model; rows where it fails keep why."""
         out = np.empty((*self.t.shape, math.prod(shape)), self.z.dtype)
         found = self.model.kernels[name](t, x, self.u, self.p, out)
         self.status = np.where(self.status, self.status, found)
         return out.reshape(*self.t.shape, *shape)
 
-    def rates(self, t: Any, x: np.ndarray) -> np.ndarray:
+    def rates(self, t: Any, x: Array) -> Array:
         """ẋ."""
         return self.call("dynamics", t, x, (self.model.nx,))
 
-    def refuse(self, status: int, rows: np.ndarray) -> None:
+    def refuse(self, status: int, rows: Array) -> None:
         """Rows that fail, unless they did before."""
         self.status = np.where((self.status == 0) & rows, status, self.status)
 
-    def slopes(self, t: Any, x: np.ndarray, G: np.ndarray) -> np.ndarray:
+    def slopes(self, t: Any, x: Array, G: Array) -> Array:
         """Derivatives of ẋ at x, where those of x are G."""
         nx, nu = self.model.nx, self.model.nu
         K = G @ self.call("jacobian", t, x, (nx, nx)).swapaxes(-1, -2)
@@ -188,20 +194,28 @@ class _Step:
             K[..., nx:, :] += self.call("jacobian_u", t, x, (nx, nu)).swapaxes(-1, -2)
         return K
 
-    def arrive(self, z: np.ndarray, error: np.ndarray, way: np.ndarray) -> None:
+    def arrive(self, z: Array, error: Array) -> None:
         """After a substep to z."""
         self.z = z
-        self.error, self.way = self.error + error, self.way + way
+        self.error = self.error + error
         self.size = np.maximum(self.size, np.abs(z))
 
-    def meaningless(self) -> np.ndarray:
-        """Is there an entry whose error is as large as what it is or does?"""
-        limit = MEANINGLESS * np.maximum(self.size, self.way)
+    def meaningless(self) -> Array:
+        """Is there an entry of which its error leaves no digit?"""
+        alike = np.array(self.model.alike)
+        change = np.abs(self.z - self.start)
+        most = np.stack([change[..., alike == i].max(axis=-1) for i in alike], axis=-1)
+        limit = np.maximum(MEANINGLESS * self.size, NEGLIGIBLE * most)
         return ~(self.error <= np.maximum(limit, self.floor[..., np.newaxis])).all(axis=-1)
 
 
 def _stepped(
-    model: Model, sensitive: bool, method: int, substeps: int, given: Sequence[Any], lead: tuple
+    model: Model,
+    sensitive: bool,
+    method: int,
+    substeps: int,
+    given: Sequence[Any],
+    lead: tuple[int, ...],
 ) -> _Step:
     step = _Step(model, sensitive, given, lead)
     part = step.h / substeps
@@ -215,11 +229,16 @@ def _stepped(
     return step
 
 
-def _rk4(step: _Step, t: np.ndarray, h: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def _part(d: Array, most: Array) -> Array:
+    """d min(1, d / most)"""
+    return d * np.divide(d, most, out=np.ones_like(d), where=d < most)
+
+
+def _rk4(step: _Step, t: Array, h: Array, slope: Array) -> Array:
     """One substep; the slope at its end."""
     wide, deep = h[..., np.newaxis], h[..., np.newaxis, np.newaxis]
     k, y, z, D = [slope], step.z, step.z, step.D
-    K = np.zeros_like(D)
+    slopes = np.zeros_like(D)
     total = D
     for n, (place, weight) in enumerate(((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))):
         if n:
@@ -227,35 +246,40 @@ def _rk4(step: _Step, t: np.ndarray, h: np.ndarray, slope: np.ndarray) -> np.nda
             k.append(step.rates(t + place * h, y))
         z = z + weight * wide * k[-1]
         if step.sensitive:
-            K = step.slopes(t + place * h, y, D + place * deep * K)
-            total = total + weight * deep * K
+            slopes = step.slopes(t + place * h, y, D + place * deep * slopes)
+            total = total + weight * deep * slopes
     k.append(step.rates(t + h, z))
     step.D = total
-    most = np.max(np.abs(k), axis=0)
-    ratio = np.divide(k[2] - k[1], most, out=np.zeros_like(most), where=most > 0)
+    most = np.max(np.abs(k[:4]), axis=0)  # that at the end grows with an unstable step
+    bend = np.maximum(np.abs(k[2] - k[1]), np.abs(k[0] - k[1] - k[2] + k[3]) / 2)
     late = np.abs(k[3] - k[4]) / 6
     size = np.abs(wide)
-    step.arrive(z, size * np.maximum(late, ratio * (k[2] - k[1])), size * most)
+    step.arrive(z, size * np.maximum(late, _part(bend, most)))
     return k[4]
 
 
-def _rosenbrock(step: _Step, t: np.ndarray, h: np.ndarray) -> None:
+def _rosenbrock(step: _Step, t: Array, h: Array) -> None:
     """One substep; rows of length zero stay where they are."""
     m, nx = step.model.rosenbrock, step.model.nx
     still = h == 0
-    h = np.where(still, np.ones_like(h), h)
-    wide = h[..., np.newaxis]
-    eye = np.eye(nx, dtype=step.z.dtype) / (m["gamma"] * h)[..., np.newaxis, np.newaxis]
-    W = eye - step.call("jacobian", t, step.z, (nx, nx))
+    h = cast(Array, np.where(still, np.ones_like(h), h))
+    wide: Array = h[..., np.newaxis]
+    eye: Array = np.eye(nx, dtype=step.z.dtype) / (m["gamma"] * h)[..., np.newaxis, np.newaxis]
+    J = step.call("jacobian", t, step.z, (nx, nx))
+    W: Array = eye - J
     rate = step.call("jacobian_t", t, step.z, (nx,))
     bad = ~np.isfinite(W).all(axis=(-1, -2)) | (np.linalg.slogdet(W)[0] == 0)
     step.refuse(1, bad)
     W[bad] = np.eye(nx)
-    U, points, y = [], [], step.z
+    U: list[Array] = []
+    points: list[Array] = []
+    slopes: list[Array] = []
+    y = step.z
     for n, alpha in enumerate(m["alpha"]):
         y = step.z + sum((a * V for a, V in zip(m["a"][n], U)), np.zeros_like(step.z))
         points.append(y)
-        right = step.rates(t + alpha * h, y) + m["gammas"][n] * wide * rate
+        slopes.append(step.rates(t + alpha * h, y))
+        right = slopes[n] + m["gammas"][n] * wide * rate
         right = right + sum((c / wide * V for c, V in zip(m["c"][n], U)), np.zeros_like(step.z))
         U.append(np.linalg.solve(W, right[..., np.newaxis])[..., 0])
     if step.sensitive:
@@ -264,29 +288,40 @@ def _rosenbrock(step: _Step, t: np.ndarray, h: np.ndarray) -> None:
     moving = ~still[..., np.newaxis]
     z = np.where(moving, y + U[-1], step.z)
     way = np.max(np.abs([*(point - step.z for point in points), z - step.z]), axis=0)
-    step.arrive(z, np.where(moving, np.abs(U[-1]), 0.0), np.where(moving, way, 0.0))
+
+    def beyond(point: Array, slope: Array, alpha: float) -> Array:
+        linear: Array = slopes[0] + np.einsum("...ij,...j", J, point - step.z) + alpha * wide * rate
+        apart = cast(Any, np.linalg.solve(W, (slope - linear)[..., np.newaxis]))
+        return apart[..., 0] / m["gamma"]
+
+    end = beyond(z, step.rates(t + h, z), 1.0)
+    bend = np.abs(end) / 3
+    for point, slope, alpha in zip(points[1:], slopes[1:], m["alpha"][1:]):
+        bend = np.maximum(bend, np.abs(beyond(point, slope, alpha) - alpha**2 * end))
+    error = np.maximum(np.abs(U[-1]), _part(bend, np.maximum(way, np.abs(end))))
+    step.arrive(z, np.where(moving, error, 0.0))
 
 
 def _rosenbrock_slopes(
     step: _Step,
-    t: np.ndarray,
-    h: np.ndarray,
-    W: np.ndarray,
-    U: Sequence[np.ndarray],
-    points: Sequence[np.ndarray],
-) -> np.ndarray:
+    t: Array,
+    h: Array,
+    W: Array,
+    U: Sequence[Array],
+    points: Sequence[Array],
+) -> Array:
     """The equations of the stages, differentiated; W is the same."""
     m, nx = step.model.rosenbrock, step.model.nx
     deep = h[..., np.newaxis, np.newaxis]
-    dU: list[np.ndarray] = []
-    G = step.D
+    dU: list[Array] = []
+    moved = step.D
     for n, alpha in enumerate(m["alpha"]):
-        G = step.D + sum((a * V for a, V in zip(m["a"][n], dU)), np.zeros_like(step.D))
-        right = step.slopes(t + alpha * h, points[n], G)
-        right = right + sum((c / deep * V for c, V in zip(m["c"][n], dU)), np.zeros_like(G))
+        moved = step.D + sum((a * V for a, V in zip(m["a"][n], dU)), np.zeros_like(step.D))
+        right = step.slopes(t + alpha * h, points[n], moved)
+        right = right + sum((c / deep * V for c, V in zip(m["c"][n], dU)), np.zeros_like(moved))
         along = np.concatenate([step.z, U[n], (m["gammas"][n] * h)[..., np.newaxis]], axis=-1)
         H = step.call("jacobian_forward", t, along, (nx, step.model.senses)).swapaxes(-1, -2)
         right = right + step.D @ H[..., :nx, :]
         right[..., nx:, :] += H[..., nx:, :]
-        dU.append(np.linalg.solve(W, right.swapaxes(-1, -2)).swapaxes(-1, -2))
-    return G + dU[-1]
+        dU.append(cast(Any, np.linalg.solve(W, right.swapaxes(-1, -2))).swapaxes(-1, -2))
+    return moved + dU[-1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from codegen.program import Argument, Chart, Kernel, Program
+from codegen.runtime.steps import METHODS
 from codegen.targets.records import Target
 
 
@@ -32,7 +33,8 @@ def _manifest(program: Program) -> dict[str, object]:
         "left_out": list(program.left_out),
         "program": program.fingerprint,
         "arguments": {argument.name: _argument(argument) for argument in program.arguments},
-        "functions": {kernel.name: _function(kernel) for kernel in program.kernels},
+        "functions": {kernel.name: _function(kernel) for kernel in program.offered},
+        **({"step_methods": list(METHODS)} if program.steppers else {}),
         "operations": {kernel.name: kernel.operations["total"] for kernel in program.kernels},
         "precomputed": {
             kernel.name: {

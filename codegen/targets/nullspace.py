@@ -16,8 +16,10 @@ WORN = 0.5  # of 1, where it is based: a frame is based anew before its projecti
 
 def files(program: Program) -> dict[str, str]:
     """NAME_nullspace.h, NAME_nullspace.c and _nullspace.py."""
-    kernel = next((k for k in program.kernels if k.name == "constraint_rows"), None)
-    if kernel is None or kernel.pattern is None:
+    if not program.has("constraint_rows"):
+        return {}
+    kernel = program.kernel("constraint_rows")
+    if kernel.pattern is None:
         return {}
     pattern = kernel.pattern
     data: dict[str, Any] = {

@@ -13,6 +13,7 @@ from codegen.passes.lanes import is_batched
 from codegen.passes.split import Part, split
 from codegen.program import Kernel, Program
 from codegen.targets.records import Target
+from codegen.targets.simulate import alike
 
 # what steps may call beside `dynamics`
 NEEDED = ("jacobian", "jacobian_t", "jacobian_u", "jacobian_forward")
@@ -60,6 +61,7 @@ def files(program: Program) -> dict[str, str]:
             erf=erf,
             rosenbrock=_coefficients(),
             models=_stepped(program),
+            alike=alike(program),
             **data,
         ),
         "_library.py": text.render(

@@ -183,8 +183,14 @@ def _data(program: Program) -> dict[str, Any]:
         "chosen": chosen,
         "schemes": [_scheme(x) for x in chosen],
         "implicit": _scheme(ROSENBROCK),
-        "called": _called(program),
+        "alike": alike(program),
     }
+
+
+def alike(program: Program) -> list[int]:
+    """The first entry of x with the same unit as each."""
+    units = program.argument("x").units
+    return [units.index(unit) for unit in units]
 
 
 def _called(program: Program) -> tuple[str, ...]:
@@ -304,7 +310,7 @@ def _choice(
 
 
 def _labels(program: Program, name: str) -> tuple[str, ...]:
-    return next((kernel.labels for kernel in program.kernels if kernel.name == name), ())
+    return program.kernel(name).labels if program.has(name) else ()
 
 
 def fields(program: Program) -> list[tuple[str, str, int, str]]:

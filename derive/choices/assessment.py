@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import ROUNDOFF, STEP
+from derive.choices.limits import LEAST_VIOLATION, ROUNDOFF, SHORT_TIME, STEP
 from derive.choices.named import carried_through, declared
 from derive.choices.resolution import Ranking, Resolved, ranked_partitions, score
 from derive.choices.survey import Survey, survey_of
 from derive.diagnostics import HamelError
 from derive.mechanics.records import System
 from derive.model.records import CHOICE_KINDS
-from derive.numerics import refuses_numerically
+from derive.numerics import NONZERO, refuses_numerically
 
 Slope = Callable[[float, np.ndarray], np.ndarray]  # f of x' = f(t, x)
 
@@ -91,7 +91,7 @@ def _further(system: System, found: dict[str, Resolved]) -> Iterator[str]:
 def _score(x: Assessed) -> tuple[object, ...]:
     """As `auto` has it; among what is alike there, the smaller violation first."""
     varies, condition, *costs = score(x.ranking)
-    return varies, condition, round(float(np.log10(max(x.violation, 1e-16)))), *costs
+    return varies, condition, round(float(np.log10(max(x.violation, LEAST_VIOLATION)))), *costs
 
 
 def assessment(survey: Survey, found: Resolved) -> Assessed:
@@ -118,7 +118,7 @@ def least_pivot(survey: Survey, found: Resolved) -> float:
             ca.vertcat(*[guard.value for guard in reduction.guards]), s.t, s.q, s.p
         )
     )[:, :, 0]
-    return float(np.min(np.min(sizes, axis=0) / np.maximum(np.max(sizes, axis=0), 1e-300)))
+    return float(np.min(np.min(sizes, axis=0) / np.maximum(np.max(sizes, axis=0), NONZERO)))
 
 
 def violation(survey: Survey, found: Resolved) -> float:
@@ -157,12 +157,12 @@ def _growth(
     here = xdot(t, x)
     rates = np.abs(here[:nq])
     # q̈ by a difference: it only says how long the step may be
-    later = np.abs(xdot(t + 1e-6, x + 1e-6 * here)[:nq] - here[:nq]) * 1e6
+    later = np.abs(xdot(t + SHORT_TIME, x + SHORT_TIME * here)[:nq] - here[:nq]) * (1 / SHORT_TIME)
     h = min(
         1.0,
         STEP
         / max(
-            1e-300,
+            NONZERO,
             np.max(rates, initial=0.0),
             float(np.sqrt(STEP * np.max(later, initial=0.0) / 2)),
         ),

@@ -18,6 +18,7 @@ from derive.choices.survey import Survey
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import RowForm
 from derive.model.records import Choice
+from derive.numerics import NONZERO
 from derive.states.initial import initial_state
 
 DIGITS = 12  # of the numbers in B: any numbers near N₀ will do, these are the same on every machine
@@ -60,7 +61,7 @@ def tangent(survey: Survey) -> np.ndarray:
     q = initial_state(system).q
     A = survey.solver.velocities(0.0, q, np.array(system.parameters))[0][list(survey.kept)]
     if len(A) and np.linalg.matrix_rank(
-        A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-300), tol=RANK
+        A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), NONZERO), tol=RANK
     ) < len(A):
         raise AssumptionError(
             f"{system.model.name}: the constraints lose rank at the initial state: it is no "

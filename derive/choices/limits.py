@@ -2,6 +2,8 @@
 nothing else is said."""
 
 # assessment
+LEAST_VIOLATION = 1e-16  # below it violations are all alike
+SHORT_TIME = 1e-6  # s: a difference over it shows accelerations
 STEP = 0.1  # by which the fastest coordinate moves at most, with its velocity and its acceleration
 ROUNDOFF = 2.0**-52  # of a float64: what a violation is told apart from
 
@@ -27,9 +29,9 @@ LOOKED_AT = 10  # states
 DEPENDENT = 1e-9  # smaller singular values of rows of length one are zero
 
 # resolution
-REGULAR = (
-    1e-3  # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
-)
+NAMED = 1e-6  # the least weight with which a row is named among those that depend on each other
+# smaller singular values of the scaled [A; B] are those of a singular position, or nearly
+REGULAR = 1e-3
 SAMPLES = 40  # states that choices are judged at: few enough to look at each, enough to rank
 RESOLUTION_MANY = 5  # times as many states where a look at pivots is all there is to do
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them

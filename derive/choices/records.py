@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from derive.choices.limits import SINGULAR
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -32,4 +34,4 @@ class Guard:
     name: str
     value: ca.SX
     tolerance: float
-    part: float = 1e-9
+    part: float = SINGULAR

@@ -18,11 +18,7 @@ import numpy as np
 
 from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.explicit import Explicit, explicit
-from derive.choices.limits import (
-    FINALISTS,
-    MOST_SUBSETS,
-    REGULAR,
-)
+from derive.choices.limits import FINALISTS, MOST_SUBSETS, NAMED, REGULAR
 from derive.choices.orthonormal import orthonormal
 from derive.choices.reduction import Reduction, by_elimination, unreduced
 from derive.choices.survey import Survey, even_rows, row_lengths, speed_name
@@ -32,6 +28,7 @@ from derive.joints.rotations import is_one
 from derive.mechanics.records import RowForm, System
 from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice
+from derive.numerics import NONZERO
 from derive.states.sampling import States
 
 Score = tuple[tuple[int, bool], int, int, int]
@@ -134,7 +131,7 @@ def _culprits(survey: Survey, rows: Sequence[RowForm]) -> str:
     )
     weights = np.abs(np.linalg.svd(Y)[0][:, -1])
     names = [row.name for row in survey.system.rows] + [row.name for row in rows]
-    return "with " + ", ".join(n for n, x in zip(names, weights) if x > 1e-6)
+    return "with " + ", ".join(n for n, x in zip(names, weights) if x > NAMED)
 
 
 def _numeric_rows(survey: Survey, B: ca.SX) -> np.ndarray:
@@ -263,7 +260,7 @@ def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
     values = np.linalg.svd(np.concatenate([survey.rows, even_rows(B)], axis=1), compute_uv=False)
     if not values.size or values.shape[1] < nv:
         return (1.0, 1.0) if not nv else (np.inf, np.inf)
-    found = values[:, 0] / np.maximum(values[:, nv - 1], 1e-300)
+    found = values[:, 0] / np.maximum(values[:, nv - 1], NONZERO)
     return float(np.median(found)), float(np.max(found))
 
 

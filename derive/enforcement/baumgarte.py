@@ -13,10 +13,10 @@ from derive.formulations.records import Equations
 from derive.mechanics.records import System
 
 
-def _refusal(found: Equations, options: Options) -> str:
-    if not found.system.rows:
+def _refusal(equations: Equations, options: Options) -> str:
+    if not equations.system.rows:
         return "there are no constraints"
-    if not keeps_velocities(found):
+    if not keeps_velocities(equations):
         return (
             "A v = c holds identically in these quasi-velocities, so that A v̇ = β is not "
             "integrated; use feedback"

@@ -11,21 +11,21 @@ from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations
 
 
-def _refusal(found: Equations, options: Options) -> str:
+def _refusal(equations: Equations, options: Options) -> str:
     return (
         ""
-        if _needs(found)
+        if _needs(equations)
         else "there is nothing to solve: no position constraints, and A v = c holds in these "
         "quasi-velocities"
     )
 
 
-def _needs(found: Equations) -> tuple[str, ...]:
-    known = {request.name for request in found.requests}
+def _needs(equations: Equations) -> tuple[str, ...]:
+    known = {request.name for request in equations.requests}
     return tuple(
         name
         for name in ("closure", "slip")
-        if name in known and (name == "closure" or keeps_velocities(found))
+        if name in known and (name == "closure" or keeps_velocities(equations))
     )
 
 

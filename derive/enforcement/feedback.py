@@ -17,31 +17,33 @@ from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations
 
 
-def _refusal(found: Equations, options: Options) -> str:
-    if not any(row.position >= 0 for row in found.system.rows):
+def _refusal(equations: Equations, options: Options) -> str:
+    if not any(row.position >= 0 for row in equations.system.rows):
         return "there are no position constraints that could drift"
-    if keeps_velocities(found):
+    if keeps_velocities(equations):
         return "the velocities drift too in this formulation; use baumgarte"
     return ""
 
 
-def _fed_back(found: Equations, options: Options) -> Equations:
+def _fed_back(equations: Equations, options: Options) -> Equations:
     """q̇ + α N R (−φ) in the place of q̇; derivatives on request follow the changed function."""
-    pull = found.request("pull").function
+    pull = equations.request("pull").function
     shift = (options.alpha or 0.0) * pull.result.value
-    dynamics = found.function("dynamics")
+    dynamics = equations.function("dynamics")
     # only q̇ is changed: ẇ stays that of mechanics, so no force is invented
-    value = dynamics.result.value + ca.vertcat(shift, ca.SX.zeros(len(found.w)))
+    value = dynamics.result.value + ca.vertcat(shift, ca.SX.zeros(len(equations.w)))
     fed = replace(
         dynamics,
         about=f"{dynamics.about}; q̇ pulls φ to zero",
         result=replace(dynamics.result, value=value),
     )
-    functions = tuple(fed if function is dynamics else function for function in found.functions)
-    own = {request.name for request in derivatives(found.arguments, functions)}
-    others = tuple(request for request in found.requests if request.name not in own)
+    functions = tuple(fed if function is dynamics else function for function in equations.functions)
+    own = {request.name for request in derivatives(equations.arguments, functions)}
+    others = tuple(request for request in equations.requests if request.name not in own)
     return replace(
-        found, functions=functions, requests=(*others, *derivatives(found.arguments, functions))
+        equations,
+        functions=functions,
+        requests=(*others, *derivatives(equations.arguments, functions)),
     )
 
 

@@ -13,29 +13,28 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.survey import survey_of
+from derive.enforcement.limits import CONSERVED
 from derive.enforcement.records import Enforcement, Options
 from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations, Function, Request, Result
 from derive.mechanics.solve import ldl_solution, scalars
 
-CONSERVED = 1e-8  # largest rate of an invariant, relative to the rates of its parts
 ABOUT = "constraints and invariants for the projection on them: [g, G W⁻¹ Gᵀ, W⁻¹ Gᵀ] row by row"
 
 
-def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
+def _invariants(equations: Equations, options: Options) -> list[tuple[str, ca.SX]]:
     """Energy, always where it is conserved, and the momenta asked for, over the state. Unknown
     names raise KeyError."""
-    system = found.system
-    functions = {function.name: function for function in found.functions}
-    v = functions["velocity"].result.value
-    w = found.argument("x").symbols[system.q.numel() :]
-    energy = functions["energy"].result.value
+    system = equations.system
+    v = equations.function("velocity").result.value
+    w = equations.argument("x").symbols[system.q.numel() :]
+    energy = equations.function("energy").result.value
     momenta = ca.substitute(ca.jacobian(system.T, system.v).T, system.v, v)
     names = {velocity.name: j for j, velocity in enumerate(system.model.velocities)}
     # a sum that constraints which move leave constant, too, where the motion in w does not show
     # time
     known = {"energy": energy[0] + energy[1] if system.homogeneous else energy[2]}
-    if _relative_rate(found, known["energy"], options) > CONSERVED:
+    if _relative_rate(equations, known["energy"], options) > CONSERVED:
         known["energy"] = ca.dot(ca.gradient(energy[0], w), w) - energy[0] + energy[1]
     known |= {f"{name}": momenta[j] for name, j in names.items()}
     known |= {
@@ -46,21 +45,21 @@ def _invariants(found: Equations, options: Options) -> list[tuple[str, ca.SX]]:
     asked = [(name, known[name]) for name in options.conserve or ("energy",)]
     also = (
         "energy" not in options.conserve
-        and _relative_rate(found, known["energy"], options) <= CONSERVED
+        and _relative_rate(equations, known["energy"], options) <= CONSERVED
     )
     return [("energy", known["energy"]), *asked] if options.conserve and also else asked
 
 
-def _refusal(found: Equations, options: Options) -> str:
+def _refusal(equations: Equations, options: Options) -> str:
     try:
-        held = _invariants(found, options)
+        held = _invariants(equations, options)
     except KeyError as missing:
         return (
             f"{missing} is no invariant that could be held: energy, or a coordinate or "
             "generalized velocity with its momentum"
         )
     for name, value in held:
-        rate = _relative_rate(found, value, options)
+        rate = _relative_rate(equations, value, options)
         if rate > CONSERVED:
             what = "energy" if name == "energy" else f"the momentum of {name}"
             return (
@@ -70,21 +69,21 @@ def _refusal(found: Equations, options: Options) -> str:
     return ""
 
 
-def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
+def _relative_rate(equations: Equations, value: ca.SX, options: Options) -> float:
     """max |dH/dt| over the sampled states, relative to the sum of the sizes of its terms."""
-    slots = {argument.name: argument.symbols for argument in found.arguments}
-    xdot = found.function("dynamics").result.value
+    slots = {argument.name: argument.symbols for argument in equations.arguments}
+    xdot = equations.function("dynamics").result.value
     gradient = ca.jacobian(value, slots["x"])
     terms = ca.vertcat(gradient.T * xdot, ca.jacobian(value, slots["t"]))
     function = ca.Function("rate", [slots[name] for name in "txup"], [ca.densify(terms)])
-    state = found.function("state")
+    state = equations.function("state")
     assert state.x is not None
     to_x = ca.Function(
         "x", [slots["t"], state.x.symbols, slots["p"]], [ca.densify(state.result.value)]
     )
-    s = survey_of(found.system).sampled
-    u = np.array(options.inputs) if options.inputs else np.zeros(found.system.u.numel())
-    frame = found.frame.values if found.frame else ()
+    s = survey_of(equations.system).sampled
+    u = np.array(options.inputs) if options.inputs else np.zeros(equations.system.u.numel())
+    frame = equations.frame.values if equations.frame else ()
     rates: list[float] = []
     for t, q, v, p in zip(s.t, s.q, s.v, s.p):
         given = np.concatenate([options.parameters or p, frame])
@@ -95,29 +94,29 @@ def _relative_rate(found: Equations, value: ca.SX, options: Options) -> float:
     return max(rates, default=0.0)
 
 
-def _with_manifold(euclidean: bool, found: Equations, options: Options) -> Equations:
+def _with_manifold(euclidean: bool, equations: Equations, options: Options) -> Equations:
     request = Request(
-        "manifold", ABOUT, lambda: _manifold(found, _invariants(found, options), euclidean)
+        "manifold", ABOUT, lambda: _manifold(equations, _invariants(equations, options), euclidean)
     )
-    return replace(found, requests=(*found.requests, request))
+    return replace(equations, requests=(*equations.requests, request))
 
 
-def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) -> Function:
+def _manifold(equations: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) -> Function:
     """[g, K = G W⁻¹ Gᵀ, W⁻¹ Gᵀ]: what one Newton step x ← x − W⁻¹ Gᵀ K⁻¹ g needs. Derivatives are
     along v, so that quaternions move along their rates."""
-    system = found.system
-    x = found.argument("x").symbols
+    system = equations.system
+    x = equations.argument("x").symbols
     nq = system.q.numel()
     w = x[nq:, 0]
-    made = {request.name: request for request in found.requests}
+    made = {request.name: request for request in equations.requests}
     closure = made["closure"].function.result if "closure" in made else None
-    slip = made["slip"].function.result if "slip" in made and keeps_velocities(found) else None
+    slip = made["slip"].function.result if "slip" in made and keeps_velocities(equations) else None
     parts = [result.value[:, 0] for result in (closure, slip) if result is not None] + [
         value for _, value in held
     ]
     g = ca.vertcat(*parts)
     G = ca.horzcat(ca.mtimes(ca.jacobian(g, system.q), system.N), ca.jacobian(g, w))
-    W = _metric(found, w, euclidean)
+    W = _metric(equations, w, euclidean)
     solved = ldl_solution(scalars(W), scalars(G), list(reversed(range(W.size1()))))
     toward = ca.horzcat(*[ca.vertcat(*column) for column in solved.x]).T  # rows of G W⁻¹
     nv = system.v.numel()
@@ -131,12 +130,12 @@ def _manifold(found: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) 
     )
 
 
-def _metric(found: Equations, w: ca.SX, euclidean: bool) -> ca.SX:
-    system = found.system
+def _metric(equations: Equations, w: ca.SX, euclidean: bool) -> ca.SX:
+    system = equations.system
     nv, nw = system.v.numel(), w.numel()
     if euclidean or not (system.definite and system.written):
         return ca.SX.eye(nv + nw)
-    T = found.function("energy").result.value[0]
+    T = equations.function("energy").result.value[0]
     return ca.diagcat(system.M, ca.hessian(T, w)[0])
 
 

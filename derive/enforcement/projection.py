@@ -5,8 +5,8 @@ from derive.enforcement.records import Enforcement, Options
 from derive.formulations.records import Equations
 
 
-def _refusal(found: Equations, options: Options) -> str:
-    if any(function.name == "project" for function in found.functions):
+def _refusal(equations: Equations, options: Options) -> str:
+    if equations.has("project"):
         return ""
     return (
         "there is nothing to project on: no position constraints, and A v = c holds in these "

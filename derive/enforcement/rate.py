@@ -17,15 +17,13 @@ LEAST = 10.0  # over the length of the motion, for systems without a rate of the
 
 
 def usual_rate(
-    found: Equations, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, time: float
+    equations: Equations, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, time: float
 ) -> float:
     """Twice the largest |eigenvalue| of ∂ẋ/∂x at the state x, or 10/time where that is larger; in
     1/s. `time` is the length of the motion in s. Where the Jacobian is not finite only the length
     counts."""
-    slots = {argument.name: argument.symbols for argument in found.arguments}
-    xdot = next(
-        function for function in found.functions if function.name == "dynamics"
-    ).result.value
+    slots = {argument.name: argument.symbols for argument in equations.arguments}
+    xdot = equations.function("dynamics").result.value
     function = ca.Function(
         "J", [slots[name] for name in "txup"], [ca.densify(ca.jacobian(xdot, slots["x"]))]
     )

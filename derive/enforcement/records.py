@@ -27,10 +27,10 @@ class Options:
     parameters: tuple[float, ...] = ()
 
 
-def unchanged(found: Equations, options: Options) -> Equations:
+def unchanged(equations: Equations, options: Options) -> Equations:
     """The equations as they are: for an enforcement that acts on states and not on what is
     integrated."""
-    return found
+    return equations
 
 
 def same(system: System, options: Options) -> System:

@@ -23,6 +23,7 @@ from derive.formulations.frames import in_numbers
 from derive.formulations.functions import with_frame
 from derive.formulations.limits import ENOUGH, MOST, SAFE, WORTH
 from derive.formulations.records import Equations, Function
+from derive.numerics import NONZERO
 from derive.states.sampling import States
 
 BETWEEN = "+"  # of the names of choices that are charts of one module
@@ -168,9 +169,7 @@ def _guards_of(found: Resolved) -> tuple[Guard, ...]:
 
 
 def _guards(equations: Equations) -> tuple[Guard, ...]:
-    return next(
-        (function.guards for function in equations.functions if function.name == "dynamics"), ()
-    )
+    return equations.function("dynamics").guards if equations.has("dynamics") else ()
 
 
 def _values(guards: Sequence[Guard], survey: Survey, s: States) -> np.ndarray:
@@ -196,7 +195,7 @@ def _margins(guards: Sequence[Guard], survey: Survey, at: States | None = None) 
         return np.full(len(here.t), np.inf)
     largest = np.max(np.abs(_values(guards, survey, sampled)), axis=0)
     sizes = np.abs(_values(guards, survey, here))
-    return np.min(sizes / np.maximum(largest, 1e-300), axis=1)
+    return np.min(sizes / np.maximum(largest, NONZERO), axis=1)
 
 
 def differs(equations: Equations, function: Function) -> bool:

@@ -17,14 +17,12 @@ from collections.abc import Sequence
 import casadi as ca
 
 from derive.expressions.scalars import Vector
+from derive.formulations.limits import TINY
 from derive.formulations.records import Argument, Function, Request, Result
 from derive.joints.ball import quaternion_rates
 from derive.joints.rotations import dot
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars, small_inverse
-
-# keeps 0/0 out of sin(θ)/θ, which does not change where θ² is not far above; float32 can hold it
-TINY = 1e-30
 
 
 def is_plain(system: System) -> bool:

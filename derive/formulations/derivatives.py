@@ -39,7 +39,8 @@ def derivatives(
 
     Jacobians ∂ẋ/∂x (nx × nx), ∂ẋ/∂u (nx × nu), ∂ẋ/∂p (nx × np), ∂ẋ/∂t, products with them from the
     right (forward) and from the left (adjoint), and the steps of a controller with their
-    sensitivities, which are loops around some of these. They are made when asked for: differentiating costs more than all default functions.
+    sensitivities, which are loops around some of these. They are made when asked for:
+    differentiating costs more than all default functions.
     """
     dynamics = {function.name: function for function in functions}.get("dynamics")
     if dynamics is None or not dynamics.result.value.numel():

@@ -15,7 +15,7 @@ import numpy as np
 from derive.choices.pivots import sampled
 from derive.choices.survey import Survey
 from derive.diagnostics import listed
-from derive.formulations.limits import NULL, TAKES_PART
+from derive.formulations.limits import MASSLESS, NULL, TAKES_PART
 from derive.joints.rotations import is_zero
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
@@ -106,7 +106,7 @@ def masses(survey: Survey) -> list[np.ndarray]:
 
 def _scaled(M: np.ndarray) -> np.ndarray:
     size = np.sqrt(np.abs(np.diag(M)))
-    size = np.where(size > 1e-12 * np.max(size, initial=0.0), size, 1.0)
+    size = np.where(size > MASSLESS * np.max(size, initial=0.0), size, 1.0)
     return M / np.outer(size, size)
 
 

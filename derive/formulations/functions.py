@@ -13,11 +13,12 @@ from derive.choices.records import Frame, Guard
 from derive.choices.redundancy import keeps
 from derive.expressions.scalars import Vector
 from derive.formulations.configuration import configuration, is_plain
-from derive.formulations.limits import CLOSED, MOST_STEPS, USUAL
+from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Iteration, Result
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
+from derive.numerics import NONZERO
 from derive.states.closing import Kinematics, nominal
 
 
@@ -257,7 +258,7 @@ def _turned(system: System, positions: list[int]) -> ca.SX:
     angles = [system.q[i] for i, c in enumerate(system.model.coordinates) if c.unit == "rad"]
     closed = ca.vertcat(*[system.phi[k] for k in positions])
     involved = [angle for angle in angles if ca.depends_on(closed, angle)]
-    return ca.fmax(1, 1e-3 * _largest(involved)) if involved else ca.SX(1)
+    return ca.fmax(1, PER_RADIAN * _largest(involved)) if involved else ca.SX(1)
 
 
 def _sizes(system: System) -> list[float]:
@@ -273,7 +274,7 @@ def _sizes(system: System) -> list[float]:
     longest = max(lengths, default=0.0) or 1.0
     reach = [longest if v.unit == "m/s" else 1.0 for v in system.model.velocities]
     sizes: NDArray[np.float64] = np.nan_to_num(J) @ np.array(reach)
-    powers = np.round(np.log10(np.maximum(sizes, 1e-300)))
+    powers = np.round(np.log10(np.maximum(sizes, NONZERO)))
     return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
 
 

@@ -5,23 +5,31 @@ said."""
 # of its largest value over the sampled states: a pivot that comes closer to zero at one of them
 # makes a choice unsafe
 SAFE = 0.03
-ENOUGH = (
-    0.2  # no further chart where some chart has all pivots above this part at every sampled state
-)
+# no further chart where some chart has all pivots above this part at every sampled state
+ENOUGH = 0.2
 WORTH = 2.0  # times as far from singular at the worst state: what a further chart has to bring
 MOST = 4  # charts that are looked for
 LOW = 0.2  # of the largest pivot seen when the equations were made: below this a chart is left ...
 BETTER = 2.0  # ... for one that is so much better, so that no two charts take turns
 
 # fitness
+MASSLESS = 1e-12  # a diagonal entry of M below this part of the largest is not scaled to one
 NULL = 1e-10  # singular values below this part of the largest count as zero
 # a velocity belongs to a null direction where its entry is at least this part of the largest
 TAKES_PART = 0.1
 
 # functions
+PER_RADIAN = 1e-3  # digits of a closed position are lost from 1,000 rad on, in proportion
 CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ, divided by …
 USUAL = 3  # … the size of its terms where that is more than so many powers of ten from one
 MOST_STEPS = 20  # of Newton; it doubles the digits in each, or does not converge
 
 # manifold
 SAMPLES = 12  # states that the usual size of a row is the median over
+
+# configuration
+# keeps 0/0 out of sin(θ)/θ, which does not change where θ² is not far above; float32 can hold it
+TINY = 1e-30
+
+# udwadia_phohomsiri
+LIGHT = 1e-9  # masses and mobilities below this part of the usual say nothing of a row's size

@@ -37,34 +37,36 @@ GUARDS = (
 )
 
 
-def manifold(found: Equations, kept: Sequence[int], closing: Sequence[int]) -> tuple[Request, ...]:
+def manifold(
+    equations: Equations, kept: Sequence[int], closing: Sequence[int]
+) -> tuple[Request, ...]:
     """Requests for what is there; `kept` and `closing` are the independent rows, of all and of the
     holonomic ones."""
-    x = found.argument("x")
+    x = equations.argument("x")
     requests: list[Request] = []
-    if closing or found.system.quaternions:
-        requests.append(Request("closure", CLOSURE, lambda: _closure(found, closing)))
-    if kept and keeps_velocities(found):
-        requests.append(Request("slip", SLIP, lambda: _slip(found, kept, x)))
-    if closing and not keeps_velocities(found):
-        requests.append(Request("pull", PULL, lambda: _pull(found, kept)))
-    dynamics = found.function("dynamics") if found.has("dynamics") else None
-    if dynamics is not None and (dynamics.guards or (kept and keeps_velocities(found))):
-        requests.append(Request("guards", GUARDS, lambda: _guards(found, kept, dynamics)))
+    if closing or equations.system.quaternions:
+        requests.append(Request("closure", CLOSURE, lambda: _closure(equations, closing)))
+    if kept and keeps_velocities(equations):
+        requests.append(Request("slip", SLIP, lambda: _slip(equations, kept, x)))
+    if closing and not keeps_velocities(equations):
+        requests.append(Request("pull", PULL, lambda: _pull(equations, kept)))
+    dynamics = equations.function("dynamics") if equations.has("dynamics") else None
+    if dynamics is not None and (dynamics.guards or (kept and keeps_velocities(equations))):
+        requests.append(Request("guards", GUARDS, lambda: _guards(equations, kept, dynamics)))
     if kept:
-        requests.append(Request("constraint_rows", ROWS, lambda: _rows(found, kept)))
+        requests.append(Request("constraint_rows", ROWS, lambda: _rows(equations, kept)))
     return tuple(requests)
 
 
-def keeps_velocities(found: Equations) -> bool:
+def keeps_velocities(equations: Equations) -> bool:
     """The state holds all generalized velocities although they are constrained, so that A v = c can
     drift. In quasi-velocities it holds identically and only φ = 0 can."""
-    return bool(found.system.rows) and found.generalized_velocities
+    return bool(equations.system.rows) and equations.generalized_velocities
 
 
-def _closure(found: Equations, closing: Sequence[int]) -> Function:
+def _closure(equations: Equations, closing: Sequence[int]) -> Function:
     """[ψ, ∂ψ/∂q], ψ all that ties coordinates to each other: φ and the lengths of quaternions."""
-    system = found.system
+    system = equations.system
     lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
     psi = ca.vertcat(*[system.phi[system.rows[i].position] for i in closing], *lengths)
     labels = (
@@ -74,9 +76,9 @@ def _closure(found: Equations, closing: Sequence[int]) -> Function:
     return Function("closure", CLOSURE, Result("psi", _with_jacobian(psi, system.q), labels, ()))
 
 
-def _slip(found: Equations, kept: Sequence[int], x: Argument) -> Function:
+def _slip(equations: Equations, kept: Sequence[int], x: Argument) -> Function:
     """[A v − c, A] of the independent rows, rates of φ before nonholonomic rows."""
-    system = found.system
+    system = equations.system
     order = sorted(kept, key=lambda i: system.rows[i].position < 0)  # holonomic rows first
     w = x.symbols[system.q.numel() :, 0]
     violation = ca.substitute(
@@ -88,12 +90,12 @@ def _slip(found: Equations, kept: Sequence[int], x: Argument) -> Function:
     )
 
 
-def _rows(found: Equations, kept: Sequence[int]) -> Function:
-    sizes = _usual_lengths(found.system, kept)
-    A = ca.sparsify(ca.mtimes(ca.diag(ca.DM(1.0 / sizes)), found.system.A[list(kept), :]))
+def _rows(equations: Equations, kept: Sequence[int]) -> Function:
+    sizes = _usual_lengths(equations.system, kept)
+    A = ca.sparsify(ca.mtimes(ca.diag(ca.DM(1.0 / sizes)), equations.system.A[list(kept), :]))
     columns, rows = A.T.sparsity().get_triplet()
-    names = [found.system.rows[i].name for i in kept]
-    velocities = [velocity.name for velocity in found.system.model.velocities]
+    names = [equations.system.rows[i].name for i in kept]
+    velocities = [velocity.name for velocity in equations.system.model.velocities]
     labels = tuple(f"{names[i]} by {velocities[j]}" for i, j in zip(rows, columns))
     pattern = Pattern(A.shape, tuple(rows), tuple(columns))
     value = ca.densify(ca.vertcat(*[A[i, j] for i, j in zip(rows, columns)]))
@@ -112,10 +114,10 @@ def _usual_lengths(system: System, kept: Sequence[int]) -> np.ndarray:
     return 2.0 ** np.round(np.log2(np.where(lengths > 0, lengths, 1.0)))
 
 
-def _pull(found: Equations, kept: Sequence[int]) -> Function:
+def _pull(equations: Equations, kept: Sequence[int]) -> Function:
     """Δ of A Δ = −φ, B Δ = 0 as the least of |A Δ|² + |B Δ|² with A Δ = −φ."""
-    system = found.system
-    A, B = system.A[list(kept), :], speed_rows(found)
+    system = equations.system
+    A, B = system.A[list(kept), :], speed_rows(equations)
     side = [
         -system.phi[system.rows[i].position] if system.rows[i].position >= 0 else 0.0 for i in kept
     ]
@@ -127,12 +129,12 @@ def _pull(found: Equations, kept: Sequence[int]) -> Function:
     )
 
 
-def speed_rows(found: Equations) -> ca.SX:
+def speed_rows(equations: Equations) -> ca.SX:
     """B (nw × nv) of w = B v, from the function that makes states; the unit matrix where no choice
     was made."""
-    state = found.function("state")
+    state = equations.function("state")
     assert state.x is not None
-    nq = found.system.q.numel()
+    nq = equations.system.q.numel()
     return ca.jacobian(state.result.value[nq:, 0], state.x.symbols[nq:, 0])
 
 
@@ -140,12 +142,14 @@ def _with_jacobian(psi: ca.SX, q: ca.SX) -> ca.SX:
     return ca.densify(ca.horzcat(psi, ca.jacobian(psi, q)))
 
 
-def _guards(found: Equations, kept: Sequence[int], dynamics: Function) -> Function:
+def _guards(equations: Equations, kept: Sequence[int], dynamics: Function) -> Function:
     values = [guard.value / guard.tolerance for guard in dynamics.guards]
     names = [guard.name for guard in dynamics.guards]
-    if keeps_velocities(found):
-        values += [ca.SX(x) for x in _independence(scalars(ca.SX(found.system.A)[list(kept), :]))]
-        names += [f"independence of {found.system.rows[i].name}" for i in kept]
+    if keeps_velocities(equations):
+        values += [
+            ca.SX(x) for x in _independence(scalars(ca.SX(equations.system.A)[list(kept), :]))
+        ]
+        names += [f"independence of {equations.system.rows[i].name}" for i in kept]
     return Function(
         "guards", GUARDS, Result("guards", ca.densify(ca.vertcat(*values)), tuple(names), ())
     )

@@ -22,9 +22,7 @@ class Discrete:
         self.form = form
         equations = form.equations
         t, x, u, p = (argument.symbols for argument in equations.arguments)
-        f = next(
-            function.result.value for function in equations.functions if function.name == "dynamics"
-        )
+        f = equations.function("dynamics").result.value
         one = _step(ca.Function("f", [t, x, u, p], [f]), *(s.numel() for s in (x, u, p)))
         self.flow = _flow(one, steps, *(s.numel() for s in (x, u, p)))
         self.T = ca.Function("T", [t, x, u, p], [ca.densify(form.T)])

@@ -7,6 +7,7 @@ CRITICAL_NEAR = 12  # bisections before eigenvalues are told apart by nearness
 CRITICAL_STEPS = 100  # of a bisection, at most: a double has 53 bits
 
 # cyclic
+LEAST_SCALE = 1e-3  # of a derivative, in SI units, where it is small at all sampled states
 CYCLIC_SAMPLES = 5  # random states at which a derivative has to vanish
 NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
 
@@ -18,9 +19,8 @@ WEAK = 1e-9  # relative size of what is left of a row that repeats others
 # coordinates whose rates are quasi-velocities become dependent only where others are this much
 # weaker
 SPARED = 1e-3
-MINIMAL_NEAR = (
-    1e-6  # guard: smallest pivot of the dependent coordinates, relative to where they were chosen
-)
+# guard: smallest pivot of the dependent coordinates, relative to where they were chosen
+MINIMAL_NEAR = 1e-6
 
 # sensitivity
 DEFECTIVE = 1e-7  # |yᴴ x| below which two eigenvalues are one and have no derivative
@@ -34,6 +34,8 @@ NULL = 1e-11  # relative singular value that counts as zero at motions chosen at
 REAL = 1e-9
 
 # steady
+STANDS = 1e-15  # a step of the iteration below this, relative to 1 + |y|, is its last
+STRAIGHT = 1e-13  # residual, against 1 + |y|, up to which a course is a straight line
 STEADY_STEPS = 40  # of a damped Newton iteration
 RANK = 1e-10  # relative singular value below which a direction is left alone
 KEPT = 1e-9  # relative residual up to which a motion is steady
@@ -42,10 +44,16 @@ CREEPS = 1e-5  # a largest speed below this is tried at rest
 FLAT = 1e-3  # the least slope that a row's residual is measured by
 
 # study
+SPREADS = (
+    1e-2,
+    1e-2,
+    1e-2,
+    1e-3,
+    1e-4,
+)  # of parameters, relative; smaller where there is no motion
 STUDY_SAMPLES = 3  # motions near the given one at which families are looked for
-SAME_ROWS = (
-    1e-9  # singular values of rows of like size below this belong to rows that repeat others
-)
+# singular values of rows of like size below this belong to rows that repeat others
+SAME_ROWS = 1e-9
 
 # unreduced
 CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion

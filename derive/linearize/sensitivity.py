@@ -24,7 +24,7 @@ class Mode:
     sensitivity: dict[str, complex]
 
 
-def modes(found: Study) -> tuple[Mode, ...]:
+def modes(study: Study) -> tuple[Mode, ...]:
     """The modes at the study's own values, of each pair the one above the real axis.
 
         dλ/dθ = yᴴ (dA/dθ) x / (yᴴ x),   A x = λ x,   yᴴ A = λ yᴴ
@@ -32,11 +32,11 @@ def modes(found: Study) -> tuple[Mode, ...]:
     dA/dθ holds the shift of the steady motion with θ. Where yᴴ x all but vanishes, two eigenvalues
     are one and no derivative exists: the sensitivity is empty then.
     """
-    motions = found.motions({})
-    A = found.full(motions)[0]
-    slopes = _slopes(found, motions.x[0], motions.u[0], motions.p[0])
+    motions = study.motions({})
+    A = study.full(motions)[0]
+    slopes = _slopes(study, motions.x[0], motions.u[0], motions.p[0])
     result: list[Mode] = []
-    for wanted in eigenvalues(found.matrices(motions))[0]:
+    for wanted in eigenvalues(study.matrices(motions))[0]:
         if wanted.imag < 0:
             continue
         x, y = _vectors(A, wanted)
@@ -58,21 +58,21 @@ def _vectors(A: np.ndarray, eigenvalue: complex) -> tuple[np.ndarray, np.ndarray
     return right[-1].conj(), left[:, -1]
 
 
-def _slopes(found: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
+def _slopes(study: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
     """dA/dθ along the family of steady motions, for every parameter and free name: ∂A/∂p + ∂A/∂(x,
     u) d(x, u)/dθ."""
-    problem, form = found.problem, found.linear
-    t, *rest = (a.symbols for a in found.equations.arguments)
+    problem, form = study.problem, study.linear
+    t, *rest = (a.symbols for a in study.equations.arguments)
     at = ca.vertcat(*rest)
     d = ca.SX.sym("d", at.numel())
     turned = ca.jtimes(ca.vec(ca.densify(form.A)), at, d)
     function = ca.Function("dA", [t, *rest, d], [turned])
-    s = np.array([found.at[name] for name in problem.motion.sweepable])
+    s = np.array([study.at[name] for name in problem.motion.sweepable])
     _, J = problem.function(x, u, p, s)
     slopes: NDArray[np.float64] = J.full()
     moved: NDArray[np.float64] = problem.shifts(x, u, p, s).full()
     shifts = -np.linalg.lstsq(slopes, moved, rcond=RANK)[0]
-    names = (*found.equations.arguments[3].labels, *problem.motion.sweepable)
+    names = (*study.equations.arguments[3].labels, *problem.motion.sweepable)
     n = len(form.states)
     directions = np.vstack([shifts, np.eye(len(p), len(names))])
     columns = [function(0.0, x, u, p, directions[:, k]).full().ravel() for k in range(len(names))]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.linearize.limits import AVOIDED, NULL, REAL, VANISHES
+from derive.numerics import NONZERO
 
 Stage = tuple[int, ...]  # coordinates in whose place families are counted
 
@@ -40,7 +41,7 @@ def families(samples: np.ndarray, velocity: Sequence[bool]) -> tuple[Stage, ...]
 def _nullity(A: np.ndarray) -> int:
     """Null directions that all samples have."""
     values = np.linalg.svd(A, compute_uv=False)
-    return int(np.min(np.sum(values <= NULL * (values[:, :1] + 1e-300), axis=1)))
+    return int(np.min(np.sum(values <= NULL * (values[:, :1] + NONZERO), axis=1)))
 
 
 def _null_spaces(A: np.ndarray, count: int) -> np.ndarray:
@@ -108,7 +109,7 @@ def eigenvalues(A: np.ndarray) -> NDArray[np.complex128]:
 def signature(values: NDArray[np.complex128]) -> tuple[int, int, int]:
     """Of one spectrum: how many are real, how many of those unstable, how many unstable ones are
     not real. Along a parameter it changes exactly at critical values."""
-    real = np.abs(values.imag) <= REAL * (1e-300 + np.abs(values))
+    real = np.abs(values.imag) <= REAL * (NONZERO + np.abs(values))
     unstable = is_unstable(values)
     return int(np.sum(real)), int(np.sum(real & unstable)), int(np.sum(~real & unstable))
 

@@ -13,7 +13,16 @@ from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.expressions.evaluate import casadi_functions, number, value
 from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
-from derive.linearize.limits import CREEPS, FLAT, HALVINGS, KEPT, RANK, STEADY_STEPS
+from derive.linearize.limits import (
+    CREEPS,
+    FLAT,
+    HALVINGS,
+    KEPT,
+    RANK,
+    STANDS,
+    STEADY_STEPS,
+    STRAIGHT,
+)
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
 from derive.model.records import Span, SteadyMotion
@@ -331,7 +340,7 @@ def _damped(
     else:
         return y, True
     moved, size = (float(np.max(np.abs(x / found.scale), initial=0.0)) for x in (step, y))
-    small = moved <= 1e-15 * (1.0 + size)
+    small = moved <= STANDS * (1.0 + size)
     return trial, small or before == 0.0
 
 
@@ -396,7 +405,7 @@ def _between(
         inner = slice(first + 1, last)
         parts = _parts(np.hstack([p, s]), first, last)[:, np.newaxis]
         chord = y[first] + parts * (y[last] - y[first])
-        if np.max(np.abs(_residuals(found, chord, p[inner], s[inner])), initial=0.0) <= 1e-13 * (
+        if np.max(np.abs(_residuals(found, chord, p[inner], s[inner])), initial=0.0) <= STRAIGHT * (
             1 + np.max(np.abs(chord))
         ):
             y[inner] = chord

@@ -12,7 +12,7 @@ import numpy as np
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
-from derive.linearize.limits import SAME_ROWS, STUDY_SAMPLES
+from derive.linearize.limits import SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families
@@ -168,24 +168,24 @@ def _settings(
     return found
 
 
-def _samples(found: Study) -> np.ndarray:
+def _samples(study: Study) -> np.ndarray:
     """A at motions near by, at parameters chosen at random: what is singular at all of them is a
     family."""
     rng = np.random.default_rng(0)
     stacks: list[np.ndarray] = []
-    for spread in (1e-2, 1e-2, 1e-2, 1e-3, 1e-4):
+    for spread in SPREADS:
         changed = {
-            name: value * (1 + spread * rng.uniform(-1, 1)) for name, value in found.at.items()
+            name: value * (1 + spread * rng.uniform(-1, 1)) for name, value in study.at.items()
         }
-        for name in found.problem.motion.sweepable:
+        for name in study.problem.motion.sweepable:
             changed[name] += spread * rng.uniform(0.1, 1)
         try:
-            motions = found.motions({name: [value] for name, value in changed.items()})
+            motions = study.motions({name: [value] for name, value in changed.items()})
         except AssumptionError:
             continue
-        stacks.append(found.matrices(motions))
+        stacks.append(study.matrices(motions))
         if len(stacks) == STUDY_SAMPLES:
             break
     if not stacks:
-        stacks = [found.matrices(found.motions({}))]
+        stacks = [study.matrices(study.motions({}))]
     return np.concatenate(stacks)

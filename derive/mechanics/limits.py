@@ -4,9 +4,8 @@ else is said."""
 # solve
 SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
 BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred
-ALONE = (
-    10.0  # a ratio this many times its median says that one pivot vanishes where the other does not
-)
+# a ratio this many times its median says that one pivot vanishes where the other does not
+ALONE = 10.0
 # relative size that counts as zero: what is left of a row that repeats others, at closed positions
 VANISHES = 1e-8
 ZERO = 1e-6  # a pivot that comes so near zero at a sample, relative to its largest, vanishes there
@@ -17,8 +16,12 @@ MOST_REFLECTED = 16  # rows up to which all that is left may be solved by reflec
 GROWTH = 6.0  # an elimination that may let entries grow more than this gives way to reflections
 
 # system
+REGULAR = 1e-13  # least eigenvalue of a mass matrix with an inverse, of its largest
 MOST_ENTRIES = 2_500  # of M below the diagonal; beyond that only the O(n) recursions are of use
 FEW = 40  # with more links than this, equivalent sets of inertias are not compared
 
 # rolling
 FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
+
+# links
+EXACT = 1e-14  # what rounding leaves between an entry of a direction and a whole number

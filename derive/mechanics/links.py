@@ -28,6 +28,7 @@ from derive.joints.rotations import (
     sum_of,
     transpose,
 )
+from derive.mechanics.limits import EXACT
 from derive.mechanics.records import Inertia, Link, Place
 from derive.mechanics.symbols import Symbols
 from derive.model.records import GROUND, Body, Joint, Model, Placement
@@ -89,7 +90,7 @@ def _parts(model: Model, symbols: Symbols, joint: Joint) -> list[Part]:
     kind = joint_type(joint.type, joint.orientation, symbols.scalar(joint.pitch))
     axis = symbols.vector(joint.axis)
     q = [symbols.names[name] for name in joint.coordinates]
-    columns = tuple(_index(model, name) for name in joint.velocities)
+    columns = tuple(map(model.velocity_index, joint.velocities))
     if not kind.parts:
         return [Part(kind, axis, q, columns)]
     axes = (axis, symbols.vector(joint.axis2) if joint.axis2 else axis)
@@ -156,7 +157,7 @@ def _exact(x: Scalar) -> Scalar:
     if not isinstance(x, float):
         return x
     nearest = float(round(x))
-    return nearest if abs(x - nearest) < 1e-14 else x
+    return nearest if abs(x - nearest) < EXACT else x
 
 
 def _aligning(axis: Vector) -> Rotation:
@@ -167,10 +168,6 @@ def _aligning(axis: Vector) -> Rotation:
     side = np.cross(np.eye(3)[int(np.argmin(np.abs(unit)))], unit)
     x = side / np.linalg.norm(side)
     return (Still(np.column_stack([x, np.cross(unit, x), unit]).tolist()),)
-
-
-def _index(model: Model, velocity: str) -> int:
-    return next(i for i, v in enumerate(model.velocities) if v.name == velocity)
 
 
 def _turned_twist(R: Matrix, twist: Vector) -> Vector:

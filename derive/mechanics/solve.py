@@ -29,6 +29,7 @@ from derive.mechanics.limits import (
     VANISHES,
     ZERO,
 )
+from derive.numerics import NONZERO
 
 
 def scalars(matrix: ca.SX) -> Matrix:
@@ -332,7 +333,7 @@ def _vanishes_alone(values: np.ndarray, small: Block, large: Block) -> bool:
     if not set(small.rows) <= set(large.rows) or not set(small.columns) <= set(large.columns):
         return False
     ratio = _sizes(values, large.rows, large.columns) / np.maximum(
-        _sizes(values, small.rows, small.columns), 1e-300
+        _sizes(values, small.rows, small.columns), NONZERO
     )
     return float(np.max(ratio)) > ALONE * float(np.median(ratio))
 

@@ -17,7 +17,7 @@ from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
-from derive.mechanics.limits import FEW, MOST_ENTRIES
+from derive.mechanics.limits import FEW, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
 from derive.mechanics.motion import (
@@ -288,7 +288,7 @@ def _is_definite(M: ca.SX, s: Symbols) -> bool:
         _smallest_ratio(np.asarray(function(0.0, rng.normal(size=s.q.numel()), p)))
         for _ in range(4)
     ]
-    return min(least) > 1e-13
+    return min(least) > REGULAR
 
 
 def _smallest_ratio(M: np.ndarray) -> float:

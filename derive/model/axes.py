@@ -8,13 +8,13 @@ from derive.expressions.parser import quantity
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import ClosureEntry, JointEntry
+from derive.model.limits import RIGHT_ANGLE
 from derive.model.placements import numbers
 from derive.model.reader import Reader
 from derive.model.records import Vector3
 from derive.model.space import constant_vector, normalised
 
 _TURN = 6.283185307179586
-_RIGHT = 1e-6  # cosine of the angle between axes that count as being at right angles
 _DIRECTIONS = "x, y, z or a list of numbers"
 
 
@@ -74,8 +74,8 @@ def axis2(
         return _across(a, tuple(float(i == (largest + 1) % 3) for i in range(3)))
     given = numbers(reader.direction(entry.axis2, "a second axis"))
     along = sum(x * y for x, y in zip(a, given))
-    if abs(along) > _RIGHT:
-        how = "parallel" if abs(along) > 1.0 - _RIGHT else "not at right angles"
+    if abs(along) > RIGHT_ANGLE:
+        how = "parallel" if abs(along) > 1.0 - RIGHT_ANGLE else "not at right angles"
         reader.report(
             entry.axis2.span,
             f"the second axis of '{key}' is {how} to the first",

@@ -9,6 +9,7 @@ from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.algebra import Rows, rows, to_centre, turned_tensor
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import BodyEntry, InertiaEntry
+from derive.model.limits import INERTIA_SLACK
 from derive.model.placements import rotation
 from derive.model.reader import Reader
 from derive.model.records import Body, Span, Vector3
@@ -17,7 +18,6 @@ Inertia = tuple[Expression, Expression, Expression, Expression, Expression, Expr
 POINT_MASS: Inertia = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
 INERTIA_UNIT = "kg*m^2"
 ABOUT = ("com", "origin")
-_SLACK = 1e-9  # relative: a thin disk has Ixx + Izz = Iyy exactly, up to rounding
 
 
 def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
@@ -116,7 +116,8 @@ def _check_mass(
     ]
     numbers = [moment for moment in moments if moment is not None]
     if len(numbers) == 6:
-        _check_moments(reader, key, node.span, given, numbers, _SLACK * _largest(reader, scalars))
+        slack = INERTIA_SLACK * _largest(reader, scalars)
+        _check_moments(reader, key, node.span, given, numbers, slack)
 
 
 def _largest(reader: Reader, scalars: list[Scalar]) -> float:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from derive.expressions.tree import Expression
 from derive.model.document import Key, Scalar
 from derive.model.entries import ExtremeEntry
+from derive.model.limits import RTOL
 from derive.model.motions import state_name
 from derive.model.reader import Reader
 from derive.model.records import Extreme
 
 INTEGRATOR, REAL = "dop853", "float64"  # where a case says nothing
-RTOL = {"float64": 1e-11, "float32": 1e-6}
 
 
 def extremes(reader: Reader, key: Key, entry: ExtremeEntry) -> Extreme:

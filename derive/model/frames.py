@@ -46,6 +46,16 @@ class Names:
     inputs: tuple[Input, ...]
     definitions: tuple[tuple[str, Expression], ...]
 
+    def coordinate(self, name: str | None) -> Coordinate | None:
+        """The coordinate of that name; None where there is none."""
+        by_name: dict[str | None, Coordinate] = {x.name: x for x in self.coordinates}
+        return by_name.get(name)
+
+    def unit(self, name: str) -> str:
+        """Of the coordinate or generalized velocity of that name, else ""."""
+        units = {x.name: x.unit for x in (*self.velocities, *self.coordinates)}
+        return units.get(name, "")
+
 
 def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
     """Names and table of one joint; None after reporting that its type is unknown."""

@@ -38,7 +38,7 @@ def check_tips(reader: Reader, model: Model) -> None:
 
 
 def _report(reader: Reader, model: Model, joint: Joint) -> None:
-    span = next(body.span for body in model.bodies if body.name == joint.child)
+    span = model.body(joint.child).span
     problem = (
         f"nothing gives '{joint.child}' inertia: the joint '{joint.name}' has nothing to accelerate"
     )

@@ -292,12 +292,5 @@ def _angle_unit(formula: Expression, names: Names) -> str:
     dimensions."""
     if isinstance(formula, tree.Name | tree.Rate):
         wanted = f"der({formula.name})" if isinstance(formula, tree.Rate) else formula.name
-        return next(
-            (
-                entry.unit
-                for entry in (*names.coordinates, *names.velocities)
-                if entry.name == wanted
-            ),
-            "",
-        )
+        return names.unit(wanted)
     return ""

@@ -13,14 +13,12 @@ from derive.expressions.tree import Call, Expression, Number
 from derive.model import algebra
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import SideEntry, SidesEntry, TurnedEntry
+from derive.model.limits import ORTHOGONAL
 from derive.model.reader import Reader
 from derive.model.records import Placement, Vector3
 from derive.model.space import Rotation, snapped, turned_about
 
 TURNS = ("angle", "rpy", "axis_angle", "matrix")
-_ORTHOGONAL = (
-    1e-6  # how far from a rotation the entries of a matrix may be: what six printed digits leave
-)
 Place = Items | list[Any] | SidesEntry | None
 
 
@@ -168,7 +166,7 @@ def _orthogonal(reader: Reader, lines: Items, entries: list[list[float]]) -> Rot
     """The nearest rotation, where the entries are one up to the digits that were printed."""
     u, _, v = np.linalg.svd(np.array(entries))
     nearest = u @ v
-    if np.abs(nearest - entries).max() > _ORTHOGONAL or np.linalg.det(nearest) < 0.0:
+    if np.abs(nearest - entries).max() > ORTHOGONAL or np.linalg.det(nearest) < 0.0:
         reader.report(
             lines.span,
             "the matrix is not a rotation",

@@ -8,10 +8,10 @@ from dataclasses import replace
 from derive.expressions.tree import ZERO, Call, Expression, Number, Power, Quotient, Sum
 from derive.model.document import Scalar
 from derive.model.frames import Frame
+from derive.model.limits import UNIT_LENGTH
 from derive.model.reader import Reader
 from derive.model.records import Coordinate, InitialValue
 
-_LONG = 1e-12  # how far from one the length may be before it is set right
 Found = dict[str, InitialValue]
 
 
@@ -48,7 +48,7 @@ def _normalise(reader: Reader, frame: Frame, entries: tuple[Coordinate, ...], fo
     if length == 0.0:
         wanted = "entries that are not all zero, such as 1, 0, 0, 0"
         reader.report(given[0].span, f"the initial quaternion of '{frame.name}' is zero", wanted)
-    elif abs(length - 1.0) > _LONG:
+    elif abs(length - 1.0) > UNIT_LENGTH:
         for entry, formula, value in zip(entries, formulas, numbers):
             scaled = _over_length(formula, formulas, value / length)
             found[entry.name] = replace(found[entry.name], value=scaled)

@@ -299,6 +299,22 @@ class Model:
         tuple[str, float], ...
     ] = ()  # inputs and parameters of the file that are numbers here, in SI units
 
+    def body(self, name: str) -> Body:
+        """The body of that name. Raises KeyError where there is none."""
+        return {body.name: body for body in self.bodies}[name]
+
+    def coordinate_index(self, name: str) -> int:
+        """Which entry of q that coordinate is. Raises ValueError where there is none."""
+        return [coordinate.name for coordinate in self.coordinates].index(name)
+
+    def velocity_index(self, name: str) -> int:
+        """Which entry of v that generalized velocity is. Raises ValueError where there is none."""
+        return [velocity.name for velocity in self.velocities].index(name)
+
+    def place(self, name: str) -> Span | None:
+        """Where the closure or the constraint of that name stands; None where it is neither."""
+        return {tie.name: tie.span for tie in (*self.constraints, *self.closures)}.get(name)
+
     def diagnostic(self, span: Span | None, message: str, expected: str = "") -> Diagnostic:
         """The problem at a place of the file; of the file as a whole where it has no such line."""
         lines = self.text.splitlines()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.algebra import Rows, constant, rows
+from derive.model.limits import RIGHT_TURN, ZERO_ENTRY
 from derive.model.records import Vector3
 
 _LETTERS = "xyz"
@@ -18,7 +19,6 @@ _NORMALS = {
 }
 ORIGIN: Vector3 = (ZERO, ZERO, ZERO)
 Rotation = Rows
-_ZERO = 1e-12
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,11 @@ def snapped(rotation: Rotation) -> Rotation:
 
 
 def snapped_row(row: Vector3) -> Vector3:
-    """A row of a rotation with entries nearer to zero than _ZERO taken for zero, and a row of one
-    entry for a unit vector. cos 90° is 6e-17 in floats; only exact zeros vanish from the equations.
+    """A row of a rotation with entries nearer to zero than ZERO_ENTRY taken for zero, and a row of
+    one entry for a unit vector. cos 90° is 6e-17 in floats; only exact zeros vanish from the
+    equations.
     """
-    entries = [ZERO if isinstance(x, Number) and abs(x.value) < _ZERO else x for x in row]
+    entries = [ZERO if isinstance(x, Number) and abs(x.value) < ZERO_ENTRY else x for x in row]
     if sum(x != ZERO for x in entries) == 1:
         entries = [
             constant(math.copysign(1.0, x.value)) if isinstance(x, Number) and x != ZERO else x
@@ -118,6 +119,6 @@ def snapped_row(row: Vector3) -> Vector3:
 def _sine_cosine(angle: float) -> tuple[float, float]:
     """Exact at multiples of a right angle, so that structural zeros stay zeros."""
     quarter = angle / (math.pi / 2.0)
-    if abs(quarter - round(quarter)) < 1e-14 * max(1.0, abs(quarter)):
+    if abs(quarter - round(quarter)) < RIGHT_TURN * max(1.0, abs(quarter)):
         return ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))[round(quarter) % 4]
     return math.sin(angle), math.cos(angle)

@@ -14,11 +14,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from derive.robots.limits import NOISE, SLACK
 from derive.robots.robot import GROUND, Body, Joint, Robot, counted
 from derive.robots.rotations import IDENTITY, Matrix, product, transposed, turned_tensor
-
-SLACK = 0.5e-9  # relative, half of what the language allows
-NOISE = 1e-15  # kg m²: what exporters write instead of zero; a gram at a micrometre
 
 
 def possible(mass: float, tensor: Sequence[float]) -> bool:

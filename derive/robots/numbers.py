@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 
 from derive.expressions.limits import BELOW, too_large, too_small
+from derive.robots.limits import WHOLE
 from derive.robots.markup import Element
 from derive.robots.robot import Reading
 from derive.robots.rotations import Vector
@@ -68,6 +69,6 @@ def vector(
 
 def written(number: float) -> str:
     """A number that reads back as the same one, without a needless point."""
-    if number == int(number) and abs(number) < 1e15:
+    if number == int(number) and abs(number) < WHOLE:
         return str(int(number))
     return repr(number)

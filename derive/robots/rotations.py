@@ -11,11 +11,12 @@ import math
 import re
 from collections.abc import Sequence
 
+from derive.robots.limits import MOST_STEPS, NEAR, ROUNDING, SAME_ANGLE
+
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ORIGIN: Vector = (0.0, 0.0, 0.0)
-NEAR = 1e-9
 STEP = 1  # degree
 _DECIMAL = re.compile(r"[+-]?[0-9]{1,3}\.([0-9]{2,15})\Z")
 _UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -24,7 +25,7 @@ _UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 def whole_degrees(angle: float) -> int | None:
     """The whole number of degrees that an angle in radians means, or None."""
     steps = angle / math.radians(STEP)
-    if not math.isfinite(steps) or abs(steps) > 1e6:
+    if not math.isfinite(steps) or abs(steps) > MOST_STEPS:
         return None
     return STEP * round(steps) if abs(angle - math.radians(STEP * round(steps))) <= NEAR else None
 
@@ -46,7 +47,8 @@ def unrounded(word: str) -> float | None:
     roundings = (round(abs(meant), digits), cut)
     if meant == 0.0 or whole_degrees(angle) is not None:
         return None
-    return meant if any(math.isclose(abs(angle), r, rel_tol=1e-12) for r in roundings) else None
+    same = any(math.isclose(abs(angle), each, rel_tol=SAME_ANGLE) for each in roundings)
+    return meant if same else None
 
 
 def sine_cosine(angle: float) -> tuple[float, float]:
@@ -200,6 +202,6 @@ def turned_tensor(R: Matrix, tensor: Sequence[float]) -> tuple[float, ...]:
     xx, yy, zz, xy, xz, yz = tensor
     full: Matrix = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
     turned = product(product(R, full), transposed(R))
-    least = 1e-15 * max(abs(e) for e in tensor)
+    least = ROUNDING * max(abs(e) for e in tensor)
     entries = (turned[0][0], turned[1][1], turned[2][2], turned[0][1], turned[0][2], turned[1][2])
     return tuple(0.0 if abs(e) <= least else e for e in entries)

@@ -11,7 +11,8 @@ import numpy as np
 
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
-from derive.states.limits import CLOSED, EVEN, LEAP, NEWTON
+from derive.numerics import NONZERO
+from derive.states.limits import CLOSED, EVEN, LEAP, NEWTON, REPEATS
 
 
 @dataclass(frozen=True)
@@ -159,6 +160,6 @@ def closed(
         scale = 1.0 + float(np.max(np.abs(q), initial=0.0))
         if np.all(np.abs(phi) <= CLOSED * (_sizes(J, q) if by_row else scale)):
             return q
-        step = -weights * np.linalg.lstsq(J * weights, phi, rcond=1e-10)[0]
-        q = q + step * min(1.0, LEAP * scale / (1e-300 + float(np.max(np.abs(step), initial=0.0))))
+        step = -weights * np.linalg.lstsq(J * weights, phi, rcond=REPEATS)[0]
+        q = q + step * min(1.0, LEAP * scale / (NONZERO + float(np.max(np.abs(step), initial=0.0))))
     return None

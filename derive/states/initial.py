@@ -15,7 +15,7 @@ from derive.mechanics.records import System
 from derive.model.records import Span
 from derive.numerics import refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised
-from derive.states.limits import AGREES
+from derive.states.limits import AGREES, REPEATS
 from derive.states.scales import scaled, scales
 
 
@@ -180,7 +180,7 @@ def _velocities(
 def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
     if not len(b):
         return np.zeros(int(A.shape[1]))
-    return np.linalg.lstsq(A, b, rcond=1e-10)[0]
+    return np.linalg.lstsq(A, b, rcond=REPEATS)[0]
 
 
 def _held_rows(

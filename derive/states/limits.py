@@ -2,6 +2,7 @@
 nothing else is said."""
 
 # closing
+REPEATS = 1e-10  # singular values below this part of the largest belong to rows that repeat others
 CLOSED = 1e-12  # |φ| against 1 + |q|, or of a row against the sizes of its own terms
 EVEN = 1e-3  # of the largest of these a row has at least that part
 NEWTON = 30  # iterations after which a start counts as hopeless
@@ -15,13 +16,14 @@ SAMPLES = 12  # states at which pivots of the ideal problem are looked at
 RANK = 1e-9  # singular values of rows of length one below this are zero
 
 # sampling
+SQUARES = 1e-14  # eigenvalues of J Jᵀ below this part of the largest are zero: rounding of squares
+NOTHING_LEFT = 1e-8  # of a wish: the rows forbid all of it
 STEPS = 9  # of a walk
 FAR = 1.0  # rad or width: a step that moves a coordinate by more ran into a singular position
 LOOSE = 0.02  # rad or width: what a step may be off φ = 0 before its last correction
 GAP = 1e-12  # eigenvalues of A Aᵀ below this part of the largest belong to rows that repeat others
-NEAR = (
-    0.1  # a smallest singular value below this part of its usual size is near a singular position
-)
+# a smallest singular value below this part of its usual size is near a singular position
+NEAR = 0.1
 PROBES = 6  # configurations looked at to learn the rank
 STARTS = 40  # random starts where the nominal one cannot be closed
 CONTRADICTION = 1e-6  # what A v = c may be off by, in rows of length one, relative to 1 + |v|
@@ -29,6 +31,8 @@ LOCKED = 1e6  # entries of N from which q̇ = N v runs away; away from gimbal lo
 SPARE = 4  # walkers more than states asked for, and a fifth of these
 
 # scales
+# singular values below this part of the largest: nothing in the file fixes that unit
+UNKNOWN = 1e-6
 STEP = 3  # decades
 FARTHEST = 30  # decades: what is beyond is left to the numbers, so that no product overflows
 PLACES = 5  # configurations at which the rows are looked at

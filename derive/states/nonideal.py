@@ -139,11 +139,7 @@ def _check_unique(system: System, sampled: np.ndarray, i: int) -> None:
         f"a nonideal force uses reaction.{name}, which is not unique: '{name}' repeats "
         "other constraints"
     )
-    owner = name.partition(".")[0]
-    span = next(
-        (c.span for c in (*system.model.closures, *system.model.constraints) if c.name == owner),
-        None,
-    )
+    span = system.model.place(name.partition(".")[0])
     raise AssumptionError(system.model.diagnostic(span, message, "independent constraints"))
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError, listed
 from derive.mechanics.records import System
-from derive.numerics import refuses_numerically
+from derive.numerics import NONZERO, refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised
 from derive.states.limits import (
     CLOSED,
@@ -31,8 +31,10 @@ from derive.states.limits import (
     LOOSE,
     NEAR,
     NEWTON,
+    NOTHING_LEFT,
     PROBES,
     SPARE,
+    SQUARES,
     STARTS,
     STEPS,
 )
@@ -166,8 +168,8 @@ class View:
         else:
             squares, vectors = self.parts
             vectors, squares = vectors[:, :, -rank:], squares[:, -rank:, None]
-            weights = np.where(squares > 1e-14 * squares[:, -1:], 1.0, 0.0) / np.maximum(
-                squares, 1e-300
+            weights = np.where(squares > SQUARES * squares[:, -1:], 1.0, 0.0) / np.maximum(
+                squares, NONZERO
             )
             along = vectors @ (weights * (vectors.transpose(0, 2, 1) @ right[:, :, None]))
         return (self.J.transpose(0, 2, 1) @ along)[:, :, 0]
@@ -176,8 +178,8 @@ class View:
         """(Σ 1/σ²)^−½ of the `rank` largest singular values: near zero where the least of them
         is."""
         if rank == self.J.shape[1]:
-            return 1 / np.sqrt(np.maximum(np.trace(self.inverse, axis1=1, axis2=2), 1e-300))
-        return 1 / np.sqrt(np.sum(1 / np.maximum(self.parts[0][:, -rank:], 1e-300), axis=1))
+            return 1 / np.sqrt(np.maximum(np.trace(self.inverse, axis1=1, axis2=2), NONZERO))
+        return 1 / np.sqrt(np.sum(1 / np.maximum(self.parts[0][:, -rank:], NONZERO), axis=1))
 
     @property
     def ranks(self) -> np.ndarray:
@@ -202,7 +204,7 @@ class View:
         """(J Jᵀ)⁻¹, kept finite where rows depend on each other."""
         m = self.J.shape[1]
         # far below GAP, so that it changes no direction that counts
-        small = 1e-14 * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + 1e-300
+        small = SQUARES * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + NONZERO
         regular: NDArray[np.float64] = self.gram + small * np.eye(m)
         return np.linalg.inv(regular)
 
@@ -232,7 +234,7 @@ class Walk:
 
     def moved(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
         """q + N · along, no coordinate by more than a leap."""
-        most = np.max(np.abs(along), axis=1, initial=1e-300)[:, None]
+        most = np.max(np.abs(along), axis=1, initial=NONZERO)[:, None]
         return self.solver.carried(t, q, p, along * np.minimum(1.0, LEAP / most) * self.width)
 
     def corrected(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, View]:
@@ -272,7 +274,7 @@ class Walk:
         nothing is left."""
         left = wish - view.solved((view.J @ wish[:, :, None])[:, :, 0], self.rank)
         size = np.max(np.abs(left), axis=1, initial=0.0)[:, None]
-        return np.where(size > 1e-8, left / np.maximum(size, 1e-300), 0.0)
+        return np.where(size > NOTHING_LEFT, left / np.maximum(size, NONZERO), 0.0)
 
 
 def _walked(

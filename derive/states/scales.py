@@ -33,7 +33,7 @@ from derive.expressions.units import (
 )
 from derive.mechanics.records import System
 from derive.model.records import Model
-from derive.states.limits import FARTHEST, PLACES, SMALL, STEP
+from derive.states.limits import FARTHEST, PLACES, SMALL, STEP, UNKNOWN
 
 INERTIA = product_of(MASS, power_of(LENGTH, Fraction(2)))
 ACCELERATION = quotient_of(LENGTH, power_of(TIME, Fraction(2)))
@@ -86,7 +86,7 @@ def scales(model: Model) -> Scales:
     if not found:
         return Scales()
     powers = np.array([[float(k) for k in dimension[:3]] for dimension, _ in found])
-    decades = np.linalg.lstsq(powers, np.log10([value for _, value in found]), rcond=1e-6)[0]
+    decades = np.linalg.lstsq(powers, np.log10([value for _, value in found]), rcond=UNKNOWN)[0]
     return Scales(*(_power(x) for x in np.clip(decades, -FARTHEST, FARTHEST)))
 
 

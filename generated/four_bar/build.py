@@ -32,7 +32,15 @@ NAME = "four_bar"
 FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fPIC")
 NATIVE = {"x86_64": "-march=native", "aarch64": "-mcpu=native"}  # this very processor
 BATCH = ("-O3",)  # the loops over states become vector instructions
-STEPS = ("-O3",)  # and so do the sums over stages of an integrator
+# and so do the sums over stages of an integrator; what -O3 would do besides takes the compiler half
+# as long again, and gains nothing
+STEPS = (
+    "-O3",
+    "-fno-inline-functions",
+    "-fno-unswitch-loops",
+    "-fno-split-loops",
+    "-fno-split-paths",
+)
 # Only gcc knows these: order statements for latency without running out of registers, copy less
 # between them, keep numbers out of integer registers.
 ORDER = ("-fschedule-insns", "-fsched-pressure", "-frename-registers")
@@ -50,6 +58,7 @@ INSTALL = (
 FULL = "free some space on the disk of this folder and on that of temporary files"
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 BINARIES = "binaries.json"  # what was compiled here: file name -> SHA-256
+RUNTIME = 100_000  # bytes that a simulation includes, all but for the model
 ANSWER = 20.0  # s in which a compiler has to say what it is
 LEAST = 120.0  # s that it may take for a file, and more for a long one
 PER_BYTE = 1e-3  # s; gcc takes some 2e-5
@@ -117,7 +126,7 @@ def identity(command: Sequence[str]) -> str:
     """What else a binary depends on: the compiler, its flags, this processor, this Python and the
     NumPy headers."""
     flags, macros = probe(tuple(command))
-    given = (*flags, *FLAGS, *BATCH, *LONG, WIDE, TUNE)
+    given = (*flags, *FLAGS, *BATCH, *STEPS, *LONG, WIDE, TUNE)
     return "\n".join(
         [
             *command,
@@ -215,7 +224,7 @@ def flags_of(command: Sequence[str], name: str, stem: str) -> Sequence[str]:
         tune = [TUNE] if "__znver" in macros and gcc(macros) >= 8 else []
         return [*flags, *BATCH, *wide, *tune]
     if stem == f"{name}_simulate":
-        return [*flags, *STEPS]
+        return [*flags, *(STEPS if gcc(macros) else BATCH)]
     if stem == name:
         return flags
     return [*flags, *LONG]  # a function in a file of its own
@@ -235,15 +244,15 @@ def manifest(folder: pathlib.Path) -> dict[str, Any]:
 
 
 def sources(folder: pathlib.Path, name: str) -> list[str]:
-    """The C files that make up the library, the longest first."""
+    """The C files that make up the library, the longest to compile first."""
     others = {example(name), f"{name}_module.c"}
     found = [
         file for file in manifest(folder)["files"] if file.endswith(".c") and file not in others
     ]
-    return [
-        file[:-2]
-        for file in sorted(found, key=lambda file: (-(folder / file).stat().st_size, file))
-    ]
+    sizes = {file: (folder / file).stat().st_size for file in found}
+    if f"{name}_simulate.c" in sizes:
+        sizes[f"{name}_simulate.c"] += RUNTIME
+    return [file[:-2] for file in sorted(found, key=lambda file: (-sizes[file], file))]
 
 
 def example(name: str) -> str:

@@ -134,15 +134,22 @@ static int work(Run *r, double t, double h, const double *y, const double *own, 
     return OK;
 }
 
-static int rosenbrock_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
+/* A linearly implicit step and what it was made of: the Jacobian, the matrix as `factor` left it, the rate of the slope by time, the
+   U, and the points of its stages with the slopes there. */
+typedef struct {
+    double J[NX * NX], W[NX * NX], rate[NX], U[ROSENBROCK_STAGES][NX], at[ROSENBROCK_STAGES][N], k[ROSENBROCK_STAGES][N];
+    int order[NX];
+} Stages;
+
+/* From y to z, but for the work. The last U is the error. */
+static int rosenbrock_stages(Run *r, const Rosenbrock *m, double t, double h, const double *y, Stages *made, double *z)
 {
-    const Rosenbrock *const m = (const Rosenbrock *)coefficients;
-    double W[NX * NX], U[ROSENBROCK_STAGES][NX], rate[NX], k[N], e[N];
-    int order[NX], i, j, n, status;
-    if ((status = jacobian(r, t, y, W)) != OK || (status = rate_of_time(r, t, h, y, rate)) != OK)
+    double *const W = made->W, *const rate = made->rate, (*const U)[NX] = made->U;
+    int *const order = made->order, i, j, n, status;
+    if ((status = jacobian(r, t, y, made->J)) != OK || (status = rate_of_time(r, t, h, y, rate)) != OK)
         return status;
     for (i = 0; i < NX * NX; i++)
-        W[i] = -W[i];
+        W[i] = -made->J[i];
     for (i = 0; i < NX; i++)
         W[i * NX + i] += 1.0 / (m->gamma * h);
     if (!factor(NX, W, order))
@@ -153,19 +160,30 @@ static int rosenbrock_step(Run *r, const void *coefficients, double t, double h,
         for (j = 0; j < n; j++)
             for (i = 0; i < NX; i++)
                 z[i] += m->a[n][j] * U[j][i];
-        if ((status = rates(r, t + m->alpha[n] * h, z, k)) != OK)
+        memcpy(made->at[n], z, sizeof made->at[n]);
+        if ((status = rates(r, t + m->alpha[n] * h, z, made->k[n])) != OK)
             return status;
         for (i = 0; i < NX; i++) {
-            U[n][i] = k[i] + m->gammas[n] * h * rate[i];
+            U[n][i] = made->k[n][i] + m->gammas[n] * h * rate[i];
             for (j = 0; j < n; j++)
                 U[n][i] += m->c[n][j] / h * U[j][i];
         }
         solve(NX, W, order, U[n]);
     }
-    for (i = 0; i < NX; i++) {
-        e[i] = U[ROSENBROCK_STAGES - 1][i];
-        z[i] += e[i];
-    }
+    for (i = 0; i < NX; i++)
+        z[i] += U[ROSENBROCK_STAGES - 1][i];
+    return OK;
+}
+
+static int rosenbrock_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
+{
+    const Rosenbrock *const m = (const Rosenbrock *)coefficients;
+    Stages made;
+    double (*const U)[NX] = made.U, e[N];
+    int i, j, n, status;
+    if ((status = rosenbrock_stages(r, m, t, h, y, &made, z)) != OK)
+        return status;
+    memcpy(e, U[ROSENBROCK_STAGES - 1], NX * sizeof(double));
     e[NX] = 0.0;
     *error = norm(r, e, y, z);
     for (n = 0; n < 2 && r->dense; n++)

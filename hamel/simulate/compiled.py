@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import contextlib
 import math
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,8 @@ from derive.choices.survey import survey_of
 from derive.diagnostics import AssumptionError, ModelError
 from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations
-from derive.formulations.charts import BETWEEN, charted, together
+from derive.formulations.charts import charted
+from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.robots.reading import load
@@ -33,10 +34,9 @@ from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
-from hamel.simulate import motion
+from hamel.simulate import motion, stiffness
 from hamel.simulate.automatic import picked
 from hamel.simulate.exact import state_of
-from hamel.simulate.figure import figure
 from hamel.simulate.files import check_page, writers
 from hamel.simulate.inputs import Changes, Changing, changes
 from hamel.simulate.method import (
@@ -51,6 +51,7 @@ from hamel.simulate.method import (
     own_integrator,
     tolerances,
 )
+from hamel.simulate.record import Source, simulated
 from hamel.simulate.view import page
 
 ROWS = 500  # of the output when no step is given
@@ -137,14 +138,24 @@ def simulation(
     problem = _problem(path, method, rows, values, feed)
     if automatic:
         method = replace(method, integrator=_picked(problem, method))
-    chosen, course = _integrated(problem, method, times, progress)
+    why = ""
+    try:
+        record = _integrated(problem, method, times, progress, automatic)
+    except stiffness.Stiff as stiff:
+        why, method = str(stiff), replace(method, integrator=stiffness.IMPLICIT)
+        record = _integrated(problem, method, times, progress)
     for write in writing:
-        write(course)
+        write(record)
     if places.view:
-        write_text(Path(places.view), page(problem.system, course, problem.p))
-    used = replace(method, enforcement=problem.enforcement.name, alpha=problem.options.alpha)
-    record = _record(chosen, used, problem.initial, course, places)
-    return replace(record, automatic=automatic)
+        write_text(Path(places.view), page(problem.system, record, problem.p))
+    return replace(
+        record,
+        file=Path(places.out) if places.out else None,
+        plot=Path(places.plot) if places.plot else None,
+        view=Path(places.view) if places.view else None,
+        automatic=automatic,
+        why=why,
+    )
 
 
 def _picked(problem: Problem, method: Method) -> str:
@@ -188,13 +199,20 @@ def _problem(
 
 
 def _integrated(
-    problem: Problem, method: Method, times: np.ndarray, progress: Progress | None
-) -> tuple[Equations, motion.Motion]:
-    """The motion, and the equations it was made with: those of the choice, or charts of all choices
-    where that one comes to a singular position."""
+    problem: Problem,
+    method: Method,
+    times: np.ndarray,
+    progress: Progress | None,
+    automatic: bool = False,
+) -> Simulated:
+    """The motion in the choice, or in charts of all choices where that one comes to a singular
+    position.
+
+    Raises Stiff where the integrator was picked and turns out to be the wrong one.
+    """
     chosen = problem.equations(method.choice)
     try:
-        return chosen, _motion(problem, chosen, method, times, progress)
+        return _motion(problem, chosen, method, times, progress, automatic)
     except motion.InputError:
         raise
     except AssumptionError as error:
@@ -203,7 +221,7 @@ def _integrated(
             raise _explained(error, problem) from None
         several = charted([chosen, *others], survey_of(problem.system))
         try:
-            return several, _motion(problem, several, method, times, progress)
+            return _motion(problem, several, method, times, progress, automatic)
         except AssumptionError:
             raise _explained(error, problem) from None
 
@@ -214,9 +232,11 @@ def _motion(
     method: Method,
     times: np.ndarray,
     progress: Progress | None,
-) -> motion.Motion:
+    automatic: bool,
+) -> Simulated:
     """Built as a module that is dropped afterwards, and integrated."""
     u, p, initial, enforcement = problem.u, problem.p, problem.initial, problem.enforcement.name
+    used = replace(method, enforcement=enforcement, alpha=problem.options.alpha)
     integrators = (method.integrator,) if own_integrator(method) else ()
     accuracy = tolerances(method, real_of(method.real))
     stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
@@ -228,7 +248,21 @@ def _motion(
         else:
             x, chart = state_of(problem.plain, initial, p, problem.t), 0
         start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
-        return motion.integrated(module, by, start, stepping, progress)
+        begin = time.perf_counter()
+        seen = by if own_integrator(method) else based(by)
+        # who asks a function twice may get two answers
+        looking = automatic and method.step_size is None and problem.changes.function is None
+        for most in stiffness.LOOKS if looking else ():
+            try:
+                simulation = motion.integrated(module, seen, start, stepping, progress, most)
+                break
+            except motion.Unfinished as far:
+                if why := stiffness.reason(module, start, far):
+                    raise stiffness.Stiff(why) from None
+        else:
+            simulation = motion.integrated(module, seen, start, stepping, progress)
+        source = Source(seen, module, u, p, used, initial)
+        return simulated(source, simulation, time.perf_counter() - begin)
 
 
 def _functions(by: Equations, method: Method) -> tuple[str, ...] | None:
@@ -256,16 +290,16 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     )
 
 
-def _others(problem: Problem, chosen: Equations) -> list[Equations]:
+def _others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
-    alone = chosen.generalized_velocities or chosen.charts
+    alone = equations.generalized_velocities or equations.charts
     if not system.rows or alone or problem.enforcement.level not in ("none", "steps"):
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))
     others = []
     for name in names:
-        if name != chosen.choice:
+        if name != equations.choice:
             with contextlib.suppress(AssumptionError):
                 others.append(problem.equations(name))
     return others
@@ -288,40 +322,3 @@ def _times(rows: Rows, step_size: float | None) -> np.ndarray:
     count = math.floor(time / step * (1 + 1e-12))
     inner = np.arange(count + 1) * step
     return np.append(rows.start + inner[inner < time * (1 - 1e-12)], rows.time)
-
-
-def _record(
-    chosen: Equations, method: Method, initial: Initial, course: motion.Motion, places: Places
-) -> Simulated:
-    return Simulated(
-        model=chosen.system.model.name,
-        formulation=chosen.formulation,
-        choice=together(chosen) if BETWEEN in (method.choice or "") else chosen.choice,
-        enforcement=method.enforcement or "",
-        integrator=method.integrator,
-        alpha=method.alpha,
-        time=float(course.t[-1]),
-        steps=course.steps,
-        rejected=course.rejected,
-        calls=course.calls,
-        seconds=course.seconds,
-        position_violation=course.position_violation,
-        velocity_violation=course.velocity_violation,
-        acceleration_violation=course.acceleration_violation,
-        energy_balance=course.energy_balance,
-        error=course.error_estimate,
-        crossings=course.crossings,
-        events={name: t.tolist() for name, (t, _) in course.events.items()},
-        stopped_by=course.stopped_by,
-        at_events={name: rows for name, (_, rows) in course.events.items()},
-        charts=course.charts,
-        switches=course.switches,
-        moved={name: {"given": wanted, "used": used} for name, wanted, used in initial.moved},
-        final={name: float(values[-1]) for name, values in course.columns().items()},
-        file=Path(places.out) if places.out else None,
-        plot=Path(places.plot) if places.plot else None,
-        view=Path(places.view) if places.view else None,
-        motion=course.written(),
-        units=course.units,
-        figure=partial(figure, course),
-    )

@@ -8,30 +8,30 @@ from collections.abc import Mapping
 import numpy as np
 
 from hamel.draw import Curve, Panel, draw
-from hamel.simulate.motion import Motion
+from hamel.simulate.energies import energy_error
 
 ALIKE = 10.0  # curves whose sizes differ by more are drawn apart
 TURN = 2 * math.pi
 Curves = Mapping[str, np.ndarray]
 
 
-def figure(motion: Motion) -> str:
-    """Coordinates, quasi-velocities, inputs, outputs, energies and violations over time, as SVG."""
-    groups = [
-        ("coordinates", motion.q),
-        ("quasi-velocities", motion.w),
-        ("inputs", motion.inputs),
-        ("outputs", motion.outputs),
-    ]
-    panels = [panel for about, curves in groups for panel in _by_unit(about, curves, motion.units)]
-    energies = {"T": motion.T, "V": motion.V, "work": motion.work}
-    if motion.jacobi is not None:
-        energies["T₂ − T₀ + V"] = motion.jacobi
+def figure(
+    title: str, columns: Curves, groups: Mapping[str, Curves], units: Mapping[str, str]
+) -> str:
+    """The groups of curves, then energies and violations, over time, as SVG."""
+    panels = [panel for about, curves in groups.items() for panel in _by_unit(about, curves, units)]
+    energies = {name: columns[name] for name in ("T", "V", "work")}
+    if "jacobi" in columns:
+        energies["T₂ − T₀ + V"] = columns["jacobi"]
     panels.append(_panel("energy (J)", energies))
-    errors = {"|φ|": motion.phi, "|A v − c|": motion.slip, "energy, rel.": np.abs(motion.balance)}
+    errors = {
+        "|φ|": columns["position_violation"],
+        "|A v − c|": columns["velocity_violation"],
+        "energy, rel.": np.abs(energy_error(columns)),
+    }
     shown = {name: error for name, error in errors.items() if np.any(error > 0)}
     panels.append(_panel("violation (SI) and energy error (relative)", shown, log=True))
-    return draw(motion.title, "t (s)", motion.t.tolist(), panels)
+    return draw(title, "t (s)", columns["t"].tolist(), panels)
 
 
 def _by_unit(about: str, curves: Curves, units: Mapping[str, str]) -> list[Panel]:

@@ -11,12 +11,10 @@ import numpy as np
 
 from derive.diagnostics import ModelError
 from hamel.build.files import staged_file, write_text
-from hamel.records import wanting
-from hamel.simulate.figure import figure
-from hamel.simulate.motion import Motion
+from hamel.records import Simulated, wanting
 
-Write = Callable[[Motion, Path], None]
-Writer = Callable[[Motion], None]
+Write = Callable[[Simulated, Path], None]
+Writer = Callable[[Simulated], None]
 
 
 def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
@@ -39,12 +37,12 @@ def _writer(place: Path, known: dict[str, Write], option: str) -> Writer:
         raise ModelError(f"{option} {place}: the file must end in {' or '.join(known)}")
     if suffix == ".parquet":
         _arrow()
-    return lambda motion: write(motion, place)
+    return lambda record: write(record, place)
 
 
-def write_csv(motion: Motion, place: Path) -> None:
+def write_csv(record: Simulated, place: Path) -> None:
     """A line of names, then a line per row; numbers round-trip."""
-    columns = {name: _texts(column) for name, column in motion.written().items()}
+    columns = {name: _texts(column) for name, column in record.motion.items()}
     with staged_file(place) as made, made.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(columns) + "\n")
         file.writelines(",".join(row) + "\n" for row in zip(*columns.values()))
@@ -55,26 +53,26 @@ def _texts(column: np.ndarray) -> list[str]:
     return [x if isinstance(x, str) else repr(x) for x in column.tolist()]
 
 
-def write_npz(motion: Motion, place: Path) -> None:
+def write_npz(record: Simulated, place: Path) -> None:
     """One array per name."""
     with staged_file(place) as made, made.open("wb") as file:
-        np.savez(file, **motion.written())  # type: ignore[arg-type]
+        np.savez(file, **record.motion)  # type: ignore[arg-type]
 
 
-def write_parquet(motion: Motion, place: Path) -> None:
+def write_parquet(record: Simulated, place: Path) -> None:
     """A column per name, its unit in the metadata."""
     arrow = _arrow()
-    columns = motion.written()
+    columns = record.motion
     fields = [
         arrow.field(
             name,
             arrow.string() if column.dtype.kind == "U" else arrow.float64(),
-            metadata={"unit": motion.units.get(name, "")},
+            metadata={"unit": record.units.get(name, "")},
         )
         for name, column in columns.items()
     ]
     arrays = [arrow.array(column.tolist()) for column in columns.values()]
-    table = arrow.table(arrays, schema=arrow.schema(fields, metadata={"title": motion.title}))
+    table = arrow.table(arrays, schema=arrow.schema(fields, metadata={"title": record.title}))
     with staged_file(place) as made, made.open("wb") as file:
         importlib.import_module("pyarrow.parquet").write_table(table, file)
 
@@ -86,9 +84,10 @@ def _arrow() -> Any:
         raise wanting("-o FILE.parquet", "pyarrow") from None
 
 
-def write_svg(motion: Motion, place: Path) -> None:
+def write_svg(record: Simulated, place: Path) -> None:
     """The plot."""
-    write_text(place, figure(motion))
+    assert record.figure is not None  # the record is of a motion
+    write_text(place, record.figure())
 
 
 _WRITERS: dict[str, Write] = {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from codegen.integrators import INTEGRATORS, Integrator
+from codegen.integrators import INTEGRATORS, Integrator, integrator_of
 from codegen.reals import FLOAT64, Real
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.enforcement import ENFORCEMENTS, Enforcement, Options
@@ -19,7 +19,7 @@ from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.model.records import Model
 from hamel.simulate.inputs import Changes
-from hamel.simulate.libraries import REFERENCES
+from hamel.simulate.libraries import REFERENCES, library_of
 
 TIGHTEST = 1e-15  # rtol; below it a step's error is rounding
 
@@ -43,9 +43,7 @@ class Method:
 
 def own_integrator(method: Method) -> Integrator | None:
     """The integrator as it is in generated code; None for one of another library."""
-    return next(
-        (integrator for integrator in INTEGRATORS if integrator.name == method.integrator), None
-    )
+    return integrator_of(method.integrator)
 
 
 def check_method(method: Method) -> None:
@@ -166,8 +164,8 @@ def _check_reference(method: Method, enforcement: Enforcement, plain: Equations)
             f"{method.integrator} does not fit the charts {together(plain)}: a library's loop does "
             "not change them on the way; name one choice"
         )
-    reference = next(each for each in REFERENCES if each.name == method.integrator)
-    reason = reference.refusal(plain)
+    library = library_of(method.integrator)
+    reason = library.refusal(plain) if library else ""
     if not reason and method.integrator == "idas" and enforcement.name != "none":
         reason = "it holds the constraints itself, without an enforcement"
     if reason:

@@ -18,7 +18,8 @@ from hamel.draw.canvas import ENTRY, Frame, element, finite, polyline, text
 from hamel.draw.mechanism import picture, svg
 from hamel.draw.mechanism.moving import Moving, frames, moving
 from hamel.draw.mechanism.svg import CLASS, drawn, style
-from hamel.simulate.motion import Motion
+from hamel.records import Simulated
+from hamel.simulate.energies import energy_error
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 420, 150, 52, 10, 24, 34
 LOOKED_AT = (2.0, 20.0)  # seconds of a motion that is shown at its own speed
@@ -26,21 +27,23 @@ SHOWN = 10.0  # seconds in which another one is shown
 Curves = Mapping[str, np.ndarray]
 
 
-def page(system: System, motion: Motion, p: np.ndarray) -> str:
+def page(system: System, record: Simulated, p: np.ndarray) -> str:
     """The page of a motion of the system with parameters p."""
-    rows = frames(len(motion.t))
-    t = motion.t[rows]
-    q = np.array([motion.q[c.name] for c in system.model.coordinates]).T.reshape(len(motion.t), -1)
-    scene = moving(system, t, q[rows], p)
+    columns = {name: values for name, values in record.motion.items() if name != "choice"}
+    rows = frames(len(columns["t"]))
+    shown = {name: np.asarray(values, dtype=float)[rows] for name, values in columns.items()}
+    t = shown["t"]
+    q = np.array([shown[c.name] for c in system.model.coordinates]).T.reshape(len(t), -1)
+    scene = moving(system, t, q, p)
     drawing = picture(system)
     return rendered(
         "hamel.simulate/view.html.j2",
         title=f"{system.model.name} in motion",
-        subtitle=f"{motion.title}; {motion.t[-1] - motion.t[0]:g} s",
+        subtitle=f"{record.title}; {t[-1] - t[0]:g} s",
         version=hamel.__version__,
         figure=Markup(svg(drawing, "named") if drawing else ""),
         stage=Markup(_stage(system, scene)),
-        plots=[Markup(plot) for plot in _plots(motion, rows)],
+        plots=[Markup(plot) for plot in _plots(shown, energy_error(columns)[rows])],
         data=Markup(_script(scene.data)),
         speeds=_speeds(float(t[-1] - t[0])),
         space=not scene.data["view"]["flat"],
@@ -82,22 +85,23 @@ def _round(x: float) -> float:
     return next(m * power for m in (5, 2, 1) if m * power <= x * (1 + 1e-9))
 
 
-def _plots(motion: Motion, rows: np.ndarray) -> list[str]:
+def _plots(columns: Curves, error: np.ndarray) -> list[str]:
     """Energies, and violations where there are any."""
-    energies = {"T": motion.T, "V": motion.V, "T + V": motion.T + motion.V}
-    if np.any(motion.work != 0):
-        energies["work"] = motion.work
-    errors = {"|φ|": motion.phi, "|A v − c|": motion.slip, "energy, rel.": np.abs(motion.balance)}
+    T, V = columns["T"], columns["V"]
+    energies = {"T": T, "V": V, "T + V": T + V}
+    if np.any(columns["work"] != 0):
+        energies["work"] = columns["work"]
+    errors = {
+        "|φ|": columns["position_violation"],
+        "|A v − c|": columns["velocity_violation"],
+        "energy, rel.": np.abs(error),
+    }
     shown = {name: error for name, error in errors.items() if np.any(error > 0)}
-    plots = [_plot("energy (J)", motion.t[rows], _at(energies, rows), False)]
+    plots = [_plot("energy (J)", columns["t"], energies, False)]
     if shown:
         about = "violation (SI) and energy error (relative)"
-        plots.append(_plot(about, motion.t[rows], _at(shown, rows), True))
+        plots.append(_plot(about, columns["t"], shown, True))
     return plots
-
-
-def _at(curves: Curves, rows: np.ndarray) -> Curves:
-    return {name: values[rows] for name, values in curves.items()}
 
 
 def _plot(about: str, t: np.ndarray, curves: Curves, log: bool) -> str:

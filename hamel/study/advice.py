@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 from hamel.study.front import (
@@ -148,10 +147,10 @@ def _causes(own: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:
 
 
 def _cause(status: str) -> str:
-    """Without the time and the numbers, which differ from run to run."""
+    """What to say of all runs that ended like this."""
     if status == "wrong":
         return "wrong: an error above 0.1 where others with the same tolerance are right"
-    return re.sub(r" \(at .*\)$", "", status)
+    return status
 
 
 def _ms(row: Row) -> str:

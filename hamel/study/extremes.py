@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
+from codegen.runtime.simulation import Stopped
 from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.expressions.evaluate import number
 from derive.formulations import equations
@@ -223,7 +224,7 @@ def _reference(model: Model, entry: Extreme) -> Ended:
             plain = equations(system, choice)
             x = tuple(map(float, state_of(plain, start, np.array(p))))
             found = solution(Problem(plain, x, u, p, tuple(given.initial)), [entry.time], DIGITS)
-        except (AssumptionError, NotAnalytic) as error:
+        except (AssumptionError, NotAnalytic, Stopped) as error:
             problem = str(error)
             continue
         if found.agreement <= AGREES:

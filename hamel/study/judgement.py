@@ -165,9 +165,9 @@ class Judge:
             else abs(balance) / exchanged
             if exchanged > 0
             else abs(balance),
-            "status": _status(row),
         }
-        return {name: given[name] if name in given else row.get(name) for name in COLUMNS}
+        names = (*COLUMNS, "stopped")  # the time at which it did
+        return {name: given[name] if name in given else row.get(name) for name in names}
 
     def _error(self, row: Mapping[str, Any]) -> float | None:
         if row.get("end") is None or self.reference.end is None:
@@ -194,9 +194,11 @@ def _effort(row: Mapping[str, Any]) -> tuple[Any, ...]:
     return row["integrator"], row["rtol"], row["step"]
 
 
-def _status(row: Mapping[str, Any]) -> str:
-    stopped = row.get("stopped")
-    return row["status"] if stopped is None else f"{row['status']} (at {stopped:.4g} s)"
+def told(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row as people read it: why it stopped, and when, in one text."""
+    stopped = row["stopped"]
+    when = "" if stopped is None else f" (at {stopped:.4g} s)"
+    return {name: row[name] for name in COLUMNS} | {"status": row["status"] + when}
 
 
 def _scales(system: System, sizes: Sequence[float]) -> np.ndarray:

@@ -3,7 +3,6 @@ timed."""
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from derive.formulations.records import Equations
-from hamel.simulate.libraries import REFERENCES, Problem, Reference
+from hamel.simulate.libraries import Problem, Reference, Refusal, library_of
 from hamel.study.modules import Start, plain_equations, start
 from hamel.study.runs import judged, loaded, timed
 
@@ -30,7 +29,8 @@ def row(
     """One run of a solver on one unit's equations, and whether tighter ones would take too long."""
     begin, module = start(path, values), loaded(folder)
     equations = plain_equations(begin, unit)
-    reference = next(each for each in REFERENCES if each.name == run["integrator"])
+    reference = library_of(run["integrator"])
+    assert reference is not None  # the plan named it
     reason = reference.refusal(equations)
     if reason:
         return {"status": reason, "slow": False}
@@ -54,13 +54,10 @@ def _row(
     )
     try:
         ms, motion = timed(reference.prepare(problem), LIBRARY_SHARE)
+    except Refusal as refusal:
+        return {"status": refusal.cause}
     except (FloatingPointError, RuntimeError) as error:
-        flag = re.search(r"\b(?:CV|IDA)_[A-Z_]+", str(error))
-        return {
-            "status": f"stops: {flag.group()}"
-            if flag
-            else str(error).partition(": ")[2] or str(error)
-        }
+        return {"status": str(error)}
     if not np.isfinite(motion.x[-1]).all():
         return {"status": "not finite"}
     return judged(module, begin, span, ms, motion)

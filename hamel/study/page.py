@@ -26,7 +26,7 @@ from hamel.study.front import (
     is_library,
     method,
 )
-from hamel.study.judgement import COLUMNS
+from hamel.study.judgement import COLUMNS, told
 from hamel.study.plan import Excluded
 from hamel.study.plots import FIRST, error_charts, estimate_chart, extremes_chart, time_charts
 from hamel.study.study import Study
@@ -82,8 +82,8 @@ def _section(study: Study) -> dict[str, Any]:
         "over_time": [Markup(each) for each in over_time],
         "front": table([*COLUMNS[1:12], "steps", "operations"], front(rows)),
         "levels": _levels(rows),
-        "rows": table(COLUMNS[1:], rows),
-        "statuses": families(rows, "status"),
+        "rows": table(COLUMNS[1:], [told(row) for row in rows]),
+        "statuses": families([told(row) for row in rows], "status"),
         "reference": _reference(study),
         "left_out": _left_out(study.excluded),
     }

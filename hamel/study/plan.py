@@ -178,9 +178,9 @@ def _choices(system: System, asked: Collection[str]) -> tuple[list[str], list[Ex
     return [*found], excluded
 
 
-def _speeds(system: System, found: Equations, rng: np.random.Generator) -> np.ndarray:
+def _speeds(system: System, equations: Equations, rng: np.random.Generator) -> np.ndarray:
     """w = B v at states that any other choice is shown too."""
-    function = found.function("state")
+    function = equations.function("state")
     assert function.x is not None
     made = ca.Function(
         "w", [system.t, function.x.symbols, system.p], [ca.densify(function.result.value)]

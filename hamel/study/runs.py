@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from codegen.integrators import INTEGRATORS
+from codegen.runtime.simulation import Status
 from derive.formulations.functions import positions
 from hamel.build.module import module_in
 from hamel.charts import at_rows
-from hamel.simulate.motion import balanced
+from hamel.simulate.energies import total_energy
+from hamel.simulate.motion import status_of
 from hamel.study.modules import Start, start
 
 MOST_STEPS = 10**9
@@ -25,8 +27,26 @@ TOO_LONG = "too long"
 ADAPTIVE = {method.name for method in INTEGRATORS if method.adaptive}
 
 
-class TooLong(Exception):
-    """The run used more than its share of time."""
+class Unfinished(Exception):
+    """A run that did not come to its end: why, and the time that it reached where that is known."""
+
+    def __init__(self, cause: str, reached: float | None) -> None:
+        super().__init__(cause)
+        self.cause, self.reached = cause, reached
+
+
+class Watch:
+    """Asked again and again on the way, and at the end: which time was reached, and whether the run
+    used more than its share of processor time."""
+
+    def __init__(self, limit: float) -> None:
+        self.end = time.process_time() + limit
+        self.reached = 0.0
+
+    def __call__(self, reached: float) -> None:
+        self.reached = reached
+        if time.process_time() > self.end:
+            raise Unfinished(TOO_LONG, reached)
 
 
 def exact(
@@ -43,8 +63,8 @@ def exact(
     times = np.linspace(0.0, span, POINTS)
     try:
         motion = _simulated(module, begin, times, run, span, limit)
-    except (FloatingPointError, TooLong) as problem:
-        return {"failed": _cause(problem)[0]}
+    except Unfinished as end:
+        return {"failed": end.cause}
     v = module.velocity(times, motion.x, begin.u, begin.p)
     q = motion.x[:, : begin.system.q.numel()]
     energy = module.energy(times, motion.x, begin.u, begin.p)
@@ -73,9 +93,8 @@ def row(
     try:
         ms, motion = timed(lambda: _simulated(module, begin, times, run, span, limit), share)
         told = _simulated(module, begin, times, run, span, limit, error=True)
-    except (FloatingPointError, TooLong) as problem:
-        status, reached = _cause(problem)
-        return {"status": status, "stopped": reached}
+    except Unfinished as end:
+        return {"status": end.cause, "stopped": end.reached}
     estimate = told.error[-1, : begin.system.q.numel()]
     return judged(module, begin, span, ms, motion) | {"estimate": _finite(estimate)}
 
@@ -97,7 +116,7 @@ def judged(module: ModuleType, begin: Start, span: float, ms: float, motion: Any
         at_rows(module, name, motion, begin.system.q.numel(), begin.u, begin.p)[-1]
         for name in ("energy", "velocity")
     )
-    gain = balanced(np.array([after]))[0] - balanced(np.array([before]))[0]
+    gain = total_energy(np.array([after]))[0] - total_energy(np.array([before]))[0]
     return {
         "status": "ok",
         "ms": ms,
@@ -136,45 +155,40 @@ def _simulated(
     limit: float,
     error: bool = False,
 ) -> Any:
-    end = time.process_time() + limit
+    watch, rtol = Watch(limit), run.get("rtol") or 1e-6
+    try:
+        return module.simulate(
+            (0.0, span),
+            _state(module, begin),
+            begin.u,
+            begin.p,
+            rtol=rtol,
+            atol=rtol / 100,
+            times=times,
+            max_steps=MOST_STEPS,
+            progress=watch,
+            integrator=run["integrator"],
+            enforcement=run["enforcement"],
+            step_size=span / run["count"] if run.get("count") else None,
+            events=False,
+            error=error,
+        )
+    except FloatingPointError as refusal:
+        raise _unfinished(module, refusal, watch) from None
 
-    def watch(reached: float) -> None:
-        if time.process_time() > end:
-            raise TooLong(reached)
 
-    rtol = run.get("rtol") or 1e-6
-    return module.simulate(
-        (0.0, span),
-        _state(module, begin),
-        begin.u,
-        begin.p,
-        rtol=rtol,
-        atol=rtol / 100,
-        times=times,
-        max_steps=MOST_STEPS,
-        progress=watch,
-        integrator=run["integrator"],
-        enforcement=run["enforcement"],
-        step_size=span / run["count"] if run.get("count") else None,
-        events=False,
-        error=error,
-    )
+def _unfinished(module: ModuleType, refusal: FloatingPointError, watch: Watch) -> Unfinished:
+    """A motion has a status; a function that refused its arguments before has a message only."""
+    if not hasattr(refusal, "partial"):
+        return Unfinished(str(refusal), None)
+    status = status_of(refusal)
+    if status is Status.SINGULAR:  # which pivots can vanish the module itself knows
+        return Unfinished(module._shared.FUNCTIONS["dynamics"][3], watch.reached)
+    return Unfinished(status.cause, watch.reached)
 
 
 def _state(module: ModuleType, begin: Start) -> np.ndarray:
     return module.state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
-
-
-def _cause(problem: Exception) -> tuple[str, float | None]:
-    """A status in a few words, and the time that was reached."""
-    if isinstance(problem, TooLong):
-        return TOO_LONG, float(problem.args[0])
-    place, _, why = str(problem).partition(": ")
-    reached = place.rpartition("t = ")[2]
-    try:
-        return why or place, float(reached)
-    except ValueError:
-        return str(problem), None
 
 
 def track(
@@ -190,10 +204,10 @@ def track(
     times = np.linspace(0.0, span, POINTS)
     try:
         motion = _simulated(module, begin, times, run, span, limit)
-    except (FloatingPointError, TooLong) as problem:
-        return {"failed": _cause(problem)[0]}
+    except Unfinished as end:
+        return {"failed": end.cause}
     closed, nq = positions(begin.system), begin.system.q.numel()
-    energy = balanced(at_rows(module, "energy", motion, nq, begin.u, begin.p))
+    energy = total_energy(at_rows(module, "energy", motion, nq, begin.u, begin.p))
     violations = np.abs(at_rows(module, "constraints", motion, nq, begin.u, begin.p))
     return {
         "t": times.tolist(),

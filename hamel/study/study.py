@@ -46,7 +46,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Study:
-    """Everything found about a model; rows as the report has them."""
+    """Everything found about a model; of rows that stopped, status and time are apart."""
 
     model: str
     file: str

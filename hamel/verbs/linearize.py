@@ -89,9 +89,9 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
     return replace(record, page=place)
 
 
-def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
-    form, equations = found.linear, found.equations
-    motions = found.motions({})
+def _record(study: Study, made: Sweep, clock: Clock) -> Linearized:
+    form, equations = study.linear, study.equations
+    motions = study.motions({})
     states, inputs = equations.arguments[1].labels, equations.arguments[2].labels
     numbers = {
         name: evaluator(equations, getattr(form, name))(motions.x, motions.u, motions.p)[0].tolist()
@@ -101,25 +101,25 @@ def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
         model=equations.system.model.name,
         file=equations.system.model.file,
         choice=equations.choice,
-        motion=found.problem.motion.name,
-        values=found.at,
+        motion=study.problem.motion.name,
+        values=study.at,
         steady=dict(zip((*states, *inputs), (*motions.x[0].tolist(), *motions.u[0].tolist()))),
         states=form.states,
         inputs=form.inputs,
         outputs=form.outputs,
         **numbers,
-        cyclic=tuple(form.states[k] for k in found.cyclic),
-        families=sum(len(stage) for stage in found.families),
-        reduced=found.reduced,
+        cyclic=tuple(form.states[k] for k in study.cyclic),
+        families=sum(len(stage) for stage in study.families),
+        reduced=study.reduced,
         swept=made.names,
-        rows=tuple(_rows(found, made)),
+        rows=tuple(_rows(study, made)),
         critical=tuple(
             CriticalValue(c.kind, made.names[0], c.value, _pair(c.eigenvalue))
             for c in made.critical
         ),
         stable=made.stable,
-        modes=tuple(_mode(found, mode) for mode in modes(found)),
-        unreduced=_unreduced(found, motions),
+        modes=tuple(_mode(study, mode) for mode in modes(study)),
+        unreduced=_unreduced(study, motions),
         seconds=clock.seconds,
         step=None,
         Phi=None,
@@ -128,32 +128,32 @@ def _record(found: Study, made: Sweep, clock: Clock) -> Linearized:
     )
 
 
-def _mode(found: Study, mode: Mode) -> ModeOf:
+def _mode(study: Study, mode: Mode) -> ModeOf:
     slopes = {name: _pair(slope) for name, slope in mode.sensitivity.items()}
-    return ModeOf(_pair(mode.eigenvalue), course(mode.eigenvalue), shape(found, mode), slopes)
+    return ModeOf(_pair(mode.eigenvalue), course(mode.eigenvalue), shape(study, mode), slopes)
 
 
-def _unreduced(found: Study, motions: Steady) -> UnreducedForm | None:
+def _unreduced(study: Study, motions: Steady) -> UnreducedForm | None:
     try:
         other = unreduced(
-            found.linear, motions, tuple(found.linear.independent[k] for k in found.cyclic)
+            study.linear, motions, tuple(study.linear.independent[k] for k in study.cyclic)
         )
     except AssumptionError:
         return None
     return UnreducedForm(other.states, other.A.tolist(), other.difference, other.spurious)
 
 
-def _sampled(found: Study, step: float) -> dict[str, Any]:
+def _sampled(study: Study, step: float) -> dict[str, Any]:
     """Φ and Γ of δx(t + step) = Φ δx + Γ δu."""
-    motions = found.motions({})
-    Phi, Gamma = Discrete(found.linear)(0.0, motions.x[0], motions.u[0], motions.p[0], step)
+    motions = study.motions({})
+    Phi, Gamma = Discrete(study.linear)(0.0, motions.x[0], motions.u[0], motions.p[0], step)
     return {"Phi": Phi.tolist(), "Gamma": Gamma.tolist()}
 
 
-def _rows(found: Study, made: Sweep) -> list[dict[str, Any]]:
+def _rows(study: Study, made: Sweep) -> list[dict[str, Any]]:
     """Per motion: swept values, eigenvalues, and how many of the states are spurious (more than the
     minimal number)."""
-    spurious = found.spurious
+    spurious = study.spurious
     return [
         {
             **dict(zip(made.names, row.tolist())),

@@ -33,7 +33,11 @@ inputs: {push: {coordinate: x}}
 outputs: {height: y}
 initial: {x: 0.6 m, guess: {y: 0.8 m}}
 """
-_AUTO = Known(AUTO, f"one of {', '.join(AUTOMATIC)}, by the tolerance and the number of motions")
+_AUTO = Known(
+    AUTO,
+    f"one of {', '.join(AUTOMATIC)}, by the tolerance and the number of motions; radau where that "
+    "is stiff",
+)
 
 
 def run(path: str | PathLike[str] | None) -> Listed:

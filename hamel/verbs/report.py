@@ -27,6 +27,7 @@ from hamel.records import ExtremeRow, Reported, as_json
 from hamel.settings import settings, units
 from hamel.study import page
 from hamel.study.extremes import files, judged
+from hamel.study.judgement import told
 from hamel.study.plan import Restrictions
 from hamel.study.pool import workers
 from hamel.study.study import Case, Study, study
@@ -154,7 +155,7 @@ def _extremes(paths: Sequence[str | PathLike[str]]) -> tuple[ExtremeRow, ...]:
 
 def _unjudged(model: str, case: Extreme, why: str) -> ExtremeRow:
     expected = "refused" if case.refused else "survived"
-    told = (
+    entries = (
         model,
         case.name,
         case.about,
@@ -167,11 +168,11 @@ def _unjudged(model: str, case: Extreme, why: str) -> ExtremeRow:
         False,
         "",
     )
-    return ExtremeRow(*told, 0, 0.0, 0.0, 0.0, 0.0)
+    return ExtremeRow(*entries, 0, 0.0, 0.0, 0.0, 0.0)
 
 
 def _written(studies: Sequence[Study], extremes: tuple[ExtremeRow, ...], out: Path) -> Reported:
-    rows = tuple(row for study in studies for row in study.rows)
+    rows = tuple(told(row) for study in studies for row in study.rows)
     record = Reported(
         model=", ".join(study.model for study in studies),
         passed=all(row.passed for row in extremes)

@@ -15,7 +15,8 @@ def show(record: Simulated, console: Console) -> None:
         console.print(f"{contradiction}, {by['used']:.6g} is used")
     steps = f"{record.steps} steps, {record.rejected} rejected, {record.seconds:.2g} s of computing"
     console.print(f"{record.model}, choice {record.choice}: {record.time:g} s in {steps}")
-    automatic = " (picked by auto)" if record.automatic else ""
+    why = f": {record.why}" if record.why else ""
+    automatic = f" (picked by auto{why})" if record.automatic else ""
     method = f"{record.formulation}, enforcement {record.enforcement}, {record.integrator}"
     console.print(f"  {method}{automatic}")
     console.print(f"  largest |φ|         {number(record.position_violation)}")

@@ -124,15 +124,17 @@ def _lines(name: str, found: Verification) -> list[CheckLine]:
     ]
 
 
-def _published(chosen: Equations) -> list[CheckLine]:
+def _published(equations: Equations) -> list[CheckLine]:
     """The values that the file quotes, by the first choice."""
-    if not chosen.system.model.published:
+    if not equations.system.model.published:
         return []
-    chosen = replace(chosen, charts=())
-    with temporary_module(chosen, (INTEGRATOR,)) as module:
-        found = published_checks(chosen, module)
+    equations = replace(equations, charts=())
+    with temporary_module(equations, (INTEGRATOR,)) as module:
+        found = published_checks(equations, module)
     return [
-        CheckLine(f"{chosen.choice}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed))
+        CheckLine(
+            f"{equations.choice}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed)
+        )
         for c in found
     ]
 

@@ -43,13 +43,13 @@ def _equations(survey: Survey, choice: Choice) -> Equations:
     return reduced(survey, FORMULATION.name, choice.name, found.reason, reduction, explicit, lam)
 
 
-def _inverted(survey: Survey, given: Reduction) -> tuple[ca.SX, Reduction]:
+def _inverted(survey: Survey, reduction: Reduction) -> tuple[ca.SX, Reduction]:
     """R, and the reduction by Y⁻¹ = [R S] as a whole."""
     system, rows, n = survey.system, survey.independent_rows, survey.system.v.numel()
-    Y = ca.vertcat(rows.A, given.B)
+    Y = ca.vertcat(rows.A, reduction.B)
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(n)] for k in range(n)]
     try:
-        found = solved(survey, Y, sides, given)
+        found = solved(survey, Y, sides, reduction)
     except ZeroDivisionError:
         name = survey.system.model.name
         raise AssumptionError(
@@ -57,16 +57,16 @@ def _inverted(survey: Survey, given: Reduction) -> tuple[ca.SX, Reduction]:
         ) from None
     inverse = _matrix(found.columns, n)
     R, S = inverse[:, : survey.rank], inverse[:, survey.rank :]
-    v = ca.mtimes(S, given.w) + ca.mtimes(R, rows.c)
+    v = ca.mtimes(S, reduction.w) + ca.mtimes(R, rows.c)
     # Ḃ v, as the derivative of B v along the motion with v held
     turning = ca.jtimes(
-        ca.mtimes(given.B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot)
+        ca.mtimes(reduction.B, system.v), ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot)
     )
     # Y v̇ = [β; ẇ − Ḃ v], and Y⁻¹ = [R S]
     sigma = ca.mtimes(R, rows.beta) - ca.mtimes(S, turning)
-    names = [*rows.names, *given.names]
+    names = [*rows.names, *reduction.names]
     return R, replace(
-        given,
+        reduction,
         S=S,
         v=v,
         sigma=ca.substitute(sigma, system.v, v),

@@ -23,10 +23,12 @@ from derive.formulations.assembly import column, entries, in_generalized_velocit
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
 from derive.formulations.gauss import constrained_motion, named, rows_of
+from derive.formulations.limits import LIGHT
 from derive.formulations.records import Equations
 from derive.mechanics.records import Named
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice
+from derive.numerics import NONZERO
 
 
 def _equations(survey: Survey, choice: Choice) -> Equations:
@@ -62,12 +64,12 @@ def _weights(survey: Survey) -> list[float]:
 
 def _row_weights(M: np.ndarray, A: np.ndarray) -> np.ndarray:
     diagonal = np.diag(M)
-    heavy = diagonal > 1e-9 * np.max(diagonal, initial=0.0)
+    heavy = diagonal > LIGHT * np.max(diagonal, initial=0.0)
     mobility = np.sum(A[:, heavy] ** 2 / diagonal[heavy], axis=1)
     typical = float(np.median(diagonal[heavy])) if heavy.any() else 1.0
-    lengths = np.maximum(np.sum(A**2, axis=1), 1e-300)
-    seen: np.ndarray = 1.0 / np.maximum(mobility, 1e-300)
-    return np.where(mobility > 1e-9 * lengths / typical, seen, typical / lengths)
+    lengths = np.maximum(np.sum(A**2, axis=1), NONZERO)
+    seen: np.ndarray = 1.0 / np.maximum(mobility, NONZERO)
+    return np.where(mobility > LIGHT * lengths / typical, seen, typical / lengths)
 
 
 FORMULATION = Formulation(

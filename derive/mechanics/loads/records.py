@@ -37,7 +37,7 @@ def along(scene: Scene, velocity: str, force: Scalar) -> ca.SX:
         if v.name == velocity or (v.rate_of and velocity == f"der({v.rate_of})"):
             return _unit(scene.symbols.v.numel(), j, force)
     name = velocity.removeprefix("der(").removesuffix(")")
-    i = next(i for i, c in enumerate(scene.model.coordinates) if c.name == name)
+    i = scene.model.coordinate_index(name)
     return ca.jacobian(scene.qdot[i], scene.symbols.v).T * force
 
 

@@ -35,4 +35,4 @@ def of_name(reader: Reader, names: Names, scalar: Scalar) -> Coordinate | None:
     """The coordinate of that name; an unknown name is reported with the nearest known one, and the
     result is None."""
     found = reader.word(scalar, [coordinate.name for coordinate in names.coordinates], "coordinate")
-    return next((coordinate for coordinate in names.coordinates if coordinate.name == found), None)
+    return names.coordinate(found)

@@ -54,7 +54,7 @@ def _at_joint(reader: Reader, names: Names, key: Key, entry: SpringEntry) -> Joi
     else:
         target = velocity_of(reader, key, entry, names.velocities)
         name = target.rate_of if target else None
-    found = next((coordinate for coordinate in names.coordinates if coordinate.name == name), None)
+    found = names.coordinate(name)
     return None if found is None else spring_at(reader, key, str(key), entry, found)
 
 

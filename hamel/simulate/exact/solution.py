@@ -90,7 +90,8 @@ def state_of(e: Equations, initial: Initial, p: np.ndarray, t: float = 0.0) -> n
 
 def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solution:
     """The motion at rising `times` (s), as decimals that are to be right in `digits` behind the
-    point. Raises NotAnalytic where a series or the motion ends. Remembered by content."""
+    point. Raises NotAnalytic where there is no series, Stopped where the motion ends. Remembered by
+    content."""
     name = _fingerprint(problem, times, digits)
     kept = _stored_solution(name)
     if kept is None:

@@ -9,8 +9,10 @@ from fractions import Fraction
 from math import log2
 
 import casadi as ca
+import numpy as np
 
-from hamel.simulate.exact.series import Fixed, Graph, NotAnalytic, Series
+from codegen.runtime.simulation import Simulation, Status, Stopped
+from hamel.simulate.exact.series import Fixed, Graph, Series
 
 MOST_STEPS = 20_000
 FIRST = Fraction(1, 2**10)  # s, of the first step; it grows eightfold where that is short
@@ -28,34 +30,41 @@ class Problem:
     p: tuple[Fraction, ...]
 
 
-@dataclass(frozen=True)
-class Run:
-    """x at each time as exact fractions."""
+def integrated(
+    problem: Problem, times: Sequence[float], digits: int, order: int, bits: int
+) -> Simulation:
+    """x at rising `times`, as fractions; the last terms of every step are below 10⁻ᵈⁱᵍⁱᵗˢ.
 
-    x: tuple[tuple[Fraction, ...], ...]
-    steps: int
-
-
-def integrated(problem: Problem, times: Sequence[float], digits: int, order: int, bits: int) -> Run:
-    """x at rising `times`; the last terms of every step are below 10⁻ᵈⁱᵍⁱᵗˢ. Raises NotAnalytic
-    where that cannot be."""
+    Raises Stopped where the motion cannot go on, NotAnalytic where there is no series.
+    """
     fixed = Fixed(bits)
     state, now, step = [fixed.of(value) for value in problem.x], Fraction(0), FIRST
-    found, steps = [], 0
+    rows: list[list[Fraction]] = []
+    steps = 0
     for time in map(Fraction, times):
         while now < time:
             steps += 1
             if steps > MOST_STEPS:
-                raise NotAnalytic(f"a motion of more than {MOST_STEPS} steps")
+                why = f"a motion of more than {MOST_STEPS} steps"
+                raise Stopped(why, _simulation(times, rows, steps, Status.MORE))
             series = _terms(problem, fixed, now, step, state, order)
             share = _share(fixed, series, digits)
             if share < SMALLEST:
-                raise NotAnalytic("a motion that comes to a singular position")
-            taken = min(_rounded(min(share, 1.0)) * step, time - now)
-            state = [_value(fixed, x, taken / step) for x in series]
-            now, step = now + taken, _rounded(min(share, GROWTH)) * step
-        found.append(tuple(map(fixed.fraction, state)))
-    return Run(tuple(found), steps)
+                why = "a motion that comes to a singular position"
+                raise Stopped(why, _simulation(times, rows, steps, Status.SINGULAR_POSITION))
+            length = min(_rounded(min(share, 1.0)) * step, time - now)
+            state = [_value(fixed, x, length / step) for x in series]
+            now, step = now + length, _rounded(min(share, GROWTH)) * step
+        rows.append([fixed.fraction(value) for value in state])
+    return _simulation(times, rows, steps, Status.OK)
+
+
+def _simulation(
+    times: Sequence[float], rows: Sequence[Sequence[Fraction]], steps: int, status: Status
+) -> Simulation:
+    """The rows that there are, as exact fractions; nobody asks for the work of forces."""
+    t, x = np.array(times[: len(rows)]), np.array(rows, dtype=object)
+    return Simulation(t, x, np.full(len(rows), np.nan), steps, 0, 0, 0.0, 0.0, status=status)
 
 
 def _terms(

@@ -64,9 +64,19 @@ def simulation(
     return Simulation(problem.times, x, work, steps, rejected, calls, position, velocity)
 
 
-def stopped(problem: Problem, why: str) -> Stopped:
-    """What to raise where a solver cannot go on; it has no rows then."""
+class Refusal(Stopped):
+    """A solver that could not go on: why, in its own words."""
+
+    def __init__(self, message: str, partial: Simulation, cause: str) -> None:
+        super().__init__(message, partial)
+        self.cause = cause
+
+
+def refusal(
+    problem: Problem, why: str, status: Status = Status.STEP_TOO_SMALL, cause: str = ""
+) -> Refusal:
+    """What to raise where a solver cannot go on; it has no rows then. `cause` is `why` in fewer
+    words, where there are any."""
     rows = np.full((problem.times.size, problem.x.size + 1), np.nan)
-    status = Status.STEP_TOO_SMALL
     nothing = Simulation(problem.times, rows[:, 1:], rows[:, 0], 0, 0, 0, 0.0, 0.0, status=status)
-    return Stopped(f"{problem.module.name}: {why}", nothing)
+    return Refusal(f"{problem.module.name}: {why}", nothing, cause or why)

@@ -11,7 +11,7 @@ import numpy as np
 
 from codegen.runtime.simulation import Simulation
 from derive.diagnostics import ToolchainError
-from hamel.simulate.libraries.records import Problem, Reference, simulation, stopped
+from hamel.simulate.libraries.records import Problem, Reference, refusal, simulation
 
 
 def _prepared(solver: str, problem: Problem) -> Callable[[], Simulation]:
@@ -40,7 +40,7 @@ def _run(method: Any, solver: str, problem: Problem) -> Simulation:
     while stepper.status == "running":
         message = stepper.step()
         if stepper.status == "failed":
-            raise stopped(problem, f"{solver} of SciPy stopped at t = {stepper.t!r}: {message}")
+            raise refusal(problem, f"{solver} of SciPy stopped at t = {stepper.t!r}: {message}")
         upto = int(np.searchsorted(times, stepper.t, side="right"))
         if upto > done:
             rows[done:upto] = stepper.dense_output()(times[done:upto]).T

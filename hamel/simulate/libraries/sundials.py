@@ -13,6 +13,7 @@ better than the rounding of the largest rates: its absolute tolerance ends there
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -22,13 +23,19 @@ import casadi as ca
 import numpy as np
 
 from codegen.compiler import FLAGS, SUFFIX, find_compiler
-from codegen.runtime.simulation import Simulation
+from codegen.runtime.simulation import Simulation, Status
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics
-from hamel.simulate.libraries.records import Problem, Reference, simulation, stopped
+from hamel.simulate.libraries.records import Problem, Reference, Refusal, refusal, simulation
 
 MOST_STEPS = 10_000_000
 UNCHECKED = 1e10  # the absolute tolerance of multipliers
+# of flags; IDA shortens some of them
+_STATUS = {
+    "TOO_MUCH_WORK": Status.MORE,
+    "CONV_FAILURE": Status.NOT_CONVERGED,
+    "CONV_FAIL": Status.NOT_CONVERGED,
+}
 Run = Callable[[], Simulation]
 
 
@@ -128,14 +135,23 @@ def _prepared(
         try:
             result = motion(x0=problem.x, z0=z, u=u, p=problem.p)
         except RuntimeError as error:
-            why = str(error).strip().splitlines()[-1]
-            raise stopped(problem, f"{solver.upper()} stopped: {why}") from None
+            raise _refusal(problem, solver, str(error)) from None
         x = np.vstack([problem.x, np.asarray(result["xf"]).T])
         work = np.concatenate([[0.0], np.asarray(result["qf"]).ravel()])
         counts: dict[str, Any] = motion.stats()
         return simulation(problem, x, work, counts["nsteps"], counts["netfails"], counts["nfevals"])
 
     return run
+
+
+def _refusal(problem: Problem, solver: str, message: str) -> Refusal:
+    """CasADi gives the flag of SUNDIALS within its message and nowhere else."""
+    flag = re.search(r"\b(?:CV|IDA)_([A-Z_]+)", message)
+    why = f"{solver.upper()} stopped: {message.strip().splitlines()[-1]}"
+    if flag is None:
+        return refusal(problem, why)
+    status = _STATUS.get(flag.group(1), Status.STEP_TOO_SMALL)
+    return refusal(problem, why, status, f"stops: {flag.group()}")
 
 
 def _compiled(dae: dict[str, ca.SX]) -> dict[str, ca.MX]:

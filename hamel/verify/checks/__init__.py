@@ -13,6 +13,7 @@ from hamel.verify.checks import (
     linear,
     momenta,
     motion,
+    steps,
     strange,
     udwadia,
 )
@@ -28,6 +29,7 @@ CHECKS: tuple[Check, ...] = (
     *linear.CHECKS,
     *code.CHECKS,
     *charts.CHECKS,
+    *steps.CHECKS,
     *strange.CHECKS,
     *motion.CHECKS,
     *momenta.CHECKS,
@@ -37,4 +39,5 @@ QUICK = (
     *agreement.CHECKS,
     *linear.CHECKS,
 )  # every term against the reference, and what was derived from ẋ on request
-LOADED = (*code.CHECKS[:1], *charts.CHECKS)  # the loaded module against the graph
+# the loaded module against the graph
+LOADED = (*code.CHECKS[:1], *charts.CHECKS, *steps.CHECKS)

@@ -37,7 +37,6 @@ from hamel.verify.reference.vectors import Array
 # Parameters that are arguments vary by this part of their value; where that is no machine, for its
 # mass matrix has a negative eigenvalue, by less, and at last not at all.
 VARIED = (0.2, 0.02, 0.0)
-STEPS = ("step", "step_sensitivity")  # x, then the length of the step
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
 TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power")
@@ -390,8 +389,6 @@ class Evidence:
             return tuple(np.concatenate([s.q, other.q]) for s, other in zip(self.samples, others))
         if name == "normalise":
             return tuple(1.1 * s.q for s in self.samples)
-        if name in STEPS:
-            return tuple(np.append(x, SHORT * self.units.time) for x in self.x)
         return self._with_seeds(name)
 
     def _with_seeds(self, name: str) -> tuple[Array, ...]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from codegen.integrators import INTEGRATORS
+from codegen.integrators import integrator_of
 from codegen.reals import FLOAT64
 from derive.states.closing import normalised
 from hamel.verify.checks.check import Check
@@ -56,7 +56,9 @@ def order(e: Evidence) -> float | None:
     """What part of its order the default integrator lacks, as its equal steps are halved."""
     if e.module is None or e.redundant or not simulates(e):
         return None
-    wanted = next(method.order for method in INTEGRATORS if method.name == e.module.integrators[0])
+    method = integrator_of(e.module.integrators[0])
+    assert method is not None  # a module names what hamel knows
+    wanted = method.order
     if not wanted:  # it goes with the tolerance
         return None
     best: float | None = None

@@ -1,6 +1,6 @@
 """The passes change rounding only, and the operations they save are counted.
 
-Of codegen.passes: hoist, initial, names, plain, schedule, selection, turns, watch.
+Of codegen.passes: hoist, improve, initial, names, plain, schedule, selection, turns, watch.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from codegen.passes import program
 from codegen.passes.balance import balance
 from codegen.passes.factor import factor
 from codegen.passes.graph import Work
+from codegen.passes.improve import PASSES, count, used_operations
 from codegen.passes.invert import invert
 from codegen.passes.lower import Lowered, Operation, lower
-from codegen.passes.pipeline import PASSES, count, used_operations
 from codegen.passes.share import share
 from codegen.passes.trace import record, trace
 from derive.diagnostics import HamelError

@@ -1,7 +1,7 @@
 """What single enforcements and integrators promise: refusals, invariants, singular positions,
 published digits, long runs.
 
-Of derive.enforcement: baumgarte, charts, feedback, invariants, projection, rate, records.
+Of derive.enforcement: baumgarte, charts, feedback, invariants, limits, projection, rate, records.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""The derivatives emitted on request are those of `dynamics`: central differences and a step
-written by hand say the same."""
+"""The derivatives emitted on request are those of `dynamics`: central differences say the same."""
 
 from __future__ import annotations
 
@@ -29,12 +28,10 @@ DENSE = (
     "jacobian_t",
     "dynamics_forward",
     "dynamics_adjoint",
-    "step",
-    "step_sensitivity",
+    "jacobian_forward",
 )
 VALUES = ("jacobian_values", "jacobian_u_values", "jacobian_p_values")
 NAMES = (*DENSE, *VALUES)
-H = 0.01
 
 
 class Graph:
@@ -43,9 +40,9 @@ class Graph:
 
     def __init__(self, found: Equations) -> None:
         self.found = found
-        made = {request.name: request.make for request in found.requests}
+        made = {request.name: request for request in found.requests}
         self.functions = {f.name: f for f in found.functions} | {
-            name: made[name]() for name in NAMES if name in made
+            name: made[name].function for name in NAMES if name in made
         }
         self.graph = {
             name: ca.Function(name, slots_of(found, f), [ca.densify(f.result.value)])
@@ -155,31 +152,30 @@ def test_products_are_those_of_the_jacobians(graph: Graph) -> None:
         )
 
 
-def test_a_step_is_the_classical_one_and_its_sensitivity_its_slope(graph: Graph) -> None:
+def test_the_slope_of_a_product_is_that_of_the_jacobians(graph: Graph) -> None:
+    """∂(J d + f_t τ)/∂(x, u), by differences of the products."""
+    rng = np.random.default_rng(1)
     for t, x, u, p in graph.states():
-        longer = (t, np.r_[x, H], u, p)
-        np.testing.assert_allclose(
-            graph("step", *longer).ravel(), kutta(graph, t, x, u, p), rtol=1e-12, atol=1e-12
-        )
-        by_x, by_u = graph.slope("step", longer, 1, len(x)), graph.slope("step", longer, 2)
-        graph.close(
-            graph("step_sensitivity", *longer), np.hstack([by_x, by_u.reshape(len(x), len(u))])
-        )
+        d = rng.normal(size=len(x) + 1)
 
+        def product(x: np.ndarray, u: np.ndarray, t=t, p=p, d=d) -> np.ndarray:
+            J, rate = graph("jacobian", t, x, u, p), graph("jacobian_t", t, x, u, p).ravel()
+            return J @ d[:-1] + rate * d[-1]
 
-def kutta(graph: Graph, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
-    def f(time: float, state: np.ndarray) -> np.ndarray:
-        return graph("dynamics", time, state, u, p).ravel()
-
-    a = f(t, x)
-    b = f(t + H / 2, x + H / 2 * a)
-    c = f(t + H / 2, x + H / 2 * b)
-    return x + H * (a + 2 * b + 2 * c + f(t + H, x + H * c)) / 6
+        columns = []
+        for k in range(len(x) + len(u)):
+            e = np.zeros(len(x) + len(u))
+            e[k] = 1e-5
+            ends = [product(x + s * e[: len(x)], u + s * e[len(x) :]) for s in (1.0, -1.0)]
+            columns.append((ends[0] - ends[1]) / 2e-5)
+        graph.close(graph("jacobian_forward", t, np.r_[x, d], u, p), np.array(columns).T)
 
 
 def test_a_module_has_them_verified(tmp_path: Path) -> None:
     hamel.build(
-        MODELS / "cart_pole.yaml", out=tmp_path / "cart_pole", functions=("default", *NAMES)
+        MODELS / "cart_pole.yaml",
+        out=tmp_path / "cart_pole",
+        functions=("default", *NAMES, "step", "step_sensitivity"),
     )
     module = hamel.load(tmp_path / "cart_pole")
     found = Graph(equations(system(load(MODELS / "cart_pole.yaml"))))
@@ -188,11 +184,9 @@ def test_a_module_has_them_verified(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         module.jacobian_u(t, x, u, p), found("jacobian_u", t, x, u, p), rtol=1e-12
     )
-    many = np.tile(np.r_[x, H], (3, 1))
-    sensitivity = module.step_sensitivity(t, many, u, p)
-    np.testing.assert_allclose(
-        sensitivity[1], found("step_sensitivity", t, many[0], u, p), rtol=1e-11, atol=1e-13
-    )
+    described = json.loads((tmp_path / "cart_pole" / "manifest.json").read_text())
+    assert described["functions"]["step"]["shape"] == [4]
+    assert described["step_methods"] == ["rk4", "rosenbrock"]
     pattern = json.loads((tmp_path / "cart_pole" / "manifest.json").read_text())["functions"][
         "jacobian_values"
     ]["pattern"]
@@ -210,7 +204,7 @@ def test_a_wrong_requested_function_is_not_published(
 
     def wrong(found: Equations, program) -> Equations:
         extended = whole(found, program)
-        last = next(f for f in extended.functions if f.name == "step")
+        last = next(f for f in extended.functions if f.name == "jacobian")
         planted = replace(last, result=replace(last.result, value=1.001 * last.result.value))
         return replace(
             extended, functions=tuple(planted if f is last else f for f in extended.functions)
@@ -220,7 +214,7 @@ def test_a_wrong_requested_function_is_not_published(
     monkeypatch.setattr(pipeline, "with_emitted", wrong)
     with pytest.raises(VerificationError, match="nothing is written"):
         hamel.build(
-            MODELS / "pendulum.yaml", out=tmp_path / "pendulum", functions=("default", "step")
+            MODELS / "pendulum.yaml", out=tmp_path / "pendulum", functions=("default", "jacobian")
         )
     assert not (tmp_path / "pendulum").exists()
 
@@ -239,4 +233,4 @@ def test_what_is_not_there_cannot_be_asked_for() -> None:
     still = "model: idle\ncoordinates: {x: m}\nparameters: {a: 1 m}\nkinetic: der(x)**2/2 * 1 kg\noutputs: {y: a*x/(1 m)}\n"
     asked = {request.name: request for request in equations(system(load_text(still))).requests}
     with pytest.raises(AssumptionError, match="does not depend on the parameters"):
-        asked["jacobian_p_values"].function
+        _ = asked["jacobian_p_values"].function

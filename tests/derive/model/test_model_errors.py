@@ -4,7 +4,7 @@ meant.
 The mark « stands before the place that the message must point at; it is taken out before the text
 is read.
 
-Of derive.model: collisions, document, kinds, reader, shape.
+Of derive.model: collisions, document, kinds, limits, reader, shape.
 """
 
 import json

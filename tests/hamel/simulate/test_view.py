@@ -9,6 +9,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,6 @@ from derive.states.initial import initial_state
 from hamel.cli import main
 from hamel.draw.mechanism.moving import frames, moving, quaternion
 from hamel.draw.mechanism.poses import Bodies
-from hamel.simulate.motion import Motion
 from hamel.simulate.view import page
 from tests.scenes import MODELS
 
@@ -38,27 +38,14 @@ def course(mechanics, turn: float = 2.0) -> tuple[np.ndarray, np.ndarray, np.nda
     return t, q, p
 
 
-def motion(mechanics, t, q) -> Motion:
+def motion(mechanics, t, q) -> SimpleNamespace:
+    """As much of a record as the page reads."""
     zero = np.zeros_like(t)
     names = [c.name for c in mechanics.model.coordinates]
-    arrays = {"T": 1 + t, "V": -t, "work": zero, "phi": 1e-12 + zero, "slip": zero}
-    return Motion(
-        title="a <b> & c",
-        t=t,
-        q=dict(zip(names, q.T)),
-        w={},
-        v={},
-        outputs={},
-        units={},
-        **arrays,
-        steps=1,
-        rejected=0,
-        calls=1,
-        position_violation=0.0,
-        velocity_violation=0.0,
-        crossings=0,
-        seconds=0.0,
-    )
+    energies = {"T": 1 + t, "V": -t, "work": zero}
+    violations = {"position_violation": 1e-12 + zero, "velocity_violation": zero}
+    columns = {"t": t, **dict(zip(names, q.T)), **energies, **violations}
+    return SimpleNamespace(title="a <b> & c", motion=columns)
 
 
 def unpacked(column: list, count: int) -> np.ndarray:

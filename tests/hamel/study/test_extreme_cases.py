@@ -1,6 +1,6 @@
 """Stiff, extreme and singular cases: survived, or refused by name; never wrong.
 
-Of hamel.simulate.exact: series, taylor.
+Of hamel.simulate.exact: series.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from dataclasses import replace
 from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 
 import casadi as ca
@@ -15,13 +16,14 @@ import numpy as np
 import pytest
 
 from codegen.reals import REALS
+from codegen.runtime.simulation import Status, Stopped
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.model import load
-from derive.model.extremes import RTOL
+from derive.model.limits import RTOL
 from derive.states import system
 from derive.states.initial import initial_state
-from hamel.simulate.exact import Problem, Solution, solution, state_of
+from hamel.simulate.exact import Problem, Solution, solution, state_of, taylor
 from hamel.study.extremes import judged
 from tests.scenes import MODELS
 
@@ -187,6 +189,19 @@ def test_thirty_digits_are_thirty_digits() -> None:
     assert found.bound < 1.1e-30
     for key, value in found.at(0).items():
         assert abs(value - finer.at(0)[key]) < Decimal("1e-30")
+
+
+def test_a_series_that_cannot_go_on_has_a_status(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same record as of any other motion, with the rows up to there."""
+    monkeypatch.setattr(taylor, "MOST_STEPS", 3)
+    x = ca.SX.sym("x")
+    nothing = ca.SX(0, 1)
+    flow = ca.Function("flow", [ca.SX.sym("t"), x, nothing, nothing], [x])
+    problem = taylor.Problem(flow, (Fraction(1),), (), ())
+    with pytest.raises(Stopped) as caught:
+        taylor.integrated(problem, [0.0, 1e3], 20, 24, 200)
+    partial = caught.value.partial
+    assert partial.status is Status.MORE and partial.x.tolist() == [[1]] and partial.t == [0.0]
 
 
 def solved(name: str, time: float, digits: int) -> Solution:

@@ -20,13 +20,16 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 import hamel
 from codegen import compiler
+from derive.formulations import equations
+from hamel.build.module import temporary_module
 from hamel.draw import Series, chart
 from hamel.records import Reported
-from hamel.study import advice, front, judgement, modules, pool, study
+from hamel.study import advice, front, judgement, modules, pool, runs, study
 from hamel.study.judgement import COLUMNS, Judge, Reference
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -261,11 +264,26 @@ def test_extreme_cases_are_on_the_page(place: Path) -> None:
     )
 
 
+def test_a_run_that_stops_says_why_and_when(tmp_path: Path) -> None:
+    """Status and time are those of the message, which nobody reads."""
+    path = tmp_path / "swing.yaml"
+    path.write_text(MODEL)
+    begin = modules.start(str(path), {})
+    run = {"integrator": "dop853", "enforcement": "none", "rtol": 1e-8}
+    with temporary_module(equations(begin.system, "side"), ("dop853",), ("none",)) as module:
+        x = module.state(0.0, [*begin.initial.q, *begin.initial.v], begin.u, begin.p)
+        with pytest.raises(FloatingPointError) as stop:
+            module.simulate((0.0, 10.0), x, begin.u, begin.p, rtol=1e-8, atol=1e-10)
+        with pytest.raises(runs.Unfinished) as caught:
+            runs._simulated(module, begin, np.array([10.0]), run, 10.0, 60.0)
+    end = caught.value
+    assert str(stop.value).endswith(f"t = {end.reached!r}: {end.cause}")
+
+
 def test_causes_lose_their_numbers() -> None:
     base = {"formulation": "maggi", "choice": "a", "enforcement": "none", "integrator": "rk4"}
-    rows = [{**base, "status": f"singular: |pivot of C| < 2e-10 (at {t} s)"} for t in (1, 2.5)] + [
-        {**base, "status": "ok"}
-    ]
+    cause = "singular: |pivot of C| < 2e-10"
+    rows = [{**base, "status": cause, "stopped": t} for t in (1, 2.5)] + [{**base, "status": "ok"}]
     assert advice.broken(rows) == ["maggi (a): 2 of 3 runs: singular: |pivot of C| < 2e-10."]
     rows.append({**base, "status": "ok", "enforcement": "projection"})
     assert advice.broken(rows) == ["maggi (a), none: 2 of 3 runs: singular: |pivot of C| < 2e-10."]

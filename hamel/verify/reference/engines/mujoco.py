@@ -106,7 +106,7 @@ def _sites(model: Model, name: str, s: State) -> str:
 
 
 def _body(model: Model, joint: Joint, s: State, rotors: Array) -> str:
-    body = next(body for body in model.bodies if body.name == joint.child)
+    body = model.body(joint.child)
     (at, turn), (own, own_turn) = placed(s, joint.at_parent), placed(s, joint.at_child)
     rotation = turn @ own_turn.T
     axes = f'xyaxes="{_numbers([*rotation[:, 0], *rotation[:, 1]])}"'

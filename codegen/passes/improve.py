@@ -1,0 +1,182 @@
+"""improve: rounds of passes over the operations of one function; the best result wins, for a pass
+may cost something that a later one does not regain.
+
+To choose the multiples that are computed (see scales) takes most of the time. For a long function
+that is done only for what comes near the best by an estimate, of a short one after every pass.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from codegen.limits import (
+    ESTIMATE_MARGIN,
+    LONG_FUNCTION,
+    LONGEST_FUNCTION,
+    MOST_ROUNDS,
+    MOST_TRIED,
+    SHORT_FUNCTION,
+)
+from codegen.passes.balance import balance
+from codegen.passes.factor import factor
+from codegen.passes.graph import Call, Mark, Product, Sum, Work, same
+from codegen.passes.invert import invert
+from codegen.passes.lower import Lowered, Operation, lower
+from codegen.passes.plain import plain
+from codegen.passes.scales import constants
+from codegen.passes.share import share
+from codegen.passes.trace import Tape, trace
+from codegen.program import KINDS, Entry
+
+PASSES: tuple[tuple[str, Callable[[Work], Work]], ...] = (("factor", factor), ("share", share))
+
+_KIND = {
+    "add": "add",
+    "sub": "add",
+    "mul": "multiply",
+    "div": "divide",
+    "sqrt": "sqrt",
+    "sin": "sin",
+    "cos": "cos",
+}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A function as operations, their number (signs are counted apart), and where its named entries
+    are."""
+
+    lowered: Lowered
+    marks: tuple[Mark, ...]
+    total: int
+    signs: int
+
+
+class _Draft:
+    """A function after some passes: the number of its operations, and the operations when they are
+    asked for."""
+
+    def __init__(self, work: Work, loose: range, short: bool) -> None:
+        self.work = work
+        self._loose = loose
+        self.total = self.candidate.total if short else self._estimate()
+
+    @functools.cached_property
+    def candidate(self) -> Candidate:
+        return _candidate(lower(self.work, self._loose), self.work.marks)
+
+    def _estimate(self) -> int:
+        """With the constants of the better start."""
+        own = sum(map(self._own, self.work.live))
+        return own + constants(self.work, set(self._loose))
+
+    def _own(self, node: int) -> int:
+        inside = self.work.graph.nodes[node]
+        if isinstance(inside, Sum):
+            return len(inside.terms) - 1
+        if isinstance(inside, Product):
+            exponents = [exponent for _, exponent in inside.factors]
+            powers = sum(_power_cost(abs(exponent)) for exponent in exponents)
+            return powers + len(exponents) - any(exponent > 0 for exponent in exponents)
+        return int(isinstance(inside, Call))
+
+
+def _power_cost(exponent: int) -> int:
+    """Multiplications by repeated squaring."""
+    return exponent.bit_length() + exponent.bit_count() - 2
+
+
+def improve(name: str, tape: Tape, loose: range) -> tuple[Candidate, list[Entry]]:
+    """The fewest operations found for a recorded function, and what each step did to their number.
+
+    `loose` numbers the roots that may come out times a constant.
+    """
+    best = _candidate(*plain(tape, loose))
+    entries = [Entry(name, "number", tape.count(), best.total)]
+    drafts: list[_Draft] = []
+    for step, draft in _rounds(trace(tape), loose, best.total):
+        entries.append(Entry(name, step, entries[-1].after, draft.total))
+        drafts.append(draft)
+    margin = 1.0 if best.total <= SHORT_FUNCTION else ESTIMATE_MARGIN
+    for draft in _nearly_best(drafts, margin):
+        best = min(draft.candidate, best, key=_cost)
+    entries.append(Entry(name, "choose", entries[-1].after, best.total))
+    inverted = _candidate(invert(best.lowered), best.marks)
+    if inverted.total != best.total:
+        entries.append(Entry(name, "invert", best.total, inverted.total))
+    if inverted.total > LONG_FUNCTION:  # these wait for instructions, not for operands (measured)
+        return inverted, entries
+    return _candidate(balance(inverted.lowered, _named(inverted)), inverted.marks), entries
+
+
+def _rounds(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Draft]]:
+    """The folded graph, then what each pass makes of it, for as long as a round helps."""
+    short = operations <= SHORT_FUNCTION
+    if operations > LONGEST_FUNCTION:
+        yield "fold and factor", _Draft(factor(work), loose, short)
+        return
+    draft = _Draft(work, loose, short)
+    yield "fold", draft
+    # later rounds may cost more than they save: the least decides whether to go on
+    least = draft.total
+    for _ in range(1 if operations > LONG_FUNCTION else MOST_ROUNDS):
+        start = least
+        for step, apply in PASSES:
+            changed = apply(draft.work)
+            if not same(changed, draft.work):
+                draft = _Draft(changed, loose, short)
+                least = min(least, draft.total)
+            yield step, draft
+        if least == start:
+            return
+
+
+def _nearly_best(drafts: list[_Draft], margin: float) -> list[_Draft]:
+    """Those with `margin` times the fewest operations at most, of equal ones the later."""
+    least = min(draft.total for draft in drafts)
+    near = [draft for draft in reversed(drafts) if draft.total <= margin * least]
+    near.sort(key=lambda draft: draft.total)
+    return list(dict.fromkeys(near))[:MOST_TRIED] if margin > 1.0 else near
+
+
+def _candidate(lowered: Lowered, marks: tuple[Mark, ...]) -> Candidate:
+    operations = used_operations(lowered)
+    return Candidate(
+        lowered,
+        marks,
+        count(operations)["total"],
+        sum(operation.name == "neg" for operation in operations),
+    )
+
+
+def _cost(candidate: Candidate) -> tuple[int, int]:
+    return candidate.total, candidate.signs
+
+
+def _named(candidate: Candidate) -> set[int]:
+    """The operations that are shown under a name."""
+    places = candidate.lowered.places
+    operands = (
+        places[node][0]
+        for mark in candidate.marks
+        for _, (_, node) in mark.entries
+        if node in places
+    )
+    return {operand for operand in operands if isinstance(operand, int)}
+
+
+def used_operations(lowered: Lowered) -> list[Operation]:
+    """The operations that the roots need."""
+    operations = lowered.code.operations
+    return [operations[i] for i in lowered.wanted]
+
+
+def count(operations: Iterable[Operation]) -> dict[str, int]:
+    """Operations of each kind. A negation is a sign, not an operation, and is not counted."""
+    counts: dict[str, int] = dict.fromkeys(KINDS, 0)
+    for operation in operations:
+        if operation.name not in ("input", "neg"):
+            counts[_KIND.get(operation.name, "other")] += 1
+    return {**counts, "total": sum(counts.values())}

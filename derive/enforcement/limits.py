@@ -1,0 +1,5 @@
+"""The tolerances and limits of enforcing constraints, with unit and reason; relative where nothing
+else is said."""
+
+# invariants
+CONSERVED = 1e-8  # largest rate of an invariant, relative to the rates of its parts

@@ -1,0 +1,15 @@
+"""The tolerances and limits of robot files, with unit and reason; relative where nothing
+else is said."""
+
+# inertias
+SLACK = 0.5e-9  # relative, half of what the language allows
+NOISE = 1e-15  # kg m²: what exporters write instead of zero; a gram at a micrometre
+
+# numbers
+WHOLE = 1e15  # whole numbers below it are written without a point or an exponent
+
+# rotations
+NEAR = 1e-9  # rad, or of an entry: an angle or a direction so near to a simple one is that one
+ROUNDING = 1e-15  # of the largest entry of a tensor: less is what rounding leaves of zero
+MOST_STEPS = 1e6  # degrees: an angle beyond is none that somebody meant
+SAME_ANGLE = 1e-12  # relative: a printed angle is a rounding of the one that was meant

@@ -33,6 +33,7 @@ TRIES = 6
 MOST_LABELS, MOST_IN_SPACE = 20, 14
 MOST_NAMED = 14  # bodies, above which only some are named
 CROWDED = 30.0  # pixels between joints: symbols shrink where they are nearer
+FEW = 4  # inputs that are always drawn
 SMALLEST, LEGIBLE = 0.42, 0.66
 DIAL = 62.0  # pixels of a needle
 
@@ -172,7 +173,8 @@ def _notes(space: Scene) -> tuple[list[Note], list[Label], int]:
     notes = write.body_frames(space) + write.coordinates(space, shown)
     notes += write.point_coordinates(space, shown)
     pushes = write.inputs(space)
-    driven = pushes if len(pushes) <= MOST_NAMED else [pushes[0], pushes[-1]]
+    most = MOST_NAMED if space.view.flat else MOST_NAMED - len(notes)
+    driven = pushes if len(pushes) <= max(most, FEW) else pushes[:: max(len(pushes) - 1, 1)]
     notes += driven
     count = sum(len(note.labels) for note in notes)
     joints, bodies = (

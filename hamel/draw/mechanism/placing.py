@@ -43,7 +43,7 @@ class Ground:
         return count
 
 
-FAINT = ("grid", "floor", "reference", "trace", "core")  # a label may stand on these
+FAINT = ("grid", "floor", "trace", "core")  # a label may stand on these
 
 
 def _sampled(mark: Mark) -> list[Point]:

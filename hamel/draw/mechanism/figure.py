@@ -249,9 +249,7 @@ def _cut(
     boxes = [bounds(around), *(x.box for x in letterings)]
     left, top = min(x.left for x in boxes) - MARGIN, min(x.top for x in boxes) - MARGIN
     right, bottom = max(x.right for x in boxes) + MARGIN, max(x.bottom for x in boxes) + MARGIN
-    moved = tuple(
-        replace(m, points=tuple((x - left, y - top) for x, y in m.points)) for m in around
-    )
+    moved = tuple(mark.moved(-left, -top) for mark in around)
     lettered = tuple(_moved(x, left, top) for x in letterings)
     model = space.model
     return Figure(

@@ -78,7 +78,9 @@ def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
         "follow": follow,
         "box": [round(x, 1) for x in box],
     }
-    return Moving(data, tuple(marks(scene, parts)), box, bar_width(scene))
+    base = scene.view.paper(poses[0, follow, 9:]) if follow >= 0 else (0.0, 0.0)
+    first = tuple(mark.moved(-base[0], -base[1]) for mark in marks(scene, parts))
+    return Moving(data, first, box, bar_width(scene))
 
 
 def _drawn(

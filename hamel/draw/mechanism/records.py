@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,10 @@ class Mark:
     points: tuple[Point, ...]
     closed: bool = False
     radius: float = 0.0
+
+    def moved(self, x: float, y: float) -> Mark:
+        """The same elsewhere."""
+        return replace(self, points=tuple((a + x, b + y) for a, b in self.points))
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ WIDTH = 420.0  # pixels at most, so that letters stay readable on a phone
 ROOM = (300.0, 250.0)  # for the mechanism itself
 MARGIN = 10.0
 TRIES = 6
+SPARE = 3.0  # pixels below the width
 MOST_LABELS, MOST_IN_SPACE = 20, 14
 MOST_NAMED = 14  # bodies, above which only some are named
 CROWDED = 30.0  # pixels between joints: symbols shrink where they are nearer
@@ -63,16 +64,20 @@ def figure(system: System, state: Configuration | None = None) -> Figure:
     for _ in range(TRIES):
         if drawing.width <= WIDTH:
             break
-        space = _scaled(space, max(0.6, (WIDTH - 2) / drawing.width))
+        # letters and symbols keep their size: what is too wide has to come from the mechanism
+        inner = max(float(_extent(space)[0]), 1.0)
+        by = (inner - (drawing.width - WIDTH) - SPARE) / inner
+        space = _scaled(space, min(max(by, 0.6), 0.99))
         drawing = _drawn(space, state)
     return drawing
 
 
 def picture(system: System) -> Figure | None:
-    """The same for a page, which stands without it; None where the model has no such state."""
+    """The same for a page, which stands without it; None where the model has no such state, or
+    numbers of which no drawing can be made."""
     try:
         return figure(system)
-    except HamelError:
+    except (HamelError, ArithmeticError, ValueError):
         return None
 
 
@@ -87,11 +92,15 @@ def framed(
     points = [space.pose(k - 1).point(x) for k, some in enumerate(space.held) for x in some]
     points += _extremes(space)
     view = planar(plane) if plane else axonometric(_upward(space), points)
-    laid = np.array([view.paper(x) for x in points] or [(0.0, 0.0)])
-    extent = np.ptp(laid, axis=0)
-    extent = np.append(extent, [0.0, 0.0])[:2]
+    extent = np.ptp(np.array([view.paper(x) for x in points] or [(0.0, 0.0)]), axis=0)
     ratios = [room / x for room, x in zip(ROOM, extent) if x > 0]
     return replace(space, view=replace(view, scale=min([*ratios, *_largest(space)], default=1.0)))
+
+
+def _extent(space: Scene) -> np.ndarray:
+    """Width and height (pixels) of the points held."""
+    points = [space.pose(k - 1).point(x) for k, some in enumerate(space.held) for x in some]
+    return np.ptp(np.array([space.view.paper(x) for x in points] or [(0.0, 0.0)]), axis=0)
 
 
 def _largest(space: Scene) -> list[float]:
@@ -178,7 +187,7 @@ def _notes(space: Scene) -> tuple[list[Note], list[Label], int]:
     notes += driven
     count = sum(len(note.labels) for note in notes)
     joints, bodies = (
-        [a.name for a in space.anchors if a.type != "fixed"],
+        [a.name for a in space.anchors if a.type != "fixed" and a.name not in owned],
         [body.name for body in model.bodies],
     )
     labels: list[Label] = []

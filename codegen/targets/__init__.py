@@ -1,5 +1,5 @@
-"""The targets, in the order they are emitted. To add one: a file with a Target, and its line
-here."""
+"""The targets, in the order they are emitted: those of every module, and those on request. To add
+one: a file with a Target, and its line here."""
 
 from codegen.targets.c import C
 from codegen.targets.charts import CHARTS
@@ -26,4 +26,7 @@ TARGETS: tuple[Target, ...] = (
     MANIFEST,
 )
 
-__all__ = ["TARGETS", "Target"]
+# emitted where `--target` names them
+ON_REQUEST: tuple[Target, ...] = ()
+
+__all__ = ["ON_REQUEST", "TARGETS", "Target"]

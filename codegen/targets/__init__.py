@@ -5,6 +5,7 @@ from codegen.targets.c import C
 from codegen.targets.charts import CHARTS
 from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
+from codegen.targets.fmu import FMU
 from codegen.targets.manifest import MANIFEST
 from codegen.targets.nullspace import NULLSPACE
 from codegen.targets.numpy import NUMPY
@@ -27,6 +28,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = ()
+ON_REQUEST: tuple[Target, ...] = (FMU,)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

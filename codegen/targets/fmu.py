@@ -242,7 +242,7 @@ def _results(
     reference = at.groups
     for kernel in groups:
         causality = "output" if kernel.name == "outputs" else "local"
-        for label, unit in zip(_labels(program, kernel), _units_of(kernel)):
+        for label, unit in zip(_labels(program, kernel), _units_of(kernel), strict=True):
             about = text.printable(kernel.about)
             name = free(label)
             yield Variable(
@@ -256,7 +256,8 @@ def _labels(program: Program, kernel: Kernel) -> Sequence[str]:
         return [f"event {event.name}" for event in program.events]
     if kernel.name == "reactions":
         return [f"reaction {label}" for label in kernel.labels]
-    return NAMED.get(kernel.name, kernel.labels)
+    named = NAMED.get(kernel.name, ())
+    return named if len(named) == len(kernel.outputs) else kernel.labels
 
 
 def _units_of(kernel: Kernel) -> Sequence[str]:
@@ -359,5 +360,5 @@ FMU = Target(
     files,
     needs=NEEDS,
     refusal=refusal,
-    readme="readme_fmu.md.j2",
+    readme="fmu.md.j2",
 )

@@ -1,8 +1,10 @@
 """The checks of targets on request, each by the tool that uses the target. To add one: a file with
 a TargetCheck, and its line here."""
 
+from hamel.verify.targets.casadi import CASADI
+from hamel.verify.targets.fmu import FMU
 from hamel.verify.targets.records import Subject, TargetCheck
 
-TARGET_CHECKS: tuple[TargetCheck, ...] = ()
+TARGET_CHECKS: tuple[TargetCheck, ...] = (CASADI, FMU)
 
 __all__ = ["TARGET_CHECKS", "Subject", "TargetCheck"]

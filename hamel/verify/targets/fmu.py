@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from derive.diagnostics import ToolchainError
+from derive.diagnostics import ToolchainError, VerificationError
 from hamel.verify.records import CheckResult
 from hamel.verify.reference.vectors import Array
 from hamel.verify.targets.records import Subject, TargetCheck, result
@@ -39,7 +39,7 @@ def check(subject: Subject) -> Iterator[CheckResult]:
         values = [subject.error("dynamics", fmu.rates)]
         values += [subject.error(name, fmu.group(name)) for name in fmu.groups(subject)]
         yield result("values", values, "rates and variables against the module, entry by entry")
-        if fmu.description.modelExchange.providesDirectionalDerivatives:
+        if fmu.description.modelExchange.providesAdjointDerivatives:
             products = [
                 subject.error("dynamics_forward", fmu.forward),
                 subject.error("dynamics_adjoint", fmu.adjoint),
@@ -143,15 +143,16 @@ class _Fmu:
         """`dynamics_adjoint` of the module, from (x, y)."""
         n = len(self.rate_references)
         with self.at(t, x[:n], u, p) as instance:
-            return instance.getAdjointDerivative(self.rate_references, self._knowns, x[n:])
+            knowns = self._knowns
+            return instance.getAdjointDerivative(self.rate_references, knowns, x[n:], len(knowns))
 
     def outputs_jacobian(self, t: float, x: Array, u: Array, p: Array) -> Array:
         """`outputs_jacobian` of the module, by one adjoint derivative for each output."""
-        outputs = self.of_group["outputs"]
+        states = self.state_references
         with self.at(t, x, u, p) as instance:
             rows = [
-                instance.getAdjointDerivative([output], self.state_references, [1.0])
-                for output in outputs
+                instance.getAdjointDerivative([output], states, [1.0], len(states))
+                for output in self.of_group["outputs"]
             ]
         return np.array(rows)
 
@@ -200,7 +201,11 @@ def _motions(fmpy: Any, subject: Subject, path: Path) -> Iterator[CheckResult]:
 
 
 def _outcomes(subject: Subject) -> tuple[CheckResult, ...]:
-    return tuple(check(subject))
+    """All checks. A call that the FMU refuses is a failure, too."""
+    try:
+        return tuple(check(subject))
+    except _fmpy().fmi1.FMICallException as error:
+        raise VerificationError(f"{subject.name}: the target fmu: {error}") from error
 
 
 FMU = TargetCheck("fmu", "fmpy", _outcomes)

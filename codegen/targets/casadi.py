@@ -45,6 +45,7 @@ class Body:
     outputs: tuple[str, ...]
     guards: tuple[tuple[str, str, str], ...]
     residual: str
+    computed: tuple[int, ...]  # entries that guards concern: no arguments, no numbers
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,7 @@ def _body(kernel: Kernel) -> Body:
             for guard in kernel.guards
         ),
         _value(kernel.loop.residual) if kernel.loop else "",
+        kernel.results if kernel.guards else (),
     )
 
 

@@ -86,7 +86,7 @@ static fmi3Status refused(Instance *i, const char *call, const char *why)
     return i ? say(i, fmi3Error, "%s: %s", call, why) : fmi3Error;
 }
 
-static int finite(const double *values, size_t n)
+static int all_finite(const double *values, size_t n)
 {
     size_t k;
     for (k = 0; k < n; k++)
@@ -334,7 +334,7 @@ static fmi3Status variable(Instance *i, size_t place, double *value)
     return status;
 }
 
-static fmi3Status read(Instance *i, fmi3ValueReference reference, double *value)
+static fmi3Status value_of(Instance *i, fmi3ValueReference reference, double *value)
 {
     size_t k;
     const int kind = kind_of(reference, &k);
@@ -361,7 +361,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference refere
     if (n != count || (n && (!references || !values)))
         return refused(i, __func__, "as many values as value references are needed");
     for (k = 0; k < n && status == fmi3OK; k++)
-        status = read(i, references[k], values + k);
+        status = value_of(i, references[k], values + k);
     return status;
 }
 
@@ -376,7 +376,7 @@ static int settable(int kind)
     }
 }
 
-static void write(Instance *i, int kind, size_t k, double value)
+static void take(Instance *i, int kind, size_t k, double value)
 {
     Head *const h = i->head;
     if (kind == STATE)
@@ -404,11 +404,11 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
         if (!(settable(kind) & i->head->mode))
             return say(i, fmi3Error, "the variable with value reference %u cannot be set here", (unsigned)references[k]);
     }
-    if (!finite(values, n))
+    if (!all_finite(values, n))
         return refused(i, __func__, "a value is infinite or not a number");
     for (k = 0; k < n; k++) {
         const int kind = kind_of(references[k], &place);
-        write(i, kind, place, values[k]);
+        take(i, kind, place, values[k]);
     }
     forget(i);
     return fmi3OK;
@@ -479,9 +479,9 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean has_to
     Head *h;
     CHECK(BOTH, INSTANTIATED);
     h = i->head;
-    if (!finite(&start, 1) || (has_stop && !(stop >= start)))
+    if (!all_finite(&start, 1) || (has_stop && !(stop >= start)))
         return refused(i, __func__, "times have to be finite, and the stop not before the start");
-    if (has_tolerance && !(tolerance > 0.0 && finite(&tolerance, 1)))
+    if (has_tolerance && !(tolerance > 0.0 && all_finite(&tolerance, 1)))
         return refused(i, __func__, "the tolerance has to be above zero");
     if (has_tolerance) {
         h->rtol = tolerance;
@@ -558,7 +558,7 @@ fmi3Status fmi3Reset(fmi3Instance instance)
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
 {
     CHECK(EXCHANGE, EVENT_MODE | CONTINUOUS);
-    if (!finite(&time, 1))
+    if (!all_finite(&time, 1))
         return refused(i, __func__, "time has to be finite");
     if (time != i->head->t)
         forget(i);
@@ -571,7 +571,7 @@ fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 stat
     CHECK(EXCHANGE, CONTINUOUS);
     if (n != model.states || (n && !states))
         return refused(i, __func__, "wrong number of states");
-    if (!finite(states, n))
+    if (!all_finite(states, n))
         return say(i, fmi3Discard, "%s: a state is infinite or not a number", __func__);
     if (!same(i->x, states, n))
         forget(i);
@@ -747,7 +747,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 from, fmi3Float64 lengt
         return fmi3Error;
     *event = *terminate = *early = false;
     *reached = h->t;
-    if (!finite(&time, 1) || !(length > 0.0) || !(time > h->t))
+    if (!all_finite(&time, 1) || !(length > 0.0) || !(time > h->t))
         return refused(i, __func__, "the communication step size has to be above zero");
     if (!(fabs(from - h->t) <= 1e-6 * length + 1e-12 * fabs(h->t)))
         return say(i, fmi3Error, "%s: the communication point is %.17g, not %.17g", __func__, h->t, from);
@@ -950,7 +950,7 @@ static fmi3Status derivative(Instance *i, const char *call, int transposed, cons
         if ((is_from != transposed ? column(reference) : row(reference)) < 0)
             return say(i, fmi3Error, "%s: no derivatives of or by the variable with value reference %u", call, (unsigned)reference);
     }
-    if (!finite(seed, n_from))
+    if (!all_finite(seed, n_from))
         return refused(i, call, "a seed is infinite or not a number");
     memset(i->seed, 0, 2 * wide * sizeof *i->seed);
     for (k = 0; k < n_from; k++)

@@ -189,10 +189,10 @@ def built(model: Path, folder: Path) -> tuple[ModuleType, Fmu, Path]:
     return module, Fmu(folder / compiler.shared_library(program.name), description), folder
 
 
-def compiled(folder: Path, files: Sequence[str], made: str) -> None:
+def compiled(folder: Path, files: Sequence[str], made: str, language: str = "c99") -> None:
     command = compiler.find_compiler() or []
     subprocess.run(
-        [*command, "-std=c99", "-O0", "-fPIC", "-shared", *files, "-lm", "-o", made],
+        [*command, f"-std={language}", "-O0", "-fPIC", "-shared", *files, "-lm", "-o", made],
         cwd=folder,
         check=True,
     )
@@ -499,7 +499,7 @@ def test_the_sources_make_the_same_fmu(tree: Any, tmp_path: Path) -> None:
         archive.extractall(tmp_path)
     root = ElementTree.parse(tmp_path / "sources" / "buildDescription.xml").getroot()
     files = [e.attrib["name"] for e in root.iter("SourceFile")]
-    compiled(tmp_path / "sources", files, "again.so")
+    compiled(tmp_path / "sources", files, "again.so", "gnu99")  # as CMake understands C99
     description = ElementTree.parse(tmp_path / "modelDescription.xml").getroot()
     again = Fmu(tmp_path / "sources" / "again.so", description)
     with fmu.instance() as a, again.instance() as b:
@@ -516,11 +516,12 @@ def test_packing_again_gives_the_same_bytes(tree: Any) -> None:
     assert path.read_bytes() == first
 
 
+@pytest.mark.parametrize("language", ["c99", "gnu99", "c17"])
 @pytest.mark.parametrize("name", ["gcc", "clang"])
-def test_the_c_has_no_warnings(name: str, tree: Any) -> None:
+def test_the_c_has_no_warnings(name: str, language: str, tree: Any) -> None:
     if shutil.which(name) is None:
         pytest.skip(f"no {name}")
-    flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Werror", "-fsyntax-only"]
+    flags = [f"-std={language}", "-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Werror", "-fsyntax-only"]
     subprocess.run([name, *flags, "swing_fmi.c"], cwd=tree[2], check=True)
 
 

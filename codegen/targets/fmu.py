@@ -1,6 +1,6 @@
-"""An FMU for Model Exchange and Co-Simulation by FMI 3.0 (fmi-standard.org): a table of the model for
-the C of the runtime, modelDescription.xml, and the script that packs them with the library and its
-sources into NAME.fmu."""
+"""An FMU for Model Exchange and Co-Simulation by FMI 3.0 (fmi-standard.org): a table of the model
+for the C of the runtime, modelDescription.xml, and the script that packs them with the library and
+its sources into NAME.fmu."""
 
 from __future__ import annotations
 
@@ -208,9 +208,16 @@ def _states(program: Program, at: References, free: _Names) -> Iterable[Variable
     initial = "approx" if program.has("project") else "exact"
     for k, (label, unit, start) in enumerate(zip(x.labels, x.units, _starts(program))):
         name, value = free(label), text.number(start)
-        reference = at.states + k
+        reference, moves = at.states + k, initial == "approx"
         yield Variable(
-            reference, name, "output", "continuous", initial, value, unit, reinit=initial == "approx"
+            reference,
+            name,
+            "output",
+            "continuous",
+            initial,
+            value,
+            unit,
+            reinit=moves,
         )
 
 
@@ -228,9 +235,7 @@ def _given(program: Program, at: References, free: _Names) -> Iterable[Variable]
     """Inputs, and parameters that may be tuned on the way."""
     u, p = program.argument("u"), program.argument("p")
     for k, (label, unit) in enumerate(zip(u.labels, u.units)):
-        yield Variable(
-            at.inputs + k, free(label), "input", "continuous", start="0.0", unit=unit
-        )
+        yield Variable(at.inputs + k, free(label), "input", "continuous", start="0.0", unit=unit)
     for k, (label, unit, value) in enumerate(zip(p.labels, p.units, p.defaults)):
         start, reference = text.number(value), at.parameters + k
         yield Variable(reference, free(label), "parameter", "tunable", "exact", start, unit)
@@ -269,9 +274,7 @@ def _constants(program: Program, at: References, free: _Names) -> Iterable[Varia
     for k, (name, value) in enumerate(program.fixed):
         about = "fixed when the module was built"
         reference, start = at.constants + k, text.number(value)
-        yield Variable(
-            reference, free(name), "local", "constant", "exact", start, about=about
-        )
+        yield Variable(reference, free(name), "local", "constant", "exact", start, about=about)
 
 
 # ---- structure

@@ -197,7 +197,9 @@ def _motions(fmpy: Any, subject: Subject, path: Path) -> Iterator[CheckResult]:
         found = np.array([[row[state.name] for state in states] for row in rows])
         size = max(1.0, float(np.max(np.abs(expected))))
         value = float(np.max(np.abs(found - expected))) / size
-        yield CheckResult(f"{kind}{about}", value, MOTION, value <= MOTION, "a motion of the module")
+        yield CheckResult(
+            f"{kind}{about}", value, MOTION, value <= MOTION, "a motion of the module"
+        )
 
 
 def _outcomes(subject: Subject) -> tuple[CheckResult, ...]:

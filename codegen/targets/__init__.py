@@ -4,6 +4,7 @@ one: a file with a Target, and its line here."""
 from codegen.targets.c import C
 from codegen.targets.casadi import CASADI
 from codegen.targets.charts import CHARTS
+from codegen.targets.cpp import CPP
 from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
 from codegen.targets.manifest import MANIFEST
@@ -28,6 +29,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI,)
+ON_REQUEST: tuple[Target, ...] = (CASADI, CPP)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

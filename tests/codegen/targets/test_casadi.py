@@ -14,12 +14,9 @@ from codegen.emit import emit, on_request
 from codegen.passes import in_precision, program
 from derive.diagnostics import AssumptionError, HamelError
 from hamel.build.module import published
-from hamel.build.options import BuildOptions
-from hamel.build.stages import equations_of, program_for, with_emitted
 from hamel.build.targets import subject_of
-from hamel.verify.shipped import shipped
 from hamel.verify.targets.casadi import check, generated
-from tests.scenes import MODELS
+from tests.subjects import subject
 from tests.toy import toy
 
 STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-fsyntax-only")
@@ -32,13 +29,9 @@ def cart_pole(tmp_path_factory):
     if compiler.find_compiler() is None:
         pytest.skip("no C compiler")
     base = tmp_path_factory.mktemp("casadi")
-    equations = equations_of(MODELS / "cart_pole.yaml")
-    made = program_for(equations, BuildOptions(functions=("dynamics", "mass"), targets=("casadi",)))
-    rows = shipped(with_emitted(equations, made), [kernel.name for kernel in made.kernels], 0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        folder = published(made, base / "cart_pole").folder
-    return subject_of(made, loader.load(folder), rows)
+        return subject(base, "cart_pole", ["casadi"])
 
 
 def test_the_folder_says_how_to_use_it_and_the_manifest_what_was_written(cart_pole):

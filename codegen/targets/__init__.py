@@ -9,6 +9,7 @@ from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
 from codegen.targets.manifest import MANIFEST
 from codegen.targets.nullspace import NULLSPACE
+from codegen.targets.numba import NUMBA
 from codegen.targets.numpy import NUMPY
 from codegen.targets.package import PACKAGE
 from codegen.targets.records import Target
@@ -29,6 +30,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI, CPP)
+ON_REQUEST: tuple[Target, ...] = (CASADI, CPP, NUMBA)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

@@ -15,7 +15,8 @@ from codegen.passes import in_precision, program
 from derive.diagnostics import AssumptionError, HamelError
 from hamel.build.module import published
 from hamel.build.targets import subject_of
-from hamel.verify.targets.casadi import check, generated
+from hamel.verify.targets.casadi import check
+from hamel.verify.targets.records import generated
 from tests.subjects import subject
 from tests.toy import toy
 
@@ -41,7 +42,7 @@ def test_the_folder_says_how_to_use_it_and_the_manifest_what_was_written(cart_po
 
 
 def test_external_functions_have_names_and_sparse_jacobians(cart_pole):
-    symbols = generated(cart_pole)
+    symbols = generated(cart_pole, "casadi")
     dynamics = symbols.external("dynamics", cart_pole.folder / compiler.shared_library("cart_pole"))
     assert (dynamics.name_in(), dynamics.name_out()) == (["t", "x", "u", "p"], ["xdot"])
     by_x = dynamics.jacobian().sparsity_out(1)

@@ -4,11 +4,13 @@ one: a file with a Target, and its line here."""
 from codegen.targets.c import C
 from codegen.targets.casadi import CASADI
 from codegen.targets.charts import CHARTS
+from codegen.targets.cpp import CPP
 from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
 from codegen.targets.fmu import FMU
 from codegen.targets.manifest import MANIFEST
 from codegen.targets.nullspace import NULLSPACE
+from codegen.targets.numba import NUMBA
 from codegen.targets.numpy import NUMPY
 from codegen.targets.package import PACKAGE
 from codegen.targets.records import Target
@@ -29,6 +31,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI, FMU)
+ON_REQUEST: tuple[Target, ...] = (CASADI, CPP, FMU, NUMBA)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

@@ -3,9 +3,7 @@ and of the external functions of the compiled library, against the module."""
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Iterator, Mapping
-from types import ModuleType
 from typing import Any
 
 import casadi as ca
@@ -14,7 +12,7 @@ import numpy as np
 from codegen.compiler import shared_library
 from hamel.verify.records import CheckResult
 from hamel.verify.reference.vectors import Array
-from hamel.verify.targets.records import Subject, TargetCheck, result
+from hamel.verify.targets.records import Subject, TargetCheck, generated, result
 
 ADJOINT = "yᵀ ∂ẋ/∂(t, x, u, p)"
 JACOBIANS = ("jacobian_t", "jacobian", "jacobian_u", "jacobian_p")  # by t, x, u and p
@@ -22,7 +20,7 @@ JACOBIANS = ("jacobian_t", "jacobian", "jacobian_u", "jacobian_p")  # by t, x, u
 
 def check(subject: Subject) -> tuple[CheckResult, ...]:
     """Values of every function, Jacobians and adjoint of the state derivative, both ways in."""
-    symbols = generated(subject)
+    symbols = generated(subject, "casadi")
     library = subject.folder / shared_library(subject.name)
     functions = {"symbols": {name: symbols.function(name) for name in symbols.functions}}
     if library.is_file():
@@ -32,16 +30,6 @@ def check(subject: Subject) -> tuple[CheckResult, ...]:
     return tuple(
         outcome for kind, found in functions.items() for outcome in _outcomes(subject, kind, found)
     )
-
-
-def generated(subject: Subject) -> ModuleType:
-    """NAME_casadi.py, imported by its path."""
-    file = subject.folder / f"{subject.name}_casadi.py"
-    spec = importlib.util.spec_from_file_location(file.stem, file)
-    assert spec is not None and spec.loader is not None  # of a path that ends in .py
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def _outcomes(

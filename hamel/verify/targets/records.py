@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from derive.diagnostics import ToolchainError
 from hamel.verify.records import CheckResult
 from hamel.verify.shipped import TOLERANCE
 
@@ -70,3 +73,26 @@ def result(name: str, errors: Sequence[float], about: str) -> CheckResult:
     digits of the arguments' functions: that of the values that are shipped beside a module."""
     value = max((math.inf if math.isnan(error) else error for error in errors), default=math.inf)
     return CheckResult(name, value, TOLERANCE, value <= TOLERANCE, about)
+
+
+def generated(subject: Subject, target: str) -> ModuleType:
+    """NAME_TARGET.py, imported by its path. Raises ToolchainError where what it needs is not
+    there."""
+    file = subject.folder / f"{subject.name}_{target}.py"
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None and spec.loader is not None  # of a path that ends in .py
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except (ImportError, OSError) as error:
+        raise ToolchainError(f"{file.name} cannot be imported: {error}") from error
+    return module
+
+
+def tool(name: str) -> ModuleType:
+    """An optional package. Raises ToolchainError where it is missing."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        hint = f"pip install 'hamel[{name}]'"
+        raise ToolchainError(f"{name} is not installed", hint) from error

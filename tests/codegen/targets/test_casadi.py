@@ -14,12 +14,10 @@ from codegen.emit import emit, on_request
 from codegen.passes import in_precision, program
 from derive.diagnostics import AssumptionError, HamelError
 from hamel.build.module import published
-from hamel.build.options import BuildOptions
-from hamel.build.stages import equations_of, program_for, with_emitted
 from hamel.build.targets import subject_of
-from hamel.verify.shipped import shipped
-from hamel.verify.targets.casadi import check, generated
-from tests.scenes import MODELS
+from hamel.verify.targets.casadi import check
+from hamel.verify.targets.records import generated
+from tests.subjects import subject
 from tests.toy import toy
 
 STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-fsyntax-only")
@@ -32,13 +30,9 @@ def cart_pole(tmp_path_factory):
     if compiler.find_compiler() is None:
         pytest.skip("no C compiler")
     base = tmp_path_factory.mktemp("casadi")
-    equations = equations_of(MODELS / "cart_pole.yaml")
-    made = program_for(equations, BuildOptions(functions=("dynamics", "mass"), targets=("casadi",)))
-    rows = shipped(with_emitted(equations, made), [kernel.name for kernel in made.kernels], 0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        folder = published(made, base / "cart_pole").folder
-    return subject_of(made, loader.load(folder), rows)
+        return subject(base, "cart_pole", ["casadi"])
 
 
 def test_the_folder_says_how_to_use_it_and_the_manifest_what_was_written(cart_pole):
@@ -48,7 +42,7 @@ def test_the_folder_says_how_to_use_it_and_the_manifest_what_was_written(cart_po
 
 
 def test_external_functions_have_names_and_sparse_jacobians(cart_pole):
-    symbols = generated(cart_pole)
+    symbols = generated(cart_pole, "casadi")
     dynamics = symbols.external("dynamics", cart_pole.folder / compiler.shared_library("cart_pole"))
     assert (dynamics.name_in(), dynamics.name_out()) == (["t", "x", "u", "p"], ["xdot"])
     by_x = dynamics.jacobian().sparsity_out(1)

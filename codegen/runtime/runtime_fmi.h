@@ -603,12 +603,10 @@ fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t n)
 {
-    size_t k;
     CHECK(EXCHANGE, READABLE);
     if (n != model.states || (n && !nominals))
         return refused(i, __func__, "wrong number of states");
-    for (k = 0; k < n; k++)
-        nominals[k] = 1.0;
+    copy(nominals, model.nominal, n);
     return fmi3OK;
 }
 

@@ -137,6 +137,7 @@ typedef struct {
     const char *token;
     size_t states, inputs, parameters, groups, constants;
     const double *x, *p, *constant; /* start values, and those of constants */
+    const double *nominal; /* sizes of the states */
     const Group *group;
     size_t outputs; /* variables of the first group where that is `outputs`, else 0 */
     size_t events; /* variables of the last group where that is `events`, else 0 */

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ TABLED = (
 )
 DERIVATIVES = TABLED[3:]
 NEEDS = ("dynamics_forward", "dynamics_adjoint", "outputs_jacobian")
+SHORTEST = 1e-9  # m, of a nominal length
 STOP_TIME = 10.0  # s, of the experiment that a tool proposes; a model says nothing of it
 
 
@@ -54,6 +55,7 @@ class Variable:
     derivative: int | None = None
     about: str = ""
     reinit: bool = False  # may an event change it?
+    nominal: str = ""
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,7 @@ def _data(program: Program) -> dict[str, Any]:
         "units": _units(variables),
         "structure": _structure(program, variables, groups, at),
         "starts": _starts(program),
+        "nominals": _nominals(program),
         "stops": any(event.stop for event in program.events),
         "stop_time": STOP_TIME,
     }
@@ -170,6 +173,16 @@ def _has_derivatives(program: Program) -> bool:
 
 def _starts(program: Program) -> tuple[float, ...]:
     return program.nominal or (0.0,) * len(program.argument("x").names)
+
+
+def _nominals(program: Program) -> list[float]:
+    """What absolute tolerances go by: 1, but of lengths the largest at the start where that is
+    less. Mechanisms of micrometres are none of metres."""
+    units, starts = program.argument("x").units, _starts(program)
+    lengths = [abs(start) for start, unit in zip(starts, units) if unit == "m"]
+    length = max(lengths, default=0.0)
+    length = min(1.0, max(SHORTEST, length)) if length else 1.0
+    return [length if unit == "m" else 1.0 for unit in units]
 
 
 # ---- variables
@@ -206,19 +219,12 @@ def _states(program: Program, at: References, free: _Names) -> Iterable[Variable
     """Start values are guesses where constraints decide what is near them."""
     x = program.argument("x")
     initial = "approx" if program.has("project") else "exact"
-    for k, (label, unit, start) in enumerate(zip(x.labels, x.units, _starts(program))):
+    known = zip(x.labels, x.units, _starts(program), _nominals(program))
+    for k, (label, unit, start, nominal) in enumerate(known):
         name, value = free(label), text.number(start)
         reference, moves = at.states + k, initial == "approx"
-        yield Variable(
-            reference,
-            name,
-            "output",
-            "continuous",
-            initial,
-            value,
-            unit,
-            reinit=moves,
-        )
+        state = Variable(reference, name, "output", "continuous", initial, value, unit)
+        yield replace(state, reinit=moves, nominal=text.number(nominal))
 
 
 def _rates(program: Program, at: References, free: _Names) -> Iterable[Variable]:

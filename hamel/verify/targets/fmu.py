@@ -219,7 +219,9 @@ def _expected(subject: Subject, start: Array, u: Array) -> tuple[float, Array]:
 def _motions(fmpy: Any, subject: Subject, path: Path) -> Iterator[CheckResult]:
     """From the start values, with the inputs held."""
     description = fmpy.read_model_description(str(path))
-    names = [unknown.variable.derivative.name for unknown in description.derivatives]
+    states = [unknown.variable.derivative for unknown in description.derivatives]
+    names = [state.name for state in states]
+    nominals = [float(state.nominal or 1.0) for state in states]
     inputs = [v.name for v in description.modelVariables if v.causality == "input"]
     u = subject.row("dynamics", 0)[2]
     span, expected = _expected(subject, _start(subject, description), u)
@@ -235,8 +237,8 @@ def _motions(fmpy: Any, subject: Subject, path: Path) -> Iterator[CheckResult]:
             record_events=False,
         )
         found = np.array([[row[name] for name in names] for row in rows])
-        size = max(1.0, float(np.max(np.abs(expected))))
-        value = float(np.max(np.abs(found - expected))) / size
+        sizes = np.maximum(nominals, np.max(np.abs(expected), axis=0))
+        value = float(np.max(np.abs(found - expected) / sizes))
         yield CheckResult(
             f"{kind}{about}", value, MOTION, value <= MOTION, "a motion of the module"
         )

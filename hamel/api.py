@@ -150,6 +150,7 @@ def simulate(
     start: float = 0.0,
     out: str | Path | None = None,
     plot: str | Path | None = None,
+    view: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
     real: str = "float64",
 ) -> records.Simulated:
@@ -165,8 +166,8 @@ def simulate(
     kind); or a function f(t, x) of all, called every `sample` seconds (or at these times) and
     kept until the next, or, without, wherever the integrator wants it. `events` are functions
     f(t, x) by name, or hamel.Event(f, direction, stop), whose changes of sign are found like those
-    of the model's own. `start` is the first time, `time` the last. `real` is what the code computes
-    in, float64 or float32.
+    of the model's own. `view` is a page FILE.html with the mechanism moving. `start` is the first
+    time, `time` the last. `real` is what the code computes in, float64 or float32.
     """
     from hamel.simulate.compiled import Feed, Places, Rows, simulation
     from hamel.simulate.method import Method
@@ -183,7 +184,11 @@ def simulate(
         _names(conserve),
         real,
     )
-    rows, places, feed = Rows(time, step, start), Places(out, plot), Feed(inputs, sample, events)
+    rows, places, feed = (
+        Rows(time, step, start),
+        Places(out, plot, view),
+        Feed(inputs, sample, events),
+    )
     return simulation(path, method, rows, values or {}, places, progress, feed)
 
 
@@ -255,6 +260,18 @@ def derive(
     from hamel.verbs.derive import run
 
     return run(path, choice, Path(out or "."), formulation)
+
+
+def draw(path: Model, *, out: str | Path | None = None) -> records.Drawn:
+    """Draw the mechanism as a textbook does, into `out`: FILE.svg, or FILE.tex for a TikZ picture
+    (default: <model>.svg in the current folder).
+
+    It is drawn at the consistent initial state; coordinates that would hide something there are
+    moved a little, and named in the record.
+    """
+    from hamel.verbs.draw import run
+
+    return run(path, out)
 
 
 def import_(

@@ -231,6 +231,7 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
 @REAL
 @click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv, .npz or .parquet.")
 @click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
+@click.option("--view", metavar="FILE", help="Show the mechanism moving in the page FILE.html.")
 def simulate(
     model: str, settings: Sequence[str], inputs: Sequence[str], conserve: str, **options: Any
 ) -> Any:
@@ -399,6 +400,19 @@ def linearize(
 def derive(model: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
     return hamel.derive(model, **options)
+
+
+@verb
+@model_argument
+@click.option(
+    "-o",
+    "--out",
+    metavar="FILE",
+    help="FILE.svg, or FILE.tex for a TikZ picture (default: <model>.svg here).",
+)
+def draw(model: str, out: str | None) -> Any:
+    """Draw the mechanism of MODEL as a textbook does."""
+    return hamel.draw(model, out=out)
 
 
 @verb

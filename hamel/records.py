@@ -179,6 +179,21 @@ class Derived:
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """A figure of the mechanism. `moved`: coordinates that are drawn beside their initial values,
+    which would hide something; `width` and `height` in pixels; `unnamed` labels are left out."""
+
+    model: str
+    file: Path
+    about: str
+    moved: tuple[str, ...]
+    width: float
+    height: float
+    labels: int
+    unnamed: int
+
+
+@dataclass(frozen=True)
 class Imported:
     """A robot file as a model. `left_out` alters the motion, `changed` does not; `text` is in
     `file` where there is one."""
@@ -379,6 +394,7 @@ class Simulated:
     final: Mapping[str, float]
     file: Path | None
     plot: Path | None
+    view: Path | None = None
     events: Mapping[str, Sequence[float]] = field(default_factory=dict)  # times by name
     stopped_by: str | None = None  # the event that ended the motion
     # the state (coordinates, quasi-velocities) at each of these times, a row each

@@ -17,14 +17,16 @@ from derive.textbook.write_latex import article
 __all__ = ["html", "latex", "laws", "printed"]
 
 
-def html(equations: Equations) -> str:
-    """One self-contained page: MathML, no script, no network."""
-    return page(derivation(equations))
+def html(equations: Equations, figure: str = "") -> str:
+    """One self-contained page: MathML, no script, no network; it opens with a figure (SVG) where
+    one is given."""
+    return page(derivation(equations), figure)
 
 
-def latex(equations: Equations) -> str:
-    """A standalone article for pdfLaTeX (amsmath, graphicx)."""
-    return article(derivation(equations))
+def latex(equations: Equations, figure: str = "") -> str:
+    """A standalone article for pdfLaTeX (amsmath, graphicx, and tikz where a picture of it is
+    given)."""
+    return article(derivation(equations), figure)
 
 
 def printed(equations: Equations) -> tuple[Printed, ...]:

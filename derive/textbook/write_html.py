@@ -14,13 +14,15 @@ from derive.textbook.records import Display, Document, Line, Runs, Text
 _SIGN_AFTER = re.compile(r"(<math(?:(?!<math).)*?</math>)([.,:;)]+)")
 
 
-def page(document: Document) -> str:
-    """MathML and CSS inside; no script, no network, the same bytes every time."""
+def page(document: Document, figure: str = "") -> str:
+    """MathML and CSS inside; no script, no network, the same bytes every time. `figure` is an SVG
+    element of our own."""
     return rendered(
         "derive.textbook/page.html.j2",
         title=document.title,
         version=document.version,
         document=document,
+        figure=Markup(figure),
         kind=_kind,
         runs=_runs,
         rows=_rows,

@@ -111,8 +111,8 @@ _GREEK = dict(
 _SPECIAL.update({letter: rf"\ensuremath{{\{name}}}" for letter, name in _GREEK.items()})
 
 
-def article(document: Document) -> str:
-    """The same sections as the page, numbered by LaTeX."""
+def article(document: Document, figure: str = "") -> str:
+    """The same sections as the page, numbered by LaTeX; `figure` is a tikzpicture of our own."""
     environment = Environment(
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -129,6 +129,7 @@ def article(document: Document) -> str:
     )
     return template.render(
         document=document,
+        figure=figure,
         kind=_kind,
         escape=escape,
         runs=_runs,

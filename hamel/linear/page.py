@@ -16,6 +16,7 @@ from derive.linearize.study import Study
 from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.textbook.mathml import mathml
 from derive.textbook.pages import rendered
+from hamel.draw.mechanism import picture, svg
 from hamel.linear import plots
 from hamel.linear.figure import moving
 from hamel.linear.ranges import Range, own_ranges
@@ -39,7 +40,7 @@ class Section:
 def page(study: Study, sweep: Sweep, ranges: Sequence[Range], record: Linearized) -> str:
     """HTML of the motion, the equations, eigenvalues over the range, stability over pairs of names,
     modes and sensitivities."""
-    shapes = modes(study)
+    shapes, drawing = modes(study), picture(study.equations.system)
     parts = [
         ("The steady motion", _motion(record)),
         ("The linear equations", _equations(study, record)),
@@ -54,6 +55,7 @@ def page(study: Study, sweep: Sweep, ranges: Sequence[Range], record: Linearized
         title=f"{record.model}: linear equations and stability",
         subtitle=f"along the steady motion “{record.motion}”",
         version=hamel.__version__,
+        figure=Markup(svg(drawing) if drawing else ""),
         sections=[Section(title, Markup(body)) for title, body in parts if body],
     )
 

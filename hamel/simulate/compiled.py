@@ -29,6 +29,7 @@ from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure
+from hamel.build.files import write_text
 from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
@@ -36,7 +37,7 @@ from hamel.settings import settings
 from hamel.simulate import motion, stiffness
 from hamel.simulate.automatic import picked
 from hamel.simulate.exact import state_of
-from hamel.simulate.files import writers
+from hamel.simulate.files import check_page, writers
 from hamel.simulate.inputs import Changes, Changing, changes
 from hamel.simulate.method import (
     Method,
@@ -51,6 +52,7 @@ from hamel.simulate.method import (
     tolerances,
 )
 from hamel.simulate.record import Source, simulated
+from hamel.simulate.view import page
 
 ROWS = 500  # of the output when no step is given
 MOST_ROWS = 10_000_000  # of the output: 80 MB a column
@@ -82,10 +84,11 @@ class Feed:
 
 @dataclass(frozen=True)
 class Places:
-    """Files that the motion is written to and drawn in."""
+    """Files that the motion is written to, drawn in, and shown moving in."""
 
     out: str | Path | None = None
     plot: str | Path | None = None
+    view: str | Path | None = None
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,7 @@ def simulation(
     check_method(method)
     times = _times(rows, method.step_size)
     writing = writers(places.out, places.plot)
+    check_page(places.view)
     problem = _problem(path, method, rows, values, feed)
     if automatic:
         method = replace(method, integrator=_picked(problem, method))
@@ -142,10 +146,13 @@ def simulation(
         record = _integrated(problem, method, times, progress)
     for write in writing:
         write(record)
+    if places.view:
+        write_text(Path(places.view), page(problem.system, record, problem.p))
     return replace(
         record,
         file=Path(places.out) if places.out else None,
         plot=Path(places.plot) if places.plot else None,
+        view=Path(places.view) if places.view else None,
         automatic=automatic,
         why=why,
     )

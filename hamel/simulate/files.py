@@ -24,6 +24,12 @@ def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
     return [_writer(Path(place), known, option) for place, known, option in kinds if place]
 
 
+def check_page(view: str | Path | None) -> None:
+    """What will hold the moving mechanism is a page."""
+    if view and Path(view).suffix.lower() != ".html":
+        raise ModelError(f"--view {view}: the file must end in .html")
+
+
 def _writer(place: Path, known: dict[str, Write], option: str) -> Writer:
     suffix = place.suffix.lower()
     write = known.get(suffix)

@@ -40,8 +40,14 @@ HEADINGS = {
 }  # fmt: skip
 
 
-def page(studies: Sequence[Study], extremes: Sequence[ExtremeRow], version: str) -> str:
-    """A section for each model, the comparison of all, and the extreme cases."""
+def page(
+    studies: Sequence[Study],
+    extremes: Sequence[ExtremeRow],
+    version: str,
+    figures: Sequence[str] = (),
+) -> str:
+    """A section for each model, which opens with its figure (SVG), the comparison of all, and the
+    extreme cases."""
     subjects = [study.model for study in studies]
     if extremes:
         subjects.append("extreme cases")
@@ -49,7 +55,10 @@ def page(studies: Sequence[Study], extremes: Sequence[ExtremeRow], version: str)
         "hamel.study/page.html.j2",
         title=f"Error against run time: {', '.join(subjects)}",
         version=version,
-        sections=[_section(study) for study in studies],
+        sections=[
+            _section(study) | {"figure": Markup("".join(figures[k : k + 1]))}
+            for k, study in enumerate(studies)
+        ],
         heading=_heading,
         comparison=_comparison(studies),
         extremes=_extremes(extremes),

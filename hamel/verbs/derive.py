@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from derive.textbook import html, latex
 from hamel.build.files import write_text
 from hamel.build.stages import equations_of
+from hamel.draw.mechanism import picture, svg, tikz
 from hamel.records import Derived
 
 if TYPE_CHECKING:
@@ -19,9 +20,10 @@ def run(path: str | PathLike[str], choice: str | None, folder: Path, formulation
     """The derivation of one choice (the file's first when None), written as derivation.html and
     derivation.tex into the folder. Both are made from the same Equations."""
     equations = equations_of(path, choice, formulation=formulation)
+    drawing = picture(equations.system)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
-    write_text(pages["html"], html(equations))
-    write_text(pages["tex"], latex(equations))
+    write_text(pages["html"], html(equations, svg(drawing) if drawing else ""))
+    write_text(pages["tex"], latex(equations, tikz(drawing) if drawing else ""))
     return Derived(equations.system.model.name, equations.choice, equations.reason, **pages)
 
 

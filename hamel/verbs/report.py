@@ -22,6 +22,7 @@ from derive.robots import RobotFile
 from derive.robots.reading import load
 from hamel.build.files import write_text
 from hamel.build.stages import mechanics_of
+from hamel.draw.mechanism import picture, svg
 from hamel.records import ExtremeRow, Reported, as_json
 from hamel.settings import settings, units
 from hamel.study import page
@@ -69,6 +70,12 @@ def run(
 
             studies.append(study(case, asked, processes, Path(folder) / f"model{number}", advance))
     return _written(studies, _extremes(extremes), Path(out))
+
+
+def _figures(studies: Sequence[Study]) -> list[str]:
+    """The mechanism of each model; names of its parts differ between figures of one page."""
+    drawings = [picture(mechanics_of(load(study.file))) for study in studies]
+    return [svg(x, f"mechanism-{k}") if x else "" for k, x in enumerate(drawings, 1)]
 
 
 def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Restrictions) -> None:
@@ -183,7 +190,7 @@ def _written(studies: Sequence[Study], extremes: tuple[ExtremeRow, ...], out: Pa
         raise ToolchainError(
             f"cannot write {out}: {error.strerror or error}", hint="choose another folder with -o"
         ) from error
-    write_text(record.html, page.page(studies, extremes, hamel.__version__))
+    write_text(record.html, page.page(studies, extremes, hamel.__version__, _figures(studies)))
     write_text(record.csv, page.as_csv(rows))
     write_text(record.json, json.dumps(as_json(record), allow_nan=False, ensure_ascii=False) + "\n")
     return record

@@ -31,7 +31,7 @@ def show(record: Simulated, console: Console) -> None:
         )
     _show_charts(record, console)
     _show_events(record, console)
-    for place in (record.file, record.plot):
+    for place in (record.file, record.plot, record.view):
         if place:
             console.print(f"  wrote {place}")
 

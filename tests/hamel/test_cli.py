@@ -2,7 +2,7 @@
 user's mistake.
 
 Of hamel: arguments, command, show.
-Of hamel.verbs: build, choices, derive, explain, extremes, import_, linearize, list, report,
+Of hamel.verbs: build, choices, derive, draw, explain, extremes, import_, linearize, list, report,
 schema, simulate, verify.
 """
 
@@ -28,6 +28,7 @@ VERBS = (
     "check",
     "choices",
     "derive",
+    "draw",
     "explain",
     "import",
     "linearize",

@@ -79,3 +79,56 @@ def test_choices_of_a_body_without_inertia_say_that_it_has_none(tmp_path):
     }
     with pytest.raises(AssumptionError, match="nothing determines the acceleration of body c"):
         hamel.choices(written(tmp_path, point))
+
+
+SCREWED = SLIDER | {
+    "closures": {
+        "e": {
+            "type": "screw",
+            "between": ["ground", "c"],
+            "at": [[0.1, 0.2, 0.3], [0.1, 0.2, 0.3]],
+            "matrix": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+            "pitch": 0.2,
+            "axis": "x",
+        }
+    }
+}
+# a disk on a hinge stands where its lowest point touches: its slip is zero but for rounding
+LEANING = {
+    "model": "m",
+    "bodies": {"c": {"mass": 1, "inertia": [0.1, 0.2, 0.3]}},
+    "joints": {"C": {"type": "revolute", "parent": "ground", "child": "c", "axis": "z"}},
+    "constraints": {
+        "e": {
+            "type": "rolling",
+            "body": "c",
+            "shape": {"disk": {"radius": 0.5, "axis": "x"}},
+            "plane": {"normal": "y"},
+            "at": [0.1, 0.2, 0.3],
+        }
+    },
+}
+# a knife edge: its directions are a frame that the module bases anew
+SLED = {
+    "model": "m",
+    "plane": "xy",
+    "bodies": {"c": {"mass": 1, "inertia": 0.1}},
+    "joints": {
+        "C": {"type": "planar", "parent": "ground", "child": "c", "coordinates": ["x", "y", "a"]}
+    },
+    "constraints": {
+        "e": {"type": "no_slip", "body": "c", "at": [0.1, 0], "direction": "y"},
+    },
+}
+
+
+@pytest.mark.parametrize("model", [SCREWED, LEANING], ids=["screw", "leaning disk"])
+def test_what_is_nothing_but_rounding_is_not_compared_with_itself(tmp_path, model):
+    record = hamel.verify(written(tmp_path, model), states=3)
+    assert record.passed, [check.name for check in record.checks if not check.passed]
+
+
+def test_directions_that_are_based_anew_are_verified_and_linearised(tmp_path):
+    path = written(tmp_path, SLED)
+    assert hamel.verify(path, choice="orthonormal", states=3).passed
+    assert hamel.linearize(path, choice="orthonormal").A

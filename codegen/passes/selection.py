@@ -11,6 +11,7 @@ from derive.diagnostics import AssumptionError, HamelError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations.charts import differs
 from derive.formulations.records import Equations, Function, Request
+from derive.formulations.requests import request_of, unknown_function
 
 MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
 
@@ -50,13 +51,10 @@ def in_chart(
 ) -> list[Function]:
     """The functions of a further chart: those of the first that depend on the chart, and its own
     guards."""
-    known = {
-        *(function.name for function in chart.functions),
-        *(request.name for request in chart.requests),
-    }
+    known = {function.name for function in chart.functions}
     wanted = dict.fromkeys([*(function.name for function in chosen), *for_charts(chart)])
     varying = {function.name for function in chosen if differs(first, function)}
-    own = selection(chart, [name for name in wanted if name in known])
+    own = selection(chart, [name for name in wanted if name in known or request_of(chart, name)])
     where = f"; chart {number}, {chart.choice}"
     return [
         replace(
@@ -108,21 +106,22 @@ def selection(equations: Equations, names: Sequence[str] | None) -> list[Functio
     """The functions asked for, and those that loops asked for call; those with an empty result have
     no code."""
     default = {function.name: function for function in equations.functions}
-    requests = {request.name: request for request in equations.requests}
-    loops = {name: request.needs for name, request in requests.items() if request.needs}
+    loops = {request.name: request.needs for request in equations.requests if request.needs}
     asked = names or ("default",)
     wanted = [n for name in asked for n in (default if name == "default" else (name,))]
-    for name in wanted:
-        if name not in default and name not in requests:
-            raise HamelError(
-                f"this model has no function {name!r}; it has {', '.join((*default, *requests))}"
-            )
     needed = [n for name in wanted for n in loops.get(name, (name,))]
-    chosen = [
-        default[name] if name in default else requests[name].function
-        for name in dict.fromkeys(needed)
-    ]
+    chosen = [_function(equations, default, name) for name in dict.fromkeys(needed)]
     return [function for function in chosen if function.result.value.numel()]
+
+
+def _function(equations: Equations, default: dict[str, Function], name: str) -> Function:
+    """The function of that name, made now where it stands among the requests."""
+    if name in default:
+        return default[name]
+    request = request_of(equations, name)
+    if request is None:
+        raise unknown_function(equations, name)
+    return request.function
 
 
 def loops_asked(equations: Equations, names: Sequence[str] | None) -> tuple[Request, ...]:

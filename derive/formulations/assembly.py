@@ -13,7 +13,9 @@ from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
-from derive.formulations.functions import Motion, arguments, functions
+from derive.formulations.control import control
+from derive.formulations.functions import Minimal, Motion, arguments, functions
+from derive.formulations.named_frames import families
 from derive.formulations.records import Equations
 from derive.mechanics.records import Named, System
 
@@ -40,6 +42,7 @@ def reduced(
         v=reduction.v,
         qdot=found.qdot,
         wdot=found.wdot,
+        vdot=found.vdot,
         lam=lam,
         guards=(*_combining(survey), *reduction.guards),
         solving=(),
@@ -48,6 +51,7 @@ def reduced(
         closing=survey.closing,
         projects_velocity=False,
         frame=reduction.frame,
+        minimal=Minimal(reduction.S, reduction.sigma, found.mass, found.force),
     )
     named = (*_matrices(survey, reduction), *motion.named[1:])
     return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
@@ -76,6 +80,7 @@ def in_generalized_velocities(
         v=system.v,
         qdot=system.qdot,
         wdot=column(vdot),
+        vdot=column(vdot),
         lam=survey.independent_rows.spread(lam),
         guards=(),
         solving=(*_combining(survey), *solving),
@@ -123,6 +128,8 @@ def _finished(
         generalized_velocities=motion.projects_velocity,
         closing=motion.closing,
         frame=motion.frame,
+        requests=control(system, motion),
+        families=families(system, motion),
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import casadi as ca
 
 from derive.choices.records import Frame, Guard
-from derive.formulations.records import Equations, Function, Request
+from derive.formulations.records import Equations, Family, Function, Request
 from derive.mechanics.records import Named
 
 
@@ -48,6 +48,7 @@ def based(equations: Equations) -> Equations:
         named=_named(equations.named, frame),
         parameters=equations.system.parameters,
         requests=tuple(_request(request, frame) for request in equations.requests),
+        families=tuple(_family(family, frame) for family in equations.families),
         charts=tuple(based(chart) for chart in equations.charts),
         frame=None,
     )
@@ -57,6 +58,13 @@ def _request(request: Request, frame: Frame) -> Request:
     if request.make is None:
         return request
     return replace(request, make=lambda: _function(request.function, frame))
+
+
+def _family(family: Family, frame: Frame) -> Family:
+    def make(name: str) -> Function:
+        return _function(family.make(name), frame)
+
+    return replace(family, make=make)
 
 
 def _function(function: Function, frame: Frame) -> Function:

@@ -23,6 +23,17 @@ from derive.states.closing import Kinematics, nominal
 
 
 @dataclass(frozen=True)
+class Minimal:
+    """v = S w + R c, v̇ = S ẇ + σ and what is left of the equations, mass ẇ = force: mass = Sᵀ M S,
+    force = Sᵀ (Q − h − M σ)."""
+
+    S: ca.SX
+    sigma: ca.SX
+    mass: ca.SX
+    force: ca.SX
+
+
+@dataclass(frozen=True)
 class Motion:
     """What a formulation found, over (t, q, w, u, p)."""
 
@@ -33,6 +44,7 @@ class Motion:
     v: ca.SX
     qdot: ca.SX
     wdot: ca.SX
+    vdot: ca.SX
     lam: ca.SX
     guards: tuple[Guard, ...]  # of v
     solving: tuple[Guard, ...]  # of ẇ and λ beyond those
@@ -41,6 +53,7 @@ class Motion:
     closing: tuple[int, ...]  # independent rows among the holonomic ones
     projects_velocity: bool
     frame: Frame | None = None
+    minimal: Minimal | None = None  # none where w are all of v, held by forces
 
 
 def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
@@ -92,7 +105,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _reactions(system, motion),
         _energy(system, motion),
         _power(system, motion),
-        _outputs(system, motion),
+        outputs_of(system, motion),
         _events(system, motion),
         _velocity(system, motion),
         _state(system, motion),
@@ -101,8 +114,8 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
     return tuple(function for function in found if function is not None)
 
 
-def _at(system: System, motion: Motion, expression: ca.SX) -> ca.SX:
-    """An expression of v over w."""
+def at_motion(system: System, motion: Motion, expression: ca.SX) -> ca.SX:
+    """An expression of v over w, v = S w + R c."""
     return ca.substitute(expression, system.v, motion.v)
 
 
@@ -111,8 +124,8 @@ def _dynamics(system: System, motion: Motion) -> Function:
     labels = [f"der({c.name})" for c in system.model.coordinates] + [
         f"der({name})" for name in motion.names
     ]
-    units = [_per_second(c.unit) for c in system.model.coordinates] + [
-        _per_second(u) for u in motion.units
+    units = [per_second(c.unit) for c in system.model.coordinates] + [
+        per_second(u) for u in motion.units
     ]
     value = ca.vertcat(motion.qdot, motion.wdot)
     result = Result("xdot", value, tuple(labels), tuple(units))
@@ -124,7 +137,8 @@ _BASE = "v̇ from M v̇ + h = Q + Aᵀ λ and A v̇ = β"
 _REDUCED = "ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)"
 
 
-def _per_second(unit: str) -> str:
+def per_second(unit: str) -> str:
+    """The unit of a rate: m/s of m, m/s^2 of m/s."""
     if unit.endswith("/s"):
         return f"{unit}^2"
     return f"{unit}/s" if unit and unit != "1" else "1/s"
@@ -149,7 +163,7 @@ def _bias(system: System, motion: Motion) -> Function:
     return Function(
         "bias",
         about,
-        Result("h", _at(system, motion, system.h), names, ()),
+        Result("h", at_motion(system, motion, system.h), names, ()),
         guards=_used(motion, system.h, system),
     )
 
@@ -166,7 +180,7 @@ def _inverse_dynamics(system: System) -> Function:
         "x",
         ca.vertcat(system.q, system.v, vdot),
         labels,
-        (*units, *(_per_second(v.unit) for v in model.velocities)),
+        (*units, *(per_second(v.unit) for v in model.velocities)),
     )
     # the inputs are what inverse dynamics is asked for; springs, dampers and friction stay
     idle = ca.substitute(system.Q, system.u, ca.SX.zeros(system.u.numel()))
@@ -198,7 +212,7 @@ def _constraints(system: System, motion: Motion) -> Function | None:
         *(f"length {coordinates[i].owner}" for i in system.quaternions),
         *(f"velocity {row.name}" for row in system.rows),
     )
-    value = ca.vertcat(system.phi, _lengths(system), _at(system, motion, velocity))
+    value = ca.vertcat(system.phi, _lengths(system), at_motion(system, motion, velocity))
     about = "constraint violation: φ(q, t), " + (
         "|q|² − 1 of each quaternion, then A v − c row by row"
         if system.quaternions
@@ -298,7 +312,7 @@ def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
     """w + B δ with the least δ, in the metric of M, that brings A v to c: linear, so one step does
     it."""
     rows = list(motion.kept)
-    violation = _at(system, motion, ca.mtimes(system.A[rows, :], system.v) - system.c[rows])
+    violation = at_motion(system, motion, ca.mtimes(system.A[rows, :], system.v) - system.c[rows])
     entries = [violation[i] for i in range(len(rows))]
     step = bordered_solution(
         metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries]
@@ -349,10 +363,10 @@ def _of_repeated(system: System, motion: Motion) -> str:
 
 def _energy(system: System, motion: Motion) -> Function:
     """T, V (J), and Jacobi's integral where T has terms that are not quadratic in the rates."""
-    value = ca.vertcat(_at(system, motion, system.T), system.V)
+    value = ca.vertcat(at_motion(system, motion, system.T), system.V)
     about, labels = "kinetic and potential energy T, V", ("T", "V")
     if not system.homogeneous:
-        value = ca.vertcat(value, _at(system, motion, system.energy))
+        value = ca.vertcat(value, at_motion(system, motion, system.energy))
         about, labels = f"{about}, and {_JACOBI}", (*labels, INTEGRAL)
     return Function(
         "energy",
@@ -369,7 +383,7 @@ _JACOBI = "Jacobi's integral T2 - T0 + V"
 def _power(system: System, motion: Motion) -> Function:
     """d(T₂ − T₀ + V)/dt = Q·v of the forces without potential + ∂(V − T)/∂t + λᵀ c of constraints
     that move; T = T₂ + T₁ + T₀ by powers of the rates, most often T₂ alone."""
-    power = _at(system, motion, system.power)
+    power = at_motion(system, motion, system.power)
     moving = [
         i
         for i in range(len(system.rows))
@@ -386,7 +400,8 @@ def _power(system: System, motion: Motion) -> Function:
     )
 
 
-def _outputs(system: System, motion: Motion) -> Function | None:
+def outputs_of(system: System, motion: Motion) -> Function | None:
+    """The model's outputs over (t, x, u, p); None where it has none."""
     if not system.outputs:
         return None
     labels: list[str] = []
@@ -396,7 +411,7 @@ def _outputs(system: System, motion: Motion) -> Function | None:
         count = value.numel()
         labels += [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
         units += [unit] * count
-        values.append(_at(system, motion, value))
+        values.append(at_motion(system, motion, value))
     value, guards = _with_multipliers(system, motion, ca.vertcat(*values))
     result = Result("y", value, tuple(labels), tuple(units))
     return Function("outputs", "the model's outputs", result, guards=guards)
@@ -415,7 +430,7 @@ def _events(system: System, motion: Motion) -> Function | None:
     if not system.events:
         return None
     names = tuple(name for name, _ in system.events)
-    values = ca.vertcat(*(_at(system, motion, value) for _, value in system.events))
+    values = ca.vertcat(*(at_motion(system, motion, value) for _, value in system.events))
     value, guards = _with_multipliers(system, motion, values)
     result = Result("g", value, names, ("",) * len(names))
     about = "what changes its sign at the model's events"

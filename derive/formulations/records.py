@@ -104,6 +104,16 @@ class Request:
 
 
 @dataclass(frozen=True)
+class Family:
+    """Functions on request of one quantity, one for each named frame: NAME_FRAME. `about` says
+    FRAME where the frame's name belongs."""
+
+    name: str
+    about: str
+    make: Callable[[str], Function]
+
+
+@dataclass(frozen=True)
 class Equations:
     """One formulation and one choice, over t (s), x = (q, w), u, p: everything that a module is
     generated from, and what derivations and references read.
@@ -138,6 +148,7 @@ class Equations:
         # of a chart: the largest |value| / tolerance of each guard of dynamics at the sampled
         # states
     ] = ()
+    families: tuple[Family, ...] = ()
     frame: Frame | None = None  # the last entries of p: directions that are based anew on the way
 
     def function(self, name: str) -> Function:

@@ -49,7 +49,7 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
     T, guards = _tangent(equations, pivots, independent, q, p)
     f, y = _value(equations, "dynamics"), _value(equations, "outputs")
     # f_i alone: the dependent rates follow from φ_q q̇ = 0 and would repeat these
-    rates = f[independent]
+    rates = f[independent, 0]
     argument = equations.arguments[1]
     return Linear(
         equations=equations,

@@ -109,7 +109,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         for row in sorted((r for r in system.rows if r.position >= 0), key=lambda r: r.position)
     ]
     names += [f"length of quaternion {k + 1}" for k in range(len(system.quaternions))]
-    R = ca.densify(ca.vertcat(positions, f.value[still], held))
+    R = ca.densify(ca.vertcat(positions, f.value[still, 0], held))
     y = ca.vertcat(x, u)
     B = equations.term("B")
     known = [x, u, p, s]

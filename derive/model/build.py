@@ -12,6 +12,7 @@ from derive.model import (
     frames,
     mechanism,
     motions,
+    named_frames,
     published,
     steady,
     ties,
@@ -88,6 +89,7 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
         )
     frames.enter(reader, coordinates, velocities)
     inputs = actuators.inputs(reader, document, velocities)
+    named_frames.check_names(reader, document)
     check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))
     reader.finish()
     return found, Names(
@@ -126,6 +128,10 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         inputs=names.inputs,
         outputs=outputs,
         events=events.events(reader, document, outputs),
+        frames=tuple(
+            named_frames.named_frame(reader, document, key, entry)
+            for key, entry in document.frames.items()
+        ),
         choices=motions.choices(reader, document),
         initial=motions.initial(reader, document, joints),
         steady_motions=tuple(

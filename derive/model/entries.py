@@ -272,6 +272,13 @@ class SideEntry(TurnedEntry):
     position: Point | None = Field(None, description="The point; the body's origin when left out.")
 
 
+class FrameEntry(SideEntry):
+    """A frame fixed to a body; functions on request tell where it is and how it moves."""
+
+    body: Formula = Field(description="The body, or ground.")
+    about: Formula | None = None
+
+
 Side = Annotated[
     Annotated[Point, Tag("<a point>")] | Annotated[SideEntry, Tag("<a placed frame>")],
     _kind(**{"a point": _is_list, "a placed frame": _is_mapping}),

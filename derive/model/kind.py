@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from derive.model.document import Key
-from derive.model.entries import BodyEntry, Entry
+from derive.model.entries import BodyEntry, Entry, FrameEntry, JointEntry
 from derive.model.frames import Names
 from derive.model.reader import Reader
 
@@ -20,6 +20,12 @@ class Bodies(Protocol):
 
     @property
     def bodies(self) -> Mapping[Any, BodyEntry]: ...
+
+    @property
+    def joints(self) -> Mapping[Any, JointEntry]: ...
+
+    @property
+    def frames(self) -> Mapping[Any, FrameEntry]: ...
 
 
 @dataclass(frozen=True)

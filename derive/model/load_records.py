@@ -66,6 +66,19 @@ class Torque:
 
 
 @dataclass(frozen=True)
+class Wrench:
+    """Force (N) at the origin of a named frame and moment (N m); components along the ground's axes
+    or, `axes` = "frame", along the frame's."""
+
+    name: str
+    frame: str
+    force: Vector3
+    moment: Vector3
+    axes: str
+    span: Span
+
+
+@dataclass(frozen=True)
 class GeneralisedForce:
     """Expression added to the force conjugate to one generalized velocity (a joint's force law, or
     `forces:` of the analytic form)."""

@@ -72,6 +72,16 @@ class Placement:
 
 
 @dataclass(frozen=True)
+class NamedFrame:
+    """A frame fixed to a body, that functions and loads can be asked for by name: a tool, a camera,
+    a body's own frame, or a joint's on its child."""
+
+    name: str
+    body: str
+    at: Placement
+
+
+@dataclass(frozen=True)
 class Body:
     """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz
     about the centre of mass)."""
@@ -293,6 +303,7 @@ class Model:
     published: tuple[Published, ...] = ()
     extremes: tuple[Extreme, ...] = ()
     events: tuple[Event, ...] = ()
+    frames: tuple[NamedFrame, ...] = ()  # those of `frames:`; bodies and joints have theirs
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[

@@ -20,6 +20,7 @@ from derive.model.entries import (
     EventOrFormula,
     ExtremeEntry,
     Formula,
+    FrameEntry,
     Held,
     Initial,
     InputEntry,
@@ -81,6 +82,11 @@ class Document(Entry):
     bodies: dict[Name, BodyEntry] = Field({}, description="Rigid bodies.")
     joints: dict[Name, JointEntry] = Field({}, description="The tree of joints from the ground.")
     closures: dict[Name, ClosureEntry] = Field({}, description="Joints that close loops.")
+    frames: dict[Name, FrameEntry] = Field(
+        {},
+        description="Frames fixed to bodies, for functions on request (pose_NAME, jacobian_NAME …) "
+        "and wrenches; every body and joint is one of its own name.",
+    )
     constraints: dict[Name, Constraint] = Field(
         {}, description="Holonomic and nonholonomic constraints."
     )

@@ -79,7 +79,7 @@ def ideal_reactions(system: System, used: list[int]) -> ca.SX:
     for i in used:
         _check_unique(system, sampled, i)
     M, A, nv = system.M, system.A[kept, :], system.v.numel()
-    sides: list[Vector] = [_entries(ca.vertcat(system.Q - system.h, system.beta[kept]))]
+    sides: list[Vector] = [_entries(ca.vertcat(system.Q - system.h, system.beta[kept, 0]))]
     bordered = ca.blockcat([[M, A.T], [A, ca.SX(len(kept), len(kept))]])
     if system.definite:
         x = ldl_solution(

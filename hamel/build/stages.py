@@ -13,6 +13,7 @@ from codegen.program import Program
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.formulations.records import Equations
+from derive.formulations.requests import request_of
 from derive.linearize.minimal import with_linearization
 from derive.mechanics.records import System
 from derive.model.records import Model
@@ -106,7 +107,7 @@ def program_of(
 def with_emitted(equations: Equations, program: Program) -> Equations:
     """With the functions that were emitted on request, in every chart: they are verified like the
     rest."""
-    emitted = {kernel.name for kernel in program.kernels}
+    emitted = [kernel.name for kernel in program.kernels]
     charts = tuple(
         _with_requested(chart, emitted, f"_chart{number}")
         for number, chart in enumerate(equations.charts, 1)
@@ -115,7 +116,8 @@ def with_emitted(equations: Equations, program: Program) -> Equations:
 
 
 def _with_requested(equations: Equations, emitted: Collection[str], suffix: str) -> Equations:
-    requested = tuple(
-        request.function for request in equations.requests if f"{request.name}{suffix}" in emitted
-    )
-    return replace(equations, functions=(*equations.functions, *requested))
+    known = {function.name for function in equations.functions}
+    names = [name.removesuffix(suffix) for name in emitted if name.endswith(suffix)]
+    asked = [request_of(equations, name) for name in names if name not in known]
+    further = tuple(x.function for x in asked if x is not None and x.make is not None)
+    return replace(equations, functions=(*equations.functions, *further))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.frames import based
 from derive.linearize import study
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
@@ -62,7 +63,7 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
     if len(sweep) > 2:
         raise ModelError(f"{len(sweep)} names are swept", "one, or two for a map")
     clock = Clock()
-    equations = equations_of(path, options.choice, clock=clock)
+    equations = based(equations_of(path, options.choice, clock=clock))
     model, motion = equations.system.model, motion_of(equations, options.at)
     wanted = ranges(model, motion, sweep)
     with clock("linearize"):

@@ -75,6 +75,7 @@ def _named(path: str | PathLike[str]) -> dict[str, tuple[Known, ...]]:
             Known(j.name, f"{j.type}, {j.parent} to {j.child}: {', '.join(j.coordinates)}")
             for j in model.joints
         ),
+        "frames": (Known(f.name, f"on {f.body}") for f in model.frames),
         "closures": (Known(c.name, f"{c.type}, {' and '.join(c.bodies)}") for c in model.closures),
         "constraints": (Known(c.name, _kind(c)) for c in model.constraints),
         "loads": (Known(load.name, _kind(load)) for load in model.loads),
@@ -114,6 +115,9 @@ def _functions(model: Model) -> dict[str, Iterable[Known]]:
     return {
         "functions": (Known(f.name, f.about) for f in found.functions if f.result.value.numel()),
         "functions on request": (Known(request.name, request.about) for request in found.requests),
+        "frame functions": (
+            Known(f"{family.name}_FRAME", family.about) for family in found.families
+        ),
     }
 
 

@@ -17,6 +17,7 @@ from derive.mechanics.loads.friction import JOINT_FRICTION
 from derive.mechanics.loads.records import Applied, Law, along
 from derive.mechanics.loads.spring import JOINT_SPRING, POINT_SPRING
 from derive.mechanics.loads.torque import TORQUE
+from derive.mechanics.loads.wrench import WRENCH
 from derive.mechanics.scene import Scene
 
 __all__ = ["LAWS", "Applied", "Law", "along", "applied", "armatures"]
@@ -31,6 +32,7 @@ LAWS = (
     JOINT_FRICTION,
     ARMATURE,
     EXPRESSION,
+    WRENCH,
 )
 LAW_OF = {law.record: law.applied for law in LAWS}
 

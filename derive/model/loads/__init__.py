@@ -13,6 +13,7 @@ from derive.model.loads.force import FORCE
 from derive.model.loads.friction import FRICTION
 from derive.model.loads.spring import SPRING
 from derive.model.loads.torque import TORQUE
+from derive.model.loads.wrench import WRENCH
 from derive.model.records import Load
 
 LOADS: tuple[Kind[Load | None], ...] = (
@@ -24,4 +25,5 @@ LOADS: tuple[Kind[Load | None], ...] = (
     BUSHING,
     FRICTION,
     ARMATURE,
+    WRENCH,
 )

@@ -38,14 +38,14 @@ def torque(reader: Reader, document: Bodies, names: Names, key: Key, entry: Torq
     return Torque(
         str(key),
         body,
-        _torque_components(reader, entry.components),
+        torque_components(reader, entry.components),
         frame(reader, entry.frame),
         key.span,
     )
 
 
-def _torque_components(reader: Reader, node: Scalar | Items) -> Vector3:
-    """One number about the normal in a planar model (its sign in the normal's sense), three
+def torque_components(reader: Reader, node: Scalar | Items) -> Vector3:
+    """N m: one number about the normal in a planar model (its sign in the normal's sense), three
     components in space."""
     entries = [node] if isinstance(node, Scalar) else list(node)
     size = 1 if reader.space.plane else 3

@@ -13,6 +13,8 @@ from hamel.verify.checks import (
     linear,
     momenta,
     motion,
+    named_frames,
+    quasi,
     steps,
     strange,
     udwadia,
@@ -27,6 +29,8 @@ CHECKS: tuple[Check, ...] = (
     *inverse.CHECKS,
     *configuration.CHECKS,
     *linear.CHECKS,
+    *named_frames.CHECKS,
+    *quasi.CHECKS,
     *code.CHECKS,
     *charts.CHECKS,
     *steps.CHECKS,
@@ -38,6 +42,8 @@ CHECKS: tuple[Check, ...] = (
 QUICK = (
     *agreement.CHECKS,
     *linear.CHECKS,
+    *named_frames.CHECKS,
+    *quasi.CHECKS,
 )  # every term against the reference, and what was derived from ẋ on request
 # the loaded module against the graph
 LOADED = (*code.CHECKS[:1], *charts.CHECKS, *steps.CHECKS)

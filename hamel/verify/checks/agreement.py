@@ -152,7 +152,10 @@ def _reach(e: Evidence, at: State) -> float:
 def velocities(e: Evidence) -> float:
     """A and c, so that λ means the same on both sides."""
     rows = [s.outcome.kinematics for s in e.samples]
-    directions = deviation([t.A for t in e.terms], [k.A for k in rows], unit=e.units.A)
+    # rows are sums of lengths, as φ is; what vanishes on the constraint surface leaves rounding
+    lengths = Sums(TERMS, [1.0 + worst(s.q / e.units.q) for s in e.samples])
+    ours_A, wanted_A = [t.A for t in e.terms], [k.A for k in rows]
+    directions = deviation(ours_A, wanted_A, unit=e.units.A, sums=lengths)
     ours, wanted = [t.c for t in e.terms], [k.c for k in rows]
     return max(directions, deviation(ours, wanted, unit=e.units.rows, sums=e.of_speeds(TERMS)))
 

@@ -100,7 +100,7 @@ def _against_graph(e: Evidence, module: ModuleType) -> float:
 
 
 def _function(e: Evidence, name: str, call: Call) -> float:
-    rows = e.rows_of(name)
+    rows = [e.complete(row) for row in e.rows_of(name)]
     return _error(
         e,
         name,

@@ -210,6 +210,12 @@ class Evidence:
             for s, x in zip(self.samples, self.arguments_of(name))
         ]
 
+    def complete(self, row: Row) -> Row:
+        """With the module's usual frame behind the parameters, where it has one: what is behind
+        the face of the module does not add it."""
+        t, x, u, p = row
+        return t, x, u, p if self.module is None else np.append(p, self.module.defaults[len(p) :])
+
     @cached_property
     def units(self) -> Units:
         """One of each quantity."""

@@ -192,6 +192,25 @@ def _jacobian(e: Evidence, name: str, k: int) -> float:
     return worst_error / _growth(e, k)
 
 
+def of_outputs(e: Evidence) -> float | None:
+    """∂y/∂x, where the module has it, against dual numbers."""
+    if not e.graph.has("outputs_jacobian"):
+        return None
+    errors = [_outputs_jacobian(e, k) for k in _regular(e, "outputs_jacobian")]
+    return worst(errors)
+
+
+def _outputs_jacobian(e: Evidence, k: int) -> float:
+    s, x, units = e.samples[k], e.x[k], e.units.x
+    directions = np.zeros((len(x), 1 + len(x) + len(s.u) + len(s.p)))
+    directions[:, 1 : 1 + len(x)] = np.diag(units)
+    wanted, rows = _along(e, "outputs", k, directions), _output_units(e)
+    found = e.graph("outputs_jacobian", s.t, x, s.u, s.p) * units
+    here = e.graph("outputs", s.t, x, s.u, s.p) / rows
+    pairs = zip(found.T, wanted.T)
+    return worst([_error(a / rows, b / rows, here) for a, b in pairs]) / _growth(e, k)
+
+
 def unreduced_form(e: Evidence) -> float | None:
     """Along a steady motion: A T = T A_min with A of the multiplier equations.
 
@@ -245,5 +264,6 @@ CHECKS = (
         "the multiplier equations linearised, 2 m_h + m_n more zeros",
         unreduced_form,
     ),
+    Check("Jacobian of outputs", EXACT, "y differentiated by dual numbers by x", of_outputs),
     Check("Jacobians", EXACT, "ẋ differentiated by dual numbers by t, x, u and p", along_axes),
 )

@@ -136,6 +136,9 @@ def units(system: System, A: Sequence[Array], w: Sequence[Array]) -> Units:
         own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities)
     )
     rows = typical([np.max(np.abs(each) * v, axis=1, initial=0.0) for each in A])
+    largest = np.max(rows, initial=0.0)
+    # the constraints leave nothing but roundoff of it
+    rows[rows < LEFT_OVER * largest] = largest
     order = sorted((row.position, i) for i, row in enumerate(system.rows) if row.position >= 0)
     positions = np.array([rows[i] for _, i in order if i < len(rows)]) * own.time
     speeds = typical(np.abs(w))

@@ -18,12 +18,14 @@ from derive.model.load_records import (
     JointSpring,
     PointSpring,
     Torque,
+    Wrench,
 )
+from derive.model.named_frames import frame_named
 from derive.model.records import GROUND, Body, Load, Model
 from hamel.verify.reference.jets import Jet, dot, joint_frame, product
 from hamel.verify.reference.layout import Layout
 from hamel.verify.reference.rows import nonideal_force
-from hamel.verify.reference.states import State, inertia_tensor
+from hamel.verify.reference.states import State, inertia_tensor, placed
 from hamel.verify.reference.vectors import Array, cross, skew
 
 
@@ -158,11 +160,27 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
             )
+        case Wrench():
+            return _at_frame(load, model, place, state)
     raise AssumptionError(
         f"verify cannot derive the load '{load.name}' again: its reference does not know "
         f"{type(load).__name__}",
         "it takes a derivation of its own in hamel/verify/reference/loads.py",
     )
+
+
+def _at_frame(load: Wrench, model: Model, place: Layout, state: State) -> Applied:
+    """A force at the frame's origin and a moment, on the frame's body."""
+    frame = frame_named(model, load.frame)
+    body = state.frames[frame.body]
+    seat, turn = placed(state, frame.at)
+    force, moment = state.vector(load.force), state.vector(load.moment)
+    if load.axes == "frame":
+        along = body.rotation @ turn
+        force, moment = along @ force, along @ moment
+    wrench = _wrench(body.point(seat), force)
+    wrench[:3] += moment
+    return _on_body(place, frame.body, wrench)
 
 
 def _along(place: Layout, force: Array) -> Applied:

@@ -1,0 +1,57 @@
+"""Functions on request by name: the single ones, and those of a family for each named frame."""
+
+from __future__ import annotations
+
+from derive.diagnostics import AssumptionError, HamelError, did_you_mean, listed, nearest
+from derive.formulations.named_frames import about_frame
+from derive.formulations.records import Equations, Family, Request
+from derive.model.named_frames import frames_of, readings
+
+
+def request_of(equations: Equations, name: str) -> Request | None:
+    """The function of that name that is made when it is asked for; None where there is none. Raises
+    AssumptionError where the name may stand for two."""
+    single = {request.name: request for request in equations.requests}
+    if name in single:
+        return single[name]
+    offered = {family.name: family for family in equations.families}
+    known = frames_of(equations.system.model) if offered else {}
+    found = [(family, frame) for family, frame in readings(name, known) if family in offered]
+    if len(found) > 1:
+        meanings = " or ".join(f"{family} of {frame}" for family, frame in found)
+        raise AssumptionError(
+            f"'{name}' may be {meanings}", "give one of the two a name of its own under `frames:`"
+        )
+    return _of_frame(name, offered[found[0][0]], found[0][1]) if found else None
+
+
+def _of_frame(name: str, family: Family, frame: str) -> Request:
+    return Request(name, about_frame(family.about, frame), lambda: family.make(frame))
+
+
+def unknown_function(equations: Equations, name: str) -> HamelError:
+    """What to say of a name that is none of a function: the frame, or the function, that was
+    probably meant."""
+    model = equations.system.model
+    single = [x.name for x in (*equations.functions, *equations.requests)]
+    prefixes = [x.name for x in equations.families if name.startswith(f"{x.name}_")]
+    frames = frames_of(model)
+    if readings(name, frames):
+        return HamelError(
+            f"{model.name} has no function '{name}'",
+            f"formulation {equations.formulation} chooses no quasi-velocities w",
+        )
+    for family in sorted(prefixes, key=len, reverse=True):
+        frame = name[len(family) + 1 :]
+        near = nearest(frame, frames)
+        if near:
+            return HamelError(
+                f"{model.name} has no frame '{frame}'", f"did you mean '{family}_{near}'?"
+            )
+    hint = did_you_mean(name, single)
+    if prefixes and not hint:
+        frame = name[len(max(prefixes, key=len)) + 1 :]
+        return HamelError(f"{model.name} has no frame '{frame}'", f"it has {listed(frames)}")
+    families = [f"{family.name}_FRAME" for family in equations.families]
+    hint = hint or f"it has {', '.join((*single, *families))}"
+    return HamelError(f"{model.name} has no function '{name}'", hint)

@@ -1,0 +1,37 @@
+"""Forces and moments at named frames."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from derive.expressions.scalars import Vector
+from derive.joints.rotations import cross, matrix, rotated, sum_of, transpose
+from derive.mechanics.loads.records import Applied, Law, force_alone
+from derive.mechanics.named_frames import place_of
+from derive.mechanics.scene import Scene
+from derive.mechanics.tree import Wrench as Couple
+from derive.mechanics.tree import joint_forces
+from derive.model.load_records import Wrench
+from derive.model.named_frames import frame_named
+
+NONE: Vector = [0.0, 0.0, 0.0]
+
+
+def wrench(scene: Scene, load: Wrench) -> Applied:
+    """Jᵀ (f, n) with J the geometric Jacobian of the frame: the wrench is handed down from link to
+    link, and each joint takes what does work on it."""
+    s, nv = scene.symbols, scene.symbols.v.numel()
+    frame = frame_named(scene.model, load.frame)
+    place = place_of(s, scene.places, frame)
+    if place.link < 0:
+        return force_alone(scene, ca.SX.zeros(nv))
+    to_link = matrix(place.rotation)
+    if load.axes == "ground":
+        to_link = transpose(scene.rotations[place.link])
+    force, moment = (rotated(to_link, s.vector(x)) for x in (load.force, load.moment))
+    couples: list[Couple] = [(NONE, NONE) for _ in scene.links]
+    couples[place.link] = (sum_of(moment, cross(place.position, force)), force)
+    return force_alone(scene, ca.vertcat(*joint_forces(scene.links, couples, nv)))
+
+
+WRENCH = Law(Wrench, wrench)

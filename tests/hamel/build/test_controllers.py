@@ -1,0 +1,56 @@
+"""The controllers in examples/: computed torque in C, operational space on an arm, passivity on a
+delta robot. Each does what its theory says."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from codegen.compiler import find_compiler
+from tests.scenes import ROOT
+
+pytestmark = pytest.mark.slow
+
+
+def example(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "examples" / f"{name}.py")
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_computed_torque_in_c_follows_the_crank(tmp_path: Path):
+    """The torque is held for a millisecond, which leaves an error of that order of the motion."""
+    compiler = find_compiler()
+    if compiler is None:
+        pytest.skip("no compiler")
+    assert example("computed_torque").largest_error(tmp_path, compiler) < 1e-3
+
+
+def test_the_hand_comes_to_its_circle_as_a_damped_oscillator_does(tmp_path: Path):
+    """With a = a_d + 2 k ė + k² e the error is (e₀ + (ė₀ + k e₀) t) exp(−k t), exactly: at rest off
+    the circle ė₀ is the circle's velocity."""
+    space = example("operational_space")
+    module = space.built(tmp_path)
+    found = space.errors(module, 1.5)
+    k, t = space.RATE, space.STEP * np.arange(len(found))
+    point, speed, _ = space.circle(0.0, np.zeros(3))
+    gap = point + np.multiply.outer(t, speed + k * point)
+    wanted = np.linalg.norm(gap, axis=1) * np.exp(-k * t)
+    assert found == pytest.approx(wanted, abs=1e-7)
+
+
+def test_the_storage_of_the_delta_falls_as_fast_as_damping_takes_it(tmp_path: Path):
+    """V = ½ sᵀ M_w s along the motion: V̇ = −sᵀ K s by differences, and the arms arrive."""
+    delta = example("passivity_delta")
+    module = delta.built(tmp_path)
+    times, states = delta.motion(module, 1.5)
+    pairs = [delta.storage(module, t, x) for t, x in zip(times[:200], states)]
+    V, taken = np.array(pairs).T
+    rate = (V[2:] - V[:-2]) / (times[2:200] - times[:198])
+    assert rate == pytest.approx(-taken[1:-1], rel=1e-3)
+    assert np.abs(states[-1, :3] - delta.wanted(times[-1])[0]).max() < 1e-3
+    assert np.abs(module.constraints(times[-1], states[-1])).max() < 1e-12

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from derive.model.load_records import Force, Torque
+from derive.model.records import NamedFrame
 from derive.textbook import names
 from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.joints import hangs
@@ -30,6 +31,7 @@ PUSH, AXIS, BODY_AXIS, GRAVITY = 32.0, 30.0, 22.0, 34.0  # lengths of arrows in 
 OFFSET = 20.0  # of a dimension from what it measures
 LEAST = 14.0  # pixels: a dimension shorter than that is left out
 MERGED = 34.0  # pixels: a longer name of an input has an arrow of its own
+MOST_FRAMES = 6  # named ones that are drawn
 PARTS = 24  # of an arc
 
 
@@ -492,7 +494,18 @@ def body_frames(scene: Scene) -> list[Note]:
             at = paper(scene, anchor.spot(1))
             rotation = scene.pose(anchor.bodies[1]).rotation @ anchor.frames[1]
             notes.append(triad(scene, at, rotation, BODY_AXIS))
-    return notes
+    return notes + [_named_frame(scene, x) for x in scene.model.frames[:MOST_FRAMES]]
+
+
+def _named_frame(scene: Scene, frame: NamedFrame) -> Note:
+    """Its axes, small, and its name."""
+    pose = scene.pose(scene.index(frame.body))
+    own = np.eye(3)
+    if frame.at.rotation is not None:
+        own = np.array([scene.numbers.vector(row) for row in frame.at.rotation])
+    at = scene.view.paper(pose.point(scene.numbers.vector(frame.at.position)))
+    axes = triad(scene, at, pose.rotation @ own, BODY_AXIS)
+    return Note(axes.marks, (Label(_word(frame.name), "frame", at, (225.0, 315.0), 8.0),))
 
 
 def gravity(scene: Scene, at: Point) -> Note:

@@ -269,6 +269,13 @@ def test_the_verb_writes_svg_and_tikz(tmp_path, monkeypatch, capsys):
     assert ended.value.code == 1 and ".svg or .tex" in capsys.readouterr().err
 
 
+def test_named_frames_are_drawn_with_their_names():
+    text = SMALL["one pendulum"] + "frames: {tool: {body: a, position: [1 m, 0]}}\n"
+    with_frame, without = (check(system(load_text(x))) for x in (text, SMALL["one pendulum"]))
+    names = [x.label.latex for x in with_frame.letterings]
+    assert r"\mathrm{tool}" in names and len(with_frame.marks) > len(without.marks)
+
+
 def test_a_page_stands_without_a_figure_that_cannot_be_drawn():
     text = "model: m\ncoordinates: {x: m}\nkinetic: der(x)^2*1 kg\nconstraints: {c: {holonomic: x^2 + 1 m^2}}\n"
     assert picture(system(load_text(text))) is None

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from derive.model.load_records import Force, Torque
+from derive.expressions.tree import Expression
+from derive.model.load_records import Force, Torque, Wrench
+from derive.model.named_frames import frame_named
 from derive.model.records import NamedFrame
 from derive.textbook import names
 from hamel.draw.mechanism.anchors import Anchor
@@ -355,6 +357,8 @@ def inputs(scene: Scene) -> list[Note]:
     for x in scene.model.loads:
         if isinstance(x, Force | Torque):
             notes += _load(scene, x)
+        elif isinstance(x, Wrench):
+            notes += _wrench(scene, x)
     return notes
 
 
@@ -433,31 +437,52 @@ def push(scene: Scene, at: Vector, direction: Vector, latex: str, short: float) 
 
 
 def _load(scene: Scene, x: Force | Torque) -> list[Note]:
-    """Where its components have a direction with every input at one."""
-    numbers = scene.numbers
-    ones = {given.name: 1.0 for given in scene.model.inputs}
-    before = dict(numbers.names)
-    numbers.names.update(ones)
-    components = numbers.vector(x.components)
-    numbers.names.update(before)
-    size = float(np.linalg.norm(components))
+    """At its point, or at the centre of mass."""
     index = scene.index(x.body)
-    if size == 0.0:
-        return []
-    direction = components / size
-    if x.frame == "body":
-        direction = scene.pose(index).rotation @ direction
-    latex = _symbol(x.name)
+    pose = scene.pose(index)
+    axes = pose.rotation if x.frame == "body" else np.eye(3)
+    direction = axes @ _driven_by_ones(scene, x.components)
     if isinstance(x, Force):
-        at = scene.pose(index).point(numbers.vector(x.point))
-        return [push(scene, at, direction, latex, 3.0)]
-    at = scene.pose(index).point(scene.com(index))
-    if scene.view.flat:
-        sweep = 2.4 if direction @ scene.view.toward > 0 else -2.4
-        points = arc(scene.view.paper(at), INPUT_ARC, 0.4, sweep)
-        label = Label(latex, "input", points[len(points) // 2], (45.0, 135.0), 5.0)
-        return [Note(tuple(arrow("input", points)), (label,))]
-    return [about(scene, at, direction, latex, "input")]
+        return _force(scene, pose.point(scene.numbers.vector(x.point)), direction, _symbol(x.name))
+    return _moment(scene, pose.point(scene.com(index)), direction, _symbol(x.name))
+
+
+def _wrench(scene: Scene, x: Wrench) -> list[Note]:
+    """At the origin of its frame."""
+    frame = frame_named(scene.model, x.frame)
+    pose = scene.pose(scene.index(frame.body))
+    at = pose.point(scene.numbers.vector(frame.at.position))
+    axes = pose.rotation @ own_axes(scene, frame) if x.axes == "frame" else np.eye(3)
+    force, moment = (axes @ _driven_by_ones(scene, part) for part in (x.force, x.moment))
+    return _force(scene, at, force, _symbol(x.name)) + _moment(scene, at, moment, _symbol(x.name))
+
+
+def _driven_by_ones(scene: Scene, components: Sequence[Expression]) -> Vector:
+    """What a load is worth with every input at one."""
+    numbers, before = scene.numbers, dict(scene.numbers.names)
+    numbers.names.update({x.name: 1.0 for x in scene.model.inputs})
+    vector = numbers.vector(components)
+    numbers.names.update(before)
+    return vector
+
+
+def _force(scene: Scene, at: Vector, vector: Vector, latex: str) -> list[Note]:
+    """Nothing where it is zero."""
+    size = float(np.linalg.norm(vector))
+    return [push(scene, at, vector / size, latex, 3.0)] if size > 0 else []
+
+
+def _moment(scene: Scene, at: Vector, vector: Vector, latex: str) -> list[Note]:
+    """Nothing where it is zero."""
+    size = float(np.linalg.norm(vector))
+    if not size > 0:
+        return []
+    if not scene.view.flat:
+        return [about(scene, at, vector / size, latex, "input")]
+    sweep = 2.4 if vector @ scene.view.toward > 0 else -2.4
+    points = arc(scene.view.paper(at), INPUT_ARC, 0.4, sweep)
+    label = Label(latex, "input", points[len(points) // 2], (45.0, 135.0), 5.0)
+    return [Note(tuple(arrow("input", points)), (label,))]
 
 
 # frames and gravity
@@ -497,12 +522,16 @@ def body_frames(scene: Scene) -> list[Note]:
     return notes + [_named_frame(scene, x) for x in scene.model.frames[:MOST_FRAMES]]
 
 
+def own_axes(scene: Scene, frame: NamedFrame) -> Vector:
+    """Body ← frame."""
+    if frame.at.rotation is None:
+        return np.eye(3)
+    return np.array([scene.numbers.vector(row) for row in frame.at.rotation])
+
+
 def _named_frame(scene: Scene, frame: NamedFrame) -> Note:
     """Its axes, small, and its name."""
-    pose = scene.pose(scene.index(frame.body))
-    own = np.eye(3)
-    if frame.at.rotation is not None:
-        own = np.array([scene.numbers.vector(row) for row in frame.at.rotation])
+    pose, own = scene.pose(scene.index(frame.body)), own_axes(scene, frame)
     at = scene.view.paper(pose.point(scene.numbers.vector(frame.at.position)))
     axes = triad(scene, at, pose.rotation @ own, BODY_AXIS)
     return Note(axes.marks, (Label(_word(frame.name), "frame", at, (225.0, 315.0), 8.0),))

@@ -276,6 +276,13 @@ def test_named_frames_are_drawn_with_their_names():
     assert r"\mathrm{tool}" in names and len(with_frame.marks) > len(without.marks)
 
 
+def test_a_wrench_is_a_force_and_a_moment_at_its_frame():
+    text = SMALL["one pendulum"] + "frames: {tool: {body: a, position: [1 m, 0]}}\n"
+    text += "loads: {W: {type: wrench, frame: tool, force: [1 N, 0], moment: 2 N*m}}\n"
+    drawing = check(system(load_text(text)))
+    assert [x.label.style for x in drawing.letterings if x.label.latex == "W"] == ["input"] * 2
+
+
 def test_a_page_stands_without_a_figure_that_cannot_be_drawn():
     text = "model: m\ncoordinates: {x: m}\nkinetic: der(x)^2*1 kg\nconstraints: {c: {holonomic: x^2 + 1 m^2}}\n"
     assert picture(system(load_text(text))) is None

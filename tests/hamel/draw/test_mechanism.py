@@ -1,7 +1,7 @@
 """The figure of a mechanism: of every model it is whole, finite and the same every time, no label
 covers another and nothing is cut off.
 
-Of hamel.draw.mechanism: anchors, bodies, figure, joints, marks, notes, placing, points, poses,
+Of hamel.draw.mechanism: anchors, bodies, figure, forces, joints, marks, notes, placing, points, poses,
 records, scene, shifts, solids, state, svg, ties, tikz, typeset, vectors, view, words.
 """
 

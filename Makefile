@@ -8,12 +8,13 @@ DEMO   := build/demo
 ROBOTS := build/robots/venv
 TRIALS := build/trials
 BENCH  := build/bench/venv
+TARGETS_VENV := build/targets/venv
 PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
 
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report test test-slow lint robots loops growth bench bench-page report-page whole matrix faults fuzz fresh clean
+.PHONY: demo report targets test test-slow lint robots loops growth bench bench-page report-page whole matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -62,6 +63,13 @@ growth: $(BENCH)/.ready
 bench: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/bench.py
 
+# Targets on request with every kind of model, each checked by its tool (numba and others in an environment of their own):
+# one table, and build/targets.json. Some of them as in make targets TARGETS="casadi cpp".
+targets: $(TARGETS_VENV)/.ready
+	$(TARGETS_VENV)/bin/python benchmarks/targets.py $(TARGETS)
+	$(TARGETS_VENV)/bin/python -m pytest tests/codegen/targets/test_casadi.py tests/codegen/targets/test_cpp.py \
+		tests/codegen/targets/test_numba.py tests/hamel/build/test_target_pages.py
+
 # The table and the plots of docs/bench.md from build/bench.json.
 bench-page:
 	$(BENCH)/bin/python benchmarks/page.py
@@ -100,6 +108,12 @@ $(BENCH)/.ready: pyproject.toml
 	@test -d /usr/include/eigen3 || echo "Eigen's headers are missing, so Pinocchio and SymForce are left out: apt install libeigen3-dev"
 	@$(PYTHON) -m venv --clear $(BENCH)
 	@$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable . $(PEERS)
+	@touch $@
+
+$(TARGETS_VENV)/.ready: pyproject.toml
+	@echo "installing hamel and the tools that check targets into $(TARGETS_VENV)"
+	@$(PYTHON) -m venv --clear $(TARGETS_VENV)
+	@$(TARGETS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[targets]' pytest cmeel-eigen
 	@touch $@
 
 $(ROBOTS)/.ready: pyproject.toml

@@ -245,6 +245,7 @@ class Program:
     steppers: tuple[Stepper, ...] = field(default=(), repr=False)  # loops that were asked for
     frame: int = field(default=0, repr=False)  # last entries of p: directions that are based anew
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
+    targets: tuple[str, ...] = field(default=(), repr=False)  # on request, besides those of all
 
     @property
     def fingerprint(self) -> str:

@@ -56,6 +56,7 @@ def build(
     header: bool = False,
     fix: Mapping[str, float | str] | None = None,
     real: str = "float64",
+    targets: Collection[str] = (),
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
@@ -67,7 +68,8 @@ def build(
     `dynamics` is fastest on this machine. `header` adds <model>_inline.h, all functions in one
     header for C and C++. `fix` gives inputs and parameters a value, a number in SI or text with a
     unit, and bakes it in: the functions take them no more, and u is shorter. `real` is what the
-    code computes in, float64 or float32.
+    code computes in, float64 or float32. `targets` are written beside the module and checked by
+    the tools that use them: `hamel list` names all.
     """
     from hamel.build.reuse import reused
 
@@ -82,6 +84,7 @@ def build(
         header=header,
         fix=fix or {},
         real=real,
+        targets=_names(targets),
     )
     again = reused(path, out, options)
     if again is not None:  # then nothing of what derives has to be imported
@@ -100,6 +103,7 @@ def verify(
     constants: Constants = (),
     formulation: str = "quasi_velocities",
     mutate: bool = False,
+    targets: Collection[str] = (),
 ) -> records.Verified:
     """Compare a choice (all of the file's when none is named) with an independent derivation at
     random admissible states.
@@ -107,12 +111,20 @@ def verify(
     `mutate` also plants errors, one at a time, and says which checks see each: `mutations` of the
     record. `path` may also be the folder of a built module: then every file is compared with the
     manifest, and what is compiled there with the values that were stored when it was verified.
+    `targets` are compared with the module instead, by the tools that use them.
     """
-    from hamel.verbs.verify import is_module, run, run_folder
+    from hamel.verbs.verify import is_module, run, run_folder, run_targets
+
+    names = _names(targets)
 
     if is_module(path):
-        asked = {"choice": choice, "constants": constants, "mutate": mutate}
+        asked = {"choice": choice, "constants": constants, "mutate": mutate, "targets": names}
         return run_folder(path, asked)
+    if names:
+        options = BuildOptions(
+            choice, _constants(constants), formulation=formulation, targets=names
+        )
+        return run_targets(path, options, states, seed)
     return run(path, choice, states, seed, _constants(constants), formulation, mutate)
 
 

@@ -69,6 +69,7 @@ REAL = click.option(
     metavar="NAME",
     help="What the code computes in: float64 or float32.",
 )
+TARGETS = functools.partial(click.option, "--target", "targets", metavar="a,b", default="")
 CONSTANTS = click.option(
     "--constants",
     metavar="all|a,b",

@@ -25,6 +25,7 @@ from hamel.arguments import (
     FORMULATION,
     POSITIVE,
     REAL,
+    TARGETS,
     constant_names,
     model_argument,
     name_and_value,
@@ -82,6 +83,7 @@ def check(model: str) -> Any:
     is_flag=True,
     help="Also write all functions as one header of inline functions, NAME_inline.h.",
 )
+@TARGETS(help="Also write and check these targets on request, such as casadi: see list.")
 @click.option(
     "--tune",
     is_flag=True,
@@ -96,6 +98,7 @@ def build(
     fix: str,
     functions: str,
     integrators: str,
+    targets: str,
     explain: bool,
     **options: Any,
 ) -> Any:
@@ -104,6 +107,7 @@ def build(
     lists = {
         "functions": name_list(functions) or None,
         "integrators": name_list(integrators),
+        "targets": name_list(targets),
     }
     return hamel.build(model, constants=constant_names(constants), fix=values, **lists, **options)
 
@@ -130,10 +134,12 @@ def build(
     is_flag=True,
     help="Also plant errors, one at a time, and say which checks see each.",
 )
-def verify(model: str, constants: str, **options: Any) -> Any:
+@TARGETS(help="Instead compare these targets with the module, by the tools that use them.")
+def verify(model: str, constants: str, targets: str, **options: Any) -> Any:
     """Compare MODEL's code with an independent derivation; or the module in a folder with the
     values that were stored when it was verified."""
-    return hamel.verify(model, constants=constant_names(constants), **options)
+    names = name_list(targets)
+    return hamel.verify(model, constants=constant_names(constants), targets=names, **options)
 
 
 @verb

@@ -61,6 +61,7 @@ class Built:
     tuned: Mapping[str, float] = field(default_factory=dict)
     kept: bool = False
     real: str = "float64"  # what the code computes in
+    targets: Mapping[str, str] = field(default_factory=dict)  # on request: how each was verified
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,15 @@
-"""The targets, in the order they are emitted. To add one: a file with a Target, and its line
-here."""
+"""The targets, in the order they are emitted: those of every module, and those on request. To add
+one: a file with a Target, and its line here."""
 
 from codegen.targets.c import C
+from codegen.targets.casadi import CASADI
 from codegen.targets.charts import CHARTS
+from codegen.targets.cpp import CPP
 from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
 from codegen.targets.manifest import MANIFEST
 from codegen.targets.nullspace import NULLSPACE
+from codegen.targets.numba import NUMBA
 from codegen.targets.numpy import NUMPY
 from codegen.targets.package import PACKAGE
 from codegen.targets.records import Target
@@ -26,4 +29,7 @@ TARGETS: tuple[Target, ...] = (
     MANIFEST,
 )
 
-__all__ = ["TARGETS", "Target"]
+# emitted where `--target` names them
+ON_REQUEST: tuple[Target, ...] = (CASADI, CPP, NUMBA)
+
+__all__ = ["ON_REQUEST", "TARGETS", "Target"]

@@ -31,6 +31,7 @@ class BuildOptions:
     header: bool = False  # also NAME_inline.h
     fix: Fixed = field(default_factory=dict)  # inputs and parameters with these values
     real: str = "float64"  # what the code computes in
+    targets: Collection[str] = ()  # on request, such as casadi
     states: int = QUICK_STATES  # random admissible states of the verification
 
     def said(self) -> dict[str, Any]:
@@ -38,7 +39,7 @@ class BuildOptions:
         plain = {option.name: getattr(self, option.name) for option in fields(self)}
         lists = {
             name: tuple(plain[name])
-            for name in ("functions", "integrators")
+            for name in ("functions", "integrators", "targets")
             if plain[name] is not None
         }
         constants = "all" if self.constants == "all" else tuple(self.constants)

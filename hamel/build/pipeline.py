@@ -22,9 +22,10 @@ from dataclasses import asdict, replace
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from codegen.compiler import shared_library
-from codegen.emit import emit, sealed
+from codegen.emit import emit, on_request, sealed
 from codegen.program import Program
 from codegen.seal import DERIVATION, VERIFICATION
 from derive.diagnostics import ToolchainError
@@ -38,7 +39,8 @@ from hamel.build.keys import file_key
 from hamel.build.module import Compiled, compiling, drafted
 from hamel.build.options import BuildOptions, affordable
 from hamel.build.reuse import remember
-from hamel.build.stages import equations_of, program_of, with_emitted
+from hamel.build.stages import equations_of, program_for, with_emitted
+from hamel.build.targets import checked_targets, subject_of
 from hamel.build.tune import fastest, with_fastest_flags
 from hamel.records import Built
 from hamel.verify import Verification, quick_verification
@@ -55,6 +57,7 @@ def build(
     AssumptionError, ToolchainError and VerificationError.
     """
     options = options or BuildOptions()
+    on_request(options.targets)  # a name that is none is said before anything is derived
     clock = Clock()
     key = file_key(path, options.said())
 
@@ -74,16 +77,19 @@ def build(
             checked = with_emitted(equations, program)
             found = _verification(checked, _waiting(finished, clock), options.states)
             emitted = {kernel.name for kernel in program.kernels}
-            states = stored(found, equations, shipped(checked, emitted, found.seed))
+            rows = shipped(checked, emitted, found.seed)
+            states = stored(found, equations, rows)
         compiled = finished()
         if compiled.message:
             warnings.warn(compiled.message, RuntimeWarning, stacklevel=2)
+        targets = _targets(program, compiled, rows, clock)
 
     with clock("publish", f"verified → {place}"):
         pages = {DERIVATION: derivation, VERIFICATION: states}
-        files = {**compiled.files, **_bytes(sealed(texts, pages))}
+        files = {**compiled.files, **_bytes(sealed(texts, pages, targets))}
         publish(place, files)
     record = _record(program, place, compiled, files, clock)
+    record = replace(record, targets=targets)
     if key == file_key(path, options.said()):  # it was not edited meanwhile
         remember(key, record, files)
     return record
@@ -101,12 +107,21 @@ def _program(
             path, options.choice, options.constants, options.formulation, clock, options.fix
         )
     with clock("passes", "Equations → Program"):
-        program = program_of(equations, options.functions, options.integrators, real=options.real)
-        program = replace(program, inline=options.header)
+        program = program_for(equations, options)
     if options.tune:
         with clock("tune", "Program → Program with the fastest flags"):
             program = with_fastest_flags(program, times)
     return equations, program
+
+
+def _targets(
+    program: Program, compiled: Compiled, rows: Mapping[str, Any], clock: Clock
+) -> dict[str, str]:
+    """Target on request → how it was verified."""
+    if not program.targets:
+        return {}
+    with clock("targets", "binaries → targets verified, by their tools"):
+        return checked_targets(program, subject_of(program, compiled.module, rows))
 
 
 def _waiting(finished: Callable[[], Compiled], clock: Clock) -> Callable[[], ModuleType]:

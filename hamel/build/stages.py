@@ -7,6 +7,7 @@ from dataclasses import replace
 from os import PathLike
 from types import MappingProxyType
 
+from codegen.emit import on_request
 from codegen.integrators import INTEGRATORS
 from codegen.passes import in_precision, program
 from codegen.program import Program
@@ -21,7 +22,7 @@ from derive.robots.reading import load
 from derive.states import system
 from hamel.build.clock import Clock
 from hamel.build.fix import fixed
-from hamel.build.options import Constants, Fixed
+from hamel.build.options import BuildOptions, Constants, Fixed
 
 
 def model_of(
@@ -102,6 +103,15 @@ def program_of(
     names = None if functions is None else tuple(functions)
     held = None if enforcements is None else tuple(enforcements)
     return in_precision(program(equations, names, methods, held), real)
+
+
+def program_for(equations: Equations, options: BuildOptions) -> Program:
+    """Equations → Program with all that was asked for, and what the targets need of it."""
+    asked = on_request(options.targets)
+    needs = [n for target in asked for n in target.needs if request_of(equations, n)]
+    functions = (*(options.functions or ("default",)), *needs) if needs else options.functions
+    made = program_of(equations, functions, options.integrators, real=options.real)
+    return replace(made, inline=options.header, targets=tuple(target.name for target in asked))
 
 
 def with_emitted(equations: Equations, program: Program) -> Equations:

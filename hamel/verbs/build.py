@@ -28,6 +28,8 @@ def show(record: Built, console: Console) -> None:
     console.print(f"  operations  {operations(record.operations)}")
     if record.size:
         console.print(f"  library     {record.size / 1000:,.0f} kB")
+    for name, how in record.targets.items():
+        console.print(f"  target      {name}, {how}")
     if record.tuned:
         times = ", ".join(f"{name} {ns:.1f} ns" for name, ns in record.tuned.items())
         console.print(f"  tuned       {times}")

@@ -7,7 +7,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
-from codegen.targets import TARGETS
+from codegen.targets import ON_REQUEST, TARGETS
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS, equations
 from derive.linearize.minimal import with_linearization
@@ -56,6 +56,7 @@ def _catalogue() -> dict[str, tuple[Known, ...]]:
         "enforcements": _abouts(ENFORCEMENTS),
         "integrators": (*_abouts(INTEGRATORS), _AUTO, *_abouts(REFERENCES)),
         "targets": _abouts(TARGETS),
+        "targets on request": _abouts(ON_REQUEST),
         **{kind: tuple(names) for kind, names in _functions(load_text(_EVERYTHING)).items()},
     }
 

@@ -11,21 +11,29 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from codegen.emit import emit, on_request
 from codegen.loader import load
 from derive.diagnostics import ModelError, listed
 from derive.formulations import equations
 from derive.formulations.charts import together
 from derive.robots.reading import load as load_model
 from hamel.build.folder import differences, manifest
-from hamel.build.module import temporary_module
-from hamel.build.options import Constants
-from hamel.build.stages import mechanics_of, usable_choices
+from hamel.build.module import compiled, temporary_module
+from hamel.build.options import BuildOptions, Constants
+from hamel.build.stages import (
+    equations_of,
+    mechanics_of,
+    program_for,
+    usable_choices,
+    with_emitted,
+)
+from hamel.build.targets import subject_of, target_checks
 from hamel.records import CheckLine, Mutations, Verified
 from hamel.show import number, refusals, table
 from hamel.verify import Verification, verification
 from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
-from hamel.verify.shipped import shipped_checks
+from hamel.verify.shipped import shipped, shipped_checks
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -78,6 +86,28 @@ def run(
     return Verified(
         model.name, passed, tuple(checks), refused, states, seed, tuple(varied), planted
     )
+
+
+def run_targets(
+    path: str | PathLike[str], options: BuildOptions, states: int, seed: int
+) -> Verified:
+    """Each target of the options against the module, at `states` random admissible states drawn
+    from `seed`. Raises HamelError for a name that is no target, AssumptionError for one that does
+    not fit, ToolchainError where its tool is missing."""
+    on_request(options.targets)
+    equations = equations_of(path, options.choice, options.constants, options.formulation)
+    program = program_for(equations, options)
+    emitted = [kernel.name for kernel in program.kernels]
+    with compiled(program.name, emit(program)) as made:
+        rows = shipped(with_emitted(equations, program), emitted, seed, states)
+        subject = subject_of(program, made.module, rows)
+        lines = [
+            CheckLine(f"{check.target}: {c.name}", float(c.value), float(c.tolerance), c.passed)
+            for check in target_checks(options.targets)
+            for c in check.run(subject)
+        ]
+    passed = all(line.passed for line in lines)
+    return Verified(program.name, passed, tuple(lines), {}, states, seed)
 
 
 def is_module(path: str | PathLike[str]) -> bool:

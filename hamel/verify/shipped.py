@@ -36,7 +36,9 @@ COARSE = 1e-4  # of a module in float32, whose arguments are rounded once more
 BACKENDS = {"extension": "extension", "_library": "ctypes", "_numpy": "NumPy"}
 
 
-def shipped(equations: Equations, emitted: Collection[str], seed: int) -> dict[str, Any]:
+def shipped(
+    equations: Equations, emitted: Collection[str], seed: int, states: int = STATES
+) -> dict[str, Any]:
     """Emitted function → {"t", "x", "u", "p", "expected", "size"}, a row for
     each state, of every chart.
 
@@ -44,7 +46,7 @@ def shipped(equations: Equations, emitted: Collection[str], seed: int) -> dict[s
 
     Functions of very large models are left out from where there would be too many numbers.
     """
-    seen = evidence(reference(equations.system.model), equations, None, STATES, seed)
+    seen = evidence(reference(equations.system.model), equations, None, states, seed)
     found: dict[str, Any] = {}
     numbers = 0
     for suffix, chart in _charts(seen):

@@ -1,5 +1,5 @@
 """The controllers in examples/: computed torque in C, operational space on an arm, passivity on a
-delta robot. Each does what its theory says."""
+delta robot, predictive control of the cart and pole. Each does what its theory says."""
 
 import importlib.util
 from pathlib import Path
@@ -54,3 +54,10 @@ def test_the_storage_of_the_delta_falls_as_fast_as_damping_takes_it(tmp_path: Pa
     assert rate == pytest.approx(-taken[1:-1], rel=1e-3)
     assert np.abs(states[-1, :3] - delta.wanted(times[-1])[0]).max() < 1e-3
     assert np.abs(module.constraints(times[-1], states[-1])).max() < 1e-12
+
+
+def test_predictive_control_swings_the_pole_up_and_holds_it():
+    path = example("nmpc_cart_pole").main()
+    assert np.abs(path[0, 1]) == pytest.approx(np.pi)
+    assert np.abs(1 - np.cos(path[-20:, 1])).max() < 1e-3
+    assert np.abs(path[-1, 0]) < 0.05

@@ -1,0 +1,178 @@
+"""CasADi: every function as expressions of its symbols, in Python that imports nothing but casadi,
+and as external functions in C that `casadi.external` loads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from codegen import text
+from codegen.program import Expression, Kernel, Program
+from codegen.targets.records import Target
+
+SAME = (
+    "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh",
+    "atanh", "exp", "log", "expm1", "log1p", "erf", "fabs", "floor", "ceil", "sign",
+)  # fmt: skip
+OF_TWO = {"pow": "power", "and": "logic_and", "or": "logic_or"} | {
+    name: name for name in ("atan2", "hypot", "fmin", "fmax", "copysign", "fmod")
+}
+COMPARED = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+# casadi is imported under a name that no model can give to a quantity
+SYMBOLS = text.Language(
+    {
+        **{name: f"_ca.{name}({{0}})" for name in SAME},
+        **{name: f"_ca.{theirs}({{0}}, {{1}})" for name, theirs in OF_TWO.items()},
+        **{name: f"({{0}} {sign} {{1}})" for name, sign in COMPARED.items()},
+        "not": "_ca.logic_not({0})",
+        "where": "_ca.if_else({0}, {1}, 0.0)",
+    },
+    'float("inf")',
+    'float("nan")',
+)
+# by which argument of the state derivative, and the function that has that Jacobian
+JACOBIANS = {"t": "jacobian_t", "x": "jacobian", "u": "jacobian_u", "p": "jacobian_p"}
+
+
+@dataclass(frozen=True)
+class Body:
+    """A kernel as lines of Python; guards are (value, tolerance, name)."""
+
+    kernel: Kernel
+    result: str
+    lines: tuple[str, ...]
+    outputs: tuple[str, ...]
+    guards: tuple[tuple[str, str, str], ...]
+    residual: str
+    computed: tuple[int, ...]  # entries that guards concern: no arguments, no numbers
+
+
+@dataclass(frozen=True)
+class Block:
+    """A Jacobian by one argument: `pattern` is its sparsity as CasADi writes it, by columns;
+    `places` are the entries in our row-major result. Without a kernel it is zero."""
+
+    kernel: Kernel | None
+    pattern: tuple[int, ...]
+    places: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class External:
+    """A function in CasADi's C interface, with the blocks of its Jacobian where there are all."""
+
+    kernel: Kernel
+    result: str
+    sizes: tuple[int, ...]  # of t, x, u, p
+    blocks: tuple[Block, ...]
+
+    @property
+    def longest(self) -> int:
+        """Numbers of the longest result, which is computed before it is put in place."""
+        results = [block.kernel for block in self.blocks if block.kernel]
+        return max(len(kernel.outputs) for kernel in (self.kernel, *results))
+
+
+def files(program: Program) -> dict[str, str]:
+    """NAME_casadi.py and NAME_external.c."""
+    data: dict[str, Any] = {"prefix": program.name, "PREFIX": program.name.upper()}
+    bodies = [_body(kernel) for kernel in program.kernels]
+    externals = [_external(program, kernel) for kernel in program.kernels]
+    widest = max((size for external in externals for size in external.sizes), default=1)
+    return {
+        f"{program.name}_casadi.py": text.render("casadi.py.j2", program, bodies=bodies, **data),
+        f"{program.name}_external.c": text.render(
+            "external.c.j2", program, externals=externals, widest=widest, **data
+        ),
+    }
+
+
+def refusal(program: Program) -> str:
+    """CasADi knows one kind of number."""
+    if program.real.words:
+        return f"CasADi computes in float64, not in {program.real.name}; build without --real"
+    odd = [kernel.name for kernel in program.kernels if "__" in kernel.name]
+    return f"CasADi takes no name with two underscores in a row: {odd[0]}" if odd else ""
+
+
+def result_name(kernel: Kernel) -> str:
+    """CasADi tells arguments and results by their names."""
+    return f"{kernel.result}_out" if kernel.result in JACOBIANS else kernel.result
+
+
+def _body(kernel: Kernel) -> Body:
+    return Body(
+        kernel,
+        result_name(kernel),
+        tuple(_lines(kernel)),
+        tuple(_value(value) for value in kernel.outputs),
+        tuple(
+            (_value(guard.value), text.number(guard.tolerance, SYMBOLS), text.printable(guard.name))
+            for guard in kernel.guards
+        ),
+        _value(kernel.loop.residual) if kernel.loop else "",
+        kernel.results if kernel.guards else (),
+    )
+
+
+def _value(value: Expression) -> str:
+    return text.expression(value, SYMBOLS)
+
+
+def _lines(kernel: Kernel) -> Iterator[str]:
+    for load in kernel.loads:
+        if load.argument != "t":
+            yield f"{load.name} = {load.argument}[{load.index}]"
+    for section in kernel.sections:
+        yield ""
+        yield f"# {text.printable(section.title)}"
+        for statement in section.statements:
+            yield f"{statement.name} = {_value(statement.value)}"
+
+
+# ---- the C interface
+
+
+def _external(program: Program, kernel: Kernel) -> External:
+    widths = {argument.name: len(argument.names) for argument in program.arguments}
+    sizes = {**widths, "t": 1, "x": len(kernel.x.names)}
+    shape = tuple(sizes[name] for name in "txup")
+    return External(kernel, result_name(kernel), shape, _blocks(program, kernel, sizes))
+
+
+def _blocks(program: Program, kernel: Kernel, sizes: dict[str, int]) -> tuple[Block, ...]:
+    """By t, x, u and p; none where a function that is needed for one of them was not emitted."""
+    name, chart, number = kernel.name.partition("_chart")
+    if name != "dynamics":
+        return ()
+    found: list[Block] = []
+    for argument, jacobian in JACOBIANS.items():
+        own = program.in_chart(jacobian, chart + number)
+        if argument in kernel.uses and own is None:
+            return ()
+        used = own if argument in kernel.uses else None
+        found.append(_block(used, len(kernel.outputs), sizes[argument]))
+    return tuple(found)
+
+
+def _block(kernel: Kernel | None, rows: int, columns: int) -> Block:
+    """What is the number zero is zero by structure."""
+    entries = [
+        [r * columns + c for r in range(rows) if kernel and kernel.outputs[r * columns + c] != 0.0]
+        for c in range(columns)
+    ]
+    starts = [sum(map(len, entries[:c])) for c in range(columns + 1)]
+    places = [place for column in entries for place in column]
+    inner = [place // columns for place in places]
+    return Block(kernel, (rows, columns, *starts, *inner), tuple(places))
+
+
+CASADI = Target(
+    "casadi",
+    "functions of CasADi symbols, and external functions in C",
+    files,
+    needs=tuple(JACOBIANS.values()),
+    refusal=refusal,
+    readme="casadi.md.j2",
+)

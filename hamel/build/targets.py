@@ -1,0 +1,53 @@
+"""The checks of the targets that a build was asked for."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from codegen.program import Program
+from derive.diagnostics import ToolchainError, VerificationError
+from hamel.verify import CheckResult
+from hamel.verify.targets import TARGET_CHECKS, Subject, TargetCheck
+
+
+def subject_of(program: Program, module: ModuleType, rows: Mapping[str, Any]) -> Subject:
+    """A module that was loaded, with arguments of its functions."""
+    return Subject(program.name, Path(str(module.__file__)).parent, module, rows)
+
+
+def target_checks(names: Collection[str]) -> tuple[TargetCheck, ...]:
+    """The checks of these targets, in the order of the table."""
+    return tuple(check for check in TARGET_CHECKS if check.target in names)
+
+
+def checked_targets(program: Program, subject: Subject) -> dict[str, str]:
+    """Target → how it was verified, in words; a missing tool is said there, and warned of.
+
+    Raises VerificationError where a target disagrees with the module.
+    """
+    return {check.target: _checked(check, subject) for check in target_checks(program.targets)}
+
+
+def _checked(check: TargetCheck, subject: Subject) -> str:
+    try:
+        results = check.run(subject)
+    except ToolchainError as error:
+        warnings.warn(
+            f"target {check.target} was not checked: {error}", RuntimeWarning, stacklevel=4
+        )
+        return f"not checked, for want of {check.tool}"
+    failed = [_failure(result) for result in results if not result.passed]
+    if failed:
+        raise VerificationError(
+            f"{subject.name}: the target {check.target} disagrees with the module, nothing is "
+            f"written: {'; '.join(failed)}"
+        )
+    return f"by {check.tool}: {', '.join(result.name for result in results)}"
+
+
+def _failure(result: CheckResult) -> str:
+    return f"{result.name}: {result.value:.2g} exceeds {result.tolerance:.2g}"

@@ -1,0 +1,11 @@
+"""The checks of targets on request, each by the tool that uses the target. To add one: a file with
+a TargetCheck, and its line here."""
+
+from hamel.verify.targets.casadi import CASADI
+from hamel.verify.targets.cpp import CPP
+from hamel.verify.targets.numba import NUMBA
+from hamel.verify.targets.records import Subject, TargetCheck
+
+TARGET_CHECKS: tuple[TargetCheck, ...] = (CASADI, CPP, NUMBA)
+
+__all__ = ["TARGET_CHECKS", "Subject", "TargetCheck"]

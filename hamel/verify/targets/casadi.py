@@ -1,0 +1,70 @@
+"""The CasADi target, by CasADi: values, Jacobians and adjoint products of the functions of symbols,
+and of the external functions of the compiled library, against the module."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from codegen.compiler import shared_library
+from hamel.verify.records import CheckResult
+from hamel.verify.reference.vectors import Array
+from hamel.verify.targets.records import Subject, TargetCheck, generated, result
+
+ADJOINT = "yᵀ ∂ẋ/∂(t, x, u, p)"
+JACOBIANS = ("jacobian_t", "jacobian", "jacobian_u", "jacobian_p")  # by t, x, u and p
+
+
+def check(subject: Subject) -> tuple[CheckResult, ...]:
+    """Values of every function, Jacobians and adjoint of the state derivative, both ways in."""
+    symbols = generated(subject, "casadi")
+    library = subject.folder / shared_library(subject.name)
+    functions = {"symbols": {name: symbols.function(name) for name in symbols.functions}}
+    if library.is_file():
+        functions["external"] = {
+            name: symbols.external(name, library) for name in symbols.functions
+        }
+    return tuple(
+        outcome for kind, found in functions.items() for outcome in _outcomes(subject, kind, found)
+    )
+
+
+def _outcomes(
+    subject: Subject, kind: str, functions: Mapping[str, ca.Function]
+) -> Iterator[CheckResult]:
+    known = [name for name in functions if name in subject.rows]
+    values = [subject.error(name, functions[name]) for name in known]
+    yield result(f"{kind}: values", values, "every function against the module, entry by entry")
+    if "dynamics" in known and "jacobian" in subject.rows:
+        jacobians, adjoints = _derivatives(subject, functions["dynamics"])
+        yield result(f"{kind}: Jacobians", jacobians, "of the state derivative by x, u and p")
+        yield result(f"{kind}: adjoint", adjoints, ADJOINT)
+
+
+def _derivatives(subject: Subject, dynamics: ca.Function) -> tuple[list[float], list[float]]:
+    """The worst error of each Jacobian, and of products with a random vector from the left."""
+    jacobian, reverse = dynamics.jacobian(), dynamics.reverse(1)
+    random = np.random.default_rng(0)
+    forward, adjoint = [0.0], [0.0]
+    for number, name in enumerate(JACOBIANS):
+        for k, size in enumerate(subject.sizes(name)):
+            given = subject.row(name, k)
+            expected = np.asarray(getattr(subject.module, name)(*given))
+            value = dynamics(*given)
+            block = np.asarray(jacobian(*given, value)[number])
+            forward.append(_worst(block - expected.reshape(block.shape)) / size)
+            y = random.normal(size=value.shape[0])
+            product = np.asarray(reverse(*given, value, y)[number]).ravel()
+            bound = size * float(np.sum(np.abs(y)))
+            adjoint.append(_worst(product - y @ expected.reshape(block.shape)) / bound)
+    return forward, adjoint
+
+
+def _worst(difference: Array | Any) -> float:
+    return float(np.max(np.abs(difference), initial=0.0))
+
+
+CASADI = TargetCheck("casadi", "casadi", check)

@@ -1,0 +1,56 @@
+"""The pages of docs/targets: their commands and their code run, in the order they stand there, where
+the tools they are about are installed."""
+
+import importlib.util
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from codegen.compiler import find_compiler
+from codegen.targets import ON_REQUEST
+from tests.scenes import MODELS, ROOT
+
+PAGES = sorted((ROOT / "docs" / "targets").glob("*.md"))
+PACKAGES = ("casadi", "numba", "jax")  # of the targets that are called so
+BLOCK = re.compile(r"^```(sh|python|cpp)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
+]
+
+
+def run(place, *command):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(place / "cache")}
+    done = subprocess.run(
+        command, check=False, cwd=place, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, f"{shlex.join(command)}\n{done.stdout}{done.stderr}"
+
+
+def test_every_target_on_request_has_its_page():
+    assert {target.name for target in ON_REQUEST} <= {page.stem for page in PAGES}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_what_the_page_shows_runs(page, tmp_path):
+    if page.stem in PACKAGES and importlib.util.find_spec(page.stem) is None:
+        pytest.skip(f"{page.stem} is not installed")
+    shutil.copytree(MODELS, tmp_path / "models")
+    code = ""
+    for language, text in BLOCK.findall(page.read_text("utf-8")):
+        if language == "sh":
+            for line in text.splitlines():
+                command = shlex.split(line, comments=True)
+                hamel = [sys.executable, "-m", "hamel"]
+                run(tmp_path, *(hamel if command[0] == "hamel" else command[:1]), *command[1:])
+        elif language == "cpp":
+            (tmp_path / "main.cpp").write_text(text)
+        else:
+            code += text
+    run(tmp_path, sys.executable, "-c", code)

@@ -34,5 +34,3 @@ MOST_ROUNDS = 4  # as long as a round of passes helps
 LONG_FUNCTION = 2_000  # from which one round has to do
 LONGEST_FUNCTION = 10_000  # from which factoring once has to do
 SHORT_FUNCTION = 400  # up to which operations are counted after every pass, not estimated
-ESTIMATE_MARGIN = 1.003  # what comes this near to the fewest operations may have fewer in the end
-MOST_TRIED = 1

@@ -138,7 +138,7 @@ def quickly_built(
     """Compiled in a hurry: these motions are short, and few calls go through Python."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "codegen.passes.pipeline.LARGE", 0
+            "codegen.passes.improve.LONGEST_FUNCTION", 0
         )  # operations above which a function is improved once only
         patch.setattr(compiler, "FLAGS", tuple(flag for flag in compiler.FLAGS if flag != "-O2"))
         patch.setattr(compiler, "BATCH", ())

@@ -59,7 +59,9 @@ def toy(
         Argument("p", p, ("l1", "l2", "m"), ("m", "m", "kg")),
     )
     system: Any = SimpleNamespace(
-        model=SimpleNamespace(name=name, description=description, fixed=()),
+        model=SimpleNamespace(
+            name=name, description=description, fixed=(), bodies=(), joints=(), frames=()
+        ),
         constants=(),
         quaternions=(),
         phi=ca.SX(0, 1),
@@ -156,7 +158,9 @@ def circle() -> Equations:
         Argument("p", p, ("rate",), ("rad/s",)),
     )
     system: Any = SimpleNamespace(
-        model=SimpleNamespace(name="circle", description="Round and round.", fixed=()),
+        model=SimpleNamespace(
+            name="circle", description="Round and round.", fixed=(), bodies=(), joints=(), frames=()
+        ),
         constants=(),
         quaternions=(),
         phi=closing,
@@ -192,7 +196,9 @@ def turning(value: ca.SX, x: ca.SX) -> Equations:
         for name in "xup"
     )
     system: Any = SimpleNamespace(
-        model=SimpleNamespace(name="turn", description="", fixed=()),
+        model=SimpleNamespace(
+            name="turn", description="", fixed=(), bodies=(), joints=(), frames=()
+        ),
         constants=(),
         quaternions=(),
         phi=ca.SX(0, 1),

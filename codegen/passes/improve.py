@@ -2,7 +2,7 @@
 may cost something that a later one does not regain.
 
 To choose the multiples that are computed (see scales) takes most of the time. For a long function
-that is done only for what comes near the best by an estimate, of a short one after every pass.
+that is done only for what is best by an estimate, for a short one after every pass.
 """
 
 from __future__ import annotations
@@ -12,11 +12,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from codegen.limits import (
-    ESTIMATE_MARGIN,
     LONG_FUNCTION,
     LONGEST_FUNCTION,
     MOST_ROUNDS,
-    MOST_TRIED,
     SHORT_FUNCTION,
 )
 from codegen.passes.balance import balance
@@ -99,8 +97,7 @@ def improve(name: str, tape: Tape, loose: range) -> tuple[Candidate, list[Entry]
     for step, draft in _rounds(trace(tape), loose, best.total):
         entries.append(Entry(name, step, entries[-1].after, draft.total))
         drafts.append(draft)
-    margin = 1.0 if best.total <= SHORT_FUNCTION else ESTIMATE_MARGIN
-    for draft in _nearly_best(drafts, margin):
+    for draft in _nearly_best(drafts, best.total <= SHORT_FUNCTION):
         best = min(draft.candidate, best, key=_cost)
     entries.append(Entry(name, "choose", entries[-1].after, best.total))
     inverted = _candidate(invert(best.lowered), best.marks)
@@ -133,12 +130,12 @@ def _rounds(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _D
             return
 
 
-def _nearly_best(drafts: list[_Draft], margin: float) -> list[_Draft]:
-    """Those with `margin` times the fewest operations at most, of equal ones the later."""
+def _nearly_best(drafts: list[_Draft], short: bool) -> list[_Draft]:
+    """Those that may have the fewest operations, of equal ones the later last: of a long function
+    the best by its estimate."""
     least = min(draft.total for draft in drafts)
-    near = [draft for draft in reversed(drafts) if draft.total <= margin * least]
-    near.sort(key=lambda draft: draft.total)
-    return list(dict.fromkeys(near))[:MOST_TRIED] if margin > 1.0 else near
+    near = [draft for draft in drafts if draft.total == least]
+    return near if short else near[-1:]
 
 
 def _candidate(lowered: Lowered, marks: tuple[Mark, ...]) -> Candidate:

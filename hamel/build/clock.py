@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 LOG = logging.getLogger("hamel")
+LINE = "%-12s %-44s %8.3f s"  # stage, what goes in and comes out, seconds
 
 
 @dataclass
@@ -25,4 +26,4 @@ class Clock:
         finally:
             took = time.perf_counter() - start
             self.seconds[stage] = self.seconds.get(stage, 0.0) + took
-            LOG.info("%-12s %-44s %8.3f s", stage, about, took)
+            LOG.info(LINE, stage, about, took)

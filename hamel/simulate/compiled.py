@@ -29,6 +29,7 @@ from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure
+from hamel.build.clock import LINE, LOG, Clock
 from hamel.build.files import write_text
 from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of
@@ -175,15 +176,19 @@ def _problem(
 ) -> Problem:
     real = real_of(method.real)
     tolerances(method, real)
-    system = mechanics_of(load(path))
+    clock = Clock()
+    with clock("mechanics", "file → System"):
+        system = mechanics_of(load(path))
     given = settings(system.model, values)
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
     t = rows.start
     changing = changes(system.model, feed.inputs, feed.sample, (t, rows.time))
     check_changes(method, changing, values)
     check_events(method, system.model, feed.events or {})
-    initial = initial_state(system, given.initial, p, t)
-    plain = equations(system, method.choice, method.formulation)
+    with clock("start", "initial values → consistent state"):
+        initial = initial_state(system, given.initial, p, t)
+    with clock("formulation", "System → Equations"):
+        plain = equations(system, method.choice, method.formulation)
     enforcement = fitting_enforcement(method, plain)
     check_options(method, enforcement)
     x = state_of(plain, initial, p, t)
@@ -241,8 +246,13 @@ def _motion(
     accuracy = tolerances(method, real_of(method.real))
     stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
     functions = _functions(by, method)
-    with temporary_module(by, integrators, (enforcement,), functions, method.real) as module:
-        assure(problem.plain, by, module)
+    clock = Clock()
+    with contextlib.ExitStack() as stack:
+        with clock("module", "Equations → compiled module"):
+            building = temporary_module(by, integrators, (enforcement,), functions, method.real)
+            module = stack.enter_context(building)
+        with clock("verify", "module → verified, or known to be"):
+            assure(problem.plain, by, module)
         if by.charts or by.frame:
             x, chart, p = charts.start(module, initial.q, initial.v, u, p, problem.t)
         else:
@@ -261,8 +271,9 @@ def _motion(
                     raise stiffness.Stiff(why) from None
         else:
             simulation = motion.integrated(module, seen, start, stepping, progress)
-        source = Source(seen, module, u, p, used, initial)
-        return simulated(source, simulation, time.perf_counter() - begin)
+        took = time.perf_counter() - begin
+        LOG.info(LINE, "integrate", "start → motion", took)
+        return simulated(Source(seen, module, u, p, used, initial), simulation, took)
 
 
 def _functions(by: Equations, method: Method) -> tuple[str, ...] | None:

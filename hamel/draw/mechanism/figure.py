@@ -14,6 +14,7 @@ from derive.mechanics.records import System
 from derive.model.constraint_records import Rolling
 from hamel.draw.mechanism import notes as write
 from hamel.draw.mechanism.bodies import body_shapes, gyration, masses
+from hamel.draw.mechanism.forces import inputs
 from hamel.draw.mechanism.joints import bearings, joint_shapes
 from hamel.draw.mechanism.marks import marks
 from hamel.draw.mechanism.notes import Note
@@ -181,7 +182,7 @@ def _notes(space: Scene) -> tuple[list[Note], list[Label], int]:
     shown = some(owned, MOST_NAMED)
     notes = write.body_frames(space) + write.coordinates(space, shown)
     notes += write.point_coordinates(space, shown)
-    pushes = write.inputs(space)
+    pushes = inputs(space)
     most = MOST_NAMED if space.view.flat else MOST_NAMED - len(notes)
     driven = pushes if len(pushes) <= max(most, FEW) else pushes[:: max(len(pushes) - 1, 1)]
     notes += driven

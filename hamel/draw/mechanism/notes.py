@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from derive.model.load_records import Force, Torque
+from derive.model.records import NamedFrame
 from derive.textbook import names
 from hamel.draw.mechanism.anchors import Anchor
-from hamel.draw.mechanism.joints import hangs
 from hamel.draw.mechanism.marks import arrow
 from hamel.draw.mechanism.points import plane_of
-from hamel.draw.mechanism.records import GROUND, Label, Mark, Point, Spot, Vector, spot
+from hamel.draw.mechanism.records import Label, Mark, Point, Spot, Vector, spot
 from hamel.draw.mechanism.scene import Scene
 from hamel.draw.mechanism.typeset import extent
 from hamel.draw.mechanism.vectors import cross
@@ -30,6 +29,7 @@ PUSH, AXIS, BODY_AXIS, GRAVITY = 32.0, 30.0, 22.0, 34.0  # lengths of arrows in 
 OFFSET = 20.0  # of a dimension from what it measures
 LEAST = 14.0  # pixels: a dimension shorter than that is left out
 MERGED = 34.0  # pixels: a longer name of an input has an arrow of its own
+MOST_FRAMES = 6  # named ones that are drawn
 PARTS = 24  # of an arc
 
 
@@ -56,7 +56,7 @@ def coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
             case "revolute" if scene.view.flat:
                 notes.append(_angle(scene, anchor))
             case "revolute" | "screw":
-                notes.append(_turn(scene, anchor, anchor.coordinates[0], _driving(scene, anchor)))
+                notes.append(_turn(scene, anchor, anchor.coordinates[0], driving(scene, anchor)))
             case "prismatic":
                 notes.append(_slide(scene, anchor))
             case "planar":
@@ -73,12 +73,12 @@ def coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
     return notes
 
 
-def _driving(scene: Scene, anchor: Anchor) -> str:
+def driving(scene: Scene, anchor: Anchor) -> str:
     """The input of a hinge in space, which shares its arrow with the coordinate."""
     own = [v.name for v in scene.model.velocities if v.owner == anchor.name]
     if anchor.type != "revolute" or scene.view.flat:
         return ""
-    latex = ", ".join(_symbol(x.name) for x in scene.model.inputs if x.velocity in own)
+    latex = ", ".join(symbol(x.name) for x in scene.model.inputs if x.velocity in own)
     return latex if extent(latex)[0] < MERGED else ""
 
 
@@ -96,7 +96,7 @@ def point_coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
     return notes
 
 
-def _symbol(name: str) -> str:
+def symbol(name: str) -> str:
     return names.symbol(name)
 
 
@@ -117,7 +117,7 @@ def _angle(scene: Scene, anchor: Anchor) -> Note:
     name = anchor.coordinates[0]
     along = arm(scene, anchor)
     zero = scene.pose(anchor.bodies[0]).rotation @ anchor.frames[0] @ anchor.frames[1].T @ along
-    start = _heading(scene, zero)
+    start = heading(scene, zero)
     axis = scene.pose(anchor.bodies[1]).rotation @ anchor.axes[1]
     sign = 1.0 if axis @ scene.view.toward >= 0 else -1.0
     sweep = sign * math.remainder(scene.numbers.names[name], math.tau)
@@ -126,10 +126,10 @@ def _angle(scene: Scene, anchor: Anchor) -> Note:
     at = paper(scene, anchor.spot(1))
     radius = _radius(scene, anchor)
     line = arc(at, radius, start, sweep)
-    far = _polar(at, radius + 9, start)
+    far = polar(at, radius + 9, start)
     marks = (Mark("reference", (at, far)), *arrow("dimension", line))
     middle = start + sweep / 2
-    label = Label(_symbol(name), "coordinate", _polar(at, radius, middle), _headings(middle), 5.0)
+    label = Label(symbol(name), "coordinate", polar(at, radius, middle), headings(middle), 5.0)
     return Note(marks, (label,))
 
 
@@ -141,29 +141,29 @@ def _radius(scene: Scene, anchor: Anchor) -> float:
     return min(ARC, max(0.62 * min(reach, default=ARC / 0.62), 14.0))
 
 
-def _heading(scene: Scene, direction: Vector) -> float:
+def heading(scene: Scene, direction: Vector) -> float:
     """The angle of a direction on the paper, counter-clockwise."""
     return math.atan2(float(direction @ scene.view.up), float(direction @ scene.view.right))
 
 
-def _headings(angle: float) -> tuple[float, ...]:
+def headings(angle: float) -> tuple[float, ...]:
     first = math.degrees(angle)
     return (first, first + 25, first - 25)
 
 
-def _polar(at: Point, radius: float, angle: float) -> Point:
+def polar(at: Point, radius: float, angle: float) -> Point:
     return at[0] + radius * math.cos(angle), at[1] - radius * math.sin(angle)
 
 
 def arc(at: Point, radius: float, start: float, sweep: float) -> list[Point]:
     """On the paper, counter-clockwise for a positive sweep."""
-    return [_polar(at, radius, start + sweep * k / PARTS) for k in range(PARTS + 1)]
+    return [polar(at, radius, start + sweep * k / PARTS) for k in range(PARTS + 1)]
 
 
-def _turn(scene: Scene, anchor: Anchor, name: str, driving: str = "") -> Note:
+def _turn(scene: Scene, anchor: Anchor, name: str, input_name: str = "") -> Note:
     """In space: an arrow around the axis, beside the joint."""
     axis = scene.pose(anchor.bodies[0]).rotation @ anchor.axes[0]
-    latex = f"{_symbol(name)}, {driving}" if driving else _symbol(name)
+    latex = f"{symbol(name)}, {input_name}" if input_name else symbol(name)
     return about(scene, scene.place(anchor.spot(0)), axis, latex, "dimension")
 
 
@@ -184,8 +184,8 @@ def about(
         for a in angles
     ]
     here, middle = scene.view.paper(end), scene.view.paper(at)
-    heading = math.atan2(middle[1] - here[1], here[0] - middle[0])
-    label = Label(latex, _label_style(style), here, _headings(heading), TURN + 3)
+    outwards = math.atan2(middle[1] - here[1], here[0] - middle[0])
+    label = Label(latex, _label_style(style), here, headings(outwards), TURN + 3)
     return Note(tuple(arrow(style, points)), (label,))
 
 
@@ -219,7 +219,7 @@ def _slide(scene: Scene, anchor: Anchor) -> Note:
         last = scene.view.paper(start + reach * axis)
     if scene.view.flat and axis @ scene.view.right >= -0.1:
         side = -1.0
-    return dimension(first, last, _symbol(name), side * (OFFSET + 8 * scene.view.flat))
+    return dimension(first, last, symbol(name), side * (OFFSET + 8 * scene.view.flat))
 
 
 def dimension(first: Point, last: Point, latex: str, beside: float) -> Note:
@@ -255,7 +255,7 @@ def _platform(scene: Scene, anchor: Anchor) -> list[Note]:
         notes.append(_tilt(scene, anchor, axes[0], angle))
     else:
         normal = cross(axes[0], axes[1])
-        notes.append(about(scene, end, normal, _symbol(angle), "dimension"))
+        notes.append(about(scene, end, normal, symbol(angle), "dimension"))
     return notes
 
 
@@ -281,7 +281,7 @@ def _offsets(
         if math.dist(first, last) >= LEAST:
             middle = ((first[0] + last[0]) / 2, (first[1] + last[1]) / 2)
             way = math.degrees(math.atan2(first[1] - last[1], last[0] - first[0]))
-            label = Label(_symbol(name), "coordinate", middle, (way - 90, way + 90), 4.0)
+            label = Label(symbol(name), "coordinate", middle, (way - 90, way + 90), 4.0)
             notes.append(Note(tuple(arrow("dimension", [first, last])), (label,)))
         here = there
     return notes
@@ -292,12 +292,12 @@ def _tilt(scene: Scene, anchor: Anchor, level: Vector, name: str) -> Note:
     sweep = math.remainder(scene.numbers.names[name], math.tau)
     sweep = sweep if abs(sweep) > SHORT else SENSE
     at = paper(scene, anchor.spot(1))
-    start, radius = _heading(scene, level), ARC + 8
+    start, radius = heading(scene, level), ARC + 8
     line = arc(at, radius, start, sweep)
-    reference = Mark("reference", (at, _polar(at, radius + 12, start)))
-    own = Mark("reference", (at, _polar(at, radius + 12, start + sweep)))
+    reference = Mark("reference", (at, polar(at, radius + 12, start)))
+    own = Mark("reference", (at, polar(at, radius + 12, start + sweep)))
     middle = start + sweep / 2
-    label = Label(_symbol(name), "coordinate", _polar(at, radius, middle), _headings(middle), 5.0)
+    label = Label(symbol(name), "coordinate", polar(at, radius, middle), headings(middle), 5.0)
     return Note((reference, own, *arrow("dimension", line)), (label,))
 
 
@@ -312,7 +312,7 @@ def _free(scene: Scene, anchor: Anchor) -> list[Note]:
     sequence = anchor.orientation if len(anchor.orientation) == 3 else ""
     for k, (letter, name) in enumerate(zip(sequence, anchor.coordinates[3:])):
         axis = frame[:, "xyz".index(letter)]
-        notes.append(about(scene, end, axis, _symbol(name), "dimension", 40.0 + 4 * k))
+        notes.append(about(scene, end, axis, symbol(name), "dimension", 40.0 + 4 * k))
         frame = frame @ _rotation(letter, scene.numbers.names[name])
     return notes
 
@@ -331,131 +331,9 @@ def _universal(scene: Scene, anchor: Anchor) -> list[Note]:
     notes = [_turn(scene, anchor, anchor.coordinates[0])]
     if anchor.axis2 is not None and len(anchor.coordinates) > 1:
         axis = scene.pose(anchor.bodies[1]).rotation @ anchor.axis2
-        name = _symbol(anchor.coordinates[1])
+        name = symbol(anchor.coordinates[1])
         notes.append(about(scene, scene.place(anchor.spot(1)), axis, name, "dimension"))
     return notes
-
-
-# inputs and loads
-
-
-def inputs(scene: Scene) -> list[Note]:
-    """Forces and torques of actuators, and loads that are forces or torques."""
-    notes: list[Note] = []
-    rates = {v.name: (v.owner, v.rate_of) for v in scene.model.velocities}
-    for x in scene.model.inputs:
-        owner, coordinate = rates.get(x.velocity, ("", ""))
-        anchor = next((a for a in scene.anchors if a.name in (owner, coordinate)), None)
-        if anchor is None:
-            notes += _on_point(scene, coordinate, _symbol(x.name))
-        elif not _driving(scene, anchor):
-            notes += _driven(scene, anchor, x.velocity, coordinate, _symbol(x.name))
-    for x in scene.model.loads:
-        if isinstance(x, Force | Torque):
-            notes += _load(scene, x)
-    return notes
-
-
-def _on_point(scene: Scene, coordinate: str, latex: str) -> list[Note]:
-    """A force along a coordinate of a loose point."""
-    all_names = [x.name for x in scene.model.coordinates]
-    index = all_names.index(coordinate) if coordinate in all_names else -2
-    for k, point in enumerate(scene.loose):
-        if index in point.indices:
-            axis = np.eye(3)[point.indices.index(index)]
-            at = scene.pose(len(scene.model.bodies) + k).position
-            return [push(scene, at, axis, latex, 9.0)]
-    return []
-
-
-def _driven(scene: Scene, anchor: Anchor, velocity: str, coordinate: str, latex: str) -> list[Note]:
-    """The arrow of an actuator at its joint."""
-    slot = velocity.rpartition(".")[2]
-    turning = anchor.type in ("revolute", "screw") or slot.startswith("w")
-    if anchor.type == "universal":
-        second = anchor.axis2 if coordinate == anchor.coordinates[-1] else None
-        axis = anchor.axes[1] if second is None else second
-        axis = scene.pose(anchor.bodies[1]).rotation @ axis
-        return [about(scene, scene.place(anchor.spot(1)), -axis, latex, "input")]
-    if turning and scene.view.flat:
-        return [_torque(scene, anchor, latex)]
-    if turning:
-        axis = scene.pose(anchor.bodies[0]).rotation @ anchor.axes[0]
-        return [about(scene, scene.place(anchor.spot(0)), -axis, latex, "input", 24.0)]
-    body = scene.pose(anchor.bodies[1])
-    if anchor.type in ("prismatic", "cylindrical"):
-        direction = body.rotation @ anchor.axes[1]
-        short = 17.0 if scene.view.flat else 15.0
-    else:
-        axis = np.eye(3)["xyz".index(slot[-1])] if slot[-1:] in "xyz" and slot else np.eye(3)[0]
-        direction, short = body.rotation @ axis, 6.0
-    return [push(scene, scene.place(anchor.spot(1)), direction, latex, short)]
-
-
-def _torque(scene: Scene, anchor: Anchor, latex: str) -> Note:
-    """About a pin, on the side away from the link."""
-    at = paper(scene, anchor.spot(1))
-    along = scene.pose(anchor.bodies[1]).rotation @ arm(scene, anchor)
-    axis = scene.pose(anchor.bodies[1]).rotation @ anchor.axes[1]
-    sign = 1.0 if axis @ scene.view.toward >= 0 else -1.0
-    middle = _free_side(scene, anchor, _heading(scene, along))
-    sweep = sign * 2.0
-    points = arc(at, INPUT_ARC, middle - sweep / 2, sweep)
-    label = Label(latex, "input", _polar(at, INPUT_ARC, middle), _headings(middle), 5.0)
-    return Note(tuple(arrow("input", points)), (label,))
-
-
-def _free_side(scene: Scene, anchor: Anchor, link: float) -> float:
-    """A heading away from the link, and from the bearing of a pin on the ground."""
-    headings = [link + math.pi + turn for turn in (0.0, 0.5, -0.5, 0.9, -0.9, 1.3, -1.3)]
-    if GROUND not in anchor.bodies:
-        return headings[0]
-    bearing = math.pi / 2 if hangs(scene, anchor) else -math.pi / 2
-    free = [x for x in headings if abs(math.remainder(x - bearing, math.tau)) > 1.75]
-    return free[0] if free else headings[0]
-
-
-def push(scene: Scene, at: Vector, direction: Vector, latex: str, short: float) -> Note:
-    """A force: its arrow ends so many pixels before the point."""
-    x, y = scene.view.paper(at)
-    dx, dy = scene.view.paper(direction)
-    length = math.hypot(dx, dy)
-    if length < 0.15 * scene.view.scale:
-        return Note((), ())
-    dx, dy = dx / length, dy / length
-    tip = (x - short * dx, y - short * dy)
-    tail = (tip[0] - PUSH * dx, tip[1] - PUSH * dy)
-    way = math.degrees(math.atan2(-dy, dx))
-    label = Label(latex, "input", tail, (way + 90, way - 90, way + 180), 5.0)
-    return Note(tuple(arrow("input", [tail, tip])), (label,))
-
-
-def _load(scene: Scene, x: Force | Torque) -> list[Note]:
-    """Where its components have a direction with every input at one."""
-    numbers = scene.numbers
-    ones = {given.name: 1.0 for given in scene.model.inputs}
-    before = dict(numbers.names)
-    numbers.names.update(ones)
-    components = numbers.vector(x.components)
-    numbers.names.update(before)
-    size = float(np.linalg.norm(components))
-    index = scene.index(x.body)
-    if size == 0.0:
-        return []
-    direction = components / size
-    if x.frame == "body":
-        direction = scene.pose(index).rotation @ direction
-    latex = _symbol(x.name)
-    if isinstance(x, Force):
-        at = scene.pose(index).point(numbers.vector(x.point))
-        return [push(scene, at, direction, latex, 3.0)]
-    at = scene.pose(index).point(scene.com(index))
-    if scene.view.flat:
-        sweep = 2.4 if direction @ scene.view.toward > 0 else -2.4
-        points = arc(scene.view.paper(at), INPUT_ARC, 0.4, sweep)
-        label = Label(latex, "input", points[len(points) // 2], (45.0, 135.0), 5.0)
-        return [Note(tuple(arrow("input", points)), (label,))]
-    return [about(scene, at, direction, latex, "input")]
 
 
 # frames and gravity
@@ -492,7 +370,22 @@ def body_frames(scene: Scene) -> list[Note]:
             at = paper(scene, anchor.spot(1))
             rotation = scene.pose(anchor.bodies[1]).rotation @ anchor.frames[1]
             notes.append(triad(scene, at, rotation, BODY_AXIS))
-    return notes
+    return notes + [_named_frame(scene, x) for x in scene.model.frames[:MOST_FRAMES]]
+
+
+def own_axes(scene: Scene, frame: NamedFrame) -> Vector:
+    """Body ← frame."""
+    if frame.at.rotation is None:
+        return np.eye(3)
+    return np.array([scene.numbers.vector(row) for row in frame.at.rotation])
+
+
+def _named_frame(scene: Scene, frame: NamedFrame) -> Note:
+    """Its axes, small, and its name."""
+    pose, own = scene.pose(scene.index(frame.body)), own_axes(scene, frame)
+    at = scene.view.paper(pose.point(scene.numbers.vector(frame.at.position)))
+    axes = triad(scene, at, pose.rotation @ own, BODY_AXIS)
+    return Note(axes.marks, (Label(_word(frame.name), "frame", at, (225.0, 315.0), 8.0),))
 
 
 def gravity(scene: Scene, at: Point) -> Note:

@@ -217,11 +217,11 @@ def _end(e: Evidence, s: Sample, run: Any, t: float) -> Array:
     """(q, v) where a motion ends; modules of several charts give v themselves, for x may be in any
     of them, and a frame that was based anew stands with the parameters of the row."""
     assert e.module is not None
-    x, v = run.x[-1], getattr(run, "v", None)
+    x, v, p = run.x[-1], getattr(run, "v", None), getattr(run, "p", None)
     if v is not None:
         return np.concatenate([x[: len(s.q)], v[-1]])
-    if run.p is not None:
-        return np.concatenate([x[: len(s.q)], e.module.velocity(t, x, s.u, run.p[-1])])
+    if p is not None:
+        return np.concatenate([x[: len(s.q)], e.module.velocity(t, x, s.u, p[-1])])
     return np.concatenate([x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p)])
 
 

@@ -86,9 +86,10 @@ def test_rows_are_those_of_one_motion(
         np.testing.assert_allclose(many.x[k], one.x, rtol=rtol, atol=atol)
         np.testing.assert_allclose(many.work[k], one.work, rtol=rtol, atol=10 * atol)
         assert abs(many.steps[k] - one.steps) <= 2 and abs(many.rejected[k] - one.rejected) <= 2
-        # an error estimate of the size of rounding moves the step sizes a little
+        # an error estimate of the size of rounding moves the step sizes a little, and with them
+        # what the motion drifts: by no more than a hundredth of its tolerance
         for violation in ("position_violation", "velocity_violation"):
-            wanted = pytest.approx(getattr(one, violation), rel=0.3, abs=1e-12)
+            wanted = pytest.approx(getattr(one, violation), rel=0.3, abs=0.01 * how["rtol"])
             assert getattr(many, violation)[k] == wanted
 
 

@@ -1,7 +1,7 @@
 """The figure of a mechanism: of every model it is whole, finite and the same every time, no label
 covers another and nothing is cut off.
 
-Of hamel.draw.mechanism: anchors, bodies, figure, joints, marks, notes, placing, points, poses,
+Of hamel.draw.mechanism: anchors, bodies, figure, forces, joints, marks, notes, placing, points, poses,
 records, scene, shifts, solids, state, svg, ties, tikz, typeset, vectors, view, words.
 """
 
@@ -267,6 +267,20 @@ def test_the_verb_writes_svg_and_tikz(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["draw", path, "-o", "figure.png"])
     assert ended.value.code == 1 and ".svg or .tex" in capsys.readouterr().err
+
+
+def test_named_frames_are_drawn_with_their_names():
+    text = SMALL["one pendulum"] + "frames: {tool: {body: a, position: [1 m, 0]}}\n"
+    with_frame, without = (check(system(load_text(x))) for x in (text, SMALL["one pendulum"]))
+    names = [x.label.latex for x in with_frame.letterings]
+    assert r"\mathrm{tool}" in names and len(with_frame.marks) > len(without.marks)
+
+
+def test_a_wrench_is_a_force_and_a_moment_at_its_frame():
+    text = SMALL["one pendulum"] + "frames: {tool: {body: a, position: [1 m, 0]}}\n"
+    text += "loads: {W: {type: wrench, frame: tool, force: [1 N, 0], moment: 2 N*m}}\n"
+    drawing = check(system(load_text(text)))
+    assert [x.label.style for x in drawing.letterings if x.label.latex == "W"] == ["input"] * 2
 
 
 def test_a_page_stands_without_a_figure_that_cannot_be_drawn():

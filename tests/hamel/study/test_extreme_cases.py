@@ -1,6 +1,7 @@
 """Stiff, extreme and singular cases: survived, or refused by name; never wrong.
 
 Of hamel.simulate.exact: series.
+Of derive.model: extremes.
 """
 
 from __future__ import annotations

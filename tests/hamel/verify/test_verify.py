@@ -21,7 +21,7 @@ from derive.model import load, load_text
 from derive.states import system
 from hamel.build.module import temporary_module
 from hamel.verify import verification
-from hamel.verify.checks import CHECKS
+from hamel.verify.checks import CHECKS, named_frames, quasi, steps
 from hamel.verify.checks.evidence import terms
 from hamel.verify.checks.linear import JACOBIANS, with_linearization
 from hamel.verify.checks.roundoff import bound
@@ -577,6 +577,9 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
     named |= {"energy", "qdot", "integrate", "difference", "normalise"}
     named |= {"d(A v − c)/dt = 0", "β = −Ȧ v + ċ", "φ̇ = A v − c"}
     named |= {"events"}  # test_events
+    named |= {check.name for check in (*named_frames.CHECKS, *quasi.CHECKS)}  # test_named_frames
+    named |= {"Jacobian of outputs"}  # the same
+    named |= {check.name for check in steps.CHECKS}  # test_steps
     assert {check.name for check in CHECKS} == named | by_code
 
 

@@ -37,11 +37,15 @@ def _outcomes(
 ) -> Iterator[CheckResult]:
     known = [name for name in functions if name in subject.rows]
     values = [subject.error(name, functions[name]) for name in known]
-    yield result(f"{kind}: values", values, "every function against the module, entry by entry")
+    yield result(
+        subject, f"{kind}: values", values, "every function against the module, entry by entry"
+    )
     if "dynamics" in known and "jacobian" in subject.rows:
         jacobians, adjoints = _derivatives(subject, functions["dynamics"])
-        yield result(f"{kind}: Jacobians", jacobians, "of the state derivative by x, u and p")
-        yield result(f"{kind}: adjoint", adjoints, ADJOINT)
+        yield result(
+            subject, f"{kind}: Jacobians", jacobians, "of the state derivative by x, u and p"
+        )
+        yield result(subject, f"{kind}: adjoint", adjoints, ADJOINT)
 
 
 def _derivatives(subject: Subject, dynamics: ca.Function) -> tuple[list[float], list[float]]:

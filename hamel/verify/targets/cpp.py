@@ -82,7 +82,7 @@ def check(subject: Subject) -> tuple[CheckResult, ...]:
         if refused:
             return (warnings,)
         errors = _errors(subject, _values(subject, source, compilers[0]))
-    return warnings, result("values", errors, "every function through the header")
+    return warnings, result(subject, "values", errors, "every function through the header")
 
 
 def _program(subject: Subject) -> str:

@@ -25,7 +25,7 @@ def check(subject: Subject) -> tuple[CheckResult, ...]:
         if name in subject.rows
     ]
     return (
-        result("values", errors, "every function against the module"),
+        result(subject, "values", errors, "every function against the module"),
         _allocations(subject, functions, numba),
     )
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from derive.diagnostics import ToolchainError
 from hamel.verify.records import CheckResult
-from hamel.verify.shipped import TOLERANCE
+from hamel.verify.shipped import COARSE, TOLERANCE
 
 NOTHING = 1e-300  # the size of a result that is zero
 Row = tuple[float, np.ndarray, np.ndarray, np.ndarray]
@@ -33,6 +33,12 @@ class Subject:
     folder: Path
     module: ModuleType
     rows: Mapping[str, Any]
+
+    @property
+    def tolerance(self) -> float:
+        """What another order of operations may do to the last digits: that of the values that are
+        shipped beside a module."""
+        return TOLERANCE if self.module.defaults.dtype == np.float64 else COARSE
 
     def row(self, name: str, k: int) -> Row:
         """The arguments of state k, with the module's usual frame behind the parameters where it
@@ -68,11 +74,10 @@ class TargetCheck:
     run: Callable[[Subject], Sequence[CheckResult]]
 
 
-def result(name: str, errors: Sequence[float], about: str) -> CheckResult:
-    """The worst of relative errors, held to what another order of operations may do to the last
-    digits of the arguments' functions: that of the values that are shipped beside a module."""
+def result(subject: Subject, name: str, errors: Sequence[float], about: str) -> CheckResult:
+    """The worst of relative errors, held to the tolerance of the module's precision."""
     value = max((math.inf if math.isnan(error) else error for error in errors), default=math.inf)
-    return CheckResult(name, value, TOLERANCE, value <= TOLERANCE, about)
+    return CheckResult(name, value, subject.tolerance, value <= subject.tolerance, about)
 
 
 def generated(subject: Subject, target: str) -> ModuleType:

@@ -1,0 +1,85 @@
+"""The JAX target, by JAX: values under jit and vmap, forward and adjoint products of the state
+derivative, against the module and its Jacobians."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from hamel.verify.records import CheckResult
+from hamel.verify.targets.records import Subject, TargetCheck, generated, result, tool
+
+
+def check(subject: Subject) -> tuple[CheckResult, ...]:
+    """ToolchainError without jax."""
+    jax = tool("jax")
+    with _in_double(jax):
+        functions = generated(subject, "jax")
+        known = [name for name in functions.FUNCTIONS if name in subject.rows]
+        one = [subject.error(name, jax.jit(getattr(functions, name))) for name in known]
+        many = [subject.error(name, _mapped(jax, getattr(functions, name))) for name in known]
+        results = [
+            result(subject, "values under jit", one, "every function against the module"),
+            result(subject, "values under vmap", many, "the same, by the function for many states"),
+        ]
+        if "dynamics_adjoint" in known:
+            results += _derivatives(subject, jax, functions.dynamics)
+    return tuple(results)
+
+
+@contextlib.contextmanager
+def _in_double(jax: ModuleType) -> Iterator[None]:
+    """JAX makes float32 of everything where nothing else is said."""
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    try:
+        yield
+    finally:
+        jax.config.update("jax_enable_x64", before)
+
+
+def _mapped(jax: ModuleType, function: Callable[..., Any]) -> Callable[..., np.ndarray]:
+    """The state among others: in the middle of three."""
+
+    def value(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        states = np.stack([0.5 * x, x, 2.0 * x])
+        return np.asarray(jax.vmap(function, (None, 0, None, None))(t, states, u, p))[1]
+
+    return value
+
+
+def _derivatives(subject: Subject, jax: ModuleType, dynamics: Any) -> list[CheckResult]:
+    """By x and u along the vectors of the module's products, by p and t as whole Jacobians; both
+    ways through."""
+
+    def forward(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Any:
+        state, dx, du = np.split(x, [len(x) - nx - len(u), len(x) - len(u)])
+        along = (0.0, dx, du, np.zeros_like(p))
+        return jax.jvp(dynamics, (t, state, u, p), along)[1]
+
+    def adjoint(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Any:
+        value, back = jax.vjp(dynamics, t, x[:nx], u, p)
+        _, by_x, by_u, _ = back(x[nx:].astype(value.dtype))
+        return np.concatenate([by_x, by_u])
+
+    nx = subject.module.nx
+    found = []
+    for name, product, call, jacobian in (
+        ("jvp", "dynamics_forward", forward, jax.jacfwd),
+        ("vjp", "dynamics_adjoint", adjoint, jax.jacrev),
+    ):
+        calls = {product: call, "jacobian_t": _mapped(jax, jacobian(dynamics, 0))}
+        calls["jacobian_p"] = _mapped(jax, jacobian(dynamics, 3))
+        known = [function for function in calls if function in subject.rows]
+        errors = [subject.error(function, calls[function]) for function in known]
+        found.append(
+            result(subject, name, errors, f"of the state derivative, against {', '.join(known)}")
+        )
+    return found
+
+
+JAX = TargetCheck("jax", "jax", check)

@@ -42,14 +42,16 @@ def check(subject: Subject) -> Iterator[CheckResult]:
         fmu = _Fmu(fmpy, Path(folder), fmpy.read_model_description(folder))
         values = [subject.error("dynamics", fmu.rates)]
         values += [subject.error(name, fmu.group(name)) for name in fmu.groups(subject)]
-        yield result("values", values, "rates and variables against the module, entry by entry")
+        about = "rates and variables against the module, entry by entry"
+        yield result(subject, "values", values, about)
         if fmu.description.modelExchange.providesAdjointDerivatives:
             products = [
                 subject.error("dynamics_forward", fmu.forward),
                 subject.error("dynamics_adjoint", fmu.adjoint),
                 subject.error("outputs_jacobian", fmu.outputs_jacobian),
             ]
-            yield result("derivatives", products, "directional and adjoint ones of the module")
+            about = "directional and adjoint ones of the module"
+            yield result(subject, "derivatives", products, about)
     yield from _motions(fmpy, subject, path)
 
 

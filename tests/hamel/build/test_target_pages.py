@@ -26,7 +26,8 @@ pytestmark = [
 
 
 def run(place, *command):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(place / "cache")}
+    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    environment = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(place / "cache")}
     done = subprocess.run(
         command, check=False, cwd=place, env=environment, capture_output=True, text=True
     )

@@ -15,7 +15,7 @@ from codegen.compiler import find_compiler
 from codegen.targets import ON_REQUEST
 from tests.scenes import MODELS, ROOT
 
-PAGES = sorted((ROOT / "docs" / "targets").glob("*.md"))
+PAGES = sorted((ROOT / "docs" / "targets").glob("[a-z]*.md"))
 PACKAGES = ("casadi", "numba", "jax")  # of the targets that are called so
 BLOCK = re.compile(r"^```(sh|python|cpp)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 

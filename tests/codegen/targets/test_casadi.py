@@ -1,5 +1,9 @@
 """The casadi target: what it writes agrees with the module, errors in it are seen, what does not
-fit is refused, nothing of it is there unless it was asked for."""
+fit is refused, nothing of it is there unless it was asked for.
+
+Of codegen.targets: casadi.
+Of hamel.verify.targets: casadi.
+"""
 
 import json
 import shutil

@@ -1,5 +1,9 @@
 """The numba target: values, loops without allocation, errors that are seen, arrays that do not
-fit."""
+fit.
+
+Of codegen.targets: numba.
+Of hamel.verify.targets: numba.
+"""
 
 from dataclasses import replace
 

@@ -15,7 +15,7 @@ from codegen.compiler import find_compiler
 from codegen.targets import ON_REQUEST
 from tests.scenes import MODELS, ROOT
 
-PAGES = sorted((ROOT / "docs" / "targets").glob("*.md"))
+PAGES = sorted((ROOT / "docs" / "targets").glob("[a-z]*.md"))
 # what the code of each page imports
 PACKAGES = {"casadi": "casadi", "fmu": "fmpy", "numba": "numba", "jax": "jax"}
 BLOCK = re.compile(r"^```(sh|python|cpp)\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -27,7 +27,8 @@ pytestmark = [
 
 
 def run(place, *command):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(place / "cache")}
+    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    environment = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(place / "cache")}
     done = subprocess.run(
         command, check=False, cwd=place, env=environment, capture_output=True, text=True
     )

@@ -12,6 +12,7 @@ import pathlib
 import platform
 import sys
 import zipfile
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 NAME = ""
@@ -23,9 +24,10 @@ MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 
 def main(folder: pathlib.Path) -> list[str]:
     """Writes NAME.fmu into the folder; the names of the files made."""
-    listed = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["files"]
-    ours = [name for name in sorted(listed) if name.endswith((".c", ".h"))]
-    sources = [name for name in ours if name not in left_out(folder)]
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    texts = [name for name in sorted(manifest["files"]) if name.endswith((".c", ".h"))]
+    others = left_out(manifest)
+    sources = [name for name in texts if name not in others]
     ending = ENDINGS.get(sys.platform, ".so")
     parts = {
         "modelDescription.xml": (folder / "modelDescription.xml").read_bytes(),
@@ -38,10 +40,12 @@ def main(folder: pathlib.Path) -> list[str]:
     return [f"{NAME}.fmu"]
 
 
-def left_out(folder: pathlib.Path) -> set[str]:
-    """C that is no part of the library: the module for Python and the example."""
+def left_out(manifest: dict[str, Any]) -> set[str]:
+    """C that an FMU does not need: the module for Python, the example, other targets."""
     example = "example.c" if NAME.lower() != "example" else "example_program.c"
-    return {f"{NAME}_module.c", example}
+    others = {name: target["files"] for name, target in manifest["targets"].items()}
+    others.pop("fmu")
+    return {f"{NAME}_module.c", example, *(file for files in others.values() for file in files)}
 
 
 def tuple_here() -> str:

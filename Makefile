@@ -68,7 +68,8 @@ bench: $(BENCH)/.ready
 targets: $(TARGETS_VENV)/.ready
 	$(TARGETS_VENV)/bin/python benchmarks/targets.py $(TARGETS)
 	$(TARGETS_VENV)/bin/python -m pytest tests/codegen/targets/test_casadi.py tests/codegen/targets/test_cpp.py \
-		tests/codegen/targets/test_numba.py tests/codegen/targets/test_jax.py tests/hamel/build/test_target_pages.py
+		tests/codegen/targets/test_numba.py tests/codegen/targets/test_jax.py tests/codegen/runtime/test_fmi.py \
+		tests/hamel/build/test_target_pages.py
 
 # The table and the plots of docs/bench.md from build/bench.json.
 bench-page:

@@ -17,6 +17,7 @@ import json
 import os
 import pathlib
 import platform
+import runpy
 import shlex
 import shutil
 import signal
@@ -193,7 +194,18 @@ def compile_folder(folder: str | os.PathLike[str], name: str, command: Sequence[
         raise CompileError(f"{command[0]} ended without an error, but did not make {missing[0]}")
     for item in objects:
         (folder / item).unlink()
+    made += packed(folder)
     record(folder, made)
+    return made
+
+
+def packed(folder: pathlib.Path) -> list[str]:
+    """What the scripts build_TARGET.py of the folder make of what was compiled."""
+    listed = sorted(manifest(folder)["files"])
+    scripts = [file for file in listed if file.startswith("build_") and file.endswith(".py")]
+    made: list[str] = []
+    for script in scripts:
+        made += runpy.run_path(str(folder / script))["main"](folder)
     return made
 
 
@@ -215,8 +227,8 @@ def record(folder: pathlib.Path, made: Sequence[str]) -> None:
 
 def flags_of(command: Sequence[str], name: str, stem: str) -> Sequence[str]:
     """What one file needs besides FLAGS. The one that looks whether the processor fits must run on
-    any."""
-    if stem == f"{name}_cpu":
+    any, and so must one that asks it."""
+    if stem in (f"{name}_cpu", f"{name}_fmi"):
         return []
     flags, macros = probe(tuple(command))
     if stem == f"{name}_batch":

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import escape
 
 import jinja2
 
@@ -170,6 +171,11 @@ def python_doc(text: str) -> str:
     return printable(text).replace("\\", "\\\\").replace('"', "'")
 
 
+def xml(text: str) -> str:
+    """Text that is safe as an attribute of XML, between double quotes."""
+    return escape(printable(text), {'"': "&quot;"})
+
+
 def wrapped(text: str, width: int = 110, indent: str = "") -> str:
     """Lines of at most `width` characters, all but the first indented."""
     return ("\n" + indent).join(
@@ -192,7 +198,7 @@ def _environment() -> jinja2.Environment:
     )
     filters: dict[str, Callable[..., str]] = {
         "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc,
-        "number": number,
+        "number": number, "xml": xml,
         "py_number": functools.partial(number, language=NUMPY), "wrapped": wrapped,
     }  # fmt: skip
     environment.filters.update(filters)  # pyright: ignore[reportUnknownMemberType]  # jinja2 leaves them open

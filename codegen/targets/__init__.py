@@ -7,6 +7,7 @@ from codegen.targets.charts import CHARTS
 from codegen.targets.cpp import CPP
 from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
+from codegen.targets.fmu import FMU
 from codegen.targets.jax import JAX
 from codegen.targets.manifest import MANIFEST
 from codegen.targets.nullspace import NULLSPACE
@@ -31,6 +32,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI, CPP, NUMBA, JAX)
+ON_REQUEST: tuple[Target, ...] = (CASADI, CPP, FMU, NUMBA, JAX)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

@@ -229,7 +229,9 @@ def _checked(draft: Draft) -> ModuleType:
     """The module, when it runs on what was compiled; ToolchainError else."""
     module = _loaded(draft.folder)
     try:
-        wanted = "extension" if len(_listed(draft.folder)) > 1 else "ctypes"
+        suffix = toolchain.extension_suffix()
+        extended = any(name.endswith(suffix) for name in _listed(draft.folder))
+        wanted = "extension" if extended else "ctypes"
         importlib.import_module(f"{module.__name__}._library")
         if module.backend != wanted:
             importlib.import_module(f"{module.__name__}._{module.name}")

@@ -320,6 +320,7 @@ def test_interrupted_build_leaves_nothing(tmp_path):
     assert working.returncode == 0 or os.listdir(tmp_path) in ([], ["generated"])
 
 
+@pytest.mark.slow
 def test_building_again_copies_what_was_verified(hamel, tmp_path, tmp_path_factory, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
     model = tmp_path / "pendulum.yaml"

@@ -3,10 +3,11 @@ a TargetCheck, and its line here."""
 
 from hamel.verify.targets.casadi import CASADI
 from hamel.verify.targets.cpp import CPP
+from hamel.verify.targets.fmu import FMU
 from hamel.verify.targets.jax import JAX
 from hamel.verify.targets.numba import NUMBA
 from hamel.verify.targets.records import Subject, TargetCheck
 
-TARGET_CHECKS: tuple[TargetCheck, ...] = (CASADI, CPP, NUMBA, JAX)
+TARGET_CHECKS: tuple[TargetCheck, ...] = (CASADI, CPP, FMU, NUMBA, JAX)
 
 __all__ = ["TARGET_CHECKS", "Subject", "TargetCheck"]

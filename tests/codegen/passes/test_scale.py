@@ -203,6 +203,7 @@ def test_operations_and_text_grow_in_proportion(
     assert all(larger <= 2.3 * smaller for smaller, larger in zip(*sizes))
 
 
+@pytest.mark.slow
 def test_parts_are_bounded_and_load_near_the_use(folder: Path) -> None:
     """A compiler's time is linear in the number of links: parts are no longer for more links, and
     nothing in them waits long for its use, for gcc looks through all that stands between."""

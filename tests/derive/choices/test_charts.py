@@ -414,6 +414,7 @@ def test_functions_alone_have_their_charts(tmp_path: Path) -> None:
     np.testing.assert_allclose(module.energy_chart1(0.0, there), module.energy(0.0, x), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_build_holds_charts_where_no_choice_is_safe(tmp_path: Path) -> None:
     """The board's speed along itself fails with crossed wheels, its turning with parallel ones;
     either is one of four speeds."""
@@ -487,6 +488,7 @@ def test_the_c_functions_say_the_same(crank: Case, slider_rod: ModuleType) -> No
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_the_example_runs(tmp_path: Path, crank: Case) -> None:
     files = emit(program(equations(crank.mechanics, "slider+rod")))
     for name, text in files.items():
@@ -570,6 +572,7 @@ def test_simulate_goes_through_and_says_so() -> None:
     assert json.dumps(hamel.records.as_json(found))
 
 
+@pytest.mark.slow
 def test_named_charts_are_simulated_as_they_are() -> None:
     found = hamel.simulate(SLIDER_CRANK, choice="slider+tangent", time=1.0)
     assert found.choice == "slider+tangent" and {switch.entered for switch in found.switches} == {

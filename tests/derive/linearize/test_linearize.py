@@ -325,6 +325,7 @@ def test_two_names_make_a_map_and_bad_ranges_are_said(tmp_path):
             hamel.linearize(MODELS / "hoop.yaml", sweep=bad)
 
 
+@pytest.mark.slow
 def test_the_bicycle_on_tyres_becomes_the_one_on_knife_edges(bicycle):
     """A thin tyre is a knife edge; a tyre of 2 cm moves the weave speed."""
     found = studied("extremes/bicycle_toroidal")
@@ -349,6 +350,7 @@ def test_the_walk_through_says_what_is_found(bicycle):
     assert "hamel linearize" in text and "spurious" in text
 
 
+@pytest.mark.slow
 def test_zeros_are_taken_out_whichever_way_they_are_named(bicycle):
     """All as families, some by name, all as cyclic: the same four eigenvalues."""
     motion = motion_of(bicycle.equations, None)

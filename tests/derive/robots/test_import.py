@@ -1,6 +1,7 @@
 """Robots from URDF and MJCF: what they become, against kinematics written anew here; and one
 message for each bad file.
 
+Of derive.robots: limits.
 Of derive.robots: couplings, inertias, robot, urdf, writing.
 Of derive.robots.mjcf: actuators, bodies, settings, ties.
 """
@@ -497,6 +498,7 @@ def test_nothing_of_a_file_that_is_no_model_is_shown(content, tmp_path):
         assert "opensesame" not in str(raised.value)
 
 
+@pytest.mark.slow
 def test_included_files_are_counted_before_anything_is_built(tmp_path, monkeypatch):
     """99 times one file: bytes, elements and bodies of all together are bounded."""
     body = '<body><joint/><geom size="0.1"/></body>'

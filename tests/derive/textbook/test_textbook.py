@@ -301,6 +301,7 @@ def test_a_page_has_every_section_in_order():
     assert "Planar four-bar linkage" in text and "because the model declares it" in text
 
 
+@pytest.mark.slow
 def test_same_bytes_for_every_hash_seed():
     code = (
         "from derive.model import load; from derive.states import system; from derive.formulations import equations\n"

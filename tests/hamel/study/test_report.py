@@ -195,6 +195,7 @@ def test_a_wrong_reference_is_noticed(
     assert not both.passed and "agree with each other" in both.models[0]["advice"][0]
 
 
+@pytest.mark.slow
 def test_a_task_without_end_is_ended_and_the_work_goes_on() -> None:
     """Refused, too long, dead, done: the pool says which, and the rest of a series is left out
     only where that is asked for."""

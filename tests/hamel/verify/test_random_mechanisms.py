@@ -85,6 +85,7 @@ def one_rolling(meetings):
 
 @profile(12)
 @given(tree=trees(4), loads=some(LOADS, 0, 3), seed=SEEDS)
+@pytest.mark.slow
 def test_trees(tree, loads, seed):
     check(mechanism(tree, loads=loads, seed=seed), "quasi_velocities")
 
@@ -103,6 +104,7 @@ def test_constraints(tree, loops, meetings, seed):
 
 @profile(3)
 @given(loop=some(LOOPS, 1, 1), seed=SEEDS)
+@pytest.mark.slow
 def test_loops_without_multipliers(loop, seed):
     check(mechanism([("free", 0)], loop, seed=seed), "quasi_velocities")
 

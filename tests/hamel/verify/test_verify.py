@@ -93,6 +93,7 @@ def test_models_of_every_kind_pass(name, formulation):
     assert found.passed, shown(found)
 
 
+@pytest.mark.slow
 def test_a_surface_that_moves_passes():
     model = load_text(SURFACE)
     found = verification(model, equations(system(model), None, "augmented"), states=10)
@@ -216,6 +217,7 @@ def test_what_the_checks_cannot_see_is_said(monkeypatch):
     assert all(mutation.caught_by == ("M",) for mutation in found.list if mutation.where == "M")
 
 
+@pytest.mark.slow
 def test_changes_without_effect_are_not_planted():
     """x/1 for x·1 and sums with zero: no number changes, and no check could see it."""
     model = load_text(ARM)

@@ -40,7 +40,7 @@ from hamel.build.module import Compiled, compiling, drafted
 from hamel.build.options import BuildOptions, affordable
 from hamel.build.reuse import remember
 from hamel.build.stages import equations_of, program_for, with_emitted
-from hamel.build.targets import checked_targets, subject_of
+from hamel.build.targets import UNCHECKED, checked_targets, subject_of
 from hamel.build.tune import fastest, with_fastest_flags
 from hamel.records import Built
 from hamel.verify import Verification, quick_verification
@@ -90,7 +90,9 @@ def build(
         publish(place, files)
     record = _record(program, place, compiled, files, clock)
     record = replace(record, targets=targets)
-    if key == file_key(path, options.said()):  # it was not edited meanwhile
+    unchecked = any(how.startswith(UNCHECKED) for how in targets.values())
+    # it was not edited meanwhile, and nothing of it waits for a tool
+    if key == file_key(path, options.said()) and not unchecked:
         remember(key, record, files)
     return record
 

@@ -13,6 +13,8 @@ from derive.diagnostics import ToolchainError, VerificationError
 from hamel.verify import CheckResult
 from hamel.verify.targets import TARGET_CHECKS, Subject, TargetCheck
 
+UNCHECKED = "not checked"  # so begins what is said of a target whose tool is missing
+
 
 def subject_of(program: Program, module: ModuleType, rows: Mapping[str, Any]) -> Subject:
     """A module that was loaded, with arguments of its functions."""
@@ -34,12 +36,12 @@ def checked_targets(program: Program, subject: Subject) -> dict[str, str]:
 
 def _checked(check: TargetCheck, subject: Subject) -> str:
     try:
-        results = check.run(subject)
+        results = tuple(check.run(subject))
     except ToolchainError as error:
         warnings.warn(
             f"target {check.target} was not checked: {error}", RuntimeWarning, stacklevel=4
         )
-        return f"not checked, for want of {check.tool}"
+        return f"{UNCHECKED}, for want of {check.tool}"
     failed = [_failure(result) for result in results if not result.passed]
     if failed:
         raise VerificationError(

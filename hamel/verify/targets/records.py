@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -71,7 +71,7 @@ class TargetCheck:
 
     target: str
     tool: str
-    run: Callable[[Subject], Sequence[CheckResult]]
+    run: Callable[[Subject], Iterable[CheckResult]]
 
 
 def result(subject: Subject, name: str, errors: Sequence[float], about: str) -> CheckResult:

@@ -28,6 +28,8 @@ def outcome(passed):
 
 
 def missing(subject):
+    """As a generator, which says so when it is asked for its first result."""
+    yield from ()
     raise ToolchainError("it is not there", "pip install it")
 
 

@@ -33,4 +33,4 @@ LARGE_SCALES = 10_000  # graphs with more nodes than this keep the numbers of th
 MOST_ROUNDS = 4  # as long as a round of passes helps
 LONG_FUNCTION = 2_000  # from which one round has to do
 LONGEST_FUNCTION = 10_000  # from which factoring once has to do
-SHORT_FUNCTION = 400  # up to which operations are counted after every pass, not estimated
+SHORT_FUNCTION = 1_000  # up to which operations are counted after every pass, not estimated

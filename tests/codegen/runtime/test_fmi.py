@@ -1,5 +1,8 @@
 """The C of an FMU, called as an importer calls it: values, modes, states, derivatives, two instances
-at once, and calls that the standard does not allow; and NAME.fmu, compiled again from its sources."""
+at once, and calls that the standard does not allow; and NAME.fmu, compiled again from its sources.
+
+Of codegen.runtime: build_fmu.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 at once, and calls that the standard does not allow; and NAME.fmu, compiled again from its sources.
 
 Of codegen.runtime: build_fmu.
+Of codegen.targets: fmu.
+Of hamel.verify.targets: fmu.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ bench: $(BENCH)/.ready
 # Targets on request with every kind of model, each checked by its tool (numba and others in an environment of their own):
 # one table, and build/targets.json. Some of them as in make targets TARGETS="casadi cpp".
 targets: $(TARGETS_VENV)/.ready
-	$(TARGETS_VENV)/bin/python benchmarks/targets.py $(TARGETS)
+	$(TARGETS_VENV)/bin/python benchmarks/target_checks.py $(TARGETS)
 	$(TARGETS_VENV)/bin/python -m pytest tests/codegen/targets/test_casadi.py tests/codegen/targets/test_cpp.py \
 		tests/codegen/targets/test_numba.py tests/codegen/targets/test_jax.py tests/codegen/runtime/test_fmi.py \
 		tests/hamel/build/test_target_pages.py

@@ -1,95 +1,53 @@
-"""Every target on request with every kind of model, checked by its tool against the module: one
-table, and build/targets.json with a row {"target", "model", "tool", "worst", "passed"} for each.
-
-worst is the largest error in terms of its tolerance: 1 is the most that passes. A target that does
-not fit a model has to say so; then the tool of the row is the reason, and worst is null.
-
-Run by `make targets`; `python benchmarks/targets.py casadi cpp` runs some of them.
-"""
+"""What is to be reached: our time over the peer's, at most. Best of the variants of each."""
 
 from __future__ import annotations
 
-import json
-import sys
-import warnings
-from dataclasses import asdict, dataclass
-from pathlib import Path
-
-from rich.console import Console
-
-from codegen.targets import ON_REQUEST
-from derive.diagnostics import AssumptionError, HamelError
-from hamel.build.options import BuildOptions
-from hamel.records import CheckLine, as_json
-from hamel.show import table
-from hamel.verbs.verify import run_targets
-from hamel.verify.targets import TARGET_CHECKS
-
-HOME = Path(__file__).parent.parent
-STATES = 20
-# what it is → the file, and how it is built
-MODELS = {
-    "tree": ("cart_pole", {}),
-    "closed loop": ("four_bar", {"choice": "crank"}),
-    "rolling body": ("rolling_disk", {}),
-    "charts": ("four_bar", {"choice": "crank+rocker"}),
-    "no inputs": ("chaplygin_sleigh", {}),
-    "float32": ("cart_pole", {"real": "float32"}),
-}
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Row:
-    target: str
+class Target:
+    function: str
     model: str
-    tool: str
-    worst: float | None
-    passed: bool
+    peer: str
+    ratio: float
 
 
-def row(target: str, kind: str) -> Row:
-    """One target with one model."""
-    name, how = MODELS[kind]
-    options = BuildOptions(targets=(target,), **how)
-    model = f"{name} ({kind})"
-    tool = next(check.tool for check in TARGET_CHECKS if check.target == target)
-    try:
-        found = run_targets(HOME / "models" / f"{name}.yaml", options, STATES, seed=0)
-    except AssumptionError as error:  # it does not fit, and says why
-        return Row(target, model, error.diagnostics[0].message, None, True)
-    except HamelError as error:
-        return Row(target, model, " ".join(str(error).split()), None, False)
-    return Row(target, model, tool, max(map(_share, found.checks)), found.passed)
+SCALAR, BATCH, INVERSE, MASS = "dynamics", "dynamics batch", "inverse_dynamics", "mass"
+AUGMENTED, PYDY, PINOCCHIO, THROUGH_CASADI = (
+    "augmented, CasADi SX",
+    "SymPy Kane → PyDy C + LU",
+    "Pinocchio C++",
+    "Pinocchio→CasADi→C",
+)
+AUGMENTED_MX = "augmented, CasADi MX"
+LANES, PEAK, BEST = "CasADi C in lanes", "the core's peak", "best peer"
+CHAINS = (2, 5, 10, 20, 50)
 
-
-def _share(check: CheckLine) -> float:
-    """Of its tolerance; of a check that tolerates nothing, what it counts."""
-    return check.value / check.tolerance if check.tolerance else check.value
-
-
-def main(names: list[str]) -> int:
-    """0 where every target fits and agrees, or says why it does not fit."""
-    warnings.simplefilter("ignore", RuntimeWarning)
-    wanted = names or [target.name for target in ON_REQUEST]
-    rows = [row(target, kind) for target in wanted for kind in MODELS]
-    shown = [
-        (r.target, r.model, "–" if r.worst is None else f"{r.worst:.1g}", _word(r), r.tool)
-        for r in rows
-    ]
-    console = Console()
-    table(console, ("target", "model", "worst", "", "tool"), shown, right=range(2, 3))
-    place = HOME / "build" / "targets.json"
-    place.parent.mkdir(exist_ok=True)
-    place.write_text(json.dumps([as_json(asdict(r)) for r in rows], indent=1) + "\n", "utf-8")
-    console.print(f"{sum(r.passed for r in rows)} of {len(rows)} passed; {place.relative_to(HOME)}")
-    return 0 if all(r.passed for r in rows) else 4
-
-
-def _word(found: Row) -> str:
-    if not found.passed:
-        return "FAILED"
-    return "passed" if found.worst is not None else "refused"
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+TARGETS = (
+    Target(SCALAR, "panda", PINOCCHIO, 0.12),
+    Target(SCALAR, "panda", THROUGH_CASADI, 0.65),
+    Target(SCALAR, "panda", "MuJoCo", 0.24),
+    Target(SCALAR, "panda", "SymForce", 0.75),
+    Target(SCALAR, "ur5", THROUGH_CASADI, 0.60),
+    Target(SCALAR, "stanford_arm", THROUGH_CASADI, 0.60),
+    Target(SCALAR, "humanoid", THROUGH_CASADI, 0.70),
+    Target(BATCH, "panda", PINOCCHIO, 0.015),
+    Target(BATCH, "panda", LANES, 0.7),
+    Target(BATCH, "panda", "JAX", 0.1),
+    Target(BATCH, "panda", "MuJoCo rollout", 0.1),
+    Target(BATCH, "panda", "numba", 0.1),
+    Target(SCALAR, "snake3", AUGMENTED, 0.35),
+    Target(SCALAR, "snake3", PYDY, 0.25),
+    Target(SCALAR, "four_bar", AUGMENTED, 0.6),
+    Target(SCALAR, "four_bar", PYDY, 0.45),
+    Target(SCALAR, "four_bars40", AUGMENTED, 0.6),
+    Target(SCALAR, "four_bars40", AUGMENTED_MX, 0.3),
+    Target(SCALAR, "four_bars40", "MuJoCo", 0.05),
+    Target(SCALAR, "four_bars40", "Pinocchio lcaba", 0.05),
+    *(Target(SCALAR, f"chain{n}", BEST, 0.8) for n in CHAINS),
+    Target(INVERSE, "panda", THROUGH_CASADI, 0.75),
+    Target(MASS, "panda", THROUGH_CASADI, 0.75),
+    Target(SCALAR, "panda", PEAK, 1 / 0.7),
+    Target(BATCH, "panda", PEAK, 1 / 0.6),
+)

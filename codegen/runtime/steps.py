@@ -42,6 +42,7 @@ class Face:
     shape: tuple[int, ...]
     states: tuple[str, ...]
 
+    # those of every function of a module, and three of a step
     def __call__(  # noqa: PLR0913
         self,
         t: Any,

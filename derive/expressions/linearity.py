@@ -90,21 +90,3 @@ def _power(base: Degree, exponent: Degree, written: Expression) -> Degree:
     if isinstance(written, tree.Number) and written.value.is_integer() and written.value >= 0:
         return Degree(base.lowest * written.value, base.highest * written.value)
     return NONLINEAR
-
-
-def is_linear_in_rates(
-    expression: Expression,
-    velocities: Collection[str] = (),
-    definitions: Mapping[str, Degree] | None = None,
-) -> bool:
-    """Whether the formula is of the form coefficients · velocities + rest."""
-    return degree(expression, velocities, definitions).highest <= 1
-
-
-def depends_on_rates(
-    expression: Expression,
-    velocities: Collection[str] = (),
-    definitions: Mapping[str, Degree] | None = None,
-) -> bool:
-    """Whether a velocity occurs at all."""
-    return degree(expression, velocities, definitions).highest > 0

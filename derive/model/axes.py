@@ -15,7 +15,6 @@ from derive.model.records import Vector3
 from derive.model.space import constant_vector, normalised
 
 _TURN = 6.283185307179586
-_DIRECTIONS = "x, y, z or a list of numbers"
 
 
 def axis(

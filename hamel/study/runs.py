@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from codegen.integrators import INTEGRATORS
 from codegen.runtime.simulation import Status
 from derive.formulations.functions import positions
 from hamel.build.module import module_in
@@ -24,7 +23,6 @@ MOST_STEPS = 10**9
 POINTS = 240  # of a track
 MOST_REPEATS = 15
 TOO_LONG = "too long"
-ADAPTIVE = {method.name for method in INTEGRATORS if method.adaptive}
 
 
 class Unfinished(Exception):

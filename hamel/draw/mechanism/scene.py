@@ -4,7 +4,7 @@ every body that something holds on to."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,7 @@ from derive.mechanics.records import System
 from derive.model.constraint_records import Distance, NoSlip, OnSurface, Rolling
 from derive.model.load_records import Bushing, Force, PointSpring
 from derive.model.records import GROUND as GROUND_NAME
-from derive.model.records import Model, Placement
+from derive.model.records import Closure, Joint, Model, Placement
 from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.points import Bonds, Dial, Loose, bonds, dials, loose_points
 from hamel.draw.mechanism.poses import Bodies
@@ -160,28 +160,28 @@ def _anchors(model: Model, names: Sequence[str], numbers: Numbers) -> list[Ancho
     for x in model.joints:
         sides = (known[x.parent], known[x.child])
         anchor = _anchor(numbers, x, sides, (x.at_parent, x.at_child))
-        anchors.append(
-            Anchor(**anchor, coordinates=tuple(x.coordinates), orientation=x.orientation)
-        )
+        coordinates = tuple(x.coordinates)
+        anchors.append(replace(anchor, coordinates=coordinates, orientation=x.orientation))
     for x in model.closures:
         first, second = (known[name] for name in x.bodies)
-        anchors.append(Anchor(**_anchor(numbers, x, (first, second), x.placements)))
+        anchors.append(_anchor(numbers, x, (first, second), x.placements))
     return anchors
 
 
-def _anchor(numbers: Numbers, x, sides: tuple[int, int], at: tuple[Placement, Placement]) -> dict:  # type: ignore[no-untyped-def,type-arg]
-    frames = tuple(_frame(numbers, placement) for placement in at)
+def _anchor(
+    numbers: Numbers, x: Joint | Closure, sides: tuple[int, int], at: tuple[Placement, Placement]
+) -> Anchor:
+    first, second = (_frame(numbers, placement) for placement in at)
     axis = _unit(numbers.vector(x.axis))
-    second = None if x.axis2 is None else frames[1] @ _unit(numbers.vector(x.axis2))
-    return {
-        "name": x.name,
-        "type": x.type,
-        "bodies": sides,
-        "points": tuple(numbers.vector(placement.position) for placement in at),
-        "axes": tuple(frame @ axis for frame in frames),
-        "frames": frames,
-        "axis2": second,
-    }
+    return Anchor(
+        name=x.name,
+        type=x.type,
+        bodies=sides,
+        points=(numbers.vector(at[0].position), numbers.vector(at[1].position)),
+        axes=(first @ axis, second @ axis),
+        frames=(first, second),
+        axis2=None if x.axis2 is None else second @ _unit(numbers.vector(x.axis2)),
+    )
 
 
 def _frame(numbers: Numbers, at: Placement) -> Vector:

@@ -32,6 +32,7 @@ DARK = {
     "floor": "#1f2226",
     "veil": "#333b47",
 }
+# of letters: their contrast is what is tested
 TEXT_COLOURS = ("ink", "soft", "blue", "red")
 # style: (stroke, fill, width in pixels, dashes)
 STYLES: dict[str, tuple[str, str, float, str]] = {

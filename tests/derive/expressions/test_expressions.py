@@ -24,8 +24,6 @@ from derive.expressions.linearity import (
     NONLINEAR,
     Degree,
     degree,
-    depends_on_rates,
-    is_linear_in_rates,
 )
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity
@@ -296,8 +294,6 @@ def test_degrees(text: str, expected: Degree) -> None:
     formula = expression(text)
     found = degree(formula, ["base.vx"], {"speed": NONLINEAR})
     assert found == expected
-    assert is_linear_in_rates(formula, ["base.vx"], {"speed": NONLINEAR}) == (expected.highest <= 1)
-    assert depends_on_rates(formula, ["base.vx"], {"speed": NONLINEAR}) == (expected.highest > 0)
 
 
 def test_constants() -> None:

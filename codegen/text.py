@@ -16,6 +16,7 @@ import jinja2
 
 from codegen.program import Expression, Program
 from codegen.reals import Real, recast
+from derive import templates
 
 TEMPLATES = Path(__file__).parent / "templates"
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
@@ -185,11 +186,9 @@ def wrapped(text: str, width: int = 110, indent: str = "") -> str:
 
 @functools.cache
 def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    environment = templates.environment(
+        jinja2.FileSystemLoader(TEMPLATES),
+        TEMPLATES,
         keep_trailing_newline=True,
         # constants are few, and looking for them takes longer than to evaluate them
         optimized=False,

@@ -113,7 +113,7 @@ def _rates(doc: Manuscript) -> None:
         )
         return
     doc.say(
-        "The rates of the coordinates follow from the generalized velocities by $!!q=!N\\,!v$, with"
+        "The rates of the coordinates follow from the generalized velocities by $!!q=!N\\,!v$, with:"
     )
     doc.matrix("N", r"!N", "N", N)
     doc.mean(r"!N", "q̇ = N v")
@@ -139,7 +139,7 @@ def links(doc: Manuscript) -> None:
     doc.say(
         "Walking from base to tip, every link hands its motion on: the angular velocity of a link "
         "is that of its carrier plus the joint's, and the velocity of its origin follows through "
-        "the joint point. In each link's own axes,"
+        "the joint point. In each link's own axes:"
     )
     _twists(doc, twists)
     if len(twists) < 6 * count:

@@ -135,7 +135,7 @@ def _rates(motion: _SteadyMotion) -> None:
     if not rows:
         return
     symbols = ", ".join(motion.latex(form.independent[k]) for k in rows)
-    doc.say("and the rates of the coordinates {names} are", names=Math(symbols))
+    doc.say("The rates of the coordinates {names} are:", names=Math(symbols))
     value = motion.at(form.A[rows, list(places)])
     _matrix(doc, "A rates", r"\delta !!q = !A_q\,\delta !x,\quad !A_q", "A", value)
 

@@ -46,6 +46,8 @@ BROAD = 12  # more columns than this are not shown as a matrix
 MOST_ENTRIES = 4000  # a larger matrix is not read at all
 MUCH_SHORTER = 0.6  # of the operations over the basic symbols
 MOST_DIGITS = 7  # a decimal of more gets a name
+MOST_ROWS = 40  # of a table that is printed whole
+KEPT = 14  # of a longer one
 LONG = 900  # characters of a display that is folded
 MOST_LINES = 14  # so is one of more lines
 WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
@@ -86,6 +88,7 @@ class Manuscript:
         self._number = 0  # of the last display
         self._numbers: dict[str, int] = {}  # of displays, by the name of what is in them
         self.column = 0  # of the sections that follow, see Section
+        self.folding = False  # of displays that follow, whatever their length
         self._pending: list[Line] = []  # of symbols that the next display has to explain
         self._constants: dict[sympy.Float, sympy.Symbol] = {}
 
@@ -134,7 +137,11 @@ class Manuscript:
 
     def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
         """Adds a table: a head of texts, and rows whose cells are runs of text and formulas."""
-        self._blocks.append(Table(tuple(head), tuple(tuple(row) for row in rows)))
+        whole = [tuple(row) for row in rows]
+        if len(whole) > MOST_ROWS:
+            left_out = tuple((Text("⋮" if k else f"⋮ {len(whole) - KEPT} more"),) for k in range(len(head)))
+            whole = [*whole[: KEPT - 2], left_out, *whole[-2:]]
+        self._blocks.append(Table(tuple(head), tuple(whole)))
 
     def items(self, items: Iterable[Runs]) -> None:
         """Adds a list without numbers."""
@@ -159,7 +166,7 @@ class Manuscript:
         self._numbers[name] = self._number
         whole = [*lines, *self._pending]
         self._pending = []
-        folded = not boxed and _is_long(whole)
+        folded = not boxed and (self.folding or _is_long(whole))
         self._blocks.append(Display(tuple(whole), self._number, boxed, folded))
 
     def law(

@@ -32,6 +32,7 @@ _SPECIAL = {
     "|": r"\textbar{}",
     '"': r"\textquotedbl{}",
     "…": r"\ldots{}",
+    "⋮": r"\ensuremath{\vdots}",
     "–": "--",
     "—": "---",
     "“": "``",

@@ -20,6 +20,7 @@ from derive.textbook import names
 from derive.textbook.compose import operations
 from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece
 from derive.textbook.layout import Rows, entry_index, plain, rows_of, simple, wide_entries
+from derive.textbook.measure import parts
 from derive.textbook.notation import Extra, Notation
 from derive.textbook.records import (
     Block,
@@ -175,7 +176,7 @@ class Manuscript:
         """A matrix equation, checked as a whole; in the short hand of names.bold."""
         left, right = names.bold(left), names.bold(right)
         self._laws.append(Law(name, f"{left} = {right}", residual))
-        self._display(name, [Line(left, (right,))], boxed)
+        self._display(name, [Line(left, parts(right))], boxed)
 
     def check(self, name: str, residual: ca.SX) -> None:
         """An equation that is checked like the printed ones; it stands in words."""
@@ -183,7 +184,7 @@ class Manuscript:
 
     def state(self, left: str, right: str) -> None:
         """An equation that says how things are called; there is nothing to evaluate."""
-        self._display("", [Line(names.bold(left), (names.bold(right),))])
+        self._display("", [Line(names.bold(left), parts(names.bold(right)))])
 
     def lines(
         self,

@@ -76,3 +76,31 @@ def _matrix(tokens: list[str], k: int) -> tuple[float, int]:
         if k < len(tokens) and tokens[k] == "}":  # unbalanced: what is between cells is skipped
             k += 1
     return sum(columns) + COLUMN * max(len(columns) - 1, 0) + 1.6, k + 1
+
+
+_OPEN = ("{", "(", "[", r"\left", r"\begin{bmatrix}", r"\Bigl")
+_CLOSE = ("}", ")", "]", r"\right", r"\end{bmatrix}", r"\Bigr")
+_PART = re.compile(
+    r"\\begin\{bmatrix\}|\\end\{bmatrix\}|\\(?:left|right|Bigl|Bigr)\W?|\\[A-Za-z]+|\\.|."
+)
+
+
+def parts(latex: str) -> tuple[str, ...]:
+    """A formula cut before the signs of its outermost sum and its relations: between the parts a
+    line may end."""
+    depth, pieces = 0, [""]
+    for token in _PART.findall(latex):
+        if depth == 0 and token in ("+", "-", "=") and _ended(pieces[-1]):
+            pieces.append("")
+        if depth == 0 and token in (r"\qquad", r"\quad") and pieces[-1].strip():
+            pieces.append("")
+            continue
+        depth += token.startswith(_OPEN) - token.startswith(_CLOSE)
+        pieces[-1] += token
+    return tuple(piece for piece in pieces if piece.strip())
+
+
+def _ended(piece: str) -> bool:
+    """Whether a sign after it stands between two terms."""
+    text = piece.strip()
+    return bool(text) and not text.endswith(("+", "-", "=", r"\cdot", r"\times", "^", "_"))

@@ -11,11 +11,13 @@ from itertools import groupby
 from markupsafe import Markup
 
 from derive.textbook.mathml import mathml
-from derive.textbook.measure import letters
+from derive.textbook.measure import letters, parts
 from derive.textbook.pages import rendered
 from derive.textbook.records import Display, Document, Line, Math, Pattern, Ref, Run, Runs, Section, Table, Text
 
 MARGIN = 3.0  # letters between left and right side
+LONG_LEFT = 12.0  # letters of a left side that does not get a column of its own
+FEW_COLUMNS = 3  # of a matrix of numbers that stands beside its formula
 NARROW = 24.0  # letters that fit beside an equation number on the narrowest screen
 NARROW_TABLE = 38  # letters of a row that fit on the narrowest screen
 GAP = 2  # letters between columns
@@ -91,6 +93,7 @@ class _Row:
     left: Markup
     right: Markup
     number: Markup
+    below: bool  # the number stands in a row of its own
     where: bool
 
 
@@ -101,9 +104,25 @@ def _rows(document: Document, display: Display) -> list[_Row]:
     for line in display.lines:
         starts = line.where and not explained and bool(rows)
         explained = explained or line.where
-        number = Markup(_value(document, line))
-        rows.append(_Row(Markup(_fitted(line.left)), Markup(_right(line)), number, starts))
+        number, below = Markup(_value(document, line)), _is_wide(document, line)
+        long = letters(line.left) > LONG_LEFT
+        left = "" if long else _fitted(line.left)
+        right = _left_and_right(line) if long else _right(line)
+        rows.append(_Row(Markup(left), Markup(right), number, below, starts))
     return rows
+
+
+def _is_wide(document: Document, line: Line) -> bool:
+    """Whether the numbers of the line are a matrix that stands better below it."""
+    if line.place is None or line.place[1] >= 0:
+        return False
+    return document.printed[line.place[0]].right.shape[1] > FEW_COLUMNS
+
+
+def _left_and_right(line: Line) -> str:
+    """One after the other, where the left side is long itself."""
+    pieces = [*parts(line.left), f"{line.relation} {line.right[0]}", *line.right[1:]]
+    return " ".join(_fitted(piece.strip(), MARGIN if k else 0.0) for k, piece in enumerate(pieces))
 
 
 def _right(line: Line) -> str:

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import sympy
 
-from derive.textbook import names
 from derive.mechanics.records import System
+from derive.textbook import names
 from derive.textbook.convert import Gravity, Reader
 from derive.textbook.terms import Terms
-
 
 LEAST_DIGITS = 4  # of "9.81": a rounder magnitude could be any number
 

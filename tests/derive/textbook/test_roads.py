@@ -113,7 +113,9 @@ def test_every_road_prints_what_is_compiled_and_comes_to_the_same_equations(mode
     try:
         document = derivation(found, [road])
     except AssumptionError as error:
-        assert "singular" in str(error) or "not written out" in str(error) or "freedom" in str(error)
+        assert (
+            "singular" in str(error) or "not written out" in str(error) or "freedom" in str(error)
+        )
         return
     state = State(found)
     errors = printed_errors(document, state) | law_errors(document, state)
@@ -231,7 +233,9 @@ def test_coefficients_of_the_rolling_disk_are_the_textbooks():
     fields = [
         Matrix([0, 1, 0, 0, 0]),
         Matrix([0, 0, 1, r * track[0], r * track[1]]),
-        Matrix([1 / cos(lean), 0, -tan(lean), -r * tan(lean) * track[0], -r * tan(lean) * track[1]]),
+        Matrix(
+            [1 / cos(lean), 0, -tan(lean), -r * tan(lean) * track[0], -r * tan(lean) * track[1]]
+        ),
     ]
     rows = Matrix(
         [

@@ -304,6 +304,8 @@ class Model:
     extremes: tuple[Extreme, ...] = ()
     events: tuple[Event, ...] = ()
     frames: tuple[NamedFrame, ...] = ()  # those of `frames:`; bodies and joints have theirs
+    symbols: tuple[tuple[str, str], ...] = ()  # of parameters and coordinates, as LaTeX
+    body_symbols: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[

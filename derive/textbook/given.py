@@ -65,15 +65,15 @@ def _parameters(doc: Manuscript) -> None:
         "The parameters and their values are"
         + (" (numbers in all formulas below):" if numbers else ":")
     )
-    doc.listing(("symbol", "value", "unit", "meaning"), parameters, _parameter)
+    doc.listing(("symbol", "value", "unit", "meaning"), parameters, lambda x: _parameter(doc, x))
     free = [x for x in parameters if x.name not in constants]
     for x, symbol in zip(free, doc.notation.p):
         doc.mean(doc.notation.latex[symbol], x.about or f"parameter {x.name}", x.unit)
 
 
-def _parameter(x: Parameter) -> tuple[Runs, ...]:
+def _parameter(doc: Manuscript, x: Parameter) -> tuple[Runs, ...]:
     return (
-        (Math(names.symbol(x.name)),),
+        (Math(doc.notation.typeset(x.name)),),
         (Text(f"{x.value:.15g}"),),
         (Text(names.unit(x.unit)),),
         (Text(x.about),),

@@ -49,7 +49,8 @@ def _component(system: System, i: int, k: int, value: ca.SX) -> Component:
     """In the plane an angular velocity needs no axis."""
     link, planar = system.links[i].name, system.model.plane
     stem, axis = ("omega", AXES[k]) if k < 3 else ("v", AXES[k - 3])
-    index = names.body(link) if planar and k < 3 else f"{names.body(link)},{axis}"
+    body = dict(system.model.body_symbols).get(link) or names.body(link)
+    index = body if planar and k < 3 else f"{body},{axis}"
     name = f"{stem}[{link},{axis}]"
     letter = r"\omega" if k < 3 else "v"
     return Component(ca.SX.sym(name), sympy.Symbol(name), f"{letter}_{{{index}}}", value, i, k)

@@ -318,3 +318,26 @@ def test_numbers_stand_beside_the_formulas():
     numbers = dict(zip((x.name for x in document.printed), document.numbers))
     assert numbers["M_w"] == pytest.approx((1.0, 0.0, 0.0, 0.45))  # m, and J + m a²
     assert "Numbers beside the formulas" in html(found)
+
+
+SYMBOLS = r"""
+model: m
+plane: xy
+parameters: {stiff: {value: 3 N/m, symbol: '\kappa_{0}'}, mass: {value: 1 kg, symbol: "m'"}}
+bodies: {block: {mass: mass, inertia: 0.1, symbol: B}}
+joints: {J: {type: prismatic, parent: ground, child: block, axis: x, coordinate: s, spring: {stiffness: stiff}, symbol: '\hat{x}'}}
+"""
+
+
+def test_a_file_says_how_its_names_are_typeset():
+    found = equations(system(load_text(SYMBOLS)))
+    text = latex(found)
+    assert r"\kappa_{0}" in text and "m'" in text
+    assert r"\hat{x}" in text and r"\dot{\hat{x}}" in text and "v_{B,x}" in text
+
+
+@pytest.mark.parametrize("symbol", [r"\input{x}", r"x}", r"x_a_b", r"\hatx", "<b>", "", "a" * 80])
+def test_what_is_no_symbol_is_said(symbol):
+    text = SYMBOLS.replace(r"\hat{x}", symbol)
+    with pytest.raises(ModelError, match="is not a symbol"):
+        load_text(text)

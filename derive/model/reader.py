@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection, Iterable
 from functools import cache
 
-from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
@@ -52,6 +52,9 @@ class Reader:
         self.units: dict[str, str] = {}  # of the parameters
         self.definitions: set[str] = set()
         self.problems: list[Diagnostic] = []
+        # what was read of a text, with the names as they are: repetitions say the same many times
+        self._read: dict[tuple[object, ...], Expression] = {}
+        self._version = 0
 
     def report(self, span: Span, message: str, expected: str = "", hint: str = "") -> None:
         """Note a problem and go on."""
@@ -60,11 +63,7 @@ class Reader:
     def finish(self) -> None:
         """Raise what was noted."""
         if self.problems:
-            raise ModelError(
-                sorted(
-                    dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)
-                )
-            )
+            raise ModelError(distinct(self.problems))
 
     def fault(self, scalar: Scalar, error: FormulaError) -> None:
         """Note a formula's error at its place in the file."""
@@ -120,8 +119,14 @@ class Reader:
         """A scalar formula; `where` names the place ("a mass") for messages, `unit` is the SI unit
         it must have, `allowed` are the kinds of names it may use. A bad one is reported and read as
         UNREAD."""
+        if self.scope.version != self._version:
+            self._read, self._version = {}, self.scope.version
+        asked = (scalar.text, where, allowed, unit, id(functions))
+        if asked in self._read:
+            return self._read[asked]
         try:
-            return self._formula(scalar, where, allowed, unit, functions)
+            self._read[asked] = self._formula(scalar, where, allowed, unit, functions)
+            return self._read[asked]
         except FormulaError as error:
             self.fault(scalar, error)
             return UNREAD

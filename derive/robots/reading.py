@@ -15,10 +15,11 @@ from typing import NoReturn
 from derive import model
 from derive.diagnostics import Diagnostic, ModelError
 from derive.expressions.limits import BELOW, too_large
-from derive.model.document import MOST_BODIES
+from derive.model.builder import Model as BuiltModel
 from derive.model.records import Model
 from derive.robots import ROBOTS, File, RobotFile, mjcf, urdf
 from derive.robots.inertias import gather
+from derive.robots.limits import MOST_BODIES
 from derive.robots.markup import Budget, parsed, read, unquoted
 from derive.robots.robot import Robot
 from derive.robots.writing import Written, text_of
@@ -39,7 +40,10 @@ class Imported:
 
 
 def load(path: File) -> Model:
-    """The Model of a model file or of a robot file; what a robot loses is warned of."""
+    """The Model of a model file, of a model made in Python or of a robot file; what a robot loses
+    is warned of."""
+    if isinstance(path, BuiltModel):
+        return model.load_text(path.yaml(), str(path), path.folder)
     if Path(path).suffix.lower() not in ROBOTS:
         if isinstance(path, RobotFile):
             _refuse_options(path)

@@ -28,8 +28,10 @@ SECTIONS = (
 )  # fmt: skip
 # what a whole says for all its parts
 OF_THE_WHOLE = frozenset(
-    "model description plane gravity redundant quasi_velocities steady_motion reference "
-    "extremes".split()
+    {
+        *("model", "description", "plane", "gravity", "redundant", "quasi_velocities"),
+        *("steady_motion", "reference", "extremes"),
+    }
 )
 # what has no parts, and why a file with it is none
 WHOLE_ONLY = ("coordinates", "kinetic", "potential", "forces")
@@ -71,9 +73,7 @@ def _coordinates(joint: Entries) -> Iterator[str]:
 def with_parameters(node: Entries, key: Key, entry: SubmodelEntry) -> Entries:
     """The part with the values that the whole gives to its parameters, where they are numbers."""
     section = _entries(node, "parameters")
-    numbers = {
-        name: value for name, value in entry.parameters.items() if _is_number(value.text)
-    }
+    numbers = {name: value for name, value in entry.parameters.items() if _is_number(value.text)}
     kept = {
         name: numbers.get(name, value)
         for name, value in section.items()
@@ -196,7 +196,10 @@ def _initial(own: Entries, given: Entries) -> Entries:
     entries = {**own, **held}
     key = own.key("guess") if "guess" in own else Key("guess", own.span)
     return Entries(
-        {**entries, **({key: Entries({**guesses, **moving}, own.span)} if guesses or moving else {})},
+        {
+            **entries,
+            **({key: Entries({**guesses, **moving}, own.span)} if guesses or moving else {}),
+        },
         own.span,
     )
 

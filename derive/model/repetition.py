@@ -140,7 +140,9 @@ class Repetition:
 
     def _refuse_twice(self, name: Key, first: Span) -> None:
         place = f"line {first.line}, column {first.column}"
-        self.source.refuse(name.span, f"'{name}' is given twice; first on {place}", "one of the two")
+        self.source.refuse(
+            name.span, f"'{name}' is given twice; first on {place}", "one of the two"
+        )
 
     def _entries(self, node: Items, bound: Binding, where: str, key: str) -> Iterator[Node]:
         for entry in node:
@@ -177,7 +179,9 @@ class Repetition:
         return [self.known[name] for name in wanted if name not in bound]
 
     def _refuse_unknown(self, name: str, span: Span) -> None:
-        hint = did_you_mean(name, self.known) or f"say repeat: {{{name}: 1..3}} at the top of the file"
+        hint = (
+            did_you_mean(name, self.known) or f"say repeat: {{{name}: 1..3}} at the top of the file"
+        )
         expected = listed(self.known) or "an index of `repeat:`"
         self.source.refuse(span, f"unknown index '{name}'", expected, hint)
 
@@ -187,9 +191,7 @@ class Repetition:
         text = self._braced(node.text, node.span, bound, where)
         if key not in WORDS and self.bare is not None and self.bare.search(text):
             text = _with_numbers(text, bound)
-        return Scalar(
-            text, _at(node.span, where), node.exact and text == node.text, node.plain
-        )
+        return Scalar(text, _at(node.span, where), node.exact and text == node.text, node.plain)
 
     def _readable(self, text: str, bound: Binding) -> bool:
         """Whether all braces of a text for readers are indices; others are its own."""

@@ -96,6 +96,9 @@ def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> Sta
     names = _values_by_name(model, t, q, v, u, p)
     # placements and joint axes are formulas of parameters: they need names before there are frames
     bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {})
+    for name, expression in model.definitions:
+        if _known(expression, names):
+            names[name] = bare.value(expression)
     N, drift, frames, seats = _walk(model, bare)
     rates = N @ v
     named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates)}
@@ -103,6 +106,12 @@ def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> Sta
     for name, expression in model.definitions:
         names[name] = full.value(expression)
     return full
+
+
+def _known(expression: tree.Expression, names: Mapping[str, Any]) -> bool:
+    """Whether a formula can be evaluated before there are rates."""
+    leaves = (n for n in tree.walk(expression) if isinstance(n, tree.Name | tree.Rate))
+    return all(isinstance(leaf, tree.Name) and leaf.name in names for leaf in leaves)
 
 
 def _values_by_name(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model import (
     actuators,
@@ -15,6 +17,7 @@ from derive.model import (
     named_frames,
     published,
     steady,
+    tables,
     ties,
 )
 from derive.model.collisions import check_collisions
@@ -39,9 +42,10 @@ def built(document: Document, source: Source) -> Model:
     formulas that use names which are not known would all be reported in their wake."""
     reader = Reader(source, Space(document.plane or ""))
     _check_head(reader, document)
+    curves = tables.tables(reader, document)
     joints, names = _names(reader, document)
     reader.finish()
-    model = _model(reader, document, joints, names)
+    model = replace(_model(reader, document, joints, names), tables=curves)
     reader.finish()
     check_tips(reader, model)
     reader.finish()

@@ -253,6 +253,21 @@ class ParameterEntry(Entry):
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
+class TableEntry(Entry):
+    """A function of one number by points, joined by a cubic spline."""
+
+    file: Formula | None = Field(
+        None, description="A CSV file of two columns, in the folder of the model or below."
+    )
+    points: Nested | None = Field(None, description="Or the points: [[x, y], …].")
+    units: Point | None = Field(None, description="Units of x and y; plain numbers if left out.")
+    smooth: Formula | None = Field(
+        None,
+        description="C2, the natural spline (when left out), or C1, which keeps rising rising.",
+    )
+    about: Formula | None = Field(None, description="What it is, for readers.")
+
+
 class CoordinateEntry(Entry):
     unit: Formula = Field(description="Unit of the coordinate, such as m or rad.")
     about: Formula | None = Field(None, description="What it is, for readers.")

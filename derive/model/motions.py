@@ -5,7 +5,7 @@ from __future__ import annotations
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import infer
-from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS
+from derive.expressions.functions import OUTPUT_FUNCTIONS
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.tree import ZERO, Expression
@@ -204,7 +204,7 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
     reader.name(key)
     try:
         parsed = expression(
-            scalar.text, reader.scope.symbols, FUNCTIONS | OUTPUT_FUNCTIONS, vectors=True
+            scalar.text, reader.scope.symbols, reader.functions | OUTPUT_FUNCTIONS, vectors=True
         )
         formula, unit = _output(reader, document, parsed, scalar.text)
     except FormulaError as error:

@@ -19,11 +19,11 @@ from derive.joints import JOINTS
 from derive.model.composition import SubmodelEntry
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source
 from derive.model.records import GROUND
-from derive.model.repetition import WORDS
+from derive.model.repetition import WORDS, with_called
 
 # sections whose keys are names, and that a part brings along
 SECTIONS = (
-    "parameters", "where", "bodies", "joints", "closures", "frames", "constraints", "loads",
+    "parameters", "where", "tables", "bodies", "joints", "closures", "frames", "constraints", "loads",
     "inputs", "outputs", "events",
 )  # fmt: skip
 # what a whole says for all its parts
@@ -265,11 +265,13 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
     """Where names of the part stand in a formula, the last first."""
     if quantity(text) is not None:
         return ()
-    formula = expression(text, names=known, functions=_CALLS, vectors=True)
+    formula = expression(text, names=known, functions=with_called(text, _CALLS), vectors=True)
     found: dict[int, str] = {}
     for node in tree.walk(formula):
         if isinstance(node, tree.Rate):
             found[text.index(node.name, node.at + 3)] = node.name
+        elif isinstance(node, tree.Call):
+            found[node.at] = node.function
         elif isinstance(node, tree.Name):
             first, _, rest = node.name.partition(".")
             if first == "reaction" and rest:

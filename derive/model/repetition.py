@@ -35,11 +35,14 @@ Binding = Mapping[str, Value]
 MOST = MOST_BODIES  # repetitions of one entry
 LARGEST = 10**9  # of an index, and of what is computed of indices
 # what stands under these keys is a word or for readers, and no formula
-WORDS = frozenset({"type", "about", "description", "euler", "unit", "source", "plane", "use"})
+WORDS = frozenset(
+    {"type", "about", "description", "euler", "unit", "source", "plane", "use", "file", "smooth"}
+)
 READERS = frozenset({"about", "description", "source"})
 _BRACES = re.compile(r"\{([^{}]*)\}")
 _RANGE = re.compile(r"\s*([+-]?\d{1,9})\s*\.\.\s*([+-]?\d{1,9})\s*\Z")
 _OPEN = re.compile(r"\s*[+-]?\d+\s*\.\.\s*\Z")
+_CALLED = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)\s*\(")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _INDEX_FUNCTIONS = {
     "mod": Function("mod", (2, 2), "number", "what is left of a division"),
@@ -243,10 +246,17 @@ def _inside(text: str, bound: Binding) -> Value:
     return int(number)
 
 
+def with_called(text: str, functions: Mapping[str, Function]) -> Mapping[str, Function]:
+    """The functions, and what else a text calls like one: tables, which are looked up later."""
+    called = {name for name in _CALLED.findall(text) if name not in functions and name != "der"}
+    return {**functions, **{name: Function(name, (1, 1), "table", "") for name in called}}
+
+
 def _with_numbers(text: str, bound: Binding) -> str:
     """A formula with the numbers of its indices in it; what is no formula stays as it is."""
     try:
-        formula = expression(text, names=bound, functions=_FORMULA_FUNCTIONS, vectors=True)
+        functions = with_called(text, _FORMULA_FUNCTIONS)
+        formula = expression(text, names=bound, functions=functions, vectors=True)
     except FormulaError:
         return text
     places = {

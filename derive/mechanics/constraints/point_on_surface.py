@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from derive.expressions.evaluate import casadi_functions, value
+from derive.expressions.evaluate import value
 from derive.expressions.tree import ZERO
 from derive.joints.rotations import (
     rotated,
@@ -29,7 +29,7 @@ def on_surface(scene: Scene, constraint: OnSurface) -> Block:
     )
     inside = rotated(transpose(ground_rotation(scene, carrier)), [gap[k] for k in range(3)])
     names = s.names | dict(zip("xyz", inside))
-    phi = ca.SX(value(constraint.surface, names, s.rates, casadi_functions()))
+    phi = ca.SX(value(constraint.surface, names, s.rates, s.functions))
     return block_of_positions(scene, [constraint.name], [phi], "")
 
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import sympy
 
 from derive.expressions import tree
+from derive.expressions.tables import Table
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.records import Model
 from hamel.verify.reference.formulas import NUMERIC, evaluated, lookup
@@ -23,11 +25,29 @@ from hamel.verify.reference.layout import Layout, Rows
 from hamel.verify.reference.loads import Lagrange
 from hamel.verify.reference.rows import ConstraintRow, RowsOf, embedded
 from hamel.verify.reference.states import State
+from hamel.verify.reference.tables import numeric, symbolic
 from hamel.verify.reference.vectors import Array
+
+
+def _where(x: Any, place: Any, before: Any, after: Any) -> Any:
+    return sympy.Piecewise((before, x < place), (after, True))
+
+
+def _half(x: Any, w: Any) -> Any:
+    return x / 2 + sympy.sqrt(x**2 + w**2) / 2
+
 
 SYMBOLIC: dict[str, Callable[..., Any]] = {
     **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
     "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,
+    "step": lambda x, w=None: _where(x, 0, 0, 1) if w is None else 1 / (1 + sympy.exp(-2 * x / w)),
+    "ramp": lambda x, w=None: _where(x, 0, 0, x) if w is None else _half(x, w),
+    "clip": lambda x, a, b, w=None: _where(x, a, a, _where(x, b, x, b)) if w is None else (
+        a + _half(x - a, w) - _half(x - b, w)
+    ),
+    "piecewise": lambda x, *f: sympy.Piecewise(
+        *((f[k], x < f[k + 1]) for k in range(0, len(f) - 1, 2)), (f[-1], True)
+    ),
 }  # fmt: skip
 
 
@@ -43,11 +63,17 @@ class Symbols:
     p: tuple[sympy.Symbol, ...]
     names: dict[str, Any]
     rates: dict[str, Any]
+    tables: tuple[Table, ...]
+
+    @cached_property
+    def functions(self) -> dict[str, Callable[..., Any]]:
+        """Those of formulas, tables too."""
+        return {**SYMBOLIC, **symbolic(self.tables)}
 
     def read(self, expression: tree.Expression) -> Any:
         """A formula of the file as a SymPy expression; its names and the rates der(q) become
         symbols."""
-        return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), SYMBOLIC))
+        return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), self.functions))
 
     def along(self, expression: Any) -> Any:
         """Σ ∂e/∂q q̇ + ∂e/∂t: the time derivative less its part in the accelerations."""
@@ -60,7 +86,10 @@ class Symbols:
         """The entries at a state, as one flat array (SymPy's code with shared subexpressions)."""
         arguments = [self.t, self.q, self.r, self.v, self.u, self.p]
         at = sympy.lambdify(
-            arguments, [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True
+            arguments,
+            [sympy.sympify(entry) for entry in entries],
+            modules=[numeric(self.tables), "numpy"],
+            cse=True,
         )
         return lambda s: np.array(at(s.t, s.q, s.rates, s.v, s.u, s.p), dtype=float)
 
@@ -91,7 +120,8 @@ def symbols(model: Model) -> Symbols:
     names = {"t": t, "pi": sympy.pi} | {
         item.name: x for items, xs in groups for item, x in zip(items, xs)
     }
-    result = Symbols(t, q, r, v, u, p, names, {c.name: x for c, x in zip(model.coordinates, r)})
+    rates: dict[str, Any] = {c.name: x for c, x in zip(model.coordinates, r)}
+    result = Symbols(t, q, r, v, u, p, names, rates, model.tables)
     for name, expression in model.definitions:
         names[name] = result.read(expression)
     return result

@@ -25,8 +25,8 @@ from derive.formulations.charts import charted
 from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.robots.reading import load
 from derive.model.kinks import pieces
+from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure

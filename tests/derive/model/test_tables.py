@@ -77,7 +77,8 @@ def test_the_reference_reads_pieces_on_its_own(formula: str) -> None:
     system = bead(formula)
     ref = reference(system.model)
     found = [
-        evaluate(ref, state_of(ref, 0.0, np.array([x]), np.array([0.5]))).vdot[0] for x in STATES[:20]
+        evaluate(ref, state_of(ref, 0.0, np.array([x]), np.array([0.5]))).vdot[0]
+        for x in STATES[:20]
     ]
     assert forces(system, STATES[:20]) / 2.0 == pytest.approx(found, abs=1e-12)
 
@@ -157,7 +158,11 @@ WRONG = [
     ("tables: {f: {file: bad.csv}}", "bad.csv:3:1: error: x = 1 after x = 2", "f is used at"),
     ("tables: {f: {file: words.csv}}", "words.csv:2:4: error: 'b' in a table", "a number"),
     ("tables: {f: {file: three.csv}}", "three.csv:1:1: error: 3 columns", "two: x and y"),
-    ("tables: {f: {points: [[0, 1], [1, 2]], units: [m, N]}}\nforces: {x: f(2 kg)}", "f() of kg", "m"),
+    (
+        "tables: {f: {points: [[0, 1], [1, 2]], units: [m, N]}}\nforces: {x: f(2 kg)}",
+        "f() of kg",
+        "m",
+    ),
     (
         "tables: {f: {points: [[0, 1], [1, 2]], units: [m, kg]}}\nforces: {x: f(x)}",
         "in kg",

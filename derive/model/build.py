@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model import (
     actuators,
@@ -103,7 +105,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         motions.output(reader, document, names, key, scalar)
         for key, scalar in document.outputs.items()
     )
-    return Model(
+    model = Model(
         name=document.model.text,
         description=document.description.text if document.description else "",
         file=reader.source.file,
@@ -154,6 +156,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             frozenset({PARAMETER, COORDINATE, TIME}),
         ),
     )
+    return replace(model, notes=tuple(reader.notes))
 
 
 def _gravity(reader: Reader, document: Document) -> Vector3 | None:

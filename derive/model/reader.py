@@ -7,8 +7,9 @@ zero, and `finish` raises.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
+from typing import TypeVar
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.expressions import tree
@@ -34,7 +35,9 @@ from derive.model.records import Span, Vector3
 from derive.model.scope import CONSTANT, Scope
 from derive.model.space import ORIGIN, Space, normalised
 
+T = TypeVar("T")
 ANY_UNIT = None
+ANSWERS = {"true": True, "false": False}
 ANGLE = "a plain number or an angle"
 UNREAD = tree.Name(
     "?"
@@ -52,6 +55,7 @@ class Reader:
         self.units: dict[str, str] = {}  # of the parameters
         self.definitions: set[str] = set()
         self.problems: list[Diagnostic] = []
+        self.notes: list[str] = []  # what is taken otherwise than a reader might expect
 
     def report(self, span: Span, message: str, expected: str = "", hint: str = "") -> None:
         """Note a problem and go on."""
@@ -84,6 +88,17 @@ class Reader:
             did_you_mean(scalar.text, candidates),
         )
         return None
+
+    def answer(self, scalar: Scalar | None, otherwise: bool) -> bool:
+        """Whether `true` or `false` stands there; `otherwise` where nothing does."""
+        return self.choice(scalar, ANSWERS, "answer", otherwise)
+
+    def choice(self, scalar: Scalar | None, known: Mapping[str, T], what: str, otherwise: T) -> T:
+        """What a word of `known` stands for; `otherwise` where no word stands or it is none."""
+        if scalar is None:
+            return otherwise
+        word = self.word(scalar, known, what)
+        return otherwise if word is None else known[word]
 
     def name(self, key: Key | Scalar) -> str:
         """A name that the model introduces; reported where it cannot be one."""

@@ -5,6 +5,10 @@ else is said."""
 SLACK = 0.5e-9  # relative, half of what the language allows
 NOISE = 1e-15  # kg m²: what exporters write instead of zero; a gram at a micrometre
 
+# friction
+SMOOTHING = 0.01  # rad/s or m/s: where tanh in place of the sign is three quarters there
+REST = 1e-3  # s in which friction may stop a joint: a step of a controller
+
 # numbers
 WHOLE = 1e15  # whole numbers below it are written without a point or an exponent
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model import (
     actuators,
@@ -26,7 +28,7 @@ from derive.model.loads.in_joint import in_joint
 from derive.model.massless import check_tips
 from derive.model.names import module_objection
 from derive.model.reader import Reader
-from derive.model.records import Constraint, Load, Model, Vector3
+from derive.model.records import GROUND, Constraint, Load, Model, Vector3
 from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME
 from derive.model.shape import Document, kind_of
 from derive.model.space import Space
@@ -42,6 +44,7 @@ def built(document: Document, source: Source) -> Model:
     joints, names = _names(reader, document)
     reader.finish()
     model = _model(reader, document, joints, names)
+    model = replace(model, measures=tuple(reader.measures.found.values()))
     reader.finish()
     check_tips(reader, model)
     reader.finish()
@@ -71,6 +74,10 @@ def _check_head(reader: Reader, document: Document) -> None:
 
 def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     parameters = definitions.parameters(reader, document)
+    reader.measures.frames = (
+        GROUND,
+        *dict.fromkeys(map(str, (*document.bodies, *document.frames, *document.joints))),
+    )
     found = [
         frame
         for key, entry in document.joints.items()

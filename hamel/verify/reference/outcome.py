@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -29,6 +30,7 @@ from hamel.verify.limits import ROUNDING, UNDONE
 from hamel.verify.reference import analytic as by_formula
 from hamel.verify.reference.layout import Layout, Rows, layout, stacked
 from hamel.verify.reference.loads import Applied, Lagrange, applied, body_inertia
+from hamel.verify.reference.measures import values
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
 from hamel.verify.reference.saddle import least_eigenvalue, rank_of, saddle, solved
 from hamel.verify.reference.states import STILL, State, state
@@ -177,7 +179,8 @@ def state_of(
     defaults."""
     u = np.zeros(len(ref.model.inputs)) if u is None else u
     p = defaults(ref.model) if p is None else p
-    return state(ref.model, float(t), *(np.asarray(x, dtype=float) for x in (q, v, u, p)))
+    arrays = (np.asarray(x, dtype=float) for x in (q, v, u, p))
+    return state(ref.model, float(t), *arrays, partial(values, ref.model))
 
 
 def kinematics(ref: Reference, s: State) -> Kinematics:

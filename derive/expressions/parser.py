@@ -366,8 +366,8 @@ class _Parser:
         if name.kind == "name" and closing.text == ")":
             self.token = self._read(self._after(closing))
             return tree.Rate(name.text, token.at)
-        if name.text == ")":
-            self._refuse("der() takes a coordinate or a formula of some", name.at, "der(q)")
+        if name.text == ")" or not self.vectors:
+            self._refuse("der() takes the name of one coordinate", name.at, "der(q)")
         return tree.Call("der", tuple(self._bracketed(")")), token.at)
 
     def _call(self, token: _Token) -> tree.Call:

@@ -229,32 +229,30 @@ def _inside(item: OnSurface, place: Layout, state: State) -> list[Jet]:
     return [dot(direction(place, state, item.frame_body, axis), gap) for axis in np.eye(3)]
 
 
-def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
-    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·).
+def lagrange(model: Model, s: Symbols, place: Layout) -> Callable[[State], Lagrange]:
+    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·); what V has
+    of measures m of the motion is a force −∂V/∂m along their own ṁ = over z.
 
     d(T + V − G)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t with G = 2 T − q̇·∂T/∂q̇, which vanishes for an
     ordinary quadratic T.
     """
-    n = len(s.q)
+    n, k = len(s.q), len(s.m)
     at = s.function(_entries(model, s))
 
     def evaluate(state: State) -> Lagrange:
-        mass, force, (T, V, power, odd) = np.split(at(state), np.cumsum([n * n, n]))
-        mass, N = mass.reshape(n, n), state.N
-        return Lagrange(
-            N.T @ mass @ N,
-            N.T @ (force - mass @ state.drift),
-            T,
-            V,
-            power,
-            odd,
+        mass, force, slopes, (T, V, power, odd) = np.split(
+            at(state), np.cumsum([n * n, n, k])
         )
+        mass, N = mass.reshape(n, n), state.N
+        along_v = N.T @ (force - mass @ state.drift)
+        pull, _ = _second_order(s, place, state, along_v, -slopes)
+        return Lagrange(N.T @ mass @ N, pull, T, V, power, odd)
 
     return evaluate
 
 
 def _entries(model: Model, s: Symbols) -> list[Any]:
-    """mass (nq²), force (nq), T, V, ∂V/∂t − ∂T/∂t and G."""
+    """mass (nq²), force (nq), ∂V/∂m (nm), T, V, ∂V/∂t − ∂T/∂t and G."""
     T = s.read(model.kinetic) if model.kinetic is not None else sympy.Integer(0)
     V = s.read(model.potential) if model.potential is not None else sympy.Integer(0)
     momenta = [sympy.diff(T, r) for r in s.r]
@@ -264,6 +262,7 @@ def _entries(model: Model, s: Symbols) -> list[Any]:
     return [
         *mass,
         *force,
+        *(sympy.diff(V, x) for x in s.m),
         T,
         V,
         sympy.diff(V, s.t) - sympy.diff(T, s.t),

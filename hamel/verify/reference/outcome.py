@@ -144,13 +144,11 @@ def reference(model: Model) -> Reference:
             model,
             layout(model),
             constraint_rows(model, _no_formulas),
-            lambda s: _no_energies(len(s.v)),
+            _no_energies,
         )
     s = by_formula.symbols(model)
-    energies_of = (
-        by_formula.lagrange(model, s) if analytic else lambda state: _no_energies(len(state.v))
-    )
     place = layout(model)
+    energies_of = by_formula.lagrange(model, s, place) if analytic else _no_energies
     return Reference(
         model,
         place,
@@ -163,7 +161,8 @@ def _no_formulas(item: object) -> NoReturn:
     raise AssertionError(f"{item} is a formula")
 
 
-def _no_energies(nv: int) -> Lagrange:
+def _no_energies(state: State) -> Lagrange:
+    nv = len(state.v)
     return Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, 0.0)
 
 
@@ -287,7 +286,8 @@ def _summed(
     forces = np.abs(loads.weight) + np.abs(loads.springs) + np.abs(loads.other)
     inertial = _inertial(sizes, np.abs(kin.drift)[:, None])[:, 0]
     turning = np.concatenate([wrench for _, _, wrench in sizes]) if sizes else np.zeros(0)
-    force = forces[:nv] + np.abs(analytic.force) + J.T @ (forces[nv:] + inertial + turning)
+    forces[: len(analytic.force)] += np.abs(analytic.force)
+    force = forces[:nv] + J.T @ (forces[nv:] + inertial + turning)
     return Summed(mass, force, loads.summed + abs(analytic.V))
 
 
@@ -335,7 +335,7 @@ def _mass(ref: Reference, s: State, kin: Kinematics, bodies: Bodies) -> Array:
 def _forces(ref: Reference, analytic: Lagrange, loads: Applied, bodies: Bodies) -> Array:
     """F (nz): everything but K ż and the multipliers."""
     F = np.array(loads.total)
-    F[: ref.place.nv] += analytic.force
+    F[: len(analytic.force)] += analytic.force
     for body, (_, _, gyroscopic) in zip(ref.model.bodies, bodies):
         F[ref.place.twist(body.name)] -= gyroscopic
     return F

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from derive.expressions.tree import ZERO, Expression, Number
+from derive.expressions.tree import ZERO, Expression, Name, Number, walk
 from derive.model import (
     actuators,
     bodies,
@@ -28,8 +28,8 @@ from derive.model.loads.in_joint import in_joint
 from derive.model.massless import check_tips
 from derive.model.names import module_objection
 from derive.model.reader import Reader
-from derive.model.records import Constraint, Load, Model, Vector3
-from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME
+from derive.model.records import GROUND, Constraint, Load, Model, Vector3
+from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME, VELOCITY
 from derive.model.shape import Document, kind_of
 from derive.model.space import Space
 
@@ -44,6 +44,7 @@ def built(document: Document, source: Source) -> Model:
     joints, names = _names(reader, document)
     reader.finish()
     model = _model(reader, document, joints, names)
+    model = replace(model, measures=tuple(reader.measures.found.values()))
     reader.finish()
     check_tips(reader, model)
     reader.finish()
@@ -73,6 +74,10 @@ def _check_head(reader: Reader, document: Document) -> None:
 
 def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     parameters = definitions.parameters(reader, document)
+    reader.measures.frames = (
+        GROUND,
+        *dict.fromkeys(map(str, (*document.bodies, *document.frames, *document.joints))),
+    )
     found = [
         frame
         for key, entry in document.joints.items()
@@ -192,10 +197,32 @@ def _loads(
     return tuple(entry for entry in found if entry is not None)
 
 
+def uses_measure(formula: Expression, reader: Reader) -> str:
+    """A measure of the motion that a formula uses, through definitions too; "" where there is
+    none."""
+    for node in walk(formula):
+        if not isinstance(node, Name):
+            continue
+        if node.name in reader.measures.found:
+            return node.name
+        if node.name in reader.definitions:
+            inside = uses_measure(reader.definitions[node.name], reader)
+            if inside:
+                return inside
+    return ""
+
+
 def _energy(
     reader: Reader, scalar: Scalar | None, where: str, allowed: frozenset[str]
 ) -> Expression | None:
     if scalar is None:
         return None
     formula = reader.formula(scalar, where, allowed, unit="J")
+    if VELOCITY in allowed and (name := uses_measure(formula, reader)):
+        reader.report(
+            scalar.span,
+            f"'{name}' in {where}",
+            "coordinates, their rates and t",
+            "what moves with a body is a body's inertia: give it a mass or an inertia",
+        )
     return None if formula == ZERO else formula

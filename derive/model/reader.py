@@ -15,7 +15,7 @@ from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
-from derive.expressions.functions import FUNCTIONS, Function
+from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
 from derive.expressions.tree import Expression, Number
@@ -30,6 +30,7 @@ from derive.expressions.units import (
     quotient_of,
 )
 from derive.model.document import Items, Key, Scalar, Source
+from derive.model.kinematics import Measures, Rewriting, speaks_of_motion
 from derive.model.names import objection
 from derive.model.records import Span, Vector3
 from derive.model.scope import CONSTANT, Scope
@@ -38,6 +39,7 @@ from derive.model.space import ORIGIN, Space, normalised
 T = TypeVar("T")
 ANY_UNIT = None
 ANSWERS = {"true": True, "false": False}
+WITH_KINEMATICS = FUNCTIONS | KINEMATIC_FUNCTIONS
 ANGLE = "a plain number or an angle"
 UNREAD = tree.Name(
     "?"
@@ -53,7 +55,8 @@ class Reader:
         self.scope = Scope()
         self.values: dict[str, float] = {}
         self.units: dict[str, str] = {}  # of the parameters
-        self.definitions: set[str] = set()
+        self.definitions: dict[str, Expression] = {}
+        self.measures = Measures()
         self.problems: list[Diagnostic] = []
         self.notes: list[str] = []  # what is taken otherwise than a reader might expect
 
@@ -154,11 +157,31 @@ class Reader:
         if plain is not None and plain.unit and wanted is not None and not bracketed:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
-        parsed = expression(text, names=self.scope.usable(allowed), functions=functions)
+        names = self.scope.usable(allowed)
+        if functions is FUNCTIONS and speaks_of_motion(text):
+            parsed = self.rewritten(expression(text, names, WITH_KINEMATICS, vectors=True), text)
+        else:
+            parsed = expression(text, names=names, functions=functions)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
         if functions is FUNCTIONS:
             self._check_value(resolved, text)
+        return resolved
+
+    def rewritten(self, parsed: Expression, text: str) -> Expression:
+        """A formula with functions of the motion as one of numbers. Raises FormulaError where it
+        is none."""
+        return self.rewriting(text).scalar(parsed)
+
+    def rewriting(self, text: str) -> Rewriting:
+        """What functions of the motion mean in the formula `text`."""
+        return Rewriting(
+            self.measures, self.scope, self.space, self.definitions, self._point_entry, text
+        )
+
+    def _point_entry(self, entry: Expression, text: str) -> Expression:
+        resolved = self.scope.resolved(entry, CONSTANT, "a point", text)
+        self.check_unit(resolved, "a point", "m", text, entry.at)
         return resolved
 
     def _check_value(self, formula: Expression, text: str) -> None:

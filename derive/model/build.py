@@ -154,6 +154,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             extremes.extremes(reader, key, entry) for key, entry in document.extremes.items()
         ),
         redundant=document.redundant,
+        sources=tuple((other.file, other.text) for other in reader.source.others),
         potential=_energy(
             reader,
             document.potential,

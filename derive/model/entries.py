@@ -133,6 +133,11 @@ def _is_mapping(value: Any) -> bool:
     return isinstance(value, Entries)
 
 
+def by_node(scalar: str, mapping: str) -> Discriminator:
+    """A union of a text and a mapping; what each is called in messages."""
+    return _kind(**{scalar: _is_scalar, mapping: _is_mapping})
+
+
 Pair = Annotated[list[Point], Field(min_length=2, max_length=2)]
 Direction = Annotated[
     Annotated[Formula, Tag("<x, y or z>")] | Annotated[Point, Tag("<a list>")],

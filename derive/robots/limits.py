@@ -17,3 +17,6 @@ NEAR = 1e-9  # rad, or of an entry: an angle or a direction so near to a simple 
 ROUNDING = 1e-15  # of the largest entry of a tensor: less is what rounding leaves of zero
 MOST_STEPS = 1e6  # degrees: an angle beyond is none that somebody meant
 SAME_ANGLE = 1e-12  # relative: a printed angle is a rounding of the one that was meant
+
+# size
+MOST_BODIES = 3_000  # deriving and compiling them takes minutes already

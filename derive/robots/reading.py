@@ -16,11 +16,12 @@ from derive import model
 from derive.diagnostics import Diagnostic, ModelError, listed
 from derive.expressions.limits import BELOW, too_large
 from derive.model.bodies import WAIVER
-from derive.model.document import MOST_BODIES
+from derive.model.builder import Model as BuiltModel
 from derive.model.records import Model
 from derive.robots import ROBOTS, File, RobotFile, mjcf, urdf
 from derive.robots.friction import smooth
 from derive.robots.inertias import gather, waive
+from derive.robots.limits import MOST_BODIES
 from derive.robots.markup import Budget, parsed, read, unquoted
 from derive.robots.parameters import KINDS, name_inertial
 from derive.robots.robot import Robot
@@ -52,7 +53,10 @@ class Imported:
 
 
 def load(path: File) -> Model:
-    """The Model of a model file or of a robot file; what a robot loses is warned of."""
+    """The Model of a model file, of a model made in Python or of a robot file; what a robot loses
+    is warned of."""
+    if isinstance(path, BuiltModel):
+        return model.load_text(path.yaml(), str(path), path.folder)
     if Path(path).suffix.lower() not in ROBOTS:
         if isinstance(path, RobotFile):
             _refuse_options(path)

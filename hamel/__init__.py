@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         report,
         schema,
         simulate,
+        sweep,
         verify,
     )
 
@@ -53,6 +54,7 @@ __all__ = [
     "report",
     "schema",
     "simulate",
+    "sweep",
     "verify",
 ]
 

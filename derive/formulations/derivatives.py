@@ -17,6 +17,7 @@ import casadi as ca
 
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import alternatives
+from derive.formulations.contraction import contractions
 from derive.formulations.functions import Motion
 from derive.formulations.records import Argument, Function, Pattern, Request, Result
 from derive.formulations.structured import Slopes, of_reduction, of_tree
@@ -27,6 +28,10 @@ RATE = "explicit rate ∂ẋ/∂t of the state derivative"
 ALL = "ẋ, ∂ẋ/∂x and ∂ẋ/∂u side by side, [ẋ ∂ẋ/∂x ∂ẋ/∂u]: nx × (1 + nx + nu)"
 FORWARD = "derivative of ẋ along (dx, du): ∂ẋ/∂x dx + ∂ẋ/∂u du, from (x, dx, du)"
 ADJOINT = "adjoint product [(∂ẋ/∂x)ᵀ y, (∂ẋ/∂u)ᵀ y], from (x, y)"
+CONTRACTION = (
+    "second-order contraction Σₖ yₖ ∂²ẋₖ [dx, du]: a symmetric matrix times (dx, du), nx + nu, from "
+    "(x, y, dx, du)"
+)
 JACOBIAN_FORWARD = (
     "derivative by (x, u) of ∂ẋ/∂x d + ∂ẋ/∂t τ with d and τ held, nx × (nx + nu), from (x, d, τ)"
 )
@@ -67,7 +72,8 @@ def derivatives(
         Request("jacobian_t", RATE, lambda: _rate(dynamics, slots["t"])),
         Request("dynamics_forward", FORWARD, lambda: _forward(dynamics, slots)),
         Request("dynamics_adjoint", ADJOINT, lambda: _adjoint(dynamics, slots)),
-        Request("jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots)),
+        Request("jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots, ways)),
+        Request("contraction", CONTRACTION, lambda: _contraction(dynamics, slots, ways)),
         Request("step", STEP, needs=("dynamics", *IMPLICIT)),
         Request("step_sensitivity", SENSITIVITY, needs=("dynamics", *IMPLICIT, *_slopes(slots))),
     )
@@ -204,12 +210,42 @@ def _adjoint(dynamics: Function, slots: dict[str, Argument]) -> Function:
     return Function("dynamics_adjoint", ADJOINT, result, dynamics.named, dynamics.guards, x=taken)
 
 
-def _jacobian_forward(dynamics: Function, slots: dict[str, Argument]) -> Function:
-    """One product for both: along (d, τ) the rate of ẋ is ∂ẋ/∂x d + ∂ẋ/∂t τ, and this its slope."""
+def _contraction(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:
+    """Of the ways there are the one with the fewest operations."""
+    x, u, rates = slots["x"], slots["u"], dynamics.result
+    y, z = _seeds("y", rates.labels), ca.vertcat(x.symbols, u.symbols)
+    dz = ca.vertcat(*(_seeds("d", argument.labels) for argument in (x, u)))
+    plain = ca.jtimes(ca.gradient(ca.dot(y, rates.value), z), z, dz)
+    known = [plain, *contractions(ways.system, ways.motion, z, y, dz)]
+    value = ca.densify(cheapest_column(known))
+    marks = (*_marked("y", rates.labels), *_marked("d", x.labels), *_marked("d", u.labels))
+    units = (*("" for _ in rates.labels), *x.units, *u.units)
+    taken = _longer(x, ca.vertcat(y, dz), marks, units)
+    result = Result("curvature", value, (*x.labels, *u.labels), ())
+    return Function("contraction", CONTRACTION, result, (), dynamics.guards, x=taken)
+
+
+def cheapest_column(known: Sequence[ca.SX]) -> ca.SX:
+    """The one with the fewest operations, the first of equal ones."""
+    counts = alternatives(known)
+    return known[counts.index(min(counts))]
+
+
+def _jacobian_forward(
+    dynamics: Function, slots: dict[str, Argument], ways: Ways
+) -> Function:
+    """One product for both: along (d, τ) the rate of ẋ is ∂ẋ/∂x d + ∂ẋ/∂t τ, and this its slope;
+    or the rate of [∂ẋ/∂x ∂ẋ/∂u] along (d, τ), as second derivatives are symmetric."""
     t, x, u = slots["t"], slots["x"], slots["u"]
     d = ca.vertcat(_seeds("d", x.labels), ca.SX.sym("d_t"))
     along = ca.jtimes(dynamics.result.value, ca.vertcat(x.symbols, t.symbols), d)
-    value = ca.densify(ca.jacobian(along, ca.vertcat(x.symbols, u.symbols)))
+    known = [ca.densify(ca.jacobian(along, ca.vertcat(x.symbols, u.symbols)))]
+    for slopes in ways.all[1:]:
+        entries = ca.vec(ca.horzcat(slopes.by_x, slopes.by_u))
+        rate = ca.jtimes(ca.densify(entries), ca.vertcat(x.symbols, t.symbols), d)
+        known.append(ca.reshape(rate, known[0].shape))
+    counts = alternatives([ca.vec(value) for value in known])
+    value = known[counts.index(min(counts))]
     taken = _longer(x, d, (*_marked("d", x.labels), "d t"), (*x.units, "s"))
     result = Result("H", value, dynamics.result.labels, (), matrix=True)
     about = JACOBIAN_FORWARD

@@ -45,7 +45,7 @@ class Slopes:
 def of_tree(system: System, motion: Motion) -> Iterator[Slopes]:
     """The slopes of a tree of links whose generalized velocities are the quasi-velocities, by each
     of equivalent sets of inertias, solved with M = Lᵀ D L and with M⁻¹; nothing for others."""
-    if system.rows or not system.links or not _is_identity(motion.B):
+    if system.rows or not system.links or not is_identity(motion.B):
         return
     for inertias in system.inertias:
         terms = _terms(system, motion, inertias)
@@ -138,7 +138,8 @@ def _is_rotation(system: System, block: ca.SX) -> bool:
     return all(np.allclose(N @ N.T, np.eye(len(N)), atol=1e-12) for N in found)
 
 
-def _is_identity(S: ca.SX) -> bool:
+def is_identity(S: ca.SX) -> bool:
+    """Exactly the unit matrix."""
     return S.is_square() and bool((S - ca.SX.eye(S.size1())).is_zero())
 
 
@@ -197,7 +198,7 @@ def rest_of(
     symbols = ca.SX.sym("vdot", system.v.numel())
     value = ca.mtimes(system.M_extra, symbols) + system.h_extra - system.Q
     slopes = [ca.jacobian(value, x) for x in (system.q, system.v, system.u)]
-    at = ca.vertcat(*vdot) if vdot else ca.SX(0, 1)
+    at = column(vdot)
     found = [
         ca.sparsify(at_motion(system, motion, ca.substitute(x, symbols, at)))
         for x in (value, *slopes)
@@ -208,6 +209,11 @@ def rest_of(
 def entries(column: ca.SX) -> Vector:
     """Numbers as floats, so that zeros are seen."""
     return [row[0] for row in scalars(column)]
+
+
+def column(values: Vector) -> ca.SX:
+    """As a column, 0 × 1 where there are none."""
+    return ca.vertcat(*values) if values else ca.SX(0, 1)
 
 
 def _tip_to_base(n: int) -> list[int]:
@@ -263,7 +269,7 @@ def _of_terms(system: System, motion: Motion, terms: _Terms, solve: Solve) -> Sl
     moves, by_q = found[:, :nv], found[:, nv : nv + nq]
     by_v, by_u = found[:, nv + nq : 2 * nv + nq], found[:, 2 * nv + nq :]
     by_q = by_q + ca.mtimes(moves, terms.way)
-    vdot = ca.vertcat(*terms.vdot)
+    vdot = column(terms.vdot)
     for link in terms.afloat:
         vdot, by_q, by_v = _from_afloat(system, motion, link, vdot, by_q, by_v)
     return slopes_of(system, motion, _Known(vdot, by_q, by_v, by_u, ca.SX(nv, nq)))

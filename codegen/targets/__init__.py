@@ -1,6 +1,7 @@
 """The targets, in the order they are emitted: those of every module, and those on request. To add
 one: a file with a Target, and its line here."""
 
+from codegen.targets.acados import ACADOS
 from codegen.targets.c import C
 from codegen.targets.casadi import CASADI
 from codegen.targets.charts import CHARTS
@@ -32,6 +33,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI, CPP, FMU, NUMBA, JAX)
+ON_REQUEST: tuple[Target, ...] = (CASADI, ACADOS, CPP, FMU, NUMBA, JAX)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

@@ -205,7 +205,10 @@ def packed(folder: pathlib.Path) -> list[str]:
     scripts = [file for file in listed if file.startswith("build_") and file.endswith(".py")]
     made: list[str] = []
     for script in scripts:
-        made += runpy.run_path(str(folder / script))["main"](folder)
+        try:
+            made += runpy.run_path(str(folder / script))["main"](folder)
+        except RuntimeError as error:
+            raise CompileError(f"{script}: {first_error(str(error))}", said=str(error)) from error
     return made
 
 

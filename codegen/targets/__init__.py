@@ -18,6 +18,7 @@ from codegen.targets.package import PACKAGE
 from codegen.targets.records import Target
 from codegen.targets.simulate import SIMULATE
 from codegen.targets.taylor import TAYLOR
+from codegen.targets.wasm import WASM
 
 TARGETS: tuple[Target, ...] = (
     C,
@@ -33,6 +34,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI, ACADOS, CPP, FMU, NUMBA, JAX)
+ON_REQUEST: tuple[Target, ...] = (CASADI, ACADOS, CPP, FMU, NUMBA, JAX, WASM)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

@@ -8,7 +8,8 @@ from hamel.verify.targets.fmu import FMU
 from hamel.verify.targets.jax import JAX
 from hamel.verify.targets.numba import NUMBA
 from hamel.verify.targets.records import Subject, TargetCheck
+from hamel.verify.targets.wasm import WASM
 
-TARGET_CHECKS: tuple[TargetCheck, ...] = (CASADI, ACADOS, CPP, FMU, NUMBA, JAX)
+TARGET_CHECKS: tuple[TargetCheck, ...] = (CASADI, ACADOS, CPP, FMU, NUMBA, JAX, WASM)
 
 __all__ = ["TARGET_CHECKS", "Subject", "TargetCheck"]

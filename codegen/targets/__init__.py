@@ -11,6 +11,7 @@ from codegen.targets.extension import EXTENSION
 from codegen.targets.fmu import FMU
 from codegen.targets.jax import JAX
 from codegen.targets.manifest import MANIFEST
+from codegen.targets.matlab import MATLAB
 from codegen.targets.nullspace import NULLSPACE
 from codegen.targets.numba import NUMBA
 from codegen.targets.numpy import NUMPY
@@ -34,6 +35,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI, ACADOS, CPP, FMU, NUMBA, JAX, WASM)
+ON_REQUEST: tuple[Target, ...] = (CASADI, ACADOS, CPP, FMU, NUMBA, JAX, MATLAB, WASM)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

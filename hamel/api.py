@@ -338,12 +338,18 @@ def derive(
     choice: str | None = None,
     out: str | Path | None = None,
     formulation: str = "quasi_velocities",
+    road: Sequence[str] = ("block_inversion",),
 ) -> records.Derived:
     """Write the derivation as derivation.html and derivation.tex into `out` (default: the current
-    folder)."""
+    folder).
+
+    `road` names one way to the equations without multipliers, or two that are put side by side:
+    block_inversion, maggi, kane, boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba. Raises
+    AssumptionError where the model cannot take it.
+    """
     from hamel.verbs.derive import run
 
-    return run(path, choice, Path(out or "."), formulation)
+    return run(path, choice, Path(out or "."), formulation, road)
 
 
 def draw(path: Model, *, out: str | Path | None = None) -> records.Drawn:

@@ -526,9 +526,17 @@ def linearize(
     metavar="DIR",
     help="Where derivation.html and derivation.tex go (default: here).",
 )
-def derive(model: str, **options: Any) -> Any:
+@click.option(
+    "--road",
+    metavar="NAME[,NAME]",
+    default="block_inversion",
+    show_default=True,
+    help="The way to the equations, or two side by side: block_inversion, maggi, kane, "
+    "boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba.",
+)
+def derive(model: str, road: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
-    return hamel.derive(model, **options)
+    return hamel.derive(model, road=name_list(road), **options)
 
 
 @verb

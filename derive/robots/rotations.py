@@ -33,11 +33,11 @@ def whole_degrees(angle: float) -> int | None:
 
 
 def unrounded(word: str) -> float | None:
-    """The multiple of 15° that a decimal number in radians is a rounding of, or that is meant by one
-    with a wrong last digit; None where it is none, or is one to all digits of `whole_degrees`.
+    """The multiple of 15° that a decimal number in radians is a rounding of, or means with a wrong
+    last digit; None where it is none, or is one to all digits of `whole_degrees`.
 
-    Rounded or cut off after at least three decimals, or nearer than 1e-8; after two decimals only multiples of 90° are
-    meant (0.26 is a number, 1.57 a right angle).
+    Rounded or cut off after at least three decimals, or nearer than 1e-8; after two decimals only
+    multiples of 90° are meant (0.26 is a number, 1.57 a right angle).
     """
     found = _DECIMAL.match(word)
     if found is None:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         report,
         schema,
         simulate,
+        sweep,
         verify,
     )
 
@@ -55,6 +56,7 @@ __all__ = [
     "report",
     "schema",
     "simulate",
+    "sweep",
     "verify",
 ]
 

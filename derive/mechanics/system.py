@@ -20,6 +20,7 @@ from derive.mechanics.forms import ONE, Form
 from derive.mechanics.limits import FEW, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
+from derive.mechanics.measures import with_measures
 from derive.mechanics.motion import (
     REST,
     Numbers,
@@ -69,6 +70,8 @@ def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[S
     scene = Scene(
         model, s, qdot, links, places, rotations, positions, [list(n[0]) for n in numbers]
     )
+    scene = with_measures(scene)
+    s = scene.symbols
     found = blocks(scene)
     loads, extra = applied(scene), _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
     g: Vector = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]

@@ -358,6 +358,11 @@ class BodyEntry(Entry):
         "it refers to. A point mass when "
         "left out.",
     )
+    physical: Formula | None = Field(
+        None,
+        description="false: the inertia is taken as it is, though no body can have it (identified "
+        "sets); true when left out.",
+    )
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 

@@ -7,14 +7,15 @@ zero, and `finish` raises.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
+from typing import TypeVar
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
-from derive.expressions.functions import FUNCTIONS, Function
+from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
 from derive.expressions.tree import Expression, Number
@@ -29,12 +30,16 @@ from derive.expressions.units import (
     quotient_of,
 )
 from derive.model.document import Items, Key, Scalar, Source
+from derive.model.kinematics import Measures, Rewriting, speaks_of_motion
 from derive.model.names import objection
 from derive.model.records import Span, Vector3
 from derive.model.scope import CONSTANT, Scope
 from derive.model.space import ORIGIN, Space, normalised
 
+T = TypeVar("T")
 ANY_UNIT = None
+ANSWERS = {"true": True, "false": False}
+WITH_KINEMATICS = FUNCTIONS | KINEMATIC_FUNCTIONS
 ANGLE = "a plain number or an angle"
 UNREAD = tree.Name(
     "?"
@@ -50,9 +55,11 @@ class Reader:
         self.scope = Scope()
         self.values: dict[str, float] = {}
         self.units: dict[str, str] = {}  # of the parameters
-        self.definitions: set[str] = set()
+        self.definitions: dict[str, Expression] = {}
+        self.measures = Measures()
         self.functions: dict[str, Function] = dict(FUNCTIONS)  # and the model's tables
         self.problems: list[Diagnostic] = []
+        self.notes: list[str] = []  # what is taken otherwise than a reader might expect
         # what was read of a text, with the names as they are: repetitions say the same many times
         self._read: dict[tuple[object, ...], Expression] = {}
         self._version = 0
@@ -84,6 +91,17 @@ class Reader:
             did_you_mean(scalar.text, candidates),
         )
         return None
+
+    def answer(self, scalar: Scalar | None, otherwise: bool) -> bool:
+        """Whether `true` or `false` stands there; `otherwise` where nothing does."""
+        return self.choice(scalar, ANSWERS, "answer", otherwise)
+
+    def choice(self, scalar: Scalar | None, known: Mapping[str, T], what: str, otherwise: T) -> T:
+        """What a word of `known` stands for; `otherwise` where no word stands or it is none."""
+        if scalar is None:
+            return otherwise
+        word = self.word(scalar, known, what)
+        return otherwise if word is None else known[word]
 
     def name(self, key: Key | Scalar) -> str:
         """A name that the model introduces; reported where it cannot be one."""
@@ -145,14 +163,35 @@ class Reader:
         if plain is not None and plain.unit and wanted is not None and not bracketed:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
+        names = self.scope.usable(allowed)
         known = self.functions if functions is FUNCTIONS else functions
-        parsed = expression(text, names=self.scope.usable(allowed), functions=known)
+        if functions is FUNCTIONS and speaks_of_motion(text):
+            every = WITH_KINEMATICS | self.functions
+            parsed = self.rewritten(expression(text, names, every, vectors=True), text)
+        else:
+            parsed = expression(text, names=names, functions=known)
         if allowed == CONSTANT:
             _check_calls(parsed, where, text)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
         if functions is FUNCTIONS:
             self._check_value(resolved, text)
+        return resolved
+
+    def rewritten(self, parsed: Expression, text: str) -> Expression:
+        """A formula with functions of the motion as one of numbers. Raises FormulaError where it
+        is none."""
+        return self.rewriting(text).scalar(parsed)
+
+    def rewriting(self, text: str) -> Rewriting:
+        """What functions of the motion mean in the formula `text`."""
+        return Rewriting(
+            self.measures, self.scope, self.space, self.definitions, self._point_entry, text
+        )
+
+    def _point_entry(self, entry: Expression, text: str) -> Expression:
+        resolved = self.scope.resolved(entry, CONSTANT, "a point", text)
+        self.check_unit(resolved, "a point", "m", text, entry.at)
         return resolved
 
     def _check_value(self, formula: Expression, text: str) -> None:

@@ -89,6 +89,24 @@ class NamedFrame:
 
 
 @dataclass(frozen=True)
+class Measure:
+    """One number of the kinematics that formulas use by `name`: of a body or frame `frame`, seen
+    from `relative` and along its axes.
+
+    `quantity` is "position" of `point` (m, own axes) or its rate "velocity"; "orientation", the
+    entry (row, column) of relative ← frame, or its rate "turning"; "angular_velocity", about the
+    normal in a planar model; "angle" of a planar one. `component`: which entry.
+    """
+
+    name: str
+    quantity: str
+    frame: str
+    point: Vector3
+    relative: str
+    component: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Body:
     """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz
     about the centre of mass)."""
@@ -311,6 +329,7 @@ class Model:
     extremes: tuple[Extreme, ...] = ()
     events: tuple[Event, ...] = ()
     frames: tuple[NamedFrame, ...] = ()  # those of `frames:`; bodies and joints have theirs
+    measures: tuple[Measure, ...] = ()  # kinematics that formulas use
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     tables: tuple[Table, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()  # name and text of the files it refers to

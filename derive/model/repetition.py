@@ -249,7 +249,7 @@ def _inside(text: str, bound: Binding) -> Value:
 def with_called(text: str, functions: Mapping[str, Function]) -> Mapping[str, Function]:
     """The functions, and what else a text calls like one: tables, which are looked up later."""
     called = {name for name in _CALLED.findall(text) if name not in functions and name != "der"}
-    return {**functions, **{name: Function(name, (1, 1), "table", "") for name in called}}
+    return {**functions, **{name: Function(name, (1, 32), "table", "") for name in called}}
 
 
 def _with_numbers(text: str, bound: Binding) -> str:

@@ -59,6 +59,13 @@ def _surface(reader: Reader, scalar: Scalar) -> Expression:
     with _local(reader, letters):
         formula = reader.formula(scalar, "a surface", frozenset({PARAMETER, COORDINATE, TIME}))
     names = {node.name for node in tree.walk(formula) if isinstance(node, tree.Name)}
+    if names & reader.measures.found.keys():
+        reader.report(
+            scalar.span,
+            f"the motion of a body in a surface: {min(names & reader.measures.found.keys())}",
+            f"a formula of {', '.join(letters)}, parameters and t",
+            "a surface that moves with a body is one `of:` it",
+        )
     if len(reader.problems) == before and not names & set(letters):
         wanted = f"a formula of {', '.join(letters)} that is zero on the surface"
         reader.report(scalar.span, f"a surface without {', '.join(letters)}", wanted)

@@ -55,7 +55,8 @@ def _only(place: Layout, V: float = 0.0, summed: float | None = None, **forces: 
 
 @dataclass(frozen=True)
 class Lagrange:
-    """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
+    """The analytic energies at one state: inertia (nv × nv) v̇ = force, energies T and V (J). The
+    force is along z, or along v alone (nv).
 
     `power` is ∂(V − T)/∂t at held q and q̇; `odd` = T₁ + 2 T₀ (J) is what Jacobi's integral
     q̇·∂T/∂q̇ − T + V is less than T + V.

@@ -3,7 +3,7 @@ bodies in the ground frame."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,10 +90,16 @@ class State:
         return np.array([self.vector(row) for row in rows])
 
 
-def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> State:
+Measured = Callable[["State"], Mapping[str, float]]
+
+
+def state(
+    model: Model, t: float, q: Array, v: Array, u: Array, p: Array, measured: Measured
+) -> State:
     """Walk the joints from the ground outwards, then evaluate the definitions in their order.
 
     Frames are in the ground's axes, from N, H and biases of each joint; rates are q̇ = N v.
+    `measured` gives what formulas use of the motion.
     """
     names = _values_by_name(model, t, q, v, u, p)
     functions = {**NUMERIC, **numeric(model.tables)}
@@ -108,6 +114,7 @@ def state(model: Model, t: float, q: Array, v: Array, u: Array, p: Array) -> Sta
     full = State(
         t, q, v, u, p, N, drift, rates, frames, tuple(seats), names, named_rates, functions
     )
+    names |= measured(full)
     for name, expression in model.definitions:
         names[name] = full.value(expression)
     return full

@@ -168,8 +168,10 @@ _FLOAT: dict[str, Callable[..., Any]] = {
         "log",
         "sqrt",
     )
-} | {"abs": abs, "min": min, "max": max, "sign": _sign}
-_FLOAT |= pieces(lambda a, b, x, y: x if a < b else y, math.tanh, math.sqrt)
+} | {
+    **{"abs": abs, "min": min, "max": max, "sign": _sign},
+    **pieces(lambda a, b, x, y: x if a < b else y, math.tanh, math.sqrt),
+}
 
 
 def float_functions() -> Functions:
@@ -190,7 +192,7 @@ def casadi_functions() -> Functions:
         "abs": ca.fabs,
         "min": _over_all(ca.fmin),
         "max": _over_all(ca.fmax),
-        **pieces(lambda a, b, x, y: ca.if_else(a < b, x, y), ca.tanh, ca.sqrt),
+        **pieces(lambda a, b, x, y: _either(a < b, x, y), ca.tanh, ca.sqrt),
     }
 
 
@@ -202,6 +204,10 @@ def casadi_tables(tables: Iterable[Table]) -> Functions:
 def float_tables(tables: Iterable[Table]) -> Functions:
     """Those of a model for Python floats."""
     return {table.name: spline(table, min, max) for table in tables}
+
+
+def _either(condition: Any, x: Any, y: Any) -> Any:
+    return ca.if_else(condition, x, y)  # pyright: ignore[reportUnknownMemberType,reportAttributeAccessIssue,reportUnknownVariableType]
 
 
 def _over_all(function: Callable[[Any, Any], Any]) -> Callable[..., Any]:

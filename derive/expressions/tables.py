@@ -48,7 +48,7 @@ def _natural(x: Vector, y: Vector) -> Vector:
     for i in range(1, n - 1):
         matrix[i, i - 1 : i + 2] = h[i], 2.0 * (h[i - 1] + h[i]), h[i - 1]
         right[i] = 3.0 * (h[i] * d[i - 1] + h[i - 1] * d[i])
-    return np.linalg.solve(matrix, right)
+    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
 
 def _monotone(x: Vector, y: Vector) -> Vector:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions.parser import quantity, unit
@@ -121,7 +122,7 @@ class _Writer:
     def _check_parameters(self, entry: SubmodelEntry, inner: Entries, name: str) -> None:
         """That parameters are those of the file."""
         section = inner.get("parameters")
-        known = section if isinstance(section, Entries) else {}
+        known: dict[str, Any] = section if isinstance(section, Entries) else {}
         for given, number in entry.parameters.items():
             if given in known:
                 self._check_unit(given, number, known[given], name)

@@ -56,22 +56,26 @@ def _counts(call: tree.Call, most: dict[str, int]) -> bool:
 
 def _calls(model: Model) -> Iterator[tuple[tree.Call, str, Span | None]]:
     for part in MOVING:
-        given = getattr(model, part)
-        for item in given if isinstance(given, tuple) else (given,):
+        given: Any = getattr(model, part)
+        for item in _entries(given):
             owner, span = getattr(item, "name", ""), getattr(item, "span", None)
             for formula in _formulas(item):
-                for node in tree.walk(formula):
-                    if isinstance(node, tree.Call):
-                        yield node, owner, span
+                calls = (node for node in tree.walk(formula) if isinstance(node, tree.Call))
+                yield from ((call, owner, span) for call in calls)
 
 
 def _formulas(item: Any) -> Iterator[tree.Expression]:
     """The formulas of a record, however deep they stand in it."""
     if isinstance(item, tree.Expression):
         yield item
-    elif isinstance(item, tuple):
-        for entry in item:
-            yield from _formulas(entry)
-    elif is_dataclass(item):
-        for field in fields(item):
-            yield from _formulas(getattr(item, field.name))
+        return
+    names = [field.name for field in fields(item)] if is_dataclass(item) else []
+    for entry in [getattr(item, name) for name in names] or _entries(item, ()):
+        yield from _formulas(entry)
+
+
+def _entries(item: Any, otherwise: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
+    """Of a tuple; else the thing alone, or `otherwise`."""
+    if isinstance(item, tuple):
+        return tuple[Any, ...](item)  # pyright: ignore[reportUnknownArgumentType]
+    return (item,) if otherwise is None else otherwise

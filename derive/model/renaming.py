@@ -23,8 +23,8 @@ from derive.model.repetition import WORDS, with_called
 
 # sections whose keys are names, and that a part brings along
 SECTIONS = (
-    "parameters", "where", "tables", "bodies", "joints", "closures", "frames", "constraints", "loads",
-    "inputs", "outputs", "events",
+    "parameters", "where", "tables", "bodies", "joints", "closures", "frames", "constraints",
+    "loads", "inputs", "outputs", "events",
 )  # fmt: skip
 # what a whole says for all its parts
 OF_THE_WHOLE = frozenset(
@@ -75,7 +75,7 @@ def with_parameters(node: Entries, key: Key, entry: SubmodelEntry) -> Entries:
     section = _entries(node, "parameters")
     numbers = {name: value for name, value in entry.parameters.items() if _is_number(value.text)}
     kept = {
-        name: numbers.get(name, value)
+        section.key(name): entry.parameters[section.key(name)] if name in numbers else value
         for name, value in section.items()
         if name in numbers or name not in entry.parameters
     }
@@ -116,7 +116,8 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
         for name, value in formulas.items()
         if not _is_name(value.text)
     }
-    where = {**_entries(part, "where"), **defined}
+    own = _entries(part, "where")
+    where: dict[Key, Node] = {**{own.key(name): value for name, value in own.items()}, **defined}
     part = Entries({**part, **_section("where", where, part)}, part.span)
     return part if not _mounted(entry) else merged(part, _mount(key, entry), source)
 
@@ -162,7 +163,7 @@ def _mount(key: Key, entry: SubmodelEntry) -> Entries:
 def merged(whole: Entries, part: Entries, source: Source) -> Entries:
     """The entries of both; ModelError where both have one of the same name. What the whole says of
     the initial state goes before what the part says."""
-    out: dict[Key, Node] = dict(whole)
+    out: dict[Key, Node] = {whole.key(name): value for name, value in whole.items()}
     for key, given in part.items():
         assert isinstance(key, Key)
         if key in OF_THE_WHOLE:

@@ -12,11 +12,13 @@ fixed by the names above it.
 
 from __future__ import annotations
 
+import operator
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
+from typing import Any
 
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
@@ -235,7 +237,7 @@ def _inside(text: str, bound: Binding) -> Value:
     for node in tree.walk(formula):
         if isinstance(node, tree.Name) and isinstance(bound[node.name], str):
             raise FormulaError(f"the index '{node.name}' is a word", expected="a number here")
-    functions = {**float_functions(), "mod": lambda a, b: a % b}
+    functions: Mapping[str, Callable[..., Any]] = {**float_functions(), "mod": operator.mod}
     floats = {name: float(given) for name, given in bound.items() if isinstance(given, int)}
     try:
         number = value(formula, floats, {}, functions)

@@ -267,7 +267,8 @@ def _piece(e: Evidence, s: Sample, t: float, y: Array) -> tuple[float, ...]:
     found = switches(e.reference.model)
     if not found:
         return ()
-    state = state_of(e.reference, t, *np.split(y, [len(s.q)]), s.u, s.full)
+    q, v = np.split(y, [len(s.q)])
+    state = state_of(e.reference, t, q, v, s.u, s.full)
     return tuple(float(np.sign(state.value(side))) for side in found)
 
 

@@ -31,6 +31,7 @@ from hamel.verify.reference.vectors import Array
 
 POSITIONS = ("position", "orientation", "angle")  # measures that are no velocities
 
+
 def _where(x: Any, place: Any, before: Any, after: Any) -> Any:
     return sympy.Piecewise((before, x < place), (after, True))
 
@@ -269,9 +270,7 @@ def lagrange(model: Model, s: Symbols, place: Layout) -> Callable[[State], Lagra
     at = s.function(_entries(model, s))
 
     def evaluate(state: State) -> Lagrange:
-        mass, force, slopes, (T, V, power, odd) = np.split(
-            at(state), np.cumsum([n * n, n, k])
-        )
+        mass, force, slopes, (T, V, power, odd) = np.split(at(state), np.cumsum([n * n, n, k]))
         mass, N = mass.reshape(n, n), state.N
         along_v = N.T @ (force - mass @ state.drift)
         pull, _ = _second_order(s, place, state, along_v, -slopes)

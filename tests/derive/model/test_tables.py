@@ -1,7 +1,8 @@
 """Functions in pieces and tables: they are what the formulas by hand are, the reference has its own
 spline, and what is no table is refused where it stands.
 
-Of derive.expressions: pieces, tables. Of derive.model: kinks, tables.
+Of derive.expressions: pieces, tables.
+Of derive.model: kinks, tables.
 Of hamel.simulate: kinks.
 Of hamel.verify.reference: tables.
 """

@@ -30,6 +30,7 @@ from derive.joints.rotations import (
 from derive.mechanics.frames import angular_velocity, ground_rotation
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.outputs import planar_angle
+from derive.mechanics.paths import path_length
 from derive.mechanics.records import Place
 from derive.mechanics.scene import NORMAL, Scene
 from derive.mechanics.symbols import define
@@ -111,6 +112,10 @@ def _rate(of: Callable[[Scene, Measure], Scalar]) -> Callable[[Scene, Measure], 
     return lambda scene, measure: scene.rate(ca.SX(of(scene, measure)))
 
 
+def _length(scene: Scene, measure: Measure) -> Scalar:
+    return path_length(scene, scene.model.path(measure.frame))
+
+
 _QUANTITIES: dict[str, Callable[[Scene, Measure], Scalar]] = {
     "position": _position,
     "velocity": _rate(_position),
@@ -118,4 +123,6 @@ _QUANTITIES: dict[str, Callable[[Scene, Measure], Scalar]] = {
     "turning": _rate(_orientation),
     "angle": _angle,
     "angular_velocity": _angular_velocity,
+    "length": _length,
+    "lengthening": _rate(_length),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from derive.expressions.tree import Expression
-from derive.model.records import Placement, Span, Vector3
+from derive.model.records import Path, Placement, Span, Vector3
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,16 @@ class PointSpring:
     stiffness: Expression
     length: Expression
     damping: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class Tension:
+    """A pull (N) along a path, the same all the way: −tension ∂length/∂q; negative ones push."""
+
+    name: str
+    path: Path
+    tension: Expression
     span: Span
 
 

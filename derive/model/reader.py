@@ -31,7 +31,7 @@ from derive.expressions.units import (
 from derive.model.document import Items, Key, Scalar, Source
 from derive.model.kinematics import Measures, Rewriting, speaks_of_motion
 from derive.model.names import objection
-from derive.model.records import Span, Vector3
+from derive.model.records import Path, Span, Vector3
 from derive.model.scope import CONSTANT, Scope
 from derive.model.space import ORIGIN, Space, normalised
 
@@ -54,6 +54,7 @@ class Reader:
         self.units: dict[str, str] = {}  # of the parameters
         self.definitions: dict[str, Expression] = {}
         self.measures = Measures()
+        self.paths: dict[str, Path] = {}
         self.problems: list[Diagnostic] = []
 
     def report(self, span: Span, message: str, expected: str = "", hint: str = "") -> None:

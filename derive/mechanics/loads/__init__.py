@@ -16,6 +16,7 @@ from derive.mechanics.loads.force import FORCE
 from derive.mechanics.loads.friction import JOINT_FRICTION
 from derive.mechanics.loads.records import Applied, Law, along
 from derive.mechanics.loads.spring import JOINT_SPRING, POINT_SPRING
+from derive.mechanics.loads.tension import TENSION
 from derive.mechanics.loads.torque import TORQUE
 from derive.mechanics.loads.wrench import WRENCH
 from derive.mechanics.scene import Scene
@@ -33,6 +34,7 @@ LAWS = (
     ARMATURE,
     EXPRESSION,
     WRENCH,
+    TENSION,
 )
 LAW_OF = {law.record: law.applied for law in LAWS}
 

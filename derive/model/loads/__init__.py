@@ -12,6 +12,7 @@ from derive.model.loads.expression import EXPRESSION
 from derive.model.loads.force import FORCE
 from derive.model.loads.friction import FRICTION
 from derive.model.loads.spring import SPRING
+from derive.model.loads.tension import TENSION
 from derive.model.loads.torque import TORQUE
 from derive.model.loads.wrench import WRENCH
 from derive.model.records import Load
@@ -26,4 +27,5 @@ LOADS: tuple[Kind[Load | None], ...] = (
     FRICTION,
     ARMATURE,
     WRENCH,
+    TENSION,
 )

@@ -26,7 +26,7 @@ from hamel.verify.reference.rows import RowsOf
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
-POSITIONS = ("position", "orientation", "angle")  # measures that are no velocities
+POSITIONS = ("position", "orientation", "angle", "length")  # measures that are no velocities
 SYMBOLIC: dict[str, Callable[..., Any]] = {
     **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
     "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,

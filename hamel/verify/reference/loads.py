@@ -17,6 +17,7 @@ from derive.model.load_records import (
     JointFriction,
     JointSpring,
     PointSpring,
+    Tension,
     Torque,
     Wrench,
 )
@@ -24,6 +25,7 @@ from derive.model.named_frames import frame_named
 from derive.model.records import GROUND, Body, Load, Model
 from hamel.verify.reference.jets import Jet, dot, joint_frame, product
 from hamel.verify.reference.layout import Layout
+from hamel.verify.reference.paths import pull
 from hamel.verify.reference.rows import nonideal_force
 from hamel.verify.reference.states import State, inertia_tensor, placed
 from hamel.verify.reference.vectors import Array, cross, skew
@@ -161,6 +163,9 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
             )
+        case Tension():
+            force = state.value(load.tension) * pull(load.path, model.plane, place, state)
+            return _only(place, other=force)
         case Wrench():
             return _at_frame(load, model, place, state)
     raise AssumptionError(

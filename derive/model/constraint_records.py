@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from derive.expressions.tree import ZERO, Expression
-from derive.model.records import Span, Vector3
+from derive.model.records import GROUND, Span, Vector3
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class NoSlip:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A body rolls without slip on the plane through `origin`, normal to `normal` (ground frame; in
-    the body's: centre, axis).
+    """A body rolls without slip on the plane through `origin`, normal to `normal` (in the frame of
+    `carrier`; in the body's: centre, axis).
 
     `shape`: "disk" (thin: wheel, knife edge), "sphere" (its axis means nothing) or "torus", whose
     circle of `radius` about the axis carries a tube of the smaller radius `tube`. In a planar model
@@ -60,6 +60,7 @@ class Rolling:
     origin: Vector3
     normal: Vector3
     span: Span
+    carrier: str = GROUND
     shape: str = "disk"
     tube: Expression = ZERO
 

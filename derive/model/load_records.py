@@ -54,6 +54,35 @@ class Tension:
 
 
 @dataclass(frozen=True)
+class Contact:
+    """Penalty contact after Hunt and Crossley, exponent one: with the depth δ of a body's shape
+    below a plane of `carrier`, pressure k δ max(0, 1 + damping δ̇), friction −μ times that along
+    the slip v, over √(v² + smoothing²).
+
+    `shape`: "point", "sphere" or "disk" (thin, about `axis`); a circle in a planar model. `centre`
+    and `axis` in the body's frame, `origin` and `normal` in the carrier's. `surface`, where given,
+    stands for the plane: a formula of x, y, z in the carrier's frame, positive outside, whose
+    value over its slope is the height.
+    """
+
+    name: str
+    body: str
+    centre: Vector3
+    shape: str
+    radius: Expression
+    axis: Vector3
+    carrier: str
+    origin: Vector3
+    normal: Vector3
+    surface: Expression | None
+    stiffness: Expression
+    damping: Expression
+    friction: Expression
+    smoothing: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
 class Force:
     """Force (N) on a body's point; components in the ground frame or, `frame` = "body", in the
     body's."""

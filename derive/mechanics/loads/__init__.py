@@ -10,6 +10,7 @@ import casadi as ca
 
 from derive.mechanics.loads.armature import ARMATURE, armatures
 from derive.mechanics.loads.bushing import BUSHING
+from derive.mechanics.loads.contact import CONTACT
 from derive.mechanics.loads.damper import JOINT_DAMPER
 from derive.mechanics.loads.expression import EXPRESSION
 from derive.mechanics.loads.force import FORCE
@@ -35,6 +36,7 @@ LAWS = (
     EXPRESSION,
     WRENCH,
     TENSION,
+    CONTACT,
 )
 LAW_OF = {law.record: law.applied for law in LAWS}
 

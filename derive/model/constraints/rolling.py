@@ -8,13 +8,13 @@ from derive.diagnostics import listed
 from derive.expressions.tree import ZERO
 from derive.model.constraint_records import Rolling
 from derive.model.constraints.lengths import length
-from derive.model.document import Key
+from derive.model.document import Key, Scalar
 from derive.model.entries import Direction, Entry, Formula, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.records import Vector3
+from derive.model.records import GROUND, Vector3
 
 
 class DiskEntry(Entry):
@@ -51,9 +51,12 @@ class ShapeEntry(Entry):
 
 class PlaneEntry(Entry):
     normal: Direction = Field(
-        description="Normal of the plane (in a planar model of the line), in the ground frame."
+        description="Normal of the plane (in a planar model of the line), in the frame of `of`."
     )
-    origin: Point | None = Field(None, description="A point of the plane, in the ground frame.")
+    origin: Point | None = Field(None, description="A point of the plane, in the frame of `of`.")
+    of: Formula | None = Field(
+        None, description="The body the plane is fixed to; ground when left out."
+    )
 
 
 class RollingEntry(Entry):
@@ -87,7 +90,7 @@ def rolling(
     The tube is zero for all but the torus, so that one record serves every shape; so is the radius
     where the shape was reported as none.
     """
-    kind, shape = _shape(reader, key, entry.shape)
+    kind, shape = shape_of(reader, key, entry.shape)
     radius = (
         ZERO
         if shape is None
@@ -103,18 +106,32 @@ def rolling(
         body=some_body(reader, document, entry.body, ground=False),
         centre=reader.point(entry.at, "a point"),
         radius=radius,
-        axis=_rolling_axis(reader, key, kind, shape),
+        axis=axis_of(reader, key, kind, shape),
         origin=reader.point(entry.plane.origin, "a point"),
         normal=reader.direction(entry.plane.normal, "a normal"),
         span=key.span,
+        carrier=carrier_of(reader, document, key, entry.body, entry.plane.of),
         shape=SHAPES[kind],
         tube=tube,
     )
 
 
-def _shape(
+def carrier_of(
+    reader: Reader, document: Bodies, key: Key, body: Scalar, carrier: Scalar | None
+) -> str:
+    """The body that a plane or surface is fixed to; the ground where none is named."""
+    if carrier is None:
+        return GROUND
+    found = some_body(reader, document, carrier)
+    if carrier.text == body.text:
+        reader.report(carrier.span, f"'{key}' is between '{body.text}' and itself", "two bodies")
+    return found
+
+
+def shape_of(
     reader: Reader, key: Key, entry: ShapeEntry
 ) -> tuple[str, DiskEntry | SphereEntry | None]:
+    """The key of the shape and its entry; None after reporting that it is none or several."""
     given = [(name, getattr(entry, name)) for name in SHAPES if getattr(entry, name) is not None]
     if len(given) != 1:
         reader.report(
@@ -127,9 +144,10 @@ def _shape(
     return kind, shape
 
 
-def _rolling_axis(
+def axis_of(
     reader: Reader, key: Key, kind: str, shape: DiskEntry | SphereEntry | None
 ) -> Vector3:
+    """The axis of a disk; the normal where a shape has none."""
     axis = shape.axis if isinstance(shape, DiskEntry) else None
     if axis is not None and reader.space.plane:
         reader.report(axis.span, f"an axis of the {kind} '{key}' in a planar model", "no axis")

@@ -7,6 +7,7 @@ derive/mechanics/loads.
 from derive.model.kind import Kind
 from derive.model.loads.armature import ARMATURE
 from derive.model.loads.bushing import BUSHING
+from derive.model.loads.contact import CONTACT
 from derive.model.loads.damper import DAMPER
 from derive.model.loads.expression import EXPRESSION
 from derive.model.loads.force import FORCE
@@ -28,4 +29,5 @@ LOADS: tuple[Kind[Load | None], ...] = (
     ARMATURE,
     WRENCH,
     TENSION,
+    CONTACT,
 )

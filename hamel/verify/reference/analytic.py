@@ -17,7 +17,7 @@ import sympy
 from derive.expressions import tree
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.records import Model
-from hamel.verify.reference.formulas import NUMERIC, evaluated, lookup
+from hamel.verify.reference.formulas import evaluated, lookup, symbolic
 from hamel.verify.reference.jets import Jet, direction, dot, point
 from hamel.verify.reference.layout import Layout, Rows
 from hamel.verify.reference.loads import Lagrange
@@ -27,10 +27,7 @@ from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
 POSITIONS = ("position", "orientation", "angle", "length")  # measures that are no velocities
-SYMBOLIC: dict[str, Callable[..., Any]] = {
-    **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
-    "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,
-}  # fmt: skip
+SYMBOLIC = symbolic()
 
 
 @dataclass(frozen=True)

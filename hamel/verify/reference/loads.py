@@ -11,6 +11,7 @@ from derive.diagnostics import AssumptionError
 from derive.model.load_records import (
     Armature,
     Bushing,
+    Contact,
     Force,
     GeneralisedForce,
     JointDamper,
@@ -23,6 +24,7 @@ from derive.model.load_records import (
 )
 from derive.model.named_frames import frame_named
 from derive.model.records import GROUND, Body, Load, Model
+from hamel.verify.reference.contact import pressing
 from hamel.verify.reference.jets import Jet, dot, joint_frame, product
 from hamel.verify.reference.layout import Layout
 from hamel.verify.reference.paths import pull
@@ -163,6 +165,9 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
             )
+        case Contact():
+            press = pressing(load, model.plane, place, state)
+            return _only(place, press.V, springs=press.elastic, other=press.dissipative)
         case Tension():
             force = state.value(load.tension) * pull(load.path, model.plane, place, state)
             return _only(place, other=force)

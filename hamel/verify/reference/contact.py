@@ -1,0 +1,125 @@
+"""Contact forces a second time: pressure and friction as forces on both bodies at the point of
+contact, as numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import sympy
+
+from derive.expressions import tree
+from derive.model.load_records import Contact
+from derive.model.records import GROUND
+from hamel.verify.reference.formulas import evaluated, lookup, symbolic
+from hamel.verify.reference.layout import Layout, point_velocity
+from hamel.verify.reference.states import State
+from hamel.verify.reference.vectors import Array
+
+
+@dataclass(frozen=True)
+class Pressing:
+    """Along z (nz): what follows from V = ½ k δ² (J), and what dissipates."""
+
+    elastic: Array
+    dissipative: Array
+    V: float
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Height, the contact point from the ground's origin, the direction in which the height grows
+    (its slope at the point `at`) and the normal."""
+
+    height: float
+    point: Array
+    slope: Array
+    at: Array
+    normal: Array
+
+
+def pressing(load: Contact, plane: str, place: Layout, state: State) -> Pressing:
+    """k δ along the slope of the height; k δ (max(0, 1 + d δ̇) − 1) there as well; −μ N v/√(v² +
+    ε²) along the slip."""
+    touch = _touch(load, plane, state)
+    depth = max(0.0, -touch.height)
+    k, d, mu, smoothing = state.vector(
+        (load.stiffness, load.damping, load.friction, load.smoothing)
+    )
+    climbing = touch.slope @ _relative(load, state, touch.at)
+    factor = max(0.0, 1.0 - d * climbing)
+    slip = _relative(load, state, touch.point)
+    slip = slip - touch.normal * (touch.normal @ slip)
+    rubbing = -mu * k * depth * factor * slip / np.hypot(np.linalg.norm(slip), smoothing)
+    push = _pair(load, place, state, touch.at, touch.slope)
+    rub = _pair(load, place, state, touch.point, rubbing)
+    return Pressing(
+        k * depth * push, k * depth * (factor - 1.0) * push + rub, float(0.5 * k * depth**2)
+    )
+
+
+def _pair(load: Contact, place: Layout, state: State, point: Array, force: Array) -> Array:
+    """A force on the body at a point, and its opposite on the carrier."""
+    result = np.zeros(place.size)
+    for body, sign in ((load.body, 1.0), (load.carrier, -1.0)):
+        if body != GROUND:
+            arm = point - state.frames[body].origin
+            result[place.twist(body)] += sign * point_velocity(arm).T @ force
+    return result
+
+
+def _relative(load: Contact, state: State, point: Array) -> Array:
+    """Velocity of the body's material point against the carrier's."""
+    first, second = state.frames[load.body], state.frames[load.carrier]
+    return first.speed(point - first.origin) - second.speed(point - second.origin)
+
+
+def _touch(load: Contact, plane: str, state: State) -> Touch:
+    body, carrier = state.frames[load.body], state.frames[load.carrier]
+    centre = body.origin + body.point(state.vector(load.centre))
+    radius = state.value(load.radius)
+    if load.surface is not None:
+        return _on_surface(load, state, centre, radius)
+    n = carrier.rotation @ state.vector(load.normal)
+    point = centre
+    if load.shape == "sphere" or (plane and load.shape == "disk"):
+        point = centre - radius * n
+    elif load.shape == "disk":
+        e = body.rotation @ state.vector(load.axis)
+        lowest = n - (n @ e) * e
+        point = centre - radius * lowest / np.linalg.norm(lowest)
+    height = n @ (point - carrier.origin - carrier.point(state.vector(load.origin)))
+    return Touch(float(height), point, n, point, n)
+
+
+def _on_surface(load: Contact, state: State, centre: Array, radius: float) -> Touch:
+    """The slope of f/|∇f| is ∇f/|∇f| − f (∇∇f) ∇f/|∇f|³."""
+    assert load.surface is not None
+    carrier = state.frames[load.carrier]
+    inside = carrier.rotation.T @ (centre - carrier.origin)
+    names = tuple(sorted(name for name in _used(load.surface) if name not in tuple("xyz")))
+    at = _surface(load.surface, names)
+    f, *derivatives = at(inside, [state.names[name] for name in names])
+    gradient, hessian = np.array(derivatives[:3]), np.reshape(derivatives[3:], (3, 3))
+    size = np.linalg.norm(gradient)
+    normal = carrier.rotation @ (gradient / size)
+    slope = carrier.rotation @ (gradient / size - f * (hessian @ gradient) / size**3)
+    return Touch(float(f / size - radius), centre - radius * normal, slope, centre, normal)
+
+
+def _used(expression: tree.Expression) -> set[str]:
+    return {node.name for node in tree.walk(expression) if isinstance(node, tree.Name)}
+
+
+@cache
+def _surface(expression: tree.Expression, names: tuple[str, ...]) -> Any:
+    """f, ∇f and ∇∇f of a surface over (x, y, z) and its other names."""
+    X = sympy.symbols("X:3", real=True)
+    others = sympy.symbols(f"N:{len(names)}", real=True) if names else ()
+    known: dict[str, Any] = dict(zip("xyz", X)) | dict(zip(names, others))
+    f = sympy.sympify(evaluated(expression, lookup(known, {}), symbolic()))
+    gradient = [sympy.diff(f, x) for x in X]
+    hessian = [sympy.diff(a, x) for a in gradient for x in X]
+    return sympy.lambdify([X, others], [f, *gradient, *hessian], modules="numpy", cse=True)

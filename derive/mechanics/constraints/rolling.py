@@ -6,26 +6,26 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
-from derive.expressions.scalars import Vector
+from derive.expressions.scalars import Matrix, Vector
 from derive.joints.rotations import (
     IDENTITY,
     cross,
     difference,
     dot,
     matrix,
+    merged,
+    minus,
+    product,
     rotated,
     sum_of,
     transpose,
 )
 from derive.mechanics.constraints.records import Tie
-from derive.mechanics.frames import (
-    axes_in_plane,
-    triad,
-)
+from derive.mechanics.frames import axes_in_plane, ground_rotation, triad
 from derive.mechanics.limits import FLAT
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.scene import NORMAL, NOTHING, Block, Scene
-from derive.mechanics.tree import link_direction, link_point
+from derive.mechanics.tree import ground_point, link_direction, link_point, relative_rotation
 from derive.model.constraint_records import Rolling
 
 
@@ -39,27 +39,35 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
     t₁ only.
     """
     s = scene.symbols
-    place = scene.places[constraint.body]
-    normal = s.vector(constraint.normal)
-    n = rotated(transpose(scene.rotations[place.link]), normal)
+    place, base = scene.places[constraint.body], scene.places[constraint.carrier]
+    back = _from_carrier(scene, place, base)
+    n = rotated(back, s.vector(constraint.normal))
     e = link_direction(place, s.vector(constraint.axis))
     point = sum_of(
         link_point(place, s.vector(constraint.centre)),
         _to_contact(scene, constraint, n, e),
     )
-    phi = _height(scene, place, point, normal, s.vector(constraint.origin))
-    directions = _directions(scene, constraint, place, n, e)
+    phi = _height(scene, constraint, place, point)
+    directions = _directions(scene, constraint, back, n, e)
     names = [f"{constraint.name}.{k}" for k in ("normal", "forward", "sideways")]
-    rows = tuple(
-        _moving_row(scene, name, place.link, d, point) for name, d in zip(names, directions)
-    )
+    links = (place.link, base.link)
+    rows = tuple(_moving_row(scene, name, links, d, point) for name, d in zip(names, directions))
     along_body = tuple(
-        _moving_row(scene, f"{constraint.name} {'xyz'[k]}", place.link, IDENTITY[k], point)
+        _moving_row(scene, f"{constraint.name} {'xyz'[k]}", links, IDENTITY[k], point)
         for k in axes_in_plane(scene, place.link)
     )
     marks = tuple(Row(row.name, 0 if i == 0 else -1, "m/s") for i, row in enumerate(rows))
     ways = (rows, along_body) if len(along_body) == len(rows) else (rows,)
     return Block(marks, (phi,), ways)
+
+
+def _from_carrier(scene: Scene, place: Place, base: Place) -> Matrix:
+    """Link of the body ← body that carries the plane."""
+    if base.link < 0:
+        own = transpose(scene.rotations[place.link])
+        return product(own, matrix(base.rotation)) if base.rotation else own
+    turned = relative_rotation(scene.links, place.link, base.link)
+    return matrix(merged(turned, base.rotation))
 
 
 def _to_contact(scene: Scene, constraint: Rolling, n: Vector, e: Vector) -> Vector:
@@ -89,15 +97,15 @@ def _flat(scene: Scene, constraint: Rolling) -> Diagnostic:
 
 
 def _directions(
-    scene: Scene, constraint: Rolling, place: Place, n: Vector, e: Vector
+    scene: Scene, constraint: Rolling, back: Matrix, n: Vector, e: Vector
 ) -> list[Vector]:
-    """n, forward and sideways; a sphere has no axis to tell forward by, the ground's axes do."""
+    """n, forward and sideways; a sphere has no axis to tell forward by, the axes of the plane's own
+    body do."""
     if scene.model.plane:
         return [n, cross(NORMAL[scene.model.plane], n)]
     if constraint.shape == "sphere":
         unit = np.array([float(x) for x in scene.symbols.vector(constraint.normal)])
         first, second, _ = np.array(matrix(triad(unit.tolist(), ""))).T.tolist()
-        back = transpose(scene.rotations[place.link])
         return [n, rotated(back, first), rotated(back, second)]
     forward = cross(e, n)
     length = ca.sqrt(dot(forward, forward))
@@ -105,21 +113,40 @@ def _directions(
     return [n, unit_forward, cross(n, unit_forward)]
 
 
-def _height(scene: Scene, place: Place, point: Vector, normal: Vector, origin: Vector) -> ca.SX:
+def _height(scene: Scene, constraint: Rolling, place: Place, point: Vector) -> ca.SX:
+    """Of the contact above the plane, in m."""
+    s, base = scene.symbols, scene.places[constraint.carrier]
     inside = rotated(scene.rotations[place.link], point)
     ground = sum_of(scene.positions[place.link], inside)
+    origin = ground_point(base, s.vector(constraint.origin), scene.positions, scene.rotations)
+    normal = rotated(ground_rotation(scene, base), s.vector(constraint.normal))
     return ca.SX(dot(normal, difference(ground, origin)))
 
 
-def _moving_row(scene: Scene, name: str, link: int, direction: Vector, point: Vector) -> RowForm:
-    """A row whose direction and point move in the link: their rates by differentiation along the
+def _moving_row(
+    scene: Scene, name: str, links: tuple[int, int], direction: Vector, point: Vector
+) -> RowForm:
+    """direction · (velocity of the body's point − that of the carrier's, at the same place); both
+    given in the body's link."""
+    link, carrier = links
+    terms = [_moving_term(scene, link, direction, point)]
+    if carrier >= 0:
+        turned = matrix(relative_rotation(scene.links, carrier, link))
+        ground = sum_of(scene.positions[link], rotated(scene.rotations[link], point))
+        gap = difference(ground, scene.positions[carrier])
+        inside = rotated(transpose(scene.rotations[carrier]), gap)
+        opposite: Vector = [minus(0.0, x) for x in rotated(turned, direction)]
+        terms.append(_moving_term(scene, carrier, opposite, inside))
+    return RowForm(name, tuple(terms))
+
+
+def _moving_term(scene: Scene, link: int, direction: Vector, point: Vector) -> TwistTerm:
+    """A term whose direction and point move in the link: their rates by differentiation along the
     motion."""
     # the contact wanders over the body: its rate is no velocity of a material point
     rates = scene.rate(ca.vertcat(*direction, *point))
     parts: Vector = [rates[i] for i in range(6)]
-    return RowForm(
-        name, (TwistTerm(link, direction, point, NOTHING, "state", parts[:3], parts[3:], NOTHING),)
-    )
+    return TwistTerm(link, direction, point, NOTHING, "state", parts[:3], parts[3:], NOTHING)
 
 
 ROLLING = Tie(Rolling, rolling)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from derive.model.constraint_records import Rolling
+from derive.model.records import GROUND
 from hamel.verify.reference.closures import NORMAL, triad
 from hamel.verify.reference.layout import Layout, Rows, centripetal, point_velocity
 from hamel.verify.reference.states import Frame, State
@@ -29,46 +30,63 @@ class Contact:
 
 
 def rolling_rows(rolling: Rolling, plane: str, place: Layout, state: State) -> Rows:
-    """k · v_P = 0, hence k · (a_C + α × reach) = −k · (ω × d(reach)/dt) − k̇ · v_P."""
-    frame, n = state.frames[rolling.body], state.vector(rolling.normal)
+    """k · (v_P − v_P of the plane's body) = 0, differentiated: with s the arm to P in that body,
+
+    k · (a_C + α × reach − a_O − α_O × s) = −k · (ω × d(reach)/dt − ω_O × ds/dt) − k̇ · (v_P − …).
+    """
+    frame, carrier = state.frames[rolling.body], state.frames[rolling.carrier]
+    n = carrier.point(state.vector(rolling.normal))
     n = n / np.linalg.norm(n)
-    contact = _contact(rolling, plane, state, frame, n)
+    contact = _contact(rolling, plane, state, n)
     centre = frame.point(state.vector(rolling.centre))
     arm = centre + contact.reach
-    coefficients = np.zeros((len(contact.directions), place.size))
-    coefficients[:, place.twist(rolling.body)] = contact.directions @ point_velocity(arm)
+    base = frame.origin + arm - carrier.origin
+    base_rate = frame.speed(centre) + contact.reach_rate - carrier.velocity
+    k = contact.directions
+    coefficients = np.zeros((len(k), place.size))
+    coefficients[:, place.twist(rolling.body)] = k @ point_velocity(arm)
+    if rolling.carrier != GROUND:
+        coefficients[:, place.twist(rolling.carrier)] -= k @ point_velocity(base)
     swing = centripetal(frame, centre) + cross(frame.omega, contact.reach_rate)
-    gamma = -contact.directions @ swing - contact.turning @ frame.speed(arm)
-    height = n @ (frame.origin + arm - state.vector(rolling.origin))
+    swing = swing - cross(carrier.omega, base_rate)
+    gamma = -k @ swing - contact.turning @ (frame.speed(arm) - carrier.speed(base))
+    height = n @ (base - carrier.point(state.vector(rolling.origin)))
     return Rows(coefficients, gamma, np.zeros(len(gamma)), np.array([height]))
 
 
-def _contact(rolling: Rolling, plane: str, state: State, frame: Frame, n: Array) -> Contact:
+def _contact(rolling: Rolling, plane: str, state: State, n: Array) -> Contact:
+    frame, carrier = state.frames[rolling.body], state.frames[rolling.carrier]
     radius = state.value(rolling.radius)
     if plane:
-        return _round(frame, radius, n, np.array([n, cross(NORMAL[plane], n)]))
+        return _round(carrier, radius, n, np.array([n, cross(NORMAL[plane], n)]))
     if rolling.shape == "sphere":
-        return _round(frame, radius, n, np.array([n, *triad(n).T[:2]]))
+        own = state.vector(rolling.normal)
+        across = (carrier.rotation @ triad(own / np.linalg.norm(own))).T[:2]
+        return _round(carrier, radius, n, np.array([n, *across]))
     tube = {"disk": 0.0, "torus": state.value(rolling.tube)}[rolling.shape]
-    return _edge(frame, frame.point(state.vector(rolling.axis)), n, radius, tube)
+    e = frame.point(state.vector(rolling.axis))
+    rates = (cross(frame.omega, e), cross(carrier.omega, n))
+    return _edge((e, n), rates, radius, tube)
 
 
-def _round(frame: Frame, radius: float, n: Array, directions: Array) -> Contact:
-    """Straight below the centre; while the contact moves through the body, centre to P does not
-    turn, so in a_C + α × reach + ω × d(reach)/dt the last term is zero.
-    """
-    return Contact(-radius * n, np.zeros(3), directions, np.zeros_like(directions))
+def _round(carrier: Frame, radius: float, n: Array, directions: Array) -> Contact:
+    """Straight below the centre: all turns with the plane."""
+    turning = np.array([cross(carrier.omega, k) for k in directions])
+    return Contact(-radius * n, -radius * cross(carrier.omega, n), directions, turning)
 
 
-def _edge(frame: Frame, e: Array, n: Array, radius: float, tube: float) -> Contact:
+def _edge(
+    axes: tuple[Array, Array], rates: tuple[Array, Array], radius: float, tube: float
+) -> Contact:
     """The lowest point of a circle about e, thickened by `tube`; t₁ = e × n/|…| forward, t₂ = n ×
     t₁."""
-    e_rate = cross(frame.omega, e)
-    d, d_rate = _unit(-(n - (n @ e) * e), (n @ e_rate) * e + (n @ e) * e_rate)
-    t1, t1_rate = _unit(cross(e, n), cross(e_rate, n))
+    (e, n), (e_rate, n_rate) = axes, rates
+    slope = n_rate @ e + n @ e_rate
+    d, d_rate = _unit(-(n - (n @ e) * e), -(n_rate - slope * e - (n @ e) * e_rate))
+    t1, t1_rate = _unit(cross(e, n), cross(e_rate, n) + cross(e, n_rate))
     directions = np.array([n, t1, cross(n, t1)])
-    turning = np.array([np.zeros(3), t1_rate, cross(n, t1_rate)])
-    return Contact(radius * d - tube * n, radius * d_rate, directions, turning)
+    turning = np.array([n_rate, t1_rate, cross(n_rate, t1) + cross(n, t1_rate)])
+    return Contact(radius * d - tube * n, radius * d_rate - tube * n_rate, directions, turning)
 
 
 def _unit(x: Array, x_rate: Array) -> tuple[Array, Array]:

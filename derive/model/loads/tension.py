@@ -13,7 +13,7 @@ from derive.model.load_records import Tension
 from derive.model.loads.places import two_points
 from derive.model.reader import Reader
 from derive.model.records import Path, Vector3, Waypoint
-from derive.model.scope import ANYTHING
+from derive.model.scope import NONIDEAL
 
 
 class TensionEntry(Entry):
@@ -34,7 +34,7 @@ def tension(
 ) -> Tension | None:
     """A tension in N, positive where it pulls; None after reporting."""
     path = _path(reader, document, key, entry)
-    pull = reader.formula(entry.tension, "a tension", ANYTHING, "N")
+    pull = reader.formula(entry.tension, "a tension", NONIDEAL, "N")
     return None if path is None else Tension(str(key), path, pull, key.span)
 
 

@@ -3,11 +3,12 @@ their power."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
 from derive.diagnostics import AssumptionError
+from derive.expressions import tree
 from derive.model.load_records import (
     Armature,
     Bushing,
@@ -75,14 +76,19 @@ class Lagrange:
 
 
 def applied(model: Model, place: Layout, state: State, nonideal: bool = True) -> Applied:
-    """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces, summed."""
+    """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces and the
+    loads that use reactions, summed."""
     gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
     parts = [
         _weight(gravity, body, place, state)
         for body in model.bodies
         if body.name not in _at_rest(model)
     ]
-    parts += [_load(load, model, place, state) for load in model.loads]
+    parts += [
+        _load(load, model, place, state)
+        for load in model.loads
+        if nonideal or not uses_reactions(load)
+    ]
     parts.append(_drive(model, place, state, nonideal))
     weight, springs, other = (
         np.sum([getattr(part, name) for part in parts], axis=0)
@@ -90,6 +96,20 @@ def applied(model: Model, place: Layout, state: State, nonideal: bool = True) ->
     )
     V, summed = sum(part.V for part in parts), sum(part.summed for part in parts)
     return Applied(weight, springs, other, V, summed)
+
+
+def uses_reactions(record: object) -> bool:
+    """Whether a formula of a record, or of what is in it, names a reaction."""
+    if isinstance(record, tree.Expression):
+        return any(
+            isinstance(node, tree.Name) and node.name.startswith("reaction.")
+            for node in tree.walk(record)
+        )
+    if isinstance(record, tuple):
+        return any(map(uses_reactions, record))
+    if is_dataclass(record):
+        return any(uses_reactions(getattr(record, field.name)) for field in fields(record))
+    return False
 
 
 def _at_rest(model: Model) -> set[str]:

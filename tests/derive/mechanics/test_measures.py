@@ -1,6 +1,8 @@
 """Kinematics in formulas: the same as written out by hand, and as the reference has it.
 
-Of derive.expressions: differentiate. Of derive.model: kinematics. Of derive.mechanics: measures.
+Of derive.expressions: differentiate.
+Of derive.model: kinematics.
+Of derive.mechanics: measures.
 Of hamel.verify.reference: measures.
 """
 

@@ -1,8 +1,11 @@
 """Ropes, muscles, contacts, rolling on moving planes and reactions in loads: the same as by hand,
 and as the reference has them.
 
-Of derive.model: paths. Of derive.model.loads: contact, tension. Of derive.mechanics: paths.
-Of derive.mechanics.loads: contact, tension. Of hamel.verify.reference: contact, paths.
+Of derive.model: paths.
+Of derive.model.loads: contact, tension.
+Of derive.mechanics: paths.
+Of derive.mechanics.loads: contact, tension.
+Of hamel.verify.reference: contact, paths.
 """
 
 from dataclasses import replace

@@ -63,6 +63,9 @@ class Contact:
     and `axis` in the body's frame, `origin` and `normal` in the carrier's. `surface`, where given,
     stands for the plane: a formula of x, y, z in the carrier's frame, positive outside, whose
     value over its slope is the height.
+
+    `tyre`, in place of friction: (B,) of a linear or (B, C, D, E) of Pacejka's curve over the
+    longitudinal slip, then over the slip angle; forces per pressure.
     """
 
     name: str
@@ -80,6 +83,7 @@ class Contact:
     friction: Expression
     smoothing: Expression
     span: Span
+    tyre: tuple[tuple[Expression, ...], ...] = ()
 
 
 @dataclass(frozen=True)

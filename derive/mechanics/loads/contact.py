@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.expressions.evaluate import casadi_functions, value
+from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.frames import angular_velocity, ground_rotation, on_ground
 from derive.mechanics.loads.records import Applied, Law
-from derive.mechanics.scene import IN_PLANE, Scene
+from derive.mechanics.scene import IN_PLANE, NORMAL, Scene
+from derive.mechanics.surfaces import surface_over
 from derive.model.load_records import Contact
 from derive.model.space import ORIGIN
 
@@ -40,9 +41,44 @@ def contact(scene: Scene, load: Contact) -> Applied:
     factor = ca.fmax(0, 1 - d * rate)
     damping = ca.SX(k * depth * (factor - 1)) * ca.jacobian(rate, s.v).T
     slip = _slip(scene, load, touch)
-    size = ca.sqrt(ca.dot(slip, slip) + s.scalar(load.smoothing) ** 2)
-    rubbing = -s.scalar(load.friction) * k * depth * factor * slip / size
+    rubbing = k * depth * factor * _grip(scene, load, touch, slip)
     return Applied(energy, damping + ca.jtimes(slip, s.v, rubbing, True))
+
+
+def _grip(scene: Scene, load: Contact, touch: Touch, slip: ca.SX) -> ca.SX:
+    """The force along the plane per pressure: against the slip, or as a tyre has it."""
+    s = scene.symbols
+    smoothing = s.scalar(load.smoothing)
+    if not load.tyre:
+        size = ca.sqrt(ca.dot(slip, slip) + smoothing**2)
+        return -s.scalar(load.friction) * slip / size
+    forward, sideways = _along(scene, load, touch)
+    travel = ca.dot(forward, _against(scene, load, ca.SX.zeros(3)))
+    speed = ca.sqrt(travel**2 + smoothing**2)
+    slips = (ca.dot(forward, slip) / speed, ca.atan(ca.dot(sideways, slip) / speed))
+    return -sum(
+        (_curve(s.vector(law), x) * axis for law, x, axis in zip(load.tyre, slips, (forward, sideways))),
+        ca.SX.zeros(3),
+    )
+
+
+def _curve(law: Vector, x: ca.SX) -> Scalar:
+    """B x, or D sin(C atan(B x − E (B x − atan(B x)))): the linear tyre, and Pacejka's."""
+    if len(law) == 1:
+        return law[0] * x
+    B, C, D, E = law
+    return D * ca.sin(C * ca.atan(B * x - E * (B * x - ca.atan(B * x))))
+
+
+def _along(scene: Scene, load: Contact, touch: Touch) -> tuple[ca.SX, ca.SX]:
+    """e × n/|…| and n × that; in a plane there is no sideways."""
+    if scene.model.plane:
+        forward = ca.cross(ca.vertcat(*NORMAL[scene.model.plane]), touch.normal)
+        return forward, ca.SX.zeros(3)
+    axis = ca.vertcat(*scene.symbols.vector(load.axis))
+    forward = ca.cross(ca.mtimes(_rotation(scene, load.body), axis), touch.normal)
+    forward = forward / ca.sqrt(ca.dot(forward, forward))
+    return forward, ca.cross(touch.normal, forward)
 
 
 def _touch(scene: Scene, load: Contact) -> Touch:
@@ -79,9 +115,8 @@ def _arm(scene: Scene, load: Contact, normal: ca.SX) -> ca.SX:
 def _on_surface(scene: Scene, load: Contact, centre: ca.SX, R: ca.SX) -> Touch:
     """f/|∇f| at the centre less the radius: the height to first order."""
     assert load.surface is not None
-    s, point = scene.symbols, ca.SX.sym("point", 3)
-    names = s.names | dict(zip("xyz", ca.vertsplit(point)))
-    f = ca.SX(value(load.surface, names, s.rates, casadi_functions()))
+    s = scene.symbols
+    f, point = surface_over(scene, load.surface, load.span)
     slope = ca.gradient(f, point)
     axes = IN_PLANE[scene.model.plane]
     size = ca.sqrt(sum(slope[i] * slope[i] for i in axes))
@@ -94,13 +129,18 @@ def _on_surface(scene: Scene, load: Contact, centre: ca.SX, R: ca.SX) -> Touch:
 def _slip(scene: Scene, load: Contact, touch: Touch) -> ca.SX:
     """Velocity of the body's material point at the contact against the carrier's, along the
     plane."""
+    velocity = _against(scene, load, touch.arm)
+    return velocity - ca.dot(touch.normal, velocity) * touch.normal
+
+
+def _against(scene: Scene, load: Contact, arm: ca.SX) -> ca.SX:
+    """Velocity of the body's material point at an arm from the shape's centre, against the
+    carrier's there."""
     centre = on_ground(scene, load.body, load.centre)
-    contact_point = centre + touch.arm
     base = on_ground(scene, load.carrier, ORIGIN)
     first, second = (_omega(scene, body) for body in (load.body, load.carrier))
-    velocity = scene.rate(centre) + ca.cross(first, touch.arm)
-    velocity -= scene.rate(base) + ca.cross(second, contact_point - base)
-    return velocity - ca.dot(touch.normal, velocity) * touch.normal
+    own = scene.rate(centre) + ca.cross(first, arm)
+    return own - scene.rate(base) - ca.cross(second, centre + arm - base)
 
 
 def _omega(scene: Scene, body: str) -> ca.SX:

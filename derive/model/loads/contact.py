@@ -25,6 +25,24 @@ from derive.model.mechanism import some_body
 from derive.model.reader import Reader
 
 
+class CurveEntry(Entry):
+    """Force per pressure over slip: linear, or D sin(C atan(B x - E (B x - atan(B x))))."""
+
+    linear: Formula | None = Field(None, description="Slope: force per pressure and slip.")
+    pacejka: Point | None = Field(None, description="[B, C, D, E] of the magic formula.")
+
+
+class TyreEntry(Entry):
+    """A tyre: forces by slip, longitudinal and lateral apart from each other."""
+
+    longitudinal: CurveEntry | None = Field(
+        None, description="Over the slip (r w - v)/|v|; none when left out."
+    )
+    lateral: CurveEntry | None = Field(
+        None, description="Over the slip angle; none when left out."
+    )
+
+
 class ContactEntry(Entry):
     """A point, sphere or wheel presses on a plane or surface: Hunt-Crossley, smooth friction."""
 
@@ -46,8 +64,11 @@ class ContactEntry(Entry):
         None, description="d of pressure = stiffness*depth*max(0, 1 + d*rate of the depth)."
     )
     friction: Formula | None = Field(None, description="Coefficient of friction.")
+    tyre: TyreEntry | None = Field(None, description="Slip of a tyre, instead of friction.")
     smoothing: Formula | None = Field(
-        None, description="Speed of slip at which friction is 1/sqrt(2) of what it is at last."
+        None,
+        description="Speed of slip at which friction is 1/sqrt(2) of what it is at last; of a tyre "
+        "the speed below which slip is not divided by less.",
     )
     about: Formula | None = None
 
@@ -94,7 +115,38 @@ def contact(
         ),
         smoothing=_smoothing(reader, key, entry),
         span=key.span,
+        tyre=() if entry.tyre is None else _tyre(reader, key, kind, entry, entry.tyre),
     )
+
+
+def _tyre(
+    reader: Reader, key: Key, kind: str, entry: ContactEntry, tyre: TyreEntry
+) -> tuple[tuple[Expression, ...], ...]:
+    if SHAPES.get(kind) != "disk":
+        reader.report(key.span, f"a tyre on a {kind}, '{key}'", "shape: {wheel: …}")
+    if entry.friction is not None:
+        reader.report(
+            entry.friction.span, f"friction and a tyre of '{key}'", "one of friction, tyre"
+        )
+    if entry.smoothing is None:
+        reader.report(key.span, f"the tyre of '{key}' without smoothing", "smoothing: in m/s")
+    return tuple(_curve(reader, key, curve) for curve in (tyre.longitudinal, tyre.lateral))
+
+
+def _curve(reader: Reader, key: Key, curve: CurveEntry | None) -> tuple[Expression, ...]:
+    """(B,) or (B, C, D, E), plain numbers."""
+    if curve is None:
+        return (ZERO,)
+    if (curve.linear is None) == (curve.pacejka is None):
+        reader.report(key.span, f"a curve of '{key}' without a law", "one of linear, pacejka")
+        return (ZERO,)
+    if curve.linear is not None:
+        return (reader.formula(curve.linear, "a slope", unit=""),)
+    entries = curve.pacejka or []
+    if len(entries) != 4:
+        reader.report(key.span, f"{len(entries)} numbers of a curve of '{key}'", "[B, C, D, E]")
+        return (ZERO,)
+    return tuple(reader.formula(x, "a number of the curve", unit="") for x in entries)
 
 
 def _smoothing(reader: Reader, key: Key, entry: ContactEntry) -> Expression:

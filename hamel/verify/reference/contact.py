@@ -13,10 +13,11 @@ import sympy
 from derive.expressions import tree
 from derive.model.load_records import Contact
 from derive.model.records import GROUND
+from hamel.verify.reference.closures import NORMAL
 from hamel.verify.reference.formulas import evaluated, lookup, symbolic
 from hamel.verify.reference.layout import Layout, point_velocity
 from hamel.verify.reference.states import State
-from hamel.verify.reference.vectors import Array
+from hamel.verify.reference.vectors import Array, cross
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,39 @@ def pressing(load: Contact, plane: str, place: Layout, state: State) -> Pressing
     factor = max(0.0, 1.0 - d * climbing)
     slip = _relative(load, state, touch.point)
     slip = slip - touch.normal * (touch.normal @ slip)
-    rubbing = -mu * k * depth * factor * slip / np.hypot(np.linalg.norm(slip), smoothing)
+    grip = -mu * slip / np.hypot(np.linalg.norm(slip), smoothing)
+    if load.tyre:
+        grip = _tyre(load, plane, state, touch, slip)
+    rubbing = k * depth * factor * grip
     push = _pair(load, place, state, touch.at, touch.slope)
     rub = _pair(load, place, state, touch.point, rubbing)
     return Pressing(
         k * depth * push, k * depth * (factor - 1.0) * push + rub, float(0.5 * k * depth**2)
     )
+
+
+def _tyre(load: Contact, plane: str, state: State, touch: Touch, slip: Array) -> Array:
+    """Against the slip forward over |v|, and against the slip angle sideways; v is the wheel
+    centre's own speed forward."""
+    frame = state.frames[load.body]
+    centre = frame.origin + frame.point(state.vector(load.centre))
+    e = NORMAL[plane] if plane else frame.rotation @ state.vector(load.axis)
+    forward = cross(e, touch.normal)
+    forward = forward / np.linalg.norm(forward)
+    speed = np.hypot(forward @ _relative(load, state, centre), state.value(load.smoothing))
+    sideways = cross(touch.normal, forward)
+    slips = ((forward @ slip) / speed, np.arctan((sideways @ slip) / speed))
+    forces = [_magic(state.vector(law), x) for law, x in zip(load.tyre, slips)]
+    return -forces[0] * forward - (0.0 if plane else forces[1]) * sideways
+
+
+def _magic(law: Array, x: float) -> float:
+    """Pacejka's y(x), or its slope times x."""
+    if len(law) == 1:
+        return float(law[0] * x)
+    stiffness, shape, peak, curvature = law
+    bent = (1.0 - curvature) * stiffness * x + curvature * np.arctan(stiffness * x)
+    return float(peak * np.sin(shape * np.arctan(bent)))
 
 
 def _pair(load: Contact, place: Layout, state: State, point: Array, force: Array) -> Array:

@@ -8,8 +8,9 @@ import numpy as np
 from derive.diagnostics import AssumptionError
 from derive.expressions.evaluate import casadi_functions, value
 from derive.expressions.tree import Expression
-from derive.mechanics.limits import FEET, FLAT_SURFACE, STEPS_TO_SURFACE
+from derive.mechanics.limits import FEET, FLAT_SURFACE, STEPS_TO_FOOT, STEPS_TO_SURFACE
 from derive.mechanics.scene import IN_PLANE, Scene
+from derive.mechanics.solve import scalars, small_inverse
 from derive.model.records import Span
 
 
@@ -59,3 +60,23 @@ def _slope_left(at: ca.Function, scene: Scene, start: np.ndarray) -> float | Non
         move = height[0] * slope / size
         point, step = point - move, float(np.linalg.norm(move))
     return size**0.5 / first if step < FLAT_SURFACE else None
+
+
+def nearest_point(f: ca.SX, point: ca.SX, centre: ca.SX) -> ca.SX:
+    """P of f(P) = 0, P + μ ∇f(P) = centre, by STEPS_TO_FOOT of Newton's steps from the centre: each
+    doubles the digits while the centre is nearer than the surface curves."""
+    mu, at = ca.SX.sym("mu"), ca.SX.sym("centre", 3)
+    g, H = ca.gradient(f, point), ca.hessian(f, point)[0]
+    inverse = ca.vertcat(
+        *[ca.horzcat(*row) for row in small_inverse(scalars(ca.SX.eye(3) + mu * H))[0]]
+    )
+    left = point + mu * g - at
+    change = (f - ca.dot(g, ca.mtimes(inverse, left))) / ca.dot(g, ca.mtimes(inverse, g))
+    moved = point - ca.mtimes(inverse, left + g * change)
+    others = [x for x in ca.symvar(f) if x.name() not in {y.name() for y in ca.symvar(point)}]
+    parameters = ca.vertcat(ca.SX(0, 1), *others)
+    step = ca.Function("step", [point, mu, at, parameters], [moved, mu + change])
+    here, weight = centre, ca.SX(0)
+    for _ in range(STEPS_TO_FOOT):
+        here, weight = step(here, weight, centre, parameters)
+    return here

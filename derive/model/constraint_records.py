@@ -49,7 +49,8 @@ class Rolling:
 
     `shape`: "disk" (thin: wheel, knife edge), "sphere" (its axis means nothing) or "torus", whose
     circle of `radius` about the axis carries a tube of the smaller radius `tube`. In a planar model
-    the plane is a line and the disk a circle.
+    the plane is a line and the disk a circle. `surface`, where given, stands for the plane: a
+    formula of x, y, z in the carrier's frame, positive on the body's side.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Rolling:
     carrier: str = GROUND
     shape: str = "disk"
     tube: Expression = ZERO
+    surface: Expression | None = None
 
 
 @dataclass(frozen=True)

@@ -159,9 +159,7 @@ class Rewriting:
 
     def _list(self, node: Expression, entries: Parts) -> Parts:
         if len(entries) != self.space.size:
-            raise self._fault(
-                f"a vector with {len(entries)} components", node, self._components()
-            )
+            raise self._fault(f"a vector with {len(entries)} components", node, self._components())
         return tuple(self.scalar(entry) for entry in entries)
 
     def _sum(self, terms: Parts, at: int) -> Rewritten:

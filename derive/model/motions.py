@@ -239,9 +239,7 @@ def _output(
     return resolved, pretty(dimension) if isinstance(dimension, tuple) else ""
 
 
-def _is_of_body(
-    reader: Reader, document: Document, parsed: Expression
-) -> TypeGuard[tree.Call]:
+def _is_of_body(reader: Reader, document: Document, parsed: Expression) -> TypeGuard[tree.Call]:
     """Whether the whole output is a point, velocity or angle of a body against the ground, or a
     reaction: those have functions of their own. All else of the kind is a formula."""
     if not isinstance(parsed, tree.Call) or parsed.function not in OUTPUT_FUNCTIONS:

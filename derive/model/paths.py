@@ -33,9 +33,7 @@ def names(document: Document) -> tuple[str, ...]:
     return (*map(str, document.paths), *lines)
 
 
-def path(
-    reader: Reader, document: Bodies, key: Key, entries: Sequence[WaypointEntry]
-) -> Path:
+def path(reader: Reader, document: Bodies, key: Key, entries: Sequence[WaypointEntry]) -> Path:
     """One entry of `paths:`. A path of less than two points, one that begins or ends on a pulley
     and, in space, one with two pulleys in a row are reported."""
     reader.name(key)

@@ -137,8 +137,7 @@ def _check_unique(system: System, sampled: np.ndarray, i: int) -> None:
         return
     name = system.rows[i].name
     message = (
-        f"a force uses reaction.{name}, which is not unique: '{name}' repeats "
-        "other constraints"
+        f"a force uses reaction.{name}, which is not unique: '{name}' repeats other constraints"
     )
     span = system.model.place(name.partition(".")[0])
     raise AssumptionError(system.model.diagnostic(span, message, "independent constraints"))

@@ -103,10 +103,11 @@ def _rolling(doc: Manuscript, x: Rolling) -> Runs:
     axis = point(doc, x.axis, x.name)
     about = "" if x.shape == "sphere" else " about its axis {axis}"
     of = "" if x.carrier == GROUND else f"of {x.carrier} "
+    ground = (
+        f"the plane {of}normal to {{normal}}" if x.surface is None else f"a surface {of}".strip()
+    )
     return runs(
-        "{body}, a {shape} of radius {radius}"
-        + about
-        + f", rolls without slip on the plane {of}normal to {{normal}}",
+        "{body}, a {shape} of radius {radius}" + about + f", rolls without slip on {ground}",
         body=x.body,
         shape=x.shape,
         radius=radius,

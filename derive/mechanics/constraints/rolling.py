@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
 
@@ -21,12 +23,14 @@ from derive.joints.rotations import (
     transpose,
 )
 from derive.mechanics.constraints.records import Tie
-from derive.mechanics.frames import axes_in_plane, ground_rotation, triad
+from derive.mechanics.frames import axes_in_plane, ground_rotation, on_ground, triad
 from derive.mechanics.limits import FLAT
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.scene import NORMAL, NOTHING, Block, Scene
+from derive.mechanics.surfaces import nearest_point, surface_over
 from derive.mechanics.tree import ground_point, link_direction, link_point, relative_rotation
 from derive.model.constraint_records import Rolling
+from derive.model.space import ORIGIN
 
 
 def rolling(scene: Scene, constraint: Rolling) -> Block:
@@ -41,14 +45,15 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
     s = scene.symbols
     place, base = scene.places[constraint.body], scene.places[constraint.carrier]
     back = _from_carrier(scene, place, base)
-    n = rotated(back, s.vector(constraint.normal))
+    foot = _foot(scene, constraint)
+    n = rotated(back, foot.normal)
     e = link_direction(place, s.vector(constraint.axis))
     point = sum_of(
         link_point(place, s.vector(constraint.centre)),
         _to_contact(scene, constraint, n, e),
     )
-    phi = _height(scene, constraint, place, point)
-    directions = _directions(scene, constraint, back, n, e)
+    phi = foot.height if constraint.surface else _height(scene, constraint, place, point)
+    directions = _directions(scene, constraint, back, foot.normal, (n, e))
     names = [f"{constraint.name}.{k}" for k in ("normal", "forward", "sideways")]
     links = (place.link, base.link)
     rows = tuple(_moving_row(scene, name, links, d, point) for name, d in zip(names, directions))
@@ -96,15 +101,43 @@ def _flat(scene: Scene, constraint: Rolling) -> Diagnostic:
     )
 
 
+@dataclass(frozen=True)
+class Foot:
+    """The normal at the contact, in the carrier's frame, and φ where a surface is given."""
+
+    normal: Vector
+    height: ca.SX
+
+
+def _foot(scene: Scene, constraint: Rolling) -> Foot:
+    s = scene.symbols
+    if constraint.surface is None:
+        return Foot(s.vector(constraint.normal), ca.SX(0))
+    R = ground_rotation(scene, scene.places[constraint.carrier])
+    gap = on_ground(scene, constraint.body, constraint.centre) - on_ground(
+        scene, constraint.carrier, ORIGIN
+    )
+    centre = ca.vertcat(*rotated(transpose(R), [gap[k] for k in range(3)]))
+    surface, at = surface_over(scene, constraint.surface, constraint.span)
+    nearest = nearest_point(surface, at, centre)
+    slope = ca.substitute(ca.gradient(surface, at), at, nearest)
+    normal = slope / ca.sqrt(ca.dot(slope, slope))
+    height = ca.dot(normal, centre - nearest) - s.scalar(constraint.radius)
+    return Foot([normal[k] for k in range(3)], height)
+
+
 def _directions(
-    scene: Scene, constraint: Rolling, back: Matrix, n: Vector, e: Vector
+    scene: Scene, constraint: Rolling, back: Matrix, normal: Vector, axes: tuple[Vector, Vector]
 ) -> list[Vector]:
     """n, forward and sideways; a sphere has no axis to tell forward by, the axes of the plane's own
-    body do."""
+    body do: on a surface forward is at right angles to its y."""
+    n, e = axes
     if scene.model.plane:
         return [n, cross(NORMAL[scene.model.plane], n)]
-    if constraint.shape == "sphere":
-        unit = np.array([float(x) for x in scene.symbols.vector(constraint.normal)])
+    if constraint.surface is not None:
+        e = rotated(back, [0.0, 1.0, 0.0])
+    elif constraint.shape == "sphere":
+        unit = np.array([float(x) for x in normal])
         first, second, _ = np.array(matrix(triad(unit.tolist(), ""))).T.tolist()
         return [n, rotated(back, first), rotated(back, second)]
     forward = cross(e, n)

@@ -57,7 +57,10 @@ def _grip(scene: Scene, load: Contact, touch: Touch, slip: ca.SX) -> ca.SX:
     speed = ca.sqrt(travel**2 + smoothing**2)
     slips = (ca.dot(forward, slip) / speed, ca.atan(ca.dot(sideways, slip) / speed))
     return -sum(
-        (_curve(s.vector(law), x) * axis for law, x, axis in zip(load.tyre, slips, (forward, sideways))),
+        (
+            _curve(s.vector(law), x) * axis
+            for law, x, axis in zip(load.tyre, slips, (forward, sideways))
+        ),
         ca.SX.zeros(3),
     )
 

@@ -8,6 +8,7 @@ from derive.diagnostics import listed
 from derive.expressions.tree import ZERO
 from derive.model.constraint_records import Rolling
 from derive.model.constraints.lengths import length
+from derive.model.constraints.point_on_surface import surface
 from derive.model.document import Key, Scalar
 from derive.model.entries import Direction, Entry, Formula, Point
 from derive.model.frames import Names
@@ -60,8 +61,8 @@ class PlaneEntry(Entry):
 
 
 class RollingEntry(Entry):
-    """A disk, sphere or torus rolls without slip on a plane; a wheel on a line in a planar
-    model."""
+    """A disk, sphere or torus rolls without slip on a plane, a wheel on a line in a planar model;
+    spheres and planar wheels on surfaces."""
 
     type: Formula
     body: Formula = Field(description="The body.")
@@ -69,7 +70,13 @@ class RollingEntry(Entry):
         None, description="Centre of the shape, in the body's frame; its origin when left out."
     )
     shape: ShapeEntry = Field(description="What rolls.")
-    plane: PlaneEntry = Field(description="What it rolls on.")
+    plane: PlaneEntry | None = Field(None, description="What it rolls on.")
+    surface: Formula | None = Field(
+        None,
+        description="Or a formula of x, y, z in the frame of `of`, zero on the surface and "
+        "positive on the body's side; for spheres, and wheels of planar models.",
+    )
+    of: Formula | None = Field(None, description="The body of the surface; ground when left out.")
     about: Formula | None = None
 
 
@@ -101,16 +108,28 @@ def rolling(
         if isinstance(shape, TorusEntry)
         else ZERO
     )
+    plane = entry.plane
+    carrier = entry.of if plane is None else plane.of
+    if (plane is None) == (entry.surface is None):
+        reader.report(key.span, f"'{key}' does not say what it rolls on", "one of plane, surface")
+    if entry.surface is not None and not reader.space.plane and SHAPES[kind] != "sphere":
+        reader.report(
+            key.span,
+            f"a {kind} on a surface, '{key}'",
+            "a sphere, a plane, or a planar model",
+            "where a disk touches a curved surface has no formula",
+        )
     return Rolling(
         name=str(key),
         body=some_body(reader, document, entry.body, ground=False),
         centre=reader.point(entry.at, "a point"),
         radius=radius,
         axis=axis_of(reader, key, kind, shape),
-        origin=reader.point(entry.plane.origin, "a point"),
-        normal=reader.direction(entry.plane.normal, "a normal"),
+        origin=reader.point(None if plane is None else plane.origin, "a point"),
+        normal=reader.space.normal if plane is None else reader.direction(plane.normal, "a normal"),
         span=key.span,
-        carrier=carrier_of(reader, document, key, entry.body, entry.plane.of),
+        carrier=carrier_of(reader, document, key, entry.body, carrier),
+        surface=None if entry.surface is None else surface(reader, entry.surface),
         shape=SHAPES[kind],
         tube=tube,
     )
@@ -144,9 +163,7 @@ def shape_of(
     return kind, shape
 
 
-def axis_of(
-    reader: Reader, key: Key, kind: str, shape: DiskEntry | SphereEntry | None
-) -> Vector3:
+def axis_of(reader: Reader, key: Key, kind: str, shape: DiskEntry | SphereEntry | None) -> Vector3:
     """The axis of a disk; the normal where a shape has none."""
     axis = shape.axis if isinstance(shape, DiskEntry) else None
     if axis is not None and reader.space.plane:

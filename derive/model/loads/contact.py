@@ -38,9 +38,7 @@ class TyreEntry(Entry):
     longitudinal: CurveEntry | None = Field(
         None, description="Over the slip (r w - v)/|v|; none when left out."
     )
-    lateral: CurveEntry | None = Field(
-        None, description="Over the slip angle; none when left out."
-    )
+    lateral: CurveEntry | None = Field(None, description="Over the slip angle; none when left out.")
 
 
 class ContactEntry(Entry):
@@ -100,16 +98,12 @@ def contact(
         axis=axis_of(reader, key, kind, shape),
         carrier=carrier_of(reader, document, key, entry.body, carrier),
         origin=reader.point(None if plane is None else plane.origin, "a point"),
-        normal=reader.space.normal
-        if plane is None
-        else reader.direction(plane.normal, "a normal"),
+        normal=reader.space.normal if plane is None else reader.direction(plane.normal, "a normal"),
         surface=None if entry.surface is None else surface(reader, entry.surface),
         stiffness=not_negative(
             reader, entry.stiffness, f"the stiffness of '{key}'", "a stiffness", "N/m"
         ),
-        damping=not_negative(
-            reader, entry.damping, f"the damping of '{key}'", "a damping", "s/m"
-        ),
+        damping=not_negative(reader, entry.damping, f"the damping of '{key}'", "a damping", "s/m"),
         friction=not_negative(
             reader, entry.friction, f"the friction of '{key}'", "a friction coefficient", ""
         ),
@@ -166,9 +160,7 @@ def _speed(reader: Reader, key: Key, scalar: Scalar) -> Expression:
     formula = reader.formula(scalar, "a velocity", unit="m/s")
     value = reader.value(formula, scalar)
     if value is not None and value <= 0.0:
-        reader.report(
-            scalar.span, f"the smoothing of '{key}' is {value:g}", "more than zero"
-        )
+        reader.report(scalar.span, f"the smoothing of '{key}' is {value:g}", "more than zero")
     return formula
 
 

@@ -237,9 +237,7 @@ def lagrange(model: Model, s: Symbols, place: Layout) -> Callable[[State], Lagra
     at = s.function(_entries(model, s))
 
     def evaluate(state: State) -> Lagrange:
-        mass, force, slopes, (T, V, power, odd) = np.split(
-            at(state), np.cumsum([n * n, n, k])
-        )
+        mass, force, slopes, (T, V, power, odd) = np.split(at(state), np.cumsum([n * n, n, k]))
         mass, N = mass.reshape(n, n), state.N
         along_v = N.T @ (force - mass @ state.drift)
         pull, _ = _second_order(s, place, state, along_v, -slopes)

@@ -4,19 +4,15 @@ contact, as numbers."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
-import sympy
 
-from derive.expressions import tree
 from derive.model.load_records import Contact
 from derive.model.records import GROUND
 from hamel.verify.reference.closures import NORMAL
-from hamel.verify.reference.formulas import evaluated, lookup, symbolic
 from hamel.verify.reference.layout import Layout, point_velocity
 from hamel.verify.reference.states import State
+from hamel.verify.reference.surfaces import surface_at
 from hamel.verify.reference.vectors import Array, cross
 
 
@@ -127,27 +123,8 @@ def _on_surface(load: Contact, state: State, centre: Array, radius: float) -> To
     assert load.surface is not None
     carrier = state.frames[load.carrier]
     inside = carrier.rotation.T @ (centre - carrier.origin)
-    names = tuple(sorted(name for name in _used(load.surface) if name not in tuple("xyz")))
-    at = _surface(load.surface, names)
-    f, *derivatives = at(inside, [state.names[name] for name in names])
-    gradient, hessian = np.array(derivatives[:3]), np.reshape(derivatives[3:], (3, 3))
+    f, gradient, hessian = surface_at(load.surface, state)(inside)
     size = np.linalg.norm(gradient)
     normal = carrier.rotation @ (gradient / size)
     slope = carrier.rotation @ (gradient / size - f * (hessian @ gradient) / size**3)
     return Touch(float(f / size - radius), centre - radius * normal, slope, centre, normal)
-
-
-def _used(expression: tree.Expression) -> set[str]:
-    return {node.name for node in tree.walk(expression) if isinstance(node, tree.Name)}
-
-
-@cache
-def _surface(expression: tree.Expression, names: tuple[str, ...]) -> Any:
-    """f, ∇f and ∇∇f of a surface over (x, y, z) and its other names."""
-    X = sympy.symbols("X:3", real=True)
-    others = sympy.symbols(f"N:{len(names)}", real=True) if names else ()
-    known: dict[str, Any] = dict(zip("xyz", X)) | dict(zip(names, others))
-    f = sympy.sympify(evaluated(expression, lookup(known, {}), symbolic()))
-    gradient = [sympy.diff(f, x) for x in X]
-    hessian = [sympy.diff(a, x) for a in gradient for x in X]
-    return sympy.lambdify([X, others], [f, *gradient, *hessian], modules="numpy", cse=True)

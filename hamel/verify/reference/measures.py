@@ -107,9 +107,7 @@ def _length(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
 
 def _spin(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
     """e · (ω − ω_f) as the rate of something: its derivative is ė · (ω − ω_f) + e · (α − α_f)."""
-    first, second = (
-        _seat(model, state, name)[0] for name in (measure.frame, measure.relative)
-    )
+    first, second = (_seat(model, state, name)[0] for name in (measure.frame, measure.relative))
     gap = state.frames[first].omega - state.frames[second].omega
     if model.plane:
         axis = direction(place, state, GROUND, NORMAL[model.plane])

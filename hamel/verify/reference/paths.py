@@ -147,8 +147,7 @@ def _helix(before: Waypoint, x: Waypoint, after: Waypoint, place: Layout, state:
     axes = [direction(place, state, x.body, axis) for axis in _cylinder(x, state).T]
     centre, r = _centre(x, place, state), state.value(x.radius)
     ends = [
-        [dot(axis, _centre(end, place, state) - centre) for axis in axes]
-        for end in (before, after)
+        [dot(axis, _centre(end, place, state) - centre) for axis in axes] for end in (before, after)
     ]
     angle = _arc(ends[1][1], ends[1][0]) - _arc(ends[0][1], ends[0][0])
     angle = angle.scaled(float(x.side))
@@ -164,9 +163,7 @@ def _helix(before: Waypoint, x: Waypoint, after: Waypoint, place: Layout, state:
     return _root(_times(across, across) + _times(advance, advance))
 
 
-def _helix_lines(
-    before: Waypoint, x: Waypoint, after: Waypoint, state: State
-) -> list[Line]:
+def _helix_lines(before: Waypoint, x: Waypoint, after: Waypoint, state: State) -> list[Line]:
     """The straight parts: along the axis every part advances in proportion to its length."""
     frame = state.frames[x.body]
     axes, centre, r = frame.rotation @ _cylinder(x, state), _here(x, state), state.value(x.radius)

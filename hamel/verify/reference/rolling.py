@@ -16,6 +16,7 @@ from derive.model.records import GROUND
 from hamel.verify.reference.closures import NORMAL, triad
 from hamel.verify.reference.layout import Layout, Rows, centripetal, point_velocity
 from hamel.verify.reference.states import Frame, State
+from hamel.verify.reference.surfaces import surface_at
 from hamel.verify.reference.vectors import Array, cross
 
 
@@ -37,8 +38,12 @@ def rolling_rows(rolling: Rolling, plane: str, place: Layout, state: State) -> R
     frame, carrier = state.frames[rolling.body], state.frames[rolling.carrier]
     n = carrier.point(state.vector(rolling.normal))
     n = n / np.linalg.norm(n)
-    contact = _contact(rolling, plane, state, n)
     centre = frame.point(state.vector(rolling.centre))
+    if rolling.surface is not None:
+        foot = _foot(rolling, state)
+        n, contact = foot.normal, _on_surface(rolling, plane, state, foot)
+    else:
+        contact = _contact(rolling, plane, state, n)
     arm = centre + contact.reach
     base = frame.origin + arm - carrier.origin
     base_rate = frame.speed(centre) + contact.reach_rate - carrier.velocity
@@ -50,8 +55,64 @@ def rolling_rows(rolling: Rolling, plane: str, place: Layout, state: State) -> R
     swing = centripetal(frame, centre) + cross(frame.omega, contact.reach_rate)
     swing = swing - cross(carrier.omega, base_rate)
     gamma = -k @ swing - contact.turning @ (frame.speed(arm) - carrier.speed(base))
-    height = n @ (base - carrier.point(state.vector(rolling.origin)))
+    below = carrier.point(state.vector(rolling.origin))
+    if rolling.surface is not None:
+        below = foot.point - carrier.origin
+    height = n @ (base - below)
     return Rows(coefficients, gamma, np.zeros(len(gamma)), np.array([height]))
+
+
+@dataclass(frozen=True)
+class Foot:
+    """The point of a surface that is nearest to a sphere's centre, the normal there and its
+    rate, along the ground's axes."""
+
+    point: Array
+    normal: Array
+    rate: Array
+
+
+def _foot(rolling: Rolling, state: State) -> Foot:
+    """P + μ ∇f(P) = C, f(P) = 0 by Newton's method until nothing changes. With the centre's
+    velocity in the carrier's frame (1 + μ H) Ṗ + ∇f μ̇ = Ċ, ∇f · Ṗ = 0, and n turns with H Ṗ."""
+    assert rolling.surface is not None
+    frame, carrier = state.frames[rolling.body], state.frames[rolling.carrier]
+    arm = frame.point(state.vector(rolling.centre))
+    gap = frame.origin + arm - carrier.origin
+    back = carrier.rotation.T
+    centre = back @ gap
+    speed = back @ (frame.speed(arm) - carrier.speed(gap))
+    at = surface_at(rolling.surface, state)
+    point, mu = centre, 0.0
+    for _ in range(50):
+        f, g, H = at(point)
+        matrix = np.block([[np.eye(3) + mu * H, g[:, None]], [g[None, :], np.zeros((1, 1))]])
+        step = np.linalg.solve(matrix, -np.append(point + mu * g - centre, f))
+        point, mu = point + step[:3], mu + step[3]
+        if np.linalg.norm(step[:3]) < 1e-15 * (1.0 + np.linalg.norm(point)):
+            break
+    f, g, H = at(point)
+    matrix = np.block([[np.eye(3) + mu * H, g[:, None]], [g[None, :], np.zeros((1, 1))]])
+    moving = np.linalg.solve(matrix, np.append(speed, 0.0))[:3]
+    n, rate = _unit(g, H @ moving)
+    normal = carrier.rotation @ n
+    turned = carrier.rotation @ rate + cross(carrier.omega, normal)
+    return Foot(carrier.origin + carrier.point(point), normal, turned)
+
+
+def _on_surface(rolling: Rolling, plane: str, state: State, foot: Foot) -> Contact:
+    """Straight below the centre; forward is at right angles to the carrier's y, in a plane to its
+    normal."""
+    carrier, n = state.frames[rolling.carrier], foot.normal
+    radius = state.value(rolling.radius)
+    across = NORMAL[plane] if plane else carrier.rotation[:, 1]
+    across_rate = cross(carrier.omega, across)
+    t1, t1_rate = _unit(cross(across, n), cross(across_rate, n) + cross(across, foot.rate))
+    directions, turning = [n, t1], [foot.rate, t1_rate]
+    if not plane:
+        directions.append(cross(n, t1))
+        turning.append(cross(foot.rate, t1) + cross(n, t1_rate))
+    return Contact(-radius * n, -radius * foot.rate, np.array(directions), np.array(turning))
 
 
 def _contact(rolling: Rolling, plane: str, state: State, n: Array) -> Contact:

@@ -3,9 +3,9 @@ and as the reference has them.
 
 Of derive.model: paths.
 Of derive.model.loads: contact, tension.
-Of derive.mechanics: paths.
+Of derive.mechanics: paths, surfaces.
 Of derive.mechanics.loads: contact, tension.
-Of hamel.verify.reference: contact, paths.
+Of hamel.verify.reference: contact, paths, surfaces.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.mechanics import loads
 from derive.mechanics.constraints import rolling
 from derive.mechanics.loads.contact import CONTACT
@@ -147,7 +147,45 @@ loads:
   drag: {type: friction, joint: rail, coulomb: mu*abs(reaction.pin.z), smoothing: 0.1 m/s}
   pull: {type: force, body: cart, components: [3 N, 0]}
 """
-MODELS = {"ropes": ROPES, "elbow": ELBOW, "surfaces": SURFACES, "moving": MOVING, "cart": CART}
+TYRES = """
+model: tyres
+gravity: [0, 0, -9.81 m/s^2]
+parameters: {r: 0.3 m, k: 2000 N/m}
+bodies:
+  plate: {mass: 20 kg, inertia: [1, 2, 3], com: [0.1, 0.2, 0]}
+  car: {mass: 30 kg, inertia: [1, 2, 3]}
+  wheel: {mass: 1 kg, inertia: [0.03, 0.04, 0.03]}
+joints:
+  tilt: {type: universal, parent: ground, child: plate, axis: x, axis2: y}
+  c: {type: free, parent: ground, child: car, position: [cx, cy, cz]}
+  w: {type: revolute, parent: car, child: wheel, axis: y, at: [[0.5, 0.3, -0.2], [0, 0, 0]], coordinate: spin}
+loads:
+  a: {type: contact, body: wheel, shape: {wheel: {radius: r, axis: y}}, plane: {normal: z, of: plate}, stiffness: k, damping: 0.1 s/m, smoothing: 0.1 m/s, tyre: {longitudinal: {pacejka: [10, 1.9, 1, 0.97]}, lateral: {linear: 5}}}
+  b: {type: contact, body: wheel, shape: {wheel: {radius: r, axis: y}}, plane: {normal: z}, stiffness: k, smoothing: 0.1 m/s, tyre: {lateral: {pacejka: [8, 1.3, 0.9, -1]}}}
+"""
+BOWL = """
+model: bowl
+gravity: [0, 0, -9.81 m/s^2]
+parameters: {r: 0.05 m, a: 0.4 1/m}
+bodies:
+  bowl: {mass: 5 kg, inertia: [0.2, 0.2, 0.3]}
+  ball: {mass: 2 kg, inertia: 0.1, com: [0.005, 0, 0]}
+joints:
+  rock: {type: universal, parent: ground, child: bowl, axis: x, axis2: y}
+  base: {type: free, parent: ground, child: ball, position: [x, y, z]}
+constraints:
+  contact: {type: rolling, body: ball, shape: {sphere: {radius: r}}, surface: z - a*x^2 - 0.6*a*y^2 - 0.1*x*y/(1 m), of: bowl}
+initial: {x: 0.3 m, y: 0.2 m, guess: {z: 0.1 m}}
+"""
+MODELS = {
+    "ropes": ROPES,
+    "elbow": ELBOW,
+    "surfaces": SURFACES,
+    "moving": MOVING,
+    "cart": CART,
+    "tyres": TYRES,
+    "bowl": BOWL,
+}
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -269,6 +307,50 @@ def test_rolling_on_a_cart_equals_the_form_by_hand() -> None:
     assert apart(ROLLS + word, ROLLS + hand) < 1e-12
 
 
+SPHERE = """
+model: sphere_in_sphere
+gravity: [0, 0, -9.81 m/s^2]
+parameters: {r: 0.2 m, R: 1 m}
+bodies: {ball: {mass: 2 kg, inertia: 0.03, com: [0.01, 0, 0.02]}}
+joints: {base: {type: free, parent: ground, child: ball, position: [x, y, z]}}
+initial: {x: 0.2 m, y: 0.1 m, guess: {z: -0.75 m}}
+"""
+
+
+def test_rolling_on_a_surface_equals_the_form_by_hand() -> None:
+    """A ball in a bowl that is part of a sphere: |C| = R − r, and v + ω × r C/(R − r) = 0 along x
+    and y."""
+    word = "constraints: {c: {type: rolling, body: ball, shape: {sphere: {radius: r}}, surface: R^2 - x^2 - y^2 - z^2}}\n"
+    hand = """
+where: {k: r/(R - r)}
+constraints:
+  n: {holonomic: R - r - sqrt(x^2 + y^2 + z^2)}
+  a: {nonholonomic: der(x) + k*(angular_velocity(ball).y*z - angular_velocity(ball).z*y)}
+  b: {nonholonomic: der(y) + k*(angular_velocity(ball).z*x - angular_velocity(ball).x*z)}
+"""
+    assert apart(SPHERE + word, SPHERE + hand) < 1e-12
+
+
+def test_a_flat_surface_is_a_plane() -> None:
+    flat = "constraints: {c: {type: rolling, body: ball, shape: {sphere: {radius: r}}, surface: z + R}}\n"
+    plane = "constraints: {c: {type: rolling, body: ball, shape: {sphere: {radius: r}}, plane: {normal: z, origin: [0, 0, -R]}}}\n"
+    assert apart(SPHERE + flat, SPHERE + plane) < 1e-12
+
+
+@pytest.mark.parametrize("kind", ["point_on_surface", "rolling", "contact"])
+def test_a_surface_without_a_slope_is_refused(kind: str) -> None:
+    """Its place in the file is said."""
+    said = {
+        "point_on_surface": "constraints: {c: {type: point_on_surface, body: ball, surface: (z - x^2/(1 m))^2}}",
+        "rolling": "constraints: {c: {type: rolling, body: ball, shape: {sphere: {radius: r}}, surface: (z + 1 m)^2}}",
+        "contact": "loads: {c: {type: contact, body: ball, surface: x^2 + y^2 + z^2, stiffness: 9 N/m}}",
+    }[kind]
+    with pytest.raises(AssumptionError) as error:
+        system(load_text(SPHERE + said + "\n", "m.yaml"))
+    assert "the slope of the surface vanishes" in str(error.value)
+    assert "m.yaml:8:" in str(error.value)
+
+
 def test_a_reaction_in_a_load_equals_the_nonideal_constraint() -> None:
     """Rolling resistance said as a load and as the constraint's own force."""
     rows = "constraints: {{h: {{holonomic: y - r{}}}, c: {{nonholonomic: der(x) - der(s) + r*der(th)}}}}\n"
@@ -293,6 +375,9 @@ BAD = {
     "loads: {f: {type: contact, body: arm, plane: {normal: y, of: arm}, stiffness: 3 N/m}}\n": "between 'arm' and itself",
     "loads: {f: {type: contact, body: arm, plane: {normal: y}, stiffness: 3 N/m, friction: 1}}\n": "without smoothing",
     "loads: {f: {type: contact, body: arm, surface: position(weight).x, stiffness: 3 N/m}}\n": "in a surface",
+    "constraints: {f: {type: rolling, body: arm, shape: {wheel: {radius: 1 m}}}}\n": "does not say what it rolls on",
+    "loads: {f: {type: contact, body: arm, plane: {normal: y}, stiffness: 3 N/m, smoothing: 1 m/s, tyre: {}}}\n": "a tyre on a point",
+    "loads: {f: {type: contact, body: arm, shape: {wheel: {radius: 1 m}}, plane: {normal: y}, stiffness: 3 N/m, smoothing: 1 m/s, tyre: {lateral: {pacejka: [1, 2]}}}}\n": "2 numbers of a curve",
     "loads: {f: {type: torque, body: arm, components: (1 m)*reaction.c}}\n": "unknown name 'reaction.c'",
 }
 

@@ -7,12 +7,13 @@ centre lies to the left, the line that touches two circles has the direction u a
 
 and the path turns at each circle by the angle from one direction to the next. In space the way
 round a cylinder is straight where the cylinder is unrolled, so that the length is that of the way
-across the axis and the advance along it, √(l² + h²). The rope touches its pulleys and stays on them.
+across the axis and the advance along it, √(l² + h²). The rope stays on its pulleys.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import pi
 
 import casadi as ca
@@ -63,7 +64,7 @@ def _circle(scene: Scene, x: Waypoint, centre: Vector) -> Circle:
 
 def _planar(circles: list[Circle]) -> Scalar:
     """Straight parts and arcs, added up."""
-    lines = [_straight(first, second) for first, second in zip(circles, circles[1:])]
+    lines = [_straight(first, second) for first, second in pairwise(circles)]
     total: Scalar = 0.0
     for line in lines:
         total = total + line.length
@@ -98,7 +99,7 @@ def _spatial(scene: Scene, path: Path) -> Scalar:
     """Point to point, with at most one cylinder between two points."""
     total: Scalar = 0.0
     points = path.points
-    for k, (first, second) in enumerate(zip(points, points[1:])):
+    for k, (first, second) in enumerate(pairwise(points)):
         if _is_round(first):
             total = total + _round(scene, points[k - 1], first, second)
         elif not _is_round(second):

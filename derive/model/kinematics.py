@@ -396,18 +396,17 @@ class Rewriting:
             """R_ij of the frame."""
             return self.measure("orientation", spot, relative, "xyz"[i] + "xyz"[j], node)
 
-        def weighted(weight: float, x: Callable[[], Expression]) -> list[Expression]:
-            """Nothing is looked up that does not count."""
-            return [times(tree.Number(weight), x())] if weight else []
-
         turned: list[Expression] = []
         along: list[Expression] = []
         for k in range(3):
             i, j = (k + 1) % 3, (k + 2) % 3
-            turned += weighted(axis[k], lambda: minus(entry(j, i), entry(i, j)))
+            if axis[k]:
+                skew = minus(entry(j, i), entry(i, j))
+                turned.append(times(tree.Number(axis[k]), skew))
             for m in range(3):
                 weight = float(k == m) - axis[k] * axis[m]
-                along += weighted(weight, lambda: entry(k, m))
+                if weight:
+                    along.append(times(tree.Number(weight), entry(k, m)))
         return Call("atan2", (plus(*turned), plus(*along)), node.at)
 
     def angular_velocity(self, node: Call) -> Rewritten:

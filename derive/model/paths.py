@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from derive.expressions.tree import ZERO
 from derive.model.constraints.lengths import length
-from derive.model.document import Items, Key, Scalar
+from derive.model.document import Key, Scalar
 from derive.model.entries import PulleyEntry, WaypointEntry
 from derive.model.kind import Bodies
 from derive.model.loads.tension import TensionEntry
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.records import Path, Waypoint
+from derive.model.records import Path, Vector3, Waypoint
 
 if TYPE_CHECKING:
     from derive.model.shape import Document
@@ -47,7 +48,7 @@ def path(reader: Reader, document: Bodies, key: Key, entries: Sequence[WaypointE
                 f"the path '{key}' begins or ends on a pulley",
                 "a point of a body at either end",
             )
-    for first, second in zip(entries, entries[1:]):
+    for first, second in pairwise(entries):
         if first.pulley and second.pulley and not reader.space.plane:
             reader.report(
                 second.pulley.radius.span,
@@ -75,15 +76,14 @@ def _waypoint(reader: Reader, document: Bodies, key: Key, entry: WaypointEntry) 
     )
 
 
-def _axis(reader: Reader, pulley: PulleyEntry):
+def _axis(reader: Reader, pulley: PulleyEntry) -> Vector3:
     """Its axis; the normal in a planar model, where it has no other."""
     if pulley.axis is None and not reader.space.plane:
         reader.report(pulley.radius.span, "a pulley in space without an axis", "axis: x, y or z")
     if pulley.axis is None:
         return reader.space.normal
     if reader.space.plane:
-        span = pulley.axis.span if isinstance(pulley.axis, Scalar | Items) else pulley.radius.span
-        reader.report(span, "an axis of a pulley in a planar model", "no axis")
+        reader.report(pulley.axis.span, "an axis of a pulley in a planar model", "no axis")
         return reader.space.normal
     return reader.direction(pulley.axis, "an axis")
 

@@ -80,9 +80,9 @@ def contact(
     kind, shape = ("point", None)
     if entry.shape is not None:
         kind, shape = shape_of(reader, key, entry.shape)
-    if entry.surface is not None and SHAPES.get(kind) in ("disk", "torus"):
-        if not reader.space.plane:
-            reader.report(key.span, f"a {kind} on a surface, '{key}'", "a point or a sphere")
+    edged = SHAPES.get(kind) in ("disk", "torus") and not reader.space.plane
+    if entry.surface is not None and edged:
+        reader.report(key.span, f"a {kind} on a surface, '{key}'", "a point or a sphere")
     if kind == "torus":
         reader.report(key.span, f"the shape of '{key}' is a torus", "a point, sphere or wheel")
     carrier = entry.of if entry.plane is None else entry.plane.of
@@ -136,9 +136,10 @@ def _curve(reader: Reader, key: Key, curve: CurveEntry | None) -> tuple[Expressi
         return (ZERO,)
     if curve.linear is not None:
         return (reader.formula(curve.linear, "a slope", unit=""),)
-    entries = curve.pacejka or []
-    if len(entries) != 4:
-        reader.report(key.span, f"{len(entries)} numbers of a curve of '{key}'", "[B, C, D, E]")
+    entries = curve.pacejka
+    if entries is None or len(entries) != 4:
+        count = 0 if entries is None else len(entries)
+        reader.report(key.span, f"{count} numbers of a curve of '{key}'", "[B, C, D, E]")
         return (ZERO,)
     return tuple(reader.formula(x, "a number of the curve", unit="") for x in entries)
 

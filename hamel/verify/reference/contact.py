@@ -71,7 +71,7 @@ def _tyre(load: Contact, plane: str, state: State, touch: Touch, slip: Array) ->
     speed = np.hypot(forward @ _relative(load, state, centre), state.value(load.smoothing))
     sideways = cross(touch.normal, forward)
     slips = ((forward @ slip) / speed, np.arctan((sideways @ slip) / speed))
-    forces = [_magic(state.vector(law), x) for law, x in zip(load.tyre, slips)]
+    forces = [_magic(state.vector(law), float(x)) for law, x in zip(load.tyre, slips)]
     return -forces[0] * forward - (0.0 if plane else forces[1]) * sideways
 
 

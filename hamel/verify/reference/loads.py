@@ -163,11 +163,8 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
     match load:
         case JointSpring():
             return _joint_spring(load, model, place, state)
-        case JointDamper():
-            direction = _conjugate(model, state, load.velocity)
-            return _along(place, -state.value(load.coefficient) * (direction @ state.v) * direction)
-        case JointFriction():
-            return _friction(load, model, place, state)
+        case JointDamper() | JointFriction():
+            return _resisted(load, model, place, state)
         case Armature():
             return _only(place)  # an inertia
         case Bushing():
@@ -185,12 +182,8 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
             )
-        case Contact():
-            press = pressing(load, model.plane, place, state)
-            return _only(place, press.V, springs=press.elastic, other=press.dissipative)
-        case Tension():
-            force = state.value(load.tension) * pull(load.path, model.plane, place, state)
-            return _only(place, other=force)
+        case Contact() | Tension():
+            return _touching(load, model, place, state)
         case Wrench():
             return _at_frame(load, model, place, state)
     raise AssumptionError(
@@ -198,6 +191,14 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
         f"{type(load).__name__}",
         "it takes a derivation of its own in hamel/verify/reference/loads.py",
     )
+
+
+def _touching(load: Contact | Tension, model: Model, place: Layout, state: State) -> Applied:
+    if isinstance(load, Tension):
+        force = state.value(load.tension) * pull(load.path, model.plane, place, state)
+        return _only(place, other=force)
+    press = pressing(load, model.plane, place, state)
+    return _only(place, press.V, springs=press.elastic, other=press.dissipative)
 
 
 def _at_frame(load: Wrench, model: Model, place: Layout, state: State) -> Applied:
@@ -239,10 +240,14 @@ def _joint_spring(spring: JointSpring, model: Model, place: Layout, state: State
     return _only(place, 0.5 * stiffness * stretch**2, springs=force)
 
 
-def _friction(friction: JointFriction, model: Model, place: Layout, state: State) -> Applied:
-    """−viscous r − coulomb tanh(r/smoothing) along the velocity r."""
+def _resisted(
+    friction: JointDamper | JointFriction, model: Model, place: Layout, state: State
+) -> Applied:
+    """−viscous r − coulomb tanh(r/smoothing) along the velocity r, or −d r of a damper."""
     direction = _conjugate(model, state, friction.velocity)
     rate = direction @ state.v
+    if isinstance(friction, JointDamper):
+        return _along(place, -state.value(friction.coefficient) * rate * direction)
     viscous, coulomb, smoothing = state.vector(
         (friction.viscous, friction.coulomb, friction.smoothing)
     )

@@ -21,7 +21,6 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from derive.expressions import tree
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.load_records import Armature
 from derive.model.records import GROUND, Model
@@ -184,8 +183,8 @@ def state_of(
     defaults."""
     u = np.zeros(len(ref.model.inputs)) if u is None else u
     p = defaults(ref.model) if p is None else p
-    arrays = (np.asarray(x, dtype=float) for x in (q, v, u, p))
-    return state(ref.model, float(t), *arrays, partial(values, ref.model))
+    q, v, u, p = (np.asarray(x, dtype=float) for x in (q, v, u, p))
+    return state(ref.model, float(t), q, v, u, p, partial(values, ref.model))
 
 
 def kinematics(ref: Reference, s: State) -> Kinematics:

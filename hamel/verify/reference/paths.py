@@ -9,6 +9,7 @@ u · (v₂ − v₁), and is differentiated once more.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def _lines(path: Path, plane: str, state: State) -> list[Line]:
         return _planar_lines(path, plane, state)
     found: list[Line] = []
     points = path.points
-    for k, (first, second) in enumerate(zip(points, points[1:])):
+    for k, (first, second) in enumerate(pairwise(points)):
         if _is_round(first):
             found += _helix_lines(points[k - 1], first, second, state)
         elif not _is_round(second):
@@ -127,7 +128,7 @@ def _wrapped(angle: float) -> float:
 def _spatial(path: Path, place: Layout, state: State) -> Jet:
     total = Jet(np.array(0.0), np.array(0.0), np.zeros(place.size), np.array(0.0))
     points = path.points
-    for k, (first, second) in enumerate(zip(points, points[1:])):
+    for k, (first, second) in enumerate(pairwise(points)):
         if _is_round(first):
             total = total + _helix(points[k - 1], first, second, place, state)
         elif not _is_round(second):

@@ -39,11 +39,13 @@ def rolling_rows(rolling: Rolling, plane: str, place: Layout, state: State) -> R
     n = carrier.point(state.vector(rolling.normal))
     n = n / np.linalg.norm(n)
     centre = frame.point(state.vector(rolling.centre))
-    if rolling.surface is not None:
-        foot = _foot(rolling, state)
-        n, contact = foot.normal, _on_surface(rolling, plane, state, foot)
-    else:
+    below = carrier.point(state.vector(rolling.origin))
+    if rolling.surface is None:
         contact = _contact(rolling, plane, state, n)
+    else:
+        foot = _foot(rolling, state)
+        n, below = foot.normal, foot.point - carrier.origin
+        contact = _on_surface(rolling, plane, state, foot)
     arm = centre + contact.reach
     base = frame.origin + arm - carrier.origin
     base_rate = frame.speed(centre) + contact.reach_rate - carrier.velocity
@@ -55,9 +57,6 @@ def rolling_rows(rolling: Rolling, plane: str, place: Layout, state: State) -> R
     swing = centripetal(frame, centre) + cross(frame.omega, contact.reach_rate)
     swing = swing - cross(carrier.omega, base_rate)
     gamma = -k @ swing - contact.turning @ (frame.speed(arm) - carrier.speed(base))
-    below = carrier.point(state.vector(rolling.origin))
-    if rolling.surface is not None:
-        below = foot.point - carrier.origin
     height = n @ (base - below)
     return Rows(coefficients, gamma, np.zeros(len(gamma)), np.array([height]))
 

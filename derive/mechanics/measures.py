@@ -32,7 +32,7 @@ from derive.mechanics.named_frames import place_of
 from derive.mechanics.outputs import planar_angle
 from derive.mechanics.paths import path_length
 from derive.mechanics.records import Place
-from derive.mechanics.scene import NORMAL, Scene
+from derive.mechanics.scene import NORMAL, NOTHING, Scene
 from derive.mechanics.symbols import define
 from derive.mechanics.tree import ground_point, relative_rotation
 from derive.model.named_frames import carrier
@@ -66,7 +66,7 @@ def _position(scene: Scene, measure: Measure) -> Scalar:
     point = scene.symbols.vector(measure.point)
     ends = [
         ground_point(place, x, scene.positions, scene.rotations)
-        for place, x in ((there, [0.0, 0.0, 0.0]), (here, point))
+        for place, x in ((there, NOTHING), (here, point))
     ]
     (k,) = measure.component
     return _turned_back(scene, there, difference(ends[1], ends[0]))[k]

@@ -47,7 +47,7 @@ def _check_slope(scene: Scene, f: ca.SX, point: ca.SX, span: Span) -> None:
 def _slope_left(at: ca.Function, scene: Scene, start: np.ndarray) -> float | None:
     """|∇f| at the end over that at the start; None where no step leads to the surface."""
     axes = list(IN_PLANE[scene.model.plane])
-    point, first, step = np.zeros(3), 0.0, np.inf
+    point, first, size, step = np.zeros(3), 0.0, 0.0, np.inf
     point[axes] = start[axes]
     for _ in range(STEPS_TO_SURFACE):
         height, slope = (np.array(x).ravel() for x in at(point, 0.0, scene.symbols.defaults))

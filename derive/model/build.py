@@ -118,7 +118,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         motions.output(reader, document, names, key, scalar)
         for key, scalar in document.outputs.items()
     )
-    return Model(
+    model = Model(
         name=document.model.text,
         description=document.description.text if document.description else "",
         file=reader.source.file,
@@ -162,6 +162,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             extremes.extremes(reader, key, entry) for key, entry in document.extremes.items()
         ),
         redundant=document.redundant,
+        sources=tuple((other.file, other.text) for other in reader.source.others),
         potential=_energy(
             reader,
             document.potential,
@@ -169,6 +170,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             frozenset({PARAMETER, COORDINATE, TIME}),
         ),
     )
+    return replace(model, notes=tuple(reader.notes))
 
 
 def _gravity(reader: Reader, document: Document) -> Vector3 | None:

@@ -133,6 +133,11 @@ def _is_mapping(value: Any) -> bool:
     return isinstance(value, Entries)
 
 
+def by_node(scalar: str, mapping: str) -> Discriminator:
+    """A union of a text and a mapping; what each is called in messages."""
+    return _kind(**{scalar: _is_scalar, mapping: _is_mapping})
+
+
 Pair = Annotated[list[Point], Field(min_length=2, max_length=2)]
 Direction = Annotated[
     Annotated[Formula, Tag("<x, y or z>")] | Annotated[Point, Tag("<a list>")],
@@ -337,6 +342,11 @@ class BodyEntry(Entry):
         "(xx, yy, zz, xy, xz, yz, tensor entries); or a mapping that says which point and frame "
         "it refers to. A point mass when "
         "left out.",
+    )
+    physical: Formula | None = Field(
+        None,
+        description="false: the inertia is taken as it is, though no body can have it (identified "
+        "sets); true when left out.",
     )
     about: Formula | None = Field(None, description="What it is, for readers.")
 

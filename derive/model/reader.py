@@ -7,10 +7,11 @@ zero, and `finish` raises.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
+from typing import TypeVar
 
-from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
@@ -35,7 +36,9 @@ from derive.model.records import Path, Span, Vector3
 from derive.model.scope import CONSTANT, Scope
 from derive.model.space import ORIGIN, Space, normalised
 
+T = TypeVar("T")
 ANY_UNIT = None
+ANSWERS = {"true": True, "false": False}
 WITH_KINEMATICS = FUNCTIONS | KINEMATIC_FUNCTIONS
 ANGLE = "a plain number or an angle"
 UNREAD = tree.Name(
@@ -56,6 +59,10 @@ class Reader:
         self.measures = Measures()
         self.paths: dict[str, Path] = {}
         self.problems: list[Diagnostic] = []
+        self.notes: list[str] = []  # what is taken otherwise than a reader might expect
+        # what was read of a text, with the names as they are: repetitions say the same many times
+        self._read: dict[tuple[object, ...], Expression] = {}
+        self._version = 0
 
     def report(self, span: Span, message: str, expected: str = "", hint: str = "") -> None:
         """Note a problem and go on."""
@@ -64,11 +71,7 @@ class Reader:
     def finish(self) -> None:
         """Raise what was noted."""
         if self.problems:
-            raise ModelError(
-                sorted(
-                    dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)
-                )
-            )
+            raise ModelError(distinct(self.problems))
 
     def fault(self, scalar: Scalar, error: FormulaError) -> None:
         """Note a formula's error at its place in the file."""
@@ -88,6 +91,17 @@ class Reader:
             did_you_mean(scalar.text, candidates),
         )
         return None
+
+    def answer(self, scalar: Scalar | None, otherwise: bool) -> bool:
+        """Whether `true` or `false` stands there; `otherwise` where nothing does."""
+        return self.choice(scalar, ANSWERS, "answer", otherwise)
+
+    def choice(self, scalar: Scalar | None, known: Mapping[str, T], what: str, otherwise: T) -> T:
+        """What a word of `known` stands for; `otherwise` where no word stands or it is none."""
+        if scalar is None:
+            return otherwise
+        word = self.word(scalar, known, what)
+        return otherwise if word is None else known[word]
 
     def name(self, key: Key | Scalar) -> str:
         """A name that the model introduces; reported where it cannot be one."""
@@ -124,8 +138,14 @@ class Reader:
         """A scalar formula; `where` names the place ("a mass") for messages, `unit` is the SI unit
         it must have, `allowed` are the kinds of names it may use. A bad one is reported and read as
         UNREAD."""
+        if self.scope.version != self._version:
+            self._read, self._version = {}, self.scope.version
+        asked = (scalar.text, where, allowed, unit, id(functions))
+        if asked in self._read:
+            return self._read[asked]
         try:
-            return self._formula(scalar, where, allowed, unit, functions)
+            self._read[asked] = self._formula(scalar, where, allowed, unit, functions)
+            return self._read[asked]
         except FormulaError as error:
             self.fault(scalar, error)
             return UNREAD

@@ -26,11 +26,17 @@ CHOICE_KINDS = (
 
 @dataclass(frozen=True)
 class Span:
-    """Where in the file (1-based line and column; `length` characters from there)."""
+    """Where in the file (1-based line and column; `length` characters from there).
+
+    `file`: 0 is the model's own, k the k-th of its `sources`. `where`: of what stands for several,
+    which one this is ("i = 3", "left, used at robot.yaml:12:3").
+    """
 
     line: int
     column: int
     length: int = 1
+    file: int = 0
+    where: str = ""
 
 
 @dataclass(frozen=True)
@@ -349,10 +355,15 @@ class Model:
     measures: tuple[Measure, ...] = ()  # kinematics that formulas use
     paths: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
+    sources: tuple[tuple[str, str], ...] = ()  # name and text of the files it refers to
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[
         tuple[str, float], ...
     ] = ()  # inputs and parameters of the file that are numbers here, in SI units
+
+    def content(self) -> str:
+        """All the text that it was read from."""
+        return repr((self.text, self.sources))
 
     def body(self, name: str) -> Body:
         """The body of that name. Raises KeyError where there is none."""
@@ -376,15 +387,18 @@ class Model:
 
     def diagnostic(self, span: Span | None, message: str, expected: str = "") -> Diagnostic:
         """The problem at a place of the file; of the file as a whole where it has no such line."""
-        lines = self.text.splitlines()
+        files = ((self.file, self.text), *self.sources)
+        file, text = files[span.file if span else 0]
+        lines = text.splitlines()
         if span is None or not 0 < span.line <= len(lines):
             return Diagnostic(file=self.file, message=message, expected=expected)
         return Diagnostic(
-            file=self.file,
+            file=file,
             line=span.line,
             column=span.column,
             length=span.length,
             message=message,
             expected=expected,
             source_line=lines[span.line - 1],
+            where=span.where,
         )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from derive.model.composition import Composition
 from derive.model.constraints import CONSTRAINTS
 from derive.model.document import Entries, Scalar
 from derive.model.entries import (
@@ -180,7 +181,10 @@ def about(entry: type[Entry]) -> str:
 def json_schema(joints: tuple[str, ...], closures: tuple[str, ...]) -> dict[str, Any]:
     """JSON Schema of a model file, for editors; the names of the types of joints and closures."""
     schema = Document.model_json_schema()
-    definitions = schema["$defs"]
+    composed = Composition.model_json_schema()
+    schema["properties"] |= composed["properties"]
+    definitions = schema["$defs"] | composed["$defs"]
+    schema["$defs"] = definitions
     for owner, types in (
         ("JointEntry", joints),
         ("ClosureEntry", closures),

@@ -31,6 +31,7 @@ from derive.textbook.records import (
     Math,
     Paragraph,
     Printed,
+    Ref,
     Run,
     Runs,
     Section,
@@ -77,8 +78,10 @@ class Manuscript:
         self.rates: list[sympy.Symbol] = []
         self._laws: list[Law] = []
         self._sections: list[Section] = []
-        self._title, self._blocks = "", list[Block]()
+        self._title, self._blocks, self._side = "", list[Block](), 0
         self._number = 0  # of the last display
+        self._numbers: dict[str, int] = {}  # of displays, by the name of what is in them
+        self.column = 0  # of the sections that follow, see Section
 
     @property
     def equations(self) -> Equations:
@@ -95,12 +98,12 @@ class Manuscript:
     def section(self, title: str) -> None:
         """Closes the running section and opens the next."""
         self._close()
-        self._title, self._blocks = title, []
+        self._title, self._blocks, self._side = title, [], self.column
 
     def _close(self) -> None:
         if self._blocks:
             anchor = f"section-{len(self._sections) + 1}"
-            self._sections.append(Section(self._title, anchor, tuple(self._blocks)))
+            self._sections.append(Section(self._title, anchor, tuple(self._blocks), self._side))
 
     def document(self, title: str, subtitle: str, version: str) -> Document:
         """All sections, formulas and laws so far."""
@@ -114,7 +117,11 @@ class Manuscript:
             version,
         )
 
-    def say(self, template: str, **given: str | Math) -> None:
+    def ref(self, name: str) -> Ref:
+        """The number of the display that shows a term or law; 0 where none does."""
+        return Ref(self._numbers.get(name, 0))
+
+    def say(self, template: str, **given: str | Math | Ref) -> None:
         """A paragraph. `$…$` in our own text is mathematics (see names.bold); `{name}` in it is the
         user's text, or Math."""
         self._blocks.append(Paragraph(runs(template, **given)))
@@ -140,19 +147,30 @@ class Manuscript:
 
     # displays
 
-    def _display(self, lines: Sequence[Line]) -> None:
+    def _display(
+        self, name: str, lines: Sequence[Line], formulas: int = 0, boxed: bool = False
+    ) -> None:
+        """`formulas` of those printed last are what it shows."""
         self._number += 1
-        self._blocks.append(Display(tuple(lines), self._number))
+        self._numbers[name] = self._number
+        places = range(len(self.printed) - formulas, len(self.printed))
+        self._blocks.append(Display(tuple(lines), self._number, boxed, tuple(places)))
 
-    def law(self, name: str, left: str, right: str, residual: ca.SX) -> None:
+    def law(
+        self, name: str, left: str, right: str, residual: ca.SX, boxed: bool = False
+    ) -> None:
         """A matrix equation, checked as a whole; in the short hand of names.bold."""
         left, right = names.bold(left), names.bold(right)
         self._laws.append(Law(name, f"{left} = {right}", residual))
-        self._display([Line(left, (right,))])
+        self._display(name, [Line(left, (right,))], boxed=boxed)
+
+    def check(self, name: str, residual: ca.SX) -> None:
+        """An equation that is checked like the printed ones; it stands in words."""
+        self._laws.append(Law(name, name, residual))
 
     def state(self, left: str, right: str) -> None:
         """An equation that says how things are called; there is nothing to evaluate."""
-        self._display([Line(names.bold(left), (names.bold(right),))])
+        self._display("", [Line(names.bold(left), (names.bold(right),))])
 
     def lines(
         self,
@@ -160,6 +178,7 @@ class Manuscript:
         symbols: Sequence[sympy.Symbol],
         expressions: Sequence[sympy.Expr],
         value: ca.SX,
+        boxed: bool = False,
     ) -> None:
         """One line per entry, symbol = expression; `value` is the column of the same terms."""
         lines = [
@@ -168,7 +187,7 @@ class Manuscript:
         ]
         text = r" \\ ".join(f"{line.left} = {''.join(line.right)}" for line in lines)
         self._record(name, text, symbols, [[x] for x in expressions], value)
-        self._display(lines)
+        self._display(name, lines, 1, boxed)
 
     def _record(
         self, name: str, latex: str, left: Sequence[sympy.Symbol | None], right: Rows, value: ca.SX
@@ -307,7 +326,7 @@ class Manuscript:
             left = [symbol for row in symbols for symbol in row]
             latex = self.typesetter.matrix(shown)
             self._record(name, f"{bold} = {latex}", left, shown, value)
-            self._display([Line(bold, (latex,))])
+            self._display(name, [Line(bold, (latex,))], 1)
 
     def _listed(
         self,
@@ -354,7 +373,7 @@ def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
     return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
 
 
-def runs(template: str, **given: str | Math) -> Runs:
+def runs(template: str, **given: str | Math | Ref) -> Runs:
     """Text and mathematics in turn: `$…$` is our own, `{name}` is the user's text, or Math."""
     parts: list[Run] = []
     for i, part in enumerate(template.split("$")):
@@ -362,10 +381,10 @@ def runs(template: str, **given: str | Math) -> Runs:
     return tuple(part for part in parts if part != Text(""))
 
 
-def _filled(template: str, given: dict[str, str | Math]) -> list[Run]:
+def _filled(template: str, given: dict[str, str | Math | Ref]) -> list[Run]:
     """Text around {name} places."""
     runs: list[Run] = []
     for i, part in enumerate(template.replace("{", "}").split("}")):
         value = given[part] if i % 2 else part
-        runs.append(value if isinstance(value, Math) else Text(value))
+        runs.append(Text(value) if isinstance(value, str) else value)
     return runs

@@ -23,7 +23,14 @@ class Math:
     latex: str
 
 
-Run = Text | Math
+@dataclass(frozen=True)
+class Ref:
+    """A displayed equation that is referred to by its number."""
+
+    number: int
+
+
+Run = Text | Math | Ref
 Runs = tuple[Run, ...]
 
 
@@ -76,8 +83,13 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Display:
+    """Equations under one number; `boxed` ones are what a derivation ends in. `formulas` are the
+    places in `Document.printed` of what is in it, in order."""
+
     lines: tuple[Line, ...]
     number: int
+    boxed: bool = False
+    formulas: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,9 +108,12 @@ Block = Paragraph | Display | Table | Items
 
 @dataclass(frozen=True)
 class Section:
+    """`column` is 1 or 2 where two sections stand side by side, else 0."""
+
     title: str
     anchor: str
     blocks: tuple[Block, ...]
+    column: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from html import escape
+from itertools import groupby
 
 from markupsafe import Markup
 
 from derive.textbook.mathml import mathml
 from derive.textbook.pages import rendered
-from derive.textbook.records import Display, Document, Line, Runs, Text
+from derive.textbook.records import Display, Document, Line, Ref, Run, Runs, Section, Text
 
 _SIGN_AFTER = re.compile(r"(<math(?:(?!<math).)*?</math>)([.,:;)]+)")
 
@@ -23,10 +25,35 @@ def page(document: Document, figure: str = "") -> str:
         version=document.version,
         document=document,
         figure=Markup(figure),
+        groups=_groups(document),
+        wide=any(section.column for section in document.sections),
         kind=_kind,
         runs=_runs,
         rows=_rows,
     )
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Sections below each other, or in two columns; each with its number."""
+
+    parts: tuple[tuple[tuple[int, Section], ...], ...]
+
+    @property
+    def columns(self) -> int:
+        return len(self.parts)
+
+
+def _groups(document: Document) -> list[_Group]:
+    """Runs of sections with and without columns, in order."""
+    numbered = list(enumerate(document.sections, 1))
+    groups: list[_Group] = []
+    for beside, run in groupby(numbered, key=lambda pair: pair[1].column > 0):
+        sections = list(run)
+        columns = (1, 2) if beside else (0,)
+        parts = [tuple(pair for pair in sections if pair[1].column == k) for k in columns]
+        groups.append(_Group(tuple(parts)))
+    return groups
 
 
 def _kind(block: object) -> str:
@@ -36,8 +63,14 @@ def _kind(block: object) -> str:
 def _runs(runs: Runs) -> Markup:
     """Text escaped, mathematics as MathML; a line does not end between a formula and the sign after
     it."""
-    text = "".join(escape(x.text) if isinstance(x, Text) else mathml(x.latex) for x in runs)
+    text = "".join(map(_run, runs))
     return Markup(_SIGN_AFTER.sub(r'<span class="kept">\1\2</span>', text))
+
+
+def _run(run: Run) -> str:
+    if isinstance(run, Ref):
+        return f'<a href="#equation-{run.number}">({run.number})</a>'
+    return escape(run.text) if isinstance(run, Text) else mathml(run.latex)
 
 
 def _rows(display: Display) -> list[tuple[Markup, Markup]]:

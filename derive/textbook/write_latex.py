@@ -7,7 +7,7 @@ from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
 
-from derive.textbook.records import Display, Document, Line, Runs, Table, Text
+from derive.textbook.records import Display, Document, Line, Ref, Run, Runs, Table, Text
 from derive.textbook.typeset import width
 
 TEXT_WIDTH = 82  # visible characters of mathematics that fit on a line
@@ -164,7 +164,13 @@ def _escaped(c: str) -> str:
 
 
 def _runs(runs: Runs) -> str:
-    return "".join(escape(run.text) if isinstance(run, Text) else f"${run.latex}$" for run in runs)
+    return "".join(map(_run, runs))
+
+
+def _run(run: Run) -> str:
+    if isinstance(run, Ref):
+        return rf"(\ref{{equation-{run.number}}})"
+    return escape(run.text) if isinstance(run, Text) else f"${run.latex}$"
 
 
 def _rows(display: Display) -> str:
@@ -221,4 +227,10 @@ def _lengths(table: Table) -> list[int]:
 
 
 def _length(runs: Runs) -> int:
-    return sum(len(run.text) if isinstance(run, Text) else width(run.latex) for run in runs)
+    return sum(map(_run_length, runs))
+
+
+def _run_length(run: Run) -> int:
+    if isinstance(run, Ref):
+        return len(str(run.number)) + 2
+    return len(run.text) if isinstance(run, Text) else width(run.latex)

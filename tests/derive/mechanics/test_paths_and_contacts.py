@@ -29,7 +29,12 @@ from hamel.verify.reference.loads import applied
 from hamel.verify.reference.outcome import reference, state_of
 from tests.agreement import apart, disagreement, places
 
-GALLERY = sorted((Path(__file__).parents[3] / "models/gallery").glob("*.yaml"))
+LARGE = ("forty_four_bars",)  # built elsewhere
+GALLERY = [
+    path
+    for path in sorted((Path(__file__).parents[3] / "models/gallery").glob("*.yaml"))
+    if path.stem not in LARGE
+]
 
 ROPES = """
 model: ropes

@@ -423,6 +423,8 @@ class Rewriting:
         ends = [self._end(arguments, node) for _ in range(2)]
         if arguments:
             raise self._fault("distance() does not take this", arguments[0], "two points")
+        if ends[0] == ends[1]:
+            raise self._fault("a length that is always zero", node, "two points that differ")
         return self.size(tuple(minus(b, a) for a, b in zip(*ends)), node)
 
     def _end(self, arguments: list[Expression], node: Call) -> Parts:

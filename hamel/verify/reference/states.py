@@ -102,6 +102,9 @@ def state(
     names = _values_by_name(model, t, q, v, u, p)
     # placements and joint axes are formulas of parameters: they need names before there are frames
     bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {})
+    for name, expression in model.definitions:
+        if _is_known(expression, names):
+            names[name] = bare.value(expression)
     N, drift, frames, seats = _walk(model, bare)
     rates = N @ v
     named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates)}
@@ -110,6 +113,15 @@ def state(
     for name, expression in model.definitions:
         names[name] = full.value(expression)
     return full
+
+
+def _is_known(expression: tree.Expression, names: Mapping[str, Any]) -> bool:
+    """Whether a formula has a value before there are frames and rates."""
+    return all(
+        isinstance(node, tree.Name) and node.name in names
+        for node in tree.walk(expression)
+        if isinstance(node, tree.Name | tree.Rate)
+    )
 
 
 def _values_by_name(

@@ -23,8 +23,8 @@ from derive.model.repetition import WORDS
 
 # sections whose keys are names, and that a part brings along
 SECTIONS = (
-    "parameters", "where", "bodies", "joints", "closures", "frames", "paths", "constraints", "loads",
-    "inputs", "outputs", "events",
+    "parameters", "where", "bodies", "joints", "closures", "frames", "paths", "constraints",
+    "loads", "inputs", "outputs", "events",
 )  # fmt: skip
 # what a whole says for all its parts
 OF_THE_WHOLE = frozenset(

@@ -95,7 +95,7 @@ class Starter:
         start = normalised(self, start)
         free = np.array([name not in self.held for name in names], dtype=float)
         if self.positions is None:
-            return start, np.isfinite(start).all(axis=1)
+            return start, np.isfinite(start.sum(axis=1))
         q, done = closed_many(self.positions, t, start, p, free)
         if not done.all():
             rest = ~done
@@ -140,14 +140,13 @@ class Starter:
         rates = [f"der({name})" for name in self.coordinates]
         k, nv = len(p), len(velocities)
         names = [name for name in given if name in self.held and name in {*rates, *velocities}]
-        N = None
-        if any(name in rates for name in names):
-            one = np.broadcast_to(np.eye(nv), (k, nv, nv))
-            N = one if self.rates is None else matrices(self.rates, t, q, p)[0]
+        by_rates = np.broadcast_to(np.eye(nv), (k, nv, nv))
+        if self.rates is not None and any(name in rates for name in names):
+            by_rates = matrices(self.rates, t, q, p)[0]
         rows = np.zeros((k, len(names), nv))
         for i, name in enumerate(names):
-            if N is not None and name in rates:
-                rows[:, i] = N[:, rates.index(name)]
+            if name in rates:
+                rows[:, i] = by_rates[:, rates.index(name)]
             else:
                 rows[:, i, velocities.index(name)] = 1.0
         values = [np.broadcast_to(given[name], k) for name in names]
@@ -167,9 +166,9 @@ class Starter:
         used |= {name: v[:, i] for i, name in enumerate(self.velocities)}
         used |= {f"der({name})": rates[:, i] for i, name in enumerate(self.coordinates)}
         found = np.zeros(len(q), dtype=bool)
-        for name, value in given.items():
+        for name, told in given.items():
             if name in self.held:
-                found |= ~(np.abs(used[name] - value) <= AGREES * (1 + np.abs(value)))
+                found |= ~(np.abs(used[name] - told) <= AGREES * (1 + np.abs(told)))
         return found
 
 
@@ -216,10 +215,8 @@ def matrices(
     """The results of a function at k states, k × rows × columns each."""
     k = len(t)
     found = function.call([t.reshape(1, k), q.T, p.T])
-    shapes = [function.size_out(i) for i in range(function.n_out())]
     return [
-        x.full().reshape(rows, k, columns).transpose(1, 0, 2)
-        for x, (rows, columns) in zip(found, shapes)
+        x.full().reshape(x.size1(), k, x.size2() // max(k, 1)).transpose(1, 0, 2) for x in found
     ]
 
 

@@ -37,7 +37,7 @@ def steady_motions(study: Study, values: Columns) -> tuple[Steady, np.ndarray]:
     rest = np.flatnonzero(~good)
     slopes = _evaluated(problem, y0[None], own_p, own_s)[1][0]
     rows = row_sizes(problem, slopes)
-    for part in np.array_split(rest, max(1, -(-len(rest) // AT_ONCE))):
+    for part in np.array_split(rest, -(-len(rest) // AT_ONCE)) if len(rest) else ():
         y[part], good[part] = _newton(problem, y[part], p[part], s[part], rows)
     nx = first.x.shape[1]
     return Steady(y[:, :nx], y[:, nx:], p, _residuals(problem, y, p, s)), good

@@ -22,6 +22,7 @@ from derive.states.closing import normalised
 from derive.states.initial import own_units
 from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS
 
+EXACT = 1e-14  # |A v − c| against 1 + |v| that needs no correction
 SOLVED = 1e-13  # relative residual up to which the normal equations have solved A x = b
 
 
@@ -122,8 +123,11 @@ class Starter:
         both = np.concatenate([A, rows], axis=1)
         wanted = np.concatenate([c, values], axis=1)
         v = guess + least_many(both, wanted - _applied(both, guess))
-        if A.shape[1]:
-            v = v + least_many(A, c - _applied(A, v))
+        left = c - _applied(A, v)
+        size = EXACT * (1.0 + np.max(np.abs(v), axis=1, initial=0.0))
+        again = ~(np.max(np.abs(left), axis=1, initial=0.0) <= size)
+        if again.any():
+            v[again] += least_many(A[again], left[again])
         off = np.max(np.abs(_applied(A, v) - c), axis=1, initial=0.0)
         size = 1.0 + np.max(np.abs(v), axis=1, initial=0.0)
         return v, np.isfinite(v).all(axis=1) & (off <= AGREES * size)

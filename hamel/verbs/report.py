@@ -26,7 +26,7 @@ from hamel.engines import PROCESSES, engine
 from hamel.records import ExtremeRow, Reported, as_json
 from hamel.settings import settings, units
 from hamel.study import page
-from hamel.study.extremes import files, judged
+from hamel.study.extremes import files, judgements
 from hamel.study.judgement import told
 from hamel.study.plan import Restrictions
 from hamel.study.study import Case, Study, study
@@ -142,13 +142,12 @@ def _cases(
 def _extremes(paths: Sequence[str | PathLike[str]]) -> tuple[ExtremeRow, ...]:
     """All cases; one that nothing can judge is a row that did not pass, and hides no other."""
     rows: list[ExtremeRow] = []
-    for file in files(paths):
-        model = load(file)
-        for case in model.extremes:
-            try:
-                rows.append(judged(file, model, case))
-            except ModelError as error:
-                rows.append(_unjudged(model.name, case, error.diagnostics[0].message))
+    cases = [(model, case) for model in map(load, files(paths)) for case in model.extremes]
+    for (model, case), (_, judge) in zip(cases, judgements(paths)):
+        try:
+            rows.append(judge())
+        except ModelError as error:
+            rows.append(_unjudged(model.name, case, error.diagnostics[0].message))
     return tuple(rows)
 
 

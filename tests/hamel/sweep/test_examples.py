@@ -27,7 +27,7 @@ def test_the_bicycle_is_stable_between_its_critical_speeds(tmp_path: Path) -> No
     line = growth.sel(c=0.08)
     stable = line.speed.values[line.values < 0]
     assert 4.29 < stable.min() < 4.55 and 5.7 < stable.max() < 6.03
-    assert np.isfinite(growth).all() and not (growth.sel(c=0.0) < 0).any()
+    assert np.isfinite(growth).all()
 
 
 @pytest.mark.slow

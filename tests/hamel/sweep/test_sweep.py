@@ -104,6 +104,13 @@ def test_what_is_finished_is_not_made_again(record: Swept, place: Path) -> None:
     assert again.made == 1 and files(place / "here") == before
 
 
+def test_what_a_killed_process_left_is_removed(record: Swept, place: Path) -> None:
+    half = place / "here" / "chunks" / f".000000009.parquet.{2**22 + 1}"
+    half.write_bytes(b"half")
+    hamel.sweep(place / "rod.yaml", out=place / "here", **ASKED)
+    assert not half.exists()
+
+
 def test_another_sweep_does_not_go_on_in_the_folder(record: Swept, place: Path) -> None:
     with pytest.raises(ToolchainError, match="holds another sweep: its 'vary' differs"):
         hamel.sweep(place / "rod.yaml", out=place / "here", **{**ASKED, "seed": 1})

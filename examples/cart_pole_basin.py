@@ -1,6 +1,6 @@
 """Which states a controller brings upright: the basin of attraction of a pendulum on a cart.
 
-The cart is pushed by u = −K x, limited to 20 N. The controller stands in the model itself, as a
+The cart is pushed by u = −K x of an LQR, limited to 20 N. The controller stands in the model itself, as a
 load on the track, so that it runs in compiled code; a grid of angles and rates is swept, and a
 motion is caught when it ends upright.
 """
@@ -15,7 +15,8 @@ MODEL = """
 model: caught_pole
 plane: xy
 gravity: [0, -9.81 m/s^2]
-parameters: {M: 1 kg, m: 0.2 kg, l: 0.6 m, most: 20 N}
+parameters:
+  {M: 1 kg, m: 0.2 kg, l: 0.6 m, most: 20 N, ks: 3.16 N/m, vs: 4.27 N*s/m, kt: 38.5 N, vt: 7.41 N*s}
 bodies:
   cart: {mass: M}
   pole: {mass: m, com: [0, l/2], inertia: m*l**2/12}
@@ -26,7 +27,7 @@ loads:
   control:
     type: expression
     joint: track
-    expression: most*tanh((3.2 N/m*s + 5.3 N*s/m*der(s) + 42 N*th + 8.5 N*s*der(th))/most)
+    expression: most*tanh((ks*s + vs*der(s) - kt*th - vt*der(th))/most)
 initial: {s: 0 m, th: 0.1 rad, der(s): 0 m/s, der(th): 0 rad/s}
 """
 

@@ -42,12 +42,14 @@ from codegen.program import (
     Chart,
     Entry,
     Event,
+    Expression,
     Hoisted,
     Kernel,
     Loop,
     Pattern,
     Pivot,
     Program,
+    Solving,
 )
 from derive.formulations import records
 from derive.formulations.functions import positions
@@ -232,10 +234,13 @@ def _kernel(
 
 
 def _roots(function: Function) -> list[ca.SX]:
-    """Result entries row by row, then guards, then the residual."""
-    entries = ca.densify(ca.vec(function.result.value.T))
-    residual = [] if function.residual is None else [function.residual]
-    return [entries, *(guard.value for guard in function.guards), *residual]
+    """Result entries row by row, then guards, then the residual or what solving takes."""
+    solving = function.solving
+    value = function.result.value if solving is None else solving.unsolved
+    entries = ca.densify(ca.vec(value.T))
+    last = [] if function.residual is None else [function.residual]
+    last += [] if solving is None else [ca.densify(solving.values), ca.densify(solving.added)]
+    return [entries, *(guard.value for guard in function.guards), *last]
 
 
 def _loose(function: Function, size: int) -> range:
@@ -317,6 +322,7 @@ def _written(
     loop = function.iteration and Loop(
         function.iteration.tolerance, function.iteration.most, done.roots[-1]
     )
+    solving = _solving(function, done.roots[size + len(guards) :])
     rows, columns = function.result.value.shape
     uses = tuple(a.name for a in arguments if any(load.argument == a.name for load in done.loads))
     watched = watch(lowered, size, {a.name: len(a.names) for a in arguments if a.name in uses})
@@ -336,6 +342,31 @@ def _written(
         loop=loop,
         watched=watched.entries,
         results=watched.outputs,
-        operations=count(used_operations(lowered)),
+        operations=_counts(lowered, solving),
         pattern=function.result.pattern and Pattern(**vars(function.result.pattern)),
+        solving=solving,
     )
+
+
+def _solving(function: Function, values: Sequence[Expression]) -> Solving | None:
+    of = function.solving
+    if of is None:
+        return None
+    size = of.values.numel() + of.added.numel()
+    return Solving(
+        function.result.value.size2(),
+        of.order,
+        of.pairs,
+        tuple(values[:size]),
+        of.first,
+        of.ranges,
+        of.places,
+    )
+
+
+def _counts(lowered: Lowered, solving: Solving | None) -> dict[str, int]:
+    counts = count(used_operations(lowered))
+    for kind, more in (solving.operations if solving else {}).items():
+        counts[kind] += more
+        counts["total"] += more
+    return counts

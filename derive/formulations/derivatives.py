@@ -19,8 +19,8 @@ from derive.diagnostics import AssumptionError
 from derive.expressions.counting import alternatives
 from derive.formulations.contraction import contractions
 from derive.formulations.functions import Motion
-from derive.formulations.records import Argument, Function, Pattern, Request, Result
-from derive.formulations.structured import Slopes, of_reduction, of_tree
+from derive.formulations.records import Argument, Elimination, Function, Pattern, Request, Result
+from derive.formulations.structured import Slopes, looped, of_reduction, of_tree
 from derive.mechanics.records import System
 
 _BY = {"x": "the state", "u": "the inputs", "p": "the parameters"}
@@ -90,15 +90,35 @@ class Ways:
         self.rates, self.slots = dynamics.result.value, slots
 
     @cached_property
+    def looped(self) -> Elimination | None:
+        """What is solved for, where that is long."""
+        return looped(self.system, self.motion)
+
+    @cached_property
     def all(self) -> tuple[Slopes, ...]:
-        """CasADi's own first: of equal ones it is taken."""
-        plain = Slopes(
-            self.rates, *(ca.jacobian(self.rates, self.slots[name].symbols) for name in "xu")
-        )
-        known = [plain, *of_tree(self.system, self.motion)]
+        """CasADi's own first: of equal ones it is taken. Where solving is long, structure alone: it
+        has never been seen to take more there, and counting would take minutes."""
+        trees = of_tree(self.system, self.motion)
+        if self.looped is not None:
+            return (self._masked(next(trees)),)
+        plain = Slopes(self.rates, *(ca.jacobian(self.rates, z) for z in self._arguments))
+        known = [plain, *trees]
         if len(known) == 1:
             known += of_reduction(self.system, self.motion)
-        return tuple(_masked(slopes, plain) for slopes in known)
+        return tuple(self._masked(slopes) for slopes in known)
+
+    @property
+    def _arguments(self) -> tuple[ca.SX, ca.SX]:
+        return self.slots["x"].symbols, self.slots["u"].symbols
+
+    @cached_property
+    def _patterns(self) -> tuple[ca.Sparsity, ...]:
+        return tuple(ca.jacobian_sparsity(self.rates, z) for z in self._arguments)
+
+    def _masked(self, slopes: Slopes) -> Slopes:
+        """Without what is zero by the structure of ẋ."""
+        by = zip((slopes.by_x, slopes.by_u), self._patterns)
+        return Slopes(slopes.rates, *(ca.project(matrix, pattern) for matrix, pattern in by))
 
     def cheapest(self, of: Callable[[Slopes], ca.SX]) -> Slopes:
         """By the operations of what is made of it."""
@@ -112,15 +132,6 @@ class Ways:
         if by.name == "u":
             return self.cheapest(lambda slopes: ca.densify(slopes.by_u)).by_u
         return ca.jacobian(self.rates, by.symbols)
-
-
-def _masked(slopes: Slopes, plain: Slopes) -> Slopes:
-    """Without what is zero by the structure of ẋ."""
-    by_x, by_u = (
-        ca.project(a, b.sparsity())
-        for a, b in ((slopes.by_x, plain.by_x), (slopes.by_u, plain.by_u))
-    )
-    return Slopes(slopes.rates, by_x, by_u)
 
 
 def _slopes(slots: dict[str, Argument]) -> tuple[str, ...]:
@@ -166,11 +177,12 @@ def _values(
 
 
 def _all(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:
+    """Where what is solved for is long, by a loop over columns."""
     best = ways.cheapest(lambda slopes: ca.vertcat(slopes.rates, _flat(slopes)))
     value = ca.horzcat(best.rates, best.by_x, best.by_u)
     labels = dynamics.result.labels
     result = Result("D", ca.densify(value), labels, (), matrix=True)
-    return Function("derivatives", ALL, result, (), dynamics.guards)
+    return Function("derivatives", ALL, result, (), dynamics.guards, solving=ways.looped)
 
 
 def _flat(slopes: Slopes) -> ca.SX:
@@ -240,7 +252,7 @@ def _jacobian_forward(
     d = ca.vertcat(_seeds("d", x.labels), ca.SX.sym("d_t"))
     along = ca.jtimes(dynamics.result.value, ca.vertcat(x.symbols, t.symbols), d)
     known = [ca.densify(ca.jacobian(along, ca.vertcat(x.symbols, u.symbols)))]
-    for slopes in ways.all[1:]:
+    for slopes in ways.all:
         entries = ca.vec(ca.horzcat(slopes.by_x, slopes.by_u))
         rate = ca.jtimes(ca.densify(entries), ca.vertcat(x.symbols, t.symbols), d)
         known.append(ca.reshape(rate, known[0].shape))

@@ -20,7 +20,7 @@ from derive.expressions.counting import alternatives
 from derive.formulations.contraction import contractions
 from derive.formulations.functions import Motion
 from derive.formulations.records import Argument, Elimination, Function, Pattern, Request, Result
-from derive.formulations.structured import Slopes, looped, of_reduction, of_tree
+from derive.formulations.structured import Slopes, by_structure, looped
 from derive.mechanics.records import System
 
 _BY = {"x": "the state", "u": "the inputs", "p": "the parameters"}
@@ -44,23 +44,23 @@ IMPLICIT = ("jacobian", "jacobian_t")  # what a linearly implicit step calls bes
 
 
 def derivatives(
-    system: System,
-    motion: Motion,
     arguments: Sequence[Argument],
     functions: Sequence[Function],
+    mechanics: tuple[System, Motion] | None = None,
 ) -> tuple[Request, ...]:
     """The requests that follow from `dynamics`; none where the module has no state derivative.
 
     Jacobians ∂ẋ/∂x (nx × nx), ∂ẋ/∂u (nx × nu), ∂ẋ/∂p (nx × np), ∂ẋ/∂t, products with them from the
     right (forward) and from the left (adjoint), and the steps of a controller with their
     sensitivities, which are loops around some of these. They are made when asked for:
-    differentiating costs more than all default functions.
+    differentiating costs more than all default functions. With the `mechanics` that ẋ came from they
+    are made by structure, where that takes fewer operations.
     """
     dynamics = {function.name: function for function in functions}.get("dynamics")
     if dynamics is None or not dynamics.result.value.numel():
         return ()
     slots = {argument.name: argument for argument in arguments}
-    ways = Ways(system, motion, dynamics, slots)
+    ways = Ways(dynamics, slots, mechanics)
     return (
         *(
             request
@@ -84,28 +84,27 @@ class Ways:
     as it stands, and by structure. Each function takes the one with the fewest operations."""
 
     def __init__(
-        self, system: System, motion: Motion, dynamics: Function, slots: dict[str, Argument]
+        self,
+        dynamics: Function,
+        slots: dict[str, Argument],
+        mechanics: tuple[System, Motion] | None,
     ) -> None:
-        self.system, self.motion = system, motion
-        self.rates, self.slots = dynamics.result.value, slots
+        self.rates, self.slots, self.mechanics = dynamics.result.value, slots, mechanics
 
     @cached_property
     def looped(self) -> Elimination | None:
         """What is solved for, where that is long."""
-        return looped(self.system, self.motion)
+        return looped(*self.mechanics) if self.mechanics else None
 
     @cached_property
     def all(self) -> tuple[Slopes, ...]:
         """CasADi's own first: of equal ones it is taken. Where solving is long, structure alone: it
         has never been seen to take more there, and counting would take minutes."""
-        trees = of_tree(self.system, self.motion)
+        structured = by_structure(*self.mechanics) if self.mechanics else iter(())
         if self.looped is not None:
-            return (self._masked(next(trees)),)
+            return (self._masked(next(structured)),)
         plain = Slopes(self.rates, *(ca.jacobian(self.rates, z) for z in self._arguments))
-        known = [plain, *trees]
-        if len(known) == 1:
-            known += of_reduction(self.system, self.motion)
-        return tuple(self._masked(slopes) for slopes in known)
+        return tuple(self._masked(slopes) for slopes in (plain, *structured))
 
     @property
     def _arguments(self) -> tuple[ca.SX, ca.SX]:
@@ -228,7 +227,7 @@ def _contraction(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> 
     y, z = _seeds("y", rates.labels), ca.vertcat(x.symbols, u.symbols)
     dz = ca.vertcat(*(_seeds("d", argument.labels) for argument in (x, u)))
     plain = ca.jtimes(ca.gradient(ca.dot(y, rates.value), z), z, dz)
-    known = [plain, *contractions(ways.system, ways.motion, z, y, dz)]
+    known = [plain, *(contractions(*ways.mechanics, z, y, dz) if ways.mechanics else ())]
     value = ca.densify(cheapest_column(known))
     marks = (*_marked("y", rates.labels), *_marked("d", x.labels), *_marked("d", u.labels))
     units = (*("" for _ in rates.labels), *x.units, *u.units)

@@ -44,11 +44,14 @@ class Slopes:
     by_u: ca.SX
 
 
+def by_structure(system: System, motion: Motion) -> Iterator[Slopes]:
+    """Every way there is; none in generalized velocities that multipliers hold together."""
+    return (of_tree if _is_tree(system, motion) else of_reduction)(system, motion)
+
+
 def of_tree(system: System, motion: Motion) -> Iterator[Slopes]:
     """The slopes of a tree of links whose generalized velocities are the quasi-velocities, by each
-    of equivalent sets of inertias, solved with M = Lᵀ D L and with M⁻¹; nothing for others."""
-    if not _is_tree(system, motion):
-        return
+    of equivalent sets of inertias, solved with M = Lᵀ D L and with M⁻¹."""
     for inertias in reversed(system.inertias):
         terms = _terms(system, motion, inertias)
         for solve in (_by_factors, _by_inverse):

@@ -73,5 +73,5 @@ def _flat(*parts: np.ndarray) -> np.ndarray:
 
 
 def _nothing(rows: np.ndarray) -> np.ndarray:
-    return np.zeros((len(rows), 1))
+    return np.ones((len(rows), 1))
 

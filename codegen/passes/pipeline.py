@@ -251,7 +251,7 @@ def _finish(
     function: Function, best: Candidate, arguments: Sequence[Argument], size: int
 ) -> Kernel:
     kernel = _written(function, best.lowered, best.marks, arguments, _names(arguments), size)
-    if function.name not in BATCHED or is_long(kernel):
+    if function.name not in BATCHED or kernel.solving or is_long(kernel):
         return kernel
     parts = hoist(best.lowered)
     hoisted = _hoisted(function, parts, best.marks, arguments, size) if parts else None
@@ -313,7 +313,10 @@ def _written(
     size: int,
 ) -> Kernel:
     free = Names([*Names().taken, *inputs.values(), identifier(function.result.name)])
-    done = schedule(lowered, marks, f"{function.result.name}: {function.about}", inputs, free)
+    title = f"{function.result.name}: {function.about}"
+    by_columns = function.name in BATCHED and function.result.matrix
+    shape = function.result.value.shape if by_columns else (0, 1)
+    done = schedule(lowered, marks, title, inputs, free, shape)
     # the value stands there over `factor`, for guards are only compared, and so does its bound
     guards = [
         Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance, guard.part)

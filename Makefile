@@ -14,7 +14,7 @@ PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exu
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report targets test test-slow lint robots loops growth bench bench-page report-page whole matrix faults fuzz fresh clean
+.PHONY: demo report targets test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -83,6 +83,11 @@ report-page: $(VENV)/.test
 whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
 	$(BENCH)/bin/python benchmarks/trajectories.py
+
+# A sweep on a dask scheduler of this machine whose workers and scheduler are killed, compared byte by byte with an undisturbed
+# one; writes build/cluster.json.
+cluster: $(VENV)/.test
+	$(BIN)/python benchmarks/cluster.py
 
 # Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: two hours of
 # two cores; a part of it as in make matrix KINDS="joints mechanisms" COUNT=20. RESUME=1 leaves out what went well before.

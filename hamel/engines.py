@@ -42,6 +42,8 @@ class Engine:
     shared: bool  # whether work runs in this very process
     lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
     gone: Callable[[], bool] = lambda: False
+    # ends what is under way for nobody, where the engine can
+    end: Callable[[Future[Any]], object] = Future.cancel
     link: str = ""  # of a page that shows it at work
 
 
@@ -60,7 +62,8 @@ def engine(name: str | None = None, workers: int | None = None) -> Iterator[Engi
             yield Engine(threads, lambda: size, f"{size} threads of this process", True)
     elif name == PROCESSES:
         with Processes(size) as processes:
-            yield Engine(processes, lambda: size, f"{size} processes of this machine", False)
+            about = f"{size} processes of this machine"
+            yield Engine(processes, lambda: size, about, False, end=processes.end)
     else:
         with _dask(str(name), size) as found:
             yield found
@@ -80,6 +83,7 @@ class Processes(Executor):
         self.size = size
         self._places: list[ProcessPoolExecutor | None] = [None] * size
         self._load = [0] * size
+        self._where: dict[Future[Any], int] = {}
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """To the process that has least to do."""
@@ -90,6 +94,7 @@ class Processes(Executor):
             self._drop(place)
             future = self._process(place).submit(fn, *args, **kwargs)
         self._load[place] += 1
+        self._where[future] = place
         future.add_done_callback(lambda done: self._finished(place, done))
         return future
 
@@ -104,8 +109,15 @@ class Processes(Executor):
             found = self._places[place] = ProcessPoolExecutor(1, initializer=_silence)
         return found
 
+    def end(self, future: Future[Any]) -> None:
+        """Ends the process that works on it."""
+        place = self._where.get(future)
+        if place is not None and not future.cancel():
+            self._drop(place)
+
     def _finished(self, place: int, done: Future[Any]) -> None:
         self._load[place] -= 1
+        self._where.pop(done, None)
         if not done.cancelled() and isinstance(done.exception(), BrokenExecutor):
             self._places[place] = None
 
@@ -139,15 +151,21 @@ def _dask(name: str, size: int) -> Iterator[Engine]:
         else:
             client = stack.enter_context(_connected(distributed, name))
         lost = (BrokenExecutor, distributed.KilledWorker, CancelledError)
+        address = client.scheduler.address if client.scheduler else name
         yield Engine(
             client.get_executor(pure=False),
-            lambda: max(1, sum(client.ncores().values())) if client.status == "running" else 1,
-            f"dask at {client.scheduler.address}",
+            lambda: _cores(client),
+            f"dask at {address}",
             False,
             lost,
             lambda: client.status != "running",
-            str(client.dashboard_link or ""),
+            link=str(client.dashboard_link or ""),
         )
+
+
+def _cores(client: Any) -> int:
+    """Of all workers by now; one while there is none, so that work waits for the first."""
+    return max(1, sum(client.ncores().values())) if client.status == "running" else 1
 
 
 def _local(distributed: Any, size: int) -> Any:

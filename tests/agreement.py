@@ -74,7 +74,9 @@ def disagreement(text: str | Path, count: int = 6) -> dict[str, float]:
     for place in places(found, count):
         got = terms(found, place)
         outcome = evaluate(ref, state_of(ref, place.t, place.q, place.v, place.u, place.p))
-        wanted = {name: getattr(outcome, name) for name in ("M", "h", "Q", "energy", "power", "vdot")}
+        wanted = {
+            name: getattr(outcome, name) for name in ("M", "h", "Q", "energy", "power", "vdot")
+        }
         kin = outcome.kinematics
         wanted |= {"phi": kin.phi, "A": kin.A, "c": kin.c, "beta": kin.beta}
         got |= _seen(found, place, outcome.lam)

@@ -22,7 +22,8 @@ LONGEST = 12_000  # of functions that are asked for by name, in parts
 def is_batched(kernel: Kernel) -> bool:
     """Worth it, no iteration, no calls of the C library, not too long: compilers make vector
     instructions of it."""
-    return kernel.name in BATCHED and kernel.loop is None and _is_straight(kernel)
+    alone = kernel.loop is None and kernel.solving is None
+    return kernel.name in BATCHED and alone and _is_straight(kernel)
 
 
 def side_by_side(program: Program) -> tuple[Kernel, ...]:

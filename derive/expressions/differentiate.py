@@ -66,9 +66,7 @@ def _times(*factors: Expression) -> Expression:
     return Product(rest)
 
 
-def _product_rate(
-    factors: tuple[Expression, ...], rates: list[Expression], at: int
-) -> Expression:
+def _product_rate(factors: tuple[Expression, ...], rates: list[Expression], at: int) -> Expression:
     """Σ fᵢ' Π of the others."""
     terms = [_times(x, *factors[:i], *factors[i + 1 :]) for i, x in enumerate(rates)]
     return _sum(terms, at)

@@ -53,6 +53,7 @@ _KINEMATIC_TABLE = (
     Function("angle", (1, 3), "scalar", "how far a body is turned, in space about an axis"),
     Function("angular_velocity", (1, 2), "vector", "angular velocity of a body or frame"),
     Function("distance", (2, 4), "scalar", "how far two points are apart"),
+    Function("length", (1, 1), "scalar", "how long a path is"),
     Function("dot", (2, 2), "scalar", "scalar product of two vectors"),
     Function("cross", (2, 2), "vector", "vector product of two vectors, a number in the plane"),
     Function("norm", (1, 1), "scalar", "length of a vector"),

@@ -4,8 +4,8 @@ ever evaluated as Python.
 sum     = product (("+" | "-") product)* product = unary (("*" | "/") unary)* unary   = ("+" | "-")*
 power power   = atom [("**" | "^") unary]                      right-associative, and binds tighter
 than a minus atom    = number [unit] | name | "der" "(" sum ")" | function "(" sum ("," sum)* ")"
-["." letters] | "(" sum ")" | "[" sum, … "]" unit    = (symbol ["^" integer] | "1" "/" symbol ["^" integer]) (("*" |
-"/") (symbol ["^" integer] | "(" unit ")"))*
+["." letters] | "(" sum ")" | "[" sum, … "]" unit    = (symbol ["^" integer] | "1" "/" symbol
+["^" integer]) (("*" | "/") (symbol ["^" integer] | "(" unit ")"))*
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ def _finished(
         generalized_velocities=motion.projects_velocity,
         closing=motion.closing,
         frame=motion.frame,
-        requests=(*control(system, motion), *derivatives(system, motion, slots, offered)),
+        requests=(*control(system, motion), *derivatives(slots, offered, (system, motion))),
         families=families(system, motion),
     )
 

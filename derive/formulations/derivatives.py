@@ -19,8 +19,8 @@ from derive.diagnostics import AssumptionError
 from derive.expressions.counting import alternatives
 from derive.formulations.contraction import contractions
 from derive.formulations.functions import Motion
-from derive.formulations.records import Argument, Function, Pattern, Request, Result
-from derive.formulations.structured import Slopes, of_reduction, of_tree
+from derive.formulations.records import Argument, Elimination, Function, Pattern, Request, Result
+from derive.formulations.structured import Slopes, by_structure, looped
 from derive.mechanics.records import System
 
 _BY = {"x": "the state", "u": "the inputs", "p": "the parameters"}
@@ -47,23 +47,23 @@ IMPLICIT = ("jacobian", "jacobian_t")  # what a linearly implicit step calls bes
 
 
 def derivatives(
-    system: System,
-    motion: Motion,
     arguments: Sequence[Argument],
     functions: Sequence[Function],
+    mechanics: tuple[System, Motion] | None = None,
 ) -> tuple[Request, ...]:
     """The requests that follow from `dynamics`; none where the module has no state derivative.
 
     Jacobians ∂ẋ/∂x (nx × nx), ∂ẋ/∂u (nx × nu), ∂ẋ/∂p (nx × np), ∂ẋ/∂t, products with them from the
     right (forward) and from the left (adjoint), and the steps of a controller with their
     sensitivities, which are loops around some of these. They are made when asked for:
-    differentiating costs more than all default functions.
+    differentiating costs more than all default functions. With the `mechanics` that ẋ came from they
+    are made by structure, where that takes fewer operations.
     """
     dynamics = {function.name: function for function in functions}.get("dynamics")
     if dynamics is None or not dynamics.result.value.numel():
         return ()
     slots = {argument.name: argument for argument in arguments}
-    ways = Ways(system, motion, dynamics, slots)
+    ways = Ways(dynamics, slots, mechanics)
     return (
         *(
             request
@@ -88,21 +88,40 @@ class Ways:
     as it stands, and by structure. Each function takes the one with the fewest operations."""
 
     def __init__(
-        self, system: System, motion: Motion, dynamics: Function, slots: dict[str, Argument]
+        self,
+        dynamics: Function,
+        slots: dict[str, Argument],
+        mechanics: tuple[System, Motion] | None,
     ) -> None:
-        self.system, self.motion = system, motion
-        self.rates, self.slots = dynamics.result.value, slots
+        self.rates, self.slots, self.mechanics = dynamics.result.value, slots, mechanics
+
+    @cached_property
+    def looped(self) -> Elimination | None:
+        """What is solved for, where that is long."""
+        return looped(*self.mechanics) if self.mechanics else None
 
     @cached_property
     def all(self) -> tuple[Slopes, ...]:
-        """CasADi's own first: of equal ones it is taken."""
-        plain = Slopes(
-            self.rates, *(ca.jacobian(self.rates, self.slots[name].symbols) for name in "xu")
-        )
-        known = [plain, *of_tree(self.system, self.motion)]
-        if len(known) == 1:
-            known += of_reduction(self.system, self.motion)
-        return tuple(_masked(slopes, plain) for slopes in known)
+        """CasADi's own first: of equal ones it is taken. Where solving is long, structure alone: it
+        has never been seen to take more there, and counting would take minutes."""
+        structured = by_structure(*self.mechanics) if self.mechanics else iter(())
+        if self.looped is not None:
+            return (self._masked(next(structured)),)
+        plain = Slopes(self.rates, *(ca.jacobian(self.rates, z) for z in self._arguments))
+        return tuple(self._masked(slopes) for slopes in (plain, *structured))
+
+    @property
+    def _arguments(self) -> tuple[ca.SX, ca.SX]:
+        return self.slots["x"].symbols, self.slots["u"].symbols
+
+    @cached_property
+    def _patterns(self) -> tuple[ca.Sparsity, ...]:
+        return tuple(ca.jacobian_sparsity(self.rates, z) for z in self._arguments)
+
+    def _masked(self, slopes: Slopes) -> Slopes:
+        """Without what is zero by the structure of ẋ."""
+        by = zip((slopes.by_x, slopes.by_u), self._patterns)
+        return Slopes(slopes.rates, *(ca.project(matrix, pattern) for matrix, pattern in by))
 
     def cheapest(self, of: Callable[[Slopes], ca.SX]) -> Slopes:
         """By the operations of what is made of it."""
@@ -116,15 +135,6 @@ class Ways:
         if by.name == "u":
             return self.cheapest(lambda slopes: ca.densify(slopes.by_u)).by_u
         return ca.jacobian(self.rates, by.symbols)
-
-
-def _masked(slopes: Slopes, plain: Slopes) -> Slopes:
-    """Without what is zero by the structure of ẋ."""
-    by_x, by_u = (
-        ca.project(a, b.sparsity())
-        for a, b in ((slopes.by_x, plain.by_x), (slopes.by_u, plain.by_u))
-    )
-    return Slopes(slopes.rates, by_x, by_u)
 
 
 def _slopes(slots: dict[str, Argument]) -> tuple[str, ...]:
@@ -170,11 +180,12 @@ def _values(
 
 
 def _all(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:
+    """Where what is solved for is long, by a loop over columns."""
     best = ways.cheapest(lambda slopes: ca.vertcat(slopes.rates, _flat(slopes)))
     value = ca.horzcat(best.rates, best.by_x, best.by_u)
     labels = dynamics.result.labels
     result = Result("D", ca.densify(value), labels, (), matrix=True)
-    return Function("derivatives", ALL, result, (), dynamics.guards)
+    return Function("derivatives", ALL, result, (), dynamics.guards, solving=ways.looped)
 
 
 def _flat(slopes: Slopes) -> ca.SX:
@@ -220,7 +231,7 @@ def _contraction(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> 
     y, z = _seeds("y", rates.labels), ca.vertcat(x.symbols, u.symbols)
     dz = ca.vertcat(*(_seeds("d", argument.labels) for argument in (x, u)))
     plain = ca.jtimes(ca.gradient(ca.dot(y, rates.value), z), z, dz)
-    known = [plain, *contractions(ways.system, ways.motion, z, y, dz)]
+    known = [plain, *(contractions(*ways.mechanics, z, y, dz) if ways.mechanics else ())]
     value = ca.densify(cheapest_column(known))
     marks = (*_marked("y", rates.labels), *_marked("d", x.labels), *_marked("d", u.labels))
     units = (*("" for _ in rates.labels), *x.units, *u.units)
@@ -244,7 +255,7 @@ def _jacobian_forward(
     d = ca.vertcat(_seeds("d", x.labels), ca.SX.sym("d_t"))
     along = ca.jtimes(dynamics.result.value, ca.vertcat(x.symbols, t.symbols), d)
     known = [ca.densify(ca.jacobian(along, ca.vertcat(x.symbols, u.symbols)))]
-    for slopes in ways.all[1:]:
+    for slopes in ways.all:
         entries = ca.vec(ca.horzcat(slopes.by_x, slopes.by_u))
         rate = ca.jtimes(ca.densify(entries), ca.vertcat(x.symbols, t.symbols), d)
         known.append(ca.reshape(rate, known[0].shape))

@@ -22,6 +22,8 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.formulations.limits import UNROLLED
+from derive.formulations.records import Elimination
 from derive.formulations.functions import Minimal, Motion, at_motion
 from derive.joints.rotations import cross, dot, is_zero, minus, plus, rotated, times, transpose
 from derive.mechanics.records import Inertia, Link, System
@@ -42,15 +44,22 @@ class Slopes:
     by_u: ca.SX
 
 
+def by_structure(system: System, motion: Motion) -> Iterator[Slopes]:
+    """Every way there is; none in generalized velocities that multipliers hold together."""
+    return (of_tree if _is_tree(system, motion) else of_reduction)(system, motion)
+
+
 def of_tree(system: System, motion: Motion) -> Iterator[Slopes]:
     """The slopes of a tree of links whose generalized velocities are the quasi-velocities, by each
-    of equivalent sets of inertias, solved with M = Lᵀ D L and with M⁻¹; nothing for others."""
-    if system.rows or not system.links or not is_identity(motion.B):
-        return
-    for inertias in system.inertias:
+    of equivalent sets of inertias, solved with M = Lᵀ D L and with M⁻¹."""
+    for inertias in reversed(system.inertias):
         terms = _terms(system, motion, inertias)
         for solve in (_by_factors, _by_inverse):
             yield _of_terms(system, motion, terms, solve)
+
+
+def _is_tree(system: System, motion: Motion) -> bool:
+    return not system.rows and bool(system.links) and is_identity(motion.B)
 
 
 @dataclass(frozen=True)
@@ -235,26 +244,20 @@ def inverse_matrix(M: Matrix) -> Matrix:
     one half alone."""
     n = len(M)
     units: list[Vector] = [[1.0 if i == k else 0.0 for i in range(n)] for k in range(n)]
-    columns, pivots = forward_columns(M, units)
+    factors, pivots = _factors(M)
+    columns = [_forward(factors, unit) for unit in units]
     scaled = [[0.0 if is_zero(x) else x / d for x, d in zip(column, pivots)] for column in columns]
     lower = {(i, j): dot(columns[i], scaled[j]) for i in range(n) for j in range(i + 1)}
     return [[lower[max(i, j), min(i, j)] for j in range(n)] for i in range(n)]
 
 
-def forward_columns(M: Matrix, sides: Sequence[Vector]) -> tuple[list[Vector], Vector]:
-    """L⁻¹ b of each side, and the pivots D."""
-    A, order = [list(row) for row in M], _tip_to_base(len(M))
-    right = [list(side) for side in sides]
-    for step, k in enumerate(order):
-        beyond = [i for i in order[step + 1 :] if not is_zero(A[i][k])]
-        factors = {i: A[i][k] / A[k][k] for i in beyond}
-        for a, i in enumerate(beyond):
-            for j in beyond[a:]:
-                A[i][j] = A[j][i] = minus(A[i][j], times(factors[i], A[j][k]))
-        for b in (b for b in right if not is_zero(b[k])):
-            for i in beyond:
-                b[i] = minus(b[i], times(factors[i], b[k]))
-    return right, [A[k][k] for k in range(len(M))]
+def _forward(factors: dict[tuple[int, int], Scalar], side: Vector) -> Vector:
+    """L⁻¹ b."""
+    b = list(side)
+    for (i, k), factor in factors.items():
+        if not is_zero(b[k]):
+            b[i] = minus(b[i], times(factor, b[k]))
+    return b
 
 
 def _of_terms(system: System, motion: Motion, terms: _Terms, solve: Solve) -> Slopes:
@@ -273,6 +276,90 @@ def _of_terms(system: System, motion: Motion, terms: _Terms, solve: Solve) -> Sl
     for link in terms.afloat:
         vdot, by_q, by_v = _from_afloat(system, motion, link, vdot, by_q, by_v)
     return slopes_of(system, motion, _Known(vdot, by_q, by_v, by_u, ca.SX(nv, nq)))
+
+
+def looped(system: System, motion: Motion) -> Elimination | None:
+    """[ẋ ∂ẋ/∂x ∂ẋ/∂u] of a tree with what is solved for left to a loop over the columns; None where
+    that is short enough to be written out."""
+    if not _is_tree(system, motion):
+        return None
+    terms = _terms(system, motion, system.inertias[-1])
+    by_q = matrix_of(terms.moves, system.v.numel()) @ terms.way + terms.by_q
+    sides = ca.sparsify(ca.horzcat(by_q, terms.by_v, terms.by_u))
+    ranges = _filled(sides)
+    factors, pivots = _factors(terms.mass)
+    columns = sum(end - begin for begin, end in ranges)
+    if (4 * len(factors) + len(pivots)) * columns <= UNROLLED:
+        return None
+    still = [ca.SX(*part.shape) for part in (by_q, terms.by_v, terms.by_u)]
+    vdot, direct_q, direct_v = column(terms.vdot), still[0], still[1]
+    for link in terms.afloat:
+        vdot, direct_q, direct_v = _from_afloat(system, motion, link, vdot, direct_q, direct_v)
+    direct = ca.sparsify(ca.horzcat(direct_q, direct_v, still[2]))
+    return _elimination(system, motion, factors, pivots, vdot, sides, direct, ranges)
+
+
+def _elimination(
+    system: System,
+    motion: Motion,
+    factors: dict[tuple[int, int], Scalar],
+    pivots: Vector,
+    vdot: ca.SX,
+    sides: ca.SX,
+    direct: ca.SX,
+    ranges: list[tuple[int, int]],
+) -> Elimination:
+    """What is known where something is solved for is added later, the rest stands there at once."""
+    nq, n = system.q.numel(), len(pivots)
+    nothing = ca.SX(n, system.q.numel())
+    known = _Known(vdot, nothing, ca.SX(n, n), ca.SX(n, system.u.numel()), ca.SX(n, nq))
+    above = slopes_of(system, motion, known)
+    later = [
+        (i, j)
+        for i, j in zip(*direct.sparsity().get_triplet())
+        if any(begin <= j < end for begin, end in ranges)
+    ]
+    below = ca.SX(sides)
+    for i, j in zip(*direct.sparsity().get_triplet()):
+        if (i, j) not in later:
+            below[i, j] = direct[i, j]
+    upper = ca.horzcat(above.rates[:nq], above.by_x[:nq, :], above.by_u[:nq, :])
+    width = 1 + sides.size2()
+    return Elimination(
+        order=tuple(_tip_to_base(n)),
+        pairs=tuple(factors),
+        values=ca.vertcat(*factors.values(), *(1.0 / pivot for pivot in pivots)),
+        unsolved=ca.densify(ca.vertcat(upper, ca.horzcat(vdot, below))),
+        first=nq,
+        ranges=tuple((begin + 1, end + 1) for begin, end in ranges),
+        added=column([direct[i, j] for i, j in later]),
+        places=tuple((nq + i) * width + 1 + j for i, j in later),
+    )
+
+
+def _factors(M: Matrix) -> tuple[dict[tuple[int, int], Scalar], Vector]:
+    """L of M = Lᵀ D L by (row, unknown) in the order of elimination, and D."""
+    A, order = [list(row) for row in M], _tip_to_base(len(M))
+    found: dict[tuple[int, int], Scalar] = {}
+    for step, k in enumerate(order):
+        beyond = [i for i in order[step + 1 :] if not is_zero(A[i][k])]
+        found |= {(i, k): A[i][k] / A[k][k] for i in beyond}
+        for a, i in enumerate(beyond):
+            for j in beyond[a:]:
+                A[i][j] = A[j][i] = minus(A[i][j], times(found[i, k], A[j][k]))
+    return found, [A[k][k] for k in range(len(M))]
+
+
+def _filled(sides: ca.SX) -> list[tuple[int, int]]:
+    """Columns with something in them, as ranges."""
+    filled = sorted(set(sides.sparsity().get_triplet()[1]))
+    ranges: list[tuple[int, int]] = []
+    for j in filled:
+        if ranges and ranges[-1][1] == j:
+            ranges[-1] = (ranges[-1][0], j + 1)
+        else:
+            ranges.append((j, j + 1))
+    return ranges
 
 
 def _columns(rows: Matrix) -> list[Vector]:

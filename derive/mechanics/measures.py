@@ -30,8 +30,9 @@ from derive.joints.rotations import (
 from derive.mechanics.frames import angular_velocity, ground_rotation
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.outputs import planar_angle
+from derive.mechanics.paths import path_length
 from derive.mechanics.records import Place
-from derive.mechanics.scene import NORMAL, Scene
+from derive.mechanics.scene import NORMAL, NOTHING, Scene
 from derive.mechanics.symbols import define
 from derive.mechanics.tree import ground_point, relative_rotation
 from derive.model.named_frames import carrier
@@ -65,7 +66,7 @@ def _position(scene: Scene, measure: Measure) -> Scalar:
     point = scene.symbols.vector(measure.point)
     ends = [
         ground_point(place, x, scene.positions, scene.rotations)
-        for place, x in ((there, [0.0, 0.0, 0.0]), (here, point))
+        for place, x in ((there, NOTHING), (here, point))
     ]
     (k,) = measure.component
     return _turned_back(scene, there, difference(ends[1], ends[0]))[k]
@@ -111,6 +112,10 @@ def _rate(of: Callable[[Scene, Measure], Scalar]) -> Callable[[Scene, Measure], 
     return lambda scene, measure: scene.rate(ca.SX(of(scene, measure)))
 
 
+def _length(scene: Scene, measure: Measure) -> Scalar:
+    return path_length(scene, scene.model.path(measure.frame))
+
+
 _QUANTITIES: dict[str, Callable[[Scene, Measure], Scalar]] = {
     "position": _position,
     "velocity": _rate(_position),
@@ -118,4 +123,6 @@ _QUANTITIES: dict[str, Callable[[Scene, Measure], Scalar]] = {
     "turning": _rate(_orientation),
     "angle": _angle,
     "angular_velocity": _angular_velocity,
+    "length": _length,
+    "lengthening": _rate(_length),
 }

@@ -15,6 +15,7 @@ from derive.model import (
     mechanism,
     motions,
     named_frames,
+    paths,
     published,
     steady,
     tables,
@@ -46,8 +47,12 @@ def built(document: Document, source: Source) -> Model:
     joints, names = _names(reader, document)
     reader.finish()
     model = _model(reader, document, joints, names)
-    measures = tuple(reader.measures.found.values())
-    model = replace(model, measures=measures, tables=curves)
+    model = replace(
+        model,
+        measures=tuple(reader.measures.found.values()),
+        tables=curves,
+        paths=tuple(reader.paths.values()),
+    )
     reader.finish()
     check_tips(reader, model)
     reader.finish()
@@ -77,6 +82,7 @@ def _check_head(reader: Reader, document: Document) -> None:
 
 def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     parameters = definitions.parameters(reader, document)
+    reader.measures.paths = paths.names(document)
     reader.measures.frames = (
         GROUND,
         *dict.fromkeys(map(str, (*document.bodies, *document.frames, *document.joints))),
@@ -109,6 +115,8 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
 
 def _model(reader: Reader, document: Document, joints: list[Frame], names: Names) -> Model:
     ties.enter_reactions(reader, document)
+    for key, entries in document.paths.items():
+        reader.paths[str(key)] = paths.path(reader, document, key, entries)
     outputs = tuple(
         motions.output(reader, document, names, key, scalar)
         for key, scalar in document.outputs.items()

@@ -520,3 +520,26 @@ Held = Annotated[
     | Annotated[dict[Name, FormulaOrList], Tag("<a mapping>")],
     _kind(**{"a formula": _is_scalar, "a list of names": _is_list, "a mapping": _is_mapping}),
 ]
+
+
+class PulleyEntry(Entry):
+    """A round body that a path goes round: a pulley, a sheave, a cylinder, a bone."""
+
+    radius: Formula = Field(description="Radius, to the middle of the rope.")
+    side: Formula = Field(
+        description="left or right: on which side of the path it lies; seen against the axis."
+    )
+    axis: Direction | None = Field(
+        None, description="Its axis in the body's frame; the normal of a planar model."
+    )
+    turns: Formula | None = Field(None, description="Whole turns besides; 0 when left out.")
+
+
+class WaypointEntry(Entry):
+    """A point that a path goes through, or a pulley that it goes round."""
+
+    body: Formula = Field(description="The body, or ground.")
+    at: Point | None = Field(
+        None, description="The point, or the pulley's centre, in the body's frame; its origin."
+    )
+    pulley: PulleyEntry | None = Field(None, description="What it goes round there.")

@@ -36,6 +36,7 @@ POSITIONS: Mapping[str, str] = {
     "position": "velocity",
     "orientation": "turning",
     "angle": "angular_velocity",
+    "length": "lengthening",
 }
 DIMENSIONS: Mapping[str, Inferred] = {
     "position": LENGTH,
@@ -44,6 +45,8 @@ DIMENSIONS: Mapping[str, Inferred] = {
     "turning": PER_TIME,
     "angle": NUMBER,
     "angular_velocity": PER_TIME,
+    "length": LENGTH,
+    "lengthening": SPEED,
 }
 
 
@@ -56,10 +59,12 @@ class Spot:
 
 
 class Measures:
-    """The measures that the formulas of a file use, by name; `frames`: whatever has a place."""
+    """The measures that the formulas of a file use, by name; `frames`: whatever has a place;
+    `paths`: whatever has a length."""
 
     def __init__(self) -> None:
         self.frames: tuple[str, ...] = (GROUND,)
+        self.paths: tuple[str, ...] = ()
         self.found: dict[str, Measure] = {}
 
     def named(self, measure: Measure) -> str:
@@ -154,9 +159,7 @@ class Rewriting:
 
     def _list(self, node: Expression, entries: Parts) -> Parts:
         if len(entries) != self.space.size:
-            raise self._fault(
-                f"a vector with {len(entries)} components", node, self._components()
-            )
+            raise self._fault(f"a vector with {len(entries)} components", node, self._components())
         return tuple(self.scalar(entry) for entry in entries)
 
     def _sum(self, terms: Parts, at: int) -> Rewritten:
@@ -393,18 +396,17 @@ class Rewriting:
             """R_ij of the frame."""
             return self.measure("orientation", spot, relative, "xyz"[i] + "xyz"[j], node)
 
-        def weighted(weight: float, x: Callable[[], Expression]) -> list[Expression]:
-            """Nothing is looked up that does not count."""
-            return [times(tree.Number(weight), x())] if weight else []
-
         turned: list[Expression] = []
         along: list[Expression] = []
         for k in range(3):
             i, j = (k + 1) % 3, (k + 2) % 3
-            turned += weighted(axis[k], lambda: minus(entry(j, i), entry(i, j)))
+            if axis[k]:
+                skew = minus(entry(j, i), entry(i, j))
+                turned.append(times(tree.Number(axis[k]), skew))
             for m in range(3):
                 weight = float(k == m) - axis[k] * axis[m]
-                along += weighted(weight, lambda: entry(k, m))
+                if weight:
+                    along.append(times(tree.Number(weight), entry(k, m)))
         return Call("atan2", (plus(*turned), plus(*along)), node.at)
 
     def angular_velocity(self, node: Call) -> Rewritten:
@@ -421,7 +423,9 @@ class Rewriting:
         ends = [self._end(arguments, node) for _ in range(2)]
         if arguments:
             raise self._fault("distance() does not take this", arguments[0], "two points")
-        return self.length(tuple(minus(b, a) for a, b in zip(*ends)), node)
+        if ends[0] == ends[1]:
+            raise self._fault("a length that is always zero", node, "two points that differ")
+        return self.size(tuple(minus(b, a) for a, b in zip(*ends)), node)
 
     def _end(self, arguments: list[Expression], node: Call) -> Parts:
         if not arguments:
@@ -430,7 +434,17 @@ class Rewriting:
             return self._vector_of("position", self.spot(arguments), GROUND, node)
         return self.vector(arguments.pop(0))
 
-    def length(self, parts: Parts, node: Call) -> Expression:
+    def length(self, node: Call) -> Expression:
+        """Of a path."""
+        (path,), known = node.arguments, self.measures.paths
+        name = path.name if isinstance(path, Name) else ""
+        if name not in known:
+            said = f"unknown path '{name}'" if name else "this is no path"
+            hint = did_you_mean(name, known) if name else ""
+            raise self._fault(said, path, listed(known) or "a path of `paths:`", hint)
+        return self.measure("length", Spot(name, ORIGIN), GROUND, "", node)
+
+    def size(self, parts: Parts, node: Call) -> Expression:
         """|a|. Raises FormulaError where it is zero at every position."""
         square = plus(*(tree.Power(x, tree.Number(2.0)) for x in parts if x != ZERO))
         if square == ZERO:
@@ -439,7 +453,7 @@ class Rewriting:
 
     def norm(self, node: Call) -> Expression:
         """|a|."""
-        return self.length(self.vector(node.arguments[0]), node)
+        return self.size(self.vector(node.arguments[0]), node)
 
     def dot(self, node: Call) -> Expression:
         """a · b."""
@@ -467,6 +481,7 @@ _MEANINGS: dict[str, Callable[[Rewriting, Call], Rewritten]] = {
     "angle": Rewriting.angle,
     "angular_velocity": Rewriting.angular_velocity,
     "distance": Rewriting.distance,
+    "length": Rewriting.length,
     "dot": Rewriting.dot,
     "cross": Rewriting.cross,
     "norm": Rewriting.norm,

@@ -16,8 +16,8 @@ from derive.model import quaternions
 from derive.model.constraints.nonideal import velocity_degree
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Frame, Names
-from derive.model.names import identifier
 from derive.model.kinematics import speaks_of_motion
+from derive.model.names import identifier
 from derive.model.reader import UNREAD, WITH_KINEMATICS, Reader
 from derive.model.records import CHOICE_KINDS, Choice, InitialValue, Output, Span
 from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, VELOCITY
@@ -222,7 +222,7 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
 def _output(
     reader: Reader, document: Document, parsed: Expression, text: str
 ) -> tuple[Expression, str]:
-    if _is_of_body(reader, document, parsed):
+    if _is_of_body(parsed, reader, document):
         return _geometric(reader, document, parsed, text)
     for node in tree.walk(parsed):
         if isinstance(node, tree.Call) and node.function == "reaction":
@@ -242,7 +242,7 @@ def _output(
     return resolved, pretty(dimension) if isinstance(dimension, tuple) else ""
 
 
-def _is_of_body(reader: Reader, document: Document, parsed: Expression) -> TypeGuard[tree.Call]:
+def _is_of_body(parsed: Expression, reader: Reader, document: Document) -> TypeGuard[tree.Call]:
     """Whether the whole output is a point, velocity or angle of a body against the ground, or a
     reaction: those have functions of their own. All else of the kind is a formula."""
     if not isinstance(parsed, tree.Call) or parsed.function not in OUTPUT_FUNCTIONS:

@@ -32,7 +32,7 @@ from derive.expressions.units import (
 from derive.model.document import Items, Key, Scalar, Source
 from derive.model.kinematics import Measures, Rewriting, speaks_of_motion
 from derive.model.names import objection
-from derive.model.records import Span, Vector3
+from derive.model.records import Path, Span, Vector3
 from derive.model.scope import CONSTANT, Scope
 from derive.model.space import ORIGIN, Space, normalised
 
@@ -58,6 +58,7 @@ class Reader:
         self.definitions: dict[str, Expression] = {}
         self.measures = Measures()
         self.functions: dict[str, Function] = dict(FUNCTIONS)  # and the model's tables
+        self.paths: dict[str, Path] = {}
         self.problems: list[Diagnostic] = []
         self.notes: list[str] = []  # what is taken otherwise than a reader might expect
         # what was read of a text, with the names as they are: repetitions say the same many times

@@ -89,13 +89,37 @@ class NamedFrame:
 
 
 @dataclass(frozen=True)
+class Waypoint:
+    """A point of a body that a path goes through or, with a radius, the centre of a pulley that it
+    goes round. `side` is 1 where the path turns counter-clockwise about `axis` (body frame; the
+    normal of a planar model), −1 where clockwise; `turns` are whole turns besides."""
+
+    body: str
+    point: Vector3
+    radius: Expression
+    side: int
+    axis: Vector3
+    turns: int
+
+
+@dataclass(frozen=True)
+class Path:
+    """The shortest way through its points and round its pulleys, without friction."""
+
+    name: str
+    points: tuple[Waypoint, ...]
+    span: Span
+
+
+@dataclass(frozen=True)
 class Measure:
     """One number of the kinematics that formulas use by `name`: of a body or frame `frame`, seen
     from `relative` and along its axes.
 
     `quantity` is "position" of `point` (m, own axes) or its rate "velocity"; "orientation", the
     entry (row, column) of relative ← frame, or its rate "turning"; "angular_velocity", about the
-    normal in a planar model; "angle" of a planar one. `component`: which entry.
+    normal in a planar model; "angle" of a planar one; "length" of the path `frame` and its rate
+    "lengthening". `component`: which entry.
     """
 
     name: str
@@ -330,6 +354,7 @@ class Model:
     events: tuple[Event, ...] = ()
     frames: tuple[NamedFrame, ...] = ()  # those of `frames:`; bodies and joints have theirs
     measures: tuple[Measure, ...] = ()  # kinematics that formulas use
+    paths: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     tables: tuple[Table, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()  # name and text of the files it refers to
@@ -345,6 +370,10 @@ class Model:
     def body(self, name: str) -> Body:
         """The body of that name. Raises KeyError where there is none."""
         return {body.name: body for body in self.bodies}[name]
+
+    def path(self, name: str) -> Path:
+        """The path of that name. Raises KeyError where there is none."""
+        return {path.name: path for path in self.paths}[name]
 
     def coordinate_index(self, name: str) -> int:
         """Which entry of q that coordinate is. Raises ValueError where there is none."""

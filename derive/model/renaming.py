@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from derive.expressions import tree
 from derive.expressions.evaluate import is_constant
-from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS
+from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, OUTPUT_FUNCTIONS
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity
 from derive.joints import JOINTS
@@ -23,7 +23,8 @@ from derive.model.repetition import WORDS, with_called
 
 # sections whose keys are names, and that a part brings along
 SECTIONS = (
-    "parameters", "where", "tables", "bodies", "joints", "closures", "frames", "constraints",
+    "parameters", "where", "tables", "bodies", "joints", "closures", "frames", "paths",
+    "constraints",
     "loads", "inputs", "outputs", "events",
 )  # fmt: skip
 # what a whole says for all its parts
@@ -42,7 +43,8 @@ _AXIS = re.compile(r"\s*[+-]?[xyz]\s*\Z")
 _SUFFIXES = tuple(
     dict.fromkeys(slot.suffix for joint in JOINTS for slot in joint.coordinates if slot.suffix)
 )
-_CALLS = {**FUNCTIONS, **OUTPUT_FUNCTIONS}
+_CALLS = {**FUNCTIONS, **OUTPUT_FUNCTIONS, **KINEMATIC_FUNCTIONS}
+_ALONG_AXES = ("direction", "angle")  # whose second argument may be a letter
 
 
 def own_names(node: Entries) -> Iterator[str]:
@@ -246,13 +248,14 @@ class _Renaming:
     def _scalar(self, node: Scalar, key: str) -> Scalar:
         if key in WORDS or (key in LETTERS and _AXIS.match(node.text)):
             return node
-        text = self._text(node)
+        # in the formula of a surface the letters are its own
+        text = self._text(node, frozenset("xyz") if key == "surface" else frozenset())
         return node if text == node.text else replace(node, text=text, exact=False)
 
-    def _text(self, node: Scalar) -> str:
+    def _text(self, node: Scalar, own: frozenset[str] = frozenset()) -> str:
         text = node.text
         try:
-            places = _places(text, self.known)
+            places = _places(text, self.known - own)
         except FormulaError as error:
             message, expected, hint = error.detail
             self.source.refuse(node.at(error.at, error.length), message, expected, hint)
@@ -268,7 +271,14 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
         return ()
     formula = expression(text, names=known, functions=with_called(text, _CALLS), vectors=True)
     found: dict[int, str] = {}
+    letters = {
+        node.arguments[1].at
+        for node in tree.walk(formula)
+        if isinstance(node, tree.Call) and node.function in _ALONG_AXES and node.arguments[1:]
+    }
     for node in tree.walk(formula):
+        if isinstance(node, tree.Name) and node.at in letters and node.name in tuple("xyz"):
+            continue
         if isinstance(node, tree.Rate):
             found[text.index(node.name, node.at + 3)] = node.name
         elif isinstance(node, tree.Call):

@@ -31,6 +31,7 @@ from derive.model.entries import (
     Point,
     ReferenceEntry,
     TableEntry,
+    WaypointEntry,
 )
 from derive.model.kind import Kind
 from derive.model.loads import LOADS
@@ -91,6 +92,11 @@ class Document(Entry):
         {},
         description="Frames fixed to bodies, for functions on request (pose_NAME, jacobian_NAME …) "
         "and wrenches; every body and joint is one of its own name.",
+    )
+    paths: dict[Name, list[WaypointEntry]] = Field(
+        {},
+        description="Ways of ropes, muscles and cylinders through points and round pulleys; "
+        "length(NAME) in formulas.",
     )
     constraints: dict[Name, Constraint] = Field(
         {}, description="Holonomic and nonholonomic constraints."

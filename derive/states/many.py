@@ -22,6 +22,7 @@ from derive.states.closing import normalised
 from derive.states.initial import own_units
 from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS
 
+EXACT = 1e-14  # |A v − c| against 1 + |v| that needs no correction
 SOLVED = 1e-13  # relative residual up to which the normal equations have solved A x = b
 
 
@@ -95,7 +96,7 @@ class Starter:
         start = normalised(self, start)
         free = np.array([name not in self.held for name in names], dtype=float)
         if self.positions is None:
-            return start, np.isfinite(start).all(axis=1)
+            return start, np.isfinite(start.sum(axis=1))
         q, done = closed_many(self.positions, t, start, p, free)
         if not done.all():
             rest = ~done
@@ -122,8 +123,11 @@ class Starter:
         both = np.concatenate([A, rows], axis=1)
         wanted = np.concatenate([c, values], axis=1)
         v = guess + least_many(both, wanted - _applied(both, guess))
-        if A.shape[1]:
-            v = v + least_many(A, c - _applied(A, v))
+        left = c - _applied(A, v)
+        size = EXACT * (1.0 + np.max(np.abs(v), axis=1, initial=0.0))
+        again = ~(np.max(np.abs(left), axis=1, initial=0.0) <= size)
+        if again.any():
+            v[again] += least_many(A[again], left[again])
         off = np.max(np.abs(_applied(A, v) - c), axis=1, initial=0.0)
         size = 1.0 + np.max(np.abs(v), axis=1, initial=0.0)
         return v, np.isfinite(v).all(axis=1) & (off <= AGREES * size)
@@ -140,14 +144,13 @@ class Starter:
         rates = [f"der({name})" for name in self.coordinates]
         k, nv = len(p), len(velocities)
         names = [name for name in given if name in self.held and name in {*rates, *velocities}]
-        N = None
-        if any(name in rates for name in names):
-            one = np.broadcast_to(np.eye(nv), (k, nv, nv))
-            N = one if self.rates is None else matrices(self.rates, t, q, p)[0]
+        by_rates = np.broadcast_to(np.eye(nv), (k, nv, nv))
+        if self.rates is not None and any(name in rates for name in names):
+            by_rates = matrices(self.rates, t, q, p)[0]
         rows = np.zeros((k, len(names), nv))
         for i, name in enumerate(names):
-            if N is not None and name in rates:
-                rows[:, i] = N[:, rates.index(name)]
+            if name in rates:
+                rows[:, i] = by_rates[:, rates.index(name)]
             else:
                 rows[:, i, velocities.index(name)] = 1.0
         values = [np.broadcast_to(given[name], k) for name in names]
@@ -167,9 +170,9 @@ class Starter:
         used |= {name: v[:, i] for i, name in enumerate(self.velocities)}
         used |= {f"der({name})": rates[:, i] for i, name in enumerate(self.coordinates)}
         found = np.zeros(len(q), dtype=bool)
-        for name, value in given.items():
+        for name, told in given.items():
             if name in self.held:
-                found |= ~(np.abs(used[name] - value) <= AGREES * (1 + np.abs(value)))
+                found |= ~(np.abs(used[name] - told) <= AGREES * (1 + np.abs(told)))
         return found
 
 
@@ -205,7 +208,7 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
 def _formulas(system: System) -> ca.Function:
     """(t, p) → the initial values that the file gives, in SI."""
     names = {**system.symbols.names, "t": system.t}
-    found = [value(x.value, names, {}, casadi_functions()) for x in system.model.initial]
+    found = [value(x.value, names, {}, system.symbols.functions) for x in system.model.initial]
     column = ca.vertcat(*map(ca.SX, found)) if found else ca.SX(0, 1)
     return ca.Function("initial", [system.t, system.p], [ca.densify(column)])
 
@@ -216,10 +219,8 @@ def matrices(
     """The results of a function at k states, k × rows × columns each."""
     k = len(t)
     found = function.call([t.reshape(1, k), q.T, p.T])
-    shapes = [function.size_out(i) for i in range(function.n_out())]
     return [
-        x.full().reshape(rows, k, columns).transpose(1, 0, 2)
-        for x, (rows, columns) in zip(found, shapes)
+        x.full().reshape(x.size1(), k, x.size2() // max(k, 1)).transpose(1, 0, 2) for x in found
     ]
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -173,7 +174,10 @@ def _sobol(seed: int, width: int, low: int, high: int) -> np.ndarray:
     )
     if low:
         engine.fast_forward(low)
-    return np.clip(engine.random(high - low), 2.0**-54, 1.0 - 2.0**-53)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a part of the sequence is not balanced
+        found = engine.random(high - low)
+    return np.clip(found, 2.0**-54, 1.0 - 2.0**-53)
 
 
 @lru_cache(maxsize=2)
@@ -187,7 +191,9 @@ def _whole(kind: str, seed: int, width: int, samples: int) -> np.ndarray:
             .random(samples)
         )
     sobol = library("SALib.sample.sobol", "a design for Sobol indices")
-    found = sobol.sample(problem(width), samples // (width + 2), False, seed=seed % 2**32)
+    found = sobol.sample(
+        problem(width), samples // (width + 2), calc_second_order=False, seed=seed % 2**32
+    )
     return np.clip(found, 2.0**-54, 1.0 - 2.0**-53)
 
 

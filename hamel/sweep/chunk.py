@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 import warnings
 from collections.abc import Callable
@@ -13,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from codegen.runtime.simulation import Status
-from derive.diagnostics import AssumptionError
 from derive.formulations.frames import based
+from derive.linearize.many import steady_motions
 from derive.linearize.spectrum import eigenvalues
 from derive.linearize.steady import motion_of
 from derive.linearize.study import Study, study
@@ -297,31 +296,15 @@ def _modes(
     job: Job, found: Study, varied: dict[str, np.ndarray], count: int
 ) -> tuple[dict[str, np.ndarray], np.ndarray, int]:
     status = np.zeros(count, dtype=np.int16)
-    try:
-        matrices = found.along(varied)
-    except AssumptionError:
-        matrices = _one_by_one(found, varied, count, status)
-    finite = np.isfinite(matrices).all(axis=(1, 2))
+    with np.errstate(all="ignore"):
+        motions, steady = steady_motions(found, varied)
+        matrices = np.asarray(found.matrices(motions))
+    status[~steady] = NO_STEADY_MOTION
+    finite = np.isfinite(matrices.reshape(count, -1).sum(axis=1))
     status[~finite & (status == 0)] = Status.NOT_FINITE
-    spectra = np.full(matrices.shape[:2], np.nan, dtype=complex)
-    if finite.any():
-        spectra[finite] = eigenvalues(matrices[finite])
-    first = spectra[:, 0] if spectra.shape[1] else np.full(count, math.nan, dtype=complex)
-    parts = {"growth": first.real, "frequency": np.abs(first.imag)}
+    real, imaginary = np.full((2, count), np.nan)
+    if finite.any() and matrices.shape[1]:
+        first = eigenvalues(matrices[finite])[:, 0]
+        real[finite], imaginary[finite] = np.real(first), np.abs(np.imag(first))
+    parts = {"growth": real, "frequency": imaginary}
     return {each.label: parts[each.text].copy() for each in job.kept}, status, 0
-
-
-def _one_by_one(
-    found: Study, varied: dict[str, np.ndarray], count: int, status: np.ndarray
-) -> np.ndarray:
-    """Where a steady motion is missing somewhere, each is looked for by itself."""
-    size = len(found.reduced)
-    matrices = np.full((count, size, size), np.nan)
-    for k in range(count):
-        try:
-            matrices[k] = found.along({name: column[k : k + 1] for name, column in varied.items()})[
-                0
-            ]
-        except AssumptionError:
-            status[k] = NO_STEADY_MOTION
-    return matrices

@@ -14,13 +14,43 @@ from pathlib import Path
 from typing import Any
 
 from derive.diagnostics import ModelError, ToolchainError
-from hamel.build.files import staged_file, writing
+from hamel.build.files import writing
 from hamel.sweep.needs import library
 from hamel.sweep.work import Held, all_of, written
 
 PLAN, CHUNKS, GROUPS = "sweep.json", "chunks", "groups"
 GROUP = 256
 RESUME = "the same command goes on from what is there"
+
+
+def alive(number: str) -> bool:
+    """Whether a process of that number runs; who cannot be asked does."""
+    try:
+        os.kill(int(number), 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except (OSError, ValueError):
+        return True
+    return True
+
+
+def _replace(place: Path, content: bytes) -> None:
+    """A file that is there as a whole or not at all, also after a power cut."""
+    made = place.with_name(f".{place.name}.{os.getpid()}")
+    try:
+        try:
+            file = made.open("wb")
+        except FileNotFoundError:
+            place.parent.mkdir(parents=True, exist_ok=True)
+            file = made.open("wb")
+        with file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        made.replace(place)
+    except BaseException:
+        made.unlink(missing_ok=True)
+        raise
 
 
 class Folder:
@@ -57,10 +87,8 @@ class Folder:
                 self.remote.pipe_file(f"{self.root}/{name}", content)
             return
         try:
-            with staged_file(Path(self.root) / name) as made, made.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
+            with writing(Path(self.root) / name, "another folder"):
+                _replace(Path(self.root) / name, content)
         except ToolchainError as error:
             found = error.diagnostics[0]
             raise ToolchainError(f"{found.message}; {found.hint}", RESUME) from error
@@ -85,8 +113,16 @@ class Folder:
 
     # ---- the sweep
 
+    def _sweep(self) -> None:
+        """Remove what was half written when the process that wrote it was killed."""
+        for part in (CHUNKS, GROUPS, ""):
+            for name in self.names(part) if self.remote is None else ():
+                if name.startswith(".") and not alive(name.rpartition(".")[2]):
+                    (Path(self.root) / part / name).unlink(missing_ok=True)
+
     def enter(self, plan: dict[str, Any]) -> None:
         """Begin the sweep here, or go on with it. Raises ToolchainError where another one is."""
+        self._sweep()
         text = json.dumps(plan, indent=1, sort_keys=True) + "\n"
         found = self.read(PLAN)
         if found is None:

@@ -47,13 +47,13 @@ class Asked:
     steady motion."""
 
     vary: Mapping[str, Any]
-    files: Sequence[str] = ()
-    keep: Sequence[str] = ("state",)
-    sampling: Sampling = Sampling(None, "random", 0)
-    method: Method = Method("quasi_velocities", None, None, "dop853", None, 1e-9, None)
+    files: Sequence[str]
+    keep: Sequence[str]
+    sampling: Sampling
+    method: Method
+    rows: Rows
     values: Mapping[str, float | str] = field(default_factory=dict)
     inputs: Mapping[str, Any] = field(default_factory=dict)
-    rows: Rows = Rows(10.0)
     at: str | None = None
     reduce: bool = False
     chunk: int | None = None
@@ -95,6 +95,7 @@ def planned(path: str | PathLike[str], asked: Asked) -> Plan:
         raise ModelError("nothing is kept", "a name or formula, such as --keep state")
     made = design(asked.vary, asked.files, asked.sampling, _values(path, system, asked, of_modes))
     _check_names(system, asked, made, of_modes)
+    columns = tuple(_told_apart(each, made.names) for each in columns)
     chunk = asked.chunk or (POINTS if of_modes else MOTIONS)
     if chunk < 1:
         raise ModelError(f"chunks of {chunk} motions", "one or more")
@@ -114,6 +115,11 @@ def planned(path: str | PathLike[str], asked: Asked) -> Plan:
     return Plan(
         model, asked, made, columns, chunk, tuple(jobs), _about(model, asked, made, chunk), every
     )
+
+
+def _told_apart(each: Kept, varied: Sequence[str]) -> Kept:
+    """What is kept of something that varies has another name than what it began with."""
+    return replace(each, label=f"final({each.label})") if each.label in varied else each
 
 
 def _is_of_modes(keep: Sequence[str]) -> bool:

@@ -50,10 +50,11 @@ def on_surface(
     if entry.of is not None and body == carrier:
         reader.report(entry.of.span, f"'{key}' is between '{body}' and itself", "two bodies")
     point = reader.point(entry.at, "a point")
-    return OnSurface(str(key), body, point, carrier, _surface(reader, entry.surface), key.span)
+    return OnSurface(str(key), body, point, carrier, surface(reader, entry.surface), key.span)
 
 
-def _surface(reader: Reader, scalar: Scalar) -> Expression:
+def surface(reader: Reader, scalar: Scalar) -> Expression:
+    """A formula of x, y, z (two of them in a plane), parameters and t."""
     letters = reader.space.letters
     before = len(reader.problems)
     with _local(reader, letters):

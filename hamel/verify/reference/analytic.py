@@ -19,39 +19,19 @@ from derive.expressions import tree
 from derive.expressions.tables import Table
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.records import Model
-from hamel.verify.reference.formulas import NUMERIC, evaluated, lookup
+from hamel.verify.reference.formulas import evaluated, lookup, symbolic
 from hamel.verify.reference.jets import Jet, direction, dot, point
 from hamel.verify.reference.layout import Layout, Rows
 from hamel.verify.reference.loads import Lagrange
 from hamel.verify.reference.measures import measured
 from hamel.verify.reference.rows import RowsOf
 from hamel.verify.reference.states import State
-from hamel.verify.reference.tables import numeric, symbolic
+from hamel.verify.reference.tables import numeric
+from hamel.verify.reference.tables import symbolic as symbolic_tables
 from hamel.verify.reference.vectors import Array
 
-POSITIONS = ("position", "orientation", "angle")  # measures that are no velocities
-
-
-def _where(x: Any, place: Any, before: Any, after: Any) -> Any:
-    return sympy.Piecewise((before, x < place), (after, True))
-
-
-def _half(x: Any, w: Any) -> Any:
-    return x / 2 + sympy.sqrt(x**2 + w**2) / 2
-
-
-SYMBOLIC: dict[str, Callable[..., Any]] = {
-    **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
-    "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,
-    "step": lambda x, w=None: _where(x, 0, 0, 1) if w is None else 1 / (1 + sympy.exp(-2 * x / w)),
-    "ramp": lambda x, w=None: _where(x, 0, 0, x) if w is None else _half(x, w),
-    "clip": lambda x, a, b, w=None: _where(x, a, a, _where(x, b, x, b)) if w is None else (
-        a + _half(x - a, w) - _half(x - b, w)
-    ),
-    "piecewise": lambda x, *f: sympy.Piecewise(
-        *((f[k], x < f[k + 1]) for k in range(0, len(f) - 1, 2)), (f[-1], True)
-    ),
-}  # fmt: skip
+POSITIONS = ("position", "orientation", "angle", "length")  # measures that are no velocities
+SYMBOLIC = symbolic()
 
 
 @dataclass(frozen=True)
@@ -75,7 +55,7 @@ class Symbols:
     @cached_property
     def functions(self) -> dict[str, Callable[..., Any]]:
         """Those of formulas, tables too."""
-        return {**SYMBOLIC, **symbolic(self.tables)}
+        return {**SYMBOLIC, **symbolic_tables(self.tables)}
 
     def read(self, expression: tree.Expression) -> Any:
         """A formula of the file as a SymPy expression; its names and the rates der(q) become
@@ -222,7 +202,7 @@ def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
     in Ẋ, q̇ and t)."""
     X, R = sympy.symbols("X:3", real=True), sympy.symbols("R:3", real=True)
     phi = sympy.sympify(
-        evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), SYMBOLIC)
+        evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), s.functions)
     )
 
     def along(expression: Any) -> Any:

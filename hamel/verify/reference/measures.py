@@ -16,11 +16,12 @@ from derive.model.named_frames import carrier
 from derive.model.records import GROUND, Joint, Measure, Model
 from hamel.verify.reference.jets import Jet, direction, dot, point
 from hamel.verify.reference.layout import Layout, layout
+from hamel.verify.reference.paths import length
 from hamel.verify.reference.states import State, placed
 from hamel.verify.reference.vectors import UNIT, Array
 
 NORMAL = {"xy": UNIT["z"], "xz": -UNIT["y"], "yz": UNIT["x"]}
-RATES = {"velocity": "position", "turning": "orientation"}
+RATES = {"velocity": "position", "turning": "orientation", "lengthening": "length"}
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ def _measured(model: Model, place: Layout, state: State, measure: Measure) -> Me
     if measure.quantity == "angle":
         return _as_position(_angle(model, place, state, measure))
     of = RATES.get(measure.quantity, measure.quantity)
-    jet = (_position if of == "position" else _orientation)(model, place, state, measure)
+    kinds = {"position": _position, "orientation": _orientation, "length": _length}
+    jet = kinds[of](model, place, state, measure)
     return _as_position(jet) if of == measure.quantity else _as_velocity(jet)
 
 
@@ -99,11 +101,13 @@ def _orientation(model: Model, place: Layout, state: State, measure: Measure) ->
     )
 
 
+def _length(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
+    return length(model.path(measure.frame), model.plane, place, state)
+
+
 def _spin(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
     """e · (ω − ω_f) as the rate of something: its derivative is ė · (ω − ω_f) + e · (α − α_f)."""
-    first, second = (
-        _seat(model, state, name)[0] for name in (measure.frame, measure.relative)
-    )
+    first, second = (_seat(model, state, name)[0] for name in (measure.frame, measure.relative))
     gap = state.frames[first].omega - state.frames[second].omega
     if model.plane:
         axis = direction(place, state, GROUND, NORMAL[model.plane])

@@ -21,7 +21,6 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from derive.expressions import tree
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.load_records import Armature
 from derive.model.records import GROUND, Model
@@ -29,7 +28,13 @@ from derive.model.rows import row_names
 from hamel.verify.limits import ROUNDING, UNDONE
 from hamel.verify.reference import analytic as by_formula
 from hamel.verify.reference.layout import Layout, Rows, layout, stacked
-from hamel.verify.reference.loads import Applied, Lagrange, applied, body_inertia
+from hamel.verify.reference.loads import (
+    Applied,
+    Lagrange,
+    applied,
+    body_inertia,
+    uses_reactions,
+)
 from hamel.verify.reference.measures import values
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
 from hamel.verify.reference.saddle import least_eigenvalue, rank_of, saddle, solved
@@ -178,8 +183,8 @@ def state_of(
     defaults."""
     u = np.zeros(len(ref.model.inputs)) if u is None else u
     p = defaults(ref.model) if p is None else p
-    arrays = (np.asarray(x, dtype=float) for x in (q, v, u, p))
-    return state(ref.model, float(t), *arrays, partial(values, ref.model))
+    q, v, u, p = (np.asarray(x, dtype=float) for x in (q, v, u, p))
+    return state(ref.model, float(t), q, v, u, p, partial(values, ref.model))
 
 
 def kinematics(ref: Reference, s: State) -> Kinematics:
@@ -222,7 +227,7 @@ def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> E
 
 
 def evaluate(ref: Reference, s: State) -> Outcome:
-    """Solve [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] for v̇ and λ at one state; twice where a nonideal
+    """Solve [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] for v̇ and λ at one state; twice where a
     force uses a reaction of the ideal problem, which is put under the names reaction.ROW.
 
     Raises numpy.linalg.LinAlgError where this has no solution, or the state is no number any more.
@@ -234,14 +239,8 @@ def evaluate(ref: Reference, s: State) -> Outcome:
 
 
 def _uses_reactions(model: Model) -> bool:
-    formulas = [
-        f for x in model.constraints if isinstance(x, Holonomic | Nonholonomic) for f in x.nonideal
-    ]
-    return any(
-        isinstance(node, tree.Name) and node.name.startswith("reaction.")
-        for f in formulas
-        for node in tree.walk(f)
-    )
+    own = [x.nonideal for x in model.constraints if isinstance(x, Holonomic | Nonholonomic)]
+    return uses_reactions((*own, *model.loads))
 
 
 def _reactions(ref: Reference, lam: Array) -> dict[str, float]:

@@ -106,7 +106,7 @@ def state(
     # placements and joint axes are formulas of parameters: they need names before there are frames
     bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {}, functions)
     for name, expression in model.definitions:
-        if _known(expression, names):
+        if _is_known(expression, names):
             names[name] = bare.value(expression)
     N, drift, frames, seats = _walk(model, bare)
     rates = N @ v
@@ -120,10 +120,13 @@ def state(
     return full
 
 
-def _known(expression: tree.Expression, names: Mapping[str, Any]) -> bool:
-    """Whether a formula can be evaluated before there are rates."""
-    leaves = (n for n in tree.walk(expression) if isinstance(n, tree.Name | tree.Rate))
-    return all(isinstance(leaf, tree.Name) and leaf.name in names for leaf in leaves)
+def _is_known(expression: tree.Expression, names: Mapping[str, Any]) -> bool:
+    """Whether a formula has a value before there are frames and rates."""
+    return all(
+        isinstance(node, tree.Name) and node.name in names
+        for node in tree.walk(expression)
+        if isinstance(node, tree.Name | tree.Rate)
+    )
 
 
 def _values_by_name(

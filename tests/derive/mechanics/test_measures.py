@@ -1,8 +1,12 @@
 """Kinematics in formulas: the same as written out by hand, and as the reference has it.
 
-Of derive.expressions: differentiate. Of derive.model: kinematics. Of derive.mechanics: measures.
+Of derive.expressions: differentiate.
+Of derive.model: kinematics.
+Of derive.mechanics: measures.
 Of hamel.verify.reference: measures.
 """
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +16,8 @@ from derive.expressions.evaluate import float_functions, value
 from derive.expressions.parser import expression
 from derive.expressions.tree import ONE, Name, Rate
 from derive.mechanics import measures
-from tests.agreement import apart, disagreement
+from derive.states.nonideal import system
+from tests.agreement import apart, disagreement, model, places, terms
 
 PLANAR = """
 model: slung
@@ -162,3 +167,30 @@ def test_rates_of_formulas(text: str) -> None:
     found = value(rate(tree, leaf), at(t), {"x": 0.3, "y": -0.4 * t}, float_functions())
     ends = [value(tree, at(t + k * h), {}, float_functions()) for k in (1, -1)]
     np.testing.assert_allclose(found, (ends[0] - ends[1]) / (2 * h), rtol=1e-8)
+
+
+LEG = """
+model: leg
+plane: xy
+parameters: {k: 50 N/m}
+bodies: {thigh: {mass: 2 kg, com: [0.2, 0], inertia: 0.2}}
+joints: {hip: {type: planar, parent: ground, child: thigh, coordinates: [x, y, th]}}
+paths: {cord: [{body: ground}, {body: ground, at: [1, 1], pulley: {radius: 0.1 m, side: left}}, {body: thigh, at: [0.4, 0]}]}
+loads:
+  pull: {type: tension, path: cord, tension: k*length(cord) + (1 N*s/m)*der(length(cord))}
+  push: {type: force, body: thigh, components: ["(1 N)*direction(thigh, x).x", k*position(thigh).y]}
+  floor: {type: contact, body: thigh, surface: y + x^2/(9 m), stiffness: k}
+"""
+
+
+def test_words_of_the_motion_in_a_part(tmp_path: Path) -> None:
+    """Bodies, paths and coordinates of a submodel get its prefix, letters of axes and surfaces do
+    not: the motion is that of the model by itself."""
+    (tmp_path / "leg.yaml").write_text(LEG)
+    whole = tmp_path / "whole.yaml"
+    whole.write_text("model: whole\nplane: xy\nsubmodels: {left: {use: leg.yaml}}\n")
+    assert max(disagreement(whole, 3).values()) < 1e-12
+    ones = [system(model(x)) for x in (LEG, whole)]
+    for place in places(ones[0], 4):
+        one, other = (terms(x, place)["vdot"] for x in ones)
+        np.testing.assert_allclose(one, other, rtol=1e-12)

@@ -248,6 +248,13 @@ class Reader:
             )
         return found
 
+    def refuse_tables(self, formula: Expression, scalar: Scalar, where: str) -> None:
+        """Note a table where none can stand."""
+        try:
+            _check_calls(formula, where, scalar.text)
+        except FormulaError as error:
+            self.fault(scalar, error)
+
     def value(self, formula: Expression, scalar: Scalar) -> float | None:
         """The number a formula of parameters has with their defaults; None where it was reported or
         has none."""

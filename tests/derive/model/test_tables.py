@@ -175,6 +175,13 @@ WRONG = [
         "5:20: error: the table 'f' in a mass",
         "a formula without tables",
     ),
+    (
+        "tables: {f: {points: [[0, 1], [1, 2]]}}\nbodies: {b: {mass: 1 kg}}\n"
+        "joints: {j: {type: free, parent: ground, child: b}}\n"
+        "constraints: {c: {type: point_on_surface, body: b, surface: z - (1 m)*f(x/(1 m))}}",
+        "the table 'f' in a surface",
+        "a formula without tables",
+    ),
     ("forces: {x: 'piecewise(x, 1 N, 1 m, 2 N, 2 m)'}", "5 arguments", "pairs"),
     ("forces: {x: 'piecewise(x, 1 N, 1 s, 2 N)'}", "cannot compare", "m"),
     ("forces: {x: '(1 N)*step(x, 1 s)'}", "cannot compare", "m"),

@@ -231,7 +231,7 @@ def record(folder: pathlib.Path, made: Sequence[str]) -> None:
 def flags_of(command: Sequence[str], name: str, stem: str) -> Sequence[str]:
     """What one file needs besides FLAGS. The one that looks whether the processor fits must run on
     any, and so must one that asks it."""
-    if stem in (f"{name}_cpu", f"{name}_fmi"):
+    if stem in (f"{name}_cpu", f"{name}_fmi", f"{name}_fmi2"):
         return []
     flags, macros = probe(tuple(command))
     if stem == f"{name}_batch":

@@ -5,10 +5,12 @@ from codegen.targets.acados import ACADOS
 from codegen.targets.c import C
 from codegen.targets.casadi import CASADI
 from codegen.targets.charts import CHARTS
+from codegen.targets.cortex_m import CORTEX_M
 from codegen.targets.cpp import CPP
 from codegen.targets.example import EXAMPLE
 from codegen.targets.extension import EXTENSION
 from codegen.targets.fmu import FMU
+from codegen.targets.fmu2 import FMU2
 from codegen.targets.jax import JAX
 from codegen.targets.manifest import MANIFEST
 from codegen.targets.matlab import MATLAB
@@ -35,6 +37,6 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI, ACADOS, CPP, FMU, NUMBA, JAX, MATLAB, WASM)
+ON_REQUEST: tuple[Target, ...] = (CASADI, ACADOS, CORTEX_M, CPP, FMU, FMU2, NUMBA, JAX, MATLAB, WASM)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

@@ -20,6 +20,7 @@ from derive.textbook.manuscript import Manuscript
 from derive.textbook.outputs import outputs
 from derive.textbook.records import Document, Math, Text
 from derive.textbook.roads import Road
+from derive.textbook.worked import with_numbers
 from derive.textbook.routes import roads_of, write_roads
 
 REFERENCES = (
@@ -49,7 +50,8 @@ def derivation(equations: Equations, roads: Sequence[str] = ("block_inversion",)
     write_roads(doc, taken)
     for section in LAST:
         section(doc)
-    return doc.document(_title(equations), _subtitle(equations, taken), _version())
+    document = doc.document(_title(equations), _subtitle(equations, taken), _version())
+    return with_numbers(document, equations)
 
 
 def _title(equations: Equations) -> str:

@@ -71,7 +71,7 @@ def power(doc: Manuscript) -> None:
         doc.say(
             "The kinetic energy has terms that are linear in the rates or free of them. What is in "
             "balance is therefore Jacobi's integral, without the former and with the latter "
-            "reversed,"
+            "reversed:"
         )
         doc.scalar("H", "H", system.energy, "Jacobi's integral", "J")
     conserved = "the energy" if system.homogeneous else "Jacobi's integral"
@@ -84,7 +84,7 @@ def power(doc: Manuscript) -> None:
     if system.power.is_zero():
         doc.say(f"Here $P=0$: {conserved} is conserved." if still else "Here $P=0$.")
         return
-    doc.say("with the power")
+    doc.say("The power is:")
     doc.scalar("P", "P", system.power, "power of the forces without potential", "W")
 
 

@@ -78,13 +78,13 @@ def _blocks(doc: Manuscript) -> None:
     doc.say(
         "Let {d} be the dependent velocities and {i} the others, and let the columns of "
         "$!A=[!A_1\\;!A_2]$ and $!B=[!B_1\\;!B_2]$ be sorted accordingly. With the Schur "
-        "complement of $!A_1$,",
+        "complement of $!A_1$:",
         d=Math(r"\mathbf{v}_1=" + _listing(doc, dependent)),
         i=Math(r"\mathbf{v}_2=" + _listing(doc, free)),
     )
     doc.state(r"!S'", r"!B_2 - !B_1\,!A_1^{-1}!A_2")
     doc.mean(r"!S'", "Schur complement of A₁ in Y")
-    doc.say("the blocks of the inverse are, for the velocities in this order,")
+    doc.say("The blocks of the inverse are, for the velocities in this order:")
     _block_laws(doc, dependent, free)
 
 
@@ -164,7 +164,7 @@ def _velocities(doc: Manuscript) -> None:
     own = [j for j, x in enumerate(rows) if x != doc.v[j]]
     if own:
         moving = "" if still else " + !R\\,!c"
-        doc.say(f"So the generalized velocities are $!v=!S\\,!w{moving}$, that is")
+        doc.say(f"So the generalized velocities are $!v=!S\\,!w{moving}$:")
         symbols = [doc.v[j] for j in own]
         doc.lines("v", symbols, [rows[j] for j in own], doc.terms.named("v")[own])
 
@@ -230,11 +230,11 @@ def _sigma_entries(doc: Manuscript, zeta: ca.SX | None) -> None:
     sigma = doc.terms.named("sigma")
     short = doc.reader.whole(sigma, SHORT)
     if short is not None:
-        doc.say("Its entries are")
+        doc.say("The entries of $!\\sigma$ are:")
         doc.vector("sigma", r"\sigma", sigma, short)
         return
     if zeta is not None:
-        doc.say("Here the rates of the speed rows are")
+        doc.say("The rates of the speed rows are:")
         if not doc.vector("zeta", r"\zeta", zeta):
             return
         doc.mean(r"!\zeta", "rates of the speed rows, −Ḃ v")
@@ -242,7 +242,7 @@ def _sigma_entries(doc: Manuscript, zeta: ca.SX | None) -> None:
     needed |= {"R"} if doc.terms.has("Y") else set()
     needed |= {"E"} if doc.terms.has("E") else set()
     if needed <= doc.entries.keys():
-        doc.say("that is")
+        doc.say("Multiplied out, the entries of $!\\sigma$ are:")
         entries = [_sigma_entry(doc, j, zeta is not None) for j in range(len(doc.v))]
         doc.vector("sigma", r"\sigma", sigma, entries)
 

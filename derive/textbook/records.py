@@ -67,11 +67,15 @@ class Law:
 
 @dataclass(frozen=True)
 class Line:
-    """left = right; a long right side comes in pieces, one per line."""
+    """left = right; a long right side comes in pieces, between which a line may end. `place` says
+    which formula of `Document.printed` it shows and which entry of it, −1 for all; `where` lines
+    explain symbols of the lines before them."""
 
     left: str
     right: tuple[str, ...]
     relation: str = "="
+    place: tuple[int, int] | None = None
+    where: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,13 +87,22 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Display:
-    """Equations under one number; `boxed` ones are what a derivation ends in. `formulas` are the
-    places in `Document.printed` of what is in it, in order."""
+    """Equations under one number; `boxed` ones are what a derivation ends in. `folded` ones
+    are too long to be read with the text."""
 
     lines: tuple[Line, ...]
     number: int
     boxed: bool = False
-    formulas: tuple[int, ...] = ()
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Which entries of a matrix are not zero: `marks` row by row, " " for zero, "1" for a number,
+    "x" for anything else. `name` is LaTeX."""
+
+    name: str
+    marks: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -103,7 +116,7 @@ class Items:
     items: tuple[Runs, ...]
 
 
-Block = Paragraph | Display | Table | Items
+Block = Paragraph | Display | Pattern | Table | Items
 
 
 @dataclass(frozen=True)
@@ -126,3 +139,5 @@ class Document:
     printed: tuple[Printed, ...]
     laws: tuple[Law, ...]
     version: str
+    state: str = ""  # in words, at which `numbers` holds
+    numbers: tuple[tuple[float, ...], ...] = ()  # of every printed formula, row by row

@@ -167,6 +167,12 @@ def python_string(text: str) -> str:
     return json.dumps(printable(text))
 
 
+def matlab_string(text: str) -> str:
+    """A string literal of MATLAB and Octave."""
+    quoted = printable(text).replace("'", "''")
+    return f"'{quoted}'"
+
+
 def python_doc(text: str) -> str:
     """Text that is safe inside a triple-quoted Python string."""
     return printable(text).replace("\\", "\\\\").replace('"', "'")
@@ -196,7 +202,7 @@ def _environment() -> jinja2.Environment:
         autoescape=False,
     )
     filters: dict[str, Callable[..., str]] = {
-        "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc,
+        "comment": comment, "c_string": c_string, "py": python_string, "matlab": matlab_string, "doc": python_doc,
         "number": number, "xml": xml,
         "py_number": functools.partial(number, language=NUMPY), "wrapped": wrapped,
     }  # fmt: skip

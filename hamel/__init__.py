@@ -15,6 +15,7 @@ from types import ModuleType
 TYPE_CHECKING = False  # typing's own takes as long to import as all of this
 if TYPE_CHECKING:
     from codegen.runtime.events import Event
+    from derive.model.builder import Model
     from derive.robots import Floating, RobotFile
     from hamel.api import (
         build,
@@ -39,6 +40,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Event",
     "Floating",
+    "Model",
     "RobotFile",
     "build",
     "check",
@@ -62,6 +64,7 @@ __all__ = [
 _HOMES = {
     "Event": "codegen.runtime.events",
     "Floating": "derive.robots",
+    "Model": "derive.model.builder",
     "RobotFile": "derive.robots",
 }
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from derive.diagnostics import HamelError
 from derive.robots import File as Model
 from hamel import records
 from hamel.build.options import BuildOptions, Constants
@@ -104,6 +105,8 @@ def verify(
     formulation: str = "quasi_velocities",
     mutate: bool = False,
     targets: Collection[str] = (),
+    functions: Collection[str] | None = None,
+    real: str = "float64",
 ) -> records.Verified:
     """Compare a choice (all of the file's when none is named) with an independent derivation at
     random admissible states.
@@ -111,20 +114,29 @@ def verify(
     `mutate` also plants errors, one at a time, and says which checks see each: `mutations` of the
     record. `path` may also be the folder of a built module: then every file is compared with the
     manifest, and what is compiled there with the values that were stored when it was verified.
-    `targets` are compared with the module instead, by the tools that use them.
+    `targets` are compared with the module instead, by the tools that use them; `functions` and
+    `real` are those of that module, as in `build`.
     """
     from hamel.verbs.verify import is_module, run, run_folder, run_targets
 
     names = _names(targets)
-
+    of_targets = {"functions": functions, "real": real if real != "float64" else ""}
     if is_module(path):
         asked = {"choice": choice, "constants": constants, "mutate": mutate, "targets": names}
-        return run_folder(path, asked)
+        return run_folder(path, asked | of_targets)
     if names:
         options = BuildOptions(
-            choice, _constants(constants), formulation=formulation, targets=names
+            choice=choice,
+            constants=_constants(constants),
+            functions=None if functions is None else _names(functions),
+            formulation=formulation,
+            real=real,
+            targets=names,
         )
         return run_targets(path, options, states, seed)
+    for name, value in of_targets.items():
+        if value:
+            raise HamelError(f"{name} is for targets: name some with --target")
     return run(path, choice, states, seed, _constants(constants), formulation, mutate)
 
 
@@ -338,12 +350,18 @@ def derive(
     choice: str | None = None,
     out: str | Path | None = None,
     formulation: str = "quasi_velocities",
+    road: Sequence[str] = ("block_inversion",),
 ) -> records.Derived:
     """Write the derivation as derivation.html and derivation.tex into `out` (default: the current
-    folder)."""
+    folder).
+
+    `road` names one way to the equations without multipliers, or two that are put side by side:
+    block_inversion, maggi, kane, boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba. Raises
+    AssumptionError where the model cannot take it.
+    """
     from hamel.verbs.derive import run
 
-    return run(path, choice, Path(out or "."), formulation)
+    return run(path, choice, Path(out or "."), formulation, road)
 
 
 def draw(path: Model, *, out: str | Path | None = None) -> records.Drawn:

@@ -135,11 +135,18 @@ def build(
     help="Also plant errors, one at a time, and say which checks see each.",
 )
 @TARGETS(help="Instead compare these targets with the module, by the tools that use them.")
-def verify(model: str, constants: str, targets: str, **options: Any) -> Any:
+@click.option(
+    "--functions",
+    metavar="a,b",
+    default="",
+    help="With --target: these functions only, as of `hamel build`.",
+)
+@REAL
+def verify(model: str, constants: str, targets: str, functions: str, **options: Any) -> Any:
     """Compare MODEL's code with an independent derivation; or the module in a folder with the
     values that were stored when it was verified."""
-    names = name_list(targets)
-    return hamel.verify(model, constants=constant_names(constants), targets=names, **options)
+    lists = {"targets": name_list(targets), "functions": name_list(functions) or None}
+    return hamel.verify(model, constants=constant_names(constants), **lists, **options)
 
 
 @verb
@@ -526,9 +533,17 @@ def linearize(
     metavar="DIR",
     help="Where derivation.html and derivation.tex go (default: here).",
 )
-def derive(model: str, **options: Any) -> Any:
+@click.option(
+    "--road",
+    metavar="NAME[,NAME]",
+    default="block_inversion",
+    show_default=True,
+    help="The way to the equations, or two side by side: block_inversion, maggi, kane, "
+    "boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba.",
+)
+def derive(model: str, road: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
-    return hamel.derive(model, **options)
+    return hamel.derive(model, road=name_list(road), **options)
 
 
 @verb

@@ -157,7 +157,7 @@ def _piece(
     program: Program, kernel: Kernel, part: Part, style: _Style, lines: Callable[..., Iterator[str]]
 ) -> Piece:
     uses = {load.argument for load in part.loads}
-    if part.taken or part.kept:
+    if part.taken or part.kept or any(i >= len(kernel.outputs) for i, _ in part.outputs):
         uses.add("work")
     if part.outputs:
         uses.add("out")
@@ -324,6 +324,9 @@ _MANY = _Style("{0}[{1} * LANES + lane]", text.LANES, _by_lanes)
 
 
 def _output(kernel: Kernel, i: int, style: _Style) -> str:
+    if i >= len(kernel.outputs):  # what solving takes stands first in the workspace
+        place = style.entry.format("work", i - len(kernel.outputs))
+        return f"{place} = {_value(kernel.computed[i], style)};"
     label = kernel.labels[i] if i < len(kernel.labels) else ""
     unit = kernel.units[i] if i < len(kernel.units) else ""
     note = text.comment(", ".join(part for part in (label, unit) if part))

@@ -179,11 +179,16 @@ def _key(name: str, texts: Mapping[str, str], command: Sequence[str]) -> str | N
     """What the binaries depend on: exactly this text, compiler, Python and NumPy."""
     with contextlib.suppress(OSError), compiler_errors():
         flags = repr(json.loads(texts[MANIFEST])["flags"])
-        code = [(path, texts[path]) for path in sorted(texts) if path.endswith((".c", ".h"))]
+        code = [(path, texts[path]) for path in sorted(texts) if _is_compiled(path)]
         parts = [part for pair in code for part in pair]
         machine = (compiler_stamp(command), toolchain.identity(command))
         return store.digest(name, *machine, flags, *parts)
     return None
+
+
+def _is_compiled(path: str) -> bool:
+    """Whether it goes into a binary, or packs one."""
+    return path.endswith((".c", ".h", ".xml")) or path.startswith("build_")
 
 
 def _binaries(draft: Draft) -> bool:

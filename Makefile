@@ -14,7 +14,7 @@ PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exu
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report targets test test-slow lint robots loops growth bench bench-page report-page whole matrix faults fuzz fresh clean
+.PHONY: demo report targets embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -66,10 +66,17 @@ bench: $(BENCH)/.ready
 # Targets on request with every kind of model, each checked by its tool (numba and others in an environment of their own):
 # one table, and build/targets.json. Some of them as in make targets TARGETS="casadi cpp".
 targets: $(TARGETS_VENV)/.ready
+	-@benchmarks/install_target_tools.sh
 	$(TARGETS_VENV)/bin/python benchmarks/target_checks.py $(TARGETS)
 	$(TARGETS_VENV)/bin/python -m pytest tests/codegen/targets/test_casadi.py tests/codegen/targets/test_cpp.py \
-		tests/codegen/targets/test_numba.py tests/codegen/targets/test_jax.py tests/codegen/runtime/test_fmi.py \
+		tests/codegen/targets/test_numba.py tests/codegen/targets/test_jax.py tests/codegen/targets/test_acados.py \
+		tests/codegen/targets/test_wasm.py tests/codegen/targets/test_matlab.py tests/codegen/targets/test_cortex_m.py \
+		tests/codegen/runtime/test_fmi.py tests/codegen/runtime/test_fmi2.py \
 		tests/hamel/build/test_target_pages.py
+
+# Cortex-M4F and M7 in QEMU, from arm-none-eabi-gcc: values, no double, instructions, stack and flash of every kind of model.
+embedded: $(TARGETS_VENV)/.ready
+	$(TARGETS_VENV)/bin/python benchmarks/target_checks.py cortex-m
 
 # The table and the plots of docs/bench.md from build/bench.json.
 bench-page:
@@ -83,6 +90,11 @@ report-page: $(VENV)/.test
 whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
 	$(BENCH)/bin/python benchmarks/trajectories.py
+
+# A sweep on a dask scheduler of this machine whose workers and scheduler are killed, compared byte by byte with an undisturbed
+# one; writes build/cluster.json.
+cluster: $(VENV)/.test
+	$(BIN)/python benchmarks/cluster.py
 
 # Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: two hours of
 # two cores; a part of it as in make matrix KINDS="joints mechanisms" COUNT=20. RESUME=1 leaves out what went well before.

@@ -31,7 +31,7 @@ def emit(program: Program, extra: Mapping[str, str] | None = None) -> dict[str, 
     further = {target.name: target.files(program) for target in asked}
     readme = {README: _readme(program, asked)} if asked else {}
     parts = [*usual, *further.values(), readme]
-    _check_names(program.name, [name for part in parts for name in part])
+    _check_names(program.name, [name for name, _ in {pair for x in parts for pair in x.items()}])
     files = {name: text for part in parts for name, text in part.items()}
     if asked:
         files[MANIFEST] = _with_targets(files[MANIFEST], further)
@@ -88,7 +88,7 @@ def _with_targets(manifest: str, files: Mapping[str, Mapping[str, str]]) -> str:
 
 
 def _check_names(model: str, emitted: Iterable[str]) -> None:
-    """Files and compiled modules as a set, also where a file system does not tell a from A.
+    """Files and compiled modules as a set (two targets may share a file), also where a file system does not tell a from A.
 
     Python takes the compiled _NAME before a _NAME.py, so that these must differ, too.
     """

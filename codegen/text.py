@@ -16,6 +16,7 @@ import jinja2
 
 from codegen.program import Expression, Program
 from codegen.reals import Real, recast
+from derive import templates
 
 TEMPLATES = Path(__file__).parent / "templates"
 _SYMBOL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
@@ -166,6 +167,12 @@ def python_string(text: str) -> str:
     return json.dumps(printable(text))
 
 
+def matlab_string(text: str) -> str:
+    """A string literal of MATLAB and Octave."""
+    quoted = printable(text).replace("'", "''")
+    return f"'{quoted}'"
+
+
 def python_doc(text: str) -> str:
     """Text that is safe inside a triple-quoted Python string."""
     return printable(text).replace("\\", "\\\\").replace('"', "'")
@@ -185,11 +192,9 @@ def wrapped(text: str, width: int = 110, indent: str = "") -> str:
 
 @functools.cache
 def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    environment = templates.environment(
+        jinja2.FileSystemLoader(TEMPLATES),
+        TEMPLATES,
         keep_trailing_newline=True,
         # constants are few, and looking for them takes longer than to evaluate them
         optimized=False,
@@ -197,7 +202,7 @@ def _environment() -> jinja2.Environment:
         autoescape=False,
     )
     filters: dict[str, Callable[..., str]] = {
-        "comment": comment, "c_string": c_string, "py": python_string, "doc": python_doc,
+        "comment": comment, "c_string": c_string, "py": python_string, "matlab": matlab_string, "doc": python_doc,
         "number": number, "xml": xml,
         "py_number": functools.partial(number, language=NUMPY), "wrapped": wrapped,
     }  # fmt: skip

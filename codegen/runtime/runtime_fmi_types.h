@@ -6,7 +6,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#if defined _WIN32 || defined __CYGWIN__
+#if defined EXPORT
+/* as the file says that includes this one */
+#elif defined _WIN32 || defined __CYGWIN__
 #define EXPORT __declspec(dllexport)
 #elif defined __GNUC__
 #define EXPORT __attribute__((visibility("default")))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from codegen import text
-from codegen.program import Expression, Kernel, Program
+from codegen.program import Expression, Kernel, Program, Stepper
 from codegen.targets.records import Target
 
 SAME = (
@@ -78,14 +78,35 @@ def files(program: Program) -> dict[str, str]:
     """NAME_casadi.py and NAME_external.c."""
     data: dict[str, Any] = {"prefix": program.name, "PREFIX": program.name.upper()}
     bodies = [_body(kernel) for kernel in program.kernels]
-    externals = [_external(program, kernel) for kernel in program.kernels]
+    looped = [_stepper(program, stepper.kernel) for stepper in plain_steppers(program)]
+    externals = [*(_external(program, kernel) for kernel in program.kernels), *looped]
+    data |= {"externals": externals, "steps": _steps(program)}
+    data["nx"] = len(program.argument("x").names)
     widest = max((size for external in externals for size in external.sizes), default=1)
     return {
         f"{program.name}_casadi.py": text.render("casadi.py.j2", program, bodies=bodies, **data),
         f"{program.name}_external.c": text.render(
-            "external.c.j2", program, externals=externals, widest=widest, **data
+            "external.c.j2", program, widest=widest, **data
         ),
     }
+
+
+def plain_steppers(program: Program) -> tuple[Stepper, ...]:
+    """Steps of the module that give a state; their derivatives are left to CasADi."""
+    return tuple(stepper for stepper in program.steppers if not stepper.sensitive)
+
+
+def _steps(program: Program) -> list[dict[str, str]]:
+    """A step for each state derivative: its suffix, and what it calls."""
+    suffixes = [chart.suffix for chart in program.charts] or [""]
+    found = [(suffix, program.in_chart("dynamics", suffix)) for suffix in suffixes]
+    return [{"suffix": s, "dynamics": k.name} for s, k in found if k and program.simulates]
+
+
+def _stepper(program: Program, kernel: Kernel) -> External:
+    widths = {argument.name: len(argument.names) for argument in program.arguments}
+    sizes = {**widths, "t": 1, "x": len(kernel.x.names)}
+    return External(kernel, "x_out", tuple(sizes[name] for name in "txup"), ())
 
 
 def refusal(program: Program) -> str:

@@ -19,7 +19,7 @@ from derive.expressions.parser import unit as unit_of
 from derive.expressions.units import BASE
 
 FOLDER = Path(__file__).parents[1] / "runtime"
-RUNTIME = ("runtime_fmi.h", "runtime_fmi_types.h")
+RUNTIME = tuple(path.name for path in sorted(FOLDER.glob("runtime_fmi*.h")) if "fmi2" not in path.name)
 # functions whose results are variables, the outputs first and what makes event indicators last
 GROUPS = ("outputs", "reactions", "energy", "power", "events")
 NAMED = {"energy": ("kinetic_energy", "potential_energy"), "power": ("power",)}
@@ -85,10 +85,10 @@ class References:
 
 def files(program: Program) -> dict[str, str]:
     """NAME_fmi.c, modelDescription.xml, build_fmu.py and the runtime."""
-    data = _data(program)
+    data = described(program)
     script = Path(codegen.runtime.build_fmu.__file__).read_text("utf-8")
     return {
-        f"{program.name}_fmi.c": text.render("fmi.c.j2", **data),
+        f"{program.name}_fmi.c": text.render("fmi.c.j2", older=False, **data),
         "modelDescription.xml": text.render("model_description.xml.j2", **data),
         "build_fmu.py": script.replace('NAME = ""', f'NAME = "{program.name}"', 1),
         **{name: (FOLDER / name).read_text("utf-8") for name in RUNTIME},
@@ -124,7 +124,7 @@ def _integrator(program: Program) -> int | None:
     return numbers[0] if numbers else None
 
 
-def _data(program: Program) -> dict[str, Any]:
+def described(program: Program) -> dict[str, Any]:
     """What the templates are filled with."""
     groups = [program.kernel(name) for name in GROUPS if program.has(name)]
     at = _references(program, groups)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
+from codegen.passes.split import is_long
 from codegen.program import Program
+
+# entries of the state up to which matrices of derivatives are made for a target
+WIDEST = 200
 
 
 def _fits(program: Program) -> str:
@@ -28,3 +32,18 @@ class Target:
     needs: tuple[str, ...] = ()
     refusal: Callable[[Program], str] = _fits
     readme: str = ""
+
+
+def affordable(needs: Collection[str], states: int) -> tuple[str, ...]:
+    """What a target needs of a model with so many states: of very many products alone, no
+    matrices, which have a million entries for a thousand."""
+    if states <= WIDEST:
+        return tuple(needs)
+    return tuple(name for name in needs if not name.startswith(("jacobian", "dynamics_hessian")))
+
+
+def plain_sources(program: Program) -> list[str]:
+    """C files that hold the functions for one state, the longest functions in files of their
+    own."""
+    long = [f"{program.name}_{kernel.name}.c" for kernel in program.kernels if is_long(kernel)]
+    return [f"{program.name}.c", *long]

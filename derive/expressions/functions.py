@@ -38,12 +38,30 @@ _TABLE = (
 )
 FUNCTIONS = {function.name: function for function in _TABLE}
 
+# Where bodies and frames are and how they move. The arguments are names of bodies, frames and
+# joints, points, directions and vectors; derive.model.kinematics says which, and makes numbers of
+# them.
+_KINEMATIC_TABLE = (
+    Function("position", (1, 3), "vector", "where a point of a body or frame is"),
+    Function("velocity", (1, 3), "vector", "velocity of a point of a body or frame"),
+    Function("direction", (2, 3), "vector", "a direction fixed in a body or frame"),
+    Function("orientation", (1, 2), "matrix", "axes of a body or frame, as columns"),
+    Function("angle", (1, 3), "scalar", "how far a body is turned, in space about an axis"),
+    Function("angular_velocity", (1, 2), "vector", "angular velocity of a body or frame"),
+    Function("distance", (2, 4), "scalar", "how far two points are apart"),
+    Function("length", (1, 1), "scalar", "how long a path is"),
+    Function("dot", (2, 2), "scalar", "scalar product of two vectors"),
+    Function("cross", (2, 2), "vector", "vector product of two vectors, a number in the plane"),
+    Function("norm", (1, 1), "scalar", "length of a vector"),
+)
+KINEMATIC_FUNCTIONS = {function.name: function for function in _KINEMATIC_TABLE}
+
 # What an output may also say; the first argument is the name of a body, or of a closure or
 # constraint.
 _OUTPUT_TABLE = (
-    Function("position", (1, 2), "output", "where a point of a body is, in the ground frame"),
-    Function("velocity", (1, 2), "output", "velocity of a point of a body, in the ground frame"),
-    Function("angle", (1, 1), "output", "how far a planar body is turned"),
+    Function("position", (1, 3), "output", "where a point of a body is, in the ground frame"),
+    Function("velocity", (1, 3), "output", "velocity of a point of a body, in the ground frame"),
+    Function("angle", (1, 3), "output", "how far a planar body is turned"),
     Function("reaction", (1, 1), "output", "multipliers of a closure or constraint"),
 )
 OUTPUT_FUNCTIONS = {function.name: function for function in _OUTPUT_TABLE}

@@ -35,6 +35,9 @@ CONTRACTION = (
 JACOBIAN_FORWARD = (
     "derivative by (x, u) of ∂ẋ/∂x d + ∂ẋ/∂t τ with d and τ held, nx × (nx + nu), from (x, d, τ)"
 )
+HESSIAN = (
+    "second derivative of yᵀ ẋ by (x, u) with y held, symmetric, (nx + nu) × (nx + nu), from (x, y)"
+)
 STEP = (
     "x after a step of length h, u held, from (x, h): explicit (rk4) or linearly implicit "
     "(rosenbrock), in substeps; not projected on constraints"
@@ -74,6 +77,7 @@ def derivatives(
         Request("dynamics_adjoint", ADJOINT, lambda: _adjoint(dynamics, slots)),
         Request("jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots, ways)),
         Request("contraction", CONTRACTION, lambda: _contraction(dynamics, slots, ways)),
+        Request("dynamics_hessian", HESSIAN, lambda: _hessian(dynamics, slots)),
         Request("step", STEP, needs=("dynamics", *IMPLICIT)),
         Request("step_sensitivity", SENSITIVITY, needs=("dynamics", *IMPLICIT, *_slopes(slots))),
     )
@@ -261,6 +265,19 @@ def _jacobian_forward(
     result = Result("H", value, dynamics.result.labels, (), matrix=True)
     about = JACOBIAN_FORWARD
     return Function("jacobian_forward", about, result, dynamics.named, dynamics.guards, x=taken)
+
+
+def _hessian(dynamics: Function, slots: dict[str, Argument]) -> Function:
+    """The slope of the adjoint product: one sweep backwards, and one forwards for each column."""
+    x, u = slots["x"], slots["u"]
+    y = _seeds("y", dynamics.result.labels)
+    product = ca.dot(y, dynamics.result.value)
+    value, _ = ca.hessian(product, ca.vertcat(x.symbols, u.symbols))
+    taken = _longer(x, y, _marked("y", dynamics.result.labels), ("",) * y.numel())
+    labels = (*x.labels, *u.labels)
+    result = Result("H", ca.densify(value), labels, (), matrix=True)
+    about = HESSIAN
+    return Function("dynamics_hessian", about, result, dynamics.named, dynamics.guards, x=taken)
 
 
 def _longer(

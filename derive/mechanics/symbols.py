@@ -9,7 +9,7 @@ import casadi as ca
 
 from derive.expressions.evaluate import casadi_functions, value
 from derive.expressions.scalars import Scalar, Vector
-from derive.expressions.tree import Expression
+from derive.expressions.tree import Expression, Name, walk
 from derive.model.records import Model
 from derive.model.rows import row_names
 
@@ -50,7 +50,8 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     stands for.
 
     Parameters in `constants` are numbers from here on and no entries of p. Definitions come last
-    and in order: each may use those before it. Reactions are symbols of their own, replaced by
+    and in order: each may use those before it; those that use measures of the motion are entered
+    by derive.mechanics.measures. Reactions are symbols of their own, replaced by
     their value when the multipliers are known.
     """
     t, u = ca.SX.sym("t"), _column([i.name for i in model.inputs])
@@ -70,9 +71,17 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     names |= {f"reaction.{row}": ca.SX.sym(f"reaction_{row}") for row in row_names(model)}
     rates: dict[str, Scalar] = {x.name: qd[i] for i, x in enumerate(model.coordinates)}
     result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates)
-    for name, expression in model.definitions:
-        names[name] = result.scalar(expression)
+    define(model, result)
     return result
+
+
+def define(model: Model, symbols: Symbols) -> None:
+    """Enters the definitions that are not there yet and whose names are all known: those that use
+    measures of the motion have to wait for the mechanics."""
+    for name, expression in model.definitions:
+        needed = (node.name for node in walk(expression) if isinstance(node, Name))
+        if name not in symbols.names and all(x in symbols.names for x in needed):
+            symbols.names[name] = symbols.scalar(expression)
 
 
 def _column(names: list[str]) -> ca.SX:

@@ -133,6 +133,11 @@ def _is_mapping(value: Any) -> bool:
     return isinstance(value, Entries)
 
 
+def by_node(scalar: str, mapping: str) -> Discriminator:
+    """A union of a text and a mapping; what each is called in messages."""
+    return _kind(**{scalar: _is_scalar, mapping: _is_mapping})
+
+
 Pair = Annotated[list[Point], Field(min_length=2, max_length=2)]
 Direction = Annotated[
     Annotated[Formula, Tag("<x, y or z>")] | Annotated[Point, Tag("<a list>")],
@@ -338,6 +343,11 @@ class BodyEntry(Entry):
         "it refers to. A point mass when "
         "left out.",
     )
+    physical: Formula | None = Field(
+        None,
+        description="false: the inertia is taken as it is, though no body can have it (identified "
+        "sets); true when left out.",
+    )
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
@@ -495,3 +505,26 @@ Held = Annotated[
     | Annotated[dict[Name, FormulaOrList], Tag("<a mapping>")],
     _kind(**{"a formula": _is_scalar, "a list of names": _is_list, "a mapping": _is_mapping}),
 ]
+
+
+class PulleyEntry(Entry):
+    """A round body that a path goes round: a pulley, a sheave, a cylinder, a bone."""
+
+    radius: Formula = Field(description="Radius, to the middle of the rope.")
+    side: Formula = Field(
+        description="left or right: on which side of the path it lies; seen against the axis."
+    )
+    axis: Direction | None = Field(
+        None, description="Its axis in the body's frame; the normal of a planar model."
+    )
+    turns: Formula | None = Field(None, description="Whole turns besides; 0 when left out.")
+
+
+class WaypointEntry(Entry):
+    """A point that a path goes through, or a pulley that it goes round."""
+
+    body: Formula = Field(description="The body, or ground.")
+    at: Point | None = Field(
+        None, description="The point, or the pulley's centre, in the body's frame; its origin."
+    )
+    pulley: PulleyEntry | None = Field(None, description="What it goes round there.")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import casadi as ca
+import sympy
+
 from derive.model.records import Body, Joint, Parameter
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
@@ -34,8 +37,21 @@ def _scene(doc: Manuscript) -> None:
     elif model.bodies:
         doc.say("The mechanism moves in space.")
     if model.gravity is not None:
-        doc.say("Gravity is $!g=$ {g} m/s².", g=point(doc, model.gravity, "gravity"))
+        _gravity(doc)
+
+
+def _gravity(doc: Manuscript) -> None:
+    """The vector, and its magnitude g where that is a number."""
+    assert doc.system.model.gravity is not None
+    vector, g = doc.system.model.gravity, doc.notation.g
+    if g is None:
+        doc.say("Gravity is $!g=$ {g} m/s².", g=point(doc, vector, "gravity"))
         doc.mean(r"!g", "gravity", "m/s^2")
+        return
+    doc.say("The magnitude of gravity is, in m/s²:")
+    doc.lines("g", [g.symbol], [sympy.Float(repr(g.value), 15)], ca.SX(g.value))
+    doc.say("It acts along $!g=$ {g}.", g=point(doc, vector, "gravity"))
+    doc.mean(r"!g,\; g", "gravity, its magnitude", "m/s^2")
 
 
 def _parameters(doc: Manuscript) -> None:
@@ -45,7 +61,7 @@ def _parameters(doc: Manuscript) -> None:
     numbers = constants and not doc.notation.p
     doc.say(
         "The parameters and their values are"
-        + (" (numbers in all formulas below)" if numbers else "")
+        + (" (numbers in all formulas below):" if numbers else ":")
     )
     doc.table(("symbol", "value", "unit", "meaning"), [_parameter(x) for x in parameters])
     free = [x for x in parameters if x.name not in constants]
@@ -68,8 +84,8 @@ def _bodies(doc: Manuscript) -> None:
     if not model.bodies:
         return
     doc.say(
-        "The bodies, with centres of mass in body coordinates and moments of inertia about them, "
-        "are"
+        "The bodies are, with centres of mass in body coordinates and moments of inertia about "
+        "them:"
     )
     doc.table(
         ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²"),
@@ -138,7 +154,7 @@ def _tied(doc: Manuscript) -> None:
     for x in model.constraints:
         rows.append(((Text(x.name),), (Text(kind(x)),), constraint(doc, x)))
     if rows:
-        doc.say("The motion is tied by")
+        doc.say("The motion is tied by:")
         doc.table(("name", "kind", "what it says"), rows)
 
 
@@ -151,5 +167,5 @@ def _driven(doc: Manuscript) -> None:
         rows.append(((Math(latex),), driven(doc, x)))
         doc.mean(latex, x.about or f"input {x.name}", x.unit)
     if rows:
-        doc.say("Applied forces and inputs are")
+        doc.say("Applied forces and inputs are:")
         doc.table(("name", "what it does"), rows)

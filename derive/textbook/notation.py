@@ -9,8 +9,12 @@ import casadi as ca
 import sympy
 
 from derive.textbook import names
-from derive.textbook.convert import Reader
+from derive.mechanics.records import System
+from derive.textbook.convert import Gravity, Reader
 from derive.textbook.terms import Terms
+
+
+LEAST_DIGITS = 4  # of "9.81": a rounder magnitude could be any number
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +43,18 @@ class Notation:
         self.w = self._quasi_velocities()
         self.u = [self._declared(x.name) for x in model.inputs]
         self.t = self._symbol("t", "t")
+        self.g = self._gravity()
         for x in extra:
             self._call(x.symbol, self._untaken(x.latex))
+
+    def _gravity(self) -> Gravity | None:
+        """The letter g for the file's number, unless the file has a g of its own."""
+        value = magnitude(self.terms.system)
+        if not value or "g" in self._taken or len(repr(value)) < LEAST_DIGITS:
+            return None
+        model = self.terms.system.model
+        others = frozenset(abs(x.value) for x in model.parameters)
+        return Gravity(self.fresh("g", "g"), value, others)
 
     def _free_parameters(self) -> list[str]:
         system = self.terms.system
@@ -105,6 +119,7 @@ class Notation:
             ca.vertcat(*columns, *[x.sx for x in self.extra]),
             [*symbols, *[x.symbol for x in self.extra]],
             bool(s.constants) and not self.p,
+            self.g,
         )
 
     def in_basic_symbols(self, value: ca.SX) -> ca.SX:
@@ -113,6 +128,15 @@ class Notation:
             return value
         symbols = ca.vertcat(*[x.sx for x in self.extra])
         return ca.substitute(value, symbols, ca.vertcat(*[x.value for x in self.extra]))
+
+
+def magnitude(system: System) -> float:
+    """Of gravity, in m/s², 0 where it is none or hangs on parameters."""
+    entries = [ca.SX(x) for x in system.gravity]
+    if not all(x.is_constant() for x in entries):
+        return 0.0
+    numbers = [abs(float(x)) for x in entries if not x.is_zero()]
+    return numbers[0] if len(numbers) == 1 else 0.0
 
 
 def _only_one(row: ca.SX) -> int | None:

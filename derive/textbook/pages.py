@@ -7,9 +7,12 @@ are errors. The same data give the same bytes.
 from __future__ import annotations
 
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import FunctionLoader
+
+from derive.templates import environment
 
 BASE = "derive.textbook"  # the package of base.html.j2
 
@@ -24,10 +27,4 @@ def _source(name: str) -> str:
     return files(package or BASE).joinpath(file).read_text("utf-8")
 
 
-_ENVIRONMENT = Environment(
-    loader=FunctionLoader(_source),
-    undefined=StrictUndefined,
-    autoescape=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+_ENVIRONMENT = environment(FunctionLoader(_source), Path(__file__).parent, autoescape=True)

@@ -179,11 +179,16 @@ def _key(name: str, texts: Mapping[str, str], command: Sequence[str]) -> str | N
     """What the binaries depend on: exactly this text, compiler, Python and NumPy."""
     with contextlib.suppress(OSError), compiler_errors():
         flags = repr(json.loads(texts[MANIFEST])["flags"])
-        code = [(path, texts[path]) for path in sorted(texts) if path.endswith((".c", ".h"))]
+        code = [(path, texts[path]) for path in sorted(texts) if _is_compiled(path)]
         parts = [part for pair in code for part in pair]
         machine = (compiler_stamp(command), toolchain.identity(command))
         return store.digest(name, *machine, flags, *parts)
     return None
+
+
+def _is_compiled(path: str) -> bool:
+    """Whether it goes into a binary, or packs one."""
+    return path.endswith((".c", ".h", ".xml")) or path.startswith("build_")
 
 
 def _binaries(draft: Draft) -> bool:
@@ -209,7 +214,7 @@ def _finished(draft: Draft, stored: bool) -> Compiled:
     """The draft loaded; what was compiled for it, and works, goes to the store."""
     texts = {name: text.encode() for name, text in draft.texts.items()}
     if not draft.command:
-        return Compiled(texts, _loaded(draft.folder), False, without_compiler())
+        return Compiled(texts, loaded(draft.folder), False, without_compiler())
     try:
         module = _checked(draft)
     except ToolchainError:
@@ -227,7 +232,7 @@ def _finished(draft: Draft, stored: bool) -> Compiled:
 
 def _checked(draft: Draft) -> ModuleType:
     """The module, when it runs on what was compiled; ToolchainError else."""
-    module = _loaded(draft.folder)
+    module = loaded(draft.folder)
     try:
         suffix = toolchain.extension_suffix()
         extended = any(name.endswith(suffix) for name in _listed(draft.folder))
@@ -246,7 +251,7 @@ def _checked(draft: Draft) -> ModuleType:
     return module
 
 
-def _loaded(folder: Path) -> ModuleType:
+def loaded(folder: Path) -> ModuleType:
     """The module, without the warning that it is to be compiled and without traces in its
     folder."""
     quiet = sys.dont_write_bytecode

@@ -11,6 +11,7 @@ from codegen.emit import on_request
 from codegen.integrators import INTEGRATORS
 from codegen.passes import in_precision, program
 from codegen.program import Program
+from codegen.targets.records import affordable
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.formulations.records import Equations
@@ -108,10 +109,23 @@ def program_of(
 def program_for(equations: Equations, options: BuildOptions) -> Program:
     """Equations → Program with all that was asked for, and what the targets need of it."""
     asked = on_request(options.targets)
-    needs = [n for target in asked for n in target.needs if request_of(equations, n)]
+    states = {argument.name: len(argument.labels) for argument in equations.arguments}["x"]
+    wanted = [n for target in asked for n in affordable(target.needs, states)]
+    needs = [n for n in dict.fromkeys(wanted) if _is_possible(equations, n)]
     functions = (*(options.functions or ("default",)), *needs) if needs else options.functions
     made = program_of(equations, functions, options.integrators, real=options.real)
     return replace(made, inline=options.header, targets=tuple(target.name for target in asked))
+
+
+def _is_possible(equations: Equations, name: str) -> bool:
+    """Whether the model has that function; inputs that give every ẇ it may not have."""
+    request = request_of(equations, name)
+    if request is None or request.name != "inverse_dynamics_u":
+        return request is not None
+    try:
+        return request.function is not None
+    except AssumptionError:
+        return False
 
 
 def with_emitted(equations: Equations, program: Program) -> Equations:

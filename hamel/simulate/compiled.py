@@ -136,7 +136,7 @@ def simulation(
     times = _times(rows, method.step_size)
     writing = writers(places.out, places.plot)
     check_page(places.view)
-    problem = _problem(path, method, rows, values, feed)
+    problem = problem_of(path, method, rows, values, feed)
     if automatic:
         method = replace(method, integrator=_picked(problem, method))
     why = ""
@@ -167,7 +167,7 @@ def _picked(problem: Problem, method: Method) -> str:
     return picked(method, problem.equations(method.choice), smooth)
 
 
-def _problem(
+def problem_of(
     path: str | PathLike[str],
     method: Method,
     rows: Rows,

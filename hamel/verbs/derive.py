@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,14 +17,20 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def run(path: str | PathLike[str], choice: str | None, folder: Path, formulation: str) -> Derived:
-    """The derivation of one choice (the file's first when None), written as derivation.html and
-    derivation.tex into the folder. Both are made from the same Equations."""
+def run(
+    path: str | PathLike[str],
+    choice: str | None,
+    folder: Path,
+    formulation: str,
+    roads: Sequence[str],
+) -> Derived:
+    """The derivation of one choice (the file's first when None) by one road or two, written as
+    derivation.html and derivation.tex into the folder. Both are made from the same Equations."""
     equations = equations_of(path, choice, formulation=formulation)
     drawing = picture(equations.system)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
-    write_text(pages["html"], html(equations, svg(drawing) if drawing else ""))
-    write_text(pages["tex"], latex(equations, tikz(drawing) if drawing else ""))
+    write_text(pages["html"], html(equations, svg(drawing) if drawing else "", roads))
+    write_text(pages["tex"], latex(equations, tikz(drawing) if drawing else "", roads))
     return Derived(equations.system.model.name, equations.choice, equations.reason, **pages)
 
 

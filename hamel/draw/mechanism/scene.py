@@ -15,7 +15,7 @@ from derive.expressions.tree import Call, Expression, Name
 from derive.expressions.tree import Vector as Entries
 from derive.mechanics.records import System
 from derive.model.constraint_records import Distance, NoSlip, OnSurface, Rolling
-from derive.model.load_records import Bushing, Force, PointSpring
+from derive.model.load_records import Bushing, Contact, Force, PointSpring, Tension
 from derive.model.records import GROUND as GROUND_NAME
 from derive.model.records import Closure, Joint, Model, Placement
 from hamel.draw.mechanism.anchors import Anchor
@@ -220,6 +220,10 @@ def _points(x: object) -> list[tuple[str, Sequence[Expression]]]:
             return [(x.body, x.point)]
         case Distance() | PointSpring():
             return list(zip(x.bodies, x.points))
+        case Tension():
+            return [(way.body, way.point) for way in x.path.points]
+        case Contact():
+            return [(x.body, x.centre)]
         case Bushing():
             return [(body, at.position) for body, at in zip(x.bodies, x.placements)]
         case _:

@@ -8,6 +8,7 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
+import sympy
 
 from derive.expressions import tree
 
@@ -22,6 +23,14 @@ NUMERIC: dict[str, Callable[..., Any]] = {
     "hypot": np.hypot,
     "min": lambda *x: min(x), "max": lambda *x: max(x), "floor": np.floor, "ceil": np.ceil,
 }  # fmt: skip
+
+
+def symbolic() -> dict[str, Callable[..., Any]]:
+    """The same functions by SymPy."""
+    return {
+        **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
+        "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,
+    }  # fmt: skip
 
 
 def evaluated(

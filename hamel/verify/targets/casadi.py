@@ -14,6 +14,7 @@ from hamel.verify.records import CheckResult
 from hamel.verify.reference.vectors import Array
 from hamel.verify.targets.records import Subject, TargetCheck, generated, result
 
+STEP = 0.01  # of what the state comes to: its change in a step
 ADJOINT = "yᵀ ∂ẋ/∂(t, x, u, p)"
 JACOBIANS = ("jacobian_t", "jacobian", "jacobian_u", "jacobian_p")  # by t, x, u and p
 
@@ -25,11 +26,29 @@ def check(subject: Subject) -> tuple[CheckResult, ...]:
     functions = {"symbols": {name: symbols.function(name) for name in symbols.functions}}
     if library.is_file():
         functions["external"] = {
-            name: symbols.external(name, library) for name in symbols.functions
+            name: symbols.external(name, library) for name in symbols.compiled
         }
-    return tuple(
-        outcome for kind, found in functions.items() for outcome in _outcomes(subject, kind, found)
-    )
+    outcomes = [x for kind, found in functions.items() for x in _outcomes(subject, kind, found)]
+    steps = {kind: found["step"] for kind, found in functions.items() if "step" in found}
+    return (*outcomes, *(_step(subject, kind, step) for kind, step in steps.items()))
+
+
+def _step(subject: Subject, kind: str, step: ca.Function) -> CheckResult:
+    """Against the classical method over `dynamics` of the module, from every state."""
+    errors = []
+    for k, _ in enumerate(subject.sizes("dynamics")):
+        t, x, u, p = subject.row("dynamics", k)
+        f = subject.module.dynamics
+        h = STEP * float(np.max(np.abs(x))) / max(float(np.max(np.abs(f(t, x, u, p)))), 1.0)
+        k1 = f(t, x, u, p)
+        k2 = f(t + h / 2, x + h / 2 * k1, u, p)
+        k3 = f(t + h / 2, x + h / 2 * k2, u, p)
+        k4 = f(t + h, x + h * k3, u, p)
+        expected = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        value = np.asarray(step(t, np.append(x, h), u, p)).ravel()
+        errors.append(_worst(value - expected) / float(np.max(np.abs(expected))))
+    about = "a step by the classical method over dynamics of the module"
+    return result(subject, f"{kind}: step", errors, about)
 
 
 def _outcomes(

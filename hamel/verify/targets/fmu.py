@@ -31,12 +31,12 @@ MOTION = 1e-8
 
 def check(subject: Subject) -> Iterator[CheckResult]:
     """What the tool says of the description, then values, derivatives and motions."""
-    fmpy = _fmpy()
+    fmpy = fmpy_package()
     path = subject.folder / f"{subject.name}.fmu"
     problems = fmpy.validation.validate_fmu(str(path))
     count = float(len(problems))
     yield CheckResult("description", count, 0.0, not problems, "; ".join(problems) or "no problems")
-    subject = _with_rows(subject, fmpy.read_model_description(str(path)))
+    subject = with_start(subject, fmpy.read_model_description(str(path)))
     with tempfile.TemporaryDirectory() as folder:
         fmpy.extract(str(path), folder)
         fmu = _Fmu(fmpy, Path(folder), fmpy.read_model_description(folder))
@@ -52,10 +52,10 @@ def check(subject: Subject) -> Iterator[CheckResult]:
             ]
             about = "directional and adjoint ones of the module"
             yield result(subject, "derivatives", products, about)
-    yield from _motions(fmpy, subject, path)
+    yield from motions(fmpy, subject, path)
 
 
-def _fmpy() -> Any:
+def fmpy_package() -> Any:
     try:
         for part in ("validation", "fmi3"):
             importlib.import_module(f"fmpy.{part}")
@@ -184,7 +184,7 @@ def _start(subject: Subject, description: Any) -> Array:
     return subject.module.project(0.0, start) if hasattr(subject.module, "project") else start
 
 
-def _with_rows(subject: Subject, description: Any) -> Subject:
+def with_start(subject: Subject, description: Any) -> Subject:
     """With the start as the only state where a model is so large that none are drawn."""
     if "dynamics" in subject.rows:
         return subject
@@ -218,7 +218,7 @@ def _expected(subject: Subject, start: Array, u: Array) -> tuple[float, Array]:
     raise VerificationError(f"{subject.name}: no motion to compare the target fmu with")
 
 
-def _motions(fmpy: Any, subject: Subject, path: Path) -> Iterator[CheckResult]:
+def motions(fmpy: Any, subject: Subject, path: Path) -> Iterator[CheckResult]:
     """From the start values, with the inputs held."""
     description = fmpy.read_model_description(str(path))
     states = [unknown.variable.derivative for unknown in description.derivatives]
@@ -250,7 +250,7 @@ def _outcomes(subject: Subject) -> tuple[CheckResult, ...]:
     """All checks. A call that the FMU refuses, or a solver that fails, is a failure, too."""
     try:
         return tuple(check(subject))
-    except (_fmpy().fmi1.FMICallException, RuntimeError) as error:
+    except (fmpy_package().fmi1.FMICallException, RuntimeError) as error:
         raise VerificationError(f"{subject.name}: the target fmu: {error}") from error
 
 

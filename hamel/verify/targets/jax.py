@@ -28,6 +28,8 @@ def check(subject: Subject) -> tuple[CheckResult, ...]:
         ]
         if "dynamics_adjoint" in known:
             results += _derivatives(subject, jax, functions.dynamics)
+        if "dynamics_hessian" in known:
+            results.append(_second(subject, jax, functions.dynamics))
     return tuple(results)
 
 
@@ -80,6 +82,28 @@ def _derivatives(subject: Subject, jax: ModuleType, dynamics: Any) -> list[Check
             result(subject, name, errors, f"of the state derivative, against {', '.join(known)}")
         )
     return found
+
+
+def _second(subject: Subject, jax: ModuleType, dynamics: Any) -> CheckResult:
+    """Hessians of yᵀ ẋ by x and u, forward over reverse and reverse over reverse, against the
+    module's; forward over forward against both."""
+    nx = subject.module.nx
+
+    def ways(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
+        def scalar(z: Any) -> Any:
+            return jax.numpy.dot(x[nx:], dynamics(t, z[:nx], z[nx:], p))
+
+        z = np.concatenate([x[:nx], u])
+        orders = [(jax.jacfwd, jax.jacrev), (jax.jacrev, jax.jacrev)]
+        if "jacobian_forward" in subject.rows:
+            orders += [(jax.jacfwd, jax.jacfwd), (jax.jacrev, jax.jacfwd)]
+        return [np.asarray(outer(inner(scalar))(z)) for outer, inner in orders]
+
+    errors = [
+        subject.error("dynamics_hessian", lambda *given, k=k: ways(*given)[k])
+        for k in range(4 if "jacobian_forward" in subject.rows else 2)
+    ]
+    return result(subject, "second derivatives", errors, "of yᵀ ẋ by x and u, all ways through")
 
 
 JAX = TargetCheck("jax", "jax", check)

@@ -29,6 +29,7 @@ DENSE = (
     "dynamics_forward",
     "dynamics_adjoint",
     "jacobian_forward",
+    "dynamics_hessian",
 )
 VALUES = ("jacobian_values", "jacobian_u_values", "jacobian_p_values")
 NAMES = (*DENSE, *VALUES)
@@ -169,6 +170,25 @@ def test_the_slope_of_a_product_is_that_of_the_jacobians(graph: Graph) -> None:
             ends = [product(x + s * e[: len(x)], u + s * e[len(x) :]) for s in (1.0, -1.0)]
             columns.append((ends[0] - ends[1]) / 2e-5)
         graph.close(graph("jacobian_forward", t, np.r_[x, d], u, p), np.array(columns).T)
+
+
+def test_the_hessian_is_the_slope_of_the_adjoint_product(graph: Graph) -> None:
+    """∂((∂ẋ/∂(x, u))ᵀ y)/∂(x, u), by differences of the products; it is symmetric."""
+    rng = np.random.default_rng(2)
+    for t, x, u, p in graph.states():
+        y = rng.normal(size=len(x))
+        columns = []
+        for k in range(len(x) + len(u)):
+            e = np.zeros(len(x) + len(u))
+            e[k] = 1e-5
+            ends = [
+                graph("dynamics_adjoint", t, np.r_[x + s * e[: len(x)], y], u + s * e[len(x) :], p)
+                for s in (1.0, -1.0)
+            ]
+            columns.append((ends[0] - ends[1]).ravel() / 2e-5)
+        hessian = graph("dynamics_hessian", t, np.r_[x, y], u, p)
+        graph.close(hessian, np.array(columns).T)
+        np.testing.assert_array_equal(hessian, hessian.T)
 
 
 def test_a_module_has_them_verified(tmp_path: Path) -> None:

@@ -17,8 +17,18 @@ from tests.scenes import MODELS, ROOT
 
 PAGES = sorted((ROOT / "docs" / "targets").glob("[a-z]*.md"))
 # what the code of each page imports
-PACKAGES = {"casadi": "casadi", "fmu": "fmpy", "numba": "numba", "jax": "jax"}
-BLOCK = re.compile(r"^```(sh|python|cpp)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+PACKAGES = {
+    "casadi": "casadi", "acados": "acados_template", "fmu": "fmpy", "fmu2": "fmpy",
+    "numba": "numba", "jax": "jax",
+}  # fmt: skip
+# and what its commands run
+TOOLS = {
+    "wasm": ("node", "wasm-ld"),
+    "matlab": ("octave-cli", "mkoctfile"),
+    "cortex-m": ("arm-none-eabi-gcc", "qemu-system-arm"),
+}
+OTHERS = {"js": ("main.mjs", "node"), "matlab": ("main_script.m", "octave-cli")}
+BLOCK = re.compile(r"^```(sh|python|cpp|js|matlab)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 pytestmark = [
     pytest.mark.slow,
@@ -44,6 +54,9 @@ def test_what_the_page_shows_runs(page, tmp_path):
     package = PACKAGES.get(page.stem, "hamel")
     if importlib.util.find_spec(package) is None:
         pytest.skip(f"{package} is not installed")
+    missing = [tool for tool in TOOLS.get(page.stem, ()) if shutil.which(tool) is None]
+    if missing:
+        pytest.skip(f"{missing[0]} is not installed")
     shutil.copytree(MODELS, tmp_path / "models")
     code = ""
     for language, text in BLOCK.findall(page.read_text("utf-8")):
@@ -54,6 +67,10 @@ def test_what_the_page_shows_runs(page, tmp_path):
                 run(tmp_path, *(hamel if command[0] == "hamel" else command[:1]), *command[1:])
         elif language == "cpp":
             (tmp_path / "main.cpp").write_text(text)
+        elif language in OTHERS:
+            file, program = OTHERS[language]
+            (tmp_path / file).write_text(text)
+            run(tmp_path, program, file)
         else:
             code += text
     run(tmp_path, sys.executable, "-c", code)

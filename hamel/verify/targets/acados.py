@@ -1,0 +1,216 @@
+"""The acados target, without acados: its C compiled against headers of the same layout, called as
+acados calls it (vectors and matrices inside larger ones), and compared with Runge-Kutta steps of
+the module and their differences."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from codegen import compiler
+from derive.diagnostics import ToolchainError
+from hamel.verify.records import CheckResult
+from hamel.verify.reference.vectors import Array
+from hamel.verify.targets.records import Row, Subject, TargetCheck, result
+
+STEP, SUBSTEPS = 0.01, 2  # s; shorter where the state moves fast
+MOVE = 0.1  # of the sizes of its entries the state may move in a step
+BY = 1e-4  # of differences, relative
+DIFFERENCES = 1e-6  # to what derivatives and differences of the fourth order must agree
+STRICT = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared")
+EXTERNAL = """#ifndef EXTERNAL_FUNCTION_GENERIC_H
+#define EXTERNAL_FUNCTION_GENERIC_H
+struct blasfeo_dmat_args { struct blasfeo_dmat *A; int ai, aj; };
+struct blasfeo_dvec_args { struct blasfeo_dvec *x; int xi; };
+#endif
+"""
+BLASFEO = """#ifndef BLASFEO_D_AUX_H
+#define BLASFEO_D_AUX_H
+struct blasfeo_dmat { double *pA; int m, n, cn, use_dA; };
+struct blasfeo_dvec { double *pa; int m; };
+void blasfeo_dgein1(double a, struct blasfeo_dmat *sA, int ai, int aj);
+double blasfeo_dvecex1(struct blasfeo_dvec *sx, int xi);
+void blasfeo_dvecin1(double a, struct blasfeo_dvec *sx, int xi);
+#endif
+"""
+# panels of four rows, as BLASFEO keeps matrices; u before x in one vector, as acados does
+CALLER = """
+static double *entry(struct blasfeo_dmat *A, int i, int j)
+{{
+    return A->pA + i / 4 * 4 * A->cn + i % 4 + j * 4;
+}}
+void blasfeo_dgein1(double a, struct blasfeo_dmat *A, int i, int j)
+{{
+    *entry(A, i, j) = a;
+}}
+double blasfeo_dvecex1(struct blasfeo_dvec *x, int i)
+{{
+    return x->pa[i];
+}}
+void blasfeo_dvecin1(double a, struct blasfeo_dvec *x, int i)
+{{
+    x->pa[i] = a;
+}}
+static double room[2][(NZ + 8) * (NZ + 8)];
+int call(int results, double *ux, double *pi, double *p, double *fun, double *jac, double *hess);
+int call(int results, double *ux, double *pi, double *p, double *fun, double *jac, double *hess)
+{{
+    struct blasfeo_dvec z = {{ux, NZ}}, l = {{pi, NX}}, f = {{fun, NX}};
+    struct blasfeo_dmat B = {{room[0], NZ, NX, NX + 2, 0}}, H = {{room[1], NZ, NZ, NZ + 1, 0}};
+    struct blasfeo_dvec_args x = {{&z, NU}}, u = {{&z, 0}}, by = {{&l, 0}}, to = {{&f, 0}};
+    struct blasfeo_dmat_args J = {{&B, 3, 1}}, S = {{&H, 1, 1}};
+    void *in[3] = {{&x, &u, &by}}, *out[3] = {{&to, &J, &S}};
+    int i, j, status = results == 1 ? {name}_disc_dyn_fun(in, out, p) : results == 2 ?
+        {name}_disc_dyn_fun_jac(in, out, p) : {name}_disc_dyn_fun_jac_hess(in, out, p);
+    for (i = 0; i < NZ; i++) {{
+        for (j = 0; j < NX; j++)
+            jac[i * NX + j] = *entry(&B, 3 + i, 1 + j);
+        for (j = 0; j < NZ; j++)
+            hess[i * NZ + j] = *entry(&H, 1 + i, 1 + j);
+    }}
+    return status;
+}}
+"""
+Step = Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """x⁺, ∂x⁺/∂(u, x) transposed, ∂²(πᵀ x⁺)/∂(u, x)²."""
+
+    fun: Array
+    jacobian: Array
+    hessian: Array
+
+
+def check(subject: Subject) -> tuple[CheckResult, ...]:
+    """ToolchainError without a C compiler."""
+    command = compiler.find_compiler()
+    if command is None:
+        raise ToolchainError("no C compiler", "apt install gcc")
+    with tempfile.TemporaryDirectory() as folder:
+        library = _library(subject, Path(folder), command)
+        errors = np.array(list(_errors(subject, library)))
+    values, same, jacobians, hessians = errors.T if errors.size else [[]] * 4
+    about = f"{SUBSTEPS} Runge-Kutta steps, in headers of acados's layout; not run with acados"
+    return (
+        result(subject, "steps", [*values], about),
+        result(subject, "one step by all three functions", [*same], "with and without derivatives"),
+        _differences("Jacobian", [*jacobians]),
+        _differences("Hessian", [*hessians]),
+    )
+
+
+def _differences(name: str, errors: list[float]) -> CheckResult:
+    value = float(np.max(errors, initial=0.0)) if errors else np.inf
+    passed = bool(value <= DIFFERENCES)
+    return CheckResult(name, value, DIFFERENCES, passed, "against differences of order 4")
+
+
+def _library(subject: Subject, place: Path, command: list[str]) -> ctypes.CDLL:
+    (place / "acados" / "utils").mkdir(parents=True)
+    (place / "acados" / "utils" / "external_function_generic.h").write_text(EXTERNAL)
+    (place / "blasfeo_d_aux.h").write_text(BLASFEO)
+    source = subject.folder / "acados" / f"{subject.name}_acados.c"
+    head = f'#define SUBSTEPS {SUBSTEPS}\n#include "{source.as_posix()}"\n'
+    (place / "call.c").write_text(head + CALLER.format(name=subject.name), "utf-8")
+    asked = [*command, *STRICT, f"-I{place}", "call.c", "-lm", "-o", "call.so"]
+    done = subprocess.run(asked, check=False, cwd=place, capture_output=True, text=True)
+    if done.returncode:
+        said = compiler.first_error(done.stderr)
+        raise ToolchainError(f"the C for acados does not compile: {said}")
+    return ctypes.CDLL(str(place / "call.so"))
+
+
+def _called(library: ctypes.CDLL, results: int, row: Row, h: float, pi: Array) -> Answer:
+    t, x, u, p = row
+    nx, nz = len(x), len(x) + len(u)
+    given = [np.concatenate(part) for part in ((u, x), (pi,), (p, [t, h]))]
+    answer = Answer(np.full(nx, np.nan), np.zeros((nz, nx)), np.zeros((nz, nz)))
+    arrays = (*given, answer.fun, answer.jacobian, answer.hessian)
+    pointers = (array.ctypes.data_as(ctypes.c_void_p) for array in arrays)
+    library.call(results, *pointers)
+    return answer
+
+
+def _errors(subject: Subject, library: ctypes.CDLL) -> Iterator[tuple[float, ...]]:
+    """Of steps, of the other two functions, of Jacobians and of Hessians, at every state."""
+    random = np.random.default_rng(0)
+    for k, _ in enumerate(subject.sizes("dynamics")):
+        row = subject.row("dynamics", k)
+        t, x, u, p = row
+        h = _length(subject, row)
+        pi = random.normal(size=len(x))
+        answer = _called(library, 3, row, h, pi)
+        others = [_called(library, n, row, h, pi) for n in (1, 2)]
+
+        def step(z: Array, t: float = t, p: Array = p, h: float = h, nu: int = len(u)) -> Array:
+            return _stepped(subject, (t, z[nu:], z[:nu], p), h)
+
+        def slopes(
+            z: Array, t: float = t, p: Array = p, h: float = h, pi: Array = pi, nu: int = len(u)
+        ) -> Array:
+            return _called(library, 2, (t, z[nu:], z[:nu], p), h, pi).jacobian @ pi
+
+        z = np.concatenate([u, x])
+        expected = step(z)
+        size = float(np.max(np.abs(expected)))
+        moved = float(np.max(np.abs(answer.jacobian @ pi)))
+        yield (
+            _worst(answer.fun - expected) / size,
+            max(_worst(other.fun - answer.fun) for other in others) / size
+            + _worst(others[1].jacobian - answer.jacobian),
+            _relative(answer.jacobian, _slopes(step, z), 0.0),
+            _relative(answer.hessian, _slopes(slopes, z), BY * moved),
+        )
+
+
+def _length(subject: Subject, row: Row) -> float:
+    """Of a step in which the state moves a little."""
+    rates = np.abs(subject.module.dynamics(*row))
+    sizes = np.maximum(np.abs(row[1]), 1.0)
+    return min(STEP, MOVE / float(np.max(rates / sizes, initial=1.0)))
+
+
+def _stepped(subject: Subject, row: Row, length: float) -> Array:
+    """The classical Runge-Kutta method over `dynamics` of the module."""
+    t, x, u, p = row
+    h = length / SUBSTEPS
+    for n in range(SUBSTEPS):
+        now = t + n * h
+        k1 = subject.module.dynamics(now, x, u, p)
+        k2 = subject.module.dynamics(now + h / 2, x + h / 2 * k1, u, p)
+        k3 = subject.module.dynamics(now + h / 2, x + h / 2 * k2, u, p)
+        k4 = subject.module.dynamics(now + h, x + h * k3, u, p)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return x
+
+
+def _slopes(function: Step, z: Array) -> Array:
+    """Row k: the difference quotient by entry k, of order 4."""
+    rows = []
+    for k in range(len(z)):
+        d = np.zeros(len(z))
+        d[k] = BY * max(1.0, abs(z[k]))
+        near, far = (function(z + n * d) - function(z - n * d) for n in (1, 2))
+        rows.append((8.0 * near - far) / (12.0 * d[k]))
+    return np.array(rows)
+
+
+def _relative(value: Array, expected: Array, floor: float) -> float:
+    size = max(float(np.max(np.abs(expected))), floor)
+    return _worst(value - expected) / size if size else _worst(value)
+
+
+def _worst(difference: Array) -> float:
+    worst = float(np.max(np.abs(difference), initial=0.0))
+    return np.inf if np.isnan(worst) else worst
+
+
+ACADOS = TargetCheck("acados", "a C compiler", check)

@@ -1,0 +1,104 @@
+"""The acados target: the C against headers of acados's layout, errors in it that are seen, the
+AcadosModel that is filled, what is refused.
+
+Of codegen.targets: acados.
+Of hamel.verify.targets: acados.
+"""
+
+import importlib.util
+import shutil
+import sys
+import types
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from codegen import compiler
+from codegen.emit import emit
+from codegen.passes import in_precision, program
+from derive.diagnostics import AssumptionError, ToolchainError
+from hamel.verify.targets import acados as checked
+from tests.subjects import subject
+from tests.toy import toy
+
+FIELDS = """name x xdot u z p f_impl_expr f_expl_expr disc_dyn_expr dyn_ext_fun_type
+dyn_generic_source dyn_disc_fun dyn_disc_fun_jac dyn_disc_fun_jac_hess""".split()
+needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+
+
+@pytest.fixture(scope="module")
+def cart_pole(tmp_path_factory):
+    base = tmp_path_factory.mktemp("acados")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
+        return subject(base, "cart_pole", ["acados", "casadi"], ("dynamics",))
+
+
+@needs_compiler
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("before", "after", "seen"),
+    [
+        ("weight[n] * h * k[i]", "weight[n] * h * k[0]", "steps"),
+        ("i < NX ? NU + i : i - NX", "i", "Jacobian"),
+        ("vector->xi + i", "i", "steps"),
+        ("place[n + 1] * h * next[i]", "h * next[i]", "Hessian"),
+        ("p[NP] + (s / 4", "p[NP] + (0", None),  # nothing depends on time
+    ],
+)
+def test_errors_are_seen(cart_pole, tmp_path, before, after, seen):
+    shutil.copytree(cart_pole.folder, tmp_path / "cart_pole")
+    source = tmp_path / "cart_pole" / "acados" / "cart_pole_acados.c"
+    text = source.read_text("utf-8")
+    assert before in text
+    source.write_text(text.replace(before, after))
+    results = checked.check(replace(cart_pole, folder=tmp_path / "cart_pole"))
+    failed = [result.name for result in results if not result.passed]
+    assert (seen in failed) if seen else not failed
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_c_that_does_not_compile_is_said(cart_pole, tmp_path):
+    shutil.copytree(cart_pole.folder, tmp_path / "cart_pole")
+    (tmp_path / "cart_pole" / "acados" / "cart_pole_acados.c").write_text("int x = ;")
+    with pytest.raises(ToolchainError, match="does not compile"):
+        checked.check(replace(cart_pole, folder=tmp_path / "cart_pole"))
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_a_model_of_acados_is_filled(cart_pole, tmp_path, monkeypatch):
+    """Into an object with the fields of an AcadosModel, which is not here; nothing else is set."""
+
+    class AcadosModel:
+        __slots__ = tuple(FIELDS)
+
+    stand_in = types.ModuleType("acados_template")
+    stand_in.AcadosModel = AcadosModel
+    monkeypatch.setitem(sys.modules, "acados_template", stand_in)
+    monkeypatch.syspath_prepend(str(cart_pole.folder))
+    spec = importlib.util.spec_from_file_location(
+        "cart_pole_acados", cart_pole.folder / "cart_pole_acados.py"
+    )
+    functions = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(functions)
+    model = functions.discrete(substeps=3, folder=tmp_path)
+    assert (tmp_path / model.dyn_generic_source).read_text().startswith("#define SUBSTEPS 3\n")
+    stage = functions.stage(0.02, t=1.0)
+    assert model.p.shape == (len(stage), 1) and stage[-2:].tolist() == [1.0, 0.02]
+    smooth = functions.expressions()
+    f = ca.Function("f", [smooth.x, smooth.u, smooth.p], [smooth.f_expl_expr])
+    _, x, u, p = cart_pole.row("dynamics", 0)
+    expected = cart_pole.module.dynamics(0.0, x, u, p)
+    assert np.asarray(f(x, u, p)).ravel() == pytest.approx(expected, rel=1e-10)
+
+
+def test_what_does_not_fit_is_refused():
+    made = replace(in_precision(program(toy()), "float32"), targets=("acados",))
+    with pytest.raises(AssumptionError, match="float64, not in float32"):
+        emit(made)
+    with pytest.raises(AssumptionError, match="too many for dense Hessians"):
+        emit(replace(program(toy()), targets=("acados",)))  # made without its matrices

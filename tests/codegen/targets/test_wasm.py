@@ -1,0 +1,113 @@
+"""The WebAssembly target: values in Node, errors in its files that are seen, many motions, calls
+that do not fit, names that are refused, a compiler that is missing.
+
+Of codegen.targets: wasm.
+Of codegen.runtime: build_wasm.
+Of hamel.verify.targets: wasm, motions.
+"""
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import pytest
+
+from codegen import compiler
+from codegen.emit import emit
+from codegen.passes import program
+from codegen.runtime import build_wasm
+from derive.diagnostics import AssumptionError, ToolchainError
+from hamel.build.module import compiled
+from hamel.verify.targets import wasm as checked
+from tests.subjects import subject
+from tests.toy import toy
+
+needs_tools = pytest.mark.skipif(
+    compiler.find_compiler() is None or not shutil.which("node") or not build_wasm.find_compiler(),
+    reason="no Node, or no compiler for WebAssembly",
+)
+SCRIPT = """
+import { load, Failure } from "./cart_pole.mjs";
+import assert from "node:assert";
+const model = await load();
+const start = [0, 0.1, 0, 0], times = [0, 0.1, 0.2];
+const many = model.simulate(times, [start, [0, 0.2, 0, 0]], { u: [[1], [2]] });
+assert.deepEqual(many[0].x, model.simulate(times, start, { u: [1] }).x);
+assert.equal(many[1].status, "ok");
+assert.throws(() => model.dynamics(0, [NaN, 0, 0, 0]), (e) => e instanceof Failure && e.status === 3);
+assert.throws(() => model.dynamics(0, [0, 0]), RangeError);
+assert.throws(() => model.simulate(times, start, { integrator: "euler" }), Failure);
+const short = model.simulate(times, start, { maxSteps: 1, rtol: 1e-13 });
+assert(short.status !== "ok" && Number.isNaN(short.x[11]));
+"""
+
+
+@pytest.fixture(scope="module")
+def cart_pole(tmp_path_factory):
+    base = tmp_path_factory.mktemp("wasm")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
+        return subject(base, "cart_pole", ["wasm"])
+
+
+@needs_tools
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("before", "after", "seen"),
+    [
+        ("this._put(au, u ?? ", "this._put(au, ", set()),
+        ("this.raw[name](t, ax, au", "this.raw[name](t, ax, ap", {"values", "values with SIMD"}),
+        ("this._put(au + k", "this._put(ap + k", {"simulate"}),
+        ("stepSize, rtol", "1, rtol", {"simulate"}),
+    ],
+)
+def test_errors_are_seen_in_node(cart_pole, tmp_path, monkeypatch, before, after, seen):
+    monkeypatch.setattr(checked, "BROWSERS", ())
+    shutil.copytree(cart_pole.folder, tmp_path / "cart_pole")
+    file = tmp_path / "cart_pole" / "wasm" / "cart_pole.mjs"
+    text = file.read_text("utf-8")
+    assert before in text
+    file.write_text(text.replace(before, after))
+    results = checked.check(replace(cart_pole, folder=tmp_path / "cart_pole"))
+    failed = {result.name for result in results if not result.passed}
+    assert failed == {f"{name} in Node" for name in seen}
+
+
+@needs_tools
+@pytest.mark.slow
+def test_many_motions_and_calls_that_do_not_fit(cart_pole):
+    place = cart_pole.folder / "wasm" / "use.mjs"
+    place.write_text(SCRIPT)
+    subprocess.run(["node", place], check=True)
+
+
+@needs_tools
+@pytest.mark.slow
+def test_nothing_is_imported_by_the_module(cart_pole):
+    code = (
+        'import fs from "node:fs"; for (const end of ["", "_simd"]) {'
+        "const bytes = fs.readFileSync(`./cart_pole${end}.wasm`);"
+        "if (WebAssembly.Module.imports(new WebAssembly.Module(bytes)).length) process.exit(1); }"
+    )
+    command = ["node", "--input-type=module", "-e", code]
+    subprocess.run(command, check=True, cwd=cart_pole.folder / "wasm")
+
+
+def test_without_a_compiler_nothing_is_built(monkeypatch, tmp_path):
+    """The command that installs one is said, before anything is written."""
+    if compiler.find_compiler() is None:
+        pytest.skip("no C compiler")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    made = replace(program(toy(), ("dynamics",)), targets=("wasm",))
+    texts = emit(made)
+    texts["build_wasm.py"] = texts["build_wasm.py"].replace('shutil.which("clang")', "None")
+    texts["build_wasm.py"] = texts["build_wasm.py"].replace('find_spec("ziglang")', 'find_spec("no")')
+    with pytest.raises(ToolchainError, match="pip install ziglang"), compiled("toy", texts):
+        pass
+
+
+def test_a_name_that_javascript_keeps_is_refused():
+    made = program(toy())
+    kernels = (replace(made.kernels[0], name="delete"), *made.kernels[1:])
+    with pytest.raises(AssumptionError, match="'delete'"):
+        emit(replace(made, kernels=kernels, targets=("wasm",)))

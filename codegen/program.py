@@ -130,7 +130,10 @@ class Solving:
     def gathered(self) -> tuple[tuple[int, int], ...]:
         """(number of the pair, k) of what each unknown gets on the way there, in order."""
         return tuple(
-            (number, k) for one in self.order for number, (i, k) in enumerate(self.pairs) if i == one
+            (number, k)
+            for one in self.order
+            for number, (i, k) in enumerate(self.pairs)
+            if i == one
         )
 
     @property

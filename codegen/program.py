@@ -127,6 +127,22 @@ class Solving:
         return tuple(sum(counts[:i]) for i in range(len(counts) + 1))
 
     @property
+    def gathered(self) -> tuple[tuple[int, int], ...]:
+        """(number of the pair, k) of what each unknown gets on the way there, in order."""
+        return tuple(
+            (number, k)
+            for one in self.order
+            for number, (i, k) in enumerate(self.pairs)
+            if i == one
+        )
+
+    @property
+    def begins(self) -> tuple[int, ...]:
+        """Where those of each unknown begin, in order, and where all end."""
+        counts = [sum(i == one for i, _ in self.pairs) for one in self.order]
+        return tuple(sum(counts[:i]) for i in range(len(counts) + 1))
+
+    @property
     def operations(self) -> dict[str, int]:
         """Of the loop."""
         columns = sum(end - begin for begin, end in self.ranges)

@@ -85,9 +85,7 @@ def files(program: Program) -> dict[str, str]:
     widest = max((size for external in externals for size in external.sizes), default=1)
     return {
         f"{program.name}_casadi.py": text.render("casadi.py.j2", program, bodies=bodies, **data),
-        f"{program.name}_external.c": text.render(
-            "external.c.j2", program, widest=widest, **data
-        ),
+        f"{program.name}_external.c": text.render("external.c.j2", program, widest=widest, **data),
     }
 
 

@@ -35,7 +35,7 @@ def files(program: Program) -> dict[str, str]:
         "nw": len(program.quasi_velocities),
         "first": _first_rate(program),
         "start": program.nominal or (0.0,) * len(program.argument("x").names),
-        "row": lambda kernel: _row(program, kernel),
+        "rows": {kernel.name: _row(program, kernel) for kernel in kernels},
     }
     named = {"Makefile": "makefile", "check.c": "check.c", "states.h": "states.h"}
     if controls(program):

@@ -101,7 +101,9 @@ def test_without_a_compiler_nothing_is_built(monkeypatch, tmp_path):
     made = replace(program(toy(), ("dynamics",)), targets=("wasm",))
     texts = emit(made)
     texts["build_wasm.py"] = texts["build_wasm.py"].replace('shutil.which("clang")', "None")
-    texts["build_wasm.py"] = texts["build_wasm.py"].replace('find_spec("ziglang")', 'find_spec("no")')
+    texts["build_wasm.py"] = texts["build_wasm.py"].replace(
+        'find_spec("ziglang")', 'find_spec("no")'
+    )
     with pytest.raises(ToolchainError, match="pip install ziglang"), compiled("toy", texts):
         pass
 

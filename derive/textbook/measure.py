@@ -7,9 +7,9 @@ from functools import cache
 
 _TOKEN = re.compile(r"\\begin\{bmatrix\}|\\end\{bmatrix\}|\\\\|\\[A-Za-z]+|\\.|[{}&^_]|\S")
 _SILENT = frozenset(
-    r"\left \right \Bigl \Bigr \mathrm \mathbf \boldsymbol \displaystyle \mathsf \,".split()
+    r"\left \right \Bigl \Bigr \mathrm \mathbf \boldsymbol \displaystyle \mathsf".split()  # noqa: SIM905
 )
-_ACCENTS = frozenset(r"\dot \ddot \hat \bar \tilde".split())
+_ACCENTS = frozenset([r"\dot", r"\ddot", r"\hat", r"\bar", r"\tilde"])
 _NAMES = re.compile(r"\\(a?(?:rc)?(?:sinh?|cosh?|tanh?)|ln|min|max|exp)$")
 SCRIPT = 0.7  # of the size of letters
 COLUMN = 2.0  # between the columns of a matrix

@@ -177,7 +177,8 @@ class Kernel:
     operations: Mapping[str, int]  # of each kind and "total"
     hoisted: Hoisted | None = None
     pattern: Pattern | None = None  # of a result that holds the values of a sparse matrix
-    solving: Solving | None = None  # what is done to the outputs at the end
+    # what is done to the outputs at the end
+    solving: Solving | None = field(default=None, repr=False)
 
     @property
     def computed(self) -> tuple[Expression, ...]:
@@ -300,11 +301,9 @@ class Program:
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
-        several = "".join(
-            repr(more)
-            for more in (self.charts, self.turning, self.frame, self.events, self.steppers)
-            if more
-        )
+        solving = [kernel.solving for kernel in self.kernels if kernel.solving]
+        further = (self.charts, self.turning, self.frame, self.events, self.steppers, solving)
+        several = "".join(repr(more) for more in further if more)
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
         ).hexdigest()[:32]

@@ -13,7 +13,17 @@ _ACCENTS = frozenset([r"\dot", r"\ddot", r"\hat", r"\bar", r"\tilde"])
 _NAMES = re.compile(r"\\(a?(?:rc)?(?:sinh?|cosh?|tanh?)|ln|min|max|exp)$")
 SCRIPT = 0.7  # of the size of letters
 COLUMN = 2.0  # between the columns of a matrix
-WIDE = {"=": 2.2, "+": 2.2, "-": 2.0, r"\cdot": 1.4, r"\quad": 2.0, r"\qquad": 4.0, r"\,": 0.4}
+WIDE = {
+    "=": 2.2,
+    "+": 2.2,
+    "-": 2.0,
+    r"\cdot": 1.4,
+    r"\quad": 2.0,
+    r"\qquad": 4.0,
+    r"\,": 0.4,
+    r"\mathbf": 0.6,
+    r"\boldsymbol": 0.6,
+}
 
 
 @cache

@@ -29,8 +29,8 @@ from derive.textbook.records import (
 
 MARGIN = 3.0  # letters between left and right side
 LONG_LEFT = 12.0  # letters of a left side that does not get a column of its own
-FEW_COLUMNS = 3  # of a matrix of numbers that stands beside its formula
-NARROW = 24.0  # letters that fit beside an equation number on the narrowest screen
+FEW_COLUMNS = 1  # of a matrix of numbers that stands beside its formula
+NARROW = 18.0  # letters that fit beside an equation number on the narrowest screen
 NARROW_TABLE = 38  # letters of a row that fit on the narrowest screen
 GAP = 2  # letters between columns
 NOTHING = 1e-13  # a value below this is shown as zero

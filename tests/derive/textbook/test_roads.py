@@ -1,6 +1,7 @@
 """Every road leads to the same equations, and what it prints is what is compiled.
 
 Of derive.textbook: coefficients, forces, measure, routes, worked.
+Of derive.model: letters.
 Of derive.textbook.roads: block_inversion, boltzmann_hamel, kane, multipliers, records.
 """
 

@@ -14,7 +14,7 @@ PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exu
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report targets embedded test test-slow lint robots loops growth bench bench-page report-page whole matrix faults fuzz fresh clean
+.PHONY: demo report pages targets embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -91,6 +91,11 @@ whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
 	$(BENCH)/bin/python benchmarks/trajectories.py
 
+# A sweep on a dask scheduler of this machine whose workers and scheduler are killed, compared byte by byte with an undisturbed
+# one; writes build/cluster.json.
+cluster: $(VENV)/.test
+	$(BIN)/python benchmarks/cluster.py
+
 # Every verb on the smallest file of everything the schema knows, and random mechanisms (COUNT), from a wheel: two hours of
 # two cores; a part of it as in make matrix KINDS="joints mechanisms" COUNT=20. RESUME=1 leaves out what went well before.
 matrix: trials
@@ -129,6 +134,10 @@ $(ROBOTS)/.ready: pyproject.toml
 	@$(PYTHON) -m venv --clear $(ROBOTS)
 	@$(ROBOTS)/bin/python -m pip install --quiet --disable-pip-version-check --editable . 'pin>=4' example-robot-data 'mujoco>=3' exudyn
 	@touch $@
+
+# Every page of every model in Chromium, at two widths: build/pages.json; a part of it as in make pages MODELS="four_bar bicycle".
+pages: $(VENV)/.test
+	$(BIN)/python benchmarks/pages.py $(MODELS)
 
 # Rebuild the committed modules after a change of the generator.
 fresh: $(VENV)/.run-time

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import growth
 import numpy as np
+from derivatives import Slopes
 from peers import (
     augmented,
     batched,
@@ -32,6 +33,9 @@ from targets import (
     AUGMENTED_MX,
     BATCH,
     CHAINS,
+    CONTRACTION,
+    DERIVATIVES,
+    DERIVATIVES_BATCH,
     INVERSE,
     LANES,
     MASS,
@@ -318,12 +322,32 @@ def panda() -> Iterator[Scene]:
     )
     yield _inverse(tree)
     yield _mass(tree)
+    yield from _slopes(tree)
     for name, measure in {
         "one Python call": python_call.one_at_a_time,
         "one Python call, fresh": partial(python_call.one_at_a_time, fresh=True),
         "a Python call of 10,000": python_call.many_at_once,
     }.items():
         yield Scene(name, "panda", list, {}, {}, called=partial(measure, tree.of))
+
+
+def _slopes(tree: Tree) -> Iterator[Scene]:
+    """Derivatives, one state and many, and the second-order contraction beside them."""
+    slopes = Slopes(tree.of, tree.text, tree.columns, tree.inputs)
+    counts = ours.operations(tree.of, DERIVATIVES)
+    peers: dict[str, Made] = {PINOCCHIO: slopes.theirs}
+    yield Scene(DERIVATIVES, tree.name, slopes.own, peers, counts)
+    if tree.name == "panda":
+        yield Scene(DERIVATIVES_BATCH, tree.name, lambda: slopes.own(True), peers, counts)
+    second = ours.operations(tree.of, CONTRACTION)
+    beside: dict[str, Made] = {DERIVATIVES: slopes.beside}
+    yield Scene(CONTRACTION, tree.name, slopes.contraction, beside, second)
+
+
+def humanoid() -> Iterator[Scene]:
+    tree = _robot("humanoid")
+    yield _dynamics(tree)
+    yield from _slopes(tree)
 
 
 def _recursions(tree: Tree) -> list[Path]:
@@ -389,7 +413,7 @@ SCENES: dict[str, Callable[[], Iterator[Scene]]] = {
     "stanford_arm": stanford_arm,
     "panda": panda,
     "ur5": lambda: iter([_dynamics(_robot("ur5"))]),
-    "humanoid": lambda: iter([_dynamics(_robot("humanoid"))]),
+    "humanoid": humanoid,
     "four_bars40": four_bars40,
     **{f"chain{n}": partial(chain, n) for n in CHAINS},
 }

@@ -14,6 +14,7 @@ class Target:
 
 
 SCALAR, BATCH, INVERSE, MASS = "dynamics", "dynamics batch", "inverse_dynamics", "mass"
+DERIVATIVES, DERIVATIVES_BATCH, CONTRACTION = "derivatives", "derivatives batch", "contraction"
 AUGMENTED, PYDY, PINOCCHIO, THROUGH_CASADI = (
     "augmented, CasADi SX",
     "SymPy Kane → PyDy C + LU",
@@ -48,6 +49,11 @@ TARGETS = (
     *(Target(SCALAR, f"chain{n}", BEST, 0.8) for n in CHAINS),
     Target(INVERSE, "panda", THROUGH_CASADI, 0.75),
     Target(MASS, "panda", THROUGH_CASADI, 0.75),
+    Target(DERIVATIVES, "panda", PINOCCHIO, 0.14),
+    Target(DERIVATIVES_BATCH, "panda", PINOCCHIO, 0.05),
+    Target(DERIVATIVES, "humanoid", PINOCCHIO, 0.3),
+    Target(CONTRACTION, "panda", DERIVATIVES, 2.0),
+    Target(CONTRACTION, "humanoid", DERIVATIVES, 2.0),
     Target(SCALAR, "panda", PEAK, 1 / 0.7),
     Target(BATCH, "panda", PEAK, 1 / 0.6),
 )

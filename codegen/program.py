@@ -107,6 +107,50 @@ class Pattern:
 
 
 @dataclass(frozen=True)
+class Solving:
+    """A symmetric system solved in a loop over columns, after all statements: see
+    derive.formulations.records.Elimination. `values` are computed with the outputs, which hold the
+    right-hand sides."""
+
+    size: int
+    order: tuple[int, ...]
+    pairs: tuple[tuple[int, int], ...]
+    values: tuple[Expression, ...]
+    first: int
+    ranges: tuple[tuple[int, int], ...]
+    places: tuple[int, ...]
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """Where the pairs of each unknown begin, in order, and where all end."""
+        counts = [sum(k == one for _, k in self.pairs) for one in self.order]
+        return tuple(sum(counts[:i]) for i in range(len(counts) + 1))
+
+    @property
+    def gathered(self) -> tuple[tuple[int, int], ...]:
+        """(number of the pair, k) of what each unknown gets on the way there, in order."""
+        return tuple(
+            (number, k)
+            for one in self.order
+            for number, (i, k) in enumerate(self.pairs)
+            if i == one
+        )
+
+    @property
+    def begins(self) -> tuple[int, ...]:
+        """Where those of each unknown begin, in order, and where all end."""
+        counts = [sum(i == one for i, _ in self.pairs) for one in self.order]
+        return tuple(sum(counts[:i]) for i in range(len(counts) + 1))
+
+    @property
+    def operations(self) -> dict[str, int]:
+        """Of the loop."""
+        columns = sum(end - begin for begin, end in self.ranges)
+        each = 2 * len(self.pairs) * columns
+        return {"add": each + len(self.places), "multiply": each + len(self.order) * columns}
+
+
+@dataclass(frozen=True)
 class Kernel:
     """One generated function. `outputs` are the entries of the result, row-major; `shape` is (n,)
     or (r, c)."""
@@ -133,6 +177,12 @@ class Kernel:
     operations: Mapping[str, int]  # of each kind and "total"
     hoisted: Hoisted | None = None
     pattern: Pattern | None = None  # of a result that holds the values of a sparse matrix
+    solving: Solving | None = None  # what is done to the outputs at the end
+
+    @property
+    def computed(self) -> tuple[Expression, ...]:
+        """The outputs, and what solving takes besides."""
+        return (*self.outputs, *(self.solving.values if self.solving else ()))
 
     @property
     def singular(self) -> str:

@@ -26,10 +26,11 @@ class Diagnostic:
     expected: str = ""
     hint: str = ""
     source_line: str = ""
+    where: str = ""  # of what stands for several, which one this is
 
     def __post_init__(self) -> None:
         """Each text is one line, whatever was quoted in it."""
-        for name in ("message", "expected", "hint"):
+        for name in ("message", "expected", "hint", "where"):
             object.__setattr__(self, name, one_line(getattr(self, name)))
 
     def __str__(self) -> str:
@@ -57,7 +58,8 @@ class Diagnostic:
 
     def _advice(self) -> list[str]:
         expected = [f"  expected: {self.expected}"] if self.expected else []
-        return expected + ([f"  {self.hint}"] if self.hint else [])
+        where = [f"  where {self.where}"] if self.where else []
+        return where + expected + ([f"  {self.hint}"] if self.hint else [])
 
 
 def one_line(text: str) -> str:
@@ -65,6 +67,17 @@ def one_line(text: str) -> str:
     joined = " ".join(text.splitlines()) if len(text.splitlines()) > 1 else text.strip("\n")
     shown = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in joined)
     return joined if joined.isprintable() else "".join(shown)
+
+
+def distinct(problems: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """In the order of the files; of a place that stands for several, the problems of the first."""
+    first: dict[tuple[str, int, int], str] = {}
+    shown: dict[Diagnostic, None] = {}
+    for problem in problems:
+        place = (problem.file, problem.line, problem.column)
+        if first.setdefault(place, problem.where) == problem.where:
+            shown[problem] = None
+    return sorted(shown, key=lambda problem: (problem.line, problem.column))
 
 
 class HamelError(Exception):

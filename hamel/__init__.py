@@ -15,6 +15,7 @@ from types import ModuleType
 TYPE_CHECKING = False  # typing's own takes as long to import as all of this
 if TYPE_CHECKING:
     from codegen.runtime.events import Event
+    from derive.model.builder import Model
     from derive.robots import Floating, RobotFile
     from hamel.api import (
         build,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
         report,
         schema,
         simulate,
+        sweep,
         verify,
     )
 
@@ -38,6 +40,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Event",
     "Floating",
+    "Model",
     "RobotFile",
     "build",
     "check",
@@ -53,6 +56,7 @@ __all__ = [
     "report",
     "schema",
     "simulate",
+    "sweep",
     "verify",
 ]
 
@@ -60,6 +64,7 @@ __all__ = [
 _HOMES = {
     "Event": "codegen.runtime.events",
     "Floating": "derive.robots",
+    "Model": "derive.model.builder",
     "RobotFile": "derive.robots",
 }
 

@@ -216,6 +216,78 @@ def simulate(
     return simulation(path, method, rows, values or {}, places, progress, feed)
 
 
+def sweep(
+    path: Model,
+    *,
+    vary: Mapping[str, Any],
+    keep: Collection[str] = ("state",),
+    out: str | Path | None = None,
+    files: Collection[str] = (),
+    samples: int | None = None,
+    design: str = "random",
+    seed: int = 0,
+    time: float = 10.0,
+    start: float = 0.0,
+    step: float | None = None,
+    formulation: str = "quasi_velocities",
+    choice: str | None = None,
+    enforcement: str | None = None,
+    integrator: str = "dop853",
+    step_size: float | None = None,
+    rtol: float = 1e-9,
+    atol: float | None = None,
+    alpha: float | None = None,
+    real: str = "float64",
+    values: Mapping[str, float | str] | None = None,
+    inputs: Mapping[str, Any] | None = None,
+    at: str | None = None,
+    reduce: bool = False,
+    chunk: int | None = None,
+    failures: float = 0.1,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Callable[[Any], None] | None = None,
+) -> records.Swept:
+    """Make many motions that differ in what `vary` says, keep of each what `keep` says, and write
+    that to the folder `out` (default: sweep/<model>) as it comes; the same call goes on.
+
+    `vary`: by name of a parameter, initial value, input or method a text, "1:10:50",
+    "1:10:50:log", "1, 2, 5", "normal(0, 2 deg)", "uniform(a, b)", "loguniform(a, b)",
+    "triangular(a, b, c)", "runs.csv:column", or an array; `files` are tables whose columns are
+    names. `samples` of what is drawn, by `design` random, sobol, latin or saltelli, for every place
+    of the grids. `keep`: formulas at the end, at(F, t), highest(F), lowest(F), mean(F), rms(F),
+    count(event), first(event), last(event), state, energy, balance, error, violation, steps, end;
+    or growth and frequency of the eigenvalue with the largest real part along the steady motion
+    `at`. With `reduce` no rows are kept, only what is known of all. `scheduler` is here, processes,
+    local or the address of a dask scheduler; results do not depend on it. More than the part
+    `failures` of motions that fail ends the sweep. `progress` is called after every chunk with
+    `done`, `size`, `failed` and more.
+    """
+    from hamel.simulate.compiled import Rows
+    from hamel.simulate.method import Method
+    from hamel.sweep.axes import Sampling
+    from hamel.sweep.plan import Asked
+    from hamel.verbs.sweep import Running, run
+
+    method = Method(
+        formulation, choice, enforcement, integrator, step_size, rtol, atol, alpha, (), real
+    )
+    asked = Asked(
+        vary,
+        _names(files),
+        tuple([keep] if isinstance(keep, str) else keep),
+        Sampling(samples, design, seed),
+        method,
+        Rows(time, step, start),
+        values or {},
+        inputs or {},
+        at,
+        reduce,
+        chunk,
+    )
+    return run(path, asked, Running(out, scheduler, workers, failures, progress))
+
+
 def linearize(
     path: Model,
     *,
@@ -278,12 +350,20 @@ def derive(
     choice: str | None = None,
     out: str | Path | None = None,
     formulation: str = "quasi_velocities",
+    road: Sequence[str] = ("block_inversion",),
+    pdf: bool = False,
 ) -> records.Derived:
     """Write the derivation as derivation.html and derivation.tex into `out` (default: the current
-    folder)."""
+    folder).
+
+    `road` names one way to the equations without multipliers, or two that are put side by side:
+    block_inversion, maggi, kane, boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba. Raises
+    AssumptionError where the model cannot take it. With `pdf` derivation.pdf is typeset as well, by
+    pdflatex; raises ToolchainError where there is none.
+    """
     from hamel.verbs.derive import run
 
-    return run(path, choice, Path(out or "."), formulation)
+    return run(path, choice, Path(out or "."), formulation, road, pdf)
 
 
 def draw(path: Model, *, out: str | Path | None = None) -> records.Drawn:

@@ -29,19 +29,41 @@ ROBOT = (
         metavar="DIR",
         help="Of an MJCF file: a folder it may include from, beside its own; may be repeated.",
     ),
+    click.option(
+        "--allow-unphysical",
+        "unphysical",
+        is_flag=True,
+        help="Of a URDF or MJCF file: an inertia that no body can have is taken as it is.",
+    ),
+    click.option(
+        "--parameters",
+        default="",
+        metavar="inertial",
+        help="Of a URDF or MJCF file: masses, centres of mass and inertias become parameters, and "
+        "a payload is added.",
+    ),
 )
+
+OF_ROBOTS = {
+    "floating": "--floating",
+    "exact": "--exact",
+    "include": "--include",
+    "unphysical": "--allow-unphysical",
+    "parameters": "--parameters",
+}
 
 
 def model_argument(function: Function, required: bool = True, name: str = "model") -> Function:
     """The argument MODEL with the options that belong to it."""
 
     @functools.wraps(function)
-    def run(floating: bool, exact: bool, include: tuple[str, ...], **options: Any) -> Any:
+    def run(**options: Any) -> Any:
         model = options.pop(name)
-        if (floating or exact or include) and model is not None:
-            model = hamel.RobotFile(model, floating, exact, include)
-        elif floating or exact or include:
-            raise click.UsageError("--floating, --exact and --include are said of a file")
+        said = {name: options.pop(name) for name in OF_ROBOTS}
+        if any(said.values()) and model is None:
+            raise click.UsageError(f"{', '.join(OF_ROBOTS.values())} are said of a file")
+        if any(said.values()):
+            model = hamel.RobotFile(model, **said)
         return function(model, **options)
 
     for option in reversed(ROBOT):

@@ -345,6 +345,129 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
 @verb
 @model_argument
 @click.option(
+    "--vary",
+    multiple=True,
+    required=True,
+    metavar="NAME=WHAT|FILE",
+    help="A parameter, initial value, input or method over 1:10:50, 1:10:50:log, 1,2,5, "
+    "normal(0, 2 deg), uniform(a, b), loguniform(a, b), triangular(a, b, c) or FILE.csv:COLUMN; "
+    "or a CSV or Parquet file whose columns are names; may be repeated.",
+)
+@click.option(
+    "--keep",
+    multiple=True,
+    metavar="FORMULA",
+    help="What is kept of a motion: a formula at its end, at(F, t), highest(F), lowest(F), "
+    "mean(F), rms(F), count(EVENT), first(EVENT), state, energy, balance, error, steps, growth; "
+    "may be repeated (default: state).",
+)
+@click.option(
+    "-o",
+    "--out",
+    metavar="DIR",
+    help="Where results go; the same command goes on from there (default: sweep/<model>).",
+)
+@click.option("--samples", type=click.IntRange(1), metavar="N", help="Of what is drawn (1000).")
+@click.option(
+    "--design",
+    default="random",
+    show_default=True,
+    metavar="NAME",
+    help="How samples are drawn: random, sobol, latin, or saltelli for Sobol indices.",
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@CHOICE
+@FORMULATION
+@click.option("--enforcement", metavar="NAME", help="How to stay on the constraints.")
+@click.option("--alpha", type=POSITIVE, metavar="1/S", help="Rate of baumgarte and feedback.")
+@click.option("--integrator", default="dop853", show_default=True, metavar="NAME")
+@click.option("--step-size", type=POSITIVE, metavar="S", help="Equal steps of at most this size.")
+@click.option(
+    "--time",
+    "--until",
+    "time",
+    type=POSITIVE,
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="The last time, in seconds.",
+)
+@click.option("--start", type=FINITE, default=0.0, show_default=True, metavar="S")
+@click.option(
+    "--step",
+    type=POSITIVE,
+    metavar="S",
+    help="Between the rows that highest, lowest, mean and rms look at (default: a "
+    "five-hundredth of the time).",
+)
+@click.option("--rtol", type=POSITIVE, default=1e-9, show_default=True)
+@click.option("--atol", type=POSITIVE, help="Default: a hundredth of rtol.")
+@REAL
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A value of all motions; may be repeated.",
+)
+@click.option(
+    "--input",
+    "inputs",
+    multiple=True,
+    metavar="NAME=FILE[:KIND]",
+    help="An input over time, of all motions; may be repeated.",
+)
+@click.option("--at", metavar="NAME", help="The steady motion whose growth is kept.")
+@click.option(
+    "--reduce", is_flag=True, help="Keep no rows: means, deviations, quantiles and extremes only."
+)
+@click.option("--chunk", type=click.IntRange(1), metavar="N", help="Motions in one piece of work.")
+@click.option(
+    "--failures",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.1,
+    show_default=True,
+    metavar="PART",
+    help="The part of all motions that may fail; with more the sweep ends.",
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="here (threads), processes, local (dask on this machine), or the address of a dask "
+    "scheduler, tcp://HOST:PORT (default: here).",
+)
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Of this machine.")
+def sweep(
+    model: str,
+    vary: Sequence[str],
+    keep: Sequence[str],
+    settings: Sequence[str],
+    inputs: Sequence[str],
+    **options: Any,
+) -> Any:
+    """Make many motions of MODEL, here or on a cluster, and keep what is asked for of each."""
+    from hamel.progress import counted
+
+    files = [text for text in vary if "=" not in text]
+    pairs = [name_and_value(text, "--vary") for text in vary if "=" in text]
+    if len({name for name, _ in pairs}) < len(pairs):
+        raise click.BadParameter("a name varies twice", param_hint="--vary")
+    with counted("sweeping") as progress:
+        return hamel.sweep(
+            model,
+            vary=dict(pairs),
+            files=files,
+            keep=keep or ("state",),
+            values=dict(map(name_and_value, settings)),
+            inputs=dict(name_and_value(text, "--input") for text in inputs),
+            progress=progress,
+            **options,
+        )
+
+
+@verb
+@model_argument
+@click.option(
     "--at",
     metavar="NAME",
     help="A steady motion of the file, or guess: near the initial values (default: its first).",
@@ -410,9 +533,20 @@ def linearize(
     metavar="DIR",
     help="Where derivation.html and derivation.tex go (default: here).",
 )
-def derive(model: str, **options: Any) -> Any:
+@click.option(
+    "--road",
+    metavar="NAME[,NAME]",
+    default="block_inversion",
+    show_default=True,
+    help="The way to the equations, or two side by side: block_inversion, maggi, kane, "
+    "boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba.",
+)
+@click.option(
+    "--pdf", is_flag=True, help="Typeset derivation.pdf too, where pdflatex is installed."
+)
+def derive(model: str, road: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
-    return hamel.derive(model, **options)
+    return hamel.derive(model, road=name_list(road), **options)
 
 
 @verb

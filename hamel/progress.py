@@ -11,7 +11,13 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 PATIENCE = 1.0  # seconds before a bar is worth showing
 SLOW = 10.0  # seconds after which it can be told how long a motion takes …
@@ -31,6 +37,36 @@ def bar(total: float, doing: str = "simulating") -> Iterator[Callable[[float], N
             if shown:
                 progress, task = shown[0]
                 progress.update(task, completed=done)
+
+        yield report
+
+
+@contextmanager
+def counted(doing: str) -> Iterator[Callable[[Any], None]]:
+    """A function to call with `done`, `size` and `failed` motions of a sweep: rate and time left
+    are shown."""
+    with ExitStack() as stack:
+        shown: list[Any] = []
+
+        def report(known: Any) -> None:
+            if not shown and sys.stderr.isatty():
+                columns = (
+                    TextColumn("{task.description}"),
+                    BarColumn(),
+                    MofNCompleteColumn(),
+                    TextColumn("{task.fields[rate]}"),
+                    TimeRemainingColumn(),
+                )
+                bar = Progress(*columns, console=Console(stderr=True), transient=True)
+                progress = stack.enter_context(bar)
+                task = progress.add_task(doing, total=known.size, completed=known.done, rate="")
+                shown.append((progress, task, time.monotonic(), known.done))
+            if shown:
+                progress, task, begin, first = shown[0]
+                rate = (known.done - first) / max(time.monotonic() - begin, 1e-9)
+                failed = f", {known.failed} failed" if known.failed else ""
+                told = f"{rate:.3g} motions/s{failed}"
+                progress.update(task, completed=known.done, rate=told)
 
         yield report
 

@@ -177,6 +177,7 @@ class Derived:
     reason: str
     html: Path
     tex: Path
+    pdf: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -474,3 +475,50 @@ class Reported:
     html: Path
     csv: Path
     json: Path
+
+
+@dataclass(frozen=True)
+class KeptColumn:
+    """What is known of a kept quantity over all motions of a sweep that came to their end.
+    `lowest` and `highest`: (value, number of the motion); quantiles to half a per cent."""
+
+    name: str
+    unit: str
+    count: int
+    mean: float
+    deviation: float
+    quantiles: Mapping[str, float]
+    lowest: tuple[tuple[float, int], ...]
+    highest: tuple[tuple[float, int], ...]
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A sweep that is complete. `statuses` counts motions by how they ended, `sensitivities` are
+    Sobol indices by kept quantity: first order and total of every name, with their confidence."""
+
+    model: str
+    folder: str
+    motions: int
+    failed: int
+    statuses: Mapping[str, int]
+    reasons: tuple[tuple[int, str], ...]
+    moved: int  # motions whose held initial values had to give way
+    kept: tuple[KeptColumn, ...]
+    sensitivities: Mapping[str, Any]
+    engine: str
+    made: int  # chunks that were made now; the others were there
+    chunks: int
+    lost: int  # chunks that lost their worker and were made again
+    seconds: float
+    rate: float  # motions per second of those made now
+    notes: tuple[str, ...]
+    page: str
+    commands: Mapping[str, str]  # what reproduces the motions in `lowest` and `highest`
+    data: Callable[[], Any] | None = field(repr=False, default=None, metadata={"json": False})
+
+    def to_xarray(self) -> Any:
+        """The rows as a Dataset over what varies, with units. Raises ToolchainError without
+        xarray, and for a sweep that kept no rows."""
+        assert self.data is not None  # whoever makes a record gives it
+        return self.data()

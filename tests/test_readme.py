@@ -4,6 +4,7 @@ tables are true."""
 import contextlib
 import os
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -82,3 +83,14 @@ def test_make_targets_and_pictures_exist():
         assert f"\n{target}:" in makefile
     for path in re.findall(r"\]\(([^)#:]+)\)", README):
         assert os.path.exists(ROOT / path), path
+
+
+def test_the_sweep_runs_as_shown(sled, monkeypatch):
+    """With fewer samples than shown."""
+    pytest.importorskip("pyarrow")
+    command = next(block for block in blocks("sh") if block.startswith("hamel sweep"))
+    words = shlex.split(command.replace("--samples 1000", "--samples 20"))
+    monkeypatch.chdir(sled)
+    with pytest.raises(SystemExit) as ended:
+        main(words[1:])
+    assert ended.value.code == 0 and Path("study/sweep.html").is_file()

@@ -22,7 +22,11 @@ _writing = threading.Lock()
 # exact and slower
 SOFT = 1e-2
 SITE = Path(sysconfig.get_paths()["purelib"])
-EIGEN = Path("/usr/include/eigen3")
+PREFIX = SITE / "cmeel.prefix/include"
+EIGEN = next(
+    (path for path in (PREFIX / "eigen3", Path("/usr/include/eigen3")) if path.exists()),
+    Path("/usr/include/eigen3"),
+)
 FLAGS = (
     *(
         "-std=c++17",
@@ -93,6 +97,21 @@ def library() -> Path:
     """Its own algorithms in double precision: minutes of templates."""
     _check_headers()
     return compiled("pinocchio", {HERE / "pinocchio.cpp": ["-O3", *NATIVE, *FLAGS]})
+
+
+def derivatives_library() -> Path:
+    """Its analytic derivatives of forward dynamics."""
+    _check_headers()
+    return compiled(
+        "pinocchio_derivatives",
+        {HERE / "pinocchio_derivatives.cpp": ["-O3", *NATIVE, *FLAGS]},
+    )
+
+
+def derivatives(tree: Path, inputs: np.ndarray, size: int, read: Read) -> Contender:
+    """v̇, ∂v̇/∂q, ∂v̇/∂v and M⁻¹ by `computeABADerivatives`."""
+    library = derivatives_library()
+    return Contender("Pinocchio C++", library, inputs, size, str(tree.resolve()), read)
 
 
 def loops_library() -> Path:
@@ -174,6 +193,8 @@ def _code(by: Path, tree: Path) -> Path:
 
 def _check_headers() -> None:
     if not EIGEN.exists():
-        raise Unavailable("Eigen's headers are missing: apt install libeigen3-dev")
+        raise Unavailable(
+            "Eigen's headers are missing: apt install libeigen3-dev, or pip install cmeel-eigen"
+        )
     if not (SITE / "cmeel.prefix/include/pinocchio").exists():
         raise Unavailable("Pinocchio's headers are missing: pip install pin")

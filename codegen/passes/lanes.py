@@ -5,7 +5,8 @@ from __future__ import annotations
 from codegen.passes.split import is_long
 from codegen.program import Expression, Kernel, Program
 
-BATCHED = ("dynamics",)  # worth the time to compile them twice
+DYNAMICS = "dynamics"
+BATCHED = (DYNAMICS, "derivatives")  # worth the time to compile them twice
 STEPPED = ("power", "project", "constraints", "guards")  # what a step calls besides
 WATCHED = "events"  # and where something is looked for; without it motions with events go alone
 PLAIN = frozenset({
@@ -15,22 +16,24 @@ PLAIN = frozenset({
 LARGEST = frozenset({"fmin", "fmax"})  # of functions that a step calls: in lanes by comparison
 # statements, inputs and outputs together: longer loops over lanes take compilers too long
 WIDEST = 1_500
+LONGEST = 12_000  # of functions that are asked for by name, in parts
 
 
 def is_batched(kernel: Kernel) -> bool:
     """Worth it, no iteration, no calls of the C library, not too long: compilers make vector
     instructions of it."""
-    return kernel.name in BATCHED and kernel.loop is None and _is_straight(kernel)
+    alone = kernel.loop is None and kernel.solving is None
+    return kernel.name in BATCHED and alone and _is_straight(kernel)
 
 
 def side_by_side(program: Program) -> tuple[Kernel, ...]:
     """What a step of several motions side by side calls; nothing where motions have to go one by
     one: in another precision, in several charts, where a function is not plain."""
-    kernels = tuple(k for k in program.kernels if k.name in (*BATCHED, *STEPPED))
+    kernels = tuple(k for k in program.kernels if k.name in (DYNAMICS, *STEPPED))
     if not program.simulates or program.charts or program.frame or program.real.words:
         return ()
-    plain = all(map(_is_straight, kernels)) and is_batched(program.kernel("dynamics"))
-    short = all(kernel.name in BATCHED or not is_long(kernel) for kernel in kernels)
+    plain = all(map(_is_straight, kernels)) and is_batched(program.kernel(DYNAMICS))
+    short = all(kernel.name == DYNAMICS or not is_long(kernel) for kernel in kernels)
     if not (plain and short):
         return ()
     watched = (k for k in program.kernels if k.name == WATCHED)
@@ -42,7 +45,8 @@ def _is_straight(kernel: Kernel) -> bool:
     values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]
     size = len(kernel.x.names) + len(values)
     plain = PLAIN if kernel.name in BATCHED else PLAIN | LARGEST
-    return size <= WIDEST and all(_is_plain(value, plain) for value in values)
+    most = LONGEST if kernel.name in BATCHED[1:] else WIDEST
+    return size <= most and all(_is_plain(value, plain) for value in values)
 
 
 def _is_plain(value: Expression, plain: frozenset[str]) -> bool:

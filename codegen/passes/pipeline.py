@@ -42,12 +42,14 @@ from codegen.program import (
     Chart,
     Entry,
     Event,
+    Expression,
     Hoisted,
     Kernel,
     Loop,
     Pattern,
     Pivot,
     Program,
+    Solving,
 )
 from derive.formulations import records
 from derive.formulations.functions import positions
@@ -232,10 +234,13 @@ def _kernel(
 
 
 def _roots(function: Function) -> list[ca.SX]:
-    """Result entries row by row, then guards, then the residual."""
-    entries = ca.densify(ca.vec(function.result.value.T))
-    residual = [] if function.residual is None else [function.residual]
-    return [entries, *(guard.value for guard in function.guards), *residual]
+    """Result entries row by row, then guards, then the residual or what solving takes."""
+    solving = function.solving
+    value = function.result.value if solving is None else solving.unsolved
+    entries = ca.densify(ca.vec(value.T))
+    last = [] if function.residual is None else [function.residual]
+    last += [] if solving is None else [ca.densify(solving.values), ca.densify(solving.added)]
+    return [entries, *(guard.value for guard in function.guards), *last]
 
 
 def _loose(function: Function, size: int) -> range:
@@ -246,7 +251,7 @@ def _finish(
     function: Function, best: Candidate, arguments: Sequence[Argument], size: int
 ) -> Kernel:
     kernel = _written(function, best.lowered, best.marks, arguments, _names(arguments), size)
-    if function.name not in BATCHED or is_long(kernel):
+    if function.name not in BATCHED or kernel.solving or is_long(kernel):
         return kernel
     parts = hoist(best.lowered)
     hoisted = _hoisted(function, parts, best.marks, arguments, size) if parts else None
@@ -308,7 +313,10 @@ def _written(
     size: int,
 ) -> Kernel:
     free = Names([*Names().taken, *inputs.values(), identifier(function.result.name)])
-    done = schedule(lowered, marks, f"{function.result.name}: {function.about}", inputs, free)
+    title = f"{function.result.name}: {function.about}"
+    by_columns = function.name in BATCHED and function.result.matrix
+    shape = function.result.value.shape if by_columns else (0, 1)
+    done = schedule(lowered, marks, title, inputs, free, shape)
     # the value stands there over `factor`, for guards are only compared, and so does its bound
     guards = [
         Pivot(guard.name, value, abs(guard.tolerance / factor), guard.tolerance, guard.part)
@@ -317,6 +325,7 @@ def _written(
     loop = function.iteration and Loop(
         function.iteration.tolerance, function.iteration.most, done.roots[-1]
     )
+    solving = _solving(function, done.roots[size + len(guards) :])
     rows, columns = function.result.value.shape
     uses = tuple(a.name for a in arguments if any(load.argument == a.name for load in done.loads))
     watched = watch(lowered, size, {a.name: len(a.names) for a in arguments if a.name in uses})
@@ -336,6 +345,31 @@ def _written(
         loop=loop,
         watched=watched.entries,
         results=watched.outputs,
-        operations=count(used_operations(lowered)),
+        operations=_counts(lowered, solving),
         pattern=function.result.pattern and Pattern(**vars(function.result.pattern)),
+        solving=solving,
     )
+
+
+def _solving(function: Function, values: Sequence[Expression]) -> Solving | None:
+    of = function.solving
+    if of is None:
+        return None
+    size = of.values.numel() + of.added.numel()
+    return Solving(
+        function.result.value.size2(),
+        of.order,
+        of.pairs,
+        tuple(values[:size]),
+        of.first,
+        of.ranges,
+        of.places,
+    )
+
+
+def _counts(lowered: Lowered, solving: Solving | None) -> dict[str, int]:
+    counts = count(used_operations(lowered))
+    for kind, more in (solving.operations if solving else {}).items():
+        counts[kind] += more
+        counts["total"] += more
+    return counts

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from codegen.passes.graph import Mark
-from codegen.passes.lower import Code, Lowered, Operation
+from codegen.passes.lower import Code, Lowered, Operand, Operation
 from codegen.program import Expression, Load, Section, Statement
 
 TURNS = "angles: their sines and cosines, all together"
@@ -27,10 +27,12 @@ def schedule(
     title: str,
     inputs: dict[tuple[str, int], str],
     free: Callable[[str], str],
+    shape: tuple[int, int] = (0, 1),
 ) -> Scheduled:
     """inputs names argument entries; free(wanted) makes a name that is not taken; `title` heads
-    what belongs to no mark."""
-    roots = [root for root in lowered.roots if isinstance(root, int)]
+    what belongs to no mark. Of a matrix of that `shape`, where it comes first, one column is
+    finished after the other: what a column is made of has to be kept no longer."""
+    roots = [root for root in _by_columns(lowered.roots, *shape) if isinstance(root, int)]
     wanted = set(lowered.wanted)
     groups: list[tuple[str, list[int]]] = []
     done = {i for i in wanted if lowered.code.operations[i].name == "input"}
@@ -45,6 +47,12 @@ def schedule(
     names = _names(lowered, marks, wanted)
     nested = _nested(lowered.code, groups, roots, names)
     return _write(lowered, wanted, groups, names, nested, inputs, free)
+
+
+def _by_columns(roots: Sequence[Operand], rows: int, columns: int) -> Sequence[Operand]:
+    """The roots of a matrix, row by row with others behind it, column by column."""
+    size = rows * columns
+    return [*(root for k in range(columns) for root in roots[k:size:columns]), *roots[size:]]
 
 
 def _headings(

@@ -54,17 +54,18 @@ def split(kernel: Kernel) -> Parts:
         for section in part.sections
         for s in section.statements
     }
-    for i, value in enumerate(kernel.outputs):
+    for i, value in enumerate(kernel.computed):
         parts[_ready(value, home)].outputs.append((i, value))
     for guard in kernel.guards:
         parts[_ready(guard.value, home)].guards.append(guard)
     if kernel.loop:
         parts[-1].residual = kernel.loop.residual
+    first = len(kernel.solving.values) if kernel.solving else 0
     reads = [list(dict.fromkeys(_read(part))) for part in parts]
     for part, names in zip(parts, reads):
         wanted = set(names)
         part.loads = tuple(load for load in kernel.loads if load.name in wanted)
-    return Parts(tuple(parts), _share_slots(parts, reads, home))
+    return Parts(tuple(parts), _share_slots(parts, reads, home, first))
 
 
 def is_long(kernel: Kernel) -> bool:
@@ -115,14 +116,14 @@ def _read(part: Part) -> Iterator[str]:
 
 
 def _share_slots(
-    parts: Sequence[Part], reads: Sequence[Sequence[str]], home: dict[str, int]
+    parts: Sequence[Part], reads: Sequence[Sequence[str]], home: dict[str, int], first: int
 ) -> int:
-    """Give slots to values that cross parts; a slot is free again in the part after its last use.
-    Returns how many there are."""
+    """Give slots from `first` on to values that cross parts; a slot is free again in the part after
+    its last use. Returns how many there are."""
     last = {name: k for k, names in enumerate(reads) for name in names if home.get(name, k) < k}
     slots: dict[str, int] = {}
     free: list[int] = []
-    size = 0
+    size = first
     for k, part in enumerate(parts):
         part.taken = [(name, slots[name]) for name in reads[k] if name in slots and home[name] < k]
         for name in (

@@ -96,14 +96,15 @@ def _stepped(program: Program) -> list[dict[str, str]]:
 
 def _body(kernel: Kernel, language: text.Language) -> Body:
     parts = split(kernel)
-    return Body(kernel, tuple(_piece(part, language) for part in parts.parts), parts.size)
+    return Body(kernel, tuple(_piece(kernel, part, language) for part in parts.parts), parts.size)
 
 
-def _piece(part: Part, language: text.Language) -> Piece:
+def _piece(kernel: Kernel, part: Part, language: text.Language) -> Piece:
     return Piece(
         lines=tuple(_lines(part, language)),
         outputs=tuple(
-            f"out[..., {i}] = {text.expression(value, language)}" for i, value in part.outputs
+            f"{_target(kernel, i)} = {text.expression(value, language)}"
+            for i, value in part.outputs
         ),
         kept=tuple(f"work[{slot}] = {name}" for name, slot in part.kept),
         guards=tuple(
@@ -116,6 +117,12 @@ def _piece(part: Part, language: text.Language) -> Piece:
         ),
         residual=text.expression(part.residual, language) if part.residual is not None else "",
     )
+
+
+def _target(kernel: Kernel, i: int) -> str:
+    """Where an output goes; what solving takes stands first in the workspace."""
+    own = len(kernel.outputs)
+    return f"out[..., {i}]" if i < own else f"work[{i - own}]"
 
 
 def _lines(part: Part, language: text.Language) -> Iterator[str]:

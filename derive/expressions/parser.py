@@ -3,9 +3,9 @@ ever evaluated as Python.
 
 sum     = product (("+" | "-") product)* product = unary (("*" | "/") unary)* unary   = ("+" | "-")*
 power power   = atom [("**" | "^") unary]                      right-associative, and binds tighter
-than a minus atom    = number [unit] | name | "der" "(" name ")" | function "(" sum ("," sum)* ")" |
-"(" sum ")" | "[" sum, … "]" unit    = (symbol ["^" integer] | "1" "/" symbol ["^" integer]) (("*" |
-"/") (symbol ["^" integer] | "(" unit ")"))*
+than a minus atom    = number [unit] | name | "der" "(" sum ")" | function "(" sum ("," sum)* ")"
+["." letters] | "(" sum ")" | "[" sum, … "]" unit    = (symbol ["^" integer] | "1" "/" symbol
+["^" integer]) (("*" | "/") (symbol ["^" integer] | "(" unit ")"))*
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ from typing import NamedTuple, NoReturn
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.evaluate import check_constants
-from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS, Function
+from derive.expressions.functions import (
+    FUNCTIONS,
+    KINEMATIC_FUNCTIONS,
+    OUTPUT_FUNCTIONS,
+    Function,
+)
 from derive.expressions.limits import ABOVE, BELOW, too_large, too_small
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
@@ -304,7 +309,8 @@ class _Parser:
     def _named(self) -> Expression:
         token = self.take()
         if self.token.text != "(":
-            if token.text in self.functions or token.text == "der":
+            own = token.text in self.names and token.text in KINEMATIC_FUNCTIONS
+            if not own and (token.text in self.functions or token.text == "der"):
                 self._refuse(
                     f"the function '{token.text}' has no argument", token.at, f"{token.text}(…)"
                 )
@@ -317,7 +323,18 @@ class _Parser:
             return self._rate(token)
         if token.text not in self.functions:
             self._refuse_function(token)
-        return self._call(token)
+        return self._component(self._call(token))
+
+    def _component(self, call: tree.Call) -> Expression:
+        """`position(b).x`: a component of what a function gives, as a call of the function
+        `.x`."""
+        if self.token.text != "." or call.function not in KINEMATIC_FUNCTIONS:
+            return call
+        self.take()
+        letters = self.take()
+        if letters.kind != "name":
+            self._refuse_token(letters, f"a component, such as {call.function}(…).x")
+        return tree.Call(f".{letters.text}", (call,), call.at)
 
     def _refuse_function(self, token: _Token) -> NoReturn:
         if token.text in self.names:
@@ -341,13 +358,17 @@ class _Parser:
             did_you_mean(token.text, known),
         )
 
-    def _rate(self, token: _Token) -> tree.Rate:
-        self.take()
-        name = self.take()
-        if name.kind != "name" or self.token.text != ")":
+    def _rate(self, token: _Token) -> Expression:
+        """der(q), the rate of a coordinate; of anything else a call of `der`."""
+        opening = self.token
+        name = self._read(self._after(opening))
+        closing = self._read(self._after(name))
+        if name.kind == "name" and closing.text == ")":
+            self.token = self._read(self._after(closing))
+            return tree.Rate(name.text, token.at)
+        if name.text == ")" or not self.vectors:
             self._refuse("der() takes the name of one coordinate", name.at, "der(q)")
-        self.take()
-        return tree.Rate(name.text, token.at)
+        return tree.Call("der", tuple(self._bracketed(")")), token.at)
 
     def _call(self, token: _Token) -> tree.Call:
         arguments = self._bracketed(")", many=True)

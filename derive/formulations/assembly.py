@@ -14,6 +14,7 @@ from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.control import control
+from derive.formulations.derivatives import derivatives
 from derive.formulations.functions import Minimal, Motion, arguments, functions
 from derive.formulations.named_frames import families
 from derive.formulations.records import Equations
@@ -51,10 +52,28 @@ def reduced(
         closing=survey.closing,
         projects_velocity=False,
         frame=reduction.frame,
-        minimal=Minimal(reduction.S, reduction.sigma, found.mass, found.force),
+        minimal=_minimal(survey, reduction, found, lam),
     )
     named = (*_matrices(survey, reduction), *motion.named[1:])
     return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
+
+
+def _minimal(survey: Survey, reduction: Reduction, found: Explicit, lam: ca.SX) -> Minimal:
+    rows = survey.independent_rows
+    Y = ca.vertcat(rows.A, reduction.B)
+    nothing = ca.SX(survey.system.v.numel(), 0)
+    R = per_unit_of_c(survey, Y, survey.rank, reduction) if survey.rank else nothing
+    return Minimal(
+        S=reduction.S,
+        sigma=reduction.sigma,
+        mass=found.mass,
+        force=found.force,
+        R=R,
+        A=rows.A,
+        c=rows.c,
+        beta=rows.beta,
+        lam=ca.SX(0, 1) if survey.combines else lam[list(survey.kept)],
+    )
 
 
 def in_generalized_velocities(
@@ -113,13 +132,14 @@ def _finished(
     pivots: tuple[str, ...],
 ) -> Equations:
     system = survey.system
+    slots, offered = arguments(system, motion), functions(system, motion)
     return Equations(
         system=system,
         formulation=formulation,
         choice=choice,
         reason=reason,
-        arguments=arguments(system, motion),
-        functions=functions(system, motion),
+        arguments=slots,
+        functions=offered,
         named=named,
         pivots=pivots,
         w=motion.names,
@@ -128,7 +148,7 @@ def _finished(
         generalized_velocities=motion.projects_velocity,
         closing=motion.closing,
         frame=motion.frame,
-        requests=control(system, motion),
+        requests=(*control(system, motion), *derivatives(slots, offered, (system, motion))),
         families=families(system, motion),
     )
 

@@ -10,17 +10,28 @@ Evaluating Derivatives, 2nd ed., SIAM 2008 (forward and adjoint products, chapte
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import casadi as ca
 
 from derive.diagnostics import AssumptionError
-from derive.formulations.records import Argument, Function, Pattern, Request, Result
+from derive.expressions.counting import alternatives
+from derive.formulations.contraction import contractions
+from derive.formulations.functions import Motion
+from derive.formulations.records import Argument, Elimination, Function, Pattern, Request, Result
+from derive.formulations.structured import Slopes, by_structure, looped
+from derive.mechanics.records import System
 
 _BY = {"x": "the state", "u": "the inputs", "p": "the parameters"}
 RATE = "explicit rate ∂ẋ/∂t of the state derivative"
+ALL = "ẋ, ∂ẋ/∂x and ∂ẋ/∂u side by side, [ẋ ∂ẋ/∂x ∂ẋ/∂u]: nx × (1 + nx + nu)"
 FORWARD = "derivative of ẋ along (dx, du): ∂ẋ/∂x dx + ∂ẋ/∂u du, from (x, dx, du)"
 ADJOINT = "adjoint product [(∂ẋ/∂x)ᵀ y, (∂ẋ/∂u)ᵀ y], from (x, y)"
+CONTRACTION = (
+    "second-order contraction Σₖ yₖ ∂²ẋₖ [dx, du]: a symmetric matrix times (dx, du), nx + nu, "
+    "from (x, y, dx, du)"
+)
 JACOBIAN_FORWARD = (
     "derivative by (x, u) of ∂ẋ/∂x d + ∂ẋ/∂t τ with d and τ held, nx × (nx + nu), from (x, d, τ)"
 )
@@ -36,34 +47,96 @@ IMPLICIT = ("jacobian", "jacobian_t")  # what a linearly implicit step calls bes
 
 
 def derivatives(
-    arguments: Sequence[Argument], functions: Sequence[Function]
+    arguments: Sequence[Argument],
+    functions: Sequence[Function],
+    mechanics: tuple[System, Motion] | None = None,
 ) -> tuple[Request, ...]:
     """The requests that follow from `dynamics`; none where the module has no state derivative.
 
     Jacobians ∂ẋ/∂x (nx × nx), ∂ẋ/∂u (nx × nu), ∂ẋ/∂p (nx × np), ∂ẋ/∂t, products with them from the
     right (forward) and from the left (adjoint), and the steps of a controller with their
     sensitivities, which are loops around some of these. They are made when asked for:
-    differentiating costs more than all default functions.
+    differentiating costs more than all default functions. With the `mechanics` that ẋ came from
+    they are made by structure, where that takes fewer operations.
     """
     dynamics = {function.name: function for function in functions}.get("dynamics")
     if dynamics is None or not dynamics.result.value.numel():
         return ()
     slots = {argument.name: argument for argument in arguments}
+    ways = Ways(dynamics, slots, mechanics)
     return (
         *(
             request
             for name in "xup"
             if slots[name].labels
-            for request in _jacobians(dynamics, slots[name])
+            for request in _jacobians(dynamics, slots[name], ways)
         ),
+        Request("derivatives", ALL, lambda: _all(dynamics, slots, ways)),
         Request("jacobian_t", RATE, lambda: _rate(dynamics, slots["t"])),
         Request("dynamics_forward", FORWARD, lambda: _forward(dynamics, slots)),
         Request("dynamics_adjoint", ADJOINT, lambda: _adjoint(dynamics, slots)),
-        Request("jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots)),
+        Request(
+            "jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots, ways)
+        ),
+        Request("contraction", CONTRACTION, lambda: _contraction(dynamics, slots, ways)),
         Request("dynamics_hessian", HESSIAN, lambda: _hessian(dynamics, slots)),
         Request("step", STEP, needs=("dynamics", *IMPLICIT)),
         Request("step_sensitivity", SENSITIVITY, needs=("dynamics", *IMPLICIT, *_slopes(slots))),
     )
+
+
+class Ways:
+    """The ways to ∂ẋ/∂x and ∂ẋ/∂u, made when they are first asked for: `dynamics` differentiated
+    as it stands, and by structure. Each function takes the one with the fewest operations."""
+
+    def __init__(
+        self,
+        dynamics: Function,
+        slots: dict[str, Argument],
+        mechanics: tuple[System, Motion] | None,
+    ) -> None:
+        self.rates, self.slots, self.mechanics = dynamics.result.value, slots, mechanics
+
+    @cached_property
+    def looped(self) -> Elimination | None:
+        """What is solved for, where that is long."""
+        return looped(*self.mechanics) if self.mechanics else None
+
+    @cached_property
+    def all(self) -> tuple[Slopes, ...]:
+        """CasADi's own first: of equal ones it is taken. Where solving is long, structure alone: it
+        has never been seen to take more there, and counting would take minutes."""
+        structured = by_structure(*self.mechanics) if self.mechanics else iter(())
+        if self.looped is not None:
+            return (self._masked(next(structured)),)
+        plain = Slopes(self.rates, *(ca.jacobian(self.rates, z) for z in self._arguments))
+        return tuple(self._masked(slopes) for slopes in (plain, *structured))
+
+    @property
+    def _arguments(self) -> tuple[ca.SX, ca.SX]:
+        return self.slots["x"].symbols, self.slots["u"].symbols
+
+    @cached_property
+    def _patterns(self) -> tuple[ca.Sparsity, ...]:
+        return tuple(ca.jacobian_sparsity(self.rates, z) for z in self._arguments)
+
+    def _masked(self, slopes: Slopes) -> Slopes:
+        """Without what is zero by the structure of ẋ."""
+        by = zip((slopes.by_x, slopes.by_u), self._patterns)
+        return Slopes(slopes.rates, *(ca.project(matrix, pattern) for matrix, pattern in by))
+
+    def cheapest(self, of: Callable[[Slopes], ca.SX]) -> Slopes:
+        """By the operations of what is made of it."""
+        counts = alternatives([of(slopes) for slopes in self.all])
+        return self.all[counts.index(min(counts))]
+
+    def jacobian(self, by: Argument) -> ca.SX:
+        """∂ẋ/∂x, ∂ẋ/∂u or ∂ẋ/∂p, sparse."""
+        if by.name == "x":
+            return self.cheapest(lambda slopes: ca.densify(slopes.by_x)).by_x
+        if by.name == "u":
+            return self.cheapest(lambda slopes: ca.densify(slopes.by_u)).by_u
+        return ca.jacobian(self.rates, by.symbols)
 
 
 def _slopes(slots: dict[str, Argument]) -> tuple[str, ...]:
@@ -71,26 +144,28 @@ def _slopes(slots: dict[str, Argument]) -> tuple[str, ...]:
     return ("jacobian_forward", *(("jacobian_u",) if slots["u"].labels else ()))
 
 
-def _jacobians(dynamics: Function, by: Argument) -> tuple[Request, Request]:
+def _jacobians(dynamics: Function, by: Argument, ways: Ways) -> tuple[Request, Request]:
     """All of ∂ẋ/∂x and its values alone; likewise for u and p."""
     name = "jacobian" if by.name == "x" else f"jacobian_{by.name}"
     about = f"Jacobian ∂ẋ/∂{by.name} of the state derivative by {_BY[by.name]}, nx × n{by.name}"
     values = f"entries of `{name}` that are not zero by structure, row by row"
     return (
-        Request(name, about, lambda: _dense(dynamics, by, name, about)),
-        Request(f"{name}_values", values, lambda: _values(dynamics, by, f"{name}_values", values)),
+        Request(name, about, lambda: _dense(dynamics, by, name, about, ways)),
+        Request(
+            f"{name}_values", values, lambda: _values(dynamics, by, f"{name}_values", values, ways)
+        ),
     )
 
 
-def _dense(dynamics: Function, by: Argument, name: str, about: str) -> Function:
-    value = ca.densify(ca.jacobian(dynamics.result.value, by.symbols))
+def _dense(dynamics: Function, by: Argument, name: str, about: str, ways: Ways) -> Function:
+    value = ca.densify(ways.jacobian(by))
     symbol = "J" if by.name == "x" else f"J{by.name}"
     result = Result(symbol, value, dynamics.result.labels, (), matrix=True)
     return Function(name, about, result, dynamics.named, dynamics.guards)
 
 
-def _values(dynamics: Function, by: Argument, name: str, about: str) -> Function:
-    jacobian = ca.jacobian(dynamics.result.value, by.symbols)
+def _values(dynamics: Function, by: Argument, name: str, about: str, ways: Ways) -> Function:
+    jacobian = ways.jacobian(by)
     if not jacobian.nnz():
         raise AssumptionError(f"{name} would be empty: ẋ does not depend on {_BY[by.name]}")
     # CasADi stores by columns: those of the transpose are the rows wanted
@@ -104,6 +179,19 @@ def _values(dynamics: Function, by: Argument, name: str, about: str) -> Function
         pattern=Pattern(jacobian.shape, tuple(rows), tuple(columns)),
     )
     return Function(name, about, result, dynamics.named, dynamics.guards)
+
+
+def _all(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:
+    """Where what is solved for is long, by a loop over columns."""
+    best = ways.cheapest(lambda slopes: ca.vertcat(slopes.rates, _flat(slopes)))
+    value = ca.horzcat(best.rates, best.by_x, best.by_u)
+    labels = dynamics.result.labels
+    result = Result("D", ca.densify(value), labels, (), matrix=True)
+    return Function("derivatives", ALL, result, (), dynamics.guards, solving=ways.looped)
+
+
+def _flat(slopes: Slopes) -> ca.SX:
+    return ca.vertcat(ca.vec(ca.densify(slopes.by_x)), ca.vec(ca.densify(slopes.by_u)))
 
 
 def _rate(dynamics: Function, t: Argument) -> Function:
@@ -139,12 +227,40 @@ def _adjoint(dynamics: Function, slots: dict[str, Argument]) -> Function:
     return Function("dynamics_adjoint", ADJOINT, result, dynamics.named, dynamics.guards, x=taken)
 
 
-def _jacobian_forward(dynamics: Function, slots: dict[str, Argument]) -> Function:
-    """One product for both: along (d, τ) the rate of ẋ is ∂ẋ/∂x d + ∂ẋ/∂t τ, and this its slope."""
+def _contraction(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:
+    """Of the ways there are the one with the fewest operations."""
+    x, u, rates = slots["x"], slots["u"], dynamics.result
+    y, z = _seeds("y", rates.labels), ca.vertcat(x.symbols, u.symbols)
+    dz = ca.vertcat(*(_seeds("d", argument.labels) for argument in (x, u)))
+    plain = ca.jtimes(ca.gradient(ca.dot(y, rates.value), z), z, dz)
+    known = [plain, *(contractions(*ways.mechanics, z, y, dz) if ways.mechanics else ())]
+    value = ca.densify(cheapest_column(known))
+    marks = (*_marked("y", rates.labels), *_marked("d", x.labels), *_marked("d", u.labels))
+    units = (*("" for _ in rates.labels), *x.units, *u.units)
+    taken = _longer(x, ca.vertcat(y, dz), marks, units)
+    result = Result("curvature", value, (*x.labels, *u.labels), ())
+    return Function("contraction", CONTRACTION, result, (), dynamics.guards, x=taken)
+
+
+def cheapest_column(known: Sequence[ca.SX]) -> ca.SX:
+    """The one with the fewest operations, the first of equal ones."""
+    counts = alternatives(known)
+    return known[counts.index(min(counts))]
+
+
+def _jacobian_forward(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:
+    """One product for both: along (d, τ) the rate of ẋ is ∂ẋ/∂x d + ∂ẋ/∂t τ, and this its slope;
+    or the rate of [∂ẋ/∂x ∂ẋ/∂u] along (d, τ), as second derivatives are symmetric."""
     t, x, u = slots["t"], slots["x"], slots["u"]
     d = ca.vertcat(_seeds("d", x.labels), ca.SX.sym("d_t"))
     along = ca.jtimes(dynamics.result.value, ca.vertcat(x.symbols, t.symbols), d)
-    value = ca.densify(ca.jacobian(along, ca.vertcat(x.symbols, u.symbols)))
+    known = [ca.densify(ca.jacobian(along, ca.vertcat(x.symbols, u.symbols)))]
+    for slopes in ways.all:
+        entries = ca.vec(ca.horzcat(slopes.by_x, slopes.by_u))
+        rate = ca.jtimes(ca.densify(entries), ca.vertcat(x.symbols, t.symbols), d)
+        known.append(ca.reshape(rate, known[0].size1(), known[0].size2()))
+    counts = alternatives([ca.vec(value) for value in known])
+    value = known[counts.index(min(counts))]
     taken = _longer(x, d, (*_marked("d", x.labels), "d t"), (*x.units, "s"))
     result = Result("H", value, dynamics.result.labels, (), matrix=True)
     about = JACOBIAN_FORWARD

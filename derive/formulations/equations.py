@@ -10,7 +10,6 @@ from derive.choices.survey import Survey, survey_of
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.charts import BETWEEN, charted, covered
 from derive.formulations.configuration import configuration, is_plain
-from derive.formulations.derivatives import derivatives
 from derive.formulations.formulation import Formulation
 from derive.formulations.manifold import manifold
 from derive.formulations.methods import FORMULATIONS
@@ -68,7 +67,6 @@ def _of_choice(asked: Formulation, survey: Survey, choice: Choice) -> Equations:
     found, system = asked.build(survey, choice), survey.system
     moves = configuration(system) if is_plain(system) else ()
     further = (
-        *derivatives(found.arguments, found.functions),
         *manifold(found, survey.kept, survey.closing),
         *moves,
     )

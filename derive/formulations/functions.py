@@ -25,12 +25,17 @@ from derive.states.closing import Kinematics, nominal
 @dataclass(frozen=True)
 class Minimal:
     """v = S w + R c, v̇ = S ẇ + σ and what is left of the equations, mass ẇ = force: mass = Sᵀ M S,
-    force = Sᵀ (Q − h − M σ)."""
+    force = Sᵀ (Q − h − M σ). A, c, β and λ are of the independent rows."""
 
     S: ca.SX
     sigma: ca.SX
     mass: ca.SX
     force: ca.SX
+    R: ca.SX
+    A: ca.SX
+    c: ca.SX
+    beta: ca.SX
+    lam: ca.SX
 
 
 @dataclass(frozen=True)

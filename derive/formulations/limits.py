@@ -33,3 +33,7 @@ TINY = 1e-30
 
 # udwadia_phohomsiri
 LIGHT = 1e-9  # masses and mobilities below this part of the usual say nothing of a row's size
+
+# ---- derivatives
+
+UNROLLED = 6_000  # operations of solving for them up to which they are written out, not looped over

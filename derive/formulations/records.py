@@ -64,6 +64,26 @@ class Result:
 
 
 @dataclass(frozen=True)
+class Elimination:
+    """M X = B of a symmetric M, to be solved in a loop over the columns of B where the code runs.
+
+    M = Lᵀ D L with the unknowns taken in `order`; `pairs`: (i, k), in order, row i gets −L times
+    row k on the way there, and gives as much back. `values`: those L, then 1/D of each unknown. B
+    stands in the function's `unsolved` result, in rows from `first` on and in the `ranges` (begin,
+    end) of columns; X takes its place. Then `added` is added at `places` of the result.
+    """
+
+    order: tuple[int, ...]
+    pairs: tuple[tuple[int, int], ...]
+    values: ca.SX
+    unsolved: ca.SX
+    first: int
+    ranges: tuple[tuple[int, int], ...]
+    added: ca.SX
+    places: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Function:
     """`about` is one line for the header, docstring and manifest; `named` are intermediates that
     name sections of the code.
@@ -80,6 +100,7 @@ class Function:
     iteration: Iteration | None = None
     residual: ca.SX | None = None  # of an iteration
     x: Argument | None = None
+    solving: Elimination | None = None  # how the result is computed, where a loop is shorter
 
 
 @dataclass(frozen=True)

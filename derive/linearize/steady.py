@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
-from derive.expressions.evaluate import casadi_functions, number, value
+from derive.expressions.evaluate import number, value
 from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
 from derive.linearize.limits import (
@@ -145,7 +145,7 @@ def _values_by_name(equations: Equations, motion: SteadyMotion, s: ca.SX) -> dic
     names = dict(system.symbols.names) | {name: s[k] for k, name in enumerate(motion.sweepable)}
     wanted = {i.name: ca.SX(0) for i in system.model.inputs if i.name not in motion.free}
     return wanted | {
-        name: ca.SX(value(e, names, system.symbols.rates, casadi_functions()))
+        name: ca.SX(value(e, names, system.symbols.rates, system.symbols.functions))
         for name, e in motion.values
     }
 
@@ -261,9 +261,9 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
     """(x, u) of the steady motion near y, by damped Newton in the model's own units. Steps are
     those of least squares: a family of steady motions leaves directions open, and rows may repeat
     each other. Raises AssumptionError, with the residual, where there is none."""
-    y, free = _with_inputs(found, y, p, s)
+    y, free = with_inputs(found, y, p, s)
     D = found.scale
-    rows = _sizes(found, _evaluated(found, y, p, s)[1])
+    rows = row_sizes(found, _evaluated(found, y, p, s)[1])
     for _ in range(STEADY_STEPS):
         residual, slopes = _evaluated(found, y, p, s)
         scaled = slopes * (free * D) / rows[:, None]
@@ -278,7 +278,7 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
     return y
 
 
-def _sizes(found: Problem, J: np.ndarray) -> np.ndarray:
+def row_sizes(found: Problem, J: np.ndarray) -> np.ndarray:
     """One of each row in the model's own units; of a position row, which does not say its unit,
     what its slopes J say."""
     own = scales(found.equations.system.model)
@@ -291,7 +291,7 @@ def _sizes(found: Problem, J: np.ndarray) -> np.ndarray:
     )
 
 
-def _with_inputs(
+def with_inputs(
     found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """y with the inputs that are held at their values, and which entries are left to find."""

@@ -25,3 +25,8 @@ FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
 
 # links
 EXACT = 1e-14  # what rounding leaves between an entry of a direction and a whole number
+
+FEET = 8  # points from where a surface is looked for
+STEPS_TO_SURFACE = 60  # halves of the way to a double root: 1e-18 of it is left
+FLAT_SURFACE = 1e-6  # of the slope beside a surface: what is less on all of it is none
+STEPS_TO_FOOT = 6  # 64 digits of the way from the centre of a sphere to the surface below it

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import casadi as ca
 
+from derive.expressions.scalars import Scalar
 from derive.expressions.scalars import Vector as Numbers
 from derive.expressions.tree import Call, Name, Vector
-from derive.joints.records import Turn
-from derive.joints.rotations import merged
-from derive.mechanics.scene import IN_PLANE, Scene
+from derive.joints.records import Rotation, Turn
+from derive.joints.rotations import dot, matrix, merged
+from derive.mechanics.records import Place
+from derive.mechanics.scene import IN_PLANE, NORMAL, Scene
 from derive.mechanics.tree import ground_point, relative_rotation
 from derive.model.records import Output
 from derive.model.rows import row_names
@@ -46,7 +48,7 @@ def _of_body(scene: Scene, call: Call) -> ca.SX:
     body = call.arguments[0]
     assert isinstance(body, Name)  # the loader saw to it
     if call.function == "angle":
-        return ca.SX(_angle(scene, body.name))
+        return planar_angle(scene, scene.places[body.name])
     point = _point(scene, call)
     ground = ground_point(scene.places[body.name], point, scene.positions, scene.rotations)
     position = ca.vertcat(*[ground[k] for k in IN_PLANE[scene.model.plane]])
@@ -63,13 +65,24 @@ def _point(scene: Scene, call: Call) -> Numbers:
     return scene.symbols.vector(entries.entries)
 
 
-def _angle(scene: Scene, body: str) -> ca.SX:
-    """The angle of a planar body against the ground, counter-clockwise from the plane's first to
-    its second axis."""
-    place = scene.places[body]
+def planar_angle(scene: Scene, place: Place) -> ca.SX:
+    """The angle of a planar body or frame against the ground, counter-clockwise from the plane's
+    first to its second axis: all turns of the joints, with what placements turn for good."""
     chain = merged(relative_rotation(scene.links, -1, place.link), place.rotation)
-    turned = ca.SX(0)
+    normal, turned = NORMAL[scene.model.plane], ca.SX(0)
+    still: Rotation = ()  # placements in a row: only together they are turns in the plane
     for factor in chain:
         if isinstance(factor, Turn):
-            turned = turned + factor.angle
-    return -turned if scene.model.plane == "xz" else turned
+            turned = turned + dot(normal, list(factor.axis)) * factor.angle
+            turned, still = turned + _still_angle(scene, still), ()
+        else:
+            still = (*still, factor)
+    return turned + _still_angle(scene, still)
+
+
+def _still_angle(scene: Scene, still: Rotation) -> Scalar:
+    if not still:
+        return 0.0
+    i, j = IN_PLANE[scene.model.plane]
+    R = matrix(still)
+    return ca.atan2(R[j][i], R[i][i])

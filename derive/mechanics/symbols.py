@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.expressions.evaluate import casadi_functions, value
+from derive.expressions.evaluate import Functions, casadi_functions, casadi_tables, value
 from derive.expressions.scalars import Scalar, Vector
-from derive.expressions.tree import Expression
+from derive.expressions.tree import Expression, Name, walk
 from derive.model.records import Model
 from derive.model.rows import row_names
 
@@ -28,11 +28,12 @@ class Symbols:
     qd: ca.SX
     names: dict[str, Scalar]
     rates: dict[str, Scalar]
+    functions: Functions  # of formulas
 
     def scalar(self, expression: Expression) -> Scalar:
         """The formula over these symbols; a float where only numbers and constant parameters
         occur."""
-        result = value(expression, self.names, self.rates, casadi_functions())
+        result = value(expression, self.names, self.rates, self.functions)
         return float(result) if not isinstance(result, ca.SX) or result.is_constant() else result
 
     def reactions(self, rows: Iterable[str]) -> ca.SX:
@@ -50,7 +51,8 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     stands for.
 
     Parameters in `constants` are numbers from here on and no entries of p. Definitions come last
-    and in order: each may use those before it. Reactions are symbols of their own, replaced by
+    and in order: each may use those before it; those that use measures of the motion are entered
+    by derive.mechanics.measures. Reactions are symbols of their own, replaced by
     their value when the multipliers are known.
     """
     t, u = ca.SX.sym("t"), _column([i.name for i in model.inputs])
@@ -68,11 +70,20 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     names |= {x.name: u[i] for i, x in enumerate(model.inputs)}
     names["t"] = t
     names |= {f"reaction.{row}": ca.SX.sym(f"reaction_{row}") for row in row_names(model)}
+    functions = {**casadi_functions(), **casadi_tables(model.tables)}
     rates: dict[str, Scalar] = {x.name: qd[i] for i, x in enumerate(model.coordinates)}
-    result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates)
-    for name, expression in model.definitions:
-        names[name] = result.scalar(expression)
+    result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates, functions)
+    define(model, result)
     return result
+
+
+def define(model: Model, symbols: Symbols) -> None:
+    """Enters the definitions that are not there yet and whose names are all known: those that use
+    measures of the motion have to wait for the mechanics."""
+    for name, expression in model.definitions:
+        needed = (node.name for node in walk(expression) if isinstance(node, Name))
+        if name not in symbols.names and all(x in symbols.names for x in needed):
+            symbols.names[name] = symbols.scalar(expression)
 
 
 def _column(names: list[str]) -> ca.SX:

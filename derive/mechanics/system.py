@@ -20,6 +20,7 @@ from derive.mechanics.forms import ONE, Form
 from derive.mechanics.limits import FEW, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
+from derive.mechanics.measures import with_measures
 from derive.mechanics.motion import (
     REST,
     Numbers,
@@ -52,8 +53,8 @@ REST_NUMBERS: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 
 
 def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[System, ca.SX]:
-    """The mechanics of a model with its ideal constraints, and the nonideal forces C (nv), which
-    may use the reactions of the ideal problem.
+    """The mechanics of a model with its ideal constraints, and the forces C (nv) that do not
+    belong to the ideal problem: of nonideal constraints, and of loads that use its reactions.
 
     `constants` names the parameters to bake in as numbers ("all" for every one). Raises ModelError
     where the kinetic energy is not quadratic in the rates.
@@ -69,10 +70,14 @@ def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[S
     scene = Scene(
         model, s, qdot, links, places, rotations, positions, [list(n[0]) for n in numbers]
     )
+    scene = with_measures(scene)
+    s = scene.symbols
     found = blocks(scene)
-    loads, extra = applied(scene), _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
+    loads, reacting = applied(scene)
+    extra = _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
     g: Vector = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
-    return _assembled(scene, baked, numbers, found, loads, extra, g)
+    nonideal = _nonideal(scene, found) + reacting
+    return _assembled(scene, baked, numbers, found, (loads, nonideal), extra, g)
 
 
 def _inertias(links: Sequence[Link]) -> tuple[tuple[Inertia, ...], ...]:
@@ -89,7 +94,7 @@ def _assembled(
     baked: tuple[str, ...],
     numbers: list[Numbers],
     found: list[Block],
-    loads: Applied,
+    forces: tuple[Applied, ca.SX],
     extra: Lagrangian,
     g: Vector,
 ) -> tuple[System, ca.SX]:
@@ -97,7 +102,7 @@ def _assembled(
     potential given by formula, Q the springs, so that M v̇ + h = Q + Aᵀ λ counts no force twice."""
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
     inertias = _inertias(links)
-    nonideal = _nonideal(scene, found)
+    loads, nonideal = forces
     written = (
         sum(len(path(links, i)) for i in range(len(links))) <= MOST_ENTRIES
         or not nonideal.is_zero()

@@ -8,6 +8,7 @@ from typing import Any
 from derive.joints import CLOSURES, JOINTS
 from derive.model.build import built
 from derive.model.document import LARGEST, Source, content, decoded, parsed
+from derive.model.expansion import expanded
 from derive.model.kinds import KINDS
 from derive.model.records import Model
 from derive.model.shape import json_schema
@@ -18,13 +19,15 @@ __all__ = ["KINDS", "Model", "load", "load_text", "schema"]
 
 def load(path: str | Path) -> Model:
     """The Model of a file; ModelError with file, line and column of everything wrong with it."""
-    return load_text(decoded(content(path, LARGEST), str(path)), str(path))
+    text = decoded(content(path, LARGEST), str(path))
+    return load_text(text, str(path), Path(path).parent)
 
 
-def load_text(text: str, file: str = "<text>") -> Model:
-    """The same for text in memory; `file` is its name in messages."""
-    source = Source(text, file)
-    return built(structured(parsed(source), source), source)
+def load_text(text: str, file: str = "<text>", folder: Path | None = None) -> Model:
+    """The same for text in memory; `file` is its name in messages, `folder` where the files stand
+    that it refers to."""
+    source = Source(text, file, folder)
+    return built(structured(expanded(parsed(source), source), source), source)
 
 
 def schema() -> dict[str, Any]:

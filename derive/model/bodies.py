@@ -12,12 +12,13 @@ from derive.model.entries import BodyEntry, InertiaEntry
 from derive.model.limits import INERTIA_SLACK
 from derive.model.placements import rotation
 from derive.model.reader import Reader
-from derive.model.records import Body, Span, Vector3
+from derive.model.records import Body, Vector3
 
 Inertia = tuple[Expression, Expression, Expression, Expression, Expression, Expression]
 POINT_MASS: Inertia = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
 INERTIA_UNIT = "kg*m^2"
 ABOUT = ("com", "origin")
+WAIVER = "physical: false takes it as it is"
 
 
 def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
@@ -25,7 +26,8 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
     kg m² about the centre of mass in the body's axes.
 
     No mass or principal moment is negative, and the largest principal moment is at most the sum of
-    the other two, as ∫(y² + z²) dm and so on demand. What does not hold is reported.
+    the other two, as ∫(y² + z²) dm and so on demand. What does not hold is reported; with
+    `physical: false` an impossible inertia is taken as it is, and noted.
     """
     mass = reader.formula(entry.mass, "a mass", unit="kg")
     com = reader.point(entry.com, "a centre of mass")
@@ -115,9 +117,16 @@ def _check_mass(
         0.0 if moment == ZERO else reader.value(moment, scalars[0]) for moment in inertia if scalars
     ]
     numbers = [moment for moment in moments if moment is not None]
-    if len(numbers) == 6:
-        slack = INERTIA_SLACK * _largest(reader, scalars)
-        _check_moments(reader, key, node.span, given, numbers, slack)
+    if len(numbers) < 6:
+        return
+    slack = INERTIA_SLACK * _largest(reader, scalars)
+    impossible = _impossible(reader, str(key), given, numbers, slack)
+    if impossible is None:
+        return
+    if reader.answer(entry.physical, otherwise=True):
+        reader.report(node.span, *impossible, WAIVER)
+    else:
+        reader.notes.append(f"{impossible[0]}, and it is taken as it is")
 
 
 def _largest(reader: Reader, scalars: list[Scalar]) -> float:
@@ -129,26 +138,24 @@ def _largest(reader: Reader, scalars: list[Scalar]) -> float:
     return max((abs(value) for value in values if value is not None), default=0.0)
 
 
-def _check_moments(
-    reader: Reader, key: Key, span: Span, mass: float | None, moments: list[float], slack: float
-) -> None:
+def _impossible(
+    reader: Reader, name: str, mass: float | None, moments: list[float], slack: float
+) -> tuple[str, str] | None:
+    """What is wrong with the moments of a body and what was expected; None where nothing is."""
     if mass == 0.0 and max(map(abs, moments)) > slack:
-        reader.report(span, f"'{key}' has inertia but no mass", "inertia 0 for a body without mass")
+        return f"'{name}' has inertia but no mass", "inertia 0 for a body without mass"
     if min(moments[:3]) < -slack:
-        reader.report(
-            span, f"a moment of inertia of '{key}' is {min(moments[:3]):g} kg*m^2", "zero or more"
-        )
-    elif not reader.space.plane:
-        low, middle, high = _principal(moments)
-        if low < -slack:
-            reader.report(
-                span, f"a principal moment of inertia of '{key}' is {low:g} kg*m^2", "zero or more"
-            )
-        elif low + middle < high - slack:
-            problem = f"no body has the inertia of '{key}': {low:g} + {middle:g} < {high:g} kg*m^2"
-            reader.report(
-                span, problem, "the largest principal moment at most the sum of the other two"
-            )
+        problem = f"a moment of inertia of '{name}' is {min(moments[:3]):g} kg*m^2"
+        return problem, "zero or more"
+    if reader.space.plane:
+        return None
+    low, middle, high = _principal(moments)
+    if low < -slack:
+        return f"a principal moment of inertia of '{name}' is {low:g} kg*m^2", "zero or more"
+    if low + middle < high - slack:
+        problem = f"no body has the inertia of '{name}': {low:g} + {middle:g} < {high:g} kg*m^2"
+        return problem, "the largest principal moment at most the sum of the other two"
+    return None
 
 
 def _principal(moments: list[float]) -> tuple[float, float, float]:

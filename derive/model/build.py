@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from derive.expressions.tree import ZERO, Expression, Number
+from dataclasses import replace
+
+from derive.expressions.tree import ZERO, Expression, Name, Number, walk
 from derive.model import (
     actuators,
     bodies,
@@ -10,11 +12,14 @@ from derive.model import (
     events,
     extremes,
     frames,
+    letters,
     mechanism,
     motions,
     named_frames,
+    paths,
     published,
     steady,
+    tables,
     ties,
 )
 from derive.model.collisions import check_collisions
@@ -26,8 +31,8 @@ from derive.model.loads.in_joint import in_joint
 from derive.model.massless import check_tips
 from derive.model.names import module_objection
 from derive.model.reader import Reader
-from derive.model.records import Constraint, Load, Model, Vector3
-from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME
+from derive.model.records import GROUND, Constraint, Load, Model, Vector3
+from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME, VELOCITY
 from derive.model.shape import Document, kind_of
 from derive.model.space import Space
 
@@ -39,9 +44,16 @@ def built(document: Document, source: Source) -> Model:
     formulas that use names which are not known would all be reported in their wake."""
     reader = Reader(source, Space(document.plane or ""))
     _check_head(reader, document)
+    curves = tables.tables(reader, document)
     joints, names = _names(reader, document)
     reader.finish()
     model = _model(reader, document, joints, names)
+    model = replace(
+        model,
+        measures=tuple(reader.measures.found.values()),
+        tables=curves,
+        paths=tuple(reader.paths.values()),
+    )
     reader.finish()
     check_tips(reader, model)
     reader.finish()
@@ -71,6 +83,11 @@ def _check_head(reader: Reader, document: Document) -> None:
 
 def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     parameters = definitions.parameters(reader, document)
+    reader.measures.paths = paths.names(document)
+    reader.measures.frames = (
+        GROUND,
+        *dict.fromkeys(map(str, (*document.bodies, *document.frames, *document.joints))),
+    )
     found = [
         frame
         for key, entry in document.joints.items()
@@ -99,11 +116,13 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
 
 def _model(reader: Reader, document: Document, joints: list[Frame], names: Names) -> Model:
     ties.enter_reactions(reader, document)
+    for key, entries in document.paths.items():
+        reader.paths[str(key)] = paths.path(reader, document, key, entries)
     outputs = tuple(
         motions.output(reader, document, names, key, scalar)
         for key, scalar in document.outputs.items()
     )
-    return Model(
+    model = Model(
         name=document.model.text,
         description=document.description.text if document.description else "",
         file=reader.source.file,
@@ -132,6 +151,8 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             named_frames.named_frame(reader, document, key, entry)
             for key, entry in document.frames.items()
         ),
+        symbols=letters.letters(reader, document, names.coordinates),
+        body_symbols=letters.of_bodies(reader, document),
         choices=motions.choices(reader, document),
         initial=motions.initial(reader, document, joints),
         steady_motions=tuple(
@@ -147,6 +168,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             extremes.extremes(reader, key, entry) for key, entry in document.extremes.items()
         ),
         redundant=document.redundant,
+        sources=tuple((other.file, other.text) for other in reader.source.others),
         potential=_energy(
             reader,
             document.potential,
@@ -154,6 +176,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             frozenset({PARAMETER, COORDINATE, TIME}),
         ),
     )
+    return replace(model, notes=tuple(reader.notes))
 
 
 def _gravity(reader: Reader, document: Document) -> Vector3 | None:
@@ -189,10 +212,32 @@ def _loads(
     return tuple(entry for entry in found if entry is not None)
 
 
+def uses_measure(formula: Expression, reader: Reader) -> str:
+    """A measure of the motion that a formula uses, through definitions too; "" where there is
+    none."""
+    for node in walk(formula):
+        if not isinstance(node, Name):
+            continue
+        if node.name in reader.measures.found:
+            return node.name
+        if node.name in reader.definitions:
+            inside = uses_measure(reader.definitions[node.name], reader)
+            if inside:
+                return inside
+    return ""
+
+
 def _energy(
     reader: Reader, scalar: Scalar | None, where: str, allowed: frozenset[str]
 ) -> Expression | None:
     if scalar is None:
         return None
     formula = reader.formula(scalar, where, allowed, unit="J")
+    if VELOCITY in allowed and (name := uses_measure(formula, reader)):
+        reader.report(
+            scalar.span,
+            f"'{name}' in {where}",
+            "coordinates, their rates and t",
+            "what moves with a body is a body's inertia: give it a mass or an inertia",
+        )
     return None if formula == ZERO else formula

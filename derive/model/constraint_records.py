@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from derive.expressions.tree import ZERO, Expression
-from derive.model.records import Span, Vector3
+from derive.model.records import GROUND, Span, Vector3
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,13 @@ class NoSlip:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A body rolls without slip on the plane through `origin`, normal to `normal` (ground frame; in
-    the body's: centre, axis).
+    """A body rolls without slip on the plane through `origin`, normal to `normal` (in the frame of
+    `carrier`; in the body's: centre, axis).
 
     `shape`: "disk" (thin: wheel, knife edge), "sphere" (its axis means nothing) or "torus", whose
     circle of `radius` about the axis carries a tube of the smaller radius `tube`. In a planar model
-    the plane is a line and the disk a circle.
+    the plane is a line and the disk a circle. `surface`, where given, stands for the plane: a
+    formula of x, y, z in the carrier's frame, positive on the body's side.
     """
 
     name: str
@@ -60,8 +61,10 @@ class Rolling:
     origin: Vector3
     normal: Vector3
     span: Span
+    carrier: str = GROUND
     shape: str = "disk"
     tube: Expression = ZERO
+    surface: Expression | None = None
 
 
 @dataclass(frozen=True)

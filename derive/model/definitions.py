@@ -15,7 +15,7 @@ from derive.expressions.units import TIME as TIME_DIMENSION
 from derive.expressions.units import pretty
 from derive.model.document import Key, Scalar
 from derive.model.entries import ParameterEntry
-from derive.model.reader import Reader
+from derive.model.reader import WITH_KINEMATICS, Reader
 from derive.model.records import Parameter
 from derive.model.scope import ANYTHING, PARAMETER, TIME, Symbol, used
 from derive.model.shape import Document
@@ -75,19 +75,24 @@ def definitions(reader: Reader, document: Document) -> tuple[tuple[str, Expressi
     entries = {str(key): (key, scalar) for key, scalar in document.where.items()}
     names = {*reader.scope.symbols, *entries}
     parsed = {
-        reader.name(key): _parsed(scalar, names, entries) for key, scalar in document.where.items()
+        reader.name(key): _parsed(reader, scalar, names, entries)
+        for key, scalar in document.where.items()
     }
     order = _order(reader, parsed, entries)
     return tuple((name, _definition(reader, name, entries[name][1])) for name in order)
 
 
-def _parsed(scalar: Scalar, names: set[str], entries: dict[str, tuple[Key, Scalar]]) -> set[str]:
+def _parsed(
+    reader: Reader, scalar: Scalar, names: set[str], entries: dict[str, tuple[Key, Scalar]]
+) -> set[str]:
     """The definitions a definition uses; errors are reported when it is read in its turn."""
     try:
-        nodes = tree.walk(expression(scalar.text, names=names))
+        functions = WITH_KINEMATICS | reader.functions
+        nodes = tree.walk(expression(scalar.text, names, functions, vectors=True))
     except FormulaError:
         return set()
-    return {node.name for node in nodes if isinstance(node, tree.Name) and node.name in entries}
+    leaves = [node for node in nodes if isinstance(node, tree.Name | tree.Rate)]
+    return {node.name for node in leaves if node.name in entries}
 
 
 def _order(
@@ -123,7 +128,7 @@ def _definition(reader: Reader, name: str, scalar: Scalar) -> Expression:
     known = UNKNOWN if dimension == BARE else dimension
     degrees = degree(formula, definitions=scope.degrees)
     scope.add(name, Symbol(frozenset(kinds), known, degrees, tuple(kinds.items())))
-    reader.definitions.add(name)
+    reader.definitions[name] = formula
     if kinds.keys() <= {PARAMETER} and (value := reader.value(formula, scalar)) is not None:
         reader.values[name] = value
     return formula

@@ -12,8 +12,9 @@ import os
 import re
 import stat
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
@@ -24,10 +25,11 @@ from derive.model.records import Span
 LARGEST = 4 << 20  # bytes
 HANDED = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 DEEPEST = 32  # levels
-MOST_BODIES = 3_000  # deriving and compiling them takes minutes already
-MOST_VALUES = 300_000  # the largest model that is allowed has about half of that
+MOST_BODIES = 10_000  # reading them takes seconds, deriving and compiling them many minutes
+MOST_VALUES = 1_000_000  # the largest model that is allowed has about half of that
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
+_BRACED = re.compile(r"\w\{")  # of a name with an index, such as link{i}
 _PLAIN_TAGS = {None, "!"} | {
     f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "map", "seq")
 }
@@ -67,11 +69,9 @@ class Scalar:
     def at(self, offset: int, length: int = 1) -> Span:
         """The place of a character of the text; its beginning where the text was folded or
         escaped."""
-        return (
-            Span(self.span.line, self.span.column + offset, max(1, length))
-            if self.exact
-            else self.span
-        )
+        if not self.exact:
+            return self.span
+        return replace(self.span, column=self.span.column + offset, length=max(1, length))
 
 
 class Key(str):
@@ -112,20 +112,25 @@ Node = Scalar | Items | Entries
 
 
 class Source:
-    """The text of a model file, and messages that point into it."""
+    """The text of a model file, and messages that point into it.
 
-    def __init__(self, text: str, file: str) -> None:
-        self.text, self.file = text, file
+    `folder`: where the files stand that it may refer to, None for a text in memory. `others`: those
+    it does refer to; a place in the k-th of them has `file` k, and so has that one's `number`.
+    """
+
+    def __init__(self, text: str, file: str, folder: Path | None = None, number: int = 0) -> None:
+        self.text, self.file, self.folder, self.number = text, file, folder, number
         self.lines = _BREAK.split(text)
+        self.others: list[Source] = []
 
     def diagnostic(
         self, span: Span, message: str, expected: str = "", hint: str = ""
     ) -> Diagnostic:
         """A problem at a place of this file, with the line it stands in for the caret."""
-        line = self.lines[span.line - 1] if 0 < span.line <= len(self.lines) else ""
-        return Diagnostic(
-            self.file, span.line, span.column, span.length, message, expected, hint, line
-        )
+        source = self if span.file == self.number else self.others[span.file - 1]
+        line = source.lines[span.line - 1] if 0 < span.line <= len(source.lines) else ""
+        place = (source.file, span.line, span.column, span.length)
+        return Diagnostic(*place, message, expected, hint, line, span.where)
 
     def refuse(self, span: Span, message: str, expected: str = "", hint: str = "") -> NoReturn:
         """Raises ModelError with that diagnostic: for what makes reading on pointless."""
@@ -134,7 +139,7 @@ class Source:
     def place(self, offset: int) -> Span:
         """Line and column of a character offset in the whole text."""
         before = _BREAK.split(self.text[:offset])
-        return Span(len(before), len(before[-1]) + 1)
+        return Span(len(before), len(before[-1]) + 1, file=self.number)
 
 
 def decoded(content: bytes, file: str) -> str:
@@ -177,9 +182,13 @@ def parsed(source: Source) -> Entries:
     except yaml.MarkedYAMLError as error:
         _refuse_yaml(source, error)
     except yaml.YAMLError as error:
-        source.refuse(Span(1, 1), f"not valid YAML: {error}".splitlines()[0])
+        source.refuse(Span(1, 1, file=source.number), f"not valid YAML: {error}".splitlines()[0])
     if node is None or (isinstance(node, Scalar) and not node.text):
-        source.refuse(Span(1, 1), "the file is empty", "a mapping that starts with `model: a_name`")
+        source.refuse(
+            Span(1, 1, file=source.number),
+            "the file is empty",
+            "a mapping that starts with `model: a_name`",
+        )
     if not isinstance(node, Entries):
         source.refuse(
             _opening(node.span),
@@ -199,28 +208,33 @@ def described(node: Any) -> str:
 
 
 def _opening(span: Span) -> Span:
-    return Span(span.line, span.column, 1)
+    return replace(span, length=1)
 
 
 def _refuse_yaml(source: Source, error: yaml.MarkedYAMLError) -> NoReturn:
     mark = error.problem_mark or error.context_mark
-    span = Span(mark.line + 1, mark.column + 1) if mark else Span(1, 1)
-    line = source.lines[span.line - 1] if span.line <= len(source.lines) else ""
-    if "\t" in line[: len(line) - len(line.lstrip())]:
-        source.refuse(Span(span.line, line.index("\t") + 1), "a tab in the indentation", "spaces")
+    line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+    span = Span(line, column, file=source.number)
+    text = source.lines[span.line - 1] if span.line <= len(source.lines) else ""
+    if "\t" in text[: len(text) - len(text.lstrip())]:
+        source.refuse(
+            replace(span, column=text.index("\t") + 1), "a tab in the indentation", "spaces"
+        )
     since = ""
     if error.context and error.context_mark and error.context_mark.line + 1 != span.line:
         since = f" ({error.context} that starts on line {error.context_mark.line + 1})"
     source.refuse(
         span,
         f"not valid YAML: {error.problem or error.context}{since}",
-        _yaml_advice(error.problem or ""),
+        _yaml_advice(error.problem or "", text),
     )
 
 
-def _yaml_advice(problem: str) -> str:
+def _yaml_advice(problem: str, line: str) -> str:
     if "mapping values are not allowed" in problem:
         return "quotes around a text that holds ': '"
+    if _BRACED.search(line):
+        return "',' or '}'; inside { } and [ ], quotes around a name such as \"link{i}\""
     if "cannot start any token" in problem:
         return "quotes around a text that starts with such a character"
     return "',' or '}'" if "',' or '}'" in problem else ""
@@ -244,7 +258,9 @@ class _Builder:
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent) and node is not None:
                 self.source.refuse(
-                    _span(event), "a second document in the file", "one model per file"
+                    _span(event, self.source.number),
+                    "a second document in the file",
+                    "one model per file",
                 )
             if isinstance(event, yaml.NodeEvent):
                 node = self.node(event, 0)
@@ -253,7 +269,7 @@ class _Builder:
     def node(self, event: Any, depth: int) -> Node:
         """One value with all that is in it. Raises ModelError for an alias, a tag, or too many or
         too deeply nested values: a small file could otherwise stand for an endless one."""
-        span = _span(event)
+        span = _span(event, self.source.number)
         self.count += 1
         if self.count > MOST_VALUES:
             self.source.refuse(
@@ -310,7 +326,9 @@ class _Builder:
             self.node(event, 0) if isinstance(event, yaml.ScalarEvent | yaml.AliasEvent) else None
         )
         if not isinstance(node, Scalar):
-            self.source.refuse(_span(event), "a list or a mapping as a key", "a name")
+            self.source.refuse(
+                _span(event, self.source.number), "a list or a mapping as a key", "a name"
+            )
         return Key(node.text, node.span)
 
     def scalar(self, event: Any) -> Scalar:
@@ -320,7 +338,7 @@ class _Builder:
         formula point at its own column; a quoted or folded text is pointed at as a whole. Raises
         ModelError at control characters.
         """
-        text, span = event.value, _span(event)
+        text, span = event.value, _span(event, self.source.number)
         if bad := _CONTROL.search(text):
             self.source.refuse(
                 span, f"the control character {bad.group()!a} in a text", "printable text"
@@ -331,12 +349,11 @@ class _Builder:
         start = span.column - 1 + shift
         exact = line[start : start + len(text)] == text
         length = max(1, len(text)) if exact else span.length
-        return Scalar(
-            text, Span(span.line, span.column + (shift if exact else 0), length), exact, plain
-        )
+        column = span.column + (shift if exact else 0)
+        return Scalar(text, Span(span.line, column, length, span.file), exact, plain)
 
 
-def _span(event: Any) -> Span:
+def _span(event: Any, file: int) -> Span:
     start, end = event.start_mark, event.end_mark
     length = end.column - start.column if end.line == start.line else 1
-    return Span(start.line + 1, start.column + 1, max(1, length))
+    return Span(start.line + 1, start.column + 1, max(1, length), file)

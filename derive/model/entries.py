@@ -133,6 +133,11 @@ def _is_mapping(value: Any) -> bool:
     return isinstance(value, Entries)
 
 
+def by_node(scalar: str, mapping: str) -> Discriminator:
+    """A union of a text and a mapping; what each is called in messages."""
+    return _kind(**{scalar: _is_scalar, mapping: _is_mapping})
+
+
 Pair = Annotated[list[Point], Field(min_length=2, max_length=2)]
 Direction = Annotated[
     Annotated[Formula, Tag("<x, y or z>")] | Annotated[Point, Tag("<a list>")],
@@ -246,11 +251,32 @@ class EventEntry(Entry):
 class ParameterEntry(Entry):
     value: Formula = Field(description="Number with its unit, such as 0.2 m.")
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
+
+
+class TableEntry(Entry):
+    """A function of one number by points, joined by a cubic spline."""
+
+    file: Formula | None = Field(
+        None, description="A CSV file of two columns, in the folder of the model or below."
+    )
+    points: Nested | None = Field(None, description="Or the points: [[x, y], …].")
+    units: Point | None = Field(None, description="Units of x and y; plain numbers if left out.")
+    smooth: Formula | None = Field(
+        None,
+        description="C2, the natural spline (when left out), or C1, which keeps rising rising.",
+    )
+    about: Formula | None = Field(None, description="What it is, for readers.")
 
 
 class CoordinateEntry(Entry):
     unit: Formula = Field(description="Unit of the coordinate, such as m or rad.")
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
 
 
 class TurnedEntry(Entry):
@@ -338,7 +364,15 @@ class BodyEntry(Entry):
         "it refers to. A point mass when "
         "left out.",
     )
+    physical: Formula | None = Field(
+        None,
+        description="false: the inertia is taken as it is, though no body can have it (identified "
+        "sets); true when left out.",
+    )
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
 
 
 class OrientationEntry(Entry):
@@ -378,6 +412,9 @@ class JointEntry(TurnedEntry):
     type: Formula = Field(description="Kind of joint.")
     parent: Formula = Field(description="A body, or ground.")
     child: Formula = Field(description="A body; each is the child of one joint.")
+    symbol: Formula | None = Field(
+        None, description="How the name of its first coordinate is typeset, such as \\delta_{1}."
+    )
     at: JointPlace | None = Field(
         None,
         description="Where the joint is: a point of the parent, one of the parent and one of "
@@ -495,3 +532,26 @@ Held = Annotated[
     | Annotated[dict[Name, FormulaOrList], Tag("<a mapping>")],
     _kind(**{"a formula": _is_scalar, "a list of names": _is_list, "a mapping": _is_mapping}),
 ]
+
+
+class PulleyEntry(Entry):
+    """A round body that a path goes round: a pulley, a sheave, a cylinder, a bone."""
+
+    radius: Formula = Field(description="Radius, to the middle of the rope.")
+    side: Formula = Field(
+        description="left or right: on which side of the path it lies; seen against the axis."
+    )
+    axis: Direction | None = Field(
+        None, description="Its axis in the body's frame; the normal of a planar model."
+    )
+    turns: Formula | None = Field(None, description="Whole turns besides; 0 when left out.")
+
+
+class WaypointEntry(Entry):
+    """A point that a path goes through, or a pulley that it goes round."""
+
+    body: Formula = Field(description="The body, or ground.")
+    at: Point | None = Field(
+        None, description="The point, or the pulley's centre, in the body's frame; its origin."
+    )
+    pulley: PulleyEntry | None = Field(None, description="What it goes round there.")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from derive.expressions.dimensions import infer
 from derive.expressions.parser import unit
 from derive.expressions.tree import Call
@@ -16,7 +14,6 @@ from derive.model.scope import ANYTHING, VELOCITY, Scope, Symbol
 from derive.model.shape import Document
 
 DIRECTIONS = {"both": 0, "rising": 1, "falling": -1}
-ANSWERS = {"true": True, "false": False}
 MOST = 64  # that the simulation of a module looks for
 
 
@@ -35,22 +32,13 @@ def events(reader: Reader, document: Document, outputs: tuple[Output, ...]) -> t
 def _event(reader: Reader, key: Key, entry: Scalar | EventEntry) -> Event:
     reader.name(key)
     if isinstance(entry, Scalar):
-        scalar, direction, stop = entry, 0, 0
+        scalar, direction, stop = entry, 0, False
     else:
         scalar = entry.formula
-        direction = _word(reader, entry.direction, DIRECTIONS, "direction", 0)
-        stop = _word(reader, entry.stop, ANSWERS, "answer", False)
+        direction = reader.choice(entry.direction, DIRECTIONS, "direction", 0)
+        stop = reader.answer(entry.stop, otherwise=False)
     formula = reader.formula(scalar, "an event", ANYTHING)
-    return Event(str(key), formula, scalar.text, direction, bool(stop), key.span)
-
-
-def _word(
-    reader: Reader, scalar: Scalar | None, known: Mapping[str, int], what: str, otherwise: int
-) -> int:
-    if scalar is None:
-        return otherwise
-    word = reader.word(scalar, known, what)
-    return otherwise if word is None else known[word]
+    return Event(str(key), formula, scalar.text, direction, stop, key.span)
 
 
 def _with_outputs(reader: Reader, outputs: tuple[Output, ...]) -> Scope:

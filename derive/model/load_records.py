@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from derive.expressions.tree import Expression
-from derive.model.records import Placement, Span, Vector3
+from derive.model.records import Path, Placement, Span, Vector3
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,49 @@ class PointSpring:
     length: Expression
     damping: Expression
     span: Span
+
+
+@dataclass(frozen=True)
+class Tension:
+    """A pull (N) along a path, the same all the way: −tension ∂length/∂q; negative ones push."""
+
+    name: str
+    path: Path
+    tension: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Penalty contact after Hunt and Crossley, exponent one: with the depth δ of a body's shape
+    below a plane of `carrier`, pressure k δ max(0, 1 + damping δ̇), friction −μ times that along
+    the slip v, over √(v² + smoothing²).
+
+    `shape`: "point", "sphere" or "disk" (thin, about `axis`); a circle in a planar model. `centre`
+    and `axis` in the body's frame, `origin` and `normal` in the carrier's. `surface`, where given,
+    stands for the plane: a formula of x, y, z in the carrier's frame, positive outside, whose
+    value over its slope is the height.
+
+    `tyre`, in place of friction: (B,) of a linear or (B, C, D, E) of Pacejka's curve over the
+    longitudinal slip, then over the slip angle; forces per pressure.
+    """
+
+    name: str
+    body: str
+    centre: Vector3
+    shape: str
+    radius: Expression
+    axis: Vector3
+    carrier: str
+    origin: Vector3
+    normal: Vector3
+    surface: Expression | None
+    stiffness: Expression
+    damping: Expression
+    friction: Expression
+    smoothing: Expression
+    span: Span
+    tyre: tuple[tuple[Expression, ...], ...] = ()
 
 
 @dataclass(frozen=True)

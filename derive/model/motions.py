@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import infer
-from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS
+from derive.expressions.functions import OUTPUT_FUNCTIONS
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.tree import ZERO, Expression
@@ -14,8 +16,9 @@ from derive.model import quaternions
 from derive.model.constraints.nonideal import velocity_degree
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Frame, Names
+from derive.model.kinematics import speaks_of_motion
 from derive.model.names import identifier
-from derive.model.reader import UNREAD, Reader
+from derive.model.reader import UNREAD, WITH_KINEMATICS, Reader
 from derive.model.records import CHOICE_KINDS, Choice, InitialValue, Output, Span
 from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, VELOCITY
 from derive.model.shape import Document
@@ -204,7 +207,10 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
     reader.name(key)
     try:
         parsed = expression(
-            scalar.text, reader.scope.symbols, FUNCTIONS | OUTPUT_FUNCTIONS, vectors=True
+            scalar.text,
+            reader.scope.symbols,
+            WITH_KINEMATICS | reader.functions | OUTPUT_FUNCTIONS,
+            vectors=True,
         )
         formula, unit = _output(reader, document, parsed, scalar.text)
     except FormulaError as error:
@@ -216,22 +222,43 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
 def _output(
     reader: Reader, document: Document, parsed: Expression, text: str
 ) -> tuple[Expression, str]:
-    if isinstance(parsed, tree.Call) and parsed.function in OUTPUT_FUNCTIONS:
+    if _is_of_body(parsed, reader, document):
         return _geometric(reader, document, parsed, text)
     for node in tree.walk(parsed):
-        if isinstance(node, tree.Vector) or (
-            isinstance(node, tree.Call) and node.function in OUTPUT_FUNCTIONS
-        ):
-            what = f"{node.function}()" if isinstance(node, tree.Call) else "a list"
-            raise FormulaError(
-                f"{what} inside a formula",
-                text,
-                node.at,
-                "position(…), velocity(…), angle(…) or reaction(…) alone",
-            )
+        if isinstance(node, tree.Call) and node.function == "reaction":
+            raise FormulaError("reaction() inside a formula", text, node.at, "reaction(…) alone")
+    if speaks_of_motion(text):
+        parsed = reader.rewritten(parsed, text)
+    elif any(isinstance(node, tree.Vector) for node in tree.walk(parsed)):
+        node = next(node for node in tree.walk(parsed) if isinstance(node, tree.Vector))
+        raise FormulaError(
+            "a list inside a formula",
+            text,
+            node.at,
+            "position(…), velocity(…), angle(…) or reaction(…) alone",
+        )
     resolved = reader.scope.resolved(parsed, ANYTHING, "an output", text)
     dimension = infer(resolved, reader.scope.dimensions, text)
     return resolved, pretty(dimension) if isinstance(dimension, tuple) else ""
+
+
+def _is_of_body(parsed: Expression, reader: Reader, document: Document) -> TypeGuard[tree.Call]:
+    """Whether the whole output is a point, velocity or angle of a body against the ground, or a
+    reaction: those have functions of their own. All else of the kind is a formula."""
+    if not isinstance(parsed, tree.Call) or parsed.function not in OUTPUT_FUNCTIONS:
+        return False
+    subject, *others = parsed.arguments
+    if parsed.function == "reaction":
+        return True
+    other_frame = isinstance(subject, tree.Name) and subject.name in reader.measures.frames
+    own = isinstance(subject, tree.Name) and subject.name in document.bodies
+    if parsed.function == "angle":
+        return (own or not other_frame) and not others
+    return (own or not other_frame) and len(others) < 2 and not _is_frame(reader, others)
+
+
+def _is_frame(reader: Reader, arguments: list[Expression]) -> bool:
+    return any(isinstance(x, tree.Name) and x.name in reader.measures.frames for x in arguments)
 
 
 def _geometric(
@@ -254,7 +281,7 @@ def _geometric(
             "angle() of a body in space",
             text,
             call.at,
-            "a coordinate: only planar bodies have one angle",
+            "angle(body, z), about an axis, or a coordinate: only planar bodies have one angle",
         )
     if call.function in ("angle", "reaction"):
         return call, "rad" if call.function == "angle" else ""

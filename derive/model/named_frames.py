@@ -108,5 +108,13 @@ def frame_named(model: Model, name: str) -> NamedFrame:
     return known[name]
 
 
+def carrier(model: Model, name: str) -> NamedFrame:
+    """The frame that a formula means by a name: a body's own before a joint's. Raises
+    AssumptionError where there is none."""
+    if name == GROUND or any(body.name == name for body in model.bodies):
+        return _own(name)
+    return frame_named(model, name)
+
+
 def _own(body: str) -> NamedFrame:
     return NamedFrame(body, body, Placement(ORIGIN, None))

@@ -7,14 +7,15 @@ zero, and `finish` raises.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
+from typing import TypeVar
 
-from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, listed
 from derive.expressions import tree
 from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
-from derive.expressions.functions import FUNCTIONS, Function
+from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
 from derive.expressions.tree import Expression, Number
@@ -29,12 +30,16 @@ from derive.expressions.units import (
     quotient_of,
 )
 from derive.model.document import Items, Key, Scalar, Source
+from derive.model.kinematics import Measures, Rewriting, speaks_of_motion
 from derive.model.names import objection
-from derive.model.records import Span, Vector3
+from derive.model.records import Path, Span, Vector3
 from derive.model.scope import CONSTANT, Scope
 from derive.model.space import ORIGIN, Space, normalised
 
+T = TypeVar("T")
 ANY_UNIT = None
+ANSWERS = {"true": True, "false": False}
+WITH_KINEMATICS = FUNCTIONS | KINEMATIC_FUNCTIONS
 ANGLE = "a plain number or an angle"
 UNREAD = tree.Name(
     "?"
@@ -50,8 +55,15 @@ class Reader:
         self.scope = Scope()
         self.values: dict[str, float] = {}
         self.units: dict[str, str] = {}  # of the parameters
-        self.definitions: set[str] = set()
+        self.definitions: dict[str, Expression] = {}
+        self.measures = Measures()
+        self.functions: dict[str, Function] = dict(FUNCTIONS)  # and the model's tables
+        self.paths: dict[str, Path] = {}
         self.problems: list[Diagnostic] = []
+        self.notes: list[str] = []  # what is taken otherwise than a reader might expect
+        # what was read of a text, with the names as they are: repetitions say the same many times
+        self._read: dict[tuple[object, ...], Expression] = {}
+        self._version = 0
 
     def report(self, span: Span, message: str, expected: str = "", hint: str = "") -> None:
         """Note a problem and go on."""
@@ -60,11 +72,7 @@ class Reader:
     def finish(self) -> None:
         """Raise what was noted."""
         if self.problems:
-            raise ModelError(
-                sorted(
-                    dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)
-                )
-            )
+            raise ModelError(distinct(self.problems))
 
     def fault(self, scalar: Scalar, error: FormulaError) -> None:
         """Note a formula's error at its place in the file."""
@@ -84,6 +92,17 @@ class Reader:
             did_you_mean(scalar.text, candidates),
         )
         return None
+
+    def answer(self, scalar: Scalar | None, otherwise: bool) -> bool:
+        """Whether `true` or `false` stands there; `otherwise` where nothing does."""
+        return self.choice(scalar, ANSWERS, "answer", otherwise)
+
+    def choice(self, scalar: Scalar | None, known: Mapping[str, T], what: str, otherwise: T) -> T:
+        """What a word of `known` stands for; `otherwise` where no word stands or it is none."""
+        if scalar is None:
+            return otherwise
+        word = self.word(scalar, known, what)
+        return otherwise if word is None else known[word]
 
     def name(self, key: Key | Scalar) -> str:
         """A name that the model introduces; reported where it cannot be one."""
@@ -120,8 +139,14 @@ class Reader:
         """A scalar formula; `where` names the place ("a mass") for messages, `unit` is the SI unit
         it must have, `allowed` are the kinds of names it may use. A bad one is reported and read as
         UNREAD."""
+        if self.scope.version != self._version:
+            self._read, self._version = {}, self.scope.version
+        asked = (scalar.text, where, allowed, unit, id(functions))
+        if asked in self._read:
+            return self._read[asked]
         try:
-            return self._formula(scalar, where, allowed, unit, functions)
+            self._read[asked] = self._formula(scalar, where, allowed, unit, functions)
+            return self._read[asked]
         except FormulaError as error:
             self.fault(scalar, error)
             return UNREAD
@@ -139,18 +164,43 @@ class Reader:
         if plain is not None and plain.unit and wanted is not None and not bracketed:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
-        parsed = expression(text, names=self.scope.usable(allowed), functions=functions)
+        names = self.scope.usable(allowed)
+        known = self.functions if functions is FUNCTIONS else functions
+        if functions is FUNCTIONS and speaks_of_motion(text):
+            every = WITH_KINEMATICS | self.functions
+            parsed = self.rewritten(expression(text, names, every, vectors=True), text)
+        else:
+            parsed = expression(text, names=names, functions=known)
+        if allowed == CONSTANT:
+            _check_calls(parsed, where, text)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
         if functions is FUNCTIONS:
             self._check_value(resolved, text)
         return resolved
 
+    def rewritten(self, parsed: Expression, text: str) -> Expression:
+        """A formula with functions of the motion as one of numbers. Raises FormulaError where it
+        is none."""
+        return self.rewriting(text).scalar(parsed)
+
+    def rewriting(self, text: str) -> Rewriting:
+        """What functions of the motion mean in the formula `text`."""
+        return Rewriting(
+            self.measures, self.scope, self.space, self.definitions, self._point_entry, text
+        )
+
+    def _point_entry(self, entry: Expression, text: str) -> Expression:
+        resolved = self.scope.resolved(entry, CONSTANT, "a point", text)
+        self.check_unit(resolved, "a point", "m", text, entry.at)
+        return resolved
+
     def _check_value(self, formula: Expression, text: str) -> None:
         """FormulaError where a formula of parameters alone has no admissible value at their
         defaults."""
         leaves = (n for n in tree.walk(formula) if isinstance(n, tree.Name | tree.Rate))
-        if all(isinstance(n, tree.Name) and n.name in self.values for n in leaves):
+        known = all(isinstance(n, tree.Name) and n.name in self.values for n in leaves)
+        if known and not _tabulated(formula):
             number(formula, self.values, text)
 
     def _of_unit(self, plain: Number, text: str, where: str, wanted: str) -> Number:
@@ -198,10 +248,17 @@ class Reader:
             )
         return found
 
+    def refuse_tables(self, formula: Expression, scalar: Scalar, where: str) -> None:
+        """Note a table where none can stand."""
+        try:
+            _check_calls(formula, where, scalar.text)
+        except FormulaError as error:
+            self.fault(scalar, error)
+
     def value(self, formula: Expression, scalar: Scalar) -> float | None:
         """The number a formula of parameters has with their defaults; None where it was reported or
         has none."""
-        if any(
+        if _tabulated(formula) or any(
             (isinstance(n, tree.Name) and n.name not in self.values) or isinstance(n, tree.Rate)
             for n in tree.walk(formula)
         ):
@@ -284,6 +341,20 @@ class Reader:
         if found is None:
             self.report(span, f"{where} of length zero", "a direction")
         return found or self.space.normal
+
+
+def _tabulated(formula: Expression) -> bool:
+    """Whether the formula uses a table."""
+    calls = (node for node in tree.walk(formula) if isinstance(node, tree.Call))
+    return any(call.function not in FUNCTIONS for call in calls)
+
+
+def _check_calls(parsed: Expression, where: str, text: str) -> None:
+    """A number that is needed before anything moves is no value of a table."""
+    for node in tree.walk(parsed):
+        if isinstance(node, tree.Call) and node.function not in FUNCTIONS:
+            message = f"the table '{node.function}' in {where}"
+            raise FormulaError(message, text, node.at, "a formula without tables")
 
 
 def _advice(formula: Expression, missing: Dimension, text: str) -> str:

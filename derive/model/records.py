@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from derive.diagnostics import Diagnostic
+from derive.expressions.tables import Table
 from derive.expressions.tree import ONE, ZERO, Expression
 
 Vector3 = tuple[Expression, Expression, Expression]
@@ -26,11 +27,17 @@ CHOICE_KINDS = (
 
 @dataclass(frozen=True)
 class Span:
-    """Where in the file (1-based line and column; `length` characters from there)."""
+    """Where in the file (1-based line and column; `length` characters from there).
+
+    `file`: 0 is the model's own, k the k-th of its `sources`. `where`: of what stands for several,
+    which one this is ("i = 3", "left, used at robot.yaml:12:3").
+    """
 
     line: int
     column: int
     length: int = 1
+    file: int = 0
+    where: str = ""
 
 
 @dataclass(frozen=True)
@@ -79,6 +86,48 @@ class NamedFrame:
     name: str
     body: str
     at: Placement
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A point of a body that a path goes through or, with a radius, the centre of a pulley that it
+    goes round. `side` is 1 where the path turns counter-clockwise about `axis` (body frame; the
+    normal of a planar model), −1 where clockwise; `turns` are whole turns besides."""
+
+    body: str
+    point: Vector3
+    radius: Expression
+    side: int
+    axis: Vector3
+    turns: int
+
+
+@dataclass(frozen=True)
+class Path:
+    """The shortest way through its points and round its pulleys, without friction."""
+
+    name: str
+    points: tuple[Waypoint, ...]
+    span: Span
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One number of the kinematics that formulas use by `name`: of a body or frame `frame`, seen
+    from `relative` and along its axes.
+
+    `quantity` is "position" of `point` (m, own axes) or its rate "velocity"; "orientation", the
+    entry (row, column) of relative ← frame, or its rate "turning"; "angular_velocity", about the
+    normal in a planar model; "angle" of a planar one; "length" of the path `frame` and its rate
+    "lengthening". `component`: which entry.
+    """
+
+    name: str
+    quantity: str
+    frame: str
+    point: Vector3
+    relative: str
+    component: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -304,15 +353,29 @@ class Model:
     extremes: tuple[Extreme, ...] = ()
     events: tuple[Event, ...] = ()
     frames: tuple[NamedFrame, ...] = ()  # those of `frames:`; bodies and joints have theirs
+    symbols: tuple[tuple[str, str], ...] = ()  # of parameters and coordinates, as LaTeX
+    body_symbols: tuple[tuple[str, str], ...] = ()
+    measures: tuple[Measure, ...] = ()  # kinematics that formulas use
+    paths: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
+    tables: tuple[Table, ...] = ()
+    sources: tuple[tuple[str, str], ...] = ()  # name and text of the files it refers to
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[
         tuple[str, float], ...
     ] = ()  # inputs and parameters of the file that are numbers here, in SI units
 
+    def content(self) -> str:
+        """All the text that it was read from."""
+        return repr((self.text, self.sources))
+
     def body(self, name: str) -> Body:
         """The body of that name. Raises KeyError where there is none."""
         return {body.name: body for body in self.bodies}[name]
+
+    def path(self, name: str) -> Path:
+        """The path of that name. Raises KeyError where there is none."""
+        return {path.name: path for path in self.paths}[name]
 
     def coordinate_index(self, name: str) -> int:
         """Which entry of q that coordinate is. Raises ValueError where there is none."""
@@ -328,15 +391,18 @@ class Model:
 
     def diagnostic(self, span: Span | None, message: str, expected: str = "") -> Diagnostic:
         """The problem at a place of the file; of the file as a whole where it has no such line."""
-        lines = self.text.splitlines()
+        files = ((self.file, self.text), *self.sources)
+        file, text = files[span.file if span else 0]
+        lines = text.splitlines()
         if span is None or not 0 < span.line <= len(lines):
             return Diagnostic(file=self.file, message=message, expected=expected)
         return Diagnostic(
-            file=self.file,
+            file=file,
             line=span.line,
             column=span.column,
             length=span.length,
             message=message,
             expected=expected,
             source_line=lines[span.line - 1],
+            where=span.where,
         )

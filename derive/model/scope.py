@@ -52,20 +52,24 @@ class Scope:
     aliases: dict[str, str] = field(default_factory=dict[str, str])
     dimensions: dict[str, Inferred] = field(default_factory=dict[str, Inferred])
     degrees: dict[str, Degree] = field(default_factory=dict[str, Degree])
+    version: int = 0  # another one wherever the names change
 
     def add(self, name: str, symbol: Symbol) -> None:
         """Enter a name. The first of two stays: collisions are reported elsewhere."""
+        self.version += 1
         if self.symbols.setdefault(name, symbol) is symbol:
             self.dimensions[name], self.degrees[name] = symbol.dimension, symbol.degree
 
     def remove(self, name: str) -> None:
         """Forgets a name: it was allowed in some formulas only. Raises KeyError where it is not
         known."""
+        self.version += 1
         for table in (self.symbols, self.dimensions, self.degrees):
             del table[name]
 
     def put(self, name: str, symbol: Symbol) -> None:
         """Enter a name over another of the same spelling."""
+        self.version += 1
         self.symbols[name], self.dimensions[name], self.degrees[name] = (
             symbol,
             symbol.dimension,

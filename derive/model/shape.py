@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from derive.model.composition import Composition
 from derive.model.constraints import CONSTRAINTS
 from derive.model.document import Entries, Scalar
 from derive.model.entries import (
@@ -29,6 +30,8 @@ from derive.model.entries import (
     Parameter,
     Point,
     ReferenceEntry,
+    TableEntry,
+    WaypointEntry,
 )
 from derive.model.kind import Kind
 from derive.model.loads import LOADS
@@ -79,6 +82,9 @@ class Document(Entry):
         {}, description="Coordinates of the analytic form, with units."
     )
     where: dict[Name, Formula] = Field({}, description="Names for formulas used in several places.")
+    tables: dict[Name, TableEntry] = Field(
+        {}, description="Functions of one number by points, for formulas."
+    )
     bodies: dict[Name, BodyEntry] = Field({}, description="Rigid bodies.")
     joints: dict[Name, JointEntry] = Field({}, description="The tree of joints from the ground.")
     closures: dict[Name, ClosureEntry] = Field({}, description="Joints that close loops.")
@@ -86,6 +92,11 @@ class Document(Entry):
         {},
         description="Frames fixed to bodies, for functions on request (pose_NAME, jacobian_NAME …) "
         "and wrenches; every body and joint is one of its own name.",
+    )
+    paths: dict[Name, list[WaypointEntry]] = Field(
+        {},
+        description="Ways of ropes, muscles and cylinders through points and round pulleys; "
+        "length(NAME) in formulas.",
     )
     constraints: dict[Name, Constraint] = Field(
         {}, description="Holonomic and nonholonomic constraints."
@@ -174,7 +185,10 @@ def about(entry: type[Entry]) -> str:
 def json_schema(joints: tuple[str, ...], closures: tuple[str, ...]) -> dict[str, Any]:
     """JSON Schema of a model file, for editors; the names of the types of joints and closures."""
     schema = Document.model_json_schema()
-    definitions = schema["$defs"]
+    composed = Composition.model_json_schema()
+    schema["properties"] |= composed["properties"]
+    definitions = schema["$defs"] | composed["$defs"]
+    schema["$defs"] = definitions
     for owner, types in (
         ("JointEntry", joints),
         ("ClosureEntry", closures),

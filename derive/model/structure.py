@@ -4,27 +4,35 @@ place."""
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, listed
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit as unit_of
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source, described
+from derive.model.entries import Entry
 from derive.model.records import Span
 from derive.model.shape import Document
+
+Shape = TypeVar("Shape", bound=Entry)
 
 
 def structured(node: Entries, source: Source) -> Document:
     """The Document of a file; ModelError with every problem of shape in it."""
+    return shaped(Document, node, source)
+
+
+def shaped(kind: type[Shape], node: Entries, source: Source) -> Shape:
+    """A mapping as an entry of that class; ModelError with every problem of shape in it."""
     try:
-        return Document.model_validate(node)
+        return kind.model_validate(node)
     except ValidationError as error:
         problems = [
             found for details in error.errors() for found in _diagnostics(details, node, source)
         ]
-        raise ModelError(sorted(set(problems), key=lambda d: (d.line, d.column))) from None
+        raise ModelError(distinct(problems)) from None
 
 
 def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagnostic]:

@@ -17,12 +17,16 @@ class RobotFile:
 
     `floating`: the root link moves freely. `exact`: angles are taken to the last digit, else 1.5708
     is read as a right angle. `include`: folders that MJCF files may include from, beside their own.
+    `unphysical`: an inertia that no body can have is taken as it is, else refused. `parameters`:
+    "inertial" makes masses, centres of mass and inertias parameters, and adds a payload.
     """
 
     path: str | PathLike[str]
     floating: bool = False
     exact: bool = False
     include: tuple[str, ...] = ()
+    unphysical: bool = False
+    parameters: str = ""
 
     def __fspath__(self) -> str:
         return str(self.path)

@@ -5,7 +5,7 @@ Robot files are full of sensors and dummy links with invented inertias. Refusing
 would help nobody: a body on a fixed joint moves with its carrier, and only the sum of their tensors
 (each about its own centre of mass, in one orientation) enters the equations. So such a tensor is
 counted with the body of the same piece that has the largest; mass and centre of mass stay where
-they are. What is impossible for a whole piece is left for the model language to refuse.
+they are. What is impossible for a whole piece is left for the model language to refuse, or waived.
 """
 
 from __future__ import annotations
@@ -45,6 +45,12 @@ def gather(robot: Robot) -> None:
     if moved:
         text = "an inertia that no body can have; each is counted with a body that it is fixed to"
         robot.changed.append(f"{counted(len(moved), 'body has', 'bodies have')} {text}")
+
+
+def waive(robot: Robot) -> None:
+    """Take the inertias that are still impossible as they are."""
+    for body in robot.bodies:
+        body.physical = possible(body.mass, body.inertia)
 
 
 def _drop_noise(robot: Robot) -> None:

@@ -5,11 +5,20 @@ else is said."""
 SLACK = 0.5e-9  # relative, half of what the language allows
 NOISE = 1e-15  # kg m²: what exporters write instead of zero; a gram at a micrometre
 
+# friction
+SMOOTHING = 0.01  # rad/s or m/s: where tanh in place of the sign is three quarters there
+REST = 1e-3  # s in which friction may stop a joint: a step of a controller
+
 # numbers
 WHOLE = 1e15  # whole numbers below it are written without a point or an exponent
 
 # rotations
-NEAR = 1e-9  # rad, or of an entry: an angle or a direction so near to a simple one is that one
+NEAR = 1e-9  # of an entry: a direction so near to a simple one is that one
+SAME_DEGREE = 1e-11  # rad: an angle so near to whole degrees is one to all digits that were written
+MEANT = 1e-8  # rad: 1.5707963259 has a wrong digit, and means a right angle
 ROUNDING = 1e-15  # of the largest entry of a tensor: less is what rounding leaves of zero
 MOST_STEPS = 1e6  # degrees: an angle beyond is none that somebody meant
 SAME_ANGLE = 1e-12  # relative: a printed angle is a rounding of the one that was meant
+
+# size
+MOST_BODIES = 3_000  # deriving and compiling them takes minutes already

@@ -16,7 +16,8 @@ from typing import NoReturn
 from xml.parsers import expat
 
 from derive.diagnostics import Diagnostic, ModelError
-from derive.model.document import MOST_BODIES, content
+from derive.model.document import content
+from derive.robots.limits import MOST_BODIES
 
 LARGEST = 64 << 20  # bytes
 DEEPEST = 10_000  # levels; a chain of bodies is one level per body in MJCF

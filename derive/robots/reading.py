@@ -13,15 +13,29 @@ from pathlib import Path
 from typing import NoReturn
 
 from derive import model
-from derive.diagnostics import Diagnostic, ModelError
+from derive.diagnostics import Diagnostic, ModelError, listed
 from derive.expressions.limits import BELOW, too_large
-from derive.model.document import MOST_BODIES
+from derive.model.bodies import WAIVER
+from derive.model.builder import Model as BuiltModel
 from derive.model.records import Model
 from derive.robots import ROBOTS, File, RobotFile, mjcf, urdf
-from derive.robots.inertias import gather
+from derive.robots.friction import smooth
+from derive.robots.inertias import gather, waive
+from derive.robots.limits import MOST_BODIES
 from derive.robots.markup import Budget, parsed, read, unquoted
+from derive.robots.parameters import KINDS, name_inertial
 from derive.robots.robot import Robot
 from derive.robots.writing import Written, text_of
+
+UNPHYSICAL = "--allow-unphysical takes it as it is"
+# field of RobotFile → its option, and what to write in a model file instead
+OPTIONS = {
+    "floating": ("--floating", "a joint of type free in the model file"),
+    "exact": ("--exact", ""),
+    "include": ("--include", ""),
+    "unphysical": ("--allow-unphysical", "physical: false at the body"),
+    "parameters": ("--parameters", "parameters: in the model file"),
+}
 
 
 @dataclass(frozen=True)
@@ -39,7 +53,10 @@ class Imported:
 
 
 def load(path: File) -> Model:
-    """The Model of a model file or of a robot file; what a robot loses is warned of."""
+    """The Model of a model file, of a model made in Python or of a robot file; what a robot loses
+    is warned of."""
+    if isinstance(path, BuiltModel):
+        return model.load_text(path.yaml(), str(path), path.folder)
     if Path(path).suffix.lower() not in ROBOTS:
         if isinstance(path, RobotFile):
             _refuse_options(path)
@@ -51,11 +68,9 @@ def load(path: File) -> Model:
 
 
 def _refuse_options(file: RobotFile) -> NoReturn:
-    given = [name for name in ("floating", "exact", "include") if getattr(file, name)]
-    raise ModelError(
-        f"--{(given or ['floating'])[0]} is for URDF and MJCF files, and {file} is neither",
-        "a joint of type free in the model file" if file.floating else "",
-    )
+    given = [name for name in OPTIONS if getattr(file, name)] or ["floating"]
+    option, instead = OPTIONS[given[0]]
+    raise ModelError(f"{option} is for URDF and MJCF files, and {file} is neither", instead)
 
 
 def imported(path: File, floating: bool = False) -> Imported:
@@ -66,15 +81,22 @@ def imported(path: File, floating: bool = False) -> Imported:
     _check_size(robot)
     _check_numbers(robot)
     gather(robot)
+    smooth(robot)
+    if file.unphysical:
+        waive(robot)
+    if file.parameters:
+        _check_kind(file.parameters)
+        name_inertial(robot)
     made = text_of(robot, Path(path).name)
     joints = {
         joint.place.get("name"): joint.name
         for joint in robot.joints
         if joint.place.tag in ("joint", "freejoint")
     }
-    notes = (*robot.assumed, *(f"left out: {sentence}" for sentence in robot.left_out))
+    found = _model(made, robot, path)
+    left_out = tuple(f"left out: {sentence}" for sentence in robot.left_out)
     return Imported(
-        replace(_model(made, robot, path), notes=notes),
+        replace(found, notes=(*robot.assumed, *found.notes, *left_out)),
         made.text,
         robot.kind,
         tuple(robot.changed),
@@ -94,6 +116,13 @@ def _robot(file: RobotFile) -> Robot:
     raise ModelError(
         unquoted(root.diagnostic("the file is no robot", "<robot> (URDF) or <mujoco> (MJCF)"))
     )
+
+
+def _check_kind(parameters: str) -> None:
+    if parameters not in KINDS:
+        raise ModelError(
+            f"unknown parameters '{parameters}' of a robot", f"expected: {listed(KINDS)}"
+        )
 
 
 def _check_size(robot: Robot) -> None:
@@ -120,7 +149,7 @@ def _model(made: Written, robot: Robot, path: File) -> Model:
         found: list[Diagnostic] = []
         for problem in error.diagnostics:
             origin = made.origins[problem.line - 1] if problem.line else None
-            found.append(
-                (origin or robot.root).diagnostic(problem.message, problem.expected, problem.hint)
-            )
+            hint = UNPHYSICAL if problem.hint == WAIVER else problem.hint
+            place = origin or robot.root
+            found.append(place.diagnostic(problem.message, problem.expected, hint))
         raise ModelError(dict.fromkeys(found)) from None

@@ -6,13 +6,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
+from derive.robots.limits import SMOOTHING
 from derive.robots.markup import Element
 from derive.robots.naming import PLAIN, SUFFIXES, Names
 from derive.robots.rotations import IDENTITY, ORIGIN, Matrix, Vector, from_rpy
 
 GROUND = "ground"
 ONE_RATE = ("revolute", "prismatic")
-SMOOTHING = 0.01  # rad/s or m/s: where tanh in place of the sign is three quarters there
 BASE_RATES = {
     "ball": ("wx", "wy", "wz"),
     "free": ("vx", "vy", "vz", "wx", "wy", "wz"),
@@ -23,13 +23,16 @@ BASE_RATES = {
 @dataclass
 class Body:
     """Inertia about the centre of mass in the body's frame (xx, yy, zz, xy, xz, yz); no mass at all
-    where `mass` is 0."""
+    where `mass` is 0. `physical`: whether the inertia has to be that of a body.
+    `symbols`: names of parameters in the place of numbers, by `m`, `c_x`, `I_xx`."""
 
     name: str
     place: Element
     mass: float = 0.0
     com: Vector = ORIGIN
     inertia: tuple[float, ...] = ()
+    physical: bool = True
+    symbols: dict[str, str] = field(default_factory=dict[str, str])
     notes: list[str] = field(default_factory=list[str])
 
 
@@ -37,7 +40,8 @@ class Body:
 class Joint:
     """`rpy` is used where a file gives roll, pitch and yaw, else `rotation`: parent ← joint frame;
     `rotation_child`: the same for the child. `spring`: stiffness and rest. `coulomb`: of dry
-    friction."""
+    friction, whose jump at rest is `smoothing` wide. `armature`: inertia of the rotor as the joint
+    feels it."""
 
     name: str
     type: str
@@ -54,6 +58,7 @@ class Joint:
     spring: tuple[float, float] | None = None
     damper: float = 0.0
     coulomb: float = 0.0
+    smoothing: float = SMOOTHING
     armature: float = 0.0
     notes: list[str] = field(default_factory=list[str])
 
@@ -106,6 +111,9 @@ class Robot:
     loads: list[Entry] = field(default_factory=list[Entry])
     inputs: list[Entry] = field(default_factory=list[Entry])
     initial: list[Entry] = field(default_factory=list[Entry])
+    parameters: list[Entry] = field(default_factory=list[Entry])
+    names: Names = field(default_factory=Names)  # of joints, inputs and parameters, taken so far
+    body_names: Names = field(default_factory=Names)
     changed: list[str] = field(default_factory=list[str])
     assumed: list[str] = field(default_factory=list[str])
     left_out: list[str] = field(default_factory=list[str])
@@ -175,11 +183,3 @@ def quoted(text: str) -> str:
 def counted(number: int, one: str, many: str = "") -> str:
     """ "1 joint", "3 joints"."""
     return f"{number} {one if number == 1 else many or one + 's'}"
-
-
-def dry_friction(robot: Robot) -> None:
-    """Say how Coulomb friction is read."""
-    rubbing = sum(1 for joint in robot.joints if joint.coulomb)
-    if rubbing:
-        how = f"as coulomb*tanh(v/{SMOOTHING:g}), which creeps where dry friction sticks"
-        robot.assumed.append(f"Coulomb friction of {counted(rubbing, 'joint')} is read {how}")

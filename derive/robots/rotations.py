@@ -1,8 +1,9 @@
 """Rotations as 3 × 3 tuples of floats, and the angles that are written into a model file.
 
-Angles within 1e-9 of a whole number of degrees are taken for that number, and components of a unit
+Angles within 1e-11 of a whole number of degrees are taken for that number, and components of a unit
 vector within 1e-9 of 0 and ±1 for these: `1.57079632679` in a robot file means a right angle, and
-only exact right angles give the structural zeros that make equations short.
+only exact right angles give the structural zeros that make equations short. What is farther away,
+but a rounding or within 1e-8 of a multiple of 15°, is a matter of choice: see `unrounded`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 import re
 from collections.abc import Sequence
 
-from derive.robots.limits import MOST_STEPS, NEAR, ROUNDING, SAME_ANGLE
+from derive.robots.limits import MEANT, MOST_STEPS, NEAR, ROUNDING, SAME_ANGLE, SAME_DEGREE
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -27,15 +28,16 @@ def whole_degrees(angle: float) -> int | None:
     steps = angle / math.radians(STEP)
     if not math.isfinite(steps) or abs(steps) > MOST_STEPS:
         return None
-    return STEP * round(steps) if abs(angle - math.radians(STEP * round(steps))) <= NEAR else None
+    away = abs(angle - math.radians(STEP * round(steps)))
+    return STEP * round(steps) if away <= SAME_DEGREE else None
 
 
 def unrounded(word: str) -> float | None:
-    """The multiple of 15° that a decimal number in radians is a rounding of; None where it is none,
-    or is one to all digits of `whole_degrees` already.
+    """The multiple of 15° that a decimal number in radians is a rounding of, or means with a wrong
+    last digit; None where it is none, or is one to all digits of `whole_degrees`.
 
-    Rounded or cut off after at least three decimals; after two decimals only multiples of 90° are
-    meant (0.26 is a number, 1.57 a right angle).
+    Rounded or cut off after at least three decimals, or nearer than 1e-8; after two decimals only
+    multiples of 90° are meant (0.26 is a number, 1.57 a right angle).
     """
     found = _DECIMAL.match(word)
     if found is None:
@@ -48,7 +50,7 @@ def unrounded(word: str) -> float | None:
     if meant == 0.0 or whole_degrees(angle) is not None:
         return None
     same = any(math.isclose(abs(angle), each, rel_tol=SAME_ANGLE) for each in roundings)
-    return meant if same else None
+    return meant if same or abs(angle - meant) <= MEANT else None
 
 
 def sine_cosine(angle: float) -> tuple[float, float]:

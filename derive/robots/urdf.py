@@ -22,7 +22,6 @@ from derive.robots.robot import (
     Reading,
     Robot,
     counted,
-    dry_friction,
     quoted,
 )
 from derive.robots.rotations import (
@@ -38,6 +37,7 @@ from derive.robots.rotations import (
     unit,
     unrounded,
 )
+from derive.robots.transmissions import read_transmissions
 
 TYPES = {
     "revolute": "revolute",
@@ -52,6 +52,7 @@ PLANES = (
     (0.0, -1.0, 0.0),
     (0.0, 0.0, 1.0),
 )  # normals that a planar joint can have as they are
+READ = {"link", "joint", "material", "transmission"}
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
@@ -71,6 +72,7 @@ def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robo
     _refuse_macros(root)
     reading, tree = Reading(), Tree()
     result = Robot(root.get("name") or name, "URDF", root)
+    result.names, result.body_names = reading.symbols, reading.bodies
     _old_quaternions(root, result)
     if not exact:
         _unrounded(root, result)
@@ -91,6 +93,7 @@ def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robo
     reading.finish()
     check_coupled_masses(reading, result, {entry.place for entry in result.constraints})
     _inputs(reading, tree, result)
+    read_transmissions(reading, root, tree.made, result)
     reading.finish()
     _notes(reading, root, result)
     return result
@@ -469,12 +472,11 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
         result.changed.append(
             f"geometry is not read ({files}, there or not): the equations do not need it"
         )
-    ignored = sorted({child.tag for child in root.children} - {"link", "joint", "material"})
+    ignored = sorted({child.tag for child in root.children} - READ)
     if ignored:
         tags = ", ".join(f"<{tag}>" for tag in ignored)
-        result.assumed.append(f"not read: {tags}; inputs are forces and torques at the joints")
+        result.assumed.append(f"not read: {tags}")
     if any(joint.first("limit") for joint in root.all("joint")):
         result.assumed.append(
             "limits are there to read: nothing in the equations stops a joint at them"
         )
-    dry_friction(result)

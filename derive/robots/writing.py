@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from derive.robots.markup import Element
 from derive.robots.naming import model_name
 from derive.robots.numbers import written
-from derive.robots.robot import SMOOTHING, Body, Closure, Entry, Joint, Robot
+from derive.robots.parameters import MOMENTS
+from derive.robots.robot import Body, Closure, Entry, Joint, Robot
 from derive.robots.rotations import ORIGIN, Matrix, is_identity, to_rpy, whole_degrees
 
 WIDEST = 32  # names longer than this are not aligned to
@@ -57,7 +58,8 @@ def _wrapped(sentence: str) -> list[str]:
 
 
 def _sections(robot: Robot) -> list[Line]:
-    lines = _section(
+    lines = _entries("parameters", robot.parameters)
+    lines += _section(
         "bodies", [(body.name, _body(body), body.notes, body.place) for body in robot.bodies]
     )
     lines += _section(
@@ -96,14 +98,18 @@ def _one_line(text: str) -> str:
 
 
 def _body(body: Body) -> str:
-    if not body.mass and not any(body.inertia):
+    if not body.mass and not any(body.inertia) and not body.symbols:
         return "{mass: 0}"
-    parts = [f"mass: {written(body.mass)} kg"]
-    if body.com != ORIGIN:
-        parts.append(f"com: {_vector(body.com)}")
+    parts = [f"mass: {body.symbols.get('m') or written(body.mass) + ' kg'}"]
+    com = [body.symbols.get(f"c_{x}") or written(value) for x, value in zip("xyz", body.com)]
+    if any(word != "0" for word in com):
+        parts.append(f"com: [{', '.join(com)}]")
     if any(body.inertia):
-        moments = body.inertia if any(body.inertia[3:]) else body.inertia[:3]
-        parts.append(f"inertia: {_vector(moments)}")
+        entries = zip(MOMENTS, body.inertia if any(body.inertia[3:]) else body.inertia[:3])
+        moments = [body.symbols.get(f"I_{x}") or written(value) for x, value in entries]
+        parts.append(f"inertia: [{', '.join(moments)}]")
+    if not body.physical:
+        parts.append("physical: false")
     return _braced(parts)
 
 
@@ -129,7 +135,8 @@ def _joint(joint: Joint) -> str:
         parts.append(f"damper: {written(joint.damper)}")
     if joint.coulomb:
         parts.append(
-            f"friction: {{coulomb: {written(joint.coulomb)}, smoothing: {written(SMOOTHING)}}}"
+            f"friction: {{coulomb: {written(joint.coulomb)}, "
+            f"smoothing: {written(joint.smoothing)}}}"
         )
     if joint.armature:
         parts.append(f"armature: {written(joint.armature)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -116,7 +117,14 @@ def nominal(system: System) -> np.ndarray:
     return normalised(system, np.array([given.get(c.name, 0.0) for c in system.model.coordinates]))
 
 
-def normalised(system: System, q: np.ndarray) -> np.ndarray:
+class Turning(Protocol):
+    """What has quaternions among its coordinates: where each starts."""
+
+    @property
+    def quaternions(self) -> tuple[int, ...]: ...
+
+
+def normalised(system: Turning, q: np.ndarray) -> np.ndarray:
     """q, one or many in rows, with its quaternions divided by their length; a zero one becomes (1,
     0, 0, 0), no rotation."""
     result = q.copy()

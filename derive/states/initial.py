@@ -44,7 +44,7 @@ def initial_state(
     """
     parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
     told, held = _start_values(system, changes or {}, parameters, t)
-    own = _own(system, t)
+    own = own_units(system, t)
     given = {name: x / own.one_of(name) for name, x in told.items()}
     q, v, N = _consistent(system, own, given, held, parameters, t)
     coordinates, velocities = (
@@ -75,7 +75,8 @@ class Own:
         return self.units.get(name, 1.0)
 
 
-def _own(system: System, t: float) -> Own:
+def own_units(system: System, t: float) -> Own:
+    """The model's own units at time t (s), and the system in them."""
     own, model = scales(system.model), system.model
     units = {x.name: own.of(x.unit) for x in (*model.coordinates, *model.velocities)}
     units |= {f"der({c.name})": own.of(c.unit) / own.time for c in model.coordinates}

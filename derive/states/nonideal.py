@@ -1,4 +1,5 @@
-"""Nonideal constraints whose own force depends on a reaction, as sliding friction does.
+"""Nonideal constraints whose own force depends on a reaction, as sliding friction does; and loads
+that do, as rolling resistance, belts and journals.
 
 A nonideal constraint does work: wᵀ Q_c = wᵀ C for every w in ker A (Udwadia & Kalaba 2001, 2002).
 C(q, v, u, t, λ°) may use the multipliers λ° of the ideal problem, the one with C = 0:
@@ -136,8 +137,7 @@ def _check_unique(system: System, sampled: np.ndarray, i: int) -> None:
         return
     name = system.rows[i].name
     message = (
-        f"a nonideal force uses reaction.{name}, which is not unique: '{name}' repeats "
-        "other constraints"
+        f"a force uses reaction.{name}, which is not unique: '{name}' repeats other constraints"
     )
     span = system.model.place(name.partition(".")[0])
     raise AssumptionError(system.model.diagnostic(span, message, "independent constraints"))

@@ -8,33 +8,39 @@ equations as residuals that must vanish.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from derive.formulations.records import Equations
 from derive.textbook.derivation import derivation
 from derive.textbook.records import Law, Printed
+from derive.textbook.roads import ROADS
 from derive.textbook.write_html import page
 from derive.textbook.write_latex import article
 
-__all__ = ["html", "latex", "laws", "printed"]
+__all__ = ["ROADS", "html", "latex", "laws", "printed"]
 
 
-def html(equations: Equations, figure: str = "") -> str:
+BLOCKS = ("block_inversion",)
+
+
+def html(equations: Equations, figure: str = "", roads: Sequence[str] = BLOCKS) -> str:
     """One self-contained page: MathML, no script, no network; it opens with a figure (SVG) where
-    one is given."""
-    return page(derivation(equations), figure)
+    one is given. Of two roads the page puts one beside the other."""
+    return page(derivation(equations, roads), figure)
 
 
-def latex(equations: Equations, figure: str = "") -> str:
+def latex(equations: Equations, figure: str = "", roads: Sequence[str] = BLOCKS) -> str:
     """A standalone article for pdfLaTeX (amsmath, graphicx, and tikz where a picture of it is
     given)."""
-    return article(derivation(equations), figure)
+    return article(derivation(equations, roads), figure)
 
 
-def printed(equations: Equations) -> tuple[Printed, ...]:
+def printed(equations: Equations, roads: Sequence[str] = BLOCKS) -> tuple[Printed, ...]:
     """Every displayed formula, in order: what is on the left, what is on the right, and the term
     that it must equal."""
-    return derivation(equations).printed
+    return derivation(equations, roads).printed
 
 
-def laws(equations: Equations) -> tuple[Law, ...]:
+def laws(equations: Equations, roads: Sequence[str] = BLOCKS) -> tuple[Law, ...]:
     """Every displayed matrix equation, as left side minus right side."""
-    return derivation(equations).laws
+    return derivation(equations, roads).laws

@@ -81,7 +81,7 @@ def _basis(doc: Manuscript) -> None:
         "with the others was taken away."
     )
     _guards(doc)
-    doc.say("The basis vectors are the columns of")
+    doc.say("The basis vectors are the columns of:")
     if doc.matrix("S", r"!S", "S", doc.terms.named("S")):
         doc.entries["B"] = transposed(doc.entries["S"])
         doc.exact["B"] = transposed(doc.exact["S"])
@@ -94,12 +94,12 @@ def transposed(rows: Rows) -> Rows:
 
 def _rows(doc: Manuscript) -> None:
     """The speeds over the generalized velocities."""
-    doc.say("The quasi-velocities are")
+    doc.say("The quasi-velocities are $!w=!B\\,!v$, with:")
     if not doc.matrix("B", r"!B", "B", doc.terms.named("B")):
         return
     own = [k for k, symbol in enumerate(doc.w) if symbol not in doc.v]
     if own:
-        doc.say("or, row by row,")
+        doc.say("Row by row they are:")
         rows = [product_entry(doc, "B", k, doc.v) for k in own]
         doc.lines("w", [doc.w[k] for k in own], rows, doc.terms.w[own])
 
@@ -119,7 +119,7 @@ def _pivots(doc: Manuscript) -> None:
         return
     doc.say(
         "Choosing $!B$ is choosing how to eliminate. Walking from base to tip, each row is solved "
-        "as soon as all velocities in it have been reached; in this order"
+        "as soon as all velocities in it have been reached, in this order:"
     )
     doc.items((Text(x),) for x in doc.equations.pivots)
 
@@ -151,7 +151,7 @@ def watched(doc: Manuscript, guard: Guard, latex: str) -> None:
         return
     doc.lines(f"guard {guard.name}", [symbol], entries, ca.SX(guard.value))
     bound = Math(rf"\left|{latex}\right| \ge {power_of_ten(guard.tolerance)}")
-    doc.say("with {bound} ({name}).", bound=bound, name=guard.name)
+    doc.say("It has to keep {bound} ({name}).", bound=bound, name=guard.name)
     doc.reader.name(ca.SX(guard.value), [symbol])
     doc.mean(latex, f"guard: {guard.name}")
 

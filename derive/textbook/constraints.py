@@ -17,11 +17,11 @@ def constraints(doc: Manuscript) -> None:
         doc.say("There are none: the generalized velocities are independent of each other.")
         return
     _positions(doc)
-    doc.say("On the level of velocities the constraints are the rows of")
+    doc.say("Every constraint is one row of equations that are linear in the velocities:")
     doc.state(r"!A\,!v", r"!c")
     doc.mean(r"!A,\; !c", "constraint rows, A v = c")
     doc.table(("row", "constraint", "kind"), [_row(i, row) for i, row in enumerate(system.rows)])
-    doc.say("with the coefficients")
+    doc.say("The coefficients are:")
     doc.matrix("A", r"!A", "A", system.A)
     _moving(doc)
     _differentiated(doc)
@@ -59,7 +59,7 @@ def _positions(doc: Manuscript) -> None:
     if not system.phi.numel():
         doc.say("All constraints are nonholonomic: they tie velocities, not positions.")
         return
-    doc.say("The positions have to satisfy $!\\Phi(!q,t)=!0$ with")
+    doc.say("The positions have to satisfy $!\\Phi(!q,t)=!0$, with:")
     doc.vector("phi", r"\Phi", system.phi)
     doc.mean(r"!\Phi", "position constraints, Φ = 0")
 
@@ -78,5 +78,5 @@ def _moving(doc: Manuscript) -> None:
         doc.entries["c"] = [[sympy.Integer(0)]] * len(doc.system.rows)
         doc.say("No constraint moves by itself: $!c=!0$.")
         return
-    doc.say("Some of them move by themselves:")
+    doc.say("Some of them move by themselves, with the velocities:")
     doc.vector("c", "c", doc.system.c)

@@ -14,13 +14,14 @@ from sympy import Expr
 
 from derive.textbook.compose import FUNCTIONS, Composer, number, operations
 from derive.textbook.graph import Graph, Node
-from derive.textbook.ring import Poly, Ring, TooBig, rational
+from derive.textbook.ring import Exact, Poly, Ring, TooBig, over, rational
 
 READABLE = 44  # operations in one printed entry
 PIECE = 18  # a sub-term longer than this gets a name
 SHARED = 3  # so does one of at least so many operations that occurs twice
 BEARABLE = 80  # up to here, where the term would otherwise need many named sub-terms
 FEW_PIECES = 8
+ROUNDER = 2  # digits that a number has more than its share of gravity
 MOST_PIECES = 48  # a term that would need more sub-terms is not written out
 LARGEST = 20_000  # operations of a term, written out, beyond which reading it whole is not tried
 MOST_NODES = 6000  # and in pieces
@@ -35,12 +36,46 @@ class Piece:
     expression: Expr
 
 
+@dataclass(frozen=True)
+class Gravity:
+    """The magnitude of gravity, which stays a letter. `others` are the numbers of the file, which
+    mean themselves."""
+
+    symbol: sympy.Symbol
+    value: float
+    others: frozenset[float] = frozenset()
+
+    def times(self, x: float) -> Exact | None:
+        """x / g where x is gravity times a much rounder number; None for any other number."""
+        if x == 0.0 or abs(x) in self.others:
+            return None
+        exact = rational(x)
+        times = over(exact, rational(self.value))
+        rounder = len(_digits(float(times))) + ROUNDER <= len(_digits(x))
+        return (
+            times
+            if rounder and abs(float(times * rational(self.value)) - x) <= 4e-16 * abs(x)
+            else None
+        )
+
+
+def _digits(x: float) -> str:
+    """The significant digits."""
+    return repr(abs(x)).partition("e")[0].replace(".", "").strip("0")
+
+
 class Reader:
     """Turns terms over fixed symbols into expressions. Terms that were named before are recognised
     by value."""
 
-    def __init__(self, symbols: ca.SX, names: Sequence[sympy.Symbol], decimal: bool) -> None:
-        self.graph = Graph(symbols)
+    def __init__(
+        self,
+        symbols: ca.SX,
+        names: Sequence[sympy.Symbol],
+        decimal: bool,
+        gravity: Gravity | None = None,
+    ) -> None:
+        self.graph, self.gravity = Graph(symbols), gravity
         self.names, self.decimal = tuple(names), decimal
         self.known: dict[int, Expr] = {}
         self.pieces = 0
@@ -181,8 +216,15 @@ class Reader:
         if node.op == ca.OP_INPUT:
             return ring.symbol(self.names[int(node.number)])
         if node.op == ca.OP_CONST:
-            return ring.number(node.number)
+            return self._number(ring, node.number)
         return _applied(ring, node.op, [values[i] for i in node.operands])
+
+    def _number(self, ring: Ring, x: float) -> Poly:
+        """A number, or how often it holds gravity."""
+        times = self.gravity.times(x) if self.gravity else None
+        if self.gravity is None or times is None:
+            return ring.number(x)
+        return ring.scaled(ring.symbol(self.gravity.symbol), times)
 
     def _plain(self, roots: Sequence[int], names: dict[int, Expr]) -> list[Expr]:
         """As CasADi has it, operation by operation."""

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 
 from derive.formulations import source
 from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.textbook import names
-from derive.textbook.charts import charts
 from derive.textbook.choice import choice
-from derive.textbook.complement import complement
 from derive.textbook.constraints import constraints
 from derive.textbook.energy import energies, power
 from derive.textbook.given import given
-from derive.textbook.interaction import interaction
-from derive.textbook.inverse import inverse
+from derive.textbook.inverse import directions
 from derive.textbook.kinematics import components, coordinates, links
 from derive.textbook.linear import linearised
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.methods import method, nonideal
-from derive.textbook.motion import bordered, unprojected
-from derive.textbook.multipliers import multipliers
 from derive.textbook.outputs import outputs
-from derive.textbook.projected import projected
 from derive.textbook.records import Document, Math, Text
+from derive.textbook.roads import Road
+from derive.textbook.routes import roads_of, write_roads
+from derive.textbook.worked import with_numbers
 
 REFERENCES = (
     "Mirtaheri, Zohoor: Quasi-velocities definition in Lagrangian multibody dynamics. [A; B] "
@@ -42,23 +38,31 @@ REFERENCES = (
 )
 
 
-def derivation(equations: Equations) -> Document:
-    """Every section, formulas numbered throughout."""
+def derivation(equations: Equations, roads: Sequence[str] = ("block_inversion",)) -> Document:
+    """Every section, formulas numbered throughout: a first half that all roads share, one road or
+    two of them side by side, and what follows from any. Raises AssumptionError where the system
+    cannot take a road."""
     equations = based(equations)
     doc = Manuscript(equations, components(equations.system))
-    for section in SECTIONS:
+    for section in FIRST:
         section(doc)
-    return doc.document(_title(equations), _subtitle(equations), _version())
+    taken = roads_of(doc.terms, roads)
+    write_roads(doc, taken)
+    for section in LAST:
+        section(doc)
+    document = doc.document(_title(equations), _subtitle(equations, taken), _version())
+    return with_numbers(document, equations)
 
 
 def _title(equations: Equations) -> str:
     return f"Equations of motion: {equations.system.model.name}"
 
 
-def _subtitle(equations: Equations) -> str:
+def _subtitle(equations: Equations, taken: Sequence[Road]) -> str:
     if equations.generalized_velocities:
         return f"generalized velocities, formulation {equations.formulation}"
-    return f"explicit, without multipliers; quasi-velocities “{equations.choice}”"
+    ways = " and ".join(road.title for road in taken)
+    return f"explicit, without multipliers; quasi-velocities “{equations.choice}”; {ways}"
 
 
 def _version() -> str:
@@ -88,26 +92,13 @@ def references(doc: Manuscript) -> None:
 
 
 # A section is a function of the manuscript; one that does not apply writes nothing.
-SECTIONS: tuple[Callable[[Manuscript], None], ...] = (
+FIRST: tuple[Callable[[Manuscript], None], ...] = (
     given,
     coordinates,
     links,
+    energies,
     constraints,
     choice,
-    inverse,
-    charts,
-    energies,
-    unprojected,
-    nonideal,
-    method,
-    interaction,
-    complement,
-    bordered,
-    projected,
-    multipliers,
-    power,
-    outputs,
-    linearised,
-    symbols,
-    references,
+    directions,
 )
+LAST: tuple[Callable[[Manuscript], None], ...] = (power, outputs, linearised, symbols, references)

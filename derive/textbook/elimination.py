@@ -1,4 +1,4 @@
-"""M_w ẇ = f_w solved on the page: symmetric elimination M_w = L D Lᵀ, the last quasi-velocity
+"""M_w ẇ = f_w − h_w solved on the page: symmetric elimination M_w = L D Lᵀ, the last quasi-velocity
 first, in named steps."""
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import casadi as ca
 import sympy
 
+from derive.textbook.forces import column_bias, column_force
 from derive.textbook.layout import Rows
 from derive.textbook.manuscript import Manuscript, sum_of
 
@@ -18,7 +19,7 @@ class Elimination:
 
     def __init__(self, doc: Manuscript, M: Rows, f: Sequence[sympy.Expr]) -> None:
         n = len(f)
-        M_w, f_w = doc.terms.named("M_w"), doc.terms.named("f_w")
+        M_w, f_w = doc.terms.named("M_w"), column_force(doc.terms) - column_bias(doc.terms)
         self.doc, self.n = doc, n
         self.M, self.f = [list(row) for row in M], list(f)
         self.M_terms = [[M_w[i, j] for j in range(n)] for i in range(n)]
@@ -31,9 +32,9 @@ class Elimination:
         − Σ ℓᵢₖ ẇᵢ."""
         doc = self.doc
         doc.say(
-            "Solved by symmetric elimination, $!M_w=!L\\,!D\\,!L^T$ from the last quasi-velocity "
-            "to the first, with pivots $\\delta_k$, factors $\\ell_{ik}$ and right-hand sides "
-            "$\\eta_k$:"
+            "They are solved by symmetric elimination, $!M_w=!L\\,!D\\,!L^T$, from the last "
+            "quasi-velocity to the first, with pivots $\\delta_k$, factors $\\ell_{ik}$ and "
+            "right-hand sides $\\eta_k$:"
         )
         for k in reversed(range(self.n)):
             self._pivot(k)
@@ -44,7 +45,7 @@ class Elimination:
             r"\delta_{k},\; \ell_{ik},\; \eta_{k}",
             "pivots, factors and right-hand sides of the elimination of M_w",
         )
-        doc.say("and the explicit equations of motion are, one after the other,")
+        doc.say("The explicit equations of motion are, one after the other:")
         rates = [doc.notation.rate(symbol) for symbol in doc.w]
         return [self._acceleration(k, rates) for k in range(self.n)]
 

@@ -8,23 +8,30 @@ import sympy
 from derive.mechanics.tree import kinetic_energy
 from derive.textbook.kinematics import components_of, numbers_in_symbols
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.motion import applied, mass
 
 
 def energies(doc: Manuscript) -> None:
-    """T and V."""
-    system = doc.system
-    doc.section("Energies")
+    """T with its mass matrix, V, and the applied forces."""
+    doc.section("Energies and forces")
     if _by_links(doc):
-        doc.say("The kinetic energy of all links is")
+        doc.say("The kinetic energy of all links is:")
         _kinetic_of_links(doc)
     else:
-        doc.say("The kinetic energy is")
+        doc.say("The kinetic energy is:")
         _kinetic(doc)
+    mass(doc)
+    _potential(doc)
+    applied(doc)
+
+
+def _potential(doc: Manuscript) -> None:
+    system = doc.system
     if system.V.is_zero():
         doc.say("There is no potential energy.")
         return
     origin = " of gravity and springs" if system.links else ""
-    doc.say(f"and the potential energy{origin} is")
+    doc.say(f"The potential energy{origin} is:")
     doc.scalar("V", "V", system.V, "potential energy", "J")
 
 
@@ -63,7 +70,7 @@ def power(doc: Manuscript) -> None:
         doc.say(
             "The kinetic energy has terms that are linear in the rates or free of them. What is in "
             "balance is therefore Jacobi's integral, without the former and with the latter "
-            "reversed,"
+            "reversed:"
         )
         doc.scalar("H", "H", system.energy, "Jacobi's integral", "J")
     conserved = "the energy" if system.homogeneous else "Jacobi's integral"
@@ -76,7 +83,7 @@ def power(doc: Manuscript) -> None:
     if system.power.is_zero():
         doc.say(f"Here $P=0$: {conserved} is conserved." if still else "Here $P=0$.")
         return
-    doc.say("with the power")
+    doc.say("The power is:")
     doc.scalar("P", "P", system.power, "power of the forces without potential", "W")
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import casadi as ca
+import sympy
+
 from derive.model.records import Body, Joint, Parameter
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.records import Math, Runs, Text
+from derive.textbook.records import Math, Run, Runs, Text
 from derive.textbook.sentences import closure, constraint, driven, kind, load, place, point
 
 AXIS_OF = {"xy": 2, "xz": 1, "yz": 0}  # plane → the place of its normal
@@ -25,6 +28,8 @@ def given(doc: Manuscript) -> None:
     _energies(doc)
     _tied(doc)
     _driven(doc)
+    if doc.rounded:
+        doc.say("Numbers of these tables are rounded to six digits; the formulas have them all.")
 
 
 def _scene(doc: Manuscript) -> None:
@@ -34,8 +39,21 @@ def _scene(doc: Manuscript) -> None:
     elif model.bodies:
         doc.say("The mechanism moves in space.")
     if model.gravity is not None:
-        doc.say("Gravity is $!g=$ {g} m/s².", g=point(doc, model.gravity, "gravity"))
+        _gravity(doc)
+
+
+def _gravity(doc: Manuscript) -> None:
+    """The vector, and its magnitude g where that is a number."""
+    assert doc.system.model.gravity is not None
+    vector, g = doc.system.model.gravity, doc.notation.g
+    if g is None:
+        doc.say("Gravity is $!g=$ {g} m/s².", g=point(doc, vector, "gravity"))
         doc.mean(r"!g", "gravity", "m/s^2")
+        return
+    doc.say("The magnitude of gravity is, in m/s²:")
+    doc.lines("g", [g.symbol], [sympy.Float(repr(g.value), 15)], ca.SX(g.value))
+    doc.say("It acts along $!g=$ {g}.", g=point(doc, vector, "gravity"))
+    doc.mean(r"!g,\; g", "gravity, its magnitude", "m/s^2")
 
 
 def _parameters(doc: Manuscript) -> None:
@@ -45,17 +63,17 @@ def _parameters(doc: Manuscript) -> None:
     numbers = constants and not doc.notation.p
     doc.say(
         "The parameters and their values are"
-        + (" (numbers in all formulas below)" if numbers else "")
+        + (" (numbers in all formulas below):" if numbers else ":")
     )
-    doc.table(("symbol", "value", "unit", "meaning"), [_parameter(x) for x in parameters])
+    doc.listing(("symbol", "value", "unit", "meaning"), parameters, lambda x: _parameter(doc, x))
     free = [x for x in parameters if x.name not in constants]
     for x, symbol in zip(free, doc.notation.p):
         doc.mean(doc.notation.latex[symbol], x.about or f"parameter {x.name}", x.unit)
 
 
-def _parameter(x: Parameter) -> tuple[Runs, ...]:
+def _parameter(doc: Manuscript, x: Parameter) -> tuple[Runs, ...]:
     return (
-        (Math(names.symbol(x.name)),),
+        (Math(doc.notation.typeset(x.name)),),
         (Text(f"{x.value:.15g}"),),
         (Text(names.unit(x.unit)),),
         (Text(x.about),),
@@ -68,38 +86,41 @@ def _bodies(doc: Manuscript) -> None:
     if not model.bodies:
         return
     doc.say(
-        "The bodies, with centres of mass in body coordinates and moments of inertia about them, "
-        "are"
+        "The bodies are, with centres of mass in body coordinates and moments of inertia about "
+        "them:"
     )
-    doc.table(
+    doc.listing(
         ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²"),
-        [_body(doc, x) for x in model.bodies],
+        model.bodies,
+        lambda x: _body(doc, x),
     )
     doc.say("They are connected by joints, parents first:")
-    doc.table(
+    doc.listing(
         ("joint", "type", "from → to", "at, in each body / m", "coordinates"),
-        [_joint(doc, x) for x in model.joints],
+        model.joints,
+        lambda x: _joint(doc, x),
     )
 
 
 def _body(doc: Manuscript, x: Body) -> tuple[Runs, ...]:
     about = f"body {x.name}"
     mass, com = doc.formula(x.mass, about), point(doc, x.com, about)
-    return (Text(x.name),), (mass,), (com,), (_inertia(doc, x, about),)
+    return (Text(x.name),), (mass,), (com,), _inertia(doc, x, about)
 
 
-def _inertia(doc: Manuscript, x: Body, about: str) -> Math:
+def _inertia(doc: Manuscript, x: Body, about: str) -> Runs:
     """One moment in the plane; in space the three principal ones, and the products where there are
     some."""
     plane = doc.system.model.plane
     if plane in AXIS_OF:
-        return doc.formula(x.inertia[AXIS_OF[plane]], about)
-    moments: list[str] = []
+        return (doc.formula(x.inertia[AXIS_OF[plane]], about),)
+    moments: list[Run] = []
     for k, (label, moment) in enumerate(zip(MOMENTS, x.inertia)):
         latex = doc.formula(moment, about).latex
         if k < PRINCIPAL or latex != "0":
-            moments.append(f"I_{{{label}}}={latex}")
-    return Math(r",\; ".join(moments))
+            moments += [Text(", ")] if moments else []
+            moments.append(Math(f"I_{{{label}}}={latex}"))
+    return tuple(moments)
 
 
 def _joint(doc: Manuscript, x: Joint) -> tuple[Runs, ...]:
@@ -138,7 +159,7 @@ def _tied(doc: Manuscript) -> None:
     for x in model.constraints:
         rows.append(((Text(x.name),), (Text(kind(x)),), constraint(doc, x)))
     if rows:
-        doc.say("The motion is tied by")
+        doc.say("The motion is tied by:")
         doc.table(("name", "kind", "what it says"), rows)
 
 
@@ -151,5 +172,5 @@ def _driven(doc: Manuscript) -> None:
         rows.append(((Math(latex),), driven(doc, x)))
         doc.mean(latex, x.about or f"input {x.name}", x.unit)
     if rows:
-        doc.say("Applied forces and inputs are")
+        doc.say("Applied forces and inputs are:")
         doc.table(("name", "what it does"), rows)

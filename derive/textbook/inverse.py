@@ -1,4 +1,4 @@
-"""The block inverse that turns w into v = S w + R c, and what follows for v and v̇.
+"""The directions that turn w into v = S w + R c, their block inverse, and what follows for v̇.
 
 Source: Mirtaheri, Zohoor, Quasi-velocities definition in Lagrangian multibody dynamics.
 """
@@ -18,30 +18,39 @@ from derive.textbook.records import Math
 SHORT = 20  # operations of an entry of σ that is printed whole
 
 
-def inverse(doc: Manuscript) -> None:
-    """Y = [A; B], its block inverse [R S], and what follows for v and v̇."""
+def directions(doc: Manuscript) -> None:
+    """v = S w + R c: what every road writes motions in."""
     if doc.equations.generalized_velocities or not doc.w:
         return
-    doc.section("Block inverse")
+    doc.section("Velocities that the constraints allow")
     if not doc.terms.has("Y"):
-        doc.say("There are no constraint rows, so $!v=!S\\,!w$ with $!S=!B^{-1}$:")
+        doc.say(
+            "There are no constraint rows, so the generalized velocities are $!v=!S\\,!w$ with "
+            "$!S=!B^{-1}$:"
+        )
         doc.matrix("S", r"!S", "S", doc.terms.named("S"))
     else:
-        _stacked(doc)
         _repeated_rows(doc)
-        _blocks(doc)
         _entries(doc)
-        _multiplied_out(doc)
     doc.mean(r"!S", "velocities per quasi-velocity (partial velocities), A S = 0, B S = 1")
     _velocities(doc)
-    _accelerations(doc)
+
+
+def inverse(doc: Manuscript) -> None:
+    """Y = [A; B] and its block inverse [R S]."""
+    if doc.equations.generalized_velocities or not doc.w or not doc.terms.has("Y"):
+        return
+    doc.section("Block inverse")
+    _stacked(doc)
+    _blocks(doc)
+    _multiplied_out(doc)
 
 
 def _stacked(doc: Manuscript) -> None:
     doc.say(
         "Following Mirtaheri and Zohoor, the constraint rows and the speed rows are stacked into "
-        "one square matrix and inverted by blocks. It is regular where the pivots above are not "
-        "zero:"
+        "one square matrix and inverted by blocks. It is regular where the pivots of "
+        "the choice are not zero:"
     )
     doc.state(
         r"!Y\,!v",
@@ -69,13 +78,13 @@ def _blocks(doc: Manuscript) -> None:
     doc.say(
         "Let {d} be the dependent velocities and {i} the others, and let the columns of "
         "$!A=[!A_1\\;!A_2]$ and $!B=[!B_1\\;!B_2]$ be sorted accordingly. With the Schur "
-        "complement of $!A_1$,",
+        "complement of $!A_1$:",
         d=Math(r"\mathbf{v}_1=" + _listing(doc, dependent)),
         i=Math(r"\mathbf{v}_2=" + _listing(doc, free)),
     )
     doc.state(r"!S'", r"!B_2 - !B_1\,!A_1^{-1}!A_2")
     doc.mean(r"!S'", "Schur complement of A₁ in Y")
-    doc.say("the blocks of the inverse are, for the velocities in this order,")
+    doc.say("The blocks of the inverse are, for the velocities in this order:")
     _block_laws(doc, dependent, free)
 
 
@@ -108,10 +117,15 @@ def _listing(doc: Manuscript, columns: Sequence[int]) -> str:
 
 def _entries(doc: Manuscript) -> None:
     """S and R as the elimination gives them."""
+    doc.say(
+        "The rows of $!A$ and $!B$ together fix the generalized velocities: $!A\\,!v=!c$ and "
+        "$!B\\,!v=!w$ give $!v=!S\\,!w+!R\\,!c$. The columns of $!S$ are the directions that the "
+        "constraints allow, $!A\\,!S=!0$ and $!B\\,!S=!1$; those of $!R$ are the directions that "
+        "they forbid, $!A\\,!R=!1$ and $!B\\,!R=!0$."
+    )
     if "S" not in doc.entries:
-        doc.say("Carried out one row at a time with the pivots above, this gives")
+        doc.say("Eliminated one row at a time, with the pivots of the choice, they are:")
         doc.matrix("S", r"!S", "S", doc.terms.named("S"))
-    doc.say("and, for the multipliers and for constraints that move,")
     doc.matrix("R", r"!R", "R", doc.terms.named("R"))
     doc.mean(r"!R", "velocities per unit of c, A R = 1, B R = 0")
 
@@ -150,50 +164,52 @@ def _velocities(doc: Manuscript) -> None:
     own = [j for j, x in enumerate(rows) if x != doc.v[j]]
     if own:
         moving = "" if still else " + !R\\,!c"
-        doc.say(f"So the generalized velocities are $!v=!S\\,!w{moving}$, that is")
+        doc.say(f"So the generalized velocities are $!v=!S\\,!w{moving}$:")
         symbols = [doc.v[j] for j in own]
         doc.lines("v", symbols, [rows[j] for j in own], doc.terms.named("v")[own])
 
 
-def _accelerations(doc: Manuscript) -> None:
-    """v̇ = S ẇ + σ, where σ solves Y σ = [β; γ]."""
+def accelerations(doc: Manuscript) -> None:
+    """v̇ = S ẇ + σ, where σ solves Y σ = [β; ζ]; once on a page."""
+    if "sigma" in doc.entries or doc.equations.generalized_velocities or not doc.w:
+        return
     sigma = doc.terms.named("sigma")
     doc.mean(r"!\sigma", "v̇ where ẇ = 0: v̇ = S ẇ + σ")
     if sigma.is_zero():
         doc.entries["sigma"] = [[sympy.Integer(0)]] * len(doc.v)
         doc.say("$!S$ is constant, so the accelerations are $!!v=!S\\,!!w$.")
         return
-    gamma = -_along(doc, ca.mtimes(doc.terms.named("B"), doc.system.v))
-    turning = not (ca.simplify(gamma).is_zero() or _unit_vector(doc))
+    zeta = -_along(doc, ca.mtimes(doc.terms.named("B"), doc.system.v))
+    turning = not (ca.simplify(zeta).is_zero() or _unit_vector(doc))
     _sigma_in_words(doc, turning)
-    _sigma_by_blocks(doc, gamma, turning)
-    _sigma_entries(doc, gamma if turning else None)
+    _sigma_by_blocks(doc, zeta, turning)
+    _sigma_entries(doc, zeta if turning else None)
 
 
 def _sigma_in_words(doc: Manuscript, turning: bool) -> None:
     text = (
         "No inverse has to be differentiated for the accelerations: $!!v=!S\\,!!w+!\\sigma$, where "
-        "$!\\sigma$ follows from $!A\\,!!v=!\\beta$ with the same inverse"
+        "$!\\sigma$ follows from $!A\\,!!v=!\\beta$ with the same directions"
     )
     if _unit_vector(doc):
         text += (
             " (a vector of unit length turns at right angles to itself, so the basis adds nothing)"
         )
     if turning:
-        text += " and from the rates of the speed rows, $!\\gamma=-!!B\\,!v$,"
+        text += " and from the rates of the speed rows, $!\\zeta=-!!B\\,!v$,"
     doc.say(text)
 
 
-def _sigma_by_blocks(doc: Manuscript, gamma: ca.SX, turning: bool) -> None:
-    """σ = R β + S γ."""
+def _sigma_by_blocks(doc: Manuscript, zeta: ca.SX, turning: bool) -> None:
+    """σ = R β + S ζ."""
     parts: list[str] = []
-    total = ca.mtimes(doc.terms.named("S"), gamma)
+    total = ca.mtimes(doc.terms.named("S"), zeta)
     if doc.terms.has("Y"):
         parts.append(r"!R\,!\beta")
         beta = doc.terms.of_independent(doc.system.beta)
         total = total + ca.mtimes(doc.terms.named("R"), beta)
     if turning:
-        parts.append(r"!S\,!\gamma")
+        parts.append(r"!S\,!\zeta")
     residual = doc.terms.named("sigma") - total
     doc.law("sigma by blocks", r"!\sigma", " + ".join(parts), residual)
 
@@ -209,30 +225,30 @@ def _along(doc: Manuscript, expression: ca.SX) -> ca.SX:
     return ca.jtimes(expression, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qdot))
 
 
-def _sigma_entries(doc: Manuscript, gamma: ca.SX | None) -> None:
-    """Entries of σ: whole where short, else over the entries of R, β, S and γ."""
+def _sigma_entries(doc: Manuscript, zeta: ca.SX | None) -> None:
+    """Entries of σ: whole where short, else over the entries of R, β, S and ζ."""
     sigma = doc.terms.named("sigma")
     short = doc.reader.whole(sigma, SHORT)
     if short is not None:
-        doc.say("Its entries are")
+        doc.say("The entries of $!\\sigma$ are:")
         doc.vector("sigma", r"\sigma", sigma, short)
         return
-    if gamma is not None:
-        doc.say("Here the rates of the speed rows are")
-        if not doc.vector("gamma", r"\gamma", gamma):
+    if zeta is not None:
+        doc.say("The rates of the speed rows are:")
+        if not doc.vector("zeta", r"\zeta", zeta):
             return
-        doc.mean(r"!\gamma", "rates of the speed rows, −Ḃ v")
+        doc.mean(r"!\zeta", "rates of the speed rows, −Ḃ v")
     needed = {"S", "beta"}
     needed |= {"R"} if doc.terms.has("Y") else set()
     needed |= {"E"} if doc.terms.has("E") else set()
     if needed <= doc.entries.keys():
-        doc.say("that is")
-        entries = [_sigma_entry(doc, j, gamma is not None) for j in range(len(doc.v))]
+        doc.say("Multiplied out, the entries of $!\\sigma$ are:")
+        entries = [_sigma_entry(doc, j, zeta is not None) for j in range(len(doc.v))]
         doc.vector("sigma", r"\sigma", sigma, entries)
 
 
 def _sigma_entry(doc: Manuscript, j: int, turning: bool) -> sympy.Expr:
-    gamma = [row[0] for row in doc.entries["gamma"]] if turning else []
+    zeta = [row[0] for row in doc.entries["zeta"]] if turning else []
     beta = doc.entries_of_independent("beta") if doc.terms.has("Y") else []
     of_rows = sum_of(doc.entries["R"][j], beta) if beta else 0
-    return of_rows + sum_of(doc.entries["S"][j], gamma)
+    return of_rows + sum_of(doc.entries["S"][j], zeta)

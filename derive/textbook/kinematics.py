@@ -11,8 +11,8 @@ import sympy
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.motion import STILL, Numbers, child_numbers
-from derive.mechanics.records import System
-from derive.mechanics.tree import twists
+from derive.mechanics.records import Link, System
+from derive.mechanics.tree import path, twists
 from derive.model.records import Coordinate, Velocity
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
@@ -21,6 +21,8 @@ from derive.textbook.records import Math, Runs, Text
 
 AXES = "xyz"
 MOST_LINKS = 12  # more links than this are not printed one by one
+MOST_COMPONENTS = 18  # of twists that are read with the text
+MOST_ROWS = 14  # of the table of links
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +49,8 @@ def _component(system: System, i: int, k: int, value: ca.SX) -> Component:
     """In the plane an angular velocity needs no axis."""
     link, planar = system.links[i].name, system.model.plane
     stem, axis = ("omega", AXES[k]) if k < 3 else ("v", AXES[k - 3])
-    index = names.body(link) if planar and k < 3 else f"{names.body(link)},{axis}"
+    body = dict(system.model.body_symbols).get(link) or names.body(link)
+    index = body if planar and k < 3 else f"{body},{axis}"
     name = f"{stem}[{link},{axis}]"
     letter = r"\omega" if k < 3 else "v"
     return Component(ca.SX.sym(name), sympy.Symbol(name), f"{letter}_{{{index}}}", value, i, k)
@@ -113,7 +116,8 @@ def _rates(doc: Manuscript) -> None:
         )
         return
     doc.say(
-        "The rates of the coordinates follow from the generalized velocities by $!!q=!N\\,!v$, with"
+        "The rates of the coordinates follow from the generalized velocities by "
+        "$!!q=!N\\,!v$, with:"
     )
     doc.matrix("N", r"!N", "N", N)
     doc.mean(r"!N", "q̇ = N v")
@@ -126,29 +130,98 @@ def _is_identity(N: ca.SX) -> bool:
 def links(doc: Manuscript) -> None:
     """Angular and linear velocity of every link, at its origin and in its own axes, from those of
     the link before."""
-    count, twists = len(doc.system.links), components_of(doc)
+    count, parts = len(doc.system.links), components_of(doc)
     if not count:
         return
     doc.section("Kinematics")
-    if not twists:
-        doc.say(
-            f"The {count} links are too many to be listed; their twists follow from "
-            "base to tip by recursion."
-        )
-        return
     doc.say(
-        "Walking from base to tip, every link hands its motion on: the angular velocity of a link "
-        "is that of its carrier plus the joint's, and the velocity of its origin follows through "
-        "the joint point. In each link's own axes,"
+        "Walking from base to tip, every link hands its motion on. The angular velocity of a link "
+        "is that of its carrier $p$ plus the joint's, $!H_i\\,!v$; the velocity of its origin "
+        "follows through the joint point, at $!a_i$ in the carrier and at $!b_i$ in the link. In "
+        "each link's own axes, with $!R_i$ from those to the carrier's:"
     )
-    _twists(doc, twists)
-    if len(twists) < 6 * count:
+    recursion(doc)
+    long = not parts or len(parts) > MOST_COMPONENTS
+    doc.say("What each link takes over and adds:" if long else "One link after the other:")
+    if long:
+        _table(doc)
+    doc.folding = long
+    _twists(doc, parts)
+    doc.folding = False
+    if 0 < len(parts) < 6 * count:
         doc.say("Components that are not listed are zero.")
     doc.mean(
         r"\omega_{i},\; v_{i}",
         "angular velocity of link i and velocity of its origin, in its own axes",
         "rad/s, m/s",
     )
+
+
+def recursion(doc: Manuscript) -> None:
+    """ω and v of a link over those of its carrier, checked for all links."""
+    system = doc.system
+    v = [system.v[j] for j in range(system.v.numel())]
+    values = twists(system.links, v)
+    angular: list[ca.SX] = []
+    linear: list[ca.SX] = []
+    for link, (omega, velocity) in zip(system.links, values):
+        carrier = values[link.parent] if link.parent >= 0 else STILL
+        w, u, turned, moved = handed_on(link, carrier, v)
+        angular.append(column(omega) - turned - w)
+        at_joint = moved + u
+        linear.append(column(velocity) - at_joint + ca.cross(column(omega), column(link.b)))
+    doc.law("turning", r"!\omega_i", r"!R_i^T!\omega_p + !H^{\omega}_i!v", ca.vertcat(*angular))
+    right = r"!R_i^T\left(!v_p + !\omega_p\times !a_i\right) + !H^{v}_i!v - !\omega_i\times !b_i"
+    doc.law("moving", r"!v_i", right, ca.vertcat(*linear))
+    doc.mean(
+        r"!R_{i},\; !a_{i},\; !b_{i}", "rotation of link i to its carrier, joint point in both"
+    )
+    doc.mean(r"!H_{i}", "what the joint of link i adds per generalized velocity")
+
+
+def handed_on(
+    link: Link, carrier: Numbers, v: Sequence[Scalar]
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """H^ω v, H^v v, Rᵀ ω_p and Rᵀ (v_p + ω_p × a)."""
+    R = ca.vertcat(*(ca.horzcat(*(ca.SX(x) for x in row)) for row in link.R))
+    own = ca.SX.zeros(6)
+    for direction, j in zip(link.motion, link.columns):
+        own = own + column(direction) * ca.SX(v[j])
+    omega, velocity = column(carrier[0]), column(carrier[1])
+    point = velocity + ca.cross(omega, column(link.a))
+    return own[:3], own[3:], ca.mtimes(R.T, omega), ca.mtimes(R.T, point)
+
+
+def column(entries: Sequence[Scalar]) -> ca.SX:
+    """Scalars as a column."""
+    return ca.vertcat(*(ca.SX(x) for x in entries))
+
+
+def _table(doc: Manuscript) -> None:
+    """Who carries a link, what its joint adds, and where its mass goes."""
+    links = doc.system.links
+    rows: list[tuple[Runs, ...]] = []
+    for i, link in enumerate(links):
+        carrier = links[link.parent].name if link.parent >= 0 else "ground"
+        own = [doc.notation.latex[doc.v[j]] for j in link.columns]
+        moved = sorted(j for k in path(links, i) for j in links[k].columns)
+        inertia = Text(f"rows and columns {_ranges(moved)}" if moved else "none")
+        added = Math(r",\; ".join(own)) if own else Text("none")
+        rows.append(((Text(link.name),), (Text(carrier),), (added,), (inertia,)))
+    doc.table(("link", "carried by", "its joint adds", "adds to M in"), rows[:MOST_ROWS])
+    if len(rows) > MOST_ROWS:
+        doc.say(f"The other {len(rows) - MOST_ROWS} links go on in the same way.")
+
+
+def _ranges(places: Sequence[int]) -> str:
+    """1–3, 7."""
+    parts: list[list[int]] = []
+    for k in places:
+        if parts and parts[-1][1] == k:
+            parts[-1][1] = k + 1
+        else:
+            parts.append([k + 1, k + 1])
+    return ", ".join(str(a) if a == b else f"{a}–{b}" for a, b in parts)
 
 
 def _twists(doc: Manuscript, twists: Sequence[Component]) -> None:

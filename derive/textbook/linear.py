@@ -118,13 +118,14 @@ def _forces(motion: _SteadyMotion) -> None:
     doc.state(r"!M_w\,\delta !!w", r"!K\,\delta !x" + (r" + !G\,\delta !u" if u.numel() else ""))
     slopes = ca.mtimes(ca.jacobian(f_w, x), form.T[:, list(motion.study.kept)])
     slopes = motion.at(slopes)
-    doc.say("with the mass matrix and the slopes of the force at the steady motion")
+    doc.say("The mass matrix and the slopes of $!f_w-!h_w$ at the steady motion are:")
     _matrix(doc, "M_w at", r"!M_w", "M^{0}", motion.at(doc.terms.named("M_w")))
     _matrix(doc, "K at", r"!K", "K", slopes)
     if u.numel():
         _matrix(doc, "G at", r"!G", "G", motion.at(ca.jacobian(f_w, u)))
     doc.mean(
-        r"!K,\; !G", "slopes of f_w over the minimal states and the inputs, along the steady motion"
+        r"!K,\; !G",
+        "slopes of f_w − h_w over the minimal states and the inputs, along the steady motion",
     )
 
 
@@ -135,7 +136,7 @@ def _rates(motion: _SteadyMotion) -> None:
     if not rows:
         return
     symbols = ", ".join(motion.latex(form.independent[k]) for k in rows)
-    doc.say("and the rates of the coordinates {names} are", names=Math(symbols))
+    doc.say("The rates of the coordinates {names} are:", names=Math(symbols))
     value = motion.at(form.A[rows, list(places)])
     _matrix(doc, "A rates", r"\delta !!q = !A_q\,\delta !x,\quad !A_q", "A", value)
 

@@ -7,8 +7,9 @@ why they stay short.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import casadi as ca
 import sympy
@@ -20,6 +21,7 @@ from derive.textbook import names
 from derive.textbook.compose import operations
 from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece
 from derive.textbook.layout import Rows, entry_index, plain, rows_of, simple, wide_entries
+from derive.textbook.measure import parts
 from derive.textbook.notation import Extra, Notation
 from derive.textbook.records import (
     Block,
@@ -30,7 +32,9 @@ from derive.textbook.records import (
     Line,
     Math,
     Paragraph,
+    Pattern,
     Printed,
+    Ref,
     Run,
     Runs,
     Section,
@@ -38,11 +42,21 @@ from derive.textbook.records import (
     Text,
 )
 from derive.textbook.terms import Terms
-from derive.textbook.typeset import Typesetter, width
+from derive.textbook.typeset import Typesetter, digits, width
+
+Item = TypeVar("Item")
 
 BROAD = 12  # more columns than this are not shown as a matrix
 MOST_ENTRIES = 4000  # a larger matrix is not read at all
 MUCH_SHORTER = 0.6  # of the operations over the basic symbols
+FEW_DIGITS = 6  # of a number in a table
+MOST_DIGITS = 7  # a decimal of more gets a name
+MOST_READ = 400  # entries of a term that is tried to be read
+MOST_NODES = 60_000  # operations of one
+MOST_ROWS = 40  # of a table that is printed whole
+KEPT = 10  # of a longer one
+LONG = 900  # characters of a display that is folded
+MOST_LINES = 14  # so is one of more lines
 WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
 
 
@@ -77,8 +91,14 @@ class Manuscript:
         self.rates: list[sympy.Symbol] = []
         self._laws: list[Law] = []
         self._sections: list[Section] = []
-        self._title, self._blocks = "", list[Block]()
+        self._title, self._blocks, self._side = "", list[Block](), 0
         self._number = 0  # of the last display
+        self._numbers: dict[str, int] = {}  # of displays, by the name of what is in them
+        self.column = 0  # of the sections that follow, see Section
+        self.rounded = False  # whether a number of a table was
+        self.folding = False  # of displays that follow, whatever their length
+        self._pending: list[Line] = []  # of symbols that the next display has to explain
+        self._constants: dict[sympy.Float, sympy.Symbol] = {}
 
     @property
     def equations(self) -> Equations:
@@ -95,12 +115,12 @@ class Manuscript:
     def section(self, title: str) -> None:
         """Closes the running section and opens the next."""
         self._close()
-        self._title, self._blocks = title, []
+        self._title, self._blocks, self._side = title, [], self.column
 
     def _close(self) -> None:
         if self._blocks:
             anchor = f"section-{len(self._sections) + 1}"
-            self._sections.append(Section(self._title, anchor, tuple(self._blocks)))
+            self._sections.append(Section(self._title, anchor, tuple(self._blocks), self._side))
 
     def document(self, title: str, subtitle: str, version: str) -> Document:
         """All sections, formulas and laws so far."""
@@ -114,14 +134,31 @@ class Manuscript:
             version,
         )
 
-    def say(self, template: str, **given: str | Math) -> None:
+    def ref(self, name: str) -> Ref:
+        """The number of the display that shows a term or law; 0 where none does."""
+        return Ref(self._numbers.get(name, 0))
+
+    def say(self, template: str, **given: str | Math | Ref) -> None:
         """A paragraph. `$…$` in our own text is mathematics (see names.bold); `{name}` in it is the
         user's text, or Math."""
         self._blocks.append(Paragraph(runs(template, **given)))
 
     def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
         """Adds a table: a head of texts, and rows whose cells are runs of text and formulas."""
-        self._blocks.append(Table(tuple(head), tuple(tuple(row) for row in rows)))
+        self.listing(head, list(rows), lambda row: row)
+
+    def listing(
+        self, head: Sequence[str], items: Sequence[Item], row: Callable[[Item], Sequence[Runs]]
+    ) -> None:
+        """A table of many things: a row for each, of long lists for the first and the last."""
+        if len(items) <= MOST_ROWS:
+            rows = [tuple(row(x)) for x in items]
+        else:
+            count = len(items) - KEPT
+            gap = tuple((Text("⋮" if k else f"⋮ {count} more"),) for k in range(len(head)))
+            first, last = items[: KEPT - 2], items[-2:]
+            rows = [*(tuple(row(x)) for x in first), gap, *(tuple(row(x)) for x in last)]
+        self._blocks.append(Table(tuple(head), tuple(rows)))
 
     def items(self, items: Iterable[Runs]) -> None:
         """Adds a list without numbers."""
@@ -140,19 +177,28 @@ class Manuscript:
 
     # displays
 
-    def _display(self, lines: Sequence[Line]) -> None:
+    def _display(self, name: str, lines: Sequence[Line], boxed: bool = False) -> None:
+        """The lines, and what explains their symbols; folded where it is long."""
         self._number += 1
-        self._blocks.append(Display(tuple(lines), self._number))
+        self._numbers[name] = self._number
+        whole = [*lines, *self._pending]
+        self._pending = []
+        folded = not boxed and (self.folding or _is_long(whole))
+        self._blocks.append(Display(tuple(whole), self._number, boxed, folded))
 
-    def law(self, name: str, left: str, right: str, residual: ca.SX) -> None:
+    def law(self, name: str, left: str, right: str, residual: ca.SX, boxed: bool = False) -> None:
         """A matrix equation, checked as a whole; in the short hand of names.bold."""
         left, right = names.bold(left), names.bold(right)
         self._laws.append(Law(name, f"{left} = {right}", residual))
-        self._display([Line(left, (right,))])
+        self._display(name, [Line(left, parts(right))], boxed)
+
+    def check(self, name: str, residual: ca.SX) -> None:
+        """An equation that is checked like the printed ones; it stands in words."""
+        self._laws.append(Law(name, name, residual))
 
     def state(self, left: str, right: str) -> None:
         """An equation that says how things are called; there is nothing to evaluate."""
-        self._display([Line(names.bold(left), (names.bold(right),))])
+        self._display("", [Line(names.bold(left), parts(names.bold(right)))])
 
     def lines(
         self,
@@ -160,15 +206,58 @@ class Manuscript:
         symbols: Sequence[sympy.Symbol],
         expressions: Sequence[sympy.Expr],
         value: ca.SX,
+        boxed: bool = False,
     ) -> None:
         """One line per entry, symbol = expression; `value` is the column of the same terms."""
-        lines = [
-            Line(self.notation.latex[symbol], self.typesetter.lines(x))
-            for symbol, x in zip(symbols, expressions)
+        self._display(name, self._lines(name, symbols, expressions, value), boxed)
+
+    def _lines(
+        self,
+        name: str,
+        symbols: Sequence[sympy.Symbol],
+        expressions: Sequence[sympy.Expr],
+        value: ca.SX,
+        where: bool = False,
+    ) -> list[Line]:
+        """The lines, recorded but not displayed."""
+        shown = [self._with_constants(x) for x in expressions]
+        pieces = [self.typesetter.pieces(x) for x in shown]
+        labels = [self.notation.latex[symbol] for symbol in symbols]
+        text = r" \\ ".join(f"{left} = {''.join(right)}" for left, right in zip(labels, pieces))
+        self._record(name, text, symbols, [[x] for x in shown], value)
+        place = len(self.printed) - 1
+        return [
+            Line(left, right, place=(place, k), where=where)
+            for k, (left, right) in enumerate(zip(labels, pieces))
         ]
-        text = r" \\ ".join(f"{line.left} = {''.join(line.right)}" for line in lines)
-        self._record(name, text, symbols, [[x] for x in expressions], value)
-        self._display(lines)
+
+    def _with_constants(self, x: sympy.Expr) -> sympy.Expr:
+        """Long decimals get names, which are explained once."""
+        numbers: set[sympy.Float] = x.atoms(sympy.Float)  # pyright: ignore[reportAssignmentType]
+        long = sorted((n for n in numbers if len(digits(n)) > MOST_DIGITS), key=float)
+        return x.xreplace({n: self._constant(n) for n in long}) if long else x
+
+    def _constant(self, n: sympy.Float) -> sympy.Expr:
+        """The name of a number or of its negative, a new one where it has none."""
+        opposite = sympy.Float(-float(n), 15)
+        if opposite in self._constants:
+            return -self._constants[opposite]
+        if n not in self._constants:
+            self._name_constant(n)
+        return self._constants[n]
+
+    def _name_constant(self, n: sympy.Float) -> None:
+        k = len(self._constants) + 1
+        symbol = self.notation.fresh(f"kappa[{k}]", rf"\kappa_{{{k}}}")
+        self._constants[n] = symbol
+        self._record(f"kappa[{k}]", "", [symbol], [[n]], ca.SX(float(n)))
+        line = Line(
+            self.notation.latex[symbol],
+            self.typesetter.pieces(n),
+            place=(len(self.printed) - 1, 0),
+            where=True,
+        )
+        self._pending.append(line)
 
     def _record(
         self, name: str, latex: str, left: Sequence[sympy.Symbol | None], right: Rows, value: ca.SX
@@ -188,15 +277,18 @@ class Manuscript:
         entries = self.reader.whole(value)
         if entries is None:
             return Math(r"\ldots")
-        latex = self.typesetter.latex(entries[0])
-        self._record(about, latex, (None,), [entries], value)
-        return Math(latex)
+        self._record(about, "", (None,), [entries], value)
+        shown = rounded(entries[0])
+        self.rounded = self.rounded or shown != entries[0]
+        return Math(self.typesetter.latex(shown))
 
     # terms
 
     def read(self, value: ca.SX, most: int = READABLE) -> list[sympy.Expr] | None:
         """Entries row by row, whole or over abbreviations, which are then printed; None where
         neither can be read."""
+        if value.numel() > MOST_READ or ca.n_nodes(ca.SX(value)) > MOST_NODES:
+            return None
         bearable = self._whole(value, max(most, BEARABLE))
         if bearable is not None and all(operations(x) <= most for x in bearable):
             return bearable
@@ -219,11 +311,11 @@ class Manuscript:
         return self.notation.fresh(f"z[{k}]", f"z_{{{k}}}")
 
     def _abbreviations(self, pieces: Sequence[Piece]) -> None:
+        """They are explained below the formula that needs them."""
         if pieces:
-            self.say("With the abbreviations")
             symbols, expressions = zip(*[(x.symbol, x.expression) for x in pieces])
             value = self.reader.terms([x.node for x in pieces])
-            self.lines("abbreviations", symbols, expressions, value)
+            self._pending += self._lines("abbreviations", symbols, expressions, value, True)
 
     def scalar(self, name: str, latex: str, value: ca.SX, about: str, unit: str = "") -> None:
         """symbol = expression."""
@@ -265,7 +357,7 @@ class Manuscript:
     ) -> bool:
         """Wide entries line by line, then the matrix. False where it could not be printed."""
         bold = names.bold(bold)
-        if value.numel() > MOST_ENTRIES:
+        if value.numel() > MOST_ENTRIES or ca.n_nodes(ca.SX(value)) > MOST_NODES:
             entries = None
         elif entries is None:
             entries = self.read(value)
@@ -274,11 +366,11 @@ class Manuscript:
             return False
         rows = rows_of(entries, value.shape)
         symbols = self._entry_symbols(name, stem, value, symmetric)
-        shown = self._listed(name, rows, symbols, value, symmetric)
+        shown, beside = self._listed(name, rows, symbols, value, symmetric)
         self.exact[name] = rows
         self.entries[name] = [_short_or_symbol(*pair) for pair in zip(rows, symbols)]
         self.reader.name(value, [x for row in self.entries[name] for x in row])
-        self._matrix(name, bold, symbols, shown, value)
+        self._matrix(name, bold, symbols, shown, value, beside)
         return True
 
     def _entry_symbols(
@@ -297,17 +389,37 @@ class Manuscript:
         return [[symbols[min(i, j)][max(i, j)] for j in range(m)] for i in range(n)]
 
     def _matrix(
-        self, name: str, bold: str, symbols: list[list[sympy.Symbol]], shown: Rows, value: ca.SX
+        self,
+        name: str,
+        bold: str,
+        symbols: list[list[sympy.Symbol]],
+        shown: Rows,
+        value: ca.SX,
+        beside: Sequence[Line],
     ) -> None:
-        """As what it shows; a matrix of one entry as a line, unless that stands there already."""
+        """As what it shows, and the entries beside it; a matrix of one entry as a line, unless that
+        stands there already."""
+        lines: list[Line] = []
         if value.numel() == 1:
             if shown[0][0] != symbols[0][0]:
-                self.lines(name, [symbols[0][0]], [shown[0][0]], value)
+                lines = self._lines(name, [symbols[0][0]], [shown[0][0]], value)
         elif value.size2() <= BROAD:
             left = [symbol for row in symbols for symbol in row]
+            shown = [[self._with_constants(x) for x in row] for row in shown]
             latex = self.typesetter.matrix(shown)
             self._record(name, f"{bold} = {latex}", left, shown, value)
-            self._display([Line(bold, (latex,))])
+            lines = [Line(bold, (latex,), place=(len(self.printed) - 1, -1))]
+        if not lines and not beside:
+            return
+        if _is_long([*lines, *beside, *self._pending]) and value.numel() > 1:
+            self._pattern(bold, value)
+        self._display(name, [*lines, *beside])
+
+    def _pattern(self, bold: str, value: ca.SX) -> None:
+        """Which entries are there, as a picture."""
+        n, m = value.shape
+        marks = tuple("".join(_mark(value[i, j]) for j in range(m)) for i in range(n))
+        self._blocks.append(Pattern(bold, marks))
 
     def _listed(
         self,
@@ -316,19 +428,19 @@ class Manuscript:
         symbols: list[list[sympy.Symbol]],
         value: ca.SX,
         symmetric: bool,
-    ) -> Rows:
-        """Prints the entries that do not fit into the matrix; returns what the matrix shows."""
+    ) -> tuple[Rows, list[Line]]:
+        """The entries that do not fit into the matrix, as lines; and what the matrix shows."""
         wide = wide_entries([[width(self.typesetter.latex(x)) for x in row] for row in rows])
         listed = [(i, j) for i, j in sorted(wide) if not symmetric or i <= j]
+        lines: list[Line] = []
         if listed:
-            self.say("With the entries")
             column = ca.vertcat(*[ca.densify(value)[i, j] for i, j in listed])
             left, right = zip(*[(symbols[i][j], rows[i][j]) for i, j in listed])
-            self.lines(f"{name} entries", left, right, column)
+            lines = self._lines(f"{name} entries", left, right, column, value.numel() > 1)
         shown = [list(row) for row in rows]
         for i, j in wide:
             shown[i][j] = symbols[i][j]
-        return shown
+        return shown, lines
 
     def entries_of_independent(self, name: str) -> list[sympy.Expr]:
         """c or β of the rows of Y, as they are printed."""
@@ -336,6 +448,25 @@ class Manuscript:
         if self.terms.has("E"):
             return [sum_of(row, column) for row in self.entries["E"]]
         return [column[i] for i in self.terms.independent]
+
+
+def _mark(x: ca.SX) -> str:
+    if x.is_zero():
+        return " "
+    return "1" if x.is_constant() else "x"
+
+
+def _is_long(lines: Sequence[Line]) -> bool:
+    """Whether a display holds more than a reader takes in with the text."""
+    total = sum(width("".join(line.right)) for line in lines)
+    return len(lines) > MOST_LINES or total > LONG
+
+
+def rounded(x: sympy.Expr) -> sympy.Expr:
+    """A number of a table with few digits; any other formula as it is."""
+    if not isinstance(x, sympy.Float) or len(digits(x)) <= MOST_DIGITS:
+        return x
+    return sympy.Float(f"{float(x):.{FEW_DIGITS}g}")
 
 
 def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:
@@ -354,7 +485,7 @@ def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
     return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
 
 
-def runs(template: str, **given: str | Math) -> Runs:
+def runs(template: str, **given: str | Math | Ref) -> Runs:
     """Text and mathematics in turn: `$…$` is our own, `{name}` is the user's text, or Math."""
     parts: list[Run] = []
     for i, part in enumerate(template.split("$")):
@@ -362,10 +493,10 @@ def runs(template: str, **given: str | Math) -> Runs:
     return tuple(part for part in parts if part != Text(""))
 
 
-def _filled(template: str, given: dict[str, str | Math]) -> list[Run]:
+def _filled(template: str, given: dict[str, str | Math | Ref]) -> list[Run]:
     """Text around {name} places."""
     runs: list[Run] = []
     for i, part in enumerate(template.replace("{", "}").split("}")):
         value = given[part] if i % 2 else part
-        runs.append(value if isinstance(value, Math) else Text(value))
+        runs.append(Text(value) if isinstance(value, str) else value)
     return runs

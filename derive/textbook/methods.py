@@ -72,7 +72,7 @@ def _maggi(doc: Manuscript) -> None:
     doc.say(
         "Of the forces on the generalized velocities those along the constraint rows do no work on "
         "the motions $!S\\,!w$ that the constraints allow. So, with the mass matrix, the bias and "
-        "the forces as they are written above,"
+        "the forces as they are written above:"
     )
     motion = ca.mtimes(s.M, doc.terms.vdot) + s.h - s.Q
     doc.law("Maggi", r"!S^T\left(!M\,!!v + !h - !Q\right)", r"!0", ca.mtimes(S.T, motion))
@@ -85,7 +85,7 @@ def _maggi(doc: Manuscript) -> None:
 def _udwadia_kalaba(doc: Manuscript) -> None:
     s, free = doc.system, doc.terms.named("a")
     doc.section("Udwadia and Kalaba's equation")
-    doc.say("Without the constraints the accelerations would be $!a$,")
+    doc.say("Without the constraints the accelerations would be $!a$:")
     doc.law("free accelerations", r"!M\,!a", r"!Q - !h", ca.mtimes(s.M, free) - s.Q + s.h)
     doc.mean(r"!a", "accelerations without constraints, M⁻¹ (Q − h)")
     if s.rows:
@@ -100,7 +100,7 @@ def _fundamental(doc: Manuscript, M: ca.SX, free: ca.SX, mass: str) -> None:
     """v̇ = a + M⁻¹ Aᵀ λ with G λ = β − A a, over the rows that are kept."""
     A, beta, G = doc.terms.named("A_kept"), doc.terms.named("beta_kept"), doc.terms.named("G")
     doc.say(
-        "The constraints ask for $!\\beta$. What is missing is made up by forces along their rows,"
+        "The constraints ask for $!\\beta$. What is missing is made up by forces along their rows:"
     )
     doc.law("G", r"!G", rf"!A\,{mass}^{{-1}}!A^T", G - ca.mtimes(A, _solved(M, A.T)))
     missing = beta - ca.mtimes(A, free)
@@ -111,7 +111,7 @@ def _fundamental(doc: Manuscript, M: ca.SX, free: ca.SX, mass: str) -> None:
         ca.mtimes(G, doc.terms.named("lam_kept")) - missing,
     )
     doc.mean(r"!G", f"resistance of the constraint rows, A {mass.replace('!', '')}⁻¹ Aᵀ")
-    doc.say("and the explicit equation of constrained motion is")
+    doc.say("The explicit equation of constrained motion is:")
     forces = ca.mtimes(A.T, _solved(G, missing))
     doc.law(
         "explicit equation",
@@ -126,7 +126,7 @@ def _udwadia_phohomsiri(doc: Manuscript) -> None:
     doc.section("Udwadia and Phohomsiri's equation")
     doc.say(
         "The mass matrix may be singular here. The acceleration is unique where the rows of $!M$ "
-        "and $!A$ together have full column rank; then, with $!A^+$ the pseudo-inverse,"
+        "and $!A$ together have full column rank. Then, with $!A^+$ the pseudo-inverse:"
     )
     s = doc.system
     if not s.rows:
@@ -180,13 +180,13 @@ def _recursive(doc: Manuscript) -> None:
         "The mass matrix is not inverted. From the tip to the base each joint is eliminated from "
         "the inertia of what it carries, $!M=!U\\,!D\\,!U^T$; its pivot is the inertia that it "
         "feels while all joints beyond it are free. From the base to the tip the accelerations "
-        "follow one by one. Because $!U$ is triangular with ones,"
+        "follow one by one. Because $!U$ is triangular with ones:"
     )
     if s.written and s.M.size1() <= FEW:
         doc.law("determinant", r"\det !M", r"\prod_i D_i", ca.det(ca.densify(s.M)) - _product(D))
     else:
         doc.state(r"\det !M", r"\prod_i D_i")
-    doc.say("with the pivots, in the order of the generalized velocities,")
+    doc.say("The pivots, in the order of the generalized velocities, are:")
     doc.vector("D", "D", D)
     doc.mean(r"D_i", "pivots of the recursion, M = U D Uᵀ")
 

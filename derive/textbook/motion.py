@@ -2,35 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
+import sympy
 
 from derive.textbook.manuscript import Manuscript
 
 
 def unprojected(doc: Manuscript) -> None:
-    """M v̇ + h = Q + Aᵀ λ, and M, h and Q."""
+    """M v̇ + h = Q + Aᵀ λ, and h."""
     system = doc.system
-    doc.section("Equations of motion")
+    doc.section("Equations with multipliers" if system.rows else "Equations of motion")
     forces = ""
     if system.rows:
-        forces = ", with the multipliers $!\\lambda$ as forces along the constraint rows,"
-    doc.say(f"Collected for the generalized velocities, the equations of motion are{forces}")
+        forces = " The multipliers $!\\lambda$ are forces along the constraint rows."
     right = r"!Q + !A^T!\lambda" if system.rows else "!Q"
+    doc.say(
+        "Collected for the generalized velocities, Newton and Euler's equations of all bodies are "
+        f"as follows.{forces}"
+    )
     doc.law("motion", r"!M\,!!v + !h", right, _balance(doc))
-    _mass(doc)
-    _bias(doc)
-    doc.say("The applied forces are")
-    force_column(doc, "Q", "Q", system.Q, r"!Q")
+    bias(doc)
     doc.mean(r"!M,\; !h,\; !Q", "mass matrix, bias, applied forces: M v̇ + h = Q + Aᵀ λ")
 
 
-def _mass(doc: Manuscript) -> None:
-    origin = " (composite bodies, Walker and Orin)" if doc.system.links else ""
-    doc.say(f"The mass matrix{origin} is symmetric, with $T=\\tfrac{{1}}{{2}}\\,!v^T!M\\,!v$:")
+def mass(doc: Manuscript) -> None:
+    """M, T = ½ vᵀ M v."""
+    origin = ", of composite bodies (Walker and Orin)" if doc.system.links else ""
+    where = "" if doc.system.homogeneous else " of the part of T that is quadratic in the rates"
+    doc.say(f"The mass matrix{where}, $T=\\tfrac{{1}}{{2}}\\,!v^T!M\\,!v$, is symmetric{origin}:")
     doc.matrix("M", r"!M", "M", doc.system.M, symmetric=True)
 
 
-def _bias(doc: Manuscript) -> None:
+def applied(doc: Manuscript) -> None:
+    """Q."""
+    doc.say("The applied forces, each along its generalized velocity, are:")
+    force_column(doc, "Q", "Q", doc.system.Q, r"!Q")
+
+
+def bias(doc: Manuscript) -> None:
+    """h; once on a page."""
+    if "h" in doc.entries:
+        return
     origin = ""
     if doc.system.links:
         origin = " (Newton and Euler's equations from tip to base with $!!v=!0$)"
@@ -38,9 +52,16 @@ def _bias(doc: Manuscript) -> None:
     force_column(doc, "h", "h", doc.system.h, r"!h")
 
 
-def force_column(doc: Manuscript, name: str, stem: str, value: ca.SX, bold: str) -> None:
+def force_column(
+    doc: Manuscript,
+    name: str,
+    stem: str,
+    value: ca.SX,
+    bold: str,
+    entries: Sequence[sympy.Expr] | None = None,
+) -> None:
     """Its entries, or that there are none."""
-    if doc.vector(name, stem, value) and all(row[0] == 0 for row in doc.entries[name]):
+    if doc.vector(name, stem, value, entries) and all(row[0] == 0 for row in doc.entries[name]):
         doc.say(f"${bold}=!0$: there are none.")
 
 

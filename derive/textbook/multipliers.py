@@ -46,7 +46,7 @@ def _missing(doc: Manuscript) -> ca.SX:
 def _law(doc: Manuscript) -> None:
     doc.say(
         "The multipliers are not needed for the motion; they are recovered afterwards. What the "
-        "constraints have to add is $!\\rho=!M\\,!!v+!h-!Q$, and since $!A\\,!R=!1$,"
+        "constraints have to add is $!\\rho=!M\\,!!v+!h-!Q$, and $!A\\,!R=!1$ gives:"
     )
     terms = doc.terms
     along_rows = ca.mtimes(terms.named("R").T, _missing(doc))
@@ -65,7 +65,7 @@ def _row(i: int, name: str) -> tuple[Runs, Runs]:
 def _recovered(doc: Manuscript) -> None:
     """v̇, ρ and λ, entry by entry."""
     accelerations = _accelerations(doc)
-    doc.say("the forces that are missing are")
+    doc.say("The forces that are missing are:")
     h, Q = ([row[0] for row in doc.entries[name]] for name in ("h", "Q"))
     forces = [
         sum_of(row, accelerations) + bias - force
@@ -73,7 +73,7 @@ def _recovered(doc: Manuscript) -> None:
     ]
     doc.vector("rho", r"\rho", _missing(doc), forces)
     doc.mean(r"!\rho", "forces of the constraints on the generalized velocities, M v̇ + h − Q")
-    doc.say("and the multipliers are")
+    doc.say("The multipliers are:")
     forces = [row[0] for row in doc.entries["rho"]]
     rows = doc.terms.independent
     symbols = [doc.notation.fresh(f"lam[{i + 1}]", rf"\lambda_{{{i + 1}}}") for i in rows]
@@ -88,7 +88,7 @@ def _accelerations(doc: Manuscript) -> list[sympy.Expr]:
     rates = [doc.notation.rate(symbol) for symbol in doc.v]
     own = [j for j, rate in enumerate(rates) if rate not in doc.rates]
     if own:
-        doc.say("Written out, the accelerations are")
+        doc.say("Written out, the accelerations are:")
         symbols = [rates[j] for j in own]
         doc.lines("vdot", symbols, [expressions[j] for j in own], doc.terms.vdot[own])
     return [

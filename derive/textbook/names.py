@@ -46,12 +46,22 @@ _SPECIAL = re.compile(r"([_%$#&{}])")
 _INDEXED = re.compile(r"([A-Za-z]+?)_?(\d+)")
 # what the page itself calls t, T, V, P and the entries of its matrices and vectors
 _TAKEN = re.compile(
-    r"(t|T|V|P)|(N|M|A|B|R|S|P|D|h|c|F|Q|z|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho|\\delta|\\eta)_\{\d+\}"
+    r"(t|T|V|P)|(N|M|A|B|R|S|P|D|h|c|F|Q|z|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho|\\delta|\\eta|\\zeta)_\{\d+\}"
 )
+
+
+# what people write for a Greek letter
+SHORT = {
+    "al": "alpha", "be": "beta", "ga": "gamma", "gam": "gamma", "del": "delta", "eps": "epsilon",
+    "th": "theta", "ka": "kappa", "lam": "lambda", "sig": "sigma", "ph": "phi", "ps": "psi",
+    "om": "omega", "Om": "Omega", "Lam": "Lambda", "Th": "Theta",
+}  # fmt: skip
+QUANTITIES = frozenset("abcdefghklmnpqrsuvwxyzACDEFGHIJKLMRSW")  # letters that take an index
 
 
 def letter(word: str) -> str:
     """One letter stays italic, a Greek name becomes the letter, a longer word stands upright."""
+    word = SHORT.get(word, word)
     if word in GREEK:
         return f"\\{word}"
     return word if len(word) == 1 else upright(word)
@@ -59,7 +69,11 @@ def letter(word: str) -> str:
 
 def upright(word: str) -> str:
     """A word in upright letters, as LaTeX; what TeX takes for a command is escaped."""
-    return f"\\mathrm{{{_SPECIAL.sub(lambda m: chr(92) + m[1], word)}}}"
+    return f"\\mathrm{{{_SPECIAL.sub(lambda m: _escaped(m[1]), word)}}}"
+
+
+def _escaped(sign: str) -> str:
+    return r"\," if sign == "_" else chr(92) + sign
 
 
 def symbol(name: str) -> str:
@@ -72,11 +86,28 @@ def symbol(name: str) -> str:
 
 
 def _parts(name: str) -> str:
+    if name.endswith("_prime") and len(name) > 6:
+        return f"{_parts(name[:-6])}'"
     if indexed := _INDEXED.fullmatch(name):
         return f"{letter(indexed[1])}_{{{indexed[2]}}}"
     stem, _, index = name.partition("_")
-    if stem and index and (len(stem) == 1 or stem in GREEK):
-        return f"{letter(stem)}_{{{letter(index) if len(index) == 1 else upright(index)}}}"
+    if stem and index and (len(stem) == 1 or SHORT.get(stem, stem) in GREEK):
+        return f"{letter(stem)}_{{{_index(index)}}}"
+    if "_" in name:
+        return upright(name.strip("_")) if name.strip("_") else upright(name)
+    return _joined(name)
+
+
+def _index(text: str) -> str:
+    return letter(text) if len(text) == 1 or SHORT.get(text, text) in GREEK else upright(text)
+
+
+def _joined(name: str) -> str:
+    """rR, IBxx, mb: a letter of a quantity and what it belongs to; else a word."""
+    split = len(name) > 1 and name[0] in QUANTITIES and SHORT.get(name, name) not in GREEK
+    if split and (len(name) == 2 or (name[1].isupper() and name.isalnum())):
+        index = name[1:] if len(name) == 2 and not name[1].isupper() else upright(name[1:])
+        return f"{name[0]}_{{{index}}}"
     return letter(name) if name.isalpha() else upright(name)
 
 
@@ -93,6 +124,9 @@ def _stem(latex: str) -> tuple[str, str]:
     if latex.startswith((r"\mathrm{", r"\mathbf{")):
         end = latex.index("}") + 1 if "\\_" not in latex else latex.rindex("}") + 1
         return latex[:end], latex[end:]
+    accent = re.match(r"\\(hat|bar|tilde)\{[^{}]*\}", latex)
+    if accent:
+        return accent[0], latex[accent.end() :]
     stem = re.match(r"\\?[A-Za-z]+|.", latex)
     return (stem[0], latex[stem.end() :]) if stem else (latex, "")
 

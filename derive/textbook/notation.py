@@ -8,9 +8,13 @@ from dataclasses import dataclass
 import casadi as ca
 import sympy
 
+from derive.mechanics.records import System
+from derive.model.records import Velocity
 from derive.textbook import names
-from derive.textbook.convert import Reader
+from derive.textbook.convert import Gravity, Reader
 from derive.textbook.terms import Terms
+
+LEAST_DIGITS = 4  # of "9.81": a rounder magnitude could be any number
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +37,25 @@ class Notation:
         self.latex: dict[sympy.Expr, str] = {}
         self._taken: set[str] = set()  # in LaTeX
         model = terms.system.model
+        self._given = dict(model.symbols)
         self.p = [self._declared(name) for name in self._free_parameters()]
         self.q = [self._declared(c.name) for c in model.coordinates]
-        self.v = [self._symbol(x.name, names.velocity(x.name, x.rate_of)) for x in model.velocities]
+        self.v = [self._symbol(x.name, self._velocity(x)) for x in model.velocities]
         self.w = self._quasi_velocities()
         self.u = [self._declared(x.name) for x in model.inputs]
         self.t = self._symbol("t", "t")
+        self.g = self._gravity()
         for x in extra:
             self._call(x.symbol, self._untaken(x.latex))
+
+    def _gravity(self) -> Gravity | None:
+        """The letter g for the file's number, unless the file has a g of its own."""
+        value = magnitude(self.terms.system)
+        if not value or "g" in self._taken or len(repr(value)) < LEAST_DIGITS:
+            return None
+        model = self.terms.system.model
+        others = frozenset(abs(x.value) for x in model.parameters)
+        return Gravity(self.fresh("g", "g"), value, others)
 
     def _free_parameters(self) -> list[str]:
         system = self.terms.system
@@ -63,7 +78,16 @@ class Notation:
 
     def _declared(self, name: str) -> sympy.Symbol:
         """A name of the model, set as its spelling suggests."""
-        return self._symbol(name, names.symbol(name))
+        return self._symbol(name, self.typeset(name))
+
+    def typeset(self, name: str) -> str:
+        """A name of the model as LaTeX: as the file says, else as its spelling suggests."""
+        return self._given.get(name) or names.symbol(name)
+
+    def _velocity(self, x: Velocity) -> str:
+        if x.rate_of in self._given:
+            return names.dotted(self._given[x.rate_of])
+        return names.velocity(x.name, x.rate_of)
 
     def _symbol(self, name: str, latex: str) -> sympy.Symbol:
         """A new symbol; one whose LaTeX is taken already is printed upright, as it is spelled."""
@@ -105,6 +129,7 @@ class Notation:
             ca.vertcat(*columns, *[x.sx for x in self.extra]),
             [*symbols, *[x.symbol for x in self.extra]],
             bool(s.constants) and not self.p,
+            self.g,
         )
 
     def in_basic_symbols(self, value: ca.SX) -> ca.SX:
@@ -113,6 +138,15 @@ class Notation:
             return value
         symbols = ca.vertcat(*[x.sx for x in self.extra])
         return ca.substitute(value, symbols, ca.vertcat(*[x.value for x in self.extra]))
+
+
+def magnitude(system: System) -> float:
+    """Of gravity, in m/s², 0 where it is none or hangs on parameters."""
+    entries = [ca.SX(x) for x in system.gravity]
+    if not all(x.is_constant() for x in entries):
+        return 0.0
+    numbers = [abs(float(x)) for x in entries if not x.is_zero()]
+    return numbers[0] if len(numbers) == 1 else 0.0
 
 
 def _only_one(row: ca.SX) -> int | None:

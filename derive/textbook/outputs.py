@@ -13,7 +13,7 @@ def outputs(doc: Manuscript) -> None:
     if not doc.system.outputs:
         return
     doc.section("Outputs")
-    doc.say("The model's outputs are")
+    doc.say("The model's outputs are:")
     for name, value, unit in doc.system.outputs:
         reactions = _reactions_in(doc, value)
         if reactions:

@@ -1,4 +1,5 @@
-"""The equations projected on the motions that the constraints allow, (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ).
+"""Where every road ends: M_w ẇ + h_w = f_w, with M_w = Sᵀ M S, h_w = Sᵀ (h + M σ), f_w = Sᵀ Q, and
+the same solved for ẇ.
 
 Source: Maggi 1896; Kane, Levinson, Dynamics, Theory and Applications, 1985.
 """
@@ -12,52 +13,51 @@ import sympy
 
 from derive.textbook.compose import operations
 from derive.textbook.elimination import Elimination
+from derive.textbook.forces import balance, column_bias, column_force
+from derive.textbook.inverse import accelerations
 from derive.textbook.layout import Rows
 from derive.textbook.manuscript import Manuscript, sum_of
-from derive.textbook.motion import force_column
+from derive.textbook.motion import bias, force_column
 
-SHORT = 40  # operations of an entry of M_w or f_w that is printed multiplied out
+SHORT = 40  # operations of an entry of M_w, h_w or f_w that is printed multiplied out
 LONG_SUM = 30  # operations beyond which products of matrices are printed in two steps
 MOST_SPEEDS = 6  # more quasi-velocities than this are not solved for on the page
+FINAL = r"!M_w\,!!w + !h_w"
 
 
-def projected(doc: Manuscript) -> None:
-    """M_w ẇ = f_w with M_w = SᵀM S (nw × nw) and f_w = Sᵀ (Q − h − M σ), its entries, and ẇ solved
-    for. Each law that is printed is checked in numbers against the equations of the module."""
+def final(doc: Manuscript) -> None:
+    """The boxed equations, their entries, and ẇ solved for. Nothing where there is no choice."""
     if doc.equations.generalized_velocities or not doc.w:
         return
-    doc.section("Equations without multipliers")
-    if doc.terms.has("Y"):
+    doc.section("Final equations")
+    if not doc.system.written:
         doc.say(
-            "Since $!A\\,!S=!0$, multiplying from the left by $!S^T$ removes the multipliers "
-            "(Maggi's equations; the columns of $!S$ are Kane's partial velocities):"
+            "Written out, the mass matrix would have more entries than can be read: the equations "
+            "are solved joint by joint, by the recursion, and never formed."
         )
-    else:
-        doc.say(
-            "Multiplying from the left by $!S^T$ carries the equations over to the "
-            "quasi-velocities (Maggi, Kane):"
-        )
-    _laws(doc)
-    doc.mean(r"!M_w,\; !f_w", "mass matrix and force of the quasi-velocities: M_w ẇ = f_w")
+        return
+    doc.say("Collected by the rates of the quasi-velocities, the equations of motion are:")
+    doc.law("projected", FINAL, r"!f_w", balance(doc.terms, doc.terms.wdot), boxed=True)
+    doc.mean(
+        r"!M_w,\; !h_w,\; !f_w",
+        "mass matrix, bias and applied force of the quasi-velocities: M_w ẇ + h_w = f_w",
+    )
+    M, S = doc.system.M, doc.terms.named("S")
+    doc.say("The mass matrix of the quasi-velocities is that of the directions $!S$:")
+    doc.law("M_w law", r"!M_w", r"!S^T!M\,!S", doc.terms.named("M_w") - ca.mtimes([S.T, M, S]))
     _mass(doc)
-    _force(doc)
+    doc.say("The bias collects what is left where $!!w=!0$, the force what is applied:")
+    _column_laws(doc)
+    _columns(doc)
     _solved(doc)
 
 
-def _laws(doc: Manuscript) -> None:
-    M, S = doc.system.M, doc.terms.named("S")
-    M_w, f_w = doc.terms.named("M_w"), doc.terms.named("f_w")
-    doc.law("projected", r"!M_w\,!!w", r"!f_w", ca.mtimes(M_w, doc.terms.wdot) - f_w)
-    doc.say("with the mass matrix and the force of the quasi-velocities")
-    doc.law("M_w", r"!M_w", r"!S^T!M\,!S", M_w - ca.mtimes(S.T, ca.mtimes(M, S)))
-    right = r"!S^T\left(!Q - !h - !M\,!\sigma\right)"
-    doc.law("f_w", r"!f_w", right, f_w - ca.mtimes(S.T, _force_at_rest(doc)))
-
-
-def _force_at_rest(doc: Manuscript) -> ca.SX:
-    """Q − h − M σ: what is left of the forces where ẇ = 0."""
-    s = doc.system
-    return s.Q - s.h - ca.mtimes(s.M, doc.terms.named("sigma"))
+def _column_laws(doc: Manuscript) -> None:
+    """h_w and f_w; that the module's own force is their difference is what the last one checks."""
+    h_w, f_w = column_bias(doc.terms), column_force(doc.terms)
+    whole = doc.terms.named("f_w") if doc.terms.has("f_w") else f_w - h_w
+    doc.law("h_w law", r"!h_w", r"!S^T\left(!h + !M\,!\sigma\right)", f_w - h_w - whole)
+    doc.law("f_w law", r"!f_w", r"!S^T!Q", f_w - ca.mtimes(doc.terms.named("S").T, doc.system.Q))
 
 
 def _mass(doc: Manuscript) -> None:
@@ -65,7 +65,6 @@ def _mass(doc: Manuscript) -> None:
     M_w = doc.terms.named("M_w")
     short = doc.reader.whole(M_w, SHORT)
     if short is not None:
-        doc.say("Multiplied out, the mass matrix is")
         doc.matrix("M_w", r"!M_w", "M^{w}", M_w, short, symmetric=True)
         return
     if not {"M", "S"} <= doc.entries.keys():
@@ -73,14 +72,14 @@ def _mass(doc: Manuscript) -> None:
     rows = _triple_product(doc.entries["S"], doc.entries["M"])
     if max(operations(x) for row in rows for x in row) > LONG_SUM:
         rows = _by_momenta(doc)
-    doc.say("Written out over the entries above, the mass matrix is")
+    doc.say("Over the entries above it is:")
     doc.matrix("M_w", r"!M_w", "M^{w}", M_w, _upper_triangle(rows), symmetric=True)
 
 
 def _by_momenta(doc: Manuscript) -> Rows:
     """Sᵀ P, where P = M S has been printed."""
     S = doc.entries["S"]
-    doc.say("In two steps, with the momenta per quasi-velocity $!P=!M\\,!S$,")
+    doc.say("In two steps, the momenta per quasi-velocity are $!P=!M\\,!S$:")
     momenta = [sum_of(row, column) for row in doc.entries["M"] for column in zip(*S)]
     doc.matrix("P", r"!P", "P", ca.mtimes(doc.system.M, doc.terms.named("S")), momenta)
     doc.mean(r"!P", "momenta per quasi-velocity, M S")
@@ -101,24 +100,41 @@ def _upper_triangle(rows: Rows) -> list[sympy.Expr]:
     return [rows[min(i, j)][max(i, j)] for i in range(n) for j in range(n)]
 
 
-def _force(doc: Manuscript) -> None:
-    """f_w: multiplied out where short, else over the entries of F = Q − h − M σ."""
-    f_w = doc.terms.named("f_w")
+def _columns(doc: Manuscript) -> None:
+    """h_w and f_w: multiplied out where short, else over the entries of h, M, σ and Q."""
+    h_w, f_w = column_bias(doc.terms), column_force(doc.terms)
+    short = doc.reader.whole(h_w, SHORT)
+    if short is None:
+        accelerations(doc)
+        bias(doc)
+        _bias_in_steps(doc, h_w)
+    elif doc.vector("h_w", "h^{w}", h_w, short):
+        _said_if_none(doc, "h_w", r"!h_w")
     short = doc.reader.whole(f_w, SHORT)
     if short is not None:
-        doc.say("and the force is")
-        force_column(doc, "f_w", "f^{w}", f_w, r"!f_w")
+        force_column(doc, "f_w", "f^{w}", f_w, r"!f_w", short)
+    elif {"S", "Q"} <= doc.entries.keys():
+        force = _column(doc, "Q")
+        doc.vector("f_w", "f^{w}", f_w, [sum_of(s, force) for s in zip(*doc.entries["S"])])
+
+
+def _said_if_none(doc: Manuscript, name: str, bold: str) -> None:
+    if all(row[0] == 0 for row in doc.entries[name]):
+        doc.say(f"${bold}=!0$: there is none.")
+
+
+def _bias_in_steps(doc: Manuscript, h_w: ca.SX) -> None:
+    """Over F = h + M σ."""
+    if not {"M", "S", "h", "sigma"} <= doc.entries.keys():
         return
-    if not {"M", "S", "h", "Q", "sigma"} <= doc.entries.keys():
-        return
-    doc.say("and the force, with $!F=!Q-!h-!M\\,!\\sigma$,")
-    Q, h, sigma = (_column(doc, name) for name in ("Q", "h", "sigma"))
-    F = [x - y - sum_of(row, sigma) for x, y, row in zip(Q, h, doc.entries["M"])]
-    doc.vector("F", "F", _force_at_rest(doc), F)
-    doc.mean(r"!F", "forces on the generalized velocities where ẇ = 0, Q − h − M σ")
-    doc.say("is")
-    force = _column(doc, "F")
-    doc.vector("f_w", "f^{w}", f_w, [sum_of(s, force) for s in zip(*doc.entries["S"])])
+    doc.say("In two steps, the bias where $!!w=!0$ is $!F=!h+!M\\,!\\sigma$, and $!h_w=!S^T!F$:")
+    h, sigma = _column(doc, "h"), _column(doc, "sigma")
+    F = [x + sum_of(row, sigma) for x, row in zip(h, doc.entries["M"])]
+    s = doc.system
+    doc.vector("F", "F", s.h + ca.mtimes(s.M, doc.terms.named("sigma")), F)
+    doc.mean(r"!F", "bias in the generalized velocities where ẇ = 0, h + M σ")
+    at_rest = _column(doc, "F")
+    doc.vector("h_w", "h^{w}", h_w, [sum_of(s, at_rest) for s in zip(*doc.entries["S"])])
 
 
 def _column(doc: Manuscript, name: str) -> list[sympy.Expr]:
@@ -127,18 +143,19 @@ def _column(doc: Manuscript, name: str) -> list[sympy.Expr]:
 
 def _solved(doc: Manuscript) -> None:
     """ẇ: a quotient, Cramer's rule for two, elimination for more."""
-    if not {"M_w", "f_w"} <= doc.entries.keys():
+    if not {"M_w", "h_w", "f_w"} <= doc.entries.keys():
         return
     if len(doc.w) > MOST_SPEEDS:
         doc.say("These linear equations are solved by an unrolled $!L\\,!D\\,!L^T$ decomposition.")
         return
-    M, f = doc.entries["M_w"], _column(doc, "f_w")
+    M = doc.entries["M_w"]
+    f = [x - y for x, y in zip(_column(doc, "f_w"), _column(doc, "h_w"))]
     short = doc.reader.whole(doc.terms.wdot, SHORT)
     if short is not None:
-        _explicit(doc, "Solved for the accelerations, the explicit equations of motion are")
+        _explicit(doc, "Solved for the accelerations, the explicit equations of motion are:")
         _accelerations(doc, short)
     elif _diagonal(M):
-        _explicit(doc, "The equations are decoupled, and the explicit equations of motion are")
+        _explicit(doc, "The equations are decoupled. Solved for the accelerations they are:")
         _accelerations(doc, [x / M[k][k] for k, x in enumerate(f)])
     elif len(doc.w) == 2:
         _cramer(doc, M, f)
@@ -147,7 +164,7 @@ def _solved(doc: Manuscript) -> None:
 
 
 def _explicit(doc: Manuscript, several: str) -> None:
-    doc.say("The explicit equation of motion is" if len(doc.w) == 1 else several)
+    doc.say("The explicit equation of motion is:" if len(doc.w) == 1 else several)
 
 
 def _diagonal(M: Rows) -> bool:
@@ -156,12 +173,12 @@ def _diagonal(M: Rows) -> bool:
 
 def _cramer(doc: Manuscript, M: Rows, f: Sequence[sympy.Expr]) -> None:
     determinant = doc.notation.fresh("Delta", r"\Delta_{w}")
-    doc.say("Solved by Cramer's rule, with the determinant")
+    doc.say("Cramer's rule solves them, with the determinant:")
     M_w = doc.terms.named("M_w")
     value = M_w[0, 0] * M_w[1, 1] - M_w[0, 1] * M_w[1, 0]
     doc.lines("determinant", [determinant], [M[0][0] * M[1][1] - M[0][1] ** 2], value)
     doc.mean(r"\Delta_{w}", "determinant of the mass matrix of the quasi-velocities")
-    doc.say("the explicit equations of motion are")
+    doc.say("The explicit equations of motion are:")
     first = (M[1][1] * f[0] - M[0][1] * f[1]) / determinant
     second = (M[0][0] * f[1] - M[0][1] * f[0]) / determinant
     _accelerations(doc, [first, second])
@@ -169,6 +186,6 @@ def _cramer(doc: Manuscript, M: Rows, f: Sequence[sympy.Expr]) -> None:
 
 def _accelerations(doc: Manuscript, expressions: Sequence[sympy.Expr]) -> None:
     doc.rates = [doc.notation.rate(symbol) for symbol in doc.w]
-    doc.lines("wdot", doc.rates, expressions, doc.terms.wdot)
+    doc.lines("wdot", doc.rates, expressions, doc.terms.wdot, boxed=True)
     for symbol, rate in zip(doc.w, doc.rates):
         doc.mean(doc.notation.latex[rate], f"rate of {symbol.name}")

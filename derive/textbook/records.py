@@ -23,7 +23,14 @@ class Math:
     latex: str
 
 
-Run = Text | Math
+@dataclass(frozen=True)
+class Ref:
+    """A displayed equation that is referred to by its number."""
+
+    number: int
+
+
+Run = Text | Math | Ref
 Runs = tuple[Run, ...]
 
 
@@ -60,11 +67,15 @@ class Law:
 
 @dataclass(frozen=True)
 class Line:
-    """left = right; a long right side comes in pieces, one per line."""
+    """left = right; a long right side comes in pieces, between which a line may end. `place` says
+    which formula of `Document.printed` it shows and which entry of it, −1 for all; `where` lines
+    explain symbols of the lines before them."""
 
     left: str
     right: tuple[str, ...]
     relation: str = "="
+    place: tuple[int, int] | None = None
+    where: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,8 +87,22 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Display:
+    """Equations under one number; `boxed` ones are what a derivation ends in. `folded` ones
+    are too long to be read with the text."""
+
     lines: tuple[Line, ...]
     number: int
+    boxed: bool = False
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Which entries of a matrix are not zero: `marks` row by row, " " for zero, "1" for a number,
+    "x" for anything else. `name` is LaTeX."""
+
+    name: str
+    marks: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -91,14 +116,17 @@ class Items:
     items: tuple[Runs, ...]
 
 
-Block = Paragraph | Display | Table | Items
+Block = Paragraph | Display | Pattern | Table | Items
 
 
 @dataclass(frozen=True)
 class Section:
+    """`column` is 1 or 2 where two sections stand side by side, else 0."""
+
     title: str
     anchor: str
     blocks: tuple[Block, ...]
+    column: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,3 +139,5 @@ class Document:
     printed: tuple[Printed, ...]
     laws: tuple[Law, ...]
     version: str
+    state: str = ""  # in words, at which `numbers` holds
+    numbers: tuple[tuple[float, ...], ...] = ()  # of every printed formula, row by row

@@ -13,14 +13,16 @@ from typing import Any, cast
 from derive.expressions.tree import ONE, Expression
 from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, NoSlip, Rolling
 from derive.model.load_records import (
+    Contact,
     Force,
     GeneralisedForce,
     JointDamper,
     JointSpring,
     PointSpring,
+    Tension,
     Torque,
 )
-from derive.model.records import Closure, Input, Placement
+from derive.model.records import GROUND, Closure, Input, Placement
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript, runs
 from derive.textbook.records import Math, Run, Runs, Text
@@ -100,10 +102,12 @@ def _rolling(doc: Manuscript, x: Rolling) -> Runs:
     radius, normal = doc.formula(x.radius, x.name), point(doc, x.normal, x.name)
     axis = point(doc, x.axis, x.name)
     about = "" if x.shape == "sphere" else " about its axis {axis}"
+    of = "" if x.carrier == GROUND else f"of {x.carrier} "
+    ground = (
+        f"the plane {of}normal to {{normal}}" if x.surface is None else f"a surface {of}".strip()
+    )
     return runs(
-        "{body}, a {shape} of radius {radius}"
-        + about
-        + ", rolls without slip on the plane normal to {normal}",
+        "{body}, a {shape} of radius {radius}" + about + f", rolls without slip on {ground}",
         body=x.body,
         shape=x.shape,
         radius=radius,
@@ -157,6 +161,29 @@ def _point_spring(doc: Manuscript, x: PointSpring) -> Runs:
         stiffness=doc.formula(x.stiffness, x.name),
         length=doc.formula(x.length, x.name),
         damping=doc.formula(x.damping, x.name),
+    )
+
+
+def _tension(doc: Manuscript, x: Tension) -> Runs:
+    return runs(
+        "pull along the path {path}: {tension} N",
+        path=x.path.name,
+        tension=doc.formula(x.tension, x.name),
+    )
+
+
+def _contact(doc: Manuscript, x: Contact) -> Runs:
+    return runs(
+        "contact of {body}, a {shape}, with {what} of {carrier}: stiffness {stiffness}, damping "
+        "{damping}, friction {friction}, smoothed below {smoothing} m/s",
+        body=x.body,
+        shape=x.shape,
+        what="a plane" if x.surface is None else "a surface",
+        carrier=x.carrier,
+        stiffness=doc.formula(x.stiffness, x.name),
+        damping=doc.formula(x.damping, x.name),
+        friction=doc.formula(x.friction, x.name),
+        smoothing=doc.formula(x.smoothing, x.name),
     )
 
 
@@ -230,6 +257,8 @@ LOADS: dict[type[Any], Callable[[Manuscript, Any], Runs]] = {
     JointSpring: _joint_spring,
     JointDamper: _joint_damper,
     PointSpring: _point_spring,
+    Tension: _tension,
+    Contact: _contact,
     Force: _force,
     Torque: _torque,
     GeneralisedForce: _generalised,

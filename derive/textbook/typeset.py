@@ -10,7 +10,10 @@ import sympy
 from sympy import Expr
 from sympy.core.function import AppliedUndef
 
+from derive.textbook.measure import letters
+
 LINE = 62  # visible characters in one line of a sum
+PIECE = 20  # of a part that is not broken
 CALLED = {
     "sin": r"\sin",
     "cos": r"\cos",
@@ -47,16 +50,10 @@ class Typesetter:
         """An expression as LaTeX."""
         return self._sum(x) if x.is_Add else self._product(x)
 
-    def lines(self, x: Expr, line: int = LINE) -> tuple[str, ...]:
-        """The formula in lines of about `line` visible characters, broken between the terms of
-        sums."""
-        pieces: list[str] = []
-        for term in self._breakable(x, line):
-            if pieces and width(pieces[-1]) + width(term) <= line:
-                pieces[-1] += term
-            else:
-                pieces.append(term)
-        return tuple(pieces)
+    def pieces(self, x: Expr, line: int = PIECE) -> tuple[str, ...]:
+        """The formula in pieces between which a line may end, broken between the terms of sums and
+        between factors."""
+        return tuple(self._breakable(x, line))
 
     def _breakable(self, x: Expr, line: int) -> list[str]:
         """Parts between which a line may end; they give the formula when put together."""
@@ -68,10 +65,35 @@ class Typesetter:
             ]
         whole = self.latex(x)
         factor, inside = _bracket(x)
-        if inside is None or width(whole) <= line:
+        if width(whole) <= line:
             return [whole]
+        if inside is None:
+            return self._factors(x, whole)
         terms = self._breakable(inside, line)
         terms[0] = f"{self._before(factor)} \\Bigl({terms[0]}"
+        terms[-1] += r"\Bigr)"
+        return terms
+
+    def _factors(self, x: Expr, whole: str) -> list[str]:
+        """A product without divisors, factor by factor."""
+        negative, product = _is_negative(x), -x if _is_negative(x) else x
+        over, under = _split(product)
+        if under or len(over) < 2:
+            return [whole]
+        pieces: list[str] = []
+        for f in sorted(over, key=self._place_in_product):
+            own = self._factor_pieces(f)
+            own[0] = rf"\, {own[0]}" if pieces else own[0]
+            pieces += own
+        return [("-" if negative else "") + pieces[0], *pieces[1:]]
+
+    def _factor_pieces(self, f: Expr) -> list[str]:
+        """A factor; a long sum in brackets is broken between its terms."""
+        whole = self._factor(f)
+        if not f.is_Add or width(whole) <= PIECE:
+            return [whole]
+        terms = self._breakable(f, PIECE)
+        terms[0] = rf"\Bigl({terms[0]}"
         terms[-1] += r"\Bigr)"
         return terms
 
@@ -172,6 +194,22 @@ class Typesetter:
 
     def _otherwise(self, x: sympy.Basic) -> str:
         return sympy.latex(x, symbol_names=dict(self.names))
+
+
+def merged(pieces: Sequence[str], line: float = LINE) -> tuple[str, ...]:
+    """Pieces of a formula put together in lines of about so many letters."""
+    lines: list[str] = []
+    for piece in pieces:
+        if lines and letters(lines[-1]) + letters(piece) <= line:
+            lines[-1] += piece
+        else:
+            lines.append(piece)
+    return tuple(lines)
+
+
+def digits(x: Expr) -> str:
+    """The significant digits of a number."""
+    return f"{abs(float(x)):.15e}".partition("e")[0].replace(".", "").rstrip("0")
 
 
 def _raisable(name: str) -> str:

@@ -7,10 +7,13 @@ from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
 
-from derive.textbook.records import Display, Document, Line, Runs, Table, Text
-from derive.textbook.typeset import width
+from derive.textbook.measure import letters
+from derive.textbook.records import Display, Document, Line, Pattern, Ref, Run, Runs, Table, Text
+from derive.textbook.typeset import merged, width
 
-TEXT_WIDTH = 82  # visible characters of mathematics that fit on a line
+TEXT_WIDTH = 82  # visible characters of text that fit on a line
+LETTERS = 74.0  # of mathematics that do, beside the number of the equation
+SIGN = 4.0  # letters of an equals sign and the indentation of later lines
 LONG_CELL = 24  # characters beyond which a cell of a table is broken into lines
 GAP = 3  # characters between columns
 _SPECIAL = {
@@ -29,6 +32,7 @@ _SPECIAL = {
     "|": r"\textbar{}",
     '"': r"\textquotedbl{}",
     "…": r"\ldots{}",
+    "⋮": r"\ensuremath{\vdots}",
     "–": "--",
     "—": "---",
     "“": "``",
@@ -135,6 +139,8 @@ def article(document: Document, figure: str = "") -> str:
         runs=_runs,
         rows=_rows,
         columns=_columns,
+        pattern=_pattern,
+        folded=_folded,
     )
 
 
@@ -164,38 +170,62 @@ def _escaped(c: str) -> str:
 
 
 def _runs(runs: Runs) -> str:
-    return "".join(escape(run.text) if isinstance(run, Text) else f"${run.latex}$" for run in runs)
+    return "".join(map(_run, runs))
+
+
+def _run(run: Run) -> str:
+    if isinstance(run, Ref):
+        return rf"(\ref{{equation-{run.number}}})"
+    return escape(run.text) if isinstance(run, Text) else f"${run.latex}$"
 
 
 def _rows(display: Display) -> str:
     """Lines of an align environment; one number for all of them."""
-    rows = [row for line in display.lines for row in _pieces(line)]
+    rows: list[str] = []
+    explained = False
+    for line in display.lines:
+        first, *rest = _pieces(line)
+        starts = line.where and not explained and bool(rows)
+        explained = explained or line.where
+        rows += [r"\intertext{where}" + "\n" + first if starts else first, *rest]
     return " \\nonumber \\\\\n".join(rows)
 
 
+def _pattern(pattern: Pattern) -> str:
+    """Dots for terms, circles for numbers."""
+    marks = {" ": r"\cdot", "1": r"\circ", "x": r"\bullet"}
+    body = r" \\ ".join(" & ".join(marks[x] for x in row) for row in pattern.marks)
+    columns = "c" * len(pattern.marks[0])
+    return (
+        rf"${pattern.name}:\; \arraycolsep=2pt\left[\begin{{array}}{{{columns}}} {body} "
+        r"\end{array}\right]$ (terms $\bullet$, numbers $\circ$)"
+    )
+
+
+def _folded(display: Display) -> str:
+    """What is not in the article: it is in the page, to be unfolded."""
+    lefts = [line.left for line in display.lines if not line.where] or [display.lines[0].left]
+    shown = lefts[0] if len(lefts) == 1 else rf"{lefts[0]},\ldots,{lefts[-1]}"
+    return (
+        rf"\refstepcounter{{equation}}\label{{equation-{display.number}}}({display.number}) "
+        rf"${shown}$: written out in the web page."
+    )
+
+
 def _pieces(line: Line) -> Iterable[str]:
-    first, *rest = line.right
-    room = TEXT_WIDTH - width(line.left)
+    room = LETTERS - letters(line.left) - SIGN
+    first, *rest = merged(line.right, room)
     yield f"{line.left} &{line.relation} {_fitted(first, room)}"
     for piece in rest:
         yield f"&\\quad {_fitted(piece.strip(), room)}"
 
 
-def _fitted(latex: str, room: int) -> str:
+def _fitted(latex: str, room: float) -> str:
     """Made narrower where it would not fit on the page."""
-    if _columns_wide(latex) <= room:
+    if letters(latex) <= room:
         return latex
-    return (
-        rf"\resizebox{{{max(room, 20) / TEXT_WIDTH:.2f}\linewidth}}{{!}}{{$\displaystyle {latex}$}}"
-    )
-
-
-def _columns_wide(latex: str) -> int:
-    """Of a matrix, its widest row counts with the gaps between columns; of anything else, all of
-    it."""
-    if r"\begin{bmatrix}" not in latex:
-        return width(latex)
-    return max(width(row.replace("&", "xx")) for row in latex.split(r"\\"))
+    part = max(room, 20.0) / (LETTERS + SIGN)
+    return rf"\resizebox{{{part:.2f}\linewidth}}{{!}}{{$\displaystyle {latex}$}}"
 
 
 def _columns(table: Table) -> str:
@@ -221,4 +251,10 @@ def _lengths(table: Table) -> list[int]:
 
 
 def _length(runs: Runs) -> int:
-    return sum(len(run.text) if isinstance(run, Text) else width(run.latex) for run in runs)
+    return sum(map(_run_length, runs))
+
+
+def _run_length(run: Run) -> int:
+    if isinstance(run, Ref):
+        return len(str(run.number)) + 2
+    return len(run.text) if isinstance(run, Text) else width(run.latex)

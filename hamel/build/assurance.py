@@ -27,7 +27,7 @@ def assure(plain: Equations, held: Equations, module: ModuleType) -> None:
     `held` are the equations of the module: `plain` ones, or what an enforcement made of them by
     terms that are zero on the constraints. Then the two are looked at one after the other.
     """
-    key = content_key(plain.system.model.text, str(module.defaults.dtype), _listing(held))
+    key = content_key(plain.system.model.content(), str(module.defaults.dtype), _listing(held))
     if store.stored(VERIFIED, key) is not None:
         return
     check_all(held, _checks(plain, held, module), "nothing is simulated")

@@ -13,6 +13,7 @@ import importlib.util
 import logging
 import os
 import platform
+import re
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,6 +30,8 @@ ELSEWHERE = "free some space there, or set TMPDIR to a folder on another disk"
 LIBRARIES = ("casadi", "sympy", "numpy", "jinja2", "pydantic", "latex2mathml")
 PACKAGES = ("derive", "codegen", "hamel")
 ALONE = (".yaml", ".yml")  # files that refer to no others
+# but by `use:` or by `file:`, and a key may be written with escapes
+REFERS = re.compile(rb"\b(?:use|file)\b\s*[\"']?\s*:|\\")
 
 
 def file_key(path: str | PathLike[str], options: Mapping[str, Any]) -> str | None:
@@ -38,6 +41,8 @@ def file_key(path: str | PathLike[str], options: Mapping[str, Any]) -> str | Non
         return None
     with contextlib.suppress(OSError):
         text = Path(path).read_bytes()
+        if REFERS.search(text):
+            return None
         asked = repr(sorted(options.items()))
         return digest(os.fspath(path), text, asked, generator(), processor())
     return None

@@ -214,7 +214,7 @@ def _finished(draft: Draft, stored: bool) -> Compiled:
     """The draft loaded; what was compiled for it, and works, goes to the store."""
     texts = {name: text.encode() for name, text in draft.texts.items()}
     if not draft.command:
-        return Compiled(texts, _loaded(draft.folder), False, without_compiler())
+        return Compiled(texts, loaded(draft.folder), False, without_compiler())
     try:
         module = _checked(draft)
     except ToolchainError:
@@ -232,7 +232,7 @@ def _finished(draft: Draft, stored: bool) -> Compiled:
 
 def _checked(draft: Draft) -> ModuleType:
     """The module, when it runs on what was compiled; ToolchainError else."""
-    module = _loaded(draft.folder)
+    module = loaded(draft.folder)
     try:
         suffix = toolchain.extension_suffix()
         extended = any(name.endswith(suffix) for name in _listed(draft.folder))
@@ -251,7 +251,7 @@ def _checked(draft: Draft) -> ModuleType:
     return module
 
 
-def _loaded(folder: Path) -> ModuleType:
+def loaded(folder: Path) -> ModuleType:
     """The module, without the warning that it is to be compiled and without traces in its
     folder."""
     quiet = sys.dont_write_bytecode

@@ -28,6 +28,7 @@ from derive.robots.reading import load
 from derive.states.initial import initial_state
 from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of
+from hamel.engines import HERE, PROCESSES, engine
 from hamel.records import ExtremeRow, Simulated
 from hamel.settings import settings
 from hamel.simulate.compiled import Rows, simulation
@@ -70,14 +71,35 @@ def extremes_table(
 ) -> tuple[ExtremeRow, ...]:
     """Every case of the files (or the ones called `case`), run and judged."""
     rows = []
-    for path in files(paths):
-        model = load(path)
-        for entry in model.extremes:
-            if case in (None, entry.name):
-                if progress is not None:
-                    progress(f"{model.name}: {entry.name}")
-                rows.append(judged(path, model, entry))
+    for name, judge in judgements(paths, case):
+        if progress is not None:
+            progress(name)
+        rows.append(judge())
     return tuple(rows)
+
+
+def judgements(
+    paths: Iterable[str | PathLike[str]], case: str | None = None
+) -> Iterator[tuple[str, Callable[[], ExtremeRow]]]:
+    """The name of every case (or of those called `case`), and a function that waits for its row, as
+    `judged` gives or raises it. Several cases run side by side, in processes."""
+    found = [
+        (path, model.name, number, entry.name)
+        for path in files(paths)
+        for model in [load(path)]
+        for number, entry in enumerate(model.extremes)
+        if case in (None, entry.name)
+    ]
+    with engine(PROCESSES if len(found) > 1 else HERE) as by:
+        futures = [by.executor.submit(judged_case, path, k) for path, _, k, _ in found]
+        for (_, model, _, entry), future in zip(found, futures):
+            yield f"{model}: {entry}", future.result
+
+
+def judged_case(path: Path, number: int) -> ExtremeRow:
+    """The case of that number in a file."""
+    model = load(path)
+    return judged(path, model, model.extremes[number])
 
 
 def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:

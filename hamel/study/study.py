@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from codegen.integrators import INTEGRATORS
+from hamel.engines import Engine
 from hamel.study import libraries, modules, plan, runs
 from hamel.study.judgement import Judge, Reference, agreed
 from hamel.study.plan import DEFAULT, Excluded, Restrictions, Unit
-from hamel.study.pool import Outcome, Task, Workers, outcomes
 from hamel.study.results import Results
 from hamel.study.runs import TOO_LONG
+from hamel.study.series import Outcome, Task, outcomes
 
 # Of the two runs of the reference: two integrators on two formulations, so that they share no error
 # of discretisation. The second pair is tried where the first takes too long.
@@ -64,7 +65,7 @@ class Progress:
 
     case: Case
     asked: Restrictions
-    workers: Workers
+    workers: Engine
     results: Results
     folder: Path
     advance: Callable[[float, float], None]  # done, of
@@ -76,7 +77,7 @@ class Progress:
 def study(
     case: Case,
     asked: Restrictions,
-    workers: Workers,
+    workers: Engine,
     folder: Path,
     advance: Callable[[float, float], None],
 ) -> Study:
@@ -260,7 +261,7 @@ def _runs(so_far: Progress, units: Sequence[Unit], scale: int) -> Wanted:
 def _measured(so_far: Progress, units: Sequence[Unit], wanted: Wanted) -> Made:
     """The rows of all runs, from the cache or made now; those the budget has no time for are
     noted."""
-    each = so_far.workers.size * so_far.asked.budget / max(1, len(wanted))
+    each = so_far.workers.width() * so_far.asked.budget / max(1, len(wanted))
     limit, share = min(30.0, max(0.3, 20 * each)), min(0.05, max(0.002, each / 4))
     missing = [
         (unit, run)

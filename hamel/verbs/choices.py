@@ -20,6 +20,7 @@ from hamel.build.files import write_text
 from hamel.build.module import temporary_module
 from hamel.build.stages import mechanics_of
 from hamel.draw import Curve, Panel, draw
+from hamel.engines import PROCESSES, engine
 from hamel.records import Choices, Ranking
 from hamel.show import refusals, shortened, table
 
@@ -47,9 +48,9 @@ def run(path: str | PathLike[str], time: bool, plot: Path | None, until: float) 
     if reason:
         raise AssumptionError(f"{model.name}: {reason}")
     found = comparison(mechanics)
-    ranked = tuple(
-        _ranking(x, measured(mechanics, x.ranking.name) if time else None) for x in found.assessed
-    )
+    names = [x.ranking.name for x in found.assessed]
+    times = _times(path, names) if time else [None] * len(names)
+    ranked = tuple(_ranking(x, ns) for x, ns in zip(found.assessed, times))
     if plot is not None:
         _draw(path, mechanics, [x.name for x in ranked][:DRAWN], plot, until)
     return Choices(model.name, model.choices[0].name, ranked, found.refused, plot)
@@ -63,6 +64,17 @@ def _ranking(x: Assessed, ns: float | None) -> Ranking:
         if field.name not in own
     }
     return Ranking(**shared, **own)
+
+
+def _times(path: str | PathLike[str], names: list[str]) -> list[float]:
+    """Of every choice, one after the other in a process where nothing else runs."""
+    with engine(PROCESSES, 1) as by:
+        return list(by.executor.map(measured_in, [path] * len(names), names))
+
+
+def measured_in(path: str | PathLike[str], choice: str) -> float:
+    """ns per state of `dynamics` of a choice of a model file."""
+    return measured(mechanics_of(load(path)), choice)
 
 
 def measured(mechanics: System, choice: str) -> float:
@@ -105,8 +117,27 @@ def _draw(
     )
 
 
+def recommendation(record: Choices) -> str:
+    """Which choice to take, and why, in a sentence or two."""
+    best = record.choices[0]
+    text = (
+        f"Take '{best.name}': the condition number of [A; B] is {best.condition:.3g} at the start "
+        f"and at most {best.worst:.3g} at the states looked at, for {best.operations} operations."
+    )
+    if best.name == record.default:
+        return f"{text} It is what is built when no choice is given."
+    own = next((x for x in record.choices if x.name == record.default), None)
+    if own is None:
+        return f"{text} The default, '{record.default}', cannot be used here."
+    cost = f"condition {own.condition:.3g}, at most {own.worst:.3g}, {own.operations} operations"
+    return f"{text} The default, '{record.default}', has {cost}."
+
+
 def show(record: Choices, console: Console) -> None:
-    """A row per candidate, best first, the pivots of the first, then what was refused and why."""
+    """The recommendation, a row per candidate, best first, the pivots of the first, then what was
+    refused and why."""
+    if record.choices:
+        console.print(recommendation(record))
     timed = any(r.ns is not None for r in record.choices)
     rows = [
         (

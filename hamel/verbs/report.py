@@ -4,7 +4,6 @@ table and JSON."""
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 from collections.abc import Callable, Collection, Mapping, Sequence
 from os import PathLike
@@ -23,13 +22,13 @@ from derive.robots.reading import load
 from hamel.build.files import write_text
 from hamel.build.stages import mechanics_of
 from hamel.draw.mechanism import picture, svg
+from hamel.engines import PROCESSES, engine
 from hamel.records import ExtremeRow, Reported, as_json
 from hamel.settings import settings, units
 from hamel.study import page
-from hamel.study.extremes import files, judged
+from hamel.study.extremes import files, judgements
 from hamel.study.judgement import told
 from hamel.study.plan import Restrictions
-from hamel.study.pool import workers
 from hamel.study.study import Case, Study, study
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ def run(
     cases = _cases(paths, time, values)
     studies = []
     with (
-        workers(os.cpu_count() or 1) as processes,
+        engine(PROCESSES) as processes,
         tempfile.TemporaryDirectory(prefix="hamel-", ignore_cleanup_errors=True) as folder,
     ):
         for number, case in enumerate(cases):
@@ -143,13 +142,12 @@ def _cases(
 def _extremes(paths: Sequence[str | PathLike[str]]) -> tuple[ExtremeRow, ...]:
     """All cases; one that nothing can judge is a row that did not pass, and hides no other."""
     rows: list[ExtremeRow] = []
-    for file in files(paths):
-        model = load(file)
-        for case in model.extremes:
-            try:
-                rows.append(judged(file, model, case))
-            except ModelError as error:
-                rows.append(_unjudged(model.name, case, error.diagnostics[0].message))
+    cases = [(model, case) for model in map(load, files(paths)) for case in model.extremes]
+    for (model, case), (_, judge) in zip(cases, judgements(paths)):
+        try:
+            rows.append(judge())
+        except ModelError as error:
+            rows.append(_unjudged(model.name, case, error.diagnostics[0].message))
     return tuple(rows)
 
 

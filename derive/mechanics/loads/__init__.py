@@ -10,15 +10,18 @@ import casadi as ca
 
 from derive.mechanics.loads.armature import ARMATURE, armatures
 from derive.mechanics.loads.bushing import BUSHING
+from derive.mechanics.loads.contact import CONTACT
 from derive.mechanics.loads.damper import JOINT_DAMPER
 from derive.mechanics.loads.expression import EXPRESSION
 from derive.mechanics.loads.force import FORCE
 from derive.mechanics.loads.friction import JOINT_FRICTION
 from derive.mechanics.loads.records import Applied, Law, along
 from derive.mechanics.loads.spring import JOINT_SPRING, POINT_SPRING
+from derive.mechanics.loads.tension import TENSION
 from derive.mechanics.loads.torque import TORQUE
 from derive.mechanics.loads.wrench import WRENCH
 from derive.mechanics.scene import Scene
+from derive.model.rows import row_names
 
 __all__ = ["LAWS", "Applied", "Law", "along", "applied", "armatures"]
 
@@ -33,20 +36,29 @@ LAWS = (
     ARMATURE,
     EXPRESSION,
     WRENCH,
+    TENSION,
+    CONTACT,
 )
 LAW_OF = {law.record: law.applied for law in LAWS}
 
 
-def applied(scene: Scene) -> Applied:
-    """The potential energy V (J) of springs and bushings, and the forces without potential
-    conjugate to v (nv), summed over loads and inputs. Of springs no force is formed here: the
-    assembly differentiates V."""
+def applied(scene: Scene) -> tuple[Applied, ca.SX]:
+    """The potential energy V (J) of springs, bushings and contacts, and the forces without
+    potential conjugate to v (nv), summed over loads and inputs; apart from them the forces that
+    use reactions of the ideal problem. Of springs no force is formed here: the assembly
+    differentiates V."""
     energy, force = ca.SX(0), ca.SX.zeros(scene.symbols.v.numel())
+    reacting = ca.SX.zeros(scene.symbols.v.numel())
+    reactions = scene.symbols.reactions(row_names(scene.model))
     for load in scene.model.loads:
         one = LAW_OF[type(load)](scene, load)
-        energy, force = energy + one.energy, force + one.force
+        energy = energy + one.energy
+        if reactions.numel() and ca.depends_on(one.force, reactions):
+            reacting = reacting + one.force
+        else:
+            force = force + one.force
     for item in scene.model.inputs:
         if item.velocity:
             gear = scene.symbols.scalar(item.gear)
             force = force + along(scene, item.velocity, gear * scene.symbols.names[item.name])
-    return Applied(energy, scene.over_v(force))
+    return Applied(energy, scene.over_v(force)), scene.over_v(reacting)

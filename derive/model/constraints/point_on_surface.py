@@ -50,15 +50,24 @@ def on_surface(
     if entry.of is not None and body == carrier:
         reader.report(entry.of.span, f"'{key}' is between '{body}' and itself", "two bodies")
     point = reader.point(entry.at, "a point")
-    return OnSurface(str(key), body, point, carrier, _surface(reader, entry.surface), key.span)
+    return OnSurface(str(key), body, point, carrier, surface(reader, entry.surface), key.span)
 
 
-def _surface(reader: Reader, scalar: Scalar) -> Expression:
+def surface(reader: Reader, scalar: Scalar) -> Expression:
+    """A formula of x, y, z (two of them in a plane), parameters and t."""
     letters = reader.space.letters
     before = len(reader.problems)
     with _local(reader, letters):
         formula = reader.formula(scalar, "a surface", frozenset({PARAMETER, COORDINATE, TIME}))
+        reader.refuse_tables(formula, scalar, "a surface")
     names = {node.name for node in tree.walk(formula) if isinstance(node, tree.Name)}
+    if names & reader.measures.found.keys():
+        reader.report(
+            scalar.span,
+            f"the motion of a body in a surface: {min(names & reader.measures.found.keys())}",
+            f"a formula of {', '.join(letters)}, parameters and t",
+            "a surface that moves with a body is one `of:` it",
+        )
     if len(reader.problems) == before and not names & set(letters):
         wanted = f"a formula of {', '.join(letters)} that is zero on the surface"
         reader.report(scalar.span, f"a surface without {', '.join(letters)}", wanted)

@@ -8,13 +8,14 @@ from derive.diagnostics import listed
 from derive.expressions.tree import ZERO
 from derive.model.constraint_records import Rolling
 from derive.model.constraints.lengths import length
-from derive.model.document import Key
+from derive.model.constraints.point_on_surface import surface
+from derive.model.document import Key, Scalar
 from derive.model.entries import Direction, Entry, Formula, Point
 from derive.model.frames import Names
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.records import Vector3
+from derive.model.records import GROUND, Vector3
 
 
 class DiskEntry(Entry):
@@ -51,14 +52,17 @@ class ShapeEntry(Entry):
 
 class PlaneEntry(Entry):
     normal: Direction = Field(
-        description="Normal of the plane (in a planar model of the line), in the ground frame."
+        description="Normal of the plane (in a planar model of the line), in the frame of `of`."
     )
-    origin: Point | None = Field(None, description="A point of the plane, in the ground frame.")
+    origin: Point | None = Field(None, description="A point of the plane, in the frame of `of`.")
+    of: Formula | None = Field(
+        None, description="The body the plane is fixed to; ground when left out."
+    )
 
 
 class RollingEntry(Entry):
-    """A disk, sphere or torus rolls without slip on a plane; a wheel on a line in a planar
-    model."""
+    """A disk, sphere or torus rolls without slip on a plane, a wheel on a line in a planar model;
+    spheres and planar wheels on surfaces."""
 
     type: Formula
     body: Formula = Field(description="The body.")
@@ -66,7 +70,13 @@ class RollingEntry(Entry):
         None, description="Centre of the shape, in the body's frame; its origin when left out."
     )
     shape: ShapeEntry = Field(description="What rolls.")
-    plane: PlaneEntry = Field(description="What it rolls on.")
+    plane: PlaneEntry | None = Field(None, description="What it rolls on.")
+    surface: Formula | None = Field(
+        None,
+        description="Or a formula of x, y, z in the frame of `of`, zero on the surface and "
+        "positive on the body's side; for spheres, and wheels of planar models.",
+    )
+    of: Formula | None = Field(None, description="The body of the surface; ground when left out.")
     about: Formula | None = None
 
 
@@ -87,7 +97,7 @@ def rolling(
     The tube is zero for all but the torus, so that one record serves every shape; so is the radius
     where the shape was reported as none.
     """
-    kind, shape = _shape(reader, key, entry.shape)
+    kind, shape = shape_of(reader, key, entry.shape)
     radius = (
         ZERO
         if shape is None
@@ -98,23 +108,49 @@ def rolling(
         if isinstance(shape, TorusEntry)
         else ZERO
     )
+    plane = entry.plane
+    carrier = entry.of if plane is None else plane.of
+    if (plane is None) == (entry.surface is None):
+        reader.report(key.span, f"'{key}' does not say what it rolls on", "one of plane, surface")
+    if entry.surface is not None and not reader.space.plane and SHAPES[kind] != "sphere":
+        reader.report(
+            key.span,
+            f"a {kind} on a surface, '{key}'",
+            "a sphere, a plane, or a planar model",
+            "where a disk touches a curved surface has no formula",
+        )
     return Rolling(
         name=str(key),
         body=some_body(reader, document, entry.body, ground=False),
         centre=reader.point(entry.at, "a point"),
         radius=radius,
-        axis=_rolling_axis(reader, key, kind, shape),
-        origin=reader.point(entry.plane.origin, "a point"),
-        normal=reader.direction(entry.plane.normal, "a normal"),
+        axis=axis_of(reader, key, kind, shape),
+        origin=reader.point(None if plane is None else plane.origin, "a point"),
+        normal=reader.space.normal if plane is None else reader.direction(plane.normal, "a normal"),
         span=key.span,
+        carrier=carrier_of(reader, document, key, entry.body, carrier),
+        surface=None if entry.surface is None else surface(reader, entry.surface),
         shape=SHAPES[kind],
         tube=tube,
     )
 
 
-def _shape(
+def carrier_of(
+    reader: Reader, document: Bodies, key: Key, body: Scalar, carrier: Scalar | None
+) -> str:
+    """The body that a plane or surface is fixed to; the ground where none is named."""
+    if carrier is None:
+        return GROUND
+    found = some_body(reader, document, carrier)
+    if carrier.text == body.text:
+        reader.report(carrier.span, f"'{key}' is between '{body.text}' and itself", "two bodies")
+    return found
+
+
+def shape_of(
     reader: Reader, key: Key, entry: ShapeEntry
 ) -> tuple[str, DiskEntry | SphereEntry | None]:
+    """The key of the shape and its entry; None after reporting that it is none or several."""
     given = [(name, getattr(entry, name)) for name in SHAPES if getattr(entry, name) is not None]
     if len(given) != 1:
         reader.report(
@@ -127,9 +163,8 @@ def _shape(
     return kind, shape
 
 
-def _rolling_axis(
-    reader: Reader, key: Key, kind: str, shape: DiskEntry | SphereEntry | None
-) -> Vector3:
+def axis_of(reader: Reader, key: Key, kind: str, shape: DiskEntry | SphereEntry | None) -> Vector3:
+    """The axis of a disk; the normal where a shape has none."""
     axis = shape.axis if isinstance(shape, DiskEntry) else None
     if axis is not None and reader.space.plane:
         reader.report(axis.span, f"an axis of the {kind} '{key}' in a planar model", "no axis")

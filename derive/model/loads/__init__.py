@@ -7,11 +7,13 @@ derive/mechanics/loads.
 from derive.model.kind import Kind
 from derive.model.loads.armature import ARMATURE
 from derive.model.loads.bushing import BUSHING
+from derive.model.loads.contact import CONTACT
 from derive.model.loads.damper import DAMPER
 from derive.model.loads.expression import EXPRESSION
 from derive.model.loads.force import FORCE
 from derive.model.loads.friction import FRICTION
 from derive.model.loads.spring import SPRING
+from derive.model.loads.tension import TENSION
 from derive.model.loads.torque import TORQUE
 from derive.model.loads.wrench import WRENCH
 from derive.model.records import Load
@@ -26,4 +28,6 @@ LOADS: tuple[Kind[Load | None], ...] = (
     FRICTION,
     ARMATURE,
     WRENCH,
+    TENSION,
+    CONTACT,
 )

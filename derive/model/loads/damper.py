@@ -14,6 +14,7 @@ from derive.model.load_records import JointDamper, PointSpring
 from derive.model.loads.places import per, refuse_keys, two_points
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Velocity
+from derive.model.scope import NONIDEAL
 
 
 class DamperEntry(Entry):
@@ -49,9 +50,8 @@ def damper_at(
     """A damper, force −d v on one generalized velocity: d in N s/m, or in N m s for an angular
     velocity."""
     unit = per(force_unit(target.unit), target.unit)
-    return JointDamper(
-        name, target.name, reader.formula(coefficient, "a damping coefficient", unit=unit), key.span
-    )
+    formula = reader.formula(coefficient, "a damping coefficient", NONIDEAL, unit)
+    return JointDamper(name, target.name, formula, key.span)
 
 
 DAMPER = Kind("damper", DamperEntry, damper)

@@ -15,7 +15,7 @@ from derive.model.kind import Bodies, Kind
 from derive.model.load_records import GeneralisedForce
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Velocity
-from derive.model.scope import ANYTHING
+from derive.model.scope import NONIDEAL
 
 
 class ExpressionEntry(Entry):
@@ -65,7 +65,7 @@ def generalised_force(
 
 
 def _conjugate(reader: Reader, scalar: Scalar, target: Velocity) -> Expression:
-    return reader.formula(scalar, "a force", ANYTHING, force_unit(target.unit))
+    return reader.formula(scalar, "a force", NONIDEAL, force_unit(target.unit))
 
 
 EXPRESSION = Kind("expression", ExpressionEntry, law)

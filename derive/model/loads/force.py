@@ -12,7 +12,7 @@ from derive.model.load_records import Force
 from derive.model.loads.places import frame
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
-from derive.model.scope import ANYTHING
+from derive.model.scope import NONIDEAL
 
 
 class ForceEntry(Entry):
@@ -36,7 +36,7 @@ def force(reader: Reader, document: Bodies, names: Names, key: Key, entry: Force
     """A force in N on a point of a body. The point is in the body's frame, the components in the
     frame that `frame` names."""
     body = some_body(reader, document, entry.body, ground=False)
-    components = reader.point(entry.components, "a force", "N", ANYTHING)
+    components = reader.point(entry.components, "a force", "N", NONIDEAL)
     return Force(
         str(key),
         body,

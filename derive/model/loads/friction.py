@@ -14,6 +14,7 @@ from derive.model.load_records import JointFriction
 from derive.model.loads.places import not_negative, per
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Velocity
+from derive.model.scope import NONIDEAL
 
 
 class FrictionEntry(LawOfFriction):
@@ -49,10 +50,20 @@ def friction_at(
             key.span, f"the friction of '{key}' is empty", "viscous, or coulomb with smoothing"
         )
     viscous = not_negative(
-        reader, entry.viscous, f"the viscous friction of '{key}'", "viscous friction", per_rate
+        reader,
+        entry.viscous,
+        f"the viscous friction of '{key}'",
+        "viscous friction",
+        per_rate,
+        NONIDEAL,
     )
     coulomb = not_negative(
-        reader, entry.coulomb, f"the Coulomb friction of '{key}'", "Coulomb friction", force
+        reader,
+        entry.coulomb,
+        f"the Coulomb friction of '{key}'",
+        "Coulomb friction",
+        force,
+        NONIDEAL,
     )
     return JointFriction(
         name, target.name, viscous, coulomb, _smoothing(reader, key, entry, target), key.span

@@ -13,6 +13,7 @@ from derive.model.kind import Bodies
 from derive.model.mechanism import bodies
 from derive.model.reader import Reader
 from derive.model.records import Vector3
+from derive.model.scope import CONSTANT
 
 FRAMES = ("ground", "body")
 
@@ -38,13 +39,18 @@ def optional(reader: Reader, scalar: Scalar | None, where: str, unit: str) -> Ex
 
 
 def not_negative(
-    reader: Reader, scalar: Scalar | None, what: str, where: str, unit: str
+    reader: Reader,
+    scalar: Scalar | None,
+    what: str,
+    where: str,
+    unit: str,
+    allowed: frozenset[str] = CONSTANT,
 ) -> Expression:
     """A formula that must not be negative; zero where it is not given. Only a value that is known
     from the defaults of the parameters is judged."""
     if scalar is None:
         return ZERO
-    formula = reader.formula(scalar, where, unit=unit)
+    formula = reader.formula(scalar, where, allowed, unit)
     value = reader.value(formula, scalar)
     if value is not None and value < 0.0:
         reader.report(scalar.span, f"{what} is {value:g}", "zero or more")

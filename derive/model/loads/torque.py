@@ -14,7 +14,7 @@ from derive.model.loads.places import frame
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
 from derive.model.records import Vector3
-from derive.model.scope import ANYTHING
+from derive.model.scope import NONIDEAL
 
 
 class TorqueEntry(Entry):
@@ -56,7 +56,7 @@ def torque_components(reader: Reader, node: Scalar | Items) -> Vector3:
             f"{size}",
         )
         return reader.point(None, "")
-    formulas = [reader.formula(entry, "a torque", ANYTHING, "N*m") for entry in entries]
+    formulas = [reader.formula(entry, "a torque", NONIDEAL, "N*m") for entry in entries]
     if size == 3:
         return (formulas[0], formulas[1], formulas[2])
     return _about_normal(reader, formulas[0])

@@ -13,7 +13,7 @@ from derive.model.load_records import Wrench
 from derive.model.loads.torque import torque_components
 from derive.model.reader import Reader
 from derive.model.records import GROUND
-from derive.model.scope import ANYTHING
+from derive.model.scope import NONIDEAL
 
 AXES = ("ground", "frame")
 
@@ -45,7 +45,7 @@ def wrench(reader: Reader, document: Bodies, names: Names, key: Key, entry: Wren
     return Wrench(
         str(key),
         _frame(reader, document, entry.frame),
-        reader.point(entry.force, "a force", "N", ANYTHING),
+        reader.point(entry.force, "a force", "N", NONIDEAL),
         reader.point(None, "") if moment is None else torque_components(reader, moment),
         axes or AXES[0],
         key.span,

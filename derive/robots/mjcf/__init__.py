@@ -11,7 +11,7 @@ from derive.robots.mjcf.actuators import actuators, tendons
 from derive.robots.mjcf.bodies import Scene, walk
 from derive.robots.mjcf.settings import included, settings
 from derive.robots.mjcf.ties import equalities
-from derive.robots.robot import Reading, Robot, counted, dry_friction
+from derive.robots.robot import Reading, Robot, counted
 
 READ = ("compiler", "option", "default", "worldbody", "equality", "tendon", "actuator")
 NOT_NEEDED = ("asset", "contact", "custom", "keyframe", "sensor", "size", "statistic", "visual")
@@ -29,6 +29,7 @@ def robot(
     found = settings(reading, root)
     reading.finish()
     result = Robot(root.get("model") or name, "MJCF", root, found.gravity)
+    result.names, result.body_names = reading.symbols, reading.bodies
     scene = Scene(result, found)
     for world in root.all("worldbody"):
         walk(reading, world, scene, floating)
@@ -90,4 +91,3 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
     ]
     if fluid:
         result.left_out.append(f"forces of the medium around the bodies ({', '.join(fluid)})")
-    dry_friction(result)

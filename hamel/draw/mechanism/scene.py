@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from derive.diagnostics import HamelError
-from derive.expressions.evaluate import float_functions, value
+from derive.expressions.evaluate import float_functions, float_tables, value
 from derive.expressions.tree import Call, Expression, Name
 from derive.expressions.tree import Vector as Entries
 from derive.mechanics.records import System
 from derive.model.constraint_records import Distance, NoSlip, OnSurface, Rolling
-from derive.model.load_records import Bushing, Force, PointSpring
+from derive.model.load_records import Bushing, Contact, Force, PointSpring, Tension
 from derive.model.records import GROUND as GROUND_NAME
 from derive.model.records import Closure, Joint, Model, Placement
 from hamel.draw.mechanism.anchors import Anchor
@@ -40,13 +40,14 @@ class Numbers:
         self.names |= dict(zip((x.name for x in model.coordinates), q.tolist()))
         self.names |= {x.name: 0.0 for x in (*model.inputs, *model.velocities)} | {"t": 0.0}
         self._rates = {x.name: 0.0 for x in model.coordinates}
+        self._functions = {**float_functions(), **float_tables(model.tables)}
         for name, expression in model.definitions:
             self.names[name] = self.scalar(expression)
 
     def scalar(self, expression: Expression) -> float:
         """NaN where the formula has no number here."""
         try:
-            return float(value(expression, self.names, self._rates, float_functions()))
+            return float(value(expression, self.names, self._rates, self._functions))
         except (ArithmeticError, ValueError, KeyError, TypeError, HamelError):
             return float("nan")
 
@@ -220,6 +221,10 @@ def _points(x: object) -> list[tuple[str, Sequence[Expression]]]:
             return [(x.body, x.point)]
         case Distance() | PointSpring():
             return list(zip(x.bodies, x.points))
+        case Tension():
+            return [(way.body, way.point) for way in x.path.points]
+        case Contact():
+            return [(x.body, x.centre)]
         case Bushing():
             return [(body, at.position) for body, at in zip(x.bodies, x.placements)]
         case _:

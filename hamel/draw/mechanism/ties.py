@@ -82,10 +82,13 @@ def _wheels(scene: Scene, x: NoSlip, scale: float) -> list[Shape]:
 
 
 def _floor(scene: Scene, x: Rolling, floors: set[tuple[float, ...]]) -> list[Shape]:
-    """The line or plane that something rolls on, each once."""
-    normal = scene.numbers.vector(x.normal)
+    """The line or plane that something rolls on, each once; a surface is not drawn."""
+    if x.surface is not None:
+        return []
+    pose = scene.pose(scene.index(x.carrier))
+    normal = pose.rotation @ scene.numbers.vector(x.normal)
     normal = normal / (float(np.linalg.norm(normal)) or 1.0)
-    origin = scene.numbers.vector(x.origin)
+    origin = pose.point(scene.numbers.vector(x.origin))
     key = (*np.round(normal, 9).tolist(), round(float(origin @ normal), 9))
     if key in floors:
         return []

@@ -222,7 +222,7 @@ def _fingerprint(problem: Problem, times: Sequence[float], digits: int) -> str:
         problem.p,
         tuple(times),
         digits,
-        problem.equations.system.model.text,
+        problem.equations.system.model.content(),
     ]
     text = "|".join(
         [

@@ -39,6 +39,7 @@ JACOBIANS = {
     "jacobian_u": 2,
     "jacobian_p": 3,
 }  # of ẋ by which argument
+ALL, SECOND = "derivatives", "contraction"
 MOST = 80  # states of a model that is linearised without being asked
 SEEN = 5  # of the sampled states
 # Relative to the column or to a thousandth of what is differentiated: both sides are exact
@@ -173,23 +174,70 @@ def _tangent(e: Evidence, s: Sample, independent: list[int], j: int) -> Array:
 def along_axes(e: Evidence) -> float | None:
     """Jacobians of ẋ by t, x, u and p, where the module has them, against dual numbers."""
     names = [name for name in JACOBIANS if e.graph.has(name)]
-    errors = [_jacobian(e, name, k) for name in names for k in _regular(e, name)]
+    errors = [_own_jacobian(e, name, k) for name in names for k in _regular(e, name)]
+    if e.graph.has(ALL):
+        errors += [_all_at_once(e, k) for k in _regular(e, ALL)]
     return worst(errors) if errors else None
 
 
-def _jacobian(e: Evidence, name: str, k: int) -> float:
-    s, x, slot = e.samples[k], e.x[k], JACOBIANS[name]
+def _own_jacobian(e: Evidence, name: str, k: int) -> float:
+    s, x = e.samples[k], e.x[k]
+    found = e.graph(name, s.t, x, s.u, s.p).reshape(len(x), -1)
+    return _jacobian(e, found, JACOBIANS[name], k)
+
+
+def _all_at_once(e: Evidence, k: int) -> float:
+    """[ẋ ∂ẋ/∂x ∂ẋ/∂u]: its three parts."""
+    s, x = e.samples[k], e.x[k]
+    found = e.graph(ALL, s.t, x, s.u, s.p).reshape(len(x), -1)
+    rates, by_x, by_u = np.split(found, [1, 1 + len(x)], axis=1)
+    here = e.graph("dynamics", s.t, x, s.u, s.p)
+    unit = e.units.x / e.units.time
+    errors = [_error(rates[:, 0] / unit, here / unit, here / unit) / _growth(e, k)]
+    errors += [_jacobian(e, part, slot, k) for slot, part in ((1, by_x), (2, by_u)) if part.size]
+    return worst(errors)
+
+
+def _jacobian(e: Evidence, found: Array, slot: int, k: int) -> float:
+    s, x = e.samples[k], e.x[k]
     parameters = np.where(s.p == 0.0, 1.0, np.abs(s.p))
     units = (np.array([e.units.time]), e.units.x, _input_units(e), parameters)
     first = sum(len(each) for each in units[:slot])
     directions = np.zeros((len(units[slot]), sum(map(len, units))))
     directions[:, first : first + len(units[slot])] = np.diag(units[slot])
-    found = e.graph(name, s.t, x, s.u, s.p).reshape(len(x), -1)
     wanted, rows = _along(e, "dynamics", k, directions), e.units.x / e.units.time
     here = e.graph("dynamics", s.t, x, s.u, s.p) / rows
     errors = zip((found * units[slot]).T, wanted.T)
     worst_error = worst([_error(got / rows, column / rows, here) for got, column in errors])
     return worst_error / _growth(e, k)
+
+
+def curvature(e: Evidence) -> float | None:
+    """The second-order contraction, where the module has it: (∂ẋ/∂x dx + ∂ẋ/∂u du)·y by dual
+    numbers along every state and input."""
+    if not e.graph.has(SECOND):
+        return None
+    return worst([_curvature(e, k) for k in _regular(e, SECOND)])
+
+
+def _curvature(e: Evidence, k: int) -> float:
+    """At random y and (dx, du), in the model's own units."""
+    s, x = e.samples[k], e.x[k]
+    rng = np.random.default_rng(k)
+    units = np.concatenate([e.units.x, _input_units(e)])
+    y = rng.normal(size=len(x)) / (e.units.x / e.units.time)
+    d = rng.normal(size=len(units)) * units
+    slots = [argument.symbols for argument in e.graph.equations.arguments]
+    rates = e.graph.equations.function("dynamics").result.value
+    along = ca.dot(
+        ca.jtimes(rates, ca.vertcat(slots[1], slots[2]), ca.SX(ca.DM(d))), ca.SX(ca.DM(y))
+    )
+    directions = np.zeros((len(units), 1 + len(units) + len(s.p)))
+    directions[:, 1 : 1 + len(units)] = np.diag(units)
+    wanted = tangents(slots, along, (np.array([s.t]), x, s.u, s.p), directions)[0]
+    found = e.graph(SECOND, s.t, np.concatenate([x, y, d]), s.u, s.p) * units
+    size = float(ca.Function("along", slots, [along])(s.t, x, s.u, s.p))
+    return _error(found, wanted, np.full(len(units), size)) / _growth(e, k)
 
 
 def of_outputs(e: Evidence) -> float | None:
@@ -266,4 +314,5 @@ CHECKS = (
     ),
     Check("Jacobian of outputs", EXACT, "y differentiated by dual numbers by x", of_outputs),
     Check("Jacobians", EXACT, "ẋ differentiated by dual numbers by t, x, u and p", along_axes),
+    Check("contraction", EXACT, "derivatives of ẋ differentiated by dual numbers", curvature),
 )

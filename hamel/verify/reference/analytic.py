@@ -9,60 +9,93 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import sympy
 
 from derive.expressions import tree
+from derive.expressions.tables import Table
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.records import Model
-from hamel.verify.reference.formulas import NUMERIC, evaluated, lookup
+from hamel.verify.reference.formulas import evaluated, lookup, symbolic
 from hamel.verify.reference.jets import Jet, direction, dot, point
 from hamel.verify.reference.layout import Layout, Rows
 from hamel.verify.reference.loads import Lagrange
-from hamel.verify.reference.rows import ConstraintRow, RowsOf, embedded
+from hamel.verify.reference.measures import measured
+from hamel.verify.reference.rows import RowsOf
 from hamel.verify.reference.states import State
+from hamel.verify.reference.tables import numeric
+from hamel.verify.reference.tables import symbolic as symbolic_tables
 from hamel.verify.reference.vectors import Array
 
-SYMBOLIC: dict[str, Callable[..., Any]] = {
-    **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
-    "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,
-}  # fmt: skip
+POSITIONS = ("position", "orientation", "angle", "length")  # measures that are no velocities
+SYMBOLIC = symbolic()
 
 
 @dataclass(frozen=True)
 class Symbols:
-    """Plain real symbols per group, and the table that formulas are read with."""
+    """Plain real symbols per group, and the table that formulas are read with; `m` are the measures
+    of the motion and `mr` their rates, which formulas use like coordinates."""
 
+    model: Model
     t: sympy.Symbol
     q: tuple[sympy.Symbol, ...]
     r: tuple[sympy.Symbol, ...]
     v: tuple[sympy.Symbol, ...]
     u: tuple[sympy.Symbol, ...]
     p: tuple[sympy.Symbol, ...]
+    m: tuple[sympy.Symbol, ...]
+    mr: tuple[sympy.Symbol, ...]
     names: dict[str, Any]
     rates: dict[str, Any]
+    tables: tuple[Table, ...]
+
+    @cached_property
+    def functions(self) -> dict[str, Callable[..., Any]]:
+        """Those of formulas, tables too."""
+        return {**SYMBOLIC, **symbolic_tables(self.tables)}
 
     def read(self, expression: tree.Expression) -> Any:
         """A formula of the file as a SymPy expression; its names and the rates der(q) become
         symbols."""
-        return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), SYMBOLIC))
+        return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), self.functions))
 
     def along(self, expression: Any) -> Any:
-        """Σ ∂e/∂q q̇ + ∂e/∂t: the time derivative less its part in the accelerations."""
+        """Σ ∂e/∂q q̇ + Σ ∂e/∂m ṁ + ∂e/∂t: the time derivative less its part in the
+        accelerations."""
+        moving = zip((*self.q, *self._positions(self.m)), (*self.r, *self._positions(self.mr)))
         return sum(
-            (sympy.diff(expression, x) * r for x, r in zip(self.q, self.r)),
-            sympy.diff(expression, self.t),
+            (sympy.diff(expression, x) * r for x, r in moving), sympy.diff(expression, self.t)
         )
+
+    def _positions(self, symbols: tuple[sympy.Symbol, ...]) -> list[sympy.Symbol]:
+        """Of the measures those that are positions; the rate of a velocity is an acceleration."""
+        measures = self.model.measures
+        return [x for x, measure in zip(symbols, measures) if measure.quantity in POSITIONS]
+
+    def velocities(self) -> list[sympy.Symbol]:
+        """The measures that are velocities."""
+        positions = set(self._positions(self.m))
+        return [x for x in self.m if x not in positions]
 
     def function(self, entries: list[Any]) -> Callable[[State], Array]:
         """The entries at a state, as one flat array (SymPy's code with shared subexpressions)."""
-        arguments = [self.t, self.q, self.r, self.v, self.u, self.p]
+        arguments = [self.t, self.q, self.r, self.v, self.u, self.p, self.m, self.mr]
         at = sympy.lambdify(
-            arguments, [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True
+            arguments,
+            [sympy.sympify(entry) for entry in entries],
+            modules=[numeric(self.tables), "numpy"],
+            cse=True,
         )
-        return lambda s: np.array(at(s.t, s.q, s.rates, s.v, s.u, s.p), dtype=float)
+
+        def evaluate(s: State) -> Array:
+            known = measured(self.model, s).values()
+            m, mr = [x.value for x in known], [x.rate for x in known]
+            return np.array(at(s.t, s.q, s.rates, s.v, s.u, s.p, m, mr), dtype=float)
+
+        return evaluate
 
 
 def symbols(model: Model) -> Symbols:
@@ -88,10 +121,12 @@ def symbols(model: Model) -> Symbols:
         (model.inputs, u),
         (model.parameters, p),
     )
+    m, mr = column("m", len(model.measures)), column("mr", len(model.measures))
     names = {"t": t, "pi": sympy.pi} | {
-        item.name: x for items, xs in groups for item, x in zip(items, xs)
+        item.name: x for items, xs in (*groups, (model.measures, m)) for item, x in zip(items, xs)
     }
-    result = Symbols(t, q, r, v, u, p, names, {c.name: x for c, x in zip(model.coordinates, r)})
+    rates: dict[str, Any] = {c.name: x for c, x in zip(model.coordinates, r)}
+    result = Symbols(model, t, q, r, v, u, p, m, mr, names, rates, model.tables)
     for name, expression in model.definitions:
         names[name] = result.read(expression)
     return result
@@ -101,43 +136,65 @@ def rows(item: Holonomic | Nonholonomic | OnSurface, s: Symbols, place: Layout) 
     """The row of a constraint given as a formula."""
     match item:
         case Holonomic():
-            return embedded(holonomic_row(item.expression, s), place)
+            return holonomic_row(item.expression, s, place)
         case Nonholonomic():
-            return embedded(nonholonomic_row(item.expression, s), place)
+            return nonholonomic_row(item.expression, s, place)
         case OnSurface():
             return surface_row(item, s, place)
 
 
-def holonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], ConstraintRow]:
-    """φ(q, t): φ_q N v̇ = −(φ_q q̇)_q q̇ − 2 φ_qt q̇ − φ_tt − φ_q Ṅ v, c = −φ_t."""
+def holonomic_row(expression: tree.Expression, s: Symbols, place: Layout) -> RowsOf:
+    """φ(q, t, m): φ_q N v̇ + φ_m m̈ = −(φ_q q̇)_q q̇ − 2 φ_qt q̇ − φ_tt − φ_q Ṅ v, c = −φ_t, with
+    the rates of m beside those of q."""
     phi = s.read(expression)
     rate = s.along(phi)
     n = len(s.q)
-    at = s.function([*(sympy.diff(phi, x) for x in s.q), phi, sympy.diff(phi, s.t), s.along(rate)])
+    gradient = [sympy.diff(phi, x) for x in (*s.q, *s.m)]
+    at = s.function([*gradient, phi, sympy.diff(phi, s.t), s.along(rate)])
 
-    def row(state: State) -> ConstraintRow:
+    def rows(state: State) -> Rows:
         values = at(state)
-        gradient, (value, explicit, curvature) = values[:n], values[n:]
-        return ConstraintRow(
-            gradient @ state.N, -curvature - gradient @ state.drift, -explicit, value
-        )
+        slopes, (value, explicit, curvature) = values[:-3], values[-3:]
+        over, rest = _second_order(s, place, state, slopes[:n] @ state.N, slopes[n:])
+        gamma = -curvature - slopes[:n] @ state.drift - rest
+        return _one_row(over, gamma, -explicit, np.array([value]))
 
-    return row
+    return rows
 
 
-def nonholonomic_row(expression: tree.Expression, s: Symbols) -> Callable[[State], ConstraintRow]:
-    """e = a(q, t) q̇ + e_v v + b: (a N + e_v) v̇ = −e_q q̇ − e_t − a Ṅ v, c = −b."""
+def nonholonomic_row(expression: tree.Expression, s: Symbols, place: Layout) -> RowsOf:
+    """e = a(q, t, m) q̇ + e_v v + e_m ṁ + b: (a N + e_v) v̇ + e_m m̈ = −e_q q̇ − e_t − a Ṅ v,
+    c = −b."""
     e = s.read(expression)
-    still = e.subs(dict.fromkeys((*s.r, *s.v), 0))
-    n = len(s.q)
-    at = s.function([*(sympy.diff(e, x) for x in (*s.r, *s.v)), still, s.along(e)])
+    velocities = s.velocities()
+    still = e.subs(dict.fromkeys((*s.r, *s.v, *velocities), 0))
+    n, nv = len(s.q), len(s.v)
+    slopes = [sympy.diff(e, x) if x in velocities else sympy.Integer(0) for x in s.m]
+    at = s.function([*(sympy.diff(e, x) for x in (*s.r, *s.v)), *slopes, still, s.along(e)])
 
-    def row(state: State) -> ConstraintRow:
+    def rows(state: State) -> Rows:
         values = at(state)
-        a, direct, (b, drift) = values[:n], values[n:-2], values[-2:]
-        return ConstraintRow(a @ state.N + direct, -drift - a @ state.drift, -b, None)
+        a, direct, further = values[:n], values[n : n + nv], values[n + nv : -2]
+        b, drift = values[-2:]
+        over, rest = _second_order(s, place, state, a @ state.N + direct, further)
+        return _one_row(over, -drift - a @ state.drift - rest, -b, np.zeros(0))
 
-    return row
+    return rows
+
+
+def _second_order(
+    s: Symbols, place: Layout, state: State, over_v: Array, slopes: Array
+) -> tuple[Array, float]:
+    """What a row has over ż, and what its measures have besides: Σ slope (over ż + rest)."""
+    over, rest = np.concatenate([over_v, np.zeros(place.size - place.nv)]), 0.0
+    for slope, known in zip(slopes, measured(s.model, state).values()):
+        over = over + slope * known.over
+        rest += float(slope) * known.rest
+    return over, rest
+
+
+def _one_row(over: Array, gamma: float, c: float, phi: Array) -> Rows:
+    return Rows(over[None, :], np.array([gamma]), np.array([c]), phi)
 
 
 def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
@@ -145,7 +202,7 @@ def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
     in Ẋ, q̇ and t)."""
     X, R = sympy.symbols("X:3", real=True), sympy.symbols("R:3", real=True)
     phi = sympy.sympify(
-        evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), SYMBOLIC)
+        evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), s.functions)
     )
 
     def along(expression: Any) -> Any:
@@ -182,32 +239,28 @@ def _inside(item: OnSurface, place: Layout, state: State) -> list[Jet]:
     return [dot(direction(place, state, item.frame_body, axis), gap) for axis in np.eye(3)]
 
 
-def lagrange(model: Model, s: Symbols) -> Callable[[State], Lagrange]:
-    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·).
+def lagrange(model: Model, s: Symbols, place: Layout) -> Callable[[State], Lagrange]:
+    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·); what V has
+    of measures m of the motion is a force −∂V/∂m along their own ṁ = over z.
 
     d(T + V − G)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t with G = 2 T − q̇·∂T/∂q̇, which vanishes for an
     ordinary quadratic T.
     """
-    n = len(s.q)
+    n, k = len(s.q), len(s.m)
     at = s.function(_entries(model, s))
 
     def evaluate(state: State) -> Lagrange:
-        mass, force, (T, V, power, odd) = np.split(at(state), np.cumsum([n * n, n]))
+        mass, force, slopes, (T, V, power, odd) = np.split(at(state), np.cumsum([n * n, n, k]))
         mass, N = mass.reshape(n, n), state.N
-        return Lagrange(
-            N.T @ mass @ N,
-            N.T @ (force - mass @ state.drift),
-            T,
-            V,
-            power,
-            odd,
-        )
+        along_v = N.T @ (force - mass @ state.drift)
+        pull, _ = _second_order(s, place, state, along_v, -slopes)
+        return Lagrange(N.T @ mass @ N, pull, T, V, power, odd)
 
     return evaluate
 
 
 def _entries(model: Model, s: Symbols) -> list[Any]:
-    """mass (nq²), force (nq), T, V, ∂V/∂t − ∂T/∂t and G."""
+    """mass (nq²), force (nq), ∂V/∂m (nm), T, V, ∂V/∂t − ∂T/∂t and G."""
     T = s.read(model.kinetic) if model.kinetic is not None else sympy.Integer(0)
     V = s.read(model.potential) if model.potential is not None else sympy.Integer(0)
     momenta = [sympy.diff(T, r) for r in s.r]
@@ -217,6 +270,7 @@ def _entries(model: Model, s: Symbols) -> list[Any]:
     return [
         *mass,
         *force,
+        *(sympy.diff(V, x) for x in s.m),
         T,
         V,
         sympy.diff(V, s.t) - sympy.diff(T, s.t),

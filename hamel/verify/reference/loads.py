@@ -3,27 +3,32 @@ their power."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
 from derive.diagnostics import AssumptionError
+from derive.expressions import tree
 from derive.model.load_records import (
     Armature,
     Bushing,
+    Contact,
     Force,
     GeneralisedForce,
     JointDamper,
     JointFriction,
     JointSpring,
     PointSpring,
+    Tension,
     Torque,
     Wrench,
 )
 from derive.model.named_frames import frame_named
 from derive.model.records import GROUND, Body, Load, Model
+from hamel.verify.reference.contact import pressing
 from hamel.verify.reference.jets import Jet, dot, joint_frame, product
 from hamel.verify.reference.layout import Layout
+from hamel.verify.reference.paths import pull
 from hamel.verify.reference.rows import nonideal_force
 from hamel.verify.reference.states import State, inertia_tensor, placed
 from hamel.verify.reference.vectors import Array, cross, skew
@@ -55,7 +60,8 @@ def _only(place: Layout, V: float = 0.0, summed: float | None = None, **forces: 
 
 @dataclass(frozen=True)
 class Lagrange:
-    """The analytic energies at one state: inertia (nv × nv) v̇ = force (nv), energies T and V (J).
+    """The analytic energies at one state: inertia (nv × nv) v̇ = force, energies T and V (J). The
+    force is along z, or along v alone (nv).
 
     `power` is ∂(V − T)/∂t at held q and q̇; `odd` = T₁ + 2 T₀ (J) is what Jacobi's integral
     q̇·∂T/∂q̇ − T + V is less than T + V.
@@ -70,14 +76,19 @@ class Lagrange:
 
 
 def applied(model: Model, place: Layout, state: State, nonideal: bool = True) -> Applied:
-    """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces, summed."""
+    """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces and the
+    loads that use reactions, summed."""
     gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
     parts = [
         _weight(gravity, body, place, state)
         for body in model.bodies
         if body.name not in _at_rest(model)
     ]
-    parts += [_load(load, model, place, state) for load in model.loads]
+    parts += [
+        _load(load, model, place, state)
+        for load in model.loads
+        if nonideal or not uses_reactions(load)
+    ]
     parts.append(_drive(model, place, state, nonideal))
     weight, springs, other = (
         np.sum([getattr(part, name) for part in parts], axis=0)
@@ -85,6 +96,20 @@ def applied(model: Model, place: Layout, state: State, nonideal: bool = True) ->
     )
     V, summed = sum(part.V for part in parts), sum(part.summed for part in parts)
     return Applied(weight, springs, other, V, summed)
+
+
+def uses_reactions(record: object) -> bool:
+    """Whether a formula of a record, or of what is in it, names a reaction."""
+    if isinstance(record, tree.Expression):
+        return any(
+            isinstance(node, tree.Name) and node.name.startswith("reaction.")
+            for node in tree.walk(record)
+        )
+    if isinstance(record, tuple):
+        return any(map(uses_reactions, record))
+    if is_dataclass(record):
+        return any(uses_reactions(getattr(record, field.name)) for field in fields(record))
+    return False
 
 
 def _at_rest(model: Model) -> set[str]:
@@ -138,11 +163,8 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
     match load:
         case JointSpring():
             return _joint_spring(load, model, place, state)
-        case JointDamper():
-            direction = _conjugate(model, state, load.velocity)
-            return _along(place, -state.value(load.coefficient) * (direction @ state.v) * direction)
-        case JointFriction():
-            return _friction(load, model, place, state)
+        case JointDamper() | JointFriction():
+            return _resisted(load, model, place, state)
         case Armature():
             return _only(place)  # an inertia
         case Bushing():
@@ -160,6 +182,8 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
             )
+        case Contact() | Tension():
+            return _touching(load, model, place, state)
         case Wrench():
             return _at_frame(load, model, place, state)
     raise AssumptionError(
@@ -167,6 +191,14 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
         f"{type(load).__name__}",
         "it takes a derivation of its own in hamel/verify/reference/loads.py",
     )
+
+
+def _touching(load: Contact | Tension, model: Model, place: Layout, state: State) -> Applied:
+    if isinstance(load, Tension):
+        force = state.value(load.tension) * pull(load.path, model.plane, place, state)
+        return _only(place, other=force)
+    press = pressing(load, model.plane, place, state)
+    return _only(place, press.V, springs=press.elastic, other=press.dissipative)
 
 
 def _at_frame(load: Wrench, model: Model, place: Layout, state: State) -> Applied:
@@ -208,10 +240,14 @@ def _joint_spring(spring: JointSpring, model: Model, place: Layout, state: State
     return _only(place, 0.5 * stiffness * stretch**2, springs=force)
 
 
-def _friction(friction: JointFriction, model: Model, place: Layout, state: State) -> Applied:
-    """−viscous r − coulomb tanh(r/smoothing) along the velocity r."""
+def _resisted(
+    friction: JointDamper | JointFriction, model: Model, place: Layout, state: State
+) -> Applied:
+    """−viscous r − coulomb tanh(r/smoothing) along the velocity r, or −d r of a damper."""
     direction = _conjugate(model, state, friction.velocity)
     rate = direction @ state.v
+    if isinstance(friction, JointDamper):
+        return _along(place, -state.value(friction.coefficient) * rate * direction)
     viscous, coulomb, smoothing = state.vector(
         (friction.viscous, friction.coulomb, friction.smoothing)
     )

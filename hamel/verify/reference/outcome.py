@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from derive.expressions import tree
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.load_records import Armature
 from derive.model.records import GROUND, Model
@@ -28,7 +28,14 @@ from derive.model.rows import row_names
 from hamel.verify.limits import ROUNDING, UNDONE
 from hamel.verify.reference import analytic as by_formula
 from hamel.verify.reference.layout import Layout, Rows, layout, stacked
-from hamel.verify.reference.loads import Applied, Lagrange, applied, body_inertia
+from hamel.verify.reference.loads import (
+    Applied,
+    Lagrange,
+    applied,
+    body_inertia,
+    uses_reactions,
+)
+from hamel.verify.reference.measures import values
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
 from hamel.verify.reference.saddle import least_eigenvalue, rank_of, saddle, solved
 from hamel.verify.reference.states import STILL, State, state
@@ -142,13 +149,11 @@ def reference(model: Model) -> Reference:
             model,
             layout(model),
             constraint_rows(model, _no_formulas),
-            lambda s: _no_energies(len(s.v)),
+            _no_energies,
         )
     s = by_formula.symbols(model)
-    energies_of = (
-        by_formula.lagrange(model, s) if analytic else lambda state: _no_energies(len(state.v))
-    )
     place = layout(model)
+    energies_of = by_formula.lagrange(model, s, place) if analytic else _no_energies
     return Reference(
         model,
         place,
@@ -161,7 +166,8 @@ def _no_formulas(item: object) -> NoReturn:
     raise AssertionError(f"{item} is a formula")
 
 
-def _no_energies(nv: int) -> Lagrange:
+def _no_energies(state: State) -> Lagrange:
+    nv = len(state.v)
     return Lagrange(np.zeros((nv, nv)), np.zeros(nv), 0.0, 0.0, 0.0, 0.0)
 
 
@@ -177,7 +183,8 @@ def state_of(
     defaults."""
     u = np.zeros(len(ref.model.inputs)) if u is None else u
     p = defaults(ref.model) if p is None else p
-    return state(ref.model, float(t), *(np.asarray(x, dtype=float) for x in (q, v, u, p)))
+    q, v, u, p = (np.asarray(x, dtype=float) for x in (q, v, u, p))
+    return state(ref.model, float(t), q, v, u, p, partial(values, ref.model))
 
 
 def kinematics(ref: Reference, s: State) -> Kinematics:
@@ -220,7 +227,7 @@ def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> E
 
 
 def evaluate(ref: Reference, s: State) -> Outcome:
-    """Solve [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] for v̇ and λ at one state; twice where a nonideal
+    """Solve [M Aᵀ; A 0] [v̇; −λ] = [Q − h; β] for v̇ and λ at one state; twice where a
     force uses a reaction of the ideal problem, which is put under the names reaction.ROW.
 
     Raises numpy.linalg.LinAlgError where this has no solution, or the state is no number any more.
@@ -232,14 +239,8 @@ def evaluate(ref: Reference, s: State) -> Outcome:
 
 
 def _uses_reactions(model: Model) -> bool:
-    formulas = [
-        f for x in model.constraints if isinstance(x, Holonomic | Nonholonomic) for f in x.nonideal
-    ]
-    return any(
-        isinstance(node, tree.Name) and node.name.startswith("reaction.")
-        for f in formulas
-        for node in tree.walk(f)
-    )
+    own = [x.nonideal for x in model.constraints if isinstance(x, Holonomic | Nonholonomic)]
+    return uses_reactions((*own, *model.loads))
 
 
 def _reactions(ref: Reference, lam: Array) -> dict[str, float]:
@@ -284,7 +285,8 @@ def _summed(
     forces = np.abs(loads.weight) + np.abs(loads.springs) + np.abs(loads.other)
     inertial = _inertial(sizes, np.abs(kin.drift)[:, None])[:, 0]
     turning = np.concatenate([wrench for _, _, wrench in sizes]) if sizes else np.zeros(0)
-    force = forces[:nv] + np.abs(analytic.force) + J.T @ (forces[nv:] + inertial + turning)
+    forces[: len(analytic.force)] += np.abs(analytic.force)
+    force = forces[:nv] + J.T @ (forces[nv:] + inertial + turning)
     return Summed(mass, force, loads.summed + abs(analytic.V))
 
 
@@ -332,7 +334,7 @@ def _mass(ref: Reference, s: State, kin: Kinematics, bodies: Bodies) -> Array:
 def _forces(ref: Reference, analytic: Lagrange, loads: Applied, bodies: Bodies) -> Array:
     """F (nz): everything but K ż and the multipliers."""
     F = np.array(loads.total)
-    F[: ref.place.nv] += analytic.force
+    F[: len(analytic.force)] += analytic.force
     for body, (_, _, gyroscopic) in zip(ref.model.bodies, bodies):
         F[ref.place.twist(body.name)] -= gyroscopic
     return F

@@ -4,7 +4,6 @@ rods and user expressions."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,17 +24,6 @@ from hamel.verify.reference.layout import Layout, Rows, centripetal, layout, poi
 from hamel.verify.reference.rolling import rolling_rows
 from hamel.verify.reference.states import Seat, State
 from hamel.verify.reference.vectors import Array, cross
-
-
-@dataclass(frozen=True)
-class ConstraintRow:
-    """One row over v from a formula: coefficients (nv) · v̇ = gamma, A v = c; phi for a holonomic
-    row, else None."""
-
-    coefficients: Array
-    gamma: float
-    c: float
-    phi: float | None
 
 
 def joint_blocks(seat: Seat, state: State) -> tuple[Array, Array, Array]:
@@ -118,18 +106,6 @@ def _physical_rows(item: object, model: Model, place: Layout, state: State) -> R
         f"does not know {type(item).__name__}",
         "it takes a derivation of its own in hamel/verify/reference/rows.py",
     )
-
-
-def embedded(row: Callable[[State], ConstraintRow], place: Layout) -> RowsOf:
-    """A row over v as a row over z."""
-
-    def rows(state: State) -> Rows:
-        r = row(state)
-        coefficients = np.concatenate([r.coefficients, np.zeros(place.size - place.nv)])[None, :]
-        phi = np.zeros(0) if r.phi is None else np.array([r.phi])
-        return Rows(coefficients, np.array([r.gamma]), np.array([r.c]), phi)
-
-    return rows
 
 
 def nonideal_force(model: Model, state: State) -> Array:

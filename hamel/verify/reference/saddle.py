@@ -84,9 +84,11 @@ def condition_of(matrix: Array) -> float:
 
 def row_condition(Y: Array) -> float:
     """Condition of a square matrix with its rows scaled to unit length; infinite when it is
-    singular."""
+    singular, or when its entries are no numbers."""
     if not Y.size:
         return 1.0
+    if not np.isfinite(Y).all():
+        return float("inf")
     lengths = np.linalg.norm(Y, axis=1, keepdims=True)
     singular = np.linalg.svd(Y / np.where(lengths > 0.0, lengths, 1.0), compute_uv=False)
     return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float("inf")

@@ -461,9 +461,89 @@ ERRORS = [
     ),
     (
         "position_in_a_formula",
-        ARM + "potential: (1 N)*«position(b)\n",
-        "position() stands alone in an entry of `outputs:`",
-        "coordinates",
+        ARM + "potential: «(1 N)*position(b)\n",
+        "a vector where a number is needed",
+        "a component, .x or .y",
+        "",
+    ),
+    (
+        "motion_in_a_mass",
+        ARM + "constraints: {c: {type: distance, between: [ground, b], "
+        "at: [[0, 0], [0, 0]], length: «position(b).x}}\n",
+        "'position(b).x' is a coordinate and cannot stand in a length",
+        "parameters",
+        "",
+    ),
+    (
+        "motion_of_nothing",
+        ARM + "where: {w: position(«c).x}\n",
+        "unknown body or frame 'c'",
+        "b",
+        "",
+    ),
+    (
+        "motion_component",
+        ARM + "where: {w: «position(b).z}\n",
+        "unknown component '.z'",
+        "x, y",
+        "",
+    ),
+    ("motion_unit", ARM + "potential: «(1 N/s)*position(b).x\n", "a potential energy in ", "J", ""),
+    (
+        "motion_in_kinetic",
+        ARM + "coordinates: {z: m}\nkinetic: «(1 kg)/2*velocity(b).x^2\n",
+        "'velocity(b).x' in a kinetic energy",
+        "rates",
+        "give it a mass",
+    ),
+    (
+        "rate_of_a_rate",
+        ARM + "where: {w: der(«velocity(b).x)}\n",
+        "der() of 'velocity(b).x', a velocity",
+        "coordinates and t",
+        "",
+    ),
+    (
+        "rate_of_nothing",
+        ARM + "where: {w: «der(2*l)}\n",
+        "der() of what does not change",
+        "coordinates or t",
+        "",
+    ),
+    (
+        "rate_not_smooth",
+        ARM + 'where: {w: "der(«max(q, 0.1))"}\n',
+        "der() of max(), which is not smooth",
+        "smooth",
+        "",
+    ),
+    (
+        "motion_of_itself",
+        ARM + 'where: {w: "«distance(b, b)"}\n',
+        "a length that is always zero",
+        "two points that differ",
+        "",
+    ),
+    (
+        "motion_products",
+        ARM + "where: {w: norm(position(b)*«position(b))}\n",
+        "a product of vectors",
+        "dot",
+        "",
+    ),
+    ("motion_matrix", ARM + "where: {w: «orientation(b)}\n", "a matrix where a number", ".xx", ""),
+    (
+        "motion_point",
+        ARM + 'where: {w: "distance(b, «[0, 0, 0], ground)"}\n',
+        "the second argument is not a point",
+        "[x, y]",
+        "",
+    ),
+    (
+        "motion_point_unit",
+        ARM + 'where: {w: "distance(b, [«m, 0], ground)"}\n',
+        "a point in kg",
+        "m",
         "",
     ),
     (
@@ -1118,8 +1198,8 @@ ERRORS = [
     ("output_point_unit", ARM + 'outputs: {o: "position(b, [«m, 0])"}\n', "a point in kg", "m", ""),
     (
         "output_mixed",
-        ARM + 'outputs: {o: "1 + «angle(b)"}\n',
-        "angle() inside a formula",
+        ARM + 'outputs: {o: "1 + «reaction(A)"}\n',
+        "reaction() inside a formula",
         "alone",
         "",
     ),
@@ -1277,7 +1357,7 @@ def test_rendering_shows_the_line_a_caret_and_the_nearest_name() -> None:
         load_text("model: a\nbodies:\n  b: {mas: 1}\n", "a.yaml")
     assert str(caught.value) == (
         "a.yaml:3:7: error: unknown key 'mas'\n    b: {mas: 1}\n        ^^^\n"
-        "  expected: mass, com, inertia, about\n  did you mean 'mass'?"
+        "  expected: mass, com, inertia, physical, about\n  did you mean 'mass'?"
     )
 
 

@@ -129,7 +129,7 @@ def test_junk_would_be_taken_without_the_check(
     small: Program, tmp_path: Path, script, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The test above sees something: without the check the module silently runs on NumPy."""
-    monkeypatch.setattr(module, "_checked", lambda draft: module._loaded(draft.folder))
+    monkeypatch.setattr(module, "_checked", lambda draft: module.loaded(draft.folder))
     built = published(small, tmp_path / "toy", compiler=[script(FAULTS["makes junk"][0])])
     assert built.compiled
     with pytest.warns(RuntimeWarning, match="using NumPy"):

@@ -10,8 +10,6 @@ import csv
 import json
 import os
 import re
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -28,8 +26,9 @@ from codegen import compiler
 from derive.formulations import equations
 from hamel.build.module import temporary_module
 from hamel.draw import Series, chart
+from hamel.engines import engine
 from hamel.records import Reported
-from hamel.study import advice, front, judgement, modules, pool, runs, study
+from hamel.study import advice, front, judgement, modules, runs, series, study
 from hamel.study.judgement import COLUMNS, Judge, Reference
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -163,11 +162,11 @@ def test_nothing_is_computed_twice(
         started.append(task)
         raise OSError("no more workers")
 
-    monkeypatch.setattr(pool, "_begin", refuse)
+    monkeypatch.setattr(series, "_begin", refuse)
     again = hamel.report([place / "swing.yaml"], out=place / "again", **ASKED)
     assert again.rows == record.rows and not started
-    with pool.workers(1) as workers, pytest.raises(OSError, match="no more"):
-        next(pool.outcomes(workers, [[pool.Task(abs, {}, 1.0)]]))
+    with engine("processes", 1) as workers, pytest.raises(OSError, match="no more"):
+        next(series.outcomes(workers, [[series.Task(abs, {}, 1.0)]]))
 
 
 def test_a_wrong_reference_is_noticed(
@@ -200,18 +199,20 @@ def test_a_task_without_end_is_ended_and_the_work_goes_on() -> None:
     """Refused, too long, dead, done: the pool says which, and the rest of a series is left out
     only where that is asked for."""
     missing = {"path": "no.yaml", "values": {}, "unit": {}, "span": 1.0, "folder": ""}
-    with pool.workers(1) as workers:
-        series = [
-            [pool.Task(modules.module, missing, 60.0, "refused")],
-            [pool.Task(endless, {}, 1.0, "too long")],
-            [pool.Task(fatal, {}, 60.0, "died")],
+    with engine("processes", 1) as workers:
+        tasks = [
+            [series.Task(modules.module, missing, 60.0, "refused")],
+            [series.Task(endless, {}, 1.0, "too long")],
+            [series.Task(fatal, {}, 60.0, "died")],
         ]
-        series[-1].append(pool.Task(fine, {}, 60.0, "done"))
-        found = [*pool.outcomes(workers, series)]
+        tasks[-1].append(series.Task(fine, {}, 60.0, "done"))
+        found = [*series.outcomes(workers, tasks)]
         assert [each.status for each in found] == [each.task.subject for each in found]
         assert len(found) == 4 and found[-1].value == {"x": [1.0, None]}
         assert found[0].reason.startswith("cannot be read")
-        assert len([*pool.outcomes(workers, [series[-1]], lambda each: each.status == "died")]) == 1
+        assert (
+            len([*series.outcomes(workers, [tasks[-1]], lambda each: each.status == "died")]) == 1
+        )
 
 
 def endless() -> None:
@@ -224,24 +225,6 @@ def fatal() -> None:
 
 def fine() -> dict[str, Any]:
     return {"x": (1.0, float("nan"))}
-
-
-def test_a_script_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
-    """Workers are started afresh; a script that calls the library at its top level runs once."""
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import math\n"
-        "from hamel.study import pool\n"
-        "print('once')\n"
-        "with pool.workers(2) as workers:\n"
-        "    task = pool.Task(dict, {'x': math.inf}, 60.0)\n"
-        "    print(*[each.value for each in pool.outcomes(workers, [[task], [task]])])\n",
-        encoding="utf-8",
-    )
-    made = subprocess.run(
-        [sys.executable, script], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert made.stdout.split("\n") == ["once", "{'x': None} {'x': None}", ""]
 
 
 def test_the_front_is_what_none_beats() -> None:

@@ -468,7 +468,8 @@ def linearised(four_bar):
     """The crank choice with what is derived from its ẋ on request."""
     model, choices = four_bar
     chosen = with_linearization(choices["crank"])
-    made = tuple(request.function for request in chosen.requests if request.name in JACOBIANS)
+    asked = (*JACOBIANS, "derivatives", "contraction")
+    made = tuple(request.function for request in chosen.requests if request.name in asked)
     return evidence(
         reference(model), replace(chosen, functions=(*chosen.functions, *made)), None, FEW
     )
@@ -500,12 +501,21 @@ def test_wrong_linear_equations_are_caught(linearised):
     assert "linearization, unreduced" in red(with_entry(linearised, "linearization", 1), names)
 
 
-@pytest.mark.parametrize("name", ["jacobian", "jacobian_u", "jacobian_p"])
+@pytest.mark.parametrize("name", ["jacobian", "jacobian_u", "jacobian_p", "derivatives"])
 def test_wrong_jacobians_are_caught(linearised, name):
     assert red(linearised, {"Jacobians"}) == set()
     value = next(f.result.value for f in linearised.graph.equations.functions if f.name == name)
     k = next(k for k in reversed(range(value.numel())) if not ca.SX(value[k]).is_zero())
     assert red(with_entry(linearised, name, k), {"Jacobians"})
+
+
+def test_a_wrong_contraction_is_caught(linearised):
+    """Every entry that is not zero."""
+    assert red(linearised, {"contraction"}) == set()
+    value = linearised.graph.equations.function("contraction").result.value
+    for k in range(value.numel()):
+        if not ca.SX(value[k]).is_zero():
+            assert red(with_entry(linearised, "contraction", k), {"contraction"}), k
 
 
 @pytest.mark.parametrize("name", ["four_bar", "bead_in_bowl", "free_body"])
@@ -573,6 +583,7 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
         "linearization",
         "linearization, unreduced",
         "Jacobians",
+        "contraction",
         "v̇ Udwadia–Kalaba",
         "v̇ Udwadia–Phohomsiri",
     }

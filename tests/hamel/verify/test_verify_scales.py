@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import hamel
+from derive.diagnostics import VerificationError
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit
 from derive.formulations import equations
@@ -125,3 +126,11 @@ initial: {der(q1): 1 rad/s}
 """
     )
     assert hamel.verify(file, states=5).passed
+
+
+def test_a_choice_beyond_floating_point_is_refused_by_verification(tmp_path):
+    """A condition of numbers that are none is infinite, and no error of its own."""
+    text = (MODELS / "pendulum.yaml").read_text()
+    (tmp_path / "pendulum.yaml").write_text(text.replace("/l**2}", "/l**1e9}"))
+    with pytest.raises(VerificationError, match="cond \\[A; B\\] is largest, inf"):
+        hamel.build(tmp_path / "pendulum.yaml", out=tmp_path / "out", numpy=True)

@@ -26,6 +26,11 @@ def missing(model: Model) -> str:
     """What of the model it has no counterpart of; "" where it fits."""
     kinds = {joint.type for joint in (*model.joints, *model.closures)} - KINDS
     others = {type(x).__name__.lower() for x in model.constraints if not isinstance(x, Rolling)}
+    others |= {
+        f"rolling on {x.carrier}"
+        for x in model.constraints
+        if isinstance(x, Rolling) and x.carrier != GROUND
+    }
     tubes = {x.shape for x in model.constraints if isinstance(x, Rolling) and x.shape != "disk"}
     analytic = (
         {"analytic energies"} if model.kinetic is not None or model.potential is not None else set()

@@ -1,0 +1,137 @@
+"""How near a sweep comes to the bare lane kernel, what a chunk costs besides, and how many tasks a
+dask scheduler hands out: build/sweeps.json. Everything is measured side by side, the least of several.
+
+    python benchmarks/sweeps.py [--dask]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hamel.engines import Engine, engine
+from hamel.simulate.compiled import Rows
+from hamel.simulate.method import Method
+from hamel.sweep import work
+from hamel.sweep.axes import Sampling
+from hamel.sweep.drive import driven
+from hamel.sweep.folder import Folder
+from hamel.sweep.job import Motions, payload
+from hamel.sweep.plan import Asked, Plan, planned
+
+ROOT = Path(__file__).resolve().parent.parent
+CORES = os.cpu_count() or 1
+METHOD = Method("quasi_velocities", None, None, "dop853", None, 1e-9, None)
+
+
+def plan(count: int, chunk: int, seconds: float) -> Plan:
+    """Four-bars with lengths and masses of their own."""
+    vary = {"l1": "normal(0.2, 0.5 mm)", "l2": "normal(0.5, 0.5 mm)", "m2": "normal(2.5, 0.1)"}
+    sampling = Sampling(count, "random", 0)
+    keep = ["state", "tip.x"]
+    asked = Asked(vary, (), keep, sampling, METHOD, Rows(seconds), chunk=chunk)
+    return planned(ROOT / "models" / "four_bar.yaml", asked)
+
+
+def swept(of: Plan, by: Engine) -> float:
+    """Seconds of a whole sweep into a new folder."""
+    with tempfile.TemporaryDirectory(dir=ROOT / "build") as place:
+        folder = Folder(place + "/sweep", True)
+        folder.enter(dict(of.about))
+        begin = time.perf_counter()
+        driven(of, by, folder, 0)
+        return time.perf_counter() - begin
+
+
+def bare(of: Plan) -> Callable[[], float]:
+    """Seconds of the same motions in one call of the module, on all cores, with starts at hand."""
+    job = of.jobs[0]
+    name, data = payload(job)
+    found = work.prepared(work.Task(job.version, name, 0, data))
+    assert found is not None and isinstance(job.work, Motions)
+    module: Any = found[1]
+    values = job.design.values(0, of.design.size)
+    p = np.tile(job.work.p, (of.design.size, 1))
+    for name, column in values.items():
+        p[:, job.work.parameters.index(name)] = column
+    start = job.work.starter({}, p)
+    u = np.zeros(module.nu)
+    x = module.state(0.0, np.hstack([start.q, start.v]), u, p)
+    by = job.work.stepping
+
+    def seconds() -> float:
+        begin = time.perf_counter()
+        module.simulate(
+            (job.work.times[0], job.work.times[-1]), x, u, p, rtol=by.rtol, atol=by.atol,
+            threads=CORES, times=job.work.times, integrator=by.integrator, enforcement=by.enforcement,
+        )  # fmt: skip
+        return time.perf_counter() - begin
+
+    return seconds
+
+
+def least(times: int, *calls: Callable[[], float]) -> list[float]:
+    """Of each, in turn."""
+    rounds = [[call() for call in calls] for _ in range(times)]
+    return [min(column) for column in zip(*rounds)]
+
+
+def nothing(number: int) -> int:
+    """A task without work."""
+    return number
+
+
+def tasks_per_second(by: Engine, count: int = 2000) -> float:
+    """That the engine hands out and takes back, some hundred on their way at a time."""
+    begin = time.perf_counter()
+    for first in range(0, count, 200):
+        for future in [by.executor.submit(nothing, first + k) for k in range(200)]:
+            future.result()
+    return count / (time.perf_counter() - begin)
+
+
+def main() -> None:
+    """The figures, printed and written."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--dask", action="store_true", help="also dask with a worker a core")
+    arguments.add_argument("--rounds", type=int, default=3)
+    asked = arguments.parse_args()
+    warnings.simplefilter("ignore")
+    found: dict[str, Any] = {"cores": CORES}
+    long, short = plan(4096, 512, 5.0), plan(512, 8, 1e-3)
+    with engine("here", CORES) as here:
+        kernel, sweep = least(asked.rounds, bare(long), lambda: swept(long, here))
+        found["motions_per_second_bare"] = 4096 / kernel
+        found["here_of_bare"] = kernel / sweep
+        found["chunk_seconds"] = sweep * CORES / long.chunks
+        one = least(asked.rounds, lambda: swept(short, here))[0]
+        found["chunk_overhead_ms"] = 1e3 * one / short.chunks
+        found["bytes_a_motion"] = _bytes(long, here)
+        found["job_bytes"] = len(payload(long.jobs[0])[1])
+    if asked.dask:
+        with engine("local", CORES) as dask, engine("here", CORES) as here:
+            swept(long, dask)  # workers import what they need, and get the job
+            there, sweep = least(asked.rounds, lambda: swept(long, dask), lambda: swept(long, here))
+            found["dask_of_here"] = sweep / there
+            found["dask_tasks_per_second"] = tasks_per_second(dask)
+    (ROOT / "build" / "sweeps.json").write_text(json.dumps(found, indent=1) + "\n")
+    print(json.dumps(found, indent=1))
+
+
+def _bytes(of: Plan, by: Engine) -> float:
+    with tempfile.TemporaryDirectory(dir=ROOT / "build") as place:
+        folder = Folder(place, True)
+        return driven(of, by, folder, 0).bytes / of.design.size
+
+
+if __name__ == "__main__":
+    main()

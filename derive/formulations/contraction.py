@@ -1,0 +1,86 @@
+"""The second-order contraction Σₖ yₖ ∂²ẋₖ [dx, du], forward over reverse.
+
+With r(z, ẇ) = M_w ẇ − f = 0, z = (x, u), and multipliers μ = M_w⁻¹ y_w, the function
+
+    L(z, ẇ, μ) = y_q·q̇ + y_w·ẇ − μ·r(z, ẇ)
+
+has the slopes of y·ẋ along every z, for it is stationary in ẇ and μ. So y·∂²ẋ [dz] is the rate of
+∂L/∂z along (dz, ẇ', μ') with M_w ẇ' = −∂r/∂z dz and M_w μ' = −∂(M_w μ)/∂z dz: two more solutions
+with the same factors, and neither they nor ẇ are differentiated. On a tree r is Newton–Euler.
+
+Source: J. Nganga, P. M. Wensing, Accelerating second-order differential dynamic programming for
+rigid-body systems, IEEE RA-L 6 (2021) 7659–7666.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+
+from derive.formulations.functions import Motion, at_motion
+from derive.formulations.structured import column, entries, is_identity
+from derive.mechanics.accelerations import newton_euler
+from derive.mechanics.records import System
+from derive.mechanics.solve import ldl_solution, scalars
+from derive.mechanics.system import inertial_forces
+from derive.mechanics.tree import joint_forces
+
+
+@dataclass(frozen=True)
+class _Residual:
+    """r over (z, ẇ), the product of M_w with μ, and M_w itself."""
+
+    wdot: ca.SX
+    mu: ca.SX
+    value: ca.SX
+    product: ca.SX
+    mass: ca.SX
+
+
+def contractions(system: System, motion: Motion, z: ca.SX, y: ca.SX, dz: ca.SX) -> Iterator[ca.SX]:
+    """y·∂²ẋ [dz] (nz × 1) by every residual there is."""
+    for residual in _residuals(system, motion):
+        yield _contraction(system, motion, residual, z, y, dz)
+
+
+def _residuals(system: System, motion: Motion) -> Iterator[_Residual]:
+    wdot, mu = (ca.SX.sym(name, motion.wdot.numel()) for name in ("wdot", "mu"))
+    if not system.rows and system.written and is_identity(motion.B):
+        yield _newton_euler(system, motion, wdot, mu)
+    if motion.minimal is not None:
+        mass = motion.minimal.mass
+        value = ca.mtimes(mass, wdot) - motion.minimal.force
+        yield _Residual(wdot, mu, value, ca.mtimes(mass, mu), mass)
+
+
+def _newton_euler(system: System, motion: Motion, vdot: ca.SX, mu: ca.SX) -> _Residual:
+    forces = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
+    value = forces + system.h_extra - system.Q
+    still = [0.0] * mu.numel()
+    wrenches = newton_euler(system.links, system.inertias[-1], still, entries(mu), [0.0, 0.0, 0.0])
+    product = column(joint_forces(system.links, wrenches, mu.numel()))
+    product = product + ca.mtimes(system.M_extra, mu)
+    found = (at_motion(system, motion, x) for x in (value, product, system.M))
+    return _Residual(vdot, mu, *found)
+
+
+def _contraction(
+    system: System, motion: Motion, of: _Residual, z: ca.SX, y: ca.SX, dz: ca.SX
+) -> ca.SX:
+    nq, n = system.q.numel(), of.wdot.numel()
+    mu = _solved(of, y[nq:])
+    lagrangian = ca.dot(y[:nq], motion.qdot) - ca.dot(of.mu, of.value)
+    slope = ca.gradient(lagrangian, z)
+    wdot_rate = _solved(of, -ca.substitute(ca.jtimes(of.value, z, dz), of.wdot, motion.wdot))
+    mu_rate = _solved(of, -ca.substitute(ca.jtimes(of.product, z, dz), of.mu, mu))
+    d_wdot, d_mu = ca.SX.sym("d_wdot", n), ca.SX.sym("d_mu", n)
+    along = ca.jtimes(slope, ca.vertcat(z, of.wdot, of.mu), ca.vertcat(dz, d_wdot, d_mu))
+    along = ca.substitute(along, ca.vertcat(d_wdot, d_mu), ca.vertcat(wdot_rate, mu_rate))
+    return ca.substitute(along, ca.vertcat(of.wdot, of.mu), ca.vertcat(motion.wdot, mu))
+
+
+def _solved(of: _Residual, side: ca.SX) -> ca.SX:
+    order = list(reversed(range(side.numel())))
+    return column(ldl_solution(scalars(of.mass), [entries(side)], order).x[0])

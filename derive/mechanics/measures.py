@@ -1,0 +1,128 @@
+"""Measures of the motion that formulas use, over (t, q, v): where frames are and how they move.
+
+With p and R (ground ← frame) of a frame, and those of the frame f that it is seen from,
+
+    position      R_fᵀ (p + R x − p_f)          velocity   its rate
+    orientation   R_fᵀ R                        turning    its rate
+    angular velocity   R_fᵀ (ω − ω_f)
+
+where the product of rotations goes through what carries both and not through the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import casadi as ca
+
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.records import Rotation
+from derive.joints.rotations import (
+    difference,
+    dot,
+    inverse,
+    matrix,
+    merged,
+    rotated,
+    transpose,
+)
+from derive.mechanics.frames import angular_velocity, ground_rotation
+from derive.mechanics.named_frames import place_of
+from derive.mechanics.outputs import planar_angle
+from derive.mechanics.paths import path_length
+from derive.mechanics.records import Place
+from derive.mechanics.scene import NORMAL, NOTHING, Scene
+from derive.mechanics.symbols import define
+from derive.mechanics.tree import ground_point, relative_rotation
+from derive.model.named_frames import carrier
+from derive.model.records import Measure
+
+
+def with_measures(scene: Scene) -> Scene:
+    """The scene whose symbols know every measure of the model, and the definitions that use
+    them."""
+    model = scene.model
+    if not model.measures:
+        return scene
+    symbols = replace(scene.symbols, names=dict(scene.symbols.names))
+    for measure in model.measures:
+        symbols.names[measure.name] = _QUANTITIES[measure.quantity](scene, measure)
+    define(model, symbols)
+    return replace(scene, symbols=symbols)
+
+
+def frame_place(scene: Scene, name: str) -> Place:
+    """Where a body or frame sits in its link."""
+    return place_of(scene.symbols, scene.places, carrier(scene.model, name))
+
+
+def _places(scene: Scene, measure: Measure) -> tuple[Place, Place]:
+    return frame_place(scene, measure.frame), frame_place(scene, measure.relative)
+
+
+def _position(scene: Scene, measure: Measure) -> Scalar:
+    here, there = _places(scene, measure)
+    point = scene.symbols.vector(measure.point)
+    ends = [
+        ground_point(place, x, scene.positions, scene.rotations)
+        for place, x in ((there, NOTHING), (here, point))
+    ]
+    (k,) = measure.component
+    return _turned_back(scene, there, difference(ends[1], ends[0]))[k]
+
+
+def _turned_back(scene: Scene, place: Place, vector: Vector) -> Vector:
+    """A vector in ground axes along the axes of a frame."""
+    return rotated(transpose(ground_rotation(scene, place)), vector)
+
+
+def _orientation(scene: Scene, measure: Measure) -> Scalar:
+    row, column = measure.component
+    return _relative(scene, measure)[row][column]
+
+
+def _relative(scene: Scene, measure: Measure) -> Matrix:
+    here, there = _places(scene, measure)
+    chain: Rotation = merged(
+        inverse(there.rotation),
+        relative_rotation(scene.links, there.link, here.link),
+        here.rotation,
+    )
+    return matrix(chain)
+
+
+def _angle(scene: Scene, measure: Measure) -> Scalar:
+    here, there = _places(scene, measure)
+    return planar_angle(scene, here) - planar_angle(scene, there)
+
+
+def _angular_velocity(scene: Scene, measure: Measure) -> Scalar:
+    here, there = _places(scene, measure)
+    if here.link == there.link:
+        return 0.0
+    omega = difference(angular_velocity(scene, here), angular_velocity(scene, there))
+    if scene.model.plane:
+        return dot(NORMAL[scene.model.plane], omega)
+    (k,) = measure.component
+    return _turned_back(scene, there, omega)[k]
+
+
+def _rate(of: Callable[[Scene, Measure], Scalar]) -> Callable[[Scene, Measure], Scalar]:
+    return lambda scene, measure: scene.rate(ca.SX(of(scene, measure)))
+
+
+def _length(scene: Scene, measure: Measure) -> Scalar:
+    return path_length(scene, scene.model.path(measure.frame))
+
+
+_QUANTITIES: dict[str, Callable[[Scene, Measure], Scalar]] = {
+    "position": _position,
+    "velocity": _rate(_position),
+    "orientation": _orientation,
+    "turning": _rate(_orientation),
+    "angle": _angle,
+    "angular_velocity": _angular_velocity,
+    "length": _length,
+    "lengthening": _rate(_length),
+}

@@ -1,0 +1,198 @@
+"""Where work runs: in this process, in processes of this machine, or by dask.distributed; each of
+them an Executor of concurrent.futures.
+
+No engine has a say in what is computed, only in where. A function that is submitted is named by its
+module, and may end with the process that it runs in: the future then raises one of `lost`, and the
+same work can be submitted again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+)
+from dataclasses import dataclass
+from typing import Any
+
+from loky.process_executor import ProcessPoolExecutor
+
+from derive.diagnostics import ModelError, ToolchainError
+
+HERE, PROCESSES, LOCAL = "here", "processes", "local"
+ANSWERS = 10.0  # s in which a scheduler has to answer
+INSTALL = "pip install 'hamel[cluster]'"
+
+
+@dataclass(frozen=True)
+class Engine:
+    """An executor, and what is known of it. `width` says how much can run at once, by now; `gone`
+    whether nothing will ever be answered any more."""
+
+    executor: Executor
+    width: Callable[[], int]
+    about: str
+    shared: bool  # whether work runs in this very process
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    gone: Callable[[], bool] = lambda: False
+    # ends what is under way for nobody, where the engine can
+    end: Callable[[Future[Any]], object] = Future.cancel
+    link: str = ""  # of a page that shows it at work
+
+
+@contextlib.contextmanager
+def engine(name: str | None = None, workers: int | None = None) -> Iterator[Engine]:
+    """The engine of that name: here (when None), processes, local, or the address of a scheduler.
+
+    Raises ModelError for a name that is none, ToolchainError where the library is missing or the
+    scheduler does not answer.
+    """
+    if workers is not None and workers < 1:
+        raise ModelError(f"{workers} workers are asked for", "one or more")
+    size = workers or os.cpu_count() or 1
+    if name in (None, HERE):
+        with ThreadPoolExecutor(size) as threads:
+            yield Engine(threads, lambda: size, f"{size} threads of this process", True)
+    elif name == PROCESSES:
+        with Processes(size) as processes:
+            about = f"{size} processes of this machine"
+            yield Engine(processes, lambda: size, about, False, end=processes.end)
+    else:
+        with _dask(str(name), size) as found:
+            yield found
+
+
+# ---- processes
+
+
+class Processes(Executor):
+    """As many processes as `size`, each on its own: one that ends takes nothing but its own work
+    with it, and another takes its place.
+
+    The processes are loky's: they start afresh, and do not run the caller's script again.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self._places: list[ProcessPoolExecutor | None] = [None] * size
+        self._load = [0] * size
+        self._where: dict[Future[Any], int] = {}
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """To the process that has least to do."""
+        place = self._load.index(min(self._load))
+        try:
+            future = self._process(place).submit(fn, *args, **kwargs)
+        except BrokenExecutor:  # it ended since its last answer
+            self._drop(place)
+            future = self._process(place).submit(fn, *args, **kwargs)
+        self._load[place] += 1
+        self._where[future] = place
+        future.add_done_callback(lambda done: self._finished(place, done))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Ends all processes at once: who leaves early wants no more answers."""
+        for place in range(self.size):
+            self._drop(place)
+
+    def _process(self, place: int) -> ProcessPoolExecutor:
+        found = self._places[place]
+        if found is None:
+            found = self._places[place] = ProcessPoolExecutor(1, initializer=_silence)
+        return found
+
+    def end(self, future: Future[Any]) -> None:
+        """Ends the process that works on it."""
+        place = self._where.get(future)
+        if place is not None and not future.cancel():
+            self._drop(place)
+
+    def _finished(self, place: int, done: Future[Any]) -> None:
+        self._load[place] -= 1
+        self._where.pop(done, None)
+        if not done.cancelled() and isinstance(done.exception(), BrokenExecutor):
+            self._places[place] = None
+
+    def _drop(self, place: int) -> None:
+        found, self._places[place] = self._places[place], None
+        if found is not None:
+            found.shutdown(wait=True, kill_workers=True)
+
+
+def _silence() -> None:
+    """Libraries print to standard output; nobody reads that of a worker."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
+    os.dup2(null, 2)
+
+
+# ---- dask
+
+
+@contextlib.contextmanager
+def _dask(name: str, size: int) -> Iterator[Engine]:
+    try:
+        import distributed  # a boundary: nobody else pays for what this takes to import
+    except ImportError:
+        raise ToolchainError(f"the engine '{name}' needs dask.distributed", INSTALL) from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    with contextlib.ExitStack() as stack:
+        if name == LOCAL:
+            cluster = stack.enter_context(_local(distributed, size))
+            client = stack.enter_context(distributed.Client(cluster, set_as_default=False))
+        else:
+            client = stack.enter_context(_connected(distributed, name))
+        lost = (BrokenExecutor, distributed.KilledWorker, CancelledError)
+        address = client.scheduler.address if client.scheduler else name
+        yield Engine(
+            client.get_executor(pure=False),
+            lambda: _cores(client),
+            f"dask at {address}",
+            False,
+            lost,
+            lambda: client.status != "running",
+            link=str(client.dashboard_link or ""),
+        )
+
+
+def _cores(client: Any) -> int:
+    """Of all workers by now; one while there is none, so that work waits for the first."""
+    return max(1, sum(client.ncores().values())) if client.status == "running" else 1
+
+
+def _local(distributed: Any, size: int) -> Any:
+    return distributed.LocalCluster(
+        n_workers=size, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+    )
+
+
+@contextlib.contextmanager
+def _connected(distributed: Any, name: str) -> Iterator[Any]:
+    """A client of the scheduler at an address, or in a file that the scheduler wrote."""
+    is_file = name.endswith(".json")
+    if not is_file and "://" not in name and ":" not in name:
+        raise ModelError(
+            f"'{name}' is no engine", f"{HERE}, {PROCESSES}, {LOCAL}, or tcp://ADDRESS:PORT"
+        )
+    place: dict[str, Any] = {"scheduler_file": name} if is_file else {"address": name}
+    try:
+        client = distributed.Client(**place, timeout=ANSWERS, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise ToolchainError(
+            f"no scheduler answers at {name}: {said}",
+            "`dask scheduler` prints the address of one that runs",
+        ) from None
+    try:
+        yield client
+    finally:
+        with contextlib.suppress(Exception):  # of a scheduler that is gone
+            client.close(timeout=2)

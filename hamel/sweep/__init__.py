@@ -1,0 +1,2 @@
+"""sweep: one model, many motions: what varies, what is kept, and chunks of both that any executor
+can run."""

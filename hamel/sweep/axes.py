@@ -1,0 +1,448 @@
+"""What varies: `m=1:10:50`, `q1=normal(0, 2 deg)`, `choice=crank,rocker`, `runs.csv`.
+
+An axis has a number of places, and gives values for any of them; nothing is ever laid out whole but
+the columns of a file. Random numbers depend on the seed and the number of the sample alone: block b
+of 256 samples is drawn by the generator that SeedSequence(seed) spawns as its b-th child. So they
+are the same however the samples are cut into chunks.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from derive.diagnostics import ModelError, did_you_mean, listed
+from hamel.sweep.needs import library
+
+METHODS = ("formulation", "choice", "enforcement", "integrator", "rtol", "step_size")
+DESIGNS = ("random", "sobol", "latin", "saltelli")
+BLOCK = 256  # samples that one generator draws
+MOST = 10**12  # motions
+WHOLE = 10**7  # numbers of a design that is only known as a whole, or of a file
+COUNT = 101  # places of a range that does not say how many
+_CALL = re.compile(r"(\w+)\s*\((.*)\)", re.DOTALL)
+
+Value = Callable[[str, str], float]  # (name, text) → number in SI
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """`quantile` of the numbers between 0 and 1 that a design gives."""
+
+    name: str
+    kind: str
+    numbers: tuple[float, ...]
+
+    def quantile(self, u: np.ndarray) -> np.ndarray:
+        """The values that are not exceeded with the probabilities u."""
+        return _QUANTILES[self.kind](u, *self.numbers)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Places of one name, in order."""
+
+    name: str
+    values: tuple[Any, ...]
+
+    @property
+    def size(self) -> int:
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of a file: names that vary together."""
+
+    file: str
+    names: tuple[str, ...]
+    columns: tuple[tuple[float, ...], ...]
+
+    @property
+    def size(self) -> int:
+        return len(self.columns[0])
+
+
+@dataclass(frozen=True)
+class Design:
+    """All that varies. Motion number i is place `np.unravel_index(i, shape)`: methods first, then
+    grids, rows of files, and samples, which run fastest."""
+
+    methods: tuple[Grid, ...]
+    grids: tuple[Grid, ...]
+    tables: tuple[Table, ...]
+    distributions: tuple[Distribution, ...]
+    samples: int
+    kind: str  # of the samples: one of DESIGNS
+    seed: int
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Places of each axis; the last one is the samples', where anything is drawn."""
+        sizes = [axis.size for axis in (*self.methods, *self.grids, *self.tables)]
+        return (*sizes, self.samples)
+
+    @property
+    def size(self) -> int:
+        """How many motions."""
+        return math.prod(self.shape)
+
+    @property
+    def per_method(self) -> int:
+        """How many motions every method makes."""
+        return self.size // math.prod(axis.size for axis in self.methods)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all numbers that vary."""
+        rows = [name for table in self.tables for name in table.names]
+        return (*(g.name for g in self.grids), *rows, *(d.name for d in self.distributions))
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """What the axes are called."""
+        rows = [f"row{k}" if k else "row" for k in range(len(self.tables))]
+        own = [axis.name for axis in (*self.methods, *self.grids)]
+        return (*own, *rows, "sample")
+
+    def method(self, number: int) -> dict[str, Any]:
+        """The method of that number."""
+        shape = tuple(axis.size for axis in self.methods)
+        places = np.unravel_index(number, shape) if shape else ()
+        return {axis.name: axis.values[int(k)] for axis, k in zip(self.methods, places)}
+
+    def values(self, first: int, last: int) -> dict[str, np.ndarray]:
+        """The numbers that vary, by name, of motions first to last − 1."""
+        places = list(np.unravel_index(np.arange(first, last), self.shape))[len(self.methods) :]
+        found: dict[str, np.ndarray] = {}
+        for axis, place in zip(self.grids, places):
+            found[axis.name] = np.array(axis.values, dtype=float)[place]
+        for table, place in zip(self.tables, places[len(self.grids) :]):
+            for name, column in zip(table.names, table.columns):
+                found[name] = np.array(column)[place]
+        if self.distributions:
+            u = self.draws(places[-1])
+            for k, each in enumerate(self.distributions):
+                found[each.name] = each.quantile(u[:, k])
+        return found
+
+    def draws(self, samples: np.ndarray) -> np.ndarray:
+        """Numbers between 0 and 1 of these samples, a column for each distribution."""
+        width = len(self.distributions)
+        low, high = int(samples.min()), int(samples.max()) + 1
+        if self.kind == "random":
+            first = low // BLOCK * BLOCK
+            blocks = [_block(self.seed, b, width) for b in range(low // BLOCK, -(-high // BLOCK))]
+            return np.concatenate(blocks)[samples - first]
+        if self.kind == "sobol":
+            return _sobol(self.seed, width, low, high)[samples - low]
+        return _whole(self.kind, self.seed, width, self.samples)[samples]
+
+    def about(self) -> dict[str, Any]:
+        """As JSON has it: two designs that say the same are the same."""
+        return {
+            "methods": {axis.name: list(axis.values) for axis in self.methods},
+            "grids": {axis.name: list(axis.values) for axis in self.grids},
+            "tables": [{"names": t.names, "columns": t.columns} for t in self.tables],
+            "distributions": {d.name: [d.kind, *d.numbers] for d in self.distributions},
+            "samples": self.samples,
+            "design": self.kind,
+            "seed": self.seed,
+        }
+
+
+# ---- numbers between 0 and 1
+
+
+def _block(seed: int, number: int, width: int) -> np.ndarray:
+    sequence = np.random.SeedSequence(seed, spawn_key=(number,))
+    return np.random.Generator(np.random.PCG64(sequence)).random((BLOCK, width))
+
+
+def _sobol(seed: int, width: int, low: int, high: int) -> np.ndarray:
+    """Points low to high − 1 of a scrambled sequence (I. M. Sobol, 1967; A. B. Owen, 1998)."""
+    engine = library("scipy.stats.qmc", "a design of Sobol points").Sobol(
+        width, scramble=True, rng=np.random.default_rng(np.random.SeedSequence(seed))
+    )
+    if low:
+        engine.fast_forward(low)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a part of the sequence is not balanced
+        found = engine.random(high - low)
+    return np.clip(found, 2.0**-54, 1.0 - 2.0**-53)
+
+
+@lru_cache(maxsize=2)
+def _whole(kind: str, seed: int, width: int, samples: int) -> np.ndarray:
+    """Latin hypercubes and the points of Saltelli (2002) are only known as a whole."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    if kind == "latin":
+        return (
+            library("scipy.stats.qmc", "a Latin hypercube")
+            .LatinHypercube(width, rng=rng)
+            .random(samples)
+        )
+    sobol = library("SALib.sample.sobol", "a design for Sobol indices")
+    found = sobol.sample(
+        problem(width), samples // (width + 2), calc_second_order=False, seed=seed % 2**32
+    )
+    return np.clip(found, 2.0**-54, 1.0 - 2.0**-53)
+
+
+def problem(width: int, names: Sequence[str] = ()) -> dict[str, Any]:
+    """What SALib calls a problem, over the numbers between 0 and 1."""
+    known = list(names) or [f"x{k}" for k in range(width)]
+    return {"num_vars": width, "names": known, "bounds": [[0.0, 1.0]] * width}
+
+
+def _normal(u: np.ndarray, mean: float, deviation: float, *ends: float) -> np.ndarray:
+    special = library("scipy.special", "a normal distribution")
+    if ends:
+        low, high = (special.ndtr((end - mean) / deviation) for end in ends)
+        u = low + u * (high - low)
+    return mean + deviation * special.ndtri(np.clip(u, 2.0**-60, 1.0 - 2.0**-53))
+
+
+def _uniform(u: np.ndarray, low: float, high: float) -> np.ndarray:
+    return low + (high - low) * u
+
+
+def _loguniform(u: np.ndarray, low: float, high: float) -> np.ndarray:
+    return np.exp(np.log(low) + (np.log(high) - np.log(low)) * u)
+
+
+def _triangular(u: np.ndarray, low: float, mode: float, high: float) -> np.ndarray:
+    split = (mode - low) / (high - low)
+    left = low + np.sqrt(u * (high - low) * (mode - low))
+    return np.where(u < split, left, high - np.sqrt((1 - u) * (high - low) * (high - mode)))
+
+
+_QUANTILES: dict[str, Callable[..., np.ndarray]] = {
+    "normal": _normal,
+    "uniform": _uniform,
+    "loguniform": _loguniform,
+    "triangular": _triangular,
+}
+_ARGUMENTS = {
+    "normal": "normal(mean, deviation) or normal(mean, deviation, low, high)",
+    "uniform": "uniform(low, high)",
+    "loguniform": "loguniform(low, high)",
+    "triangular": "triangular(low, mode, high)",
+}
+_COUNTS = {"normal": (2, 4), "uniform": (2,), "loguniform": (2,), "triangular": (3,)}
+
+
+# ---- texts
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How many samples of what is drawn, by which design."""
+
+    samples: int | None
+    kind: str
+    seed: int
+
+
+def design(
+    vary: Mapping[str, Any], files: Sequence[str], sampling: Sampling, value: Value
+) -> Design:
+    """What varies as it was asked for: texts, numbers or arrays by name, and files whose columns
+    are names. Raises ModelError with the text that is wrong."""
+    methods: list[Grid] = []
+    grids: list[Grid] = []
+    drawn: list[Distribution] = []
+    columns: dict[str, dict[str, str]] = {file: {} for file in files}
+    for name, given in vary.items():
+        if name in METHODS:
+            methods.append(_methods(name, given))
+        elif isinstance(given, str) and (found := _distribution(name, given, value)):
+            drawn.append(found)
+        elif isinstance(given, str) and (found := _column(given)):
+            columns.setdefault(found[0], {})[name] = found[1]
+        else:
+            grids.append(_grid(name, given, value))
+    tables = [_table(file, names) for file, names in columns.items()]
+    names = [
+        *(g.name for g in grids),
+        *(n for t in tables for n in t.names),
+        *(d.name for d in drawn),
+    ]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice:
+        raise ModelError(f"'{twice}' varies twice")
+    made = Design(
+        tuple(methods),
+        tuple(grids),
+        tuple(tables),
+        tuple(drawn),
+        _samples(sampling, len(drawn)),
+        sampling.kind,
+        sampling.seed,
+    )
+    if made.size > MOST:
+        raise ModelError(f"{made.size:.3g} motions are asked for", f"at most {MOST:.0e}")
+    return made
+
+
+def _samples(sampling: Sampling, width: int) -> int:
+    if sampling.kind not in DESIGNS:
+        near = did_you_mean(sampling.kind, DESIGNS) or listed(DESIGNS)
+        raise ModelError(f"unknown design '{sampling.kind}'; {near}")
+    if not width:
+        if sampling.samples is not None and sampling.samples != 1:
+            raise ModelError("samples are for what is drawn at random, and nothing is")
+        return 1
+    count = 1000 if sampling.samples is None else sampling.samples
+    if count < 1:
+        raise ModelError(f"{count} samples are asked for", "one or more")
+    if sampling.kind == "saltelli":
+        base = 2 ** max(1, math.ceil(math.log2(max(2, count / (width + 2)))))
+        count = base * (width + 2)  # each base point, moved along each axis
+    if sampling.kind in ("latin", "saltelli") and count * width > WHOLE:
+        raise ModelError(
+            f"{count} samples of {width} names by the design '{sampling.kind}', which is only "
+            "known as a whole",
+            "the design random or sobol",
+        )
+    return count
+
+
+def _methods(name: str, given: Any) -> Grid:
+    parts = given.split(",") if isinstance(given, str) else list(given)
+    texts = [part.strip() if isinstance(part, str) else part for part in parts]
+    if name in ("rtol", "step_size"):
+        try:
+            return Grid(name, tuple(float(part) for part in texts))
+        except (TypeError, ValueError):
+            raise ModelError(f"{name} varies over '{given}', which is no list of numbers") from None
+    return Grid(name, tuple(str(part) for part in texts if part))
+
+
+def _distribution(name: str, text: str, value: Value) -> Distribution | None:
+    found = _CALL.fullmatch(text.strip())
+    if not found or found[1] not in _ARGUMENTS:
+        if found and "," in found[2]:
+            near = did_you_mean(found[1], _ARGUMENTS) or f"known: {listed(_ARGUMENTS)}"
+            raise ModelError(
+                f"{name} varies as '{text}', but '{found[1]}' is no distribution; {near}"
+            )
+        return None
+    kind, parts = found[1], [part.strip() for part in found[2].split(",")]
+    if len(parts) not in _COUNTS[kind]:
+        raise ModelError(f"{name} varies as '{text}'", _ARGUMENTS[kind])
+    numbers = tuple(value(name, part) for part in parts)
+    if problem := _misfit(kind, numbers):
+        raise ModelError(f"{name} varies as '{text}': {problem}", _ARGUMENTS[kind])
+    return Distribution(name, kind, numbers)
+
+
+def _misfit(kind: str, numbers: tuple[float, ...]) -> str:
+    if kind == "normal":
+        if not numbers[1] > 0:
+            return "the deviation is not above zero"
+        return "low is not below high" if len(numbers) == 4 and numbers[2] >= numbers[3] else ""
+    if not numbers[0] < numbers[-1]:
+        return "low is not below high"
+    if kind == "loguniform" and not numbers[0] > 0:
+        return "low is not above zero"
+    if kind == "triangular" and not numbers[0] <= numbers[1] <= numbers[2]:
+        return "the mode is not between low and high"
+    return ""
+
+
+def _grid(name: str, given: Any, value: Value) -> Grid:
+    if not isinstance(given, str):
+        numbers = tuple(float(x) for x in np.ravel(np.asarray(given, dtype=float)))
+    elif ":" in given:
+        numbers = _range(name, given, value)
+    else:
+        numbers = tuple(value(name, part.strip()) for part in given.split(","))
+    if not numbers or not np.isfinite(numbers).all():
+        raise ModelError(f"{name} varies over values that are not finite, or over none")
+    return Grid(name, numbers)
+
+
+def _range(name: str, text: str, value: Value) -> tuple[float, ...]:
+    parts = [part.strip() for part in text.split(":")]
+    expected = "first:last, first:last:count or first:last:count:log, such as 1:10:50"
+    logarithmic = len(parts) == 4 and parts[3] == "log"
+    if len(parts) not in (2, 3) and not logarithmic:
+        raise ModelError(f"{name} varies over '{text}'", expected)
+    count = COUNT if len(parts) == 2 else int(parts[2]) if parts[2].isdecimal() else 0
+    if not 1 <= count <= WHOLE:
+        raise ModelError(f"{name} varies over '{text}', with '{parts[2]}' values", expected)
+    first, last = value(name, parts[0]), value(name, parts[1])
+    if not logarithmic:
+        return tuple(np.linspace(first, last, count).tolist())
+    if not (first > 0 and last > 0):
+        raise ModelError(f"{name} varies over '{text}': a logarithm has no such ends", expected)
+    return tuple(np.geomspace(first, last, count).tolist())
+
+
+# ---- files
+
+ENDINGS = (".csv", ".parquet")
+
+
+def is_file(text: str) -> bool:
+    """Whether a text names a file of columns."""
+    return text.lower().endswith(ENDINGS)
+
+
+def _column(text: str) -> tuple[str, str] | None:
+    """FILE:COLUMN."""
+    file, colon, column = text.rpartition(":")
+    return (file, column.strip()) if colon and is_file(file) else None
+
+
+def _table(file: str, names: Mapping[str, str]) -> Table:
+    """Columns of a file: all of them under their own names, or those that are named."""
+    columns = _csv(file) if file.lower().endswith(".csv") else _parquet(file)
+    wanted = dict(names) or {name: name for name in columns}
+    for name, column in wanted.items():
+        if column not in columns:
+            near = did_you_mean(column, columns) or f"it has {listed(columns)}"
+            raise ModelError(f"{file} has no column '{column}' for {name}; {near}")
+    found = tuple(tuple(map(float, columns[column])) for column in wanted.values())
+    if not found or not found[0]:
+        raise ModelError(f"{file} has no rows")
+    if len(found) * len(found[0]) > WHOLE:
+        raise ModelError(f"{file} has more than {WHOLE} numbers")
+    return Table(Path(file).name, tuple(wanted), found)
+
+
+def _csv(file: str) -> dict[str, np.ndarray]:
+    try:
+        with open(file, encoding="utf-8-sig") as lines:
+            names = [name.strip() for name in lines.readline().strip().split(",")]
+            rows = np.loadtxt(lines, delimiter=",", ndmin=2)
+    except OSError as error:
+        raise ModelError(f"{file} cannot be read: {error.strerror or error}") from None
+    except ValueError as error:
+        raise ModelError(
+            f"{file}: {error}", "a line of names, then numbers, between commas"
+        ) from None
+    if rows.shape[1] != len(names) or not np.isfinite(rows).all():
+        raise ModelError(f"{file}: {len(names)} names, but other rows", "a finite number each")
+    return dict(zip(names, rows.T))
+
+
+def _parquet(file: str) -> dict[str, np.ndarray]:
+    parquet = library("pyarrow.parquet", f"reading {file}")
+    try:
+        table = parquet.read_table(file)
+        columns = {name: np.asarray(table[name], dtype=float) for name in table.column_names}
+    except Exception as error:
+        raise ModelError(f"{file} cannot be read: {error}") from None
+    if not all(np.isfinite(column).all() for column in columns.values()):
+        raise ModelError(f"{file} holds what is no finite number")
+    return columns

@@ -1,0 +1,310 @@
+"""A chunk of motions in a worker: from the numbers of the motions to the columns that are kept."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from codegen.runtime.simulation import Status
+from derive.formulations.frames import based
+from derive.linearize.many import steady_motions
+from derive.linearize.spectrum import eigenvalues
+from derive.linearize.steady import motion_of
+from derive.linearize.study import Study, study
+from derive.model import load_text
+from hamel.build.stages import mechanics_of
+from hamel.sweep.job import Job, Modes, Motions
+from hamel.sweep.kept import Kept, evaluated
+from hamel.sweep.linear import equations_in
+
+NOT_ASSEMBLED, INADMISSIBLE, NO_STEADY_MOTION = 100, 101, 102
+CAUSES = {
+    NOT_ASSEMBLED: "it cannot be assembled: no state near the initial values satisfies the "
+    "constraints",
+    INADMISSIBLE: "a mass or moment of inertia is negative, or a value is not finite",
+    NO_STEADY_MOTION: "no steady motion was found with these values",
+}
+GOOD = (int(Status.OK), int(Status.EVENT))
+
+
+def cause(status: int) -> str:
+    """What a status of a motion means, in words."""
+    return CAUSES.get(status) or Status(status).cause
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Columns of motions first to first + len − 1: what varied, what is kept, and how each
+    ended."""
+
+    first: int
+    varied: dict[str, np.ndarray]
+    kept: dict[str, np.ndarray]
+    status: np.ndarray
+    moved: int  # motions whose held values had to give way
+    seconds: float
+
+
+def made(job: Job, module: Any, number: int) -> Chunk:
+    """The chunk of that number; `module` is what `prepared` gave."""
+    begin = time.perf_counter()
+    first, last = job.span(number)
+    varied = job.design.values(first, last)
+    work = job.work
+    if isinstance(work, Motions):
+        columns, status, moved = _motions(job, work, module, varied, last - first)
+    else:
+        columns, status, moved = _modes(job, module, varied, last - first)
+    good = np.isin(status, GOOD)
+    for column in columns.values():
+        column[~good] = np.nan
+    return Chunk(first, varied, columns, status, moved, time.perf_counter() - begin)
+
+
+# ---- motions
+
+
+def _motions(
+    job: Job, work: Motions, module: ModuleType, varied: dict[str, np.ndarray], count: int
+) -> tuple[dict[str, np.ndarray], np.ndarray, int]:
+    u = _filled(work.u, work.inputs, varied, count)
+    p = _filled(work.p, work.parameters, varied, count)
+    initial = {n: varied.get(n, np.array(work.held.get(n))) for n in work.starter.names}
+    status = np.zeros(count, dtype=np.int16)
+    with np.errstate(all="ignore"):
+        least = work.bodies(p.T).full().min(axis=0) if count else np.zeros(0)
+        starts = work.starter(initial, p)
+        finite = np.isfinite(p).all(axis=1) & np.isfinite(u).all(axis=1)
+    status[~starts.closed] = NOT_ASSEMBLED
+    status[~finite | ~(least >= 0.0)] = INADMISSIBLE
+    x = np.full((count, module.nx), np.nan)
+    good = np.flatnonzero(status == 0)
+    if len(good):
+        qv = np.hstack([starts.q[good], starts.v[good]])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            x[good] = module.state(work.times[0], qv, u[good], p[good])
+    status[good[~np.isfinite(x[good]).all(axis=1)]] = Status.SINGULAR
+    good = np.flatnonzero(status == 0)
+    columns = {each.label: np.full(count, np.nan) for each in job.kept}
+    if len(good):
+        run = _run(work, module, x[good], u[good], p[good])
+        status[good] = run.status
+        for each in job.kept:
+            columns[each.label][good] = run.column(each)
+    return columns, status, int(np.sum(starts.moved & (status == 0)))
+
+
+def _filled(
+    usual: np.ndarray, names: tuple[str, ...], varied: dict[str, np.ndarray], count: int
+) -> np.ndarray:
+    rows = np.tile(usual, (count, 1))
+    for k, name in enumerate(names):
+        if name in varied:
+            rows[:, k] = varied[name]
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Motions in lanes, and every quantity of them by name."""
+
+    work: Motions
+    module: ModuleType
+    found: Any  # what simulate() of the module gave
+    t: np.ndarray  # (k, rows); from the end of a stopped motion on, that time
+    x: np.ndarray  # (k, rows, nx); and that state
+    u: np.ndarray
+    p: np.ndarray
+    known: dict[str, np.ndarray] = field(default_factory=dict)  # what was called already
+
+    @property
+    def status(self) -> np.ndarray:
+        """How each ended."""
+        return np.asarray(self.found.status)
+
+    def column(self, each: Kept) -> np.ndarray:
+        """What is kept, of every motion."""
+        if each.how == "counted":
+            return _COUNTED[each.text](self)
+        if each.how in ("count", "first", "last"):
+            return self._event(each)
+        assert each.formula is not None
+        rows = slice(None) if each.whole else self._place(each)
+        names = self.work.parameters
+        found = evaluated(each.formula, names, lambda name: self.values(name)[:, rows])
+        values = np.broadcast_to(found, self.t[:, rows].shape)
+        return _OVER[each.how](self.t[:, rows], values)
+
+    def _place(self, each: Kept) -> slice:
+        if each.time is None:
+            return slice(len(self.work.times) - 1, None)
+        place = int(np.searchsorted(self.work.times, each.time))
+        return slice(place, place + 1)
+
+    def values(self, name: str) -> np.ndarray:
+        """A quantity by name, at every row of every motion."""
+        work, shape = self.work, self.t.shape
+        if name == "t":
+            return self.t
+        if name in work.states:
+            return self.x[:, :, work.states.index(name)]
+        if name in work.inputs:
+            return np.broadcast_to(self._inputs()[:, :, work.inputs.index(name)], shape)
+        if name in work.parameters:
+            return np.broadcast_to(self.p[:, None, work.parameters.index(name)], shape)
+        if name == "work":
+            return self.found.work
+        function, labels = next(
+            (function, labels) for function, labels in self._functions() if name in labels
+        )
+        return self._called(function)[:, :, labels.index(name)]
+
+    def _functions(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        work = self.work
+        rates = tuple(f"der({name})" for name in work.coordinates)
+        return (
+            ("outputs", work.outputs),
+            ("energy", ("T", "V", "jacobi")),
+            ("velocity", work.velocities),
+            ("dynamics", rates),
+        )
+
+    def _inputs(self) -> np.ndarray:
+        fed = self.found.u
+        return self.u[:, None, :] if fed is None else fed
+
+    def _called(self, function: str) -> np.ndarray:
+        if function in self.known:
+            return self.known[function]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            call = getattr(self.module, function)
+            found = call(self.t, self.x, self._inputs(), self.p[:, None, :])
+        self.known[function] = np.asarray(found, dtype=float)
+        return self.known[function]
+
+    def _event(self, each: Kept) -> np.ndarray:
+        events, k = self.found.events, len(self.x)
+        mine = events.of(each.text)
+        if each.how == "count":
+            return np.bincount(mine.row, minlength=k).astype(float)
+        times = np.full(k, np.nan)
+        order = slice(None, None, -1) if each.how == "first" else slice(None)
+        times[mine.row[order]] = mine.t[order]
+        return times
+
+    def balance(self) -> np.ndarray:
+        """Energy that came from nowhere at the end, relative to the largest energy exchanged."""
+        energy, work = self._called("energy"), self.found.work
+        T, V = energy[:, :, 0], energy[:, :, 1]
+        total = energy[:, :, 2] if energy.shape[2] > 2 else T + V
+        sizes = (np.max(np.abs(T), axis=1), np.ptp(V, axis=1), np.max(np.abs(work), axis=1))
+        scale = np.maximum.reduce(sizes)
+        off = np.max(np.abs(total - total[:, :1] - work), axis=1)
+        return np.where(scale > 0, off / np.where(scale > 0, scale, 1.0), 0.0)
+
+
+def _run(work: Motions, module: ModuleType, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Run:
+    by = work.stepping
+    events: Any = None if module.event_names else False
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # statuses say it, motion by motion
+        found = module.simulate(
+            (work.times[0], work.times[-1]),
+            x,
+            _fed(work, module, u),
+            p,
+            times=work.times,
+            rtol=by.rtol,
+            atol=by.atol,
+            integrator=by.integrator,
+            enforcement=by.enforcement,
+            step_size=by.step_size,
+            max_steps=work.most_steps,
+            events=events,
+            error=work.error,
+        )
+    rows = found.x.shape[-2]
+    t = np.tile(work.times[:rows], (len(x), 1))
+    filled = np.array(found.x, dtype=float)
+    worked = np.array(found.work, dtype=float)
+    for k in np.flatnonzero(np.asarray(found.status) == Status.EVENT):
+        last = int(np.flatnonzero(found.events.row == k)[-1])
+        behind = t[k] > found.events.t[last]
+        t[k, behind], filled[k, behind] = found.events.t[last], found.events.x[last]
+        before = worked[k, ~behind]
+        worked[k, behind] = before[-1] if len(before) else 0.0
+    return Run(work, module, replace(found, work=worked), t, filled, u, p)
+
+
+def _fed(work: Motions, module: ModuleType, u: np.ndarray) -> Any:
+    if not work.tables:
+        return u
+    numbers = {name: u[0, k] for k, name in enumerate(work.inputs) if name not in work.tables}
+    return numbers | {name: module.Table(*table) for name, table in work.tables.items()}
+
+
+def _error(run: Run) -> np.ndarray:
+    """The largest estimate of any entry at the end."""
+    return np.max(np.asarray(run.found.error)[:, -1], axis=1, initial=0.0)
+
+
+_COUNTED: dict[str, Callable[[Run], np.ndarray]] = {
+    "steps": lambda run: np.asarray(run.found.steps, dtype=float),
+    "end": lambda run: run.t[:, -1],
+    "violation": lambda run: np.asarray(run.found.position_violation, dtype=float),
+    "balance": Run.balance,
+    "error": _error,
+}
+
+
+def _mean(t: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Over time, by the trapezoidal rule."""
+    span = t[:, -1] - t[:, 0]
+    area = np.sum(0.5 * (values[:, 1:] + values[:, :-1]) * np.diff(t, axis=1), axis=1)
+    return np.where(span > 0, area / np.where(span > 0, span, 1.0), values[:, 0])
+
+
+_OVER: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "final": lambda t, values: values[:, -1],
+    "at": lambda t, values: values[:, 0],
+    "highest": lambda t, values: np.max(values, axis=1),
+    "lowest": lambda t, values: np.min(values, axis=1),
+    "mean": _mean,
+    "rms": lambda t, values: np.sqrt(_mean(t, values * values)),
+}
+
+
+# ---- eigenvalues
+
+
+def studied(work: Modes) -> Study:
+    """The linear equations along the steady motion, derived from the model's text."""
+    model = load_text(work.text, work.file)
+    equations = based(equations_in(mechanics_of(model), work.choice))
+    return study(equations, motion_of(equations, work.at), work.values)
+
+
+def _modes(
+    job: Job, found: Study, varied: dict[str, np.ndarray], count: int
+) -> tuple[dict[str, np.ndarray], np.ndarray, int]:
+    status = np.zeros(count, dtype=np.int16)
+    with np.errstate(all="ignore"):
+        motions, steady = steady_motions(found, varied)
+        matrices = np.asarray(found.matrices(motions))
+    status[~steady] = NO_STEADY_MOTION
+    finite = np.isfinite(matrices.reshape(count, -1).sum(axis=1))
+    status[~finite & (status == 0)] = Status.NOT_FINITE
+    real, imaginary = np.full((2, count), np.nan)
+    if finite.any() and matrices.shape[1]:
+        first = eigenvalues(matrices[finite])[:, 0]
+        real[finite], imaginary[finite] = np.real(first), np.abs(np.imag(first))
+    parts = {"growth": real, "frequency": imaginary}
+    return {each.label: parts[each.text].copy() for each in job.kept}, status, 0

@@ -1,0 +1,95 @@
+"""What a complete sweep holds: columns, an xarray Dataset over what varies, Sobol indices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from derive.diagnostics import ToolchainError
+from hamel.sweep.axes import problem
+from hamel.sweep.folder import RESUME, Folder
+from hamel.sweep.needs import library
+from hamel.sweep.plan import Plan
+from hamel.sweep.work import Held, columns_in, summary_of
+
+SHOWN = 1_000_000  # rows that a page reads
+
+
+def held_of_rows(plan: Plan) -> Callable[[bytes], Held]:
+    """What is known of a file of rows."""
+
+    def held(content: bytes) -> Held:
+        found = columns_in(content)
+        kept = {each.label: found[each.label] for each in plan.kept}
+        return summary_of(int(found["motion"][0]), kept, found["status"], 0)
+
+    return held
+
+
+def columns_of(plan: Plan, folder: Folder) -> dict[str, np.ndarray] | None:
+    """All rows by name, where there are not too many for a page."""
+    if plan.asked.reduce or plan.design.size > SHOWN:
+        return None
+    return rows(plan, folder)
+
+
+def rows(plan: Plan, folder: Folder) -> dict[str, np.ndarray]:
+    """All rows by name, in the order of the motions. Raises ToolchainError where a file is gone."""
+    parts = []
+    for number in range(plan.chunks):
+        content = folder.read(folder.chunk_name(number))
+        if content is None:
+            raise ToolchainError(f"{folder.place}: chunk {number} is gone", RESUME)
+        parts.append(columns_in(content))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def dataset(plan: Plan, folder: Folder) -> Any:
+    """Over the axes: grids with their values as coordinates, rows of files and samples by
+    number."""
+    xarray = library("xarray", "to_xarray()")
+    if plan.asked.reduce:
+        raise ToolchainError("the sweep kept no rows", "the same sweep without --reduce")
+    found, design = rows(plan, folder), plan.design
+    dims = design.dimensions if design.samples > 1 else design.dimensions[:-1]
+    shape = design.shape if design.samples > 1 else design.shape[:-1]
+    if not dims:
+        dims, shape = ("sample",), (1,)
+    units = {**plan.units, **{each.label: each.unit for each in plan.kept}}
+    axes = [*design.methods, *design.grids]
+    coordinates = {a.name: (a.name, list(a.values), {"units": units.get(a.name, "")}) for a in axes}
+    drawn = [n for n in design.names if n not in coordinates]
+    names = [*drawn, *(each.label for each in plan.kept), "status"]
+    variables = {
+        name: (dims, found[name].reshape(shape), {"units": units.get(name, "")}) for name in names
+    }
+    about = {"model": plan.model.name, "motions": design.size, "hamel": plan.jobs[0].version}
+    return xarray.Dataset(variables, coordinates, about)
+
+
+def sensitivities(plan: Plan, folder: Folder) -> dict[str, Any]:
+    """First order and total Sobol indices of every kept quantity, by SALib; nothing where the
+    design is another, or grids and files vary as well."""
+    design = plan.design
+    if design.kind != "saltelli" or design.size != design.samples or plan.asked.reduce:
+        return {}
+    sobol = library("SALib.analyze.sobol", "Sobol indices")
+    found = rows(plan, folder)
+    names = [each.name for each in design.distributions]
+    made = {}
+    for each in plan.kept:
+        values = found[each.label]
+        if not np.isfinite(values).all() or np.ptp(values) == 0:
+            continue
+        about = problem(len(names), names)
+        indices = sobol.analyze(about, values, calc_second_order=False, seed=0)
+        made[each.label] = {
+            "names": names,
+            "first": indices["S1"].tolist(),
+            "first_confidence": indices["S1_conf"].tolist(),
+            "total": indices["ST"].tolist(),
+            "total_confidence": indices["ST_conf"].tolist(),
+        }
+    return made

@@ -1,0 +1,184 @@
+"""What an executor runs: one function of a task. The job behind the task is sent along only where
+the worker does not know it yet; it asks for it."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from dataclasses import dataclass
+from functools import reduce
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+import hamel
+from derive.diagnostics import ToolchainError
+from hamel.build import store
+from hamel.sweep.artefact import unpacked
+from hamel.sweep.chunk import GOOD, Chunk, cause, made, studied
+from hamel.sweep.job import Job, Motions, of_payload
+from hamel.sweep.needs import library
+from hamel.sweep.summary import merged, of_json, summary
+
+JOB = "sweep"  # the kind of entry in the store
+REASONS = 3  # that an answer tells
+
+_known: dict[str, tuple[Job, Any, str]] = {}
+_lock = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Task:
+    """Chunk `number` of the job of that name; its data where the worker may not have it."""
+
+    version: str  # of hamel
+    job: str
+    number: int
+    data: bytes | None = None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """`content` is the file of the chunk. `missing`: the worker does not know the job."""
+
+    content: bytes = b""
+    missing: bool = False
+    count: int = 0
+    failed: int = 0
+    moved: int = 0
+    reasons: tuple[tuple[int, str], ...] = ()  # number of the motion, and why it failed
+    seconds: float = 0.0  # in the worker
+    note: str = ""  # what is worth saying about the worker
+
+
+def work(task: Task) -> Answer:
+    """The chunk, by whichever worker this is. Raises ToolchainError where its hamel is another."""
+    begin = time.perf_counter()
+    if task.version != hamel.__version__:
+        raise ToolchainError(
+            f"a worker has hamel {hamel.__version__}, and the sweep was started by {task.version}",
+            "the same version on all machines",
+        )
+    found = prepared(task)
+    if found is None:
+        return Answer(missing=True)
+    job, module, note = found
+    chunk = made(job, module, task.number)
+    content = rows_file(chunk) if job.rows else summary_file(chunk)
+    failed = np.flatnonzero(~np.isin(chunk.status, GOOD))
+    reasons = [(chunk.first + int(k), cause(int(chunk.status[k]))) for k in failed[:REASONS]]
+    return Answer(
+        content,
+        False,
+        len(chunk.status),
+        len(failed),
+        chunk.moved,
+        tuple(reasons),
+        time.perf_counter() - begin,
+        note,
+    )
+
+
+def prepared(task: Task) -> tuple[Job, Any, str] | None:
+    """The job and its module, ready to run; None where its data is not here."""
+    with _lock:  # threads of one process wait for the first that prepares it
+        if task.job not in _known:
+            data = task.data or _stored(task.job)
+            if data is None:
+                return None
+            if task.data is not None:
+                store.put(JOB, task.job, store.Entry({"job": task.data}))
+            remember(task.job, of_payload(data))
+        return _known[task.job]
+
+
+def _stored(name: str) -> bytes | None:
+    """Another process of this machine may have got it."""
+    entry = store.stored(JOB, name)
+    return None if entry is None else entry.files["job"]
+
+
+def remember(name: str, job: Job) -> str:
+    """Make a job ready in this process; what is worth saying about it here."""
+    while len(_known) > 8:
+        _known.pop(next(iter(_known)))
+    if isinstance(job.work, Motions):
+        module, note = unpacked(job.work.artefact)
+    else:
+        module, note = studied(job.work), ""
+    _known[name] = job, module, note
+    return note
+
+
+# ---- files
+
+
+def rows_file(chunk: Chunk) -> bytes:
+    """Rows as Parquet: number, what varied, what is kept, status."""
+    arrow = library("pyarrow", "keeping rows")
+    count = len(chunk.status)
+    columns = {"motion": np.arange(chunk.first, chunk.first + count, dtype=np.int64)}
+    columns |= chunk.varied | chunk.kept | {"status": chunk.status}
+    sink = BytesIO()
+    table = arrow.table({name: arrow.array(column) for name, column in columns.items()})
+    parquet = library("pyarrow.parquet", "keeping rows")
+    parquet.write_table(table, sink, compression="zstd", write_statistics=False)
+    return sink.getvalue()
+
+
+def columns_in(content: bytes) -> dict[str, np.ndarray]:
+    """The columns of such a file."""
+    parquet = library("pyarrow.parquet", "reading rows")
+    table = parquet.read_table(BytesIO(content))
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+Held = dict[str, Any]  # a summary file as JSON has it
+
+
+def summary_of(first: int, kept: dict[str, np.ndarray], status: np.ndarray, moved: int) -> Held:
+    """Of some motions that follow each other."""
+    statuses, counts = np.unique(status, return_counts=True)
+    bad = np.flatnonzero(~np.isin(status, GOOD))[:REASONS]
+    return {
+        "count": len(status),
+        "moved": moved,
+        "statuses": [[int(s), int(n)] for s, n in zip(statuses, counts)],
+        "failures": [[first + int(k), int(status[k])] for k in bad],
+        "columns": {name: summary(column, first).about() for name, column in kept.items()},
+    }
+
+
+def both(a: Held, b: Held) -> Held:
+    """Of both parts, a before b."""
+    statuses = dict(a["statuses"])
+    for status, count in b["statuses"]:
+        statuses[status] = statuses.get(status, 0) + count
+    columns = {
+        name: merged(of_json(a["columns"][name]), of_json(b["columns"][name])).about()
+        for name in a["columns"]
+    }
+    return {
+        "count": a["count"] + b["count"],
+        "moved": a["moved"] + b["moved"],
+        "statuses": sorted([k, n] for k, n in statuses.items()),
+        "failures": sorted([*a["failures"], *b["failures"]])[:REASONS],
+        "columns": columns,
+    }
+
+
+def all_of(parts: list[Held]) -> Held:
+    """Of all parts, in their order."""
+    return reduce(both, parts)
+
+
+def summary_file(chunk: Chunk) -> bytes:
+    """A chunk without its rows."""
+    return written(summary_of(chunk.first, chunk.kept, chunk.status, chunk.moved))
+
+
+def written(held: Held) -> bytes:
+    """The bytes of a summary file."""
+    return json.dumps(held, sort_keys=True, separators=(",", ":")).encode()

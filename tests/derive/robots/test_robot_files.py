@@ -1,0 +1,199 @@
+"""Robot files as users have them: inertias of no body, transmissions, rotors, friction of light
+joints, inertial parameters at run time; against mass matrices that are derived from other numbers.
+
+Of derive.robots: friction, parameters, transmissions.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.diagnostics import ModelError
+from derive.formulations import equations
+from derive.formulations.evaluate import evaluator
+from derive.model import load_text
+from derive.robots.reading import imported
+from derive.states import system
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+LINK = (
+    '<link name="{0}"><inertial><mass value="{1}"/><origin xyz="0.1 0.2 0.3"/>'
+    '<inertia ixx="{2}" iyy="{3}" izz="{4}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'
+    '<origin xyz="0 0 0.5" rpy="0.3 0 0"/><axis xyz="{4}"/>{3}</joint>'
+)
+
+
+def two_links(tmp_path: Path, upper=(2, 0.1, 0.2, 0.15), lower=(1, 0.02, 0.03, 0.04), more=""):
+    parts = [
+        '<robot name="two"><link name="base"/>',
+        LINK.format("upper", *upper),
+        LINK.format("lower", *lower),
+        JOINT.format("a", "base", "upper", '<dynamics friction="2"/>', "0 0 1"),
+        JOINT.format("b", "upper", "lower", '<dynamics friction="30"/>', "0 1 0"),
+        more,
+        "</robot>",
+    ]
+    file = tmp_path / "two.urdf"
+    file.write_text("".join(parts))
+    return file
+
+
+def mass(text: str, p=()) -> np.ndarray:
+    """The mass matrix with every joint at zero."""
+    found = evaluator(equations(system(load_text(text, "m.yaml"))))
+    model = found.equations.system.model
+    q = [1.0 if name.endswith("qw") else 0.0 for name in (x.name for x in model.coordinates)]
+    count = len(model.velocities)
+    given = [y.value for y in model.parameters] if not len(p) else p
+    u = np.zeros(len(model.inputs))
+    return np.array(found("mass", 0.0, [*q, *np.zeros(count)], u, given)).reshape(count, count)
+
+
+@pytest.mark.parametrize(
+    ("lower", "why"),
+    [
+        ((1, 0.02, 0.03, 0.06), "no body has the inertia of 'lower': 0.02 + 0.03 < 0.06"),
+        ((1, -0.01, 0.03, 0.03), "a moment of inertia of 'lower' is -0.01"),
+        ((0, 0.02, 0.03, 0.04), "'lower' has inertia but no mass"),
+    ],
+)
+def test_inertias_of_no_body_are_refused_or_taken_as_they_are(lower, why, tmp_path):
+    file = two_links(tmp_path, lower=lower)
+    with pytest.raises(ModelError) as refused:
+        imported(file)
+    assert why in str(refused.value) and "--allow-unphysical" in str(refused.value)
+    waived = imported(hamel.RobotFile(file, unphysical=True))
+    assert "physical: false" in waived.text
+    assert any(why in note for note in waived.model.notes)
+    # inertia is linear in the entries: what the file says differs from a possible one by that
+    possible = imported(two_links(tmp_path, lower=(lower[0] or 1, 0.02, 0.03, 0.04)))
+    if lower[0]:
+        difference = mass(waived.text) - mass(possible.text)
+        assert abs(difference[1, 1] - (lower[2] - 0.03)) < 1e-15
+        assert abs(difference[0, 0] - inclined(lower[1] - 0.02, lower[3] - 0.04)) < 1e-15
+    else:
+        assert abs(mass(waived.text)[1, 1] - 0.03) < 1e-15
+
+
+def inclined(xx: float, zz: float) -> float:
+    """The moment about an axis at 0.3 rad between y and z, of moments about x and z alone."""
+    return zz * np.cos(0.3) ** 2
+
+
+def test_a_possible_inertia_needs_no_waiver(tmp_path):
+    found = imported(hamel.RobotFile(two_links(tmp_path), unphysical=True))
+    assert "physical" not in found.text and not any("body" in note for note in found.model.notes)
+
+
+def test_a_model_file_waives_at_the_body(tmp_path):
+    text = (
+        "model: m\nbodies: {{a: {{mass: 1, inertia: [1, 1, 3]{}}}}}\n"
+        "joints: {{q: {{type: revolute, parent: ground, child: a, axis: z}}}}"
+    )
+    with pytest.raises(ModelError, match="physical: false takes it as it is"):
+        load_text(text.format(""), "m.yaml")
+    assert load_text(text.format(", physical: false"), "m.yaml").notes
+    with pytest.raises(ModelError, match="unknown answer 'no'"):
+        load_text(text.format(", physical: no"), "m.yaml")
+    file = tmp_path / "m.yaml"
+    file.write_text(text.format(""))
+    with pytest.raises(ModelError, match="--allow-unphysical is for URDF and MJCF files"):
+        hamel.check(hamel.RobotFile(file, unphysical=True))
+
+
+def test_light_joints_rub_over_a_wider_range(tmp_path):
+    """The width is what the friction takes from the diagonal of M in a millisecond."""
+    found = imported(two_links(tmp_path))
+    M = mass(found.text)
+    assert "coulomb: 2, smoothing: 0.01}" in found.text and 2e-3 / M[0, 0] < 0.01
+    assert f"coulomb: 30, smoothing: {30e-3 / M[1, 1]:.2g}}}" in found.text
+
+
+def test_what_a_joint_carries_is_the_diagonal_of_the_mass_matrix(tmp_path):
+    for name in ("arm.urdf", "quadruped.urdf", "hand.xml"):
+        text = (ROBOTS / name).read_text()
+        rubbing = text.replace('friction="0.3"', 'friction="300"').replace(
+            'frictionloss="0.1"', 'frictionloss="500"'
+        )
+        (tmp_path / name).write_text(rubbing)
+        if rubbing == text:
+            continue
+        made = imported(tmp_path / name)
+        model = made.model
+        M = mass(made.text)
+        rates = [velocity.owner for velocity in model.velocities]
+        for line in made.text.splitlines():
+            if "coulomb" in line and "smoothing" in line:
+                joint = line.split(":")[0].strip()
+                force, width = (
+                    float(line.split(f"{word}: ")[1].split(",")[0].split("}")[0])
+                    for word in ("coulomb", "smoothing")
+                )
+                own = M[rates.index(joint), rates.index(joint)]
+                assert width == max(0.01, float(f"{force * 1e-3 / own:.2g}"))
+
+
+TRANSMISSION = """<transmission name="{0}"><type>transmission_interface/SimpleTransmission</type>
+<joint name="{1}"><hardwareInterface>EffortJointInterface</hardwareInterface></joint>
+<actuator name="m"><mechanicalReduction>{2}</mechanicalReduction>{3}</actuator></transmission>"""
+
+
+def test_transmissions_give_ratios_and_rotors(tmp_path):
+    rotor = '<drake:rotor_inertia value="2e-5"/>'
+    both = TRANSMISSION.format("t", "a", 100, rotor) + TRANSMISSION.format("s", "b", 50, "")
+    found = imported(two_links(tmp_path, more=both))
+    assert "100 turns of its motor to one of the joint" in found.text
+    assert "50 turns of its motor" in found.text
+    assert not any("transmission" in note for note in found.assumed)
+    without = imported(two_links(tmp_path))
+    assert np.allclose(mass(found.text) - mass(without.text), np.diag([0.2, 0]), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("transmission", "said"),
+    [
+        (TRANSMISSION.format("t", "nobody", 2, ""), "'t' names no joint of the robot"),
+        ('<transmission name="d"><joint name="a"/><joint name="b"/></transmission>', "of 2 joints"),
+        ('<transmission name="e"><joint name="a"/></transmission>', "the transmission 'e'"),
+    ],
+)
+def test_other_transmissions_are_said_to_be_left_out(transmission, said, tmp_path):
+    found = imported(two_links(tmp_path, more=transmission))
+    assert any(said in note and "not read" in note for note in found.assumed)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "rotor", "said"),
+    [
+        ("0", "", "the mechanicalReduction of an actuator is zero"),
+        ("x", "", "'x' in 'value' of <mechanicalReduction>"),
+        ("2", '<rotor_inertia value="-1"/>', "the rotor of 'a' has the inertia -1"),
+    ],
+)
+def test_wrong_numbers_in_transmissions_are_told(ratio, rotor, said, tmp_path):
+    with pytest.raises(ModelError, match=said):
+        imported(two_links(tmp_path, more=TRANSMISSION.format("t", "a", ratio, rotor)))
+
+
+def test_inertial_numbers_become_parameters_and_a_payload_is_added(tmp_path):
+    file = two_links(tmp_path)
+    plain, named = imported(file), imported(hamel.RobotFile(file, parameters="inertial"))
+    names = [parameter.name for parameter in named.model.parameters]
+    assert len(names) == 2 * 7 + 4 and {"m_upper", "c_lower_z", "I_lower_yy"} <= set(names)
+    assert np.allclose(mass(named.text), mass(plain.text), rtol=1e-15, atol=0)
+    p = np.array([parameter.value for parameter in named.model.parameters])
+    p[names.index("m_payload")], p[names.index("c_payload_x")] = 0.5, 0.4
+    added = mass(named.text, p) - mass(plain.text)
+    assert abs(added[1, 1] - 0.5 * 0.4**2) < 1e-15  # at 0.4 m beside the axis of the last joint
+
+
+def test_only_inertial_parameters_are_known(tmp_path):
+    with pytest.raises(ModelError, match="unknown parameters 'mass'"):
+        imported(hamel.RobotFile(two_links(tmp_path), parameters="mass"))

@@ -1,0 +1,85 @@
+"""Many initial states at once are those of one at a time.
+
+Of derive.states: many.
+"""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from derive.diagnostics import ModelError
+from derive.mechanics.records import System
+from derive.model import load, load_text
+from derive.states import system
+from derive.states.initial import initial_state
+from derive.states.many import least_many, least_of_bodies, starter
+
+PENDULUM = """
+model: rod
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 1 kg, l: 1 m}
+bodies: {rod: {mass: m, com: [0, -l/2], inertia: m*l**2/12}}
+joints: {hinge: {type: revolute, parent: ground, child: rod, coordinate: q}}
+initial: {q: 30 deg, der(q): 0.1 rad/s}
+"""
+
+
+def varied(s: System, names: tuple[str, ...], count: int) -> tuple[dict, np.ndarray]:
+    rng = np.random.default_rng(1)
+    p = np.tile(s.parameters, (count, 1)) * (1 + 0.03 * rng.standard_normal((count, s.p.numel())))
+    return {name: 0.3 + 0.2 * rng.standard_normal(count) for name in names}, p
+
+
+@pytest.mark.parametrize(
+    ("model", "names"),
+    [
+        ("four_bar", ("q1", "der(q1)")),
+        ("snake3", ("phi1", "base.vx")),
+        ("cart_pole", ("th",)),
+        ("extremes/scale_micrometre", ()),
+        ("bicycle", ("lean", "der(rear_spin)")),
+    ],
+)
+def test_many_starts_are_those_of_one_at_a_time(model: str, names: tuple[str, ...]) -> None:
+    s = system(load(f"models/{model}.yaml"))
+    values, p = varied(s, names, 6)
+    found = pickle.loads(pickle.dumps(starter(s, names)))(values, p)
+    for k in range(len(p)):
+        one = initial_state(s, {name: x[k] for name, x in values.items()}, p[k])
+        size = 1 + max(np.abs(one.q).max(), np.abs(one.v).max())
+        assert found.closed[k] and found.moved[k] == bool(one.moved)
+        assert np.abs(one.q - found.q[k]).max() <= 1e-9 * size
+        assert np.abs(one.v - found.v[k]).max() <= 1e-9 * size
+
+
+def test_what_cannot_be_assembled_is_told_and_harms_no_other() -> None:
+    s = system(load("models/four_bar.yaml"))
+    p = np.tile(s.parameters, (3, 1))
+    p[1, [x.name for x in s.model.parameters].index("l4")] = 5.0
+    found = starter(s, ())({}, p)
+    assert found.closed.tolist() == [True, False, True]
+    assert (found.q[0] == found.q[2]).all()
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(ModelError, match="'nothing' is no initial value"):
+        starter(system(load_text(PENDULUM)), ["nothing"])
+
+
+def test_masses_and_inertias_of_parameters() -> None:
+    s = system(load_text(PENDULUM))
+    bodies = least_of_bodies(s)(np.array([[1.0, -1.0], [1.0, 1.0]])).full()
+    assert bodies[:, 0].min() >= 0 > bodies[:, 1].min()
+
+
+def test_least_squares_with_rows_that_repeat() -> None:
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((4, 3, 5))
+    A[2, 2] = A[2, 0]
+    b = np.einsum("kij,kj->ki", A, rng.standard_normal((4, 5)))
+    wanted = [np.linalg.lstsq(A[k], b[k], rcond=1e-10)[0] for k in range(4)]
+    assert np.abs(least_many(A, b) - wanted).max() < 1e-11

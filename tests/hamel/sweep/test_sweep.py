@@ -1,0 +1,378 @@
+"""hamel sweep: the motions are those of `simulate`, the bytes those of any engine, nothing is made
+twice, and what is wrong is said.
+
+Of hamel.sweep: artefact, axes, chunk, drive, folder, job, kept, linear, needs, page, plan, result, summary, work.
+Of hamel.verbs: sweep.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shlex
+import subprocess
+import sys
+from concurrent.futures import BrokenExecutor, Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hamel
+from codegen import compiler
+from derive.diagnostics import (
+    AssumptionError,
+    HamelError,
+    ToolchainError,
+    VerificationError,
+)
+from hamel.engines import Engine
+from hamel.records import Swept
+from hamel.sweep import artefact, chunk, drive, work
+from hamel.sweep.axes import Sampling, design
+from hamel.sweep.folder import Folder
+from hamel.sweep.plan import Asked, planned
+from hamel.sweep.summary import merged, of_json, summary
+
+ROD = """
+model: rod
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 1 kg, l: 1 m, c: 0.1 N*m*s/rad}
+bodies: {rod: {mass: m, com: [0, -l/2], inertia: m*l**2/12}}
+joints: {hinge: {type: revolute, parent: ground, child: rod, coordinate: q, damper: c}}
+inputs: {tau: {joint: hinge}}
+outputs: {tip: "position(rod, [0, -l])"}
+events: {low: {formula: q, direction: falling}}
+steady_motion: {hanging: {q: 0}}
+initial: {q: 30 deg, der(q): 0 rad/s}
+"""
+ASKED: dict[str, Any] = {
+    "vary": {"q": "normal(20 deg, 5 deg)", "l": "0.8:1.2:3"},
+    "keep": ["tip.x", "reach = highest(tip.x)", "balance", "count(low)", "at(q, 0.25)", "der(q)"],
+    "samples": 40,
+    "time": 1.0,
+    "chunk": 16,
+}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "rod.yaml").write_text(ROD)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def record(place: Path) -> Swept:
+    return hamel.sweep(place / "rod.yaml", out=place / "here", **ASKED)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_motions_are_those_of_simulate(record: Swept, place: Path) -> None:
+    """The command that a page gives for its extreme motions gives these values again."""
+    assert record.motions == 120 and not record.failed and record.chunks == 8
+    kept = {each.name: each for each in record.kept}
+    value, number = kept["tip.x"].highest[0]
+    words = shlex.split(record.commands[str(number)])
+    sets = dict(word[6:].split("=", 1) for word in words if word.startswith("--set="))
+    again = hamel.simulate(place / "rod.yaml", time=1.0, rtol=1e-9, values=sets)
+    assert again.final["tip[0]"] == pytest.approx(value, abs=1e-9)
+    assert kept["reach"].unit == "m" and kept["der(q)"].unit == "rad/s"
+    assert max(abs(x) for x, _ in kept["balance"].highest) < 1e-6
+
+
+def test_a_dataset_has_coordinates_and_units(record: Swept) -> None:
+    found = record.to_xarray()
+    assert found.sizes == {"l": 3, "sample": 40}
+    assert found["tip.x"].attrs["units"] == "m" and found["l"].attrs["units"] == "m"
+    assert found["l"].values.tolist() == [0.8, 1.0, 1.2]
+    assert np.rad2deg(found["q"].values).mean() == pytest.approx(20.0, abs=3.0)
+    assert (found["status"].values == 0).all()
+    # the same samples at every place of the grid
+    assert (found["q"].values[0] == found["q"].values[2]).all()
+
+
+def test_what_is_finished_is_not_made_again(record: Swept, place: Path) -> None:
+    before = files(place / "here")
+    (place / "here" / "chunks" / "000000003.parquet").unlink()
+    again = hamel.sweep(place / "rod.yaml", out=place / "here", **ASKED)
+    assert again.made == 1 and files(place / "here") == before
+
+
+def test_what_a_killed_process_left_is_removed(record: Swept, place: Path) -> None:
+    half = place / "here" / "chunks" / f".000000009.parquet.{2**22 + 1}"
+    half.write_bytes(b"half")
+    hamel.sweep(place / "rod.yaml", out=place / "here", **ASKED)
+    assert not half.exists()
+
+
+def test_another_sweep_does_not_go_on_in_the_folder(record: Swept, place: Path) -> None:
+    with pytest.raises(ToolchainError, match="holds another sweep: its 'vary' differs"):
+        hamel.sweep(place / "rod.yaml", out=place / "here", **{**ASKED, "seed": 1})
+
+
+def test_bytes_do_not_depend_on_who_is_ready_first_or_ends(record: Swept, place: Path) -> None:
+    """An engine that answers late, loses work, and forgets jobs."""
+    plan = planned(place / "rod.yaml", asked())
+    folder = Folder(str(place / "late"), True)
+    folder.enter(dict(plan.about))
+    late = Late()
+    made = drive.driven(plan, Engine(late, lambda: 3, "late", False), folder, 0)
+    assert made.lost == late.lost > 2 and made.chunks == plan.chunks
+    for name, content in files(place / "late").items():
+        assert content == (place / "here" / name).read_bytes()
+
+
+def asked(**more: Any) -> Asked:
+    """ASKED as the verb has it."""
+    from hamel.simulate.compiled import Rows
+    from hamel.simulate.method import Method
+
+    usual = Asked(
+        ASKED["vary"],
+        (),
+        tuple(ASKED["keep"]),
+        Sampling(40, "random", 0),
+        Method("quasi_velocities", None, None, "dop853", None, 1e-9, None),
+        Rows(1.0),
+        chunk=16,
+    )
+    return dataclasses.replace(usual, **more)
+
+
+class Late:
+    """Answers when it is looked at, the last one first; every third task is lost at first."""
+
+    def __init__(self) -> None:
+        self.count = self.lost = 0
+
+    def submit(self, function: Any, task: work.Task) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.count += 1
+        if self.count % 3 == 0:
+            self.lost += 1
+            future.set_exception(BrokenExecutor("killed"))
+        elif self.count == 5:
+            future.set_result(work.Answer(missing=True))
+        else:
+            future.set_result(function(task))
+        return future
+
+
+def test_without_rows_the_same_is_known_of_all(record: Swept, place: Path) -> None:
+    less = hamel.sweep(place / "rod.yaml", out=place / "less", reduce=True, **ASKED)
+    assert less.kept == record.kept and less.statuses == record.statuses
+    assert sorted(files(place / "less")) == ["groups/000000000.json", "sweep.html", "sweep.json"]
+    with pytest.raises(ToolchainError, match="kept no rows"):
+        less.to_xarray()
+
+
+def test_summaries_merge_into_that_of_all() -> None:
+    x = np.random.default_rng(0).standard_normal(10_000) * 3 - 1
+    parts = [summary(part, k * 100) for k, part in enumerate(np.split(x, 100))]
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = of_json(json.loads(json.dumps(merged(whole, part).about())))
+    assert whole.mean == pytest.approx(x.mean(), rel=1e-12)
+    assert whole.variance == pytest.approx(x.var(ddof=1), rel=1e-12)
+    assert whole.lowest[0] == (x.min(), int(x.argmin()))
+    for part in (0.01, 0.3, 0.5, 0.99):
+        wanted = np.quantile(x, part, method="inverted_cdf")
+        assert abs(whole.quantile(part) - wanted) <= 0.005001 * abs(wanted)
+    assert len(whole.bins) < 2500
+
+
+def test_samples_do_not_depend_on_how_they_are_cut() -> None:
+    for kind in ("random", "sobol", "latin"):
+        vary = {"a": "uniform(0, 1)", "b": "normal(0, 1)"}
+        made = design(vary, (), Sampling(1000, kind, 7), lambda name, text: float(text))
+        whole = made.values(0, 1000)
+        part = made.values(300, 613)
+        assert all((whole[name][300:613] == part[name]).all() for name in whole)
+        assert abs(whole["a"].mean() - 0.5) < 0.03 and abs(whole["b"].std() - 1) < 0.1
+
+
+def test_files_of_columns_vary_together(tmp_path: Path) -> None:
+    (tmp_path / "runs.csv").write_text("q, m\n0.1, 1\n0.2, 2\n")
+    made = design({}, [str(tmp_path / "runs.csv")], Sampling(None, "random", 0), lambda n, t: 0.0)
+    assert {n: c.tolist() for n, c in made.values(0, 2).items()} == {
+        "q": [0.1, 0.2],
+        "m": [1.0, 2.0],
+    }
+    named = design(
+        {"l": f"{tmp_path / 'runs.csv'}:m"}, (), Sampling(None, "random", 0), lambda n, t: 0.0
+    )
+    assert named.values(0, 2)["l"].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"vary": {"mass": "1:2:3"}}, "'mass' is to vary, but rod has no such value"),
+        ({"vary": {"m": "gauss(1, 2)"}}, "'gauss' is no distribution"),
+        ({"vary": {"m": "normal(1 kg, 0 kg)"}}, "deviation is not above zero"),
+        ({"vary": {"m": "loguniform(0, 1)"}}, "low is not above zero"),
+        ({"vary": {"m": "1:2:x"}}, "with 'x' values"),
+        ({"vary": {"m": "1 s:2 s:3"}}, "no quantity in kg"),
+        ({"vary": {"m": "-1:2:3"}}, "less than zero"),
+        ({"vary": {"m": "1:2:3"}, "keep": ["tip.z"]}, "unknown name 'tip.z'"),
+        ({"vary": {"m": "1:2:3"}, "keep": ["q + m"]}, "add"),
+        ({"vary": {"m": "1:2:3"}, "keep": ["count(high)"]}, "'high' is no event"),
+        ({"vary": {"m": "1:2:3"}, "keep": ["at(q, 9)"]}, "outside the motion"),
+        ({"vary": {"m": "1:2:3"}, "keep": ["q", "growth"]}, "steady motion"),
+        ({"vary": {"m": "1:2:3"}, "values": {"m": 1.0}}, "'m' is set, and is to vary"),
+        ({"vary": {"q": "normal(0, 1)"}, "design": "best"}, "unknown design 'best'"),
+        ({"vary": {"integrator": "scipy_radau"}}, "one motion at a time"),
+        ({"vary": {"m": "no.csv:m"}}, "no.csv cannot be read"),
+        ({"vary": {"m": "1:2:3"}, "scheduler": "nowhere"}, "'nowhere' is no engine"),
+    ],
+)
+def test_what_is_wrong_is_said_before_anything_runs(
+    more: dict[str, Any], message: str, place: Path
+) -> None:
+    with pytest.raises(HamelError, match=message.replace("(", r"\(")):
+        hamel.sweep(place / "rod.yaml", **{"out": place / "wrong", "time": 1.0, **more})
+    assert not (place / "wrong" / "chunks").exists()
+
+
+def test_motions_that_cannot_be_are_counted(place: Path) -> None:
+    """Up to a bound, and with their reasons; others go on."""
+    model = "models/four_bar.yaml"
+    given: dict[str, Any] = {"vary": {"l4": "0.55, 0.6, 5"}, "keep": ["q1"], "time": 0.2}
+    with pytest.raises(AssumptionError, match=r"1 of 3 motions failed.*motion 2: .*assembled"):
+        hamel.sweep(model, out=place / "few", **given)
+    found = hamel.sweep(model, out=place / "few", failures=0.5, **given)
+    assert found.failed == 1 and found.kept[0].count == 2 and "l4=5.0" in found.commands["2"]
+
+
+def test_negative_masses_that_are_drawn_are_counted(place: Path) -> None:
+    vary = {"m": "normal(1 kg, 1 kg)"}
+    found = hamel.sweep(
+        place / "rod.yaml", vary=vary, out=place / "masses", samples=50, time=0.1, failures=1.0
+    )
+    assert 2 < found.failed < 20 and found.kept[0].count == 50 - found.failed
+    assert found.statuses[chunk.cause(chunk.INADMISSIBLE)] == found.failed
+
+
+def test_methods_vary_too(place: Path) -> None:
+    found = hamel.sweep(
+        place / "rod.yaml",
+        vary={"integrator": "dop853, rk4", "step_size": [0.01], "q": "0.1:0.5:4"},
+        keep=["q"],
+        out=place / "methods",
+        time=0.5,
+    ).to_xarray()
+    assert found["integrator"].values.tolist() == ["dop853", "rk4"]
+    apart = np.abs(np.diff(found["final(q)"].values, axis=0)).max()
+    assert 0 < apart < 1e-6
+
+
+def test_eigenvalues_of_a_steady_motion(place: Path) -> None:
+    """The rod hanging: λ² + c λ / J + g m l / (2 J) = 0 with J = m l²/3."""
+    found = hamel.sweep(
+        place / "rod.yaml",
+        vary={"l": "0.5:2:7", "c": "0:1:5"},
+        keep=["growth", "frequency"],
+        out=place / "modes",
+    ).to_xarray()
+    l, c = np.meshgrid(found["l"], found["c"], indexing="ij")
+    J = l**2 / 3
+    roots = (-c / J + np.sqrt((c / J) ** 2 - 4 * 9.81 * l / 2 / J + 0j)) / 2
+    assert np.abs(found["growth"] - roots.real).max() < 1e-9
+    assert np.abs(found["frequency"] - np.abs(roots.imag)).max() < 1e-9
+
+
+def test_sobol_indices(place: Path) -> None:
+    """Without gravity's lever the height of the tip depends on q alone."""
+    found = hamel.sweep(
+        place / "rod.yaml",
+        vary={"q": "uniform(0.1, 0.2)", "c": "uniform(0.1, 0.11)"},
+        keep=["at(q, 0)"],
+        samples=256,
+        design="saltelli",
+        time=0.01,
+        out=place / "indices",
+    )
+    indices = found.sensitivities["at(q, 0)"]
+    assert indices["names"] == ["q", "c"]
+    assert indices["total"][0] == pytest.approx(1.0, abs=0.05) and indices["total"][1] < 1e-6
+
+
+def test_another_processor_compiles_and_one_without_a_compiler_says_so(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = planned(place / "rod.yaml", asked()).jobs[0]
+    assert isinstance(job.work, chunk.Motions)
+    sent = job.work.artefact
+    module, note = artefact.unpacked(sent)
+    assert module.backend == "extension" and not note
+    bare = dataclasses.replace(sent, binaries={})
+    module, note = artefact.unpacked(bare)
+    assert module.backend != "numpy" and "compiled from its sources" in note
+    monkeypatch.setattr(compiler, "find_compiler", lambda: None)
+    module, note = artefact.unpacked(bare)
+    assert module.backend == "numpy" and "no C compiler found" in note
+    # a planted error: another value is stored, so that nothing here gives it
+    text = json.loads(sent.texts["verification.json"])
+    text["functions"]["dynamics"]["expected"][0][1] += 1e-3
+    wrong = {**sent.texts, "verification.json": json.dumps(text)}
+    with pytest.raises(VerificationError, match="does not give the stored values"):
+        artefact.unpacked(dataclasses.replace(sent, texts=wrong))
+
+
+def test_another_version_of_a_worker_is_told() -> None:
+    with pytest.raises(ToolchainError, match="a worker has hamel"):
+        work.work(work.Task("0.0.0", "job", 0))
+
+
+def test_a_full_disk_ends_with_a_folder_to_go_on_from(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, count = Folder.write, [0]
+
+    def full(self: Folder, name: str, content: bytes) -> None:
+        count[0] += 1
+        if count[0] == 4:
+            raise ToolchainError("cannot write: No space left on device")
+        write(self, name, content)
+
+    monkeypatch.setattr(Folder, "write", full)
+    with pytest.raises(ToolchainError, match="No space left"):
+        hamel.sweep(place / "rod.yaml", out=place / "full", **ASKED)
+    monkeypatch.undo()
+    again = hamel.sweep(place / "rod.yaml", out=place / "full", **ASKED)
+    assert again.made == 6 and again.chunks == 8
+
+
+def test_addresses_of_fsspec(place: Path, record: Swept) -> None:
+    pytest.importorskip("fsspec")
+    found = hamel.sweep(place / "rod.yaml", out="memory://hamel-test", **ASKED)
+    assert found.kept == record.kept
+    again = hamel.sweep(place / "rod.yaml", out="memory://hamel-test", **ASKED)
+    assert again.made == 0
+
+
+def test_command_line(place: Path, record: Swept) -> None:
+    words = ["--vary", "q=0.1:0.2:3", "--keep", "q", "--time", "0.1", "-o", "cli", "--json"]
+    made = subprocess.run(
+        [sys.executable, "-m", "hamel", "sweep", "rod.yaml", *words],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    found = json.loads(made.stdout)
+    assert found["motions"] == 3 and (place / "cli" / "sweep.html").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["processes", "local"])
+def test_bytes_do_not_depend_on_the_engine(name: str, record: Swept, place: Path) -> None:
+    pytest.importorskip("distributed")
+    hamel.sweep(place / "rod.yaml", out=place / name, scheduler=name, workers=2, **ASKED)
+    assert files(place / name) == files(place / "here")

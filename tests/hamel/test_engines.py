@@ -1,0 +1,67 @@
+"""Where work runs makes no difference to what comes of it.
+
+Of hamel: engines.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from concurrent.futures import BrokenExecutor
+from pathlib import Path
+
+import pytest
+
+from derive.diagnostics import ModelError, ToolchainError
+from hamel.engines import Processes, engine
+
+
+def test_threads_are_of_this_process() -> None:
+    with engine(None, 2) as found:
+        assert found.shared and found.width() == 2
+        assert found.executor.submit(os.getpid).result() == os.getpid()
+
+
+def test_a_process_that_ends_takes_only_its_own_work_with_it() -> None:
+    with Processes(2) as processes:
+        fatal = processes.submit(os._exit, 1)
+        others = [processes.submit(abs, -k) for k in range(1, 4, 2)]
+        with pytest.raises(BrokenExecutor):
+            fatal.result(60)
+        assert processes.submit(abs, -5).result(60) == 5
+        assert others[0].result(60) == 1
+
+
+def test_a_script_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from hamel.engines import engine\n"
+        "print('once')\n"
+        "with engine('processes', 2) as found:\n"
+        "    print(found.executor.submit(abs, -3).result())\n"
+    )
+    made = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert made.stdout.split() == ["once", "3"]
+
+
+@pytest.mark.parametrize("name", ["nowhere", ""])
+def test_what_is_no_engine_is_told(name: str) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(ModelError, match="is no engine"), engine(name or "x"):
+        pass
+
+
+def test_no_workers_are_refused() -> None:
+    with pytest.raises(ModelError, match="0 workers"), engine("here", 0):
+        pass
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_does_not_answer_is_told() -> None:
+    pytest.importorskip("distributed")
+    with (
+        pytest.raises(ToolchainError, match="no scheduler answers at"),
+        engine("tcp://127.0.0.1:9"),
+    ):
+        pass

@@ -125,7 +125,8 @@ def _made(place: Path, goal: str, processor: str) -> subprocess.CompletedProcess
             os.killpg(process.pid, signal.SIGKILL)  # QEMU, too
             process.communicate()
             said, errors = "", f"{goal} did not end within {LIMIT:.0f} s"
-    return subprocess.CompletedProcess(command, process.returncode, said, errors)
+    # QEMU prints what a program says among its errors
+    return subprocess.CompletedProcess(command, process.returncode, said + errors, errors)
 
 
 def _run(said: str) -> Run:

@@ -55,7 +55,8 @@ def cart_pole(tmp_path_factory):
 @pytest.mark.parametrize(
     ("before", "after", "seen"),
     [
-        ("this._put(au, u ?? ", "this._put(au, ", set()),
+        ("this._put(au, u ?? ", "this._put(au, ", {"values", "values with SIMD"}),
+        ("u ?? new", "u  ??  new", set()),
         ("this.raw[name](t, ax, au", "this.raw[name](t, ax, ap", {"values", "values with SIMD"}),
         ("this._put(au + k", "this._put(ap + k", {"simulate"}),
         ("stepSize, rtol", "1, rtol", {"simulate"}),

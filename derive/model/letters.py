@@ -33,11 +33,12 @@ def letters(
         for key, entry in (*document.parameters.items(), *document.coordinates.items())
         if isinstance(entry, ParameterEntry | CoordinateEntry)
     ]
+    first = {x.owner: x.name for x in reversed(coordinates)}
     for key, entry in document.joints.items():
-        own = [x.name for x in coordinates if x.owner == str(key)]
-        if entry.symbol is not None and not own:
+        if str(key) in first:
+            given.append((first[str(key)], entry.symbol))
+        elif entry.symbol is not None:
             reader.report(entry.symbol.span, f"the joint '{key}' has no coordinate to be called so")
-        given += [(name, entry.symbol) for name in own[:1]]
     return _read(reader, given)
 
 

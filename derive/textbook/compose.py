@@ -50,6 +50,8 @@ class Composer:
     def __init__(self, ring: Ring, decimal: bool) -> None:
         self.ring, self.decimal = ring, decimal
         self.atoms: dict[int, Expr] = {}
+        self.powers: dict[tuple[int, int], Expr] = {}
+        self.trigs: dict[Trig, Expr] = {}
 
     def shortest(self, poly: Poly, most: float = inf) -> Expr:
         """Term by term or over a common denominator, whichever has fewer operations.
@@ -60,27 +62,43 @@ class Composer:
         if len(poly) < 2 or operations(plain) > HOPELESS * most:
             return plain
         factor, monomial, rest = parted(poly)
-        try:
-            rest = self.ring.product(rest, {UNIT: 1})  # multiplies out what was a divisor
-        except TooBig:
+        if self._is_parted_alike(poly, factor):
+            other = self._in_angles(rest)
+        else:
+            try:
+                rest = self.ring.product(rest, {UNIT: 1})  # multiplies out what was a divisor
+            except TooBig:
+                return plain
+            other = self._polynomial(rest)
+        if other is None:
             return plain
-        over = sympy.Mul(
-            number(factor, self.decimal), *self._factors(monomial), self._polynomial(rest)
-        )
+        over = sympy.Mul(number(factor, self.decimal), *self._factors(monomial), other)
         return min(plain, over, key=operations)
+
+    def _is_parted_alike(self, poly: Poly, factor: Exact) -> bool:
+        """Whether `expression` takes out of the sum what `parted` does: without divisors both are
+        one form."""
+        if any(e < 0 for monomial, _ in poly for _, e in monomial):
+            return False
+        return self._factor([poly[key] for key in sorted(poly)]) == factor
 
     def _polynomial(self, poly: Poly) -> Expr:
         """A sum without divisors, in product or in Fourier form."""
-        product_form = self.expression(poly)
-        if self.ring.fourier or not self._has_products(poly):
+        product_form, fourier_form = self.expression(poly), self._in_angles(poly)
+        if fourier_form is None:
             return product_form
+        return min(product_form, fourier_form, key=operations)
+
+    def _in_angles(self, poly: Poly) -> Expr | None:
+        """A sum of products in Fourier form; None where that is nothing new, or too big."""
+        if self.ring.fourier or not self._has_products(poly):
+            return None
         other = Ring(fourier=True)
         try:
             sum_of_angles = self.ring.in_fourier_form(poly, other)
         except TooBig:
-            return product_form
-        fourier_form = Composer(other, self.decimal).expression(sum_of_angles)
-        return min(product_form, fourier_form, key=operations)
+            return None
+        return Composer(other, self.decimal).expression(sum_of_angles)
 
     def _has_products(self, poly: Poly) -> bool:
         """Whether some term is a product of sines and cosines, which sums of angles could stand
@@ -129,7 +147,12 @@ class Composer:
         return self.expression(poly) if poly else sympy.Integer(0)
 
     def _factors(self, monomial: Monomial) -> list[Expr]:
-        return [self._atom(k) ** e for k, e in monomial]
+        return [self._power(k, e) for k, e in monomial]
+
+    def _power(self, k: int, e: int) -> Expr:
+        if (k, e) not in self.powers:
+            self.powers[k, e] = self._atom(k) ** e
+        return self.powers[k, e]
 
     def _atom(self, k: int) -> Expr:
         if k not in self.atoms:
@@ -148,8 +171,10 @@ class Composer:
     def _trig(self, trig: Trig) -> list[Expr]:
         if not trig:
             return []
-        angle = sympy.Add(*[number(x, self.decimal) * self._atom(k) for k, x in trig[1]])
-        return [sympy.cos(angle) if trig[0] == "c" else sympy.sin(angle)]
+        if trig not in self.trigs:
+            angle = sympy.Add(*[number(x, self.decimal) * self._atom(k) for k, x in trig[1]])
+            self.trigs[trig] = sympy.cos(angle) if trig[0] == "c" else sympy.sin(angle)
+        return [self.trigs[trig]]
 
 
 def _shared(keys: list[Key]) -> Monomial:

@@ -64,6 +64,14 @@ def _digits(x: float) -> str:
     return repr(abs(x)).partition("e")[0].replace(".", "").strip("0")
 
 
+@dataclass(frozen=True)
+class _Form:
+    """Entries as polynomials of a ring, and what writes them."""
+
+    composer: Composer
+    polys: tuple[Poly, ...]
+
+
 class Reader:
     """Turns terms over fixed symbols into expressions. Terms that were named before are recognised
     by value."""
@@ -96,10 +104,7 @@ class Reader:
     def _within(self, roots: Sequence[int], names: dict[int, Expr], most: int) -> list[Expr] | None:
         if self._unrolled(roots, names) > LARGEST:
             return None
-        entries = self._shortest(roots, names, most)
-        if entries is None or any(operations(x) > most for x in entries):
-            return None
-        return entries
+        return self._shortest(roots, names, most)
 
     def _unrolled(self, roots: Sequence[int], names: dict[int, Expr]) -> int:
         """Operations when nothing is shared, counted no further than just above LARGEST: along a
@@ -183,20 +188,27 @@ class Reader:
         self, roots: Sequence[int], names: dict[int, Expr], most: float = inf
     ) -> list[Expr] | None:
         """The shorter of product and Fourier form, entry by entry; None where neither stays within
-        its budget."""
+        its budget, or an entry has more than `most` operations: the rest is not looked at then."""
         trigonometric = any(
             self.graph.nodes[k].op in (ca.OP_SIN, ca.OP_COS, ca.OP_TAN)
             for k in self.graph.below(roots)
         )
-        forms = [self._formed(roots, names, False, most)]
+        forms = [self._formed(roots, names, False)]
         if trigonometric:
-            forms.append(self._formed(roots, names, True, most))
+            forms.append(self._formed(roots, names, True))
         within = [form for form in forms if form is not None]
-        return [min(entries, key=operations) for entries in zip(*within)] if within else None
+        entries: list[Expr] = []
+        for polys in zip(*[form.polys for form in within]):
+            shapes = [x.composer.shortest(poly, most) for x, poly in zip(within, polys)]
+            entries.append(min(shapes, key=operations))
+            if operations(entries[-1]) > most:
+                return None
+        return entries if within else None
 
     def _formed(
-        self, roots: Sequence[int], names: dict[int, Expr], fourier: bool, most: float
-    ) -> list[Expr] | None:
+        self, roots: Sequence[int], names: dict[int, Expr], fourier: bool
+    ) -> _Form | None:
+        """The entries as sums of products; None where they grow beyond bounds."""
         ring = Ring(fourier)
         values: dict[int, Poly] = {}
         try:
@@ -209,8 +221,7 @@ class Reader:
             polys = [ring.pythagorean(values[k]) for k in roots]
         except (TooBig, OverflowError, ValueError, ZeroDivisionError):
             return None
-        composer = Composer(ring, self.decimal)
-        return [composer.shortest(poly, most) for poly in polys]
+        return _Form(Composer(ring, self.decimal), tuple(polys))
 
     def _poly(self, ring: Ring, node: Node, values: dict[int, Poly]) -> Poly:
         if node.op == ca.OP_INPUT:

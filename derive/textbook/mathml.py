@@ -16,6 +16,11 @@ _RAISED = re.compile(
     r"(<msup><mo [^>]*>[a-z]+</mo><mrow>(?:(?!</msup>).)*</mrow></msup>)(?!<mrow><mo stretchy)"
 )
 _DIGIT = re.compile(r"\\mathbf\{(\d)\}")  # a digit loses its bold face in latex2mathml
+_INSIDE = re.compile(r"<math [^>]*><mrow>(.*)</mrow></math>", re.DOTALL)
+_TOKEN = re.compile(r"\\(?:begin|end)\{\w+\}|\\(?:left|right)(?![a-z])|\\[A-Za-z]+|\\.|[^\\{}+\-]+|.")
+_OPEN = ("{", r"\begin", r"\left")
+_CLOSE = ("}", r"\end", r"\right")
+_CUTS = (r"\,", "+", "-")
 _BOLD_GREEK = 0x1D6C2 - 0x3B1  # α → bold α
 _BOLD_GREEK_CAPITAL = 0x1D6A8 - 0x391
 
@@ -23,7 +28,8 @@ _BOLD_GREEK_CAPITAL = 0x1D6A8 - 0x391
 @cache
 def mathml(latex: str, display: bool = False) -> str:
     """One <math> element."""
-    text = convert(_DIGIT.sub(lambda m: chr(0x1D7CE + int(m[1])), latex))
+    latex = _DIGIT.sub(lambda m: chr(0x1D7CE + int(m[1])), latex)
+    text = f"<math><mrow>{''.join(map(_converted, _factors(latex)))}</mrow></math>"
     text = _UPRIGHT.sub(
         lambda m: f"<mi>{_letters(m[1])}</mi>" if len(_letters(m[1])) > 1 else m[0], text
     )
@@ -38,7 +44,26 @@ def mathml(latex: str, display: bool = False) -> str:
     ).replace("</mtable><mo>&#x0005D;</mo>", '</mtable><mspace width="0.2em" />')
     text = _RAISED.sub(r'\1<mspace width="0.167em" />', text)
     style = ' displaystyle="true"' if display else ""
-    return re.sub(r"<math [^>]*>", f"<math{style}>", text, count=1)
+    return text.replace("<math>", f"<math{style}>", 1)
+
+
+@cache
+def _converted(latex: str) -> str:
+    """What stands in the element: factors recur from formula to formula."""
+    return _INSIDE.fullmatch(convert(latex))[1]
+
+
+def _factors(latex: str) -> list[str]:
+    """A formula cut at the spaces and signs outside of every bracket: put together, their elements
+    are those of the whole."""
+    depth, pieces = 0, [""]
+    for token in _TOKEN.findall(latex):
+        depth += token.startswith(_OPEN) - token.startswith(_CLOSE)
+        if depth == 0 and token in _CUTS:
+            pieces += [token, ""]
+        else:
+            pieces[-1] += token
+    return [piece for piece in pieces if piece.strip()]
 
 
 def _letters(mixed: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import sympy
 from sympy import Expr
@@ -36,6 +37,17 @@ _ENTRY = re.compile(r"[A-Z]\w*\[\d+,\d+\]")  # of a matrix
 _COMMAND = re.compile(
     r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar|Bigl|Bigr)(?![A-Za-z])|[{}^_\s]|\\,"
 )
+
+
+@dataclass(frozen=True)
+class _Spelling:
+    """The last word in an order: an expression as SymPy writes it, which takes long and is asked
+    for only where everything before it is equal."""
+
+    expression: Expr
+
+    def __lt__(self, other: _Spelling) -> bool:
+        return str(self.expression) < str(other.expression)
 
 
 class Typesetter:
@@ -112,7 +124,7 @@ class Typesetter:
 
     def _place_in_sum(self, term: Expr) -> tuple[object, ...]:
         """Positive terms first, then by the symbols in the order of `names`; plain numbers last."""
-        return term.could_extract_minus_sign(), term.is_Number, self._ranks(term), str(term)
+        return term.could_extract_minus_sign(), term.is_Number, self._ranks(term), _Spelling(term)
 
     def _ranks(self, x: Expr) -> tuple[tuple[bool, int], ...]:
         return tuple(sorted(self._rank(s) for s in x.free_symbols))
@@ -144,7 +156,7 @@ class Typesetter:
     def _place_in_product(self, factor: Expr) -> tuple[object, ...]:
         base = factor.base if factor.is_Pow else factor
         kind = 0 if base.is_Number else 1 if base.is_Symbol else 2 if base.is_Add else 3
-        return kind, self._ranks(factor), str(factor)
+        return kind, self._ranks(factor), _Spelling(factor)
 
     def _factor(self, x: Expr) -> str:
         if x.is_Symbol:

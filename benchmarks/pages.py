@@ -96,19 +96,38 @@ def main(names: Sequence[str]) -> int:
         print(f"none of {', '.join(BROWSERS)} is installed; pages are measured in one of them")
         return 3
     paths = [x for x in sorted((HOME / "models").glob("*.yaml")) if not names or x.stem in names]
-    pages = [page for path in paths for page in written(path)]
-    rows = [row for part in _parts(pages) for row in measured(browser, part)]
-    places = {(row["page"], row["width"]): row.pop("where") for row in rows}
-    text = "".join(f"{line}\n" for line in _lines(rows))
-    (HOME / "build" / "pages.json").write_text(text, encoding="utf-8")
-    wrong = [row for row in rows if row["clipped"] or row["overlaps"]]
-    for row in wrong:
-        print(
-            f"{row['page']} at {row['width']}: {row['clipped']} clipped, {row['overlaps']} overlap"
-        )
-        print("".join(f"    {text}\n" for text in places[row["page"], row["width"]]), end="")
-    print(f"{len(pages)} pages at {len(WIDTHS)} widths, {len(wrong)} with something wrong")
+    rows = [row for path in paths for row in _of_model(browser, path)]
+    wrong = sum(1 for row in rows if row["clipped"] or row["overlaps"])
+    print(f"{len(rows) // len(WIDTHS)} pages at {len(WIDTHS)} widths, {wrong} with something wrong")
     return 1 if wrong else 0
+
+
+def _of_model(browser: str, path: Path) -> list[dict[str, Any]]:
+    """The rows of a model's pages, which take the place of those in pages.json; what is wrong is
+    told."""
+    pages = list(written(path))
+    rows = [row for part in _parts(pages) for row in measured(browser, part)]
+    places = [row.pop("where") for row in rows]
+    _store(path.stem, rows)
+    for row, where in zip(rows, places):
+        if row["clipped"] or row["overlaps"]:
+            counts = f"{row['clipped']} clipped, {row['overlaps']} overlap"
+            print(f"{row['page']} at {row['width']}: {counts}")
+            print("".join(f"    {text}\n" for text in where), end="", flush=True)
+    return rows
+
+
+def _store(model: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Rows of other models stay: models can be measured one at a time."""
+    file = HOME / "build" / "pages.json"
+    before = json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
+    others = [row for row in before if row["page"].split("/")[0] != model]
+    body = "".join(f"{line}\n" for line in _lines(sorted([*others, *rows], key=_place)))
+    file.write_text(body, encoding="utf-8")
+
+
+def _place(row: dict[str, Any]) -> tuple[str, int]:
+    return row["page"], -row["width"]
 
 
 def _lines(rows: Sequence[dict[str, Any]]) -> list[str]:

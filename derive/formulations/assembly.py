@@ -18,6 +18,7 @@ from derive.formulations.derivatives import derivatives
 from derive.formulations.functions import Minimal, Motion, arguments, functions
 from derive.formulations.named_frames import families
 from derive.formulations.records import Equations
+from derive.formulations.units import units
 from derive.mechanics.records import Named, System
 
 
@@ -38,7 +39,7 @@ def reduced(
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
-        units=_units(survey.system, reduction),
+        units=units(survey.system, choice, reduction),
         B=reduction.B,
         v=reduction.v,
         qdot=found.qdot,
@@ -166,23 +167,6 @@ def entries(vector: ca.SX) -> Vector:
 def column(vector: Sequence[Scalar]) -> ca.SX:
     """Scalars as an SX column, n × 1; 0 × 1 where there are none."""
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
-
-
-def _units(system: System, reduction: Reduction) -> tuple[str, ...]:
-    """Of the quasi-velocities: that of the generalized velocity a speed is a plain multiple of,
-    else none."""
-    columns: dict[int, list[int]] = {}
-    for k, j in zip(*reduction.B.sparsity().get_triplet()):
-        columns.setdefault(k, []).append(j)
-    return tuple(
-        _unit(system, reduction, k, columns.get(k, [])) for k in range(len(reduction.names))
-    )
-
-
-def _unit(system: System, reduction: Reduction, k: int, columns: list[int]) -> str:
-    if len(columns) != 1 or not reduction.B[k, columns[0]].is_constant():
-        return ""
-    return system.model.velocities[columns[0]].unit
 
 
 def _matrices(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:

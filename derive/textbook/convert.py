@@ -205,9 +205,7 @@ class Reader:
                 return None
         return entries if within else None
 
-    def _formed(
-        self, roots: Sequence[int], names: dict[int, Expr], fourier: bool
-    ) -> _Form | None:
+    def _formed(self, roots: Sequence[int], names: dict[int, Expr], fourier: bool) -> _Form | None:
         """The entries as sums of products; None where they grow beyond bounds."""
         ring = Ring(fourier)
         values: dict[int, Poly] = {}

@@ -17,7 +17,9 @@ _RAISED = re.compile(
 )
 _DIGIT = re.compile(r"\\mathbf\{(\d)\}")  # a digit loses its bold face in latex2mathml
 _INSIDE = re.compile(r"<math [^>]*><mrow>(.*)</mrow></math>", re.DOTALL)
-_TOKEN = re.compile(r"\\(?:begin|end)\{\w+\}|\\(?:left|right)(?![a-z])|\\[A-Za-z]+|\\.|[^\\{}+\-]+|.")
+_TOKEN = re.compile(
+    r"\\(?:begin|end)\{\w+\}|\\(?:left|right)(?![a-z])|\\[A-Za-z]+|\\.|[^\\{}+\-]+|."
+)
 _OPEN = ("{", r"\begin", r"\left")
 _CLOSE = ("}", r"\end", r"\right")
 _CUTS = (r"\,", "+", "-")

@@ -326,6 +326,7 @@ def report(
     tolerances: Sequence[float] = (),
     extremes: Model | Sequence[Model] = (),
     budget: float = 90.0,
+    compare: Sequence[str] = (),
     progress: Callable[[float], None] | None = None,
 ) -> records.Reported:
     """Run every method that fits the models, and write what each costs and reaches to report.html,
@@ -334,13 +335,14 @@ def report(
     `formulations` to `tolerances` restrict what is run ("libraries" among the integrators stands
     for the library solvers). `extremes` names files or folders whose extreme cases are run too. The
     runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes
-    on where it was. Raises ToolchainError without a C compiler.
+    on where it was. `compare` names two methods (formulations, choices or enforcements) that the
+    page puts side by side. Raises ToolchainError without a C compiler.
     """
     from hamel.study.plan import Restrictions
     from hamel.verbs.report import run
 
     names = (_names(each) for each in (formulations, choices, enforcements, integrators))
-    asked = Restrictions(*names, tolerances=tuple(tolerances), budget=budget)
+    asked = Restrictions(*names, tuple(tolerances), budget, tuple(compare))
     return run(_models(paths), out, time, values or {}, asked, _models(extremes), progress)
 
 

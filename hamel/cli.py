@@ -326,6 +326,13 @@ def simulate(
     metavar="NAME=VALUE",
     help="Initial value, parameter or input; may be repeated.",
 )
+@click.option(
+    "--compare",
+    nargs=2,
+    default=(),
+    metavar="A B",
+    help="Put two methods side by side: formulations, choices or enforcements by name.",
+)
 def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> Any:
     """Compare every method that fits MODEL: error against run time."""
     from hamel.progress import bar

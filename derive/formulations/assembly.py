@@ -19,7 +19,7 @@ from derive.formulations.functions import Minimal, Motion, arguments, functions
 from derive.formulations.named_frames import families
 from derive.formulations.records import Equations
 from derive.formulations.units import units
-from derive.mechanics.records import Named, System
+from derive.mechanics.records import Named
 
 
 def reduced(

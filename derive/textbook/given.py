@@ -74,7 +74,7 @@ def _parameters(doc: Manuscript) -> None:
 def _parameter(doc: Manuscript, x: Parameter) -> tuple[Runs, ...]:
     return (
         (Math(doc.notation.typeset(x.name)),),
-        (Text(f"{x.value:.15g}"),),
+        (Text(f"{x.value:.15g}".replace("-", "−")),),
         (Text(names.unit(x.unit)),),
         (Text(x.about),),
     )

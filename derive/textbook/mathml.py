@@ -11,7 +11,7 @@ from latex2mathml.converter import convert
 _UPRIGHT = re.compile(r'<mrow>((?:<mi mathvariant="normal">[^<]+</mi>|<mn>[^<]+</mn>)+)</mrow>')
 _BOLD = re.compile(r'<mi mathvariant="bold-italic">([^<]+)</mi>')
 _NAMES = "sin|cos|tan|sinh|cosh|tanh|ln|exp|arcsin|arccos|arctan|atan2|sign|min|max"
-_CALL = re.compile(rf"<m[io]>({_NAMES})</m[io]>(</?\w+>)?")
+_CALL = re.compile(rf"<m[io]>({_NAMES})</m[io]>(</?\w+>)?(<mo stretchy)?")
 _RAISED = re.compile(
     r"(<msup><mo [^>]*>[a-z]+</mo><mrow>(?:(?!</msup>).)*</mrow></msup>)(?!<mrow><mo stretchy)"
 )
@@ -79,6 +79,6 @@ def _bold(letter: str) -> str:
 
 def _operator(call: re.Match[str]) -> str:
     """A function's name is an operator with a thin space on both sides, none before a bracket."""
-    after = call[2] or ""
-    space = "0" if after == "<mrow>" else "0.167em"
+    after = (call[2] or "") + (call[3] or "")
+    space = "0" if call[3] else "0.167em"
     return f'<mo form="prefix" lspace="0.167em" rspace="{space}">{call[1]}</mo>{after}'

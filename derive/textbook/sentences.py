@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Any, cast
 
+from sympy import Symbol
+
 from derive.expressions.tree import ONE, Expression
 from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, NoSlip, Rolling
 from derive.model.load_records import (
@@ -22,7 +24,7 @@ from derive.model.load_records import (
     Tension,
     Torque,
 )
-from derive.model.records import GROUND, Closure, Input, Placement
+from derive.model.records import GROUND, Closure, Coordinate, Input, Placement, Velocity
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript, runs
 from derive.textbook.records import Math, Run, Runs, Text
@@ -80,13 +82,33 @@ def driven(doc: Manuscript, x: Input) -> Runs:
     """What an input acts along, with its gear where it has one."""
     unit = names.unit(x.unit)
     measured = "" if unit == "–" else f" in {unit}"
-    where = f"acts along {x.velocity}" if x.velocity else "occurs in the formulas"
-    text: list[Run] = [Text(f"input{measured}, {where}")]
+    where = "acts along {velocity}" if x.velocity else "occurs in the formulas"
+    text = list(runs(f"input{measured}, {where}", velocity=_velocity(doc, x.velocity)))
     if x.gear != ONE:
         text += [Text(", times "), doc.formula(x.gear, x.name)]
     if x.about:
         text.append(Text(f": {x.about}"))
     return tuple(text)
+
+
+def _velocity(doc: Manuscript, name: str) -> Math | str:
+    """A generalized velocity by its symbol."""
+    return _symbol(doc, name, doc.v, doc.system.model.velocities)
+
+
+def _coordinate(doc: Manuscript, name: str) -> Math | str:
+    return _symbol(doc, name, doc.q, doc.system.model.coordinates)
+
+
+def _symbol(
+    doc: Manuscript,
+    name: str,
+    symbols: Sequence[Symbol],
+    declared: Sequence[Coordinate | Velocity],
+) -> Math | str:
+    """What the formulas write for it; the name itself where they have no symbol."""
+    symbol = next((s for s, x in zip(symbols, declared) if x.name == name), None)
+    return name if symbol is None else Math(doc.notation.latex[symbol])
 
 
 def _no_slip(doc: Manuscript, x: NoSlip) -> Runs:
@@ -138,7 +160,7 @@ def _distance(doc: Manuscript, x: Distance) -> Runs:
 def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
     return runs(
         "spring on {coordinate}: stiffness {stiffness}, at rest at {rest}",
-        coordinate=x.coordinate,
+        coordinate=_coordinate(doc, x.coordinate),
         stiffness=doc.formula(x.stiffness, x.name),
         rest=doc.formula(x.rest, x.name),
     )
@@ -147,7 +169,7 @@ def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
 def _joint_damper(doc: Manuscript, x: JointDamper) -> Runs:
     return runs(
         "damper on {velocity}: coefficient {coefficient}",
-        velocity=x.velocity,
+        velocity=_velocity(doc, x.velocity),
         coefficient=doc.formula(x.coefficient, x.name),
     )
 
@@ -212,7 +234,8 @@ def _axes(x: Force | Torque) -> str:
 
 def _generalised(doc: Manuscript, x: GeneralisedForce) -> Runs:
     force = doc.formula(x.expression, x.name)
-    return runs("generalised force along {velocity}: {force}", velocity=x.velocity, force=force)
+    velocity = _velocity(doc, x.velocity)
+    return runs("generalised force along {velocity}: {force}", velocity=velocity, force=force)
 
 
 def _listed(doc: Manuscript, x: Any) -> Runs:

@@ -33,6 +33,7 @@ FEW_COLUMNS = 1  # of a matrix of numbers that stands beside its formula
 NARROW = 18.0  # letters that fit beside an equation number on the narrowest screen
 NARROW_TABLE = 38  # letters of a row that fit on the narrowest screen
 GAP = 2  # letters between columns
+THIN = r"\,"
 NOTHING = 1e-13  # a value below this is shown as zero
 _SIGN_AFTER = re.compile(r"(<math(?:(?!<math).)*?</math>)([.,:;)]+)")
 
@@ -145,7 +146,8 @@ def _right(line: Line) -> str:
     """The pieces one after the other; a line may end between them."""
     room = letters(line.left) + MARGIN
     first, *rest = line.right
-    pieces = [f"{line.relation} {first}", *(piece.strip() for piece in rest)]
+    # between factors stands the space at which the line may end
+    pieces = [f"{line.relation} {first}", *(x.strip().removeprefix(THIN) for x in rest)]
     return " ".join(_fitted(piece, room) for piece in pieces)
 
 

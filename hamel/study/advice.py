@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from hamel.study.front import (
@@ -21,6 +22,7 @@ from hamel.study.runs import TOO_LONG
 
 WORTH = 1e-8  # the error the advice is about, where it is reached
 MOST_BROKEN = 6
+NUMBER = re.compile(r"[-+.\de]*\d")  # in a reason
 
 
 def advice(rows: Sequence[Row], reference: Reference) -> list[str]:
@@ -119,31 +121,47 @@ def _enforcement_lines(own: Sequence[Row], level: float) -> list[str]:
 
 
 def broken(own: Sequence[Row]) -> list[str]:
-    """Methods that stop, give wrong results or take too long, with how often and why."""
+    """A line for every reason for which methods stop, give wrong results or take too long: how
+    often, and which. Reasons that differ in numbers only are one."""
     lines = []
-    for (formulation, choice, cause), rows in _causes(own).items():
-        same = [row for row in own if row["formulation"] == formulation and row["choice"] == choice]
-        kept = dict.fromkeys(row["enforcement"] for row in rows)
-        total = sum(row["enforcement"] in kept for row in same)
-        where = f"{formulation} ({choice})" if choice else formulation
-        where += f", {' and '.join(kept)}" if total < len(same) else ""
-        lines.append((len(rows), f"{where}: {len(rows)} of {total} runs: {cause}."))
+    for rows in _causes(own).values():
+        methods = families(rows, "formulation", "choice").values()
+        total = sum(len(_alike(own, group)) for group in methods)
+        which = ", ".join(_where(own, group) for group in methods)
+        lines.append((len(rows), f"{rows[0]['cause']}: {len(rows)} of {total} runs: {which}."))
     lines.sort(key=lambda line: -line[0])
     more = (
         [f"{len(lines) - MOST_BROKEN} more kinds of failures are in the tables."]
         if len(lines) > MOST_BROKEN
         else []
     )
-    return [line for _, line in lines[:MOST_BROKEN]] + more
+    return [f"{line[0].upper()}{line[1:]}" for _, line in lines[:MOST_BROKEN]] + more
+
+
+def _alike(own: Sequence[Row], group: Sequence[Row]) -> list[Row]:
+    """All runs of the method and the enforcements of these."""
+    names, kept = ("formulation", "choice"), {row["enforcement"] for row in group}
+    same = [row for row in own if all(row[name] == group[0][name] for name in names)]
+    return [row for row in same if row["enforcement"] in kept]
+
+
+def _where(own: Sequence[Row], group: Sequence[Row]) -> str:
+    """The method, with its enforcements where others of it went well."""
+    formulation, choice = group[0]["formulation"], group[0]["choice"]
+    where = f"{formulation} ({choice})" if choice else formulation
+    same = [r for r in own if r["formulation"] == formulation and r["choice"] == choice]
+    kept = dict.fromkeys(row["enforcement"] for row in group)
+    all_of_them = len(_alike(own, group)) == len(same)
+    return where if all_of_them else f"{where} with {' and '.join(kept)}"
 
 
 def _causes(own: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:
-    failed = [
-        {**row, "cause": _cause(row["status"])}
-        for row in own
-        if row["status"] not in ("ok", TOO_LONG, "too coarse")
-    ]
-    return families(failed, "formulation", "choice", "cause")
+    failed = []
+    for row in own:
+        if row["status"] not in ("ok", TOO_LONG, "too coarse"):
+            cause = _cause(row["status"])
+            failed.append({**row, "cause": cause, "reason": NUMBER.sub("", cause)})
+    return families(failed, "reason")
 
 
 def _cause(status: str) -> str:

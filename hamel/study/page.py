@@ -14,6 +14,7 @@ from markupsafe import Markup
 from derive.textbook.pages import rendered
 from hamel.records import ExtremeRow
 from hamel.study.advice import advice
+from hamel.study.comparison import verdict
 from hamel.study.front import (
     LEVELS,
     MULTIPLIERS,
@@ -45,9 +46,11 @@ def page(
     extremes: Sequence[ExtremeRow],
     version: str,
     figures: Sequence[str] = (),
+    compare: Sequence[str] = (),
 ) -> str:
-    """A section for each model, which opens with its figure (SVG), the comparison of all, and the
-    extreme cases."""
+    """The recommendation for each model first; a section for each, which opens with what to take
+    and its figure (SVG), the comparison of all, and the extreme cases. `compare` names two methods
+    that are put side by side."""
     subjects = [study.model for study in studies]
     if extremes:
         subjects.append("extreme cases")
@@ -59,6 +62,8 @@ def page(
             _section(study) | {"figure": Markup("".join(figures[k : k + 1]))}
             for k, study in enumerate(studies)
         ],
+        pair=compare,
+        verdicts=[verdict(study.rows, compare) if compare else [] for study in studies],
         heading=_heading,
         comparison=_comparison(studies),
         extremes=_extremes(extremes),
@@ -223,7 +228,7 @@ def as_csv(rows: Sequence[Row]) -> str:
     return text.getvalue()
 
 
-def summary(study: Study) -> Mapping[str, Any]:
+def summary(study: Study, compare: Sequence[str] = ()) -> Mapping[str, Any]:
     """What JSON says of a model besides its rows."""
     reference = study.reference
     return {
@@ -232,6 +237,7 @@ def summary(study: Study) -> Mapping[str, Any]:
         "time": study.span,
         "reference": {"by": list(reference.by), "bound": reference.bound, "doubt": reference.doubt},
         "advice": advice(study.rows, reference),
+        "compared": verdict(study.rows, compare) if compare else [],
         "front": [f"{method(row)}, {accuracy(row)}" for row in front(study.rows)],
         "libraries": sorted({row["integrator"] for row in study.rows if is_library(row)}),
         "excluded": [vars(each) for each in study.excluded],

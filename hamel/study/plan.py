@@ -36,8 +36,8 @@ SOLVERS = (
 
 @dataclass(frozen=True)
 class Restrictions:
-    """Restrictions (all when empty) and the seconds that the runs of one model may take
-    together."""
+    """Restrictions (all when empty), the seconds that the runs of one model may take together, and
+    two methods that are put side by side."""
 
     formulations: Collection[str] = ()
     choices: Collection[str] = ()
@@ -45,6 +45,7 @@ class Restrictions:
     integrators: Collection[str] = ()
     tolerances: Sequence[float] = ()
     budget: float = 90.0
+    compare: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from codegen.integrators import INTEGRATORS
 from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS
-from derive.model.records import Extreme
+from derive.model.records import CHOICE_KINDS, Extreme
 from derive.robots import RobotFile
 from derive.robots.reading import load
 from hamel.build.files import write_text
@@ -56,6 +56,7 @@ def run(
     """
     _check((*paths, *extremes), time, asked)
     cases = _cases(paths, time, values)
+    _check_methods(asked.compare, paths)
     studies = []
     with (
         engine(PROCESSES) as processes,
@@ -68,7 +69,7 @@ def run(
                     progress((number + done / of) / len(cases))
 
             studies.append(study(case, asked, processes, Path(folder) / f"model{number}", advance))
-    return _written(studies, _extremes(extremes), Path(out))
+    return _written(studies, _extremes(extremes), Path(out), asked.compare)
 
 
 def _figures(studies: Sequence[Study]) -> list[str]:
@@ -106,6 +107,19 @@ def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Restriction
         raise ToolchainError(
             "no C compiler found, and run times without one say nothing", hint=INSTALL
         )
+
+
+def _check_methods(names: Sequence[str], paths: Sequence[str | PathLike[str]]) -> None:
+    """Two different names that can be a formulation, a choice or an enforcement."""
+    if not names:
+        return
+    if len(names) != 2 or names[0] == names[1]:
+        raise ModelError(
+            "two different methods are compared", "--compare quasi_velocities augmented"
+        )
+    known = [*(x.name for x in FORMULATIONS), *(x.name for x in ENFORCEMENTS), *CHOICE_KINDS]
+    known += [choice.name for path in paths for choice in load(path).choices]
+    _check_names("method", names, known)
 
 
 def _check_names(kind: str, names: Collection[str], known: Sequence[str]) -> None:
@@ -169,14 +183,16 @@ def _unjudged(model: str, case: Extreme, why: str) -> ExtremeRow:
     return ExtremeRow(*entries, 0, 0.0, 0.0, 0.0, 0.0)
 
 
-def _written(studies: Sequence[Study], extremes: tuple[ExtremeRow, ...], out: Path) -> Reported:
+def _written(
+    studies: Sequence[Study], extremes: tuple[ExtremeRow, ...], out: Path, compare: Sequence[str]
+) -> Reported:
     rows = tuple(told(row) for study in studies for row in study.rows)
     record = Reported(
         model=", ".join(study.model for study in studies),
         passed=all(row.passed for row in extremes)
         and not any(study.reference.contradicted for study in studies),
         rows=rows,
-        models=tuple(page.summary(study) for study in studies),
+        models=tuple(page.summary(study, compare) for study in studies),
         extremes=extremes,
         html=out / "report.html",
         csv=out / "report.csv",
@@ -188,7 +204,8 @@ def _written(studies: Sequence[Study], extremes: tuple[ExtremeRow, ...], out: Pa
         raise ToolchainError(
             f"cannot write {out}: {error.strerror or error}", hint="choose another folder with -o"
         ) from error
-    write_text(record.html, page.page(studies, extremes, hamel.__version__, _figures(studies)))
+    text = page.page(studies, extremes, hamel.__version__, _figures(studies), compare)
+    write_text(record.html, text)
     write_text(record.csv, page.as_csv(rows))
     write_text(record.json, json.dumps(as_json(record), allow_nan=False, ensure_ascii=False) + "\n")
     return record
@@ -198,7 +215,7 @@ def show(record: Reported, console: Console) -> None:
     """The advice for each model, the extreme cases, and where the files are."""
     for model in record.models:
         console.print(f"{model['model']}, {model['time']:g} s:")
-        for line in model["advice"]:
+        for line in (*model["compared"], *model["advice"]):
             console.print(f"  {line}")
     if record.extremes:
         console.print(page.outcomes(record.extremes))

@@ -1,7 +1,7 @@
 """hamel report: rows to believe, a page without network, nothing computed twice, and a wrong
 reference that is noticed.
 
-Of hamel.study: libraries, page, plan, plots, results, runs.
+Of hamel.study: comparison, libraries, page, plan, plots, results, runs.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ import pytest
 
 import hamel
 from codegen import compiler
+from derive.diagnostics import ModelError
 from derive.formulations import equations
 from hamel.build.module import temporary_module
 from hamel.draw import Series, chart
 from hamel.engines import engine
 from hamel.records import Reported
-from hamel.study import advice, front, judgement, modules, runs, series, study
+from hamel.study import advice, comparison, front, judgement, modules, runs, series, study
 from hamel.study.judgement import COLUMNS, Judge, Reference
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -53,6 +54,7 @@ ASKED: dict[str, Any] = {
     "enforcements": ("projection", "none", "baumgarte"),
     "integrators": ("dop853", "rk4", "libraries"),
     "tolerances": (1e-5, 1e-9),
+    "compare": ("projection", "baumgarte"),
 }
 
 
@@ -148,6 +150,11 @@ def test_page(record: Reported) -> None:
         ElementTree.fromstring(drawn)
     assert not page.open and page.seen.count("svg") >= 5 and page.seen.count("table") >= 4
     assert all(link.startswith("#") for link in page.links)
+    first = text.index('id="recommendation"')
+    assert text.index("<h1>") < first < text.index("<svg")
+    (model,) = record.models
+    assert model["compared"] and all("projection" in line for line in model["compared"])
+    assert model["compared"][0][:20] in text[first : text.index("</section>", first)]
     assert (
         "http" not in text.replace('xmlns="http://www.w3.org/2000/svg"', "") and "url(" not in text
     )
@@ -268,9 +275,43 @@ def test_causes_lose_their_numbers() -> None:
     base = {"formulation": "maggi", "choice": "a", "enforcement": "none", "integrator": "rk4"}
     cause = "singular: |pivot of C| < 2e-10"
     rows = [{**base, "status": cause, "stopped": t} for t in (1, 2.5)] + [{**base, "status": "ok"}]
-    assert advice.broken(rows) == ["maggi (a): 2 of 3 runs: singular: |pivot of C| < 2e-10."]
+    assert advice.broken(rows) == ["Singular: |pivot of C| < 2e-10: 2 of 3 runs: maggi (a)."]
     rows.append({**base, "status": "ok", "enforcement": "projection"})
-    assert advice.broken(rows) == ["maggi (a), none: 2 of 3 runs: singular: |pivot of C| < 2e-10."]
+    assert advice.broken(rows) == [
+        "Singular: |pivot of C| < 2e-10: 2 of 3 runs: maggi (a) with none."
+    ]
+
+
+def test_a_reason_is_one_line_whatever_its_numbers_and_methods() -> None:
+    base = {"choice": "a", "enforcement": "none"}
+    rows = [
+        {**base, "formulation": "maggi", "status": "singular: |pivot of C| < 2e-10"},
+        {**base, "formulation": "kane", "status": "singular: |pivot of C| < 3e-9"},
+        {**base, "formulation": "kane", "status": "wrong"},
+    ]
+    lines = advice.broken(rows)
+    assert len(lines) == 2 and lines[0].endswith("2 of 3 runs: maggi (a), kane (a).")
+
+
+def test_two_methods_side_by_side() -> None:
+    """The faster of the two at each error; one that does not reach it is said to; a name that is
+    none is refused."""
+    base = {"choice": "", "enforcement": "none", "integrator": "rk4", "rtol": 1e-8, "step": None}
+    base |= {"status": "ok", "phi": 0.0, "velocity": 0.0, "operations": 10}
+    rows = [
+        {**base, "formulation": "maggi", "error": 1e-9, "ms": 2.0},
+        {**base, "formulation": "augmented", "error": 1e-7, "ms": 6.0},
+    ]
+    lines = comparison.verdict(rows, ("augmented", "maggi"))
+    assert len(lines) == 3  # nobody reaches 1e-10
+    assert "take maggi, 3 times as fast as augmented" in lines[0] and "6 ms" in lines[0]
+    assert "augmented did not reach it" in lines[2]
+    assert comparison.verdict(rows[:0], ("a", "b")) == ["Neither a nor b reached a usable error."]
+
+
+def test_a_method_that_is_none_is_refused(place: Path) -> None:
+    with pytest.raises(ModelError, match="augmented"):
+        hamel.report([place / "swing.yaml"], out=place / "no", compare=("swing", "augmentd"))
 
 
 def test_a_chart_is_drawn_with_both_axes_logarithmic() -> None:

@@ -196,8 +196,8 @@ def _sigma_in_words(doc: Manuscript, turning: bool) -> None:
             " (a vector of unit length turns at right angles to itself, so the basis adds nothing)"
         )
     if turning:
-        text += " and from the rates of the speed rows, $!\\zeta=-!!B\\,!v$,"
-    doc.say(text)
+        text += " and from the rates of the speed rows, $!\\zeta=-!!B\\,!v$"
+    doc.say(f"{text}:")
 
 
 def _sigma_by_blocks(doc: Manuscript, zeta: ca.SX, turning: bool) -> None:

@@ -463,10 +463,10 @@ def _is_long(lines: Sequence[Line]) -> bool:
 
 
 def rounded(x: sympy.Expr) -> sympy.Expr:
-    """A number of a table with few digits; any other formula as it is."""
-    if not isinstance(x, sympy.Float) or len(digits(x)) <= MOST_DIGITS:
-        return x
-    return sympy.Float(f"{float(x):.{FEW_DIGITS}g}")
+    """A formula of a table with few digits in its numbers."""
+    numbers: set[sympy.Float] = x.atoms(sympy.Float)  # pyright: ignore[reportAssignmentType]
+    long = [n for n in numbers if len(digits(n)) > MOST_DIGITS]
+    return x.xreplace({n: sympy.Float(f"{float(n):.{FEW_DIGITS}g}") for n in long})
 
 
 def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:

@@ -31,6 +31,7 @@ MARGIN = 3.0  # letters between left and right side
 LONG_LEFT = 12.0  # letters of a left side that does not get a column of its own
 FEW_COLUMNS = 1  # of a matrix of numbers that stands beside its formula
 NARROW = 18.0  # letters that fit beside an equation number on the narrowest screen
+LONG_IN_TEXT = 26.0  # letters of a formula that fits in a line of the narrowest screen
 NARROW_TABLE = 38  # letters of a row that fit on the narrowest screen
 GAP = 2  # letters between columns
 THIN = r"\,"
@@ -100,7 +101,20 @@ def _runs(runs: Runs) -> Markup:
 def _run(run: Run) -> str:
     if isinstance(run, Ref):
         return f'<a href="#equation-{run.number}">({run.number})</a>'
-    return escape(run.text) if isinstance(run, Text) else mathml(run.latex)
+    return escape(run.text) if isinstance(run, Text) else _in_text(run.latex)
+
+
+def _in_text(latex: str) -> str:
+    """A formula inside a line; a long one may be broken, and gets smaller on narrow screens."""
+    if letters(latex) < LONG_IN_TEXT:
+        return mathml(latex)
+    pieces = [piece.strip() for piece in parts(latex)]
+    return " ".join(
+        mathml(f"{{}} {piece}" if piece[:1] in "+-" and k else piece).replace(
+            "<math", f'<math class="broad" style="--w:{letters(piece):.0f}"', 1
+        )
+        for k, piece in enumerate(pieces)
+    )
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def _factors(latex: str) -> list[str]:
     depth, pieces = 0, [""]
     for token in _TOKEN.findall(latex):
         depth += token.startswith(_OPEN) - token.startswith(_CLOSE)
-        if depth == 0 and token in _CUTS:
+        if depth == 0 and token in _CUTS and not pieces[-1].rstrip().endswith(("^", "_")):
             pieces += [token, ""]
         else:
             pieces[-1] += token

@@ -12,6 +12,7 @@ _SILENT = frozenset(
 _ACCENTS = frozenset([r"\dot", r"\ddot", r"\hat", r"\bar", r"\tilde"])
 _NAMES = re.compile(r"\\(a?(?:rc)?(?:sinh?|cosh?|tanh?)|ln|min|max|exp)$")
 SCRIPT = 0.7  # of the size of letters
+CAPITAL = 1.25  # of an upper-case letter
 COLUMN = 2.0  # between the columns of a matrix
 WIDE = {
     "=": 2.2,
@@ -68,7 +69,7 @@ def _letter(token: str) -> float:
         return 0.0
     if match := _NAMES.match(token):
         return len(match[1]) + 0.6
-    return 1.0
+    return CAPITAL if token.isupper() else 1.0
 
 
 def _matrix(tokens: list[str], k: int) -> tuple[float, int]:

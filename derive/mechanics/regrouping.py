@@ -42,9 +42,7 @@ def regrouping(system: System) -> Regrouping:
     pi = ca.SX.sym("pi", len(known))
     named: dict[tuple[str, str], Scalar] = {(x.owner, x.kind): pi[k] for k, x in enumerate(known)}
     own = {g.place.link: _of_link(g, named) for g in groups(system)}
-    links = tuple(
-        replace(link, inertia=own.get(i, NOTHING)) for i, link in enumerate(system.links)
-    )
+    links = tuple(replace(link, inertia=own.get(i, NOTHING)) for i, link in enumerate(system.links))
     together = regrouped(links)
     kept = {x.kind for x in known}
     places = [k for k, name in enumerate(INERTIAL) if name in kept]

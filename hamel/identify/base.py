@@ -36,6 +36,7 @@ class Base:
     standard: tuple[Parameter, ...]
     leading: tuple[int, ...]
     combination: Array  # nb × np
+    basis: Array  # np × nb: Y basis are the columns of b
     sums: tuple[str, ...]
     without_effect: tuple[str, ...]
     by_structure: int  # how many the structure alone leaves
@@ -72,7 +73,7 @@ def base_parameters(equations: Equations, seed: int = 0) -> Base:
     Y = regressor_samples(equations, wanted, seed)
     at = ca.Function("shape", [system.p], [ca.densify(shape.sums), ca.densify(shape.frames)])
     sums, frames = (x.full() for x in at(np.array(system.parameters)))
-    Z = np.linalg.solve(frames.T, Y.T).T  # Y = Z frames
+    Z = Y @ np.linalg.inv(frames)
     size = np.abs(sums).max(initial=1.0)
     felt = np.abs(Z).max(axis=0, initial=0.0) > VANISHES
     rows = np.flatnonzero((np.abs(sums).max(axis=1, initial=0.0) > VANISHES * size) & felt)
@@ -86,6 +87,7 @@ def base_parameters(equations: Equations, seed: int = 0) -> Base:
         known,
         _leading(combination, rows[kept]),
         combination,
+        np.linalg.inv(frames)[:, rows[kept]],
         text,
         tuple(known[k].name for k in silent),
         len(rows),

@@ -110,7 +110,9 @@ def _with(e: Evidence, drawn: Drawn) -> tuple[Array, Reference, Reference]:
     """π, and the reference with π and with 2π."""
     tens = {name: _ten(*numbers) for name, numbers in drawn.bodies.items()}
     pi = [
-        tens[x.owner][INERTIAL.index(x.kind)] if x.kind in INERTIAL else drawn.loads[x.owner, x.kind]
+        tens[x.owner][INERTIAL.index(x.kind)]
+        if x.kind in INERTIAL
+        else drawn.loads[x.owner, x.kind]
         for x in parameters(e.system)
     ]
     models = [_changed(e.reference.model, e, drawn, factor) for factor in (1.0, 2.0)]

@@ -29,6 +29,7 @@ from hamel.identify.measured import Measured, at_rows, parameters_of
 
 Array = np.ndarray
 ROUNDS = 10  # of weights by residuals; they settle in two or three
+SETTLED = 1e-4  # of a standard deviation: far below what it is known to
 LIGHT = 1e-3  # of the least information: what a parameter that is not told is held to the file by
 MARGIN = 1e-9  # of a pseudo-inertia's own size: strictly inside, so that rounding stays there
 LEAST_WEIGHT = 1e-12  # of the largest residual: an equation without noise is not infinitely exact
@@ -85,6 +86,8 @@ def weighted(rows: Rows) -> Estimate:
     for _ in range(ROUNDS):
         spread = np.maximum(found.spread, LEAST_WEIGHT * (found.spread.max() or 1.0))
         found = _solved(rows, 1.0 / spread)
+        if np.allclose(found.spread, spread, rtol=SETTLED, atol=0.0):
+            break
     return found
 
 

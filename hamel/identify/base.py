@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -106,7 +107,8 @@ def independent(columns: Array) -> tuple[Array, Array, float, float]:
     scaled = columns / np.where(lengths > 0.0, lengths, 1.0)
     if not scaled.size:
         return np.zeros(0, dtype=int), np.zeros((0, columns.shape[1])), 1.0, 0.0
-    R, pivots = qr(scaled, mode="r", pivoting=True)
+    found: Any = qr(scaled, mode="r", pivoting=True)
+    R, pivots = found
     left = np.abs(np.diag(R))
     rank = int(np.count_nonzero(left > DEPENDS))
     kept = _in_order(scaled, rank)

@@ -1,4 +1,4 @@
-"""Base parameters have the numbers of the literature, and noisy motions give them back.
+"""Base parameters have the counts by the rule of the literature, and noisy motions give them back.
 
 Of derive.mechanics: regrouping.
 Of hamel.identify: base, estimate, excitation, fit, measured, page, writing.
